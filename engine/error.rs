@@ -1,0 +1,104 @@
+//! The one error type of the engine. Every variant says what, where, why and the remedy; its exit code is SPEC 10's.
+
+use std::fmt;
+use std::path::{Path, PathBuf};
+
+/// `Result` with the engine's [`Error`].
+pub type Result<T> = std::result::Result<T, Error>;
+
+/// What can go wrong in the engine.
+#[derive(Debug)]
+pub enum Error {
+    /// A file that cannot be read, written or believed.
+    Data {
+        /// The file.
+        file: PathBuf,
+        /// Where in the file: a row, a byte offset, a property or a view; empty for the file as a whole.
+        place: String,
+        /// What is wrong there.
+        reason: String,
+        /// What to do about it.
+        remedy: String,
+    },
+    /// No Vulkan device can run the engine.
+    NoDevice {
+        /// Why none will do.
+        reason: String,
+        /// What to do about it.
+        remedy: String,
+    },
+    /// Memory or a limit of the device is exceeded.
+    OutOfMemory {
+        /// What was to be allocated or bound.
+        what: String,
+        /// Bytes (or items, as `what` says) needed.
+        needed: u64,
+        /// The limit that binds, in the same unit.
+        limit: u64,
+        /// What to do about it.
+        remedy: String,
+    },
+    /// The device stopped answering.
+    DeviceLost {
+        /// The last pass known to have begun.
+        after_pass: String,
+    },
+    /// A Vulkan call failed in a way that has no better name.
+    Vulkan {
+        /// The call.
+        call: &'static str,
+        /// The driver's answer.
+        reason: String,
+    },
+    /// A value that must be finite is not.
+    NonFinite {
+        /// The buffer or quantity.
+        what: String,
+        /// How many values.
+        count: u64,
+    },
+}
+
+impl Error {
+    /// A fault of `file` at `place`.
+    pub fn data(file: &Path, place: impl Into<String>, reason: impl Into<String>, remedy: impl Into<String>) -> Self {
+        Error::Data { file: file.to_owned(), place: place.into(), reason: reason.into(), remedy: remedy.into() }
+    }
+
+    /// The process exit code of SPEC 10.
+    pub fn exit_code(&self) -> u8 {
+        match self {
+            Error::Data { .. } => 3,
+            Error::NoDevice { .. } | Error::DeviceLost { .. } | Error::Vulkan { .. } => 4,
+            Error::OutOfMemory { .. } => 5,
+            Error::NonFinite { .. } => 6,
+        }
+    }
+}
+
+impl fmt::Display for Error {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Error::Data { file, place, reason, remedy } => {
+                write!(f, "{}", file.display())?;
+                if !place.is_empty() {
+                    write!(f, ", {place}")?;
+                }
+                write!(f, ": {reason}; {remedy}")
+            }
+            Error::NoDevice { reason, remedy } => write!(f, "no usable Vulkan device: {reason}; {remedy}"),
+            Error::OutOfMemory { what, needed, limit, remedy } => {
+                write!(f, "{what} needs {needed}, the limit is {limit}; {remedy}")
+            }
+            Error::DeviceLost { after_pass } => write!(
+                f,
+                "the device was lost; the last pass known to have begun is `{after_pass}`; \
+                 run again, with --device to choose another device if it persists"
+            ),
+            Error::Vulkan { call, reason } => write!(f, "{call} failed: {reason}"),
+            Error::NonFinite { what, count } => write!(f, "{what} holds {count} values that are not finite"),
+        }
+    }
+}
+
+impl std::error::Error for Error {}

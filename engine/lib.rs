@@ -1,0 +1,15 @@
+//! ivv: immersive volumetric video. Dynamic scenes as spatio-temporal 3D Gaussians, rendered in Vulkan compute.
+//!
+//! The map of the engine is `engine/ARCHITECTURE.md`. A picture takes four steps:
+//! read a [`scene::Splats`] and [`scene::View`]s, open a [`gpu::Gpu`], upload with [`stage::Renderer::new`],
+//! and call [`stage::Renderer::render`].
+#![deny(unsafe_code)]
+#![warn(missing_docs)]
+
+pub mod error;
+pub mod scene;
+pub mod settings;
+pub mod twin;
+
+pub use error::{Error, Result};
+pub use settings::Constants;

@@ -1,0 +1,57 @@
+//! Gaussians on the host, as parameter groups.
+
+/// The temporal parameters of one dynamic Gaussian (SPEC 2).
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+pub struct Motion {
+    /// Scene units per unit of normalised time.
+    pub velocity: [f32; 3],
+    /// Normalised time of peak visibility.
+    pub t_center: f32,
+    /// Log of tau, tau in normalised time.
+    pub t_scale: f32,
+}
+
+/// A scene's Gaussians in raw parameters (SPEC 2), static ones first.
+///
+/// A static Gaussian has velocity 0 and tau = infinity; it carries no [`Motion`]. `motion[i]` belongs to Gaussian
+/// `n_static + i`.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Splats {
+    /// Gaussians `0..n_static` are static, the rest dynamic.
+    pub n_static: usize,
+    /// Degree of the spherical harmonics, 0 to 3.
+    pub sh_degree: u32,
+    /// Centres at the temporal centre, world, scene units.
+    pub position: Vec<[f32; 3]>,
+    /// Quaternions (w, x, y, z), not necessarily of unit length.
+    pub rotation: Vec<[f32; 4]>,
+    /// Logs of the standard deviations, scene units.
+    pub scale: Vec<[f32; 3]>,
+    /// Logits of the base opacity.
+    pub opacity: Vec<f32>,
+    /// Spherical harmonics, `[Gaussian][coefficient]` with `(sh_degree + 1)^2` coefficients each, RGB.
+    pub sh: Vec<[f32; 3]>,
+    /// Temporal parameters of the dynamic Gaussians.
+    pub motion: Vec<Motion>,
+    /// Row of the file that each Gaussian came from; the writer restores that order.
+    pub source_row: Vec<u32>,
+}
+
+impl Splats {
+    /// Number of Gaussians.
+    pub fn len(&self) -> usize {
+        self.position.len()
+    }
+
+    /// Whether there is no Gaussian at all.
+    pub fn is_empty(&self) -> bool {
+        self.position.is_empty()
+    }
+
+    /// Coefficients per Gaussian and colour channel, `(sh_degree + 1)^2`.
+    pub fn n_coefficients(&self) -> usize {
+        let side = self.sh_degree as usize + 1;
+        side * side
+    }
+}

@@ -1,0 +1,1 @@
+//! All tests of the engine in one binary: one link, one Vulkan device.
