@@ -7,9 +7,12 @@
 #![warn(missing_docs)]
 
 pub mod error;
+pub mod gpu;
 pub mod scene;
 pub mod settings;
+pub mod stage;
 pub mod twin;
+pub mod vk;
 
 pub use error::{Error, Result};
 pub use settings::Constants;

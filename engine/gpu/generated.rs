@@ -1,0 +1,2042 @@
+//! Bindings of the kernels, generated from the shaders by `IVV_BLESS=1 cargo build --features shaders`.
+
+use bytemuck::{Pod, Zeroable};
+
+/// `Status` of the shaders.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct Status {
+    /// `failed` of the shader.
+    pub failed: u32,
+    /// `n_active` of the shader.
+    pub n_active: u32,
+    /// `n_visible` of the shader.
+    pub n_visible: u32,
+    /// `n_intersections` of the shader.
+    pub n_intersections: u32,
+    /// `max_tile_list` of the shader.
+    pub max_tile_list: u32,
+    /// `n_bad` of the shader.
+    pub n_bad: u32,
+    /// `capacity_active` of the shader.
+    pub capacity_active: u32,
+    /// `capacity_intersections` of the shader.
+    pub capacity_intersections: u32,
+}
+const _: () = {
+    assert!(size_of::<Status>() == 32);
+    assert!(std::mem::offset_of!(Status, failed) == 0);
+    assert!(std::mem::offset_of!(Status, n_active) == 4);
+    assert!(std::mem::offset_of!(Status, n_visible) == 8);
+    assert!(std::mem::offset_of!(Status, n_intersections) == 12);
+    assert!(std::mem::offset_of!(Status, max_tile_list) == 16);
+    assert!(std::mem::offset_of!(Status, n_bad) == 20);
+    assert!(std::mem::offset_of!(Status, capacity_active) == 24);
+    assert!(std::mem::offset_of!(Status, capacity_intersections) == 28);
+};
+
+/// `ViewParams` of the shaders.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct ViewParams {
+    /// `row0` of the shader.
+    pub row0: [f32; 4],
+    /// `row1` of the shader.
+    pub row1: [f32; 4],
+    /// `row2` of the shader.
+    pub row2: [f32; 4],
+    /// `intrinsics` of the shader.
+    pub intrinsics: [f32; 4],
+    /// `clamp_uv` of the shader.
+    pub clamp_uv: [f32; 4],
+    /// `background` of the shader.
+    pub background: [f32; 4],
+    /// `time` of the shader.
+    pub time: f32,
+    /// `near` of the shader.
+    pub near: f32,
+    /// `blur` of the shader.
+    pub blur: f32,
+    /// `alpha_min` of the shader.
+    pub alpha_min: f32,
+    /// `alpha_max` of the shader.
+    pub alpha_max: f32,
+    /// `t_min` of the shader.
+    pub t_min: f32,
+    /// `width` of the shader.
+    pub width: u32,
+    /// `height` of the shader.
+    pub height: u32,
+    /// `first_row` of the shader.
+    pub first_row: u32,
+    /// `n_rows` of the shader.
+    pub n_rows: u32,
+    /// `tiles_x` of the shader.
+    pub tiles_x: u32,
+    /// `tiles_y` of the shader.
+    pub tiles_y: u32,
+}
+const _: () = {
+    assert!(size_of::<ViewParams>() == 144);
+    assert!(std::mem::offset_of!(ViewParams, row0) == 0);
+    assert!(std::mem::offset_of!(ViewParams, row1) == 16);
+    assert!(std::mem::offset_of!(ViewParams, row2) == 32);
+    assert!(std::mem::offset_of!(ViewParams, intrinsics) == 48);
+    assert!(std::mem::offset_of!(ViewParams, clamp_uv) == 64);
+    assert!(std::mem::offset_of!(ViewParams, background) == 80);
+    assert!(std::mem::offset_of!(ViewParams, time) == 96);
+    assert!(std::mem::offset_of!(ViewParams, near) == 100);
+    assert!(std::mem::offset_of!(ViewParams, blur) == 104);
+    assert!(std::mem::offset_of!(ViewParams, alpha_min) == 108);
+    assert!(std::mem::offset_of!(ViewParams, alpha_max) == 112);
+    assert!(std::mem::offset_of!(ViewParams, t_min) == 116);
+    assert!(std::mem::offset_of!(ViewParams, width) == 120);
+    assert!(std::mem::offset_of!(ViewParams, height) == 124);
+    assert!(std::mem::offset_of!(ViewParams, first_row) == 128);
+    assert!(std::mem::offset_of!(ViewParams, n_rows) == 132);
+    assert!(std::mem::offset_of!(ViewParams, tiles_x) == 136);
+    assert!(std::mem::offset_of!(ViewParams, tiles_y) == 140);
+};
+
+/// derives from each Gaussian the numbers that culling reads: centre, reach, and time window.
+pub mod bound_static {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `n` of the shader.
+        pub n: u32,
+        /// `alpha_min` of the shader.
+        pub alpha_min: f32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 8);
+        assert!(std::mem::offset_of!(Push, n) == 0);
+        assert!(std::mem::offset_of!(Push, alpha_min) == 4);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub geometry: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub bound: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub n_bad: &'a Buf<u32>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "bound_static",
+            local: 128,
+            subgroups: false,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/bound_static.spv"),
+            bindings: &[
+                BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "bound", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![self.geometry.slice(), self.bound.slice(), self.n_bad.slice()]
+        }
+    }
+}
+
+/// derives from each Gaussian the numbers that culling reads: centre, reach, and time window.
+pub mod bound_dynamic {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `n` of the shader.
+        pub n: u32,
+        /// `alpha_min` of the shader.
+        pub alpha_min: f32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 8);
+        assert!(std::mem::offset_of!(Push, n) == 0);
+        assert!(std::mem::offset_of!(Push, alpha_min) == 4);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub geometry: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub bound: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub n_bad: &'a Buf<u32>,
+        /// Reads.
+        pub motion: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub window: &'a Buf<f32>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "bound_dynamic",
+            local: 128,
+            subgroups: false,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/bound_dynamic.spv"),
+            bindings: &[
+                BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "bound", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "window", kind: BindingKind::Storage, access: Access::Write },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![
+                self.geometry.slice(),
+                self.bound.slice(),
+                self.n_bad.slice(),
+                self.motion.slice(),
+                self.window.slice(),
+            ]
+        }
+    }
+}
+
+/// marks the Gaussians of a group that may touch the strip at the view's time.
+pub mod cull_static {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `n` of the shader.
+        pub n: u32,
+        /// `first` of the shader.
+        pub first: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 8);
+        assert!(std::mem::offset_of!(Push, n) == 0);
+        assert!(std::mem::offset_of!(Push, first) == 4);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub view: &'a Buf<super::ViewParams>,
+        /// Reads.
+        pub bound: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub bits: &'a Buf<u32>,
+        /// Writes.
+        pub counts: &'a Buf<u32>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "cull_static",
+            local: 128,
+            subgroups: true,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/cull_static.spv"),
+            bindings: &[
+                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+                BindingInfo { name: "bound", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "bits", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "counts", kind: BindingKind::Storage, access: Access::Write },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![self.view.slice(), self.bound.slice(), self.bits.slice(), self.counts.slice()]
+        }
+    }
+}
+
+/// marks the Gaussians of a group that may touch the strip at the view's time.
+pub mod cull_dynamic {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `n` of the shader.
+        pub n: u32,
+        /// `first` of the shader.
+        pub first: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 8);
+        assert!(std::mem::offset_of!(Push, n) == 0);
+        assert!(std::mem::offset_of!(Push, first) == 4);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub view: &'a Buf<super::ViewParams>,
+        /// Reads.
+        pub bound: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub bits: &'a Buf<u32>,
+        /// Writes.
+        pub counts: &'a Buf<u32>,
+        /// Reads.
+        pub motion: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub window: &'a Buf<f32>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "cull_dynamic",
+            local: 128,
+            subgroups: true,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/cull_dynamic.spv"),
+            bindings: &[
+                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+                BindingInfo { name: "bound", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "bits", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "counts", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "window", kind: BindingKind::Storage, access: Access::Read },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![
+                self.view.slice(),
+                self.bound.slice(),
+                self.bits.slice(),
+                self.counts.slice(),
+                self.motion.slice(),
+                self.window.slice(),
+            ]
+        }
+    }
+}
+
+/// lists the marked Gaussians in index order.
+pub mod compact {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `n` of the shader.
+        pub n: u32,
+        /// `capacity` of the shader.
+        pub capacity: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 8);
+        assert!(std::mem::offset_of!(Push, n) == 0);
+        assert!(std::mem::offset_of!(Push, capacity) == 4);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub bits: &'a Buf<u32>,
+        /// Reads.
+        pub offsets: &'a Buf<u32>,
+        /// Writes.
+        pub active_id: &'a Buf<u32>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "compact",
+            local: 128,
+            subgroups: false,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/compact.spv"),
+            bindings: &[
+                BindingInfo { name: "bits", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "offsets", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Write },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![self.bits.slice(), self.offsets.slice(), self.active_id.slice()]
+        }
+    }
+}
+
+/// turns the number of active Gaussians into grids, and finds each group's range in the active list.
+pub mod prepare_active {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `n_groups` of the shader.
+        pub n_groups: u32,
+        /// `capacity` of the shader.
+        pub capacity: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 8);
+        assert!(std::mem::offset_of!(Push, n_groups) == 0);
+        assert!(std::mem::offset_of!(Push, capacity) == 4);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// ReadWrites.
+        pub n_active: &'a Buf<u32>,
+        /// Reads.
+        pub offsets: &'a Buf<u32>,
+        /// Reads.
+        pub group_first: &'a Buf<u32>,
+        /// Writes.
+        pub ranges: &'a Buf<[u32; 2]>,
+        /// Writes.
+        pub args: &'a Buf<[u32; 4]>,
+        /// Writes.
+        pub n_digits: &'a Buf<u32>,
+        /// ReadWrites.
+        pub frame_status: &'a Buf<super::Status>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "prepare_active",
+            local: 64,
+            subgroups: false,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/prepare_active.spv"),
+            bindings: &[
+                BindingInfo { name: "n_active", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "offsets", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "group_first", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "args", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "n_digits", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::ReadWrite },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![
+                self.n_active.slice(),
+                self.offsets.slice(),
+                self.group_first.slice(),
+                self.ranges.slice(),
+                self.args.slice(),
+                self.n_digits.slice(),
+                self.frame_status.slice(),
+            ]
+        }
+    }
+}
+
+/// projects the active Gaussians of a group, evaluates their colour and counts the tiles they touch.
+pub mod project_static_sh0 {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `group` of the shader.
+        pub group: u32,
+        /// `first` of the shader.
+        pub first: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 8);
+        assert!(std::mem::offset_of!(Push, group) == 0);
+        assert!(std::mem::offset_of!(Push, first) == 4);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub view: &'a Buf<super::ViewParams>,
+        /// Reads.
+        pub ranges: &'a Buf<[u32; 2]>,
+        /// Reads.
+        pub active_id: &'a Buf<u32>,
+        /// Reads.
+        pub geometry: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub sh0: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub splats: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub depth_keys: &'a Buf<u32>,
+        /// Writes.
+        pub identity: &'a Buf<u32>,
+        /// Writes.
+        pub tile_counts: &'a Buf<u32>,
+        /// ReadWrites.
+        pub frame_status: &'a Buf<super::Status>,
+        /// Reads.
+        pub motion: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub sh1: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub sh2: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub sh3: &'a Buf<[f32; 4]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "project_static_sh0",
+            local: 64,
+            subgroups: true,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/project_static_sh0.spv"),
+            bindings: &[
+                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+                BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "depth_keys", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "identity", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![
+                self.view.slice(),
+                self.ranges.slice(),
+                self.active_id.slice(),
+                self.geometry.slice(),
+                self.sh0.slice(),
+                self.splats.slice(),
+                self.depth_keys.slice(),
+                self.identity.slice(),
+                self.tile_counts.slice(),
+                self.frame_status.slice(),
+                self.motion.slice(),
+                self.sh1.slice(),
+                self.sh2.slice(),
+                self.sh3.slice(),
+            ]
+        }
+    }
+}
+
+/// projects the active Gaussians of a group, evaluates their colour and counts the tiles they touch.
+pub mod project_static_sh1 {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `group` of the shader.
+        pub group: u32,
+        /// `first` of the shader.
+        pub first: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 8);
+        assert!(std::mem::offset_of!(Push, group) == 0);
+        assert!(std::mem::offset_of!(Push, first) == 4);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub view: &'a Buf<super::ViewParams>,
+        /// Reads.
+        pub ranges: &'a Buf<[u32; 2]>,
+        /// Reads.
+        pub active_id: &'a Buf<u32>,
+        /// Reads.
+        pub geometry: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub sh0: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub splats: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub depth_keys: &'a Buf<u32>,
+        /// Writes.
+        pub identity: &'a Buf<u32>,
+        /// Writes.
+        pub tile_counts: &'a Buf<u32>,
+        /// ReadWrites.
+        pub frame_status: &'a Buf<super::Status>,
+        /// Reads.
+        pub motion: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub sh1: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub sh2: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub sh3: &'a Buf<[f32; 4]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "project_static_sh1",
+            local: 64,
+            subgroups: true,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/project_static_sh1.spv"),
+            bindings: &[
+                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+                BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "depth_keys", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "identity", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![
+                self.view.slice(),
+                self.ranges.slice(),
+                self.active_id.slice(),
+                self.geometry.slice(),
+                self.sh0.slice(),
+                self.splats.slice(),
+                self.depth_keys.slice(),
+                self.identity.slice(),
+                self.tile_counts.slice(),
+                self.frame_status.slice(),
+                self.motion.slice(),
+                self.sh1.slice(),
+                self.sh2.slice(),
+                self.sh3.slice(),
+            ]
+        }
+    }
+}
+
+/// projects the active Gaussians of a group, evaluates their colour and counts the tiles they touch.
+pub mod project_static_sh2 {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `group` of the shader.
+        pub group: u32,
+        /// `first` of the shader.
+        pub first: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 8);
+        assert!(std::mem::offset_of!(Push, group) == 0);
+        assert!(std::mem::offset_of!(Push, first) == 4);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub view: &'a Buf<super::ViewParams>,
+        /// Reads.
+        pub ranges: &'a Buf<[u32; 2]>,
+        /// Reads.
+        pub active_id: &'a Buf<u32>,
+        /// Reads.
+        pub geometry: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub sh0: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub splats: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub depth_keys: &'a Buf<u32>,
+        /// Writes.
+        pub identity: &'a Buf<u32>,
+        /// Writes.
+        pub tile_counts: &'a Buf<u32>,
+        /// ReadWrites.
+        pub frame_status: &'a Buf<super::Status>,
+        /// Reads.
+        pub motion: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub sh1: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub sh2: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub sh3: &'a Buf<[f32; 4]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "project_static_sh2",
+            local: 64,
+            subgroups: true,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/project_static_sh2.spv"),
+            bindings: &[
+                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+                BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "depth_keys", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "identity", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![
+                self.view.slice(),
+                self.ranges.slice(),
+                self.active_id.slice(),
+                self.geometry.slice(),
+                self.sh0.slice(),
+                self.splats.slice(),
+                self.depth_keys.slice(),
+                self.identity.slice(),
+                self.tile_counts.slice(),
+                self.frame_status.slice(),
+                self.motion.slice(),
+                self.sh1.slice(),
+                self.sh2.slice(),
+                self.sh3.slice(),
+            ]
+        }
+    }
+}
+
+/// projects the active Gaussians of a group, evaluates their colour and counts the tiles they touch.
+pub mod project_static_sh3 {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `group` of the shader.
+        pub group: u32,
+        /// `first` of the shader.
+        pub first: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 8);
+        assert!(std::mem::offset_of!(Push, group) == 0);
+        assert!(std::mem::offset_of!(Push, first) == 4);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub view: &'a Buf<super::ViewParams>,
+        /// Reads.
+        pub ranges: &'a Buf<[u32; 2]>,
+        /// Reads.
+        pub active_id: &'a Buf<u32>,
+        /// Reads.
+        pub geometry: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub sh0: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub splats: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub depth_keys: &'a Buf<u32>,
+        /// Writes.
+        pub identity: &'a Buf<u32>,
+        /// Writes.
+        pub tile_counts: &'a Buf<u32>,
+        /// ReadWrites.
+        pub frame_status: &'a Buf<super::Status>,
+        /// Reads.
+        pub motion: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub sh1: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub sh2: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub sh3: &'a Buf<[f32; 4]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "project_static_sh3",
+            local: 64,
+            subgroups: true,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/project_static_sh3.spv"),
+            bindings: &[
+                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+                BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "depth_keys", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "identity", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![
+                self.view.slice(),
+                self.ranges.slice(),
+                self.active_id.slice(),
+                self.geometry.slice(),
+                self.sh0.slice(),
+                self.splats.slice(),
+                self.depth_keys.slice(),
+                self.identity.slice(),
+                self.tile_counts.slice(),
+                self.frame_status.slice(),
+                self.motion.slice(),
+                self.sh1.slice(),
+                self.sh2.slice(),
+                self.sh3.slice(),
+            ]
+        }
+    }
+}
+
+/// projects the active Gaussians of a group, evaluates their colour and counts the tiles they touch.
+pub mod project_dynamic_sh0 {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `group` of the shader.
+        pub group: u32,
+        /// `first` of the shader.
+        pub first: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 8);
+        assert!(std::mem::offset_of!(Push, group) == 0);
+        assert!(std::mem::offset_of!(Push, first) == 4);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub view: &'a Buf<super::ViewParams>,
+        /// Reads.
+        pub ranges: &'a Buf<[u32; 2]>,
+        /// Reads.
+        pub active_id: &'a Buf<u32>,
+        /// Reads.
+        pub geometry: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub sh0: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub splats: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub depth_keys: &'a Buf<u32>,
+        /// Writes.
+        pub identity: &'a Buf<u32>,
+        /// Writes.
+        pub tile_counts: &'a Buf<u32>,
+        /// ReadWrites.
+        pub frame_status: &'a Buf<super::Status>,
+        /// Reads.
+        pub motion: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub sh1: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub sh2: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub sh3: &'a Buf<[f32; 4]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "project_dynamic_sh0",
+            local: 64,
+            subgroups: true,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/project_dynamic_sh0.spv"),
+            bindings: &[
+                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+                BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "depth_keys", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "identity", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![
+                self.view.slice(),
+                self.ranges.slice(),
+                self.active_id.slice(),
+                self.geometry.slice(),
+                self.sh0.slice(),
+                self.splats.slice(),
+                self.depth_keys.slice(),
+                self.identity.slice(),
+                self.tile_counts.slice(),
+                self.frame_status.slice(),
+                self.motion.slice(),
+                self.sh1.slice(),
+                self.sh2.slice(),
+                self.sh3.slice(),
+            ]
+        }
+    }
+}
+
+/// projects the active Gaussians of a group, evaluates their colour and counts the tiles they touch.
+pub mod project_dynamic_sh1 {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `group` of the shader.
+        pub group: u32,
+        /// `first` of the shader.
+        pub first: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 8);
+        assert!(std::mem::offset_of!(Push, group) == 0);
+        assert!(std::mem::offset_of!(Push, first) == 4);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub view: &'a Buf<super::ViewParams>,
+        /// Reads.
+        pub ranges: &'a Buf<[u32; 2]>,
+        /// Reads.
+        pub active_id: &'a Buf<u32>,
+        /// Reads.
+        pub geometry: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub sh0: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub splats: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub depth_keys: &'a Buf<u32>,
+        /// Writes.
+        pub identity: &'a Buf<u32>,
+        /// Writes.
+        pub tile_counts: &'a Buf<u32>,
+        /// ReadWrites.
+        pub frame_status: &'a Buf<super::Status>,
+        /// Reads.
+        pub motion: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub sh1: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub sh2: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub sh3: &'a Buf<[f32; 4]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "project_dynamic_sh1",
+            local: 64,
+            subgroups: true,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/project_dynamic_sh1.spv"),
+            bindings: &[
+                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+                BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "depth_keys", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "identity", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![
+                self.view.slice(),
+                self.ranges.slice(),
+                self.active_id.slice(),
+                self.geometry.slice(),
+                self.sh0.slice(),
+                self.splats.slice(),
+                self.depth_keys.slice(),
+                self.identity.slice(),
+                self.tile_counts.slice(),
+                self.frame_status.slice(),
+                self.motion.slice(),
+                self.sh1.slice(),
+                self.sh2.slice(),
+                self.sh3.slice(),
+            ]
+        }
+    }
+}
+
+/// projects the active Gaussians of a group, evaluates their colour and counts the tiles they touch.
+pub mod project_dynamic_sh2 {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `group` of the shader.
+        pub group: u32,
+        /// `first` of the shader.
+        pub first: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 8);
+        assert!(std::mem::offset_of!(Push, group) == 0);
+        assert!(std::mem::offset_of!(Push, first) == 4);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub view: &'a Buf<super::ViewParams>,
+        /// Reads.
+        pub ranges: &'a Buf<[u32; 2]>,
+        /// Reads.
+        pub active_id: &'a Buf<u32>,
+        /// Reads.
+        pub geometry: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub sh0: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub splats: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub depth_keys: &'a Buf<u32>,
+        /// Writes.
+        pub identity: &'a Buf<u32>,
+        /// Writes.
+        pub tile_counts: &'a Buf<u32>,
+        /// ReadWrites.
+        pub frame_status: &'a Buf<super::Status>,
+        /// Reads.
+        pub motion: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub sh1: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub sh2: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub sh3: &'a Buf<[f32; 4]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "project_dynamic_sh2",
+            local: 64,
+            subgroups: true,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/project_dynamic_sh2.spv"),
+            bindings: &[
+                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+                BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "depth_keys", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "identity", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![
+                self.view.slice(),
+                self.ranges.slice(),
+                self.active_id.slice(),
+                self.geometry.slice(),
+                self.sh0.slice(),
+                self.splats.slice(),
+                self.depth_keys.slice(),
+                self.identity.slice(),
+                self.tile_counts.slice(),
+                self.frame_status.slice(),
+                self.motion.slice(),
+                self.sh1.slice(),
+                self.sh2.slice(),
+                self.sh3.slice(),
+            ]
+        }
+    }
+}
+
+/// projects the active Gaussians of a group, evaluates their colour and counts the tiles they touch.
+pub mod project_dynamic_sh3 {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `group` of the shader.
+        pub group: u32,
+        /// `first` of the shader.
+        pub first: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 8);
+        assert!(std::mem::offset_of!(Push, group) == 0);
+        assert!(std::mem::offset_of!(Push, first) == 4);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub view: &'a Buf<super::ViewParams>,
+        /// Reads.
+        pub ranges: &'a Buf<[u32; 2]>,
+        /// Reads.
+        pub active_id: &'a Buf<u32>,
+        /// Reads.
+        pub geometry: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub sh0: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub splats: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub depth_keys: &'a Buf<u32>,
+        /// Writes.
+        pub identity: &'a Buf<u32>,
+        /// Writes.
+        pub tile_counts: &'a Buf<u32>,
+        /// ReadWrites.
+        pub frame_status: &'a Buf<super::Status>,
+        /// Reads.
+        pub motion: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub sh1: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub sh2: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub sh3: &'a Buf<[f32; 4]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "project_dynamic_sh3",
+            local: 64,
+            subgroups: true,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/project_dynamic_sh3.spv"),
+            bindings: &[
+                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+                BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "depth_keys", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "identity", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![
+                self.view.slice(),
+                self.ranges.slice(),
+                self.active_id.slice(),
+                self.geometry.slice(),
+                self.sh0.slice(),
+                self.splats.slice(),
+                self.depth_keys.slice(),
+                self.identity.slice(),
+                self.tile_counts.slice(),
+                self.frame_status.slice(),
+                self.motion.slice(),
+                self.sh1.slice(),
+                self.sh2.slice(),
+                self.sh3.slice(),
+            ]
+        }
+    }
+}
+
+/// sums each block of 1,024 values, for the spine.
+pub mod scan_reduce {
+    use super::super::kernel::*;
+    /// This kernel takes no push constants.
+    pub type Push = ();
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub count: &'a Buf<u32>,
+        /// Reads.
+        pub values: &'a Buf<u32>,
+        /// Writes.
+        pub partials: &'a Buf<u32>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "scan_reduce",
+            local: 128,
+            subgroups: true,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/scan_reduce.spv"),
+            bindings: &[
+                BindingInfo { name: "count", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "values", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "partials", kind: BindingKind::Storage, access: Access::Write },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![self.count.slice(), self.values.slice(), self.partials.slice()]
+        }
+    }
+}
+
+/// scans the block sums and gives the total, which saturates at 2^32 - 1.
+pub mod scan_spine {
+    use super::super::kernel::*;
+    /// This kernel takes no push constants.
+    pub type Push = ();
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub count: &'a Buf<u32>,
+        /// ReadWrites.
+        pub partials: &'a Buf<u32>,
+        /// Writes.
+        pub total: &'a Buf<u32>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "scan_spine",
+            local: 128,
+            subgroups: true,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/scan_spine.spv"),
+            bindings: &[
+                BindingInfo { name: "count", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "partials", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "total", kind: BindingKind::Storage, access: Access::Write },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![self.count.slice(), self.partials.slice(), self.total.slice()]
+        }
+    }
+}
+
+/// replaces each value by the sum of all before it.
+pub mod scan_downsweep {
+    use super::super::kernel::*;
+    /// This kernel takes no push constants.
+    pub type Push = ();
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub count: &'a Buf<u32>,
+        /// Reads.
+        pub partials: &'a Buf<u32>,
+        /// ReadWrites.
+        pub values: &'a Buf<u32>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "scan_downsweep",
+            local: 128,
+            subgroups: true,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/scan_downsweep.spv"),
+            bindings: &[
+                BindingInfo { name: "count", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "partials", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "values", kind: BindingKind::Storage, access: Access::ReadWrite },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![self.count.slice(), self.partials.slice(), self.values.slice()]
+        }
+    }
+}
+
+/// counts the 8-bit digits of each block of 2,048 keys, digit-major.
+pub mod sort_count {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `shift` of the shader.
+        pub shift: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 4);
+        assert!(std::mem::offset_of!(Push, shift) == 0);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub count: &'a Buf<u32>,
+        /// Reads.
+        pub keys: &'a Buf<u32>,
+        /// Writes.
+        pub digits: &'a Buf<u32>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "sort_count",
+            local: 64,
+            subgroups: false,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/sort_count.spv"),
+            bindings: &[
+                BindingInfo { name: "count", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "keys", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "digits", kind: BindingKind::Storage, access: Access::Write },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![self.count.slice(), self.keys.slice(), self.digits.slice()]
+        }
+    }
+}
+
+/// moves each key and its value to its place by one 8-bit digit, stably.
+pub mod sort_scatter {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `shift` of the shader.
+        pub shift: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 4);
+        assert!(std::mem::offset_of!(Push, shift) == 0);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub count: &'a Buf<u32>,
+        /// Reads.
+        pub digits: &'a Buf<u32>,
+        /// Reads.
+        pub keys_in: &'a Buf<u32>,
+        /// Reads.
+        pub values_in: &'a Buf<u32>,
+        /// Writes.
+        pub keys_out: &'a Buf<u32>,
+        /// Writes.
+        pub values_out: &'a Buf<u32>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "sort_scatter",
+            local: 64,
+            subgroups: true,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/sort_scatter.spv"),
+            bindings: &[
+                BindingInfo { name: "count", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "digits", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "keys_in", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "values_in", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "keys_out", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "values_out", kind: BindingKind::Storage, access: Access::Write },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![
+                self.count.slice(),
+                self.digits.slice(),
+                self.keys_in.slice(),
+                self.values_in.slice(),
+                self.keys_out.slice(),
+                self.values_out.slice(),
+            ]
+        }
+    }
+}
+
+/// moves each key and its value to its place by one 8-bit digit, stably.
+pub mod sort_scatter_w32 {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `shift` of the shader.
+        pub shift: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 4);
+        assert!(std::mem::offset_of!(Push, shift) == 0);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub count: &'a Buf<u32>,
+        /// Reads.
+        pub digits: &'a Buf<u32>,
+        /// Reads.
+        pub keys_in: &'a Buf<u32>,
+        /// Reads.
+        pub values_in: &'a Buf<u32>,
+        /// Writes.
+        pub keys_out: &'a Buf<u32>,
+        /// Writes.
+        pub values_out: &'a Buf<u32>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "sort_scatter_w32",
+            local: 64,
+            subgroups: true,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/sort_scatter_w32.spv"),
+            bindings: &[
+                BindingInfo { name: "count", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "digits", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "keys_in", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "values_in", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "keys_out", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "values_out", kind: BindingKind::Storage, access: Access::Write },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![
+                self.count.slice(),
+                self.digits.slice(),
+                self.keys_in.slice(),
+                self.values_in.slice(),
+                self.keys_out.slice(),
+                self.values_out.slice(),
+            ]
+        }
+    }
+}
+
+/// reads the tile counts in depth order, for the scan that places the intersections.
+pub mod gather_counts {
+    use super::super::kernel::*;
+    /// This kernel takes no push constants.
+    pub type Push = ();
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub n_active: &'a Buf<u32>,
+        /// Reads.
+        pub order: &'a Buf<u32>,
+        /// Reads.
+        pub tile_counts: &'a Buf<u32>,
+        /// Writes.
+        pub offsets: &'a Buf<u32>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "gather_counts",
+            local: 64,
+            subgroups: false,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/gather_counts.spv"),
+            bindings: &[
+                BindingInfo { name: "n_active", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "order", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "offsets", kind: BindingKind::Storage, access: Access::Write },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![self.n_active.slice(), self.order.slice(), self.tile_counts.slice(), self.offsets.slice()]
+        }
+    }
+}
+
+/// turns the number of intersections into grids, and reports an overflow.
+pub mod prepare_intersections {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `capacity` of the shader.
+        pub capacity: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 4);
+        assert!(std::mem::offset_of!(Push, capacity) == 0);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// ReadWrites.
+        pub n_intersections: &'a Buf<u32>,
+        /// ReadWrites.
+        pub args: &'a Buf<[u32; 4]>,
+        /// Writes.
+        pub n_digits: &'a Buf<u32>,
+        /// Writes.
+        pub emit_args: &'a Buf<[u32; 4]>,
+        /// ReadWrites.
+        pub frame_status: &'a Buf<super::Status>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "prepare_intersections",
+            local: 1,
+            subgroups: false,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/prepare_intersections.spv"),
+            bindings: &[
+                BindingInfo { name: "n_intersections", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "args", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "n_digits", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "emit_args", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::ReadWrite },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![
+                self.n_intersections.slice(),
+                self.args.slice(),
+                self.n_digits.slice(),
+                self.emit_args.slice(),
+                self.frame_status.slice(),
+            ]
+        }
+    }
+}
+
+/// writes one (tile, Gaussian) pair per tile that a Gaussian touches, in depth order.
+pub mod emit {
+    use super::super::kernel::*;
+    /// This kernel takes no push constants.
+    pub type Push = ();
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub view: &'a Buf<super::ViewParams>,
+        /// Reads.
+        pub n_active: &'a Buf<u32>,
+        /// Reads.
+        pub order: &'a Buf<u32>,
+        /// Reads.
+        pub tile_counts: &'a Buf<u32>,
+        /// Reads.
+        pub offsets: &'a Buf<u32>,
+        /// Reads.
+        pub splats: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub tile_keys: &'a Buf<u32>,
+        /// Writes.
+        pub splat_ids: &'a Buf<u32>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "emit",
+            local: 64,
+            subgroups: true,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/emit.spv"),
+            bindings: &[
+                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+                BindingInfo { name: "n_active", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "order", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "offsets", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "tile_keys", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Write },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![
+                self.view.slice(),
+                self.n_active.slice(),
+                self.order.slice(),
+                self.tile_counts.slice(),
+                self.offsets.slice(),
+                self.splats.slice(),
+                self.tile_keys.slice(),
+                self.splat_ids.slice(),
+            ]
+        }
+    }
+}
+
+/// finds where each tile's list begins and ends among the sorted intersections.
+pub mod tile_ranges {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `n_tiles` of the shader.
+        pub n_tiles: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 4);
+        assert!(std::mem::offset_of!(Push, n_tiles) == 0);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub n_intersections: &'a Buf<u32>,
+        /// Reads.
+        pub tile_keys: &'a Buf<u32>,
+        /// Writes.
+        pub tile_first: &'a Buf<u32>,
+        /// Writes.
+        pub tile_last: &'a Buf<u32>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "tile_ranges",
+            local: 64,
+            subgroups: false,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/tile_ranges.spv"),
+            bindings: &[
+                BindingInfo { name: "n_intersections", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "tile_keys", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "tile_last", kind: BindingKind::Storage, access: Access::Write },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![self.n_intersections.slice(), self.tile_keys.slice(), self.tile_first.slice(), self.tile_last.slice()]
+        }
+    }
+}
+
+/// counts the tiles by the logarithm of their list's length, and finds the longest list.
+pub mod tile_buckets {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `n_tiles` of the shader.
+        pub n_tiles: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 4);
+        assert!(std::mem::offset_of!(Push, n_tiles) == 0);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub tile_first: &'a Buf<u32>,
+        /// Reads.
+        pub tile_last: &'a Buf<u32>,
+        /// ReadWrites.
+        pub buckets: &'a Buf<u32>,
+        /// ReadWrites.
+        pub frame_status: &'a Buf<super::Status>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "tile_buckets",
+            local: 64,
+            subgroups: false,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/tile_buckets.spv"),
+            bindings: &[
+                BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "tile_last", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "buckets", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::ReadWrite },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![self.tile_first.slice(), self.tile_last.slice(), self.buckets.slice(), self.frame_status.slice()]
+        }
+    }
+}
+
+/// lists the tiles, heavy ones first, so that no device ends on its longest list.
+pub mod tile_order {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `n_tiles` of the shader.
+        pub n_tiles: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 4);
+        assert!(std::mem::offset_of!(Push, n_tiles) == 0);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub tile_first: &'a Buf<u32>,
+        /// Reads.
+        pub tile_last: &'a Buf<u32>,
+        /// Reads.
+        pub buckets: &'a Buf<u32>,
+        /// ReadWrites.
+        pub cursors: &'a Buf<u32>,
+        /// Writes.
+        pub tile_order: &'a Buf<u32>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "tile_order",
+            local: 64,
+            subgroups: false,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/tile_order.spv"),
+            bindings: &[
+                BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "tile_last", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "buckets", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "cursors", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Write },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![
+                self.tile_first.slice(),
+                self.tile_last.slice(),
+                self.buckets.slice(),
+                self.cursors.slice(),
+                self.tile_order.slice(),
+            ]
+        }
+    }
+}
+
+/// blends each tile's Gaussians front to back into colour, alpha, depth, inverse depth and flow.
+pub mod blend_fwd_p4 {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `n_blocks` of the shader.
+        pub n_blocks: u32,
+        /// `stride` of the shader.
+        pub stride: u32,
+        /// `round` of the shader.
+        pub round: u32,
+        /// `last_round` of the shader.
+        pub last_round: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 16);
+        assert!(std::mem::offset_of!(Push, n_blocks) == 0);
+        assert!(std::mem::offset_of!(Push, stride) == 4);
+        assert!(std::mem::offset_of!(Push, round) == 8);
+        assert!(std::mem::offset_of!(Push, last_round) == 12);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub view: &'a Buf<super::ViewParams>,
+        /// Reads.
+        pub tile_order: &'a Buf<u32>,
+        /// Reads.
+        pub tile_first: &'a Buf<u32>,
+        /// Reads.
+        pub tile_last: &'a Buf<u32>,
+        /// Reads.
+        pub splat_ids: &'a Buf<u32>,
+        /// Reads.
+        pub splats: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub image0: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub image1: &'a Buf<[f32; 4]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "blend_fwd_p4",
+            local: 64,
+            subgroups: true,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/blend_fwd_p4.spv"),
+            bindings: &[
+                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+                BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "tile_last", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "image0", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "image1", kind: BindingKind::Storage, access: Access::ReadWrite },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![
+                self.view.slice(),
+                self.tile_order.slice(),
+                self.tile_first.slice(),
+                self.tile_last.slice(),
+                self.splat_ids.slice(),
+                self.splats.slice(),
+                self.image0.slice(),
+                self.image1.slice(),
+            ]
+        }
+    }
+}
+
+/// blends each tile's Gaussians front to back into colour, alpha, depth, inverse depth and flow.
+pub mod blend_fwd_p8 {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `n_blocks` of the shader.
+        pub n_blocks: u32,
+        /// `stride` of the shader.
+        pub stride: u32,
+        /// `round` of the shader.
+        pub round: u32,
+        /// `last_round` of the shader.
+        pub last_round: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 16);
+        assert!(std::mem::offset_of!(Push, n_blocks) == 0);
+        assert!(std::mem::offset_of!(Push, stride) == 4);
+        assert!(std::mem::offset_of!(Push, round) == 8);
+        assert!(std::mem::offset_of!(Push, last_round) == 12);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub view: &'a Buf<super::ViewParams>,
+        /// Reads.
+        pub tile_order: &'a Buf<u32>,
+        /// Reads.
+        pub tile_first: &'a Buf<u32>,
+        /// Reads.
+        pub tile_last: &'a Buf<u32>,
+        /// Reads.
+        pub splat_ids: &'a Buf<u32>,
+        /// Reads.
+        pub splats: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub image0: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub image1: &'a Buf<[f32; 4]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "blend_fwd_p8",
+            local: 64,
+            subgroups: true,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/blend_fwd_p8.spv"),
+            bindings: &[
+                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+                BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "tile_last", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "image0", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "image1", kind: BindingKind::Storage, access: Access::ReadWrite },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![
+                self.view.slice(),
+                self.tile_order.slice(),
+                self.tile_first.slice(),
+                self.tile_last.slice(),
+                self.splat_ids.slice(),
+                self.splats.slice(),
+                self.image0.slice(),
+                self.image1.slice(),
+            ]
+        }
+    }
+}
+
+/// blends each tile's Gaussians front to back into colour, alpha, depth, inverse depth and flow.
+pub mod blend_fwd_color_p4 {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `n_blocks` of the shader.
+        pub n_blocks: u32,
+        /// `stride` of the shader.
+        pub stride: u32,
+        /// `round` of the shader.
+        pub round: u32,
+        /// `last_round` of the shader.
+        pub last_round: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 16);
+        assert!(std::mem::offset_of!(Push, n_blocks) == 0);
+        assert!(std::mem::offset_of!(Push, stride) == 4);
+        assert!(std::mem::offset_of!(Push, round) == 8);
+        assert!(std::mem::offset_of!(Push, last_round) == 12);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub view: &'a Buf<super::ViewParams>,
+        /// Reads.
+        pub tile_order: &'a Buf<u32>,
+        /// Reads.
+        pub tile_first: &'a Buf<u32>,
+        /// Reads.
+        pub tile_last: &'a Buf<u32>,
+        /// Reads.
+        pub splat_ids: &'a Buf<u32>,
+        /// Reads.
+        pub splats: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub image0: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub image1: &'a Buf<[f32; 4]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "blend_fwd_color_p4",
+            local: 64,
+            subgroups: true,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/blend_fwd_color_p4.spv"),
+            bindings: &[
+                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+                BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "tile_last", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "image0", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "image1", kind: BindingKind::Storage, access: Access::ReadWrite },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![
+                self.view.slice(),
+                self.tile_order.slice(),
+                self.tile_first.slice(),
+                self.tile_last.slice(),
+                self.splat_ids.slice(),
+                self.splats.slice(),
+                self.image0.slice(),
+                self.image1.slice(),
+            ]
+        }
+    }
+}
+
+/// blends each tile's Gaussians front to back into colour, alpha, depth, inverse depth and flow.
+pub mod blend_fwd_color_p8 {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `n_blocks` of the shader.
+        pub n_blocks: u32,
+        /// `stride` of the shader.
+        pub stride: u32,
+        /// `round` of the shader.
+        pub round: u32,
+        /// `last_round` of the shader.
+        pub last_round: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 16);
+        assert!(std::mem::offset_of!(Push, n_blocks) == 0);
+        assert!(std::mem::offset_of!(Push, stride) == 4);
+        assert!(std::mem::offset_of!(Push, round) == 8);
+        assert!(std::mem::offset_of!(Push, last_round) == 12);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub view: &'a Buf<super::ViewParams>,
+        /// Reads.
+        pub tile_order: &'a Buf<u32>,
+        /// Reads.
+        pub tile_first: &'a Buf<u32>,
+        /// Reads.
+        pub tile_last: &'a Buf<u32>,
+        /// Reads.
+        pub splat_ids: &'a Buf<u32>,
+        /// Reads.
+        pub splats: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub image0: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub image1: &'a Buf<[f32; 4]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "blend_fwd_color_p8",
+            local: 64,
+            subgroups: true,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/blend_fwd_color_p8.spv"),
+            bindings: &[
+                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+                BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "tile_last", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "image0", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "image1", kind: BindingKind::Storage, access: Access::ReadWrite },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![
+                self.view.slice(),
+                self.tile_order.slice(),
+                self.tile_first.slice(),
+                self.tile_last.slice(),
+                self.splat_ids.slice(),
+                self.splats.slice(),
+                self.image0.slice(),
+                self.image1.slice(),
+            ]
+        }
+    }
+}

@@ -1,0 +1,136 @@
+//! What generated bindings are made of: typed buffers, and kernels as values.
+
+pub use crate::vk::BindingKind;
+use crate::vk::{Binding, Buffer};
+pub use bytemuck::{Pod, Zeroable};
+use std::marker::PhantomData;
+use std::sync::Arc;
+
+/// How a kernel touches a binding; the barriers follow from it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Access {
+    /// Loads only.
+    Read,
+    /// Stores only.
+    Write,
+    /// Loads, stores or atomics.
+    ReadWrite,
+}
+
+impl Access {
+    /// Whether the kernel may store.
+    pub fn writes(self) -> bool {
+        self != Access::Read
+    }
+}
+
+/// One binding of a kernel.
+#[derive(Debug, PartialEq)]
+pub struct BindingInfo {
+    /// The block's name in snake case.
+    pub name: &'static str,
+    /// Storage or uniform.
+    pub kind: BindingKind,
+    /// From the shader's qualifiers.
+    pub access: Access,
+}
+
+/// A kernel as the device sees it.
+#[derive(Debug)]
+pub struct KernelInfo {
+    /// Stem of the shader, the table row, the label.
+    pub name: &'static str,
+    /// Threads per workgroup.
+    pub local: u32,
+    /// Whether it uses subgroup operations.
+    pub subgroups: bool,
+    /// Bytes of push constants.
+    pub push_bytes: u32,
+    /// The committed SPIR-V.
+    pub spirv: &'static [u8],
+    /// Set 0, in order.
+    pub bindings: &'static [BindingInfo],
+}
+
+/// The arguments of a kernel; implemented by the generated `Args`.
+pub trait Kernel {
+    /// Push constants.
+    type Push: Pod;
+    /// The kernel.
+    const INFO: &'static KernelInfo;
+    /// The buffers, in the order of [`KernelInfo::bindings`].
+    fn slices(&self) -> Vec<Slice>;
+}
+
+/// A range of bytes of a device buffer; cheap to clone.
+#[derive(Clone)]
+pub struct Slice {
+    pub(super) buffer: Arc<Buffer>,
+    pub(super) offset: u64,
+    pub(super) size: u64,
+}
+
+impl Slice {
+    /// Bytes.
+    pub fn size(&self) -> u64 {
+        self.size
+    }
+
+    /// Whether the two share a byte.
+    pub fn overlaps(&self, other: &Slice) -> bool {
+        Arc::ptr_eq(&self.buffer, &other.buffer)
+            && self.offset < other.offset + other.size
+            && other.offset < self.offset + self.size
+    }
+
+    pub(super) fn binding(&self) -> Binding {
+        Binding { buffer: self.buffer.clone(), offset: self.offset, size: self.size }
+    }
+}
+
+/// A typed device buffer; cheap to clone, freed with its last clone.
+pub struct Buf<T> {
+    slice: Slice,
+    item: PhantomData<fn() -> T>,
+}
+
+impl<T> Clone for Buf<T> {
+    fn clone(&self) -> Self {
+        Buf { slice: self.slice.clone(), item: PhantomData }
+    }
+}
+
+impl<T: Pod> Buf<T> {
+    pub(super) fn new(buffer: Arc<Buffer>, len: usize) -> Self {
+        let size = (len.max(1) * size_of::<T>()) as u64;
+        Buf { slice: Slice { buffer, offset: 0, size }, item: PhantomData }
+    }
+
+    /// The bytes.
+    pub fn slice(&self) -> Slice {
+        self.slice.clone()
+    }
+
+    /// Items; an empty buffer has room for one, since bindings cannot be empty.
+    pub fn len(&self) -> usize {
+        self.slice.size as usize / size_of::<T>()
+    }
+
+    /// Never: see [`Buf::len`].
+    pub fn is_empty(&self) -> bool {
+        false
+    }
+
+    /// `len` items from `first` on, as a buffer of their own. Bindings need an aligned start; copies and indirect
+    /// arguments do not.
+    pub fn range(&self, first: usize, len: usize) -> Buf<T> {
+        assert!(first + len <= self.len(), "range {first}+{len} of a buffer of {}", self.len());
+        let item = size_of::<T>() as u64;
+        let slice = Slice {
+            buffer: self.slice.buffer.clone(),
+            offset: self.slice.offset + first as u64 * item,
+            size: len as u64 * item,
+        };
+        Buf { slice, item: PhantomData }
+    }
+}

@@ -1,0 +1,208 @@
+//! The device with its kernels: runs recordings, moves data.
+
+use super::kernel::{Buf, KernelInfo, Pod, Slice};
+use super::record::{Grid, Recording, Work};
+use crate::error::{Error, Result};
+use crate::vk::{Buffer, Caps, Commands, Device, DeviceChoice, Location, Pipeline, PipelineDesc};
+use std::collections::HashMap;
+use std::sync::{Arc, Mutex};
+
+/// Most workgroups in one dimension; larger grids fold into two (`include/grid.glsl`).
+const MAX_GROUPS: u32 = 65_535;
+/// Bytes moved per transfer.
+const STAGING_BYTES: usize = 32 << 20;
+
+/// How to open a [`Gpu`].
+#[derive(Clone, Debug, Default)]
+pub struct Options {
+    /// Which device.
+    pub device: DeviceChoice,
+    /// Fill new buffers with 0xAB bytes, so that a read of something never written shows.
+    pub poison: bool,
+}
+
+/// Time of one pass.
+#[derive(Clone, Debug)]
+pub struct PassTime {
+    /// The pass's label.
+    pub label: String,
+    /// Nanoseconds on the device.
+    pub ns: f64,
+}
+
+/// An open device with its compiled kernels.
+pub struct Gpu {
+    device: Arc<Device>,
+    chosen_because: String,
+    pipelines: Mutex<HashMap<&'static str, Arc<Pipeline>>>,
+    poison: bool,
+}
+
+impl Gpu {
+    /// Opens a device.
+    ///
+    /// # Errors
+    /// [`Error::NoDevice`] with the reason.
+    pub fn open(options: &Options) -> Result<Self> {
+        let (device, chosen_because) = Device::open(&options.device)?;
+        Ok(Gpu { device, chosen_because, pipelines: Mutex::default(), poison: options.poison })
+    }
+
+    /// Limits and features.
+    pub fn caps(&self) -> &Caps {
+        self.device.caps()
+    }
+
+    /// Why this device was taken.
+    pub fn chosen_because(&self) -> &str {
+        &self.chosen_because
+    }
+
+    /// The device itself: memory in use, messages of the validation layer.
+    pub fn device(&self) -> &Device {
+        &self.device
+    }
+
+    fn pipeline(&self, kernel: &'static KernelInfo) -> Result<Arc<Pipeline>> {
+        let mut pipelines = self.pipelines.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        if let Some(pipeline) = pipelines.get(kernel.name) {
+            return Ok(pipeline.clone());
+        }
+        let bindings: Vec<_> = kernel.bindings.iter().map(|b| b.kind).collect();
+        let pipeline = Arc::new(Pipeline::new(
+            &self.device,
+            &PipelineDesc {
+                name: kernel.name,
+                spirv: kernel.spirv,
+                bindings: &bindings,
+                push_bytes: kernel.push_bytes,
+                subgroups: kernel.subgroups,
+            },
+        )?);
+        pipelines.insert(kernel.name, pipeline.clone());
+        Ok(pipeline)
+    }
+
+    /// A device buffer of `len` items with undefined contents.
+    pub fn alloc<T: Pod>(&self, name: &str, len: usize) -> Result<Buf<T>> {
+        let bytes = (len.max(1) * size_of::<T>()) as u64;
+        let buf = Buf::new(Arc::new(Buffer::new(&self.device, name, bytes, Location::Device)?), len);
+        if self.poison {
+            let mut rec = Recording::new();
+            rec.fill(whole_words(&buf.slice()), 0xABAB_ABAB);
+            self.run(&rec)?;
+        }
+        Ok(buf)
+    }
+
+    /// A device buffer with `items` in it.
+    pub fn upload<T: Pod>(&self, name: &str, items: &[T]) -> Result<Buf<T>> {
+        let buf = self.alloc(name, items.len())?;
+        self.write(&buf, items)?;
+        Ok(buf)
+    }
+
+    /// Overwrites the beginning of `buf` and waits until the device has it.
+    pub fn write<T: Pod>(&self, buf: &Buf<T>, items: &[T]) -> Result<()> {
+        assert!(items.len() <= buf.len(), "{} items into a buffer of {}", items.len(), buf.len());
+        let bytes: &[u8] = bytemuck::cast_slice(items);
+        let mut offset = 0;
+        for chunk in bytes.chunks(STAGING_BYTES) {
+            let mut staging = Buffer::new(&self.device, "upload staging", chunk.len() as u64, Location::Upload)?;
+            let mapped = staging.bytes_mut().ok_or_else(|| unmapped("upload"))?;
+            mapped[..chunk.len()].copy_from_slice(chunk);
+            let size = chunk.len() as u64;
+            let from = Slice { buffer: Arc::new(staging), offset: 0, size };
+            let target = buf.slice();
+            let to = Slice { offset: target.offset + offset, size, ..target };
+            let mut rec = Recording::new();
+            rec.copy(from, to);
+            self.run(&rec)?;
+            offset += size;
+        }
+        Ok(())
+    }
+
+    /// Reads all of `buf` back.
+    pub fn read<T: Pod>(&self, buf: &Buf<T>) -> Result<Vec<T>> {
+        let mut items = vec![T::zeroed(); buf.len()];
+        let bytes: &mut [u8] = bytemuck::cast_slice_mut(&mut items);
+        let mut offset = 0;
+        for chunk in bytes.chunks_mut(STAGING_BYTES) {
+            let size = chunk.len() as u64;
+            let staging = Arc::new(Buffer::new(&self.device, "readback staging", size, Location::Readback)?);
+            let source = buf.slice();
+            let mut rec = Recording::new();
+            rec.copy(
+                Slice { offset: source.offset + offset, size, ..source },
+                Slice { buffer: staging.clone(), offset: 0, size },
+            );
+            self.run(&rec)?;
+            let mapped = staging.bytes().ok_or_else(|| unmapped("readback"))?;
+            chunk.copy_from_slice(&mapped[..chunk.len()]);
+            offset += size;
+        }
+        Ok(items)
+    }
+
+    /// Runs `recording` and waits for its end.
+    pub fn run(&self, recording: &Recording) -> Result<()> {
+        self.submit(recording, false)?.wait().map(drop)
+    }
+
+    /// Runs `recording`, waits, and returns the time of each pass; none where the device has no timestamps.
+    pub fn run_timed(&self, recording: &Recording) -> Result<Vec<PassTime>> {
+        let done = self.submit(recording, true)?.wait()?;
+        let labels = recording.passes().iter().map(|pass| pass.label.clone());
+        Ok(labels.zip(done.pass_ns).map(|(label, ns)| PassTime { label, ns }).collect())
+    }
+
+    fn submit(&self, recording: &Recording, timestamps: bool) -> Result<crate::vk::Submission> {
+        let passes = recording.passes();
+        let n_bindings = passes
+            .iter()
+            .map(|pass| if let Work::Dispatch { slices, .. } = &pass.work { slices.len() } else { 0 })
+            .sum();
+        let mut commands = Commands::new(&self.device, passes.len(), n_bindings, timestamps)?;
+        for (pass, barrier) in passes.iter().zip(recording.barriers()) {
+            if barrier {
+                commands.barrier();
+            }
+            commands.begin_pass(&pass.label);
+            match &pass.work {
+                Work::Copy(from, to) => commands.copy(&from.binding(), &to.binding()),
+                Work::Fill(slice, value) => commands.fill(&slice.binding(), *value),
+                Work::Dispatch { kernel, slices, push, grid } => {
+                    let pipeline = self.pipeline(kernel)?;
+                    let bindings: Vec<_> = slices.iter().map(Slice::binding).collect();
+                    match grid {
+                        Grid::Threads(n) => {
+                            let groups = fold(n.div_ceil(kernel.local));
+                            commands.dispatch(&pipeline, &bindings, push, groups)?;
+                        }
+                        Grid::Groups(n) => commands.dispatch(&pipeline, &bindings, push, fold(*n))?,
+                        Grid::Indirect(args) => {
+                            commands.dispatch_indirect(&pipeline, &bindings, push, &args.binding())?;
+                        }
+                    }
+                }
+            }
+            commands.end_pass();
+        }
+        commands.submit()
+    }
+}
+
+/// `n` workgroups in two dimensions, each below the limit.
+fn fold(n: u32) -> [u32; 3] {
+    [n.min(MAX_GROUPS), n.div_ceil(MAX_GROUPS), 1]
+}
+
+/// The slice with its tail of less than a word, which the buffer's own padding holds.
+fn whole_words(slice: &Slice) -> Slice {
+    Slice { size: slice.size.next_multiple_of(4), ..slice.clone() }
+}
+
+fn unmapped(what: &str) -> Error {
+    Error::Vulkan { call: "mapping host memory", reason: format!("{what} staging is not visible to the host") }
+}

@@ -1,0 +1,92 @@
+//! Which Gaussians a view may see: time window and frustum, then a compact list in index order.
+
+use super::scan::{SCAN_BLOCK, Scan};
+use super::scene::{CULL_BLOCK, SceneBuffers};
+use crate::error::Result;
+use crate::gpu::generated::{Status, ViewParams, compact, cull_dynamic, cull_static, prepare_active};
+use crate::gpu::{Buf, Gpu, Grid, Recording};
+
+/// Places in the indirect arguments, `ARGS_*` of the shaders.
+pub(super) const ARGS_THREADS: usize = 0;
+pub(super) const ARGS_SCAN: usize = 1;
+pub(super) const ARGS_SORT: usize = 2;
+pub(super) const ARGS_SORT_SCAN: usize = 3;
+pub(super) const ARGS_FIRST_GROUP: usize = 4;
+
+/// One entry of an indirect-argument buffer as a grid.
+pub(super) fn indirect(args: &Buf<[u32; 4]>, at: usize) -> Grid {
+    Grid::Indirect(args.range(at, 1).slice())
+}
+
+/// Scratch and result of culling.
+pub struct Cull {
+    bits: Buf<u32>,
+    offsets: Buf<u32>,
+    n_blocks: Buf<u32>,
+    scan: Scan,
+    /// Flat indices of the active Gaussians, ascending.
+    pub active_id: Buf<u32>,
+    /// How many there are; 0 when they exceed the capacity.
+    pub n_active: Buf<u32>,
+    /// Range of each group in `active_id`.
+    pub ranges: Buf<[u32; 2]>,
+    /// Grids over the active Gaussians.
+    pub args: Buf<[u32; 4]>,
+    /// 256 times the blocks of a sort over the active Gaussians.
+    pub n_digits: Buf<u32>,
+    capacity: u32,
+}
+
+impl Cull {
+    /// Scratch for `scene` with room for `capacity` active Gaussians.
+    pub fn new(gpu: &Gpu, scene: &SceneBuffers, capacity: u32) -> Result<Self> {
+        let n_blocks = scene.n_flat / CULL_BLOCK;
+        Ok(Cull {
+            bits: gpu.alloc("cull bits", scene.n_flat as usize / 32)?,
+            offsets: gpu.alloc("cull offsets", n_blocks as usize)?,
+            n_blocks: gpu.upload("cull blocks", &[n_blocks])?,
+            scan: Scan::new(gpu, n_blocks as usize)?,
+            active_id: gpu.alloc("active ids", capacity as usize)?,
+            n_active: gpu.alloc("active count", 1)?,
+            ranges: gpu.alloc("group ranges", scene.groups.len())?,
+            args: gpu.alloc("active args", ARGS_FIRST_GROUP + scene.groups.len())?,
+            n_digits: gpu.alloc("active digits", 1)?,
+            capacity,
+        })
+    }
+
+    /// Appends culling of `scene` for `view`.
+    pub fn record(&self, rec: &mut Recording, scene: &SceneBuffers, view: &Buf<ViewParams>, status: &Buf<Status>) {
+        rec.stage("cull");
+        let (bits, counts) = (&self.bits, &self.offsets);
+        for group in &scene.groups {
+            let (n, first, bound, grid) = (group.n, group.first, &group.bound, Grid::Threads(group.n));
+            if let (Some(motion), Some(window)) = (&group.motion, &group.window) {
+                let args = cull_dynamic::Args { view, bound, bits, counts, motion, window };
+                rec.pass(args, cull_dynamic::Push { n, first }, grid);
+            } else {
+                rec.pass(cull_static::Args { view, bound, bits, counts }, cull_static::Push { n, first }, grid);
+            }
+        }
+        let blocks = Grid::Groups((scene.n_flat / CULL_BLOCK).div_ceil(SCAN_BLOCK as u32));
+        self.scan.record(rec, &self.n_blocks, &self.offsets, &self.n_active, blocks);
+        rec.pass(
+            compact::Args { bits, offsets: &self.offsets, active_id: &self.active_id },
+            compact::Push { n: scene.n_flat, capacity: self.capacity },
+            Grid::Threads(scene.n_flat),
+        );
+        rec.pass(
+            prepare_active::Args {
+                n_active: &self.n_active,
+                offsets: &self.offsets,
+                group_first: &scene.group_first,
+                ranges: &self.ranges,
+                args: &self.args,
+                n_digits: &self.n_digits,
+                frame_status: status,
+            },
+            prepare_active::Push { n_groups: scene.groups.len() as u32, capacity: self.capacity },
+            Grid::Groups(1),
+        );
+    }
+}

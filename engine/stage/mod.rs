@@ -1,0 +1,22 @@
+//! Stages of several kernels each, and the renderer that strings them together. A stage owns its scratch buffers and
+//! appends passes to a recording; none of them waits for the device.
+
+mod blend;
+mod cull;
+mod params;
+mod project;
+mod render;
+mod scan;
+mod scene;
+mod sort;
+mod tiles;
+
+pub use blend::{Blend, Outputs};
+pub use cull::Cull;
+pub use params::{Strip, view_params};
+pub use project::Projected;
+pub use render::{FrameReport, PassReport, Renderer};
+pub use scan::Scan;
+pub use scene::{Group, SceneBuffers};
+pub use sort::Sort;
+pub use tiles::Tiles;

@@ -1,0 +1,66 @@
+//! A view as the kernels see it: computed in f64, narrowed once.
+
+use crate::gpu::generated::ViewParams;
+use crate::scene::View;
+use crate::settings::Constants;
+
+/// Pixels on a tile's side, `TILE` of the shaders.
+pub const TILE: u32 = 16;
+
+/// A horizontal band of a picture, whole tile rows high. Every pixel's value is independent of the strips.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Strip {
+    /// First pixel row, a multiple of [`TILE`].
+    pub first_row: u32,
+    /// Pixel rows.
+    pub n_rows: u32,
+}
+
+impl Strip {
+    /// The strip that is the whole picture.
+    pub fn whole(view: &View) -> Self {
+        Strip { first_row: 0, n_rows: view.height }
+    }
+
+    /// Tiles across and down.
+    pub fn tiles(&self, view: &View) -> (u32, u32) {
+        (view.width.div_ceil(TILE), self.n_rows.div_ceil(TILE))
+    }
+}
+
+/// Parameters of `strip` of `view` for a scene whose positions were shifted by `-origin`.
+pub fn view_params(view: &View, constants: &Constants, origin: [f64; 3], strip: Strip) -> ViewParams {
+    let m = &view.world_to_camera;
+    // Centre of the camera, -R^T t, relative to the scene's origin.
+    let center: [f64; 3] = std::array::from_fn(|k| -(0..3).map(|r| m[r][k] * m[r][3]).sum::<f64>() - origin[k]);
+    let row = |r: usize| [m[r][0] as f32, m[r][1] as f32, m[r][2] as f32, center[r] as f32];
+    // SPEC 3: the Jacobian follows the centre up to 30 % of half the field of view beyond the picture's edge.
+    let clamp = |f: f64, c: f64, size: f64| {
+        let half = size / (2.0 * f);
+        (-(c / f + 0.3 * half), (size - c) / f + 0.3 * half)
+    };
+    let (u_low, u_high) = clamp(view.fx, view.cx, f64::from(view.width));
+    let (v_low, v_high) = clamp(view.fy, view.cy, f64::from(view.height));
+    let (tiles_x, tiles_y) = strip.tiles(view);
+    let [r, g, b] = view.background;
+    ViewParams {
+        row0: row(0),
+        row1: row(1),
+        row2: row(2),
+        intrinsics: [view.fx as f32, view.fy as f32, view.cx as f32, view.cy as f32],
+        clamp_uv: [u_low as f32, u_high as f32, v_low as f32, v_high as f32],
+        background: [r, g, b, view.flow_dt as f32],
+        time: (view.time + view.time_offset * view.flow_dt) as f32,
+        near: constants.near,
+        blur: constants.blur,
+        alpha_min: constants.alpha_min,
+        alpha_max: constants.alpha_max,
+        t_min: constants.t_min,
+        width: view.width,
+        height: view.height,
+        first_row: strip.first_row,
+        n_rows: strip.n_rows,
+        tiles_x,
+        tiles_y,
+    }
+}

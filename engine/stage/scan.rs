@@ -1,0 +1,29 @@
+//! Exclusive prefix sum of any length, in place: reduce, spine, downsweep. No spinning: lavapipe ends long loops.
+
+use crate::error::Result;
+use crate::gpu::generated::{scan_downsweep, scan_reduce, scan_spine};
+use crate::gpu::{Buf, Gpu, Grid, Recording};
+
+/// Items per workgroup, `SCAN_BLOCK` of the shaders.
+pub const SCAN_BLOCK: usize = 1024;
+
+/// Scratch of a prefix sum.
+pub struct Scan {
+    partials: Buf<u32>,
+}
+
+impl Scan {
+    /// Scratch for up to `capacity` items.
+    pub fn new(gpu: &Gpu, capacity: usize) -> Result<Self> {
+        Ok(Scan { partials: gpu.alloc("scan partials", capacity.div_ceil(SCAN_BLOCK))? })
+    }
+
+    /// Replaces the first `count[0]` of `values` by the sums of all before them and writes the sum of all to `total`,
+    /// saturated at 2^32 - 1. `blocks` has one workgroup per [`SCAN_BLOCK`] items.
+    pub fn record(&self, rec: &mut Recording, count: &Buf<u32>, values: &Buf<u32>, total: &Buf<u32>, blocks: Grid) {
+        let partials = &self.partials;
+        rec.pass(scan_reduce::Args { count, values, partials }, (), blocks.clone());
+        rec.pass(scan_spine::Args { count, partials, total }, (), Grid::Groups(1));
+        rec.pass(scan_downsweep::Args { count, partials, values }, (), blocks);
+    }
+}

@@ -1,0 +1,209 @@
+//! A scene on the device: groups of Gaussians of one population and one SH degree, each short enough for the device's
+//! bindings.
+
+use crate::error::{Error, Result};
+use crate::gpu::generated::{bound_dynamic, bound_static};
+use crate::gpu::{Buf, Gpu, Grid, Recording};
+use crate::scene::Splats;
+
+/// Items in one block of planes; `plane_index` of the shaders.
+const PLANE_BLOCK: usize = 32;
+/// Gaussians per workgroup of the cull; groups begin at multiples of it in the flat index.
+pub const CULL_BLOCK: u32 = 128;
+/// vec4 planes of bands 1 to 3.
+const BAND_PLANES: [usize; 3] = [3, 4, 6];
+
+/// Gaussians that share their kernels: static or dynamic, one SH degree, one set of buffers.
+pub struct Group {
+    /// Flat index of the first, a multiple of [`CULL_BLOCK`].
+    pub first: u32,
+    /// Number of Gaussians.
+    pub n: u32,
+    /// Position and opacity; rotation; scale and t_scale.
+    pub geometry: Buf<[f32; 4]>,
+    /// The constant band.
+    pub sh0: Buf<[f32; 4]>,
+    /// Bands 1 to 3; as many as the degree.
+    pub bands: Vec<Buf<[f32; 4]>>,
+    /// Velocity and t_center; dynamic groups only.
+    pub motion: Option<Buf<[f32; 4]>>,
+    /// Position and reach, derived.
+    pub bound: Buf<[f32; 4]>,
+    /// Half-width of the time window, derived; dynamic groups only.
+    pub window: Option<Buf<f32>>,
+}
+
+/// A scene on the device.
+pub struct SceneBuffers {
+    /// The groups, static ones first.
+    pub groups: Vec<Group>,
+    /// Length of the flat index, a multiple of [`CULL_BLOCK`].
+    pub n_flat: u32,
+    /// Gaussians.
+    pub n: u32,
+    /// First cull workgroup of each group.
+    pub group_first: Buf<u32>,
+    /// Subtracted from every position, and from the cameras; zero unless the scene is far from its origin.
+    pub origin: [f64; 3],
+    /// Gaussians with a non-finite parameter or no rotation: never drawn.
+    pub n_bad: u32,
+}
+
+impl SceneBuffers {
+    /// Uploads `splats` and derives what culling reads for `alpha_min`.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`] naming the buffer.
+    pub fn upload(gpu: &Gpu, splats: &Splats, alpha_min: f32) -> Result<Self> {
+        let origin = far_origin(splats);
+        let degree = splats.sh_degree as usize;
+        // The longest binding of a group is that of its widest plane set.
+        let widest = BAND_PLANES.iter().take(degree).copied().chain([3]).max().unwrap_or(3);
+        let limit = (gpu.caps().max_binding_bytes / (16 * widest as u64)) as usize / CULL_BLOCK as usize
+            * CULL_BLOCK as usize;
+        let (mut groups, mut first) = (Vec::new(), 0u32);
+        for (range, dynamic) in [(0..splats.n_static, false), (splats.n_static..splats.len(), true)] {
+            for start in range.clone().step_by(limit) {
+                let n = limit.min(range.end - start);
+                groups.push(upload_group(gpu, splats, origin, start, n, first, dynamic)?);
+                let flat = (n as u64).next_multiple_of(u64::from(CULL_BLOCK));
+                first = u32::try_from(u64::from(first) + flat).map_err(|_| Error::OutOfMemory {
+                    what: "the scene (Gaussians)".to_owned(),
+                    needed: splats.len() as u64,
+                    limit: u64::from(u32::MAX),
+                    remedy: "split the scene".to_owned(),
+                })?;
+            }
+        }
+        let group_first: Vec<u32> = groups.iter().map(|g| g.first / CULL_BLOCK).collect();
+        let n_bad = gpu.upload("bad Gaussians", &[0u32])?;
+        let mut rec = Recording::new();
+        rec.stage("bound");
+        for group in &groups {
+            group.record_bound(&mut rec, alpha_min, &n_bad);
+        }
+        gpu.run(&rec)?;
+        Ok(SceneBuffers {
+            group_first: gpu.upload("group starts", &group_first)?,
+            groups,
+            n_flat: first,
+            n: splats.len() as u32,
+            origin,
+            n_bad: gpu.read(&n_bad)?.first().copied().unwrap_or(0),
+        })
+    }
+}
+
+impl Group {
+    /// SH degree.
+    pub fn degree(&self) -> usize {
+        self.bands.len()
+    }
+
+    fn record_bound(&self, rec: &mut Recording, alpha_min: f32, n_bad: &Buf<u32>) {
+        let (geometry, bound, n) = (&self.geometry, &self.bound, self.n);
+        let grid = Grid::Threads(n);
+        if let (Some(motion), Some(window)) = (&self.motion, &self.window) {
+            let push = bound_dynamic::Push { n, alpha_min };
+            rec.pass(bound_dynamic::Args { geometry, bound, n_bad, motion, window }, push, grid);
+        } else {
+            rec.pass(bound_static::Args { geometry, bound, n_bad }, bound_static::Push { n, alpha_min }, grid);
+        }
+    }
+}
+
+/// `n` items of `planes` vec4 each, from `value(item)[plane]`, in blocks of [`PLANE_BLOCK`].
+fn planes<const P: usize>(n: usize, value: impl Fn(usize) -> [[f32; 4]; P]) -> Vec<[f32; 4]> {
+    let mut out = vec![[0.0; 4]; n.next_multiple_of(PLANE_BLOCK) * P];
+    for i in 0..n {
+        for (p, v) in value(i).into_iter().enumerate() {
+            out[(i / PLANE_BLOCK * P + p) * PLANE_BLOCK + i % PLANE_BLOCK] = v;
+        }
+    }
+    out
+}
+
+fn upload_group(
+    gpu: &Gpu,
+    splats: &Splats,
+    origin: [f64; 3],
+    start: usize,
+    n: usize,
+    first: u32,
+    dynamic: bool,
+) -> Result<Group> {
+    let motion_of = |i: usize| splats.motion[start + i - splats.n_static];
+    let geometry = planes(n, |i| {
+        let g = start + i;
+        let p: [f32; 3] = std::array::from_fn(|k| (f64::from(splats.position[g][k]) - origin[k]) as f32);
+        let s = splats.scale[g];
+        let t_scale = if dynamic { motion_of(i).t_scale } else { 0.0 };
+        [[p[0], p[1], p[2], splats.opacity[g]], splats.rotation[g], [s[0], s[1], s[2], t_scale]]
+    });
+    let k = splats.n_coefficients();
+    let coefficient = |i: usize, c: usize| splats.sh[(start + i) * k + c];
+    let sh0: Vec<[f32; 4]> = (0..n).map(|i| coefficient(i, 0)).map(|[r, g, b]| [r, g, b, 0.0]).collect();
+    // Band l holds coefficients l^2 .. (l+1)^2, their colours one after the other.
+    let float = |i: usize, band: usize, f: usize| {
+        let c = f / 3;
+        if c < 2 * band + 1 { coefficient(i, band * band + c)[f % 3] } else { 0.0 }
+    };
+    let vec4 = |i: usize, band: usize, p: usize| std::array::from_fn(|j| float(i, band, 4 * p + j));
+    let mut bands = Vec::new();
+    for band in 1..=splats.sh_degree as usize {
+        let data = match band {
+            1 => planes::<3>(n, |i| std::array::from_fn(|p| vec4(i, 1, p))),
+            2 => planes::<4>(n, |i| std::array::from_fn(|p| vec4(i, 2, p))),
+            _ => planes::<6>(n, |i| std::array::from_fn(|p| vec4(i, 3, p))),
+        };
+        bands.push(gpu.upload(&format!("sh{band}"), &data)?);
+    }
+    let motion: Option<Vec<[f32; 4]>> = dynamic.then(|| {
+        (0..n)
+            .map(|i| {
+                let m = motion_of(i);
+                [m.velocity[0], m.velocity[1], m.velocity[2], m.t_center]
+            })
+            .collect()
+    });
+    Ok(Group {
+        first,
+        n: n as u32,
+        geometry: gpu.upload("geometry", &geometry)?,
+        sh0: gpu.upload("sh0", &sh0)?,
+        bands,
+        motion: motion.map(|m| gpu.upload("motion", &m)).transpose()?,
+        bound: gpu.alloc("bound", n)?,
+        window: if dynamic { Some(gpu.alloc("window", n)?) } else { None },
+    })
+}
+
+/// Where to put the origin: zero, unless the scene lies so far away that f32 would lose its detail there.
+///
+/// The median and the quartiles of the finite positions decide, so that a few wild Gaussians move nothing; the result
+/// is a multiple of a power of two above the scene's size, so that a few more or less do not either.
+fn far_origin(splats: &Splats) -> [f64; 3] {
+    let mut axes: [Vec<f32>; 3] = Default::default();
+    for p in splats.position.iter().filter(|p| p.iter().all(|x| x.is_finite())) {
+        for (axis, x) in axes.iter_mut().zip(p) {
+            axis.push(*x);
+        }
+    }
+    if axes[0].is_empty() {
+        return [0.0; 3];
+    }
+    let mut medians = [0.0; 3];
+    let mut spread = 0.0f64;
+    for (axis, median) in axes.iter_mut().zip(&mut medians) {
+        axis.sort_unstable_by(f32::total_cmp);
+        let quantile = |q: usize| f64::from(axis[(axis.len() - 1) * q / 4]);
+        *median = quantile(2);
+        spread = spread.max(quantile(3) - quantile(1));
+    }
+    let distance = medians.iter().map(|m| m * m).sum::<f64>().sqrt();
+    if distance < 64.0 * spread || distance < 64.0 {
+        return [0.0; 3];
+    }
+    let step = (4.0 * spread.max(distance * 1e-6)).log2().ceil().exp2();
+    medians.map(|m| (m / step).round() * step)
+}

@@ -1,0 +1,139 @@
+//! Intersections of Gaussians and tiles: placed in depth order, sorted by tile, listed per tile.
+
+use super::cull::{ARGS_SCAN, ARGS_SORT, ARGS_SORT_SCAN, ARGS_THREADS, Cull, indirect};
+use super::project::Projected;
+use super::scan::Scan;
+use super::sort::{Sort, SortGrids};
+use crate::error::Result;
+use crate::gpu::generated::{
+    Status, ViewParams, emit, gather_counts, prepare_intersections, tile_buckets, tile_order, tile_ranges,
+};
+use crate::gpu::table::Count;
+use crate::gpu::{Buf, Gpu, Grid, Recording};
+
+/// Buckets of the tile order, one per bit width of a list's length.
+const BUCKETS: usize = 32;
+
+/// Scratch and result of tile binning.
+pub struct Tiles {
+    depth_sort: Sort,
+    tile_sort: Sort,
+    scan: Scan,
+    offsets: Buf<u32>,
+    n_intersections: Buf<u32>,
+    n_digits: Buf<u32>,
+    emit_args: Buf<[u32; 4]>,
+    tile_keys: Buf<u32>,
+    splat_ids: Buf<u32>,
+    buckets: Buf<u32>,
+    cursors: Buf<u32>,
+    /// First entry of each tile's list.
+    pub tile_first: Buf<u32>,
+    /// One past the last entry of each tile's list.
+    pub tile_last: Buf<u32>,
+    /// Tiles, those with long lists first.
+    pub tile_order: Buf<u32>,
+    capacity: u32,
+}
+
+impl Tiles {
+    /// Room for `active` Gaussians, `intersections` pairs and `tiles` tiles.
+    pub fn new(gpu: &Gpu, active: u32, intersections: u32, tiles: u32) -> Result<Self> {
+        let (n, i, t) = (active as usize, intersections as usize, tiles as usize);
+        Ok(Tiles {
+            depth_sort: Sort::new(gpu, n)?,
+            tile_sort: Sort::new(gpu, i)?,
+            scan: Scan::new(gpu, n)?,
+            offsets: gpu.alloc("tile offsets", n)?,
+            n_intersections: gpu.alloc("intersection count", 1)?,
+            n_digits: gpu.alloc("intersection digits", 1)?,
+            emit_args: gpu.alloc("emit args", 1)?,
+            tile_keys: gpu.alloc("tile keys", i)?,
+            splat_ids: gpu.alloc("tile splats", i)?,
+            buckets: gpu.alloc("tile buckets", BUCKETS)?,
+            cursors: gpu.alloc("tile cursors", BUCKETS)?,
+            tile_first: gpu.alloc("tile first", t)?,
+            tile_last: gpu.alloc("tile last", t)?,
+            tile_order: gpu.alloc("tile order", t)?,
+            capacity: intersections,
+        })
+    }
+
+    /// Appends the binning of `projected` into `n_tiles` tiles. Returns the list entries: active indices, sorted by
+    /// tile, then depth, then index.
+    pub fn record(
+        &self,
+        rec: &mut Recording,
+        cull: &Cull,
+        projected: &Projected,
+        view: &Buf<ViewParams>,
+        status: &Buf<Status>,
+        n_tiles: u32,
+    ) -> Buf<u32> {
+        rec.stage("depth sort");
+        let grids = |args: &Buf<[u32; 4]>| SortGrids {
+            blocks: indirect(args, ARGS_SORT),
+            digits: indirect(args, ARGS_SORT_SCAN),
+        };
+        let pairs = (&projected.depth_keys, &projected.identity);
+        let (_, order) = self.depth_sort.record(rec, &cull.n_active, &cull.n_digits, pairs, 4, &grids(&cull.args));
+
+        rec.stage("tiles");
+        let (n_active, tile_counts, offsets) = (&cull.n_active, &projected.tile_counts, &self.offsets);
+        let (args, order) = (&cull.args, &order);
+        rec.pass(gather_counts::Args { n_active, order, tile_counts, offsets }, (), indirect(args, ARGS_THREADS));
+        let n_intersections = &self.n_intersections;
+        self.scan.record(rec, n_active, offsets, n_intersections, indirect(args, ARGS_SCAN));
+        rec.pass(
+            prepare_intersections::Args {
+                n_intersections,
+                args,
+                n_digits: &self.n_digits,
+                emit_args: &self.emit_args,
+                frame_status: status,
+            },
+            prepare_intersections::Push { capacity: self.capacity },
+            Grid::Groups(1),
+        );
+        let (tile_keys, splat_ids) = (&self.tile_keys, &self.splat_ids);
+        let splats = &projected.splats;
+        rec.pass(
+            emit::Args { view, n_active, order, tile_counts, offsets, splats, tile_keys, splat_ids },
+            (),
+            indirect(&self.emit_args, 0),
+        );
+
+        rec.stage("tile sort");
+        let first_pass = rec.passes().len();
+        // Keys go from 0 to n_tiles, which marks a slot that no tile reads.
+        let n_passes = (u32::BITS - n_tiles.leading_zeros()).div_ceil(8).max(1);
+        let pairs = (tile_keys, splat_ids);
+        let (tile_keys, lists) =
+            self.tile_sort.record(rec, n_intersections, &self.n_digits, pairs, n_passes, &grids(args));
+        rec.count_as(first_pass, Count::Intersections);
+
+        rec.stage("tiles");
+        let (tile_first, tile_last, buckets) = (&self.tile_first, &self.tile_last, &self.buckets);
+        for zeroed in [tile_first.range(0, n_tiles as usize), tile_last.range(0, n_tiles as usize)] {
+            rec.fill(zeroed.slice(), 0);
+        }
+        rec.fill(buckets.slice(), 0);
+        rec.fill(self.cursors.slice(), 0);
+        rec.pass(
+            tile_ranges::Args { n_intersections, tile_keys: &tile_keys, tile_first, tile_last },
+            tile_ranges::Push { n_tiles },
+            indirect(args, ARGS_THREADS),
+        );
+        rec.pass(
+            tile_buckets::Args { tile_first, tile_last, buckets, frame_status: status },
+            tile_buckets::Push { n_tiles },
+            Grid::Threads(n_tiles),
+        );
+        rec.pass(
+            tile_order::Args { tile_first, tile_last, buckets, cursors: &self.cursors, tile_order: &self.tile_order },
+            tile_order::Push { n_tiles },
+            Grid::Threads(n_tiles),
+        );
+        lists
+    }
+}

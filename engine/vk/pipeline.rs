@@ -1,0 +1,132 @@
+//! Compute pipelines.
+
+use super::debug::name_object;
+use super::device::Device;
+use super::vk_error;
+use crate::error::Result;
+use ash::vk;
+use std::sync::Arc;
+
+/// How a kernel sees a binding.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BindingKind {
+    /// A storage buffer.
+    Storage,
+    /// A uniform buffer.
+    Uniform,
+}
+
+/// What a pipeline is made of.
+pub struct PipelineDesc<'a> {
+    /// Shown in messages and by tools.
+    pub name: &'a str,
+    /// SPIR-V, little endian.
+    pub spirv: &'a [u8],
+    /// The bindings of set 0, in order.
+    pub bindings: &'a [BindingKind],
+    /// Bytes of push constants.
+    pub push_bytes: u32,
+    /// Whether the kernel uses subgroup operations and needs whole subgroups of the pinned size.
+    pub subgroups: bool,
+}
+
+/// A compute pipeline with its layout.
+pub struct Pipeline {
+    device: Arc<Device>,
+    pub(super) raw: vk::Pipeline,
+    pub(super) layout: vk::PipelineLayout,
+    pub(super) set_layout: vk::DescriptorSetLayout,
+    pub(super) kinds: Vec<BindingKind>,
+    pub(super) push_bytes: u32,
+}
+
+impl BindingKind {
+    pub(super) fn descriptor_type(self) -> vk::DescriptorType {
+        match self {
+            BindingKind::Storage => vk::DescriptorType::STORAGE_BUFFER,
+            BindingKind::Uniform => vk::DescriptorType::UNIFORM_BUFFER,
+        }
+    }
+}
+
+impl Pipeline {
+    /// Compiles `desc` for `device`.
+    pub fn new(device: &Arc<Device>, desc: &PipelineDesc<'_>) -> Result<Self> {
+        let words = ash::util::read_spv(&mut std::io::Cursor::new(desc.spirv))
+            .map_err(|e| crate::Error::Vulkan { call: "reading SPIR-V", reason: format!("{}: {e}", desc.name) })?;
+        let bindings: Vec<_> = desc
+            .bindings
+            .iter()
+            .zip(0..)
+            .map(|(kind, binding)| {
+                vk::DescriptorSetLayoutBinding::default()
+                    .binding(binding)
+                    .descriptor_type(kind.descriptor_type())
+                    .descriptor_count(1)
+                    .stage_flags(vk::ShaderStageFlags::COMPUTE)
+            })
+            .collect();
+        let flags = if device.push_descriptor.is_some() {
+            vk::DescriptorSetLayoutCreateFlags::PUSH_DESCRIPTOR_KHR
+        } else {
+            vk::DescriptorSetLayoutCreateFlags::empty()
+        };
+        let set_info = vk::DescriptorSetLayoutCreateInfo::default().flags(flags).bindings(&bindings);
+        let mut pipeline = Pipeline {
+            device: device.clone(),
+            raw: vk::Pipeline::null(),
+            layout: vk::PipelineLayout::null(),
+            set_layout: vk::DescriptorSetLayout::null(),
+            kinds: desc.bindings.to_vec(),
+            push_bytes: desc.push_bytes,
+        };
+        let raw = &device.raw;
+        // SAFETY: each call gets live handles of this device; `pipeline` destroys what exists when a later call fails.
+        unsafe {
+            pipeline.set_layout = raw
+                .create_descriptor_set_layout(&set_info, None)
+                .map_err(vk_error("vkCreateDescriptorSetLayout"))?;
+            let sets = [pipeline.set_layout];
+            let ranges = [vk::PushConstantRange::default()
+                .stage_flags(vk::ShaderStageFlags::COMPUTE)
+                .size(desc.push_bytes)];
+            let n_ranges = usize::from(desc.push_bytes > 0);
+            let layout_info =
+                vk::PipelineLayoutCreateInfo::default().set_layouts(&sets).push_constant_ranges(&ranges[..n_ranges]);
+            pipeline.layout =
+                raw.create_pipeline_layout(&layout_info, None).map_err(vk_error("vkCreatePipelineLayout"))?;
+            let module = raw
+                .create_shader_module(&vk::ShaderModuleCreateInfo::default().code(&words), None)
+                .map_err(vk_error("vkCreateShaderModule"))?;
+            let mut size = vk::PipelineShaderStageRequiredSubgroupSizeCreateInfo::default()
+                .required_subgroup_size(device.caps().subgroup_size);
+            let mut stage = vk::PipelineShaderStageCreateInfo::default()
+                .stage(vk::ShaderStageFlags::COMPUTE)
+                .module(module)
+                .name(c"main");
+            if desc.subgroups && device.caps().subgroup_pinned {
+                stage = stage
+                    .flags(vk::PipelineShaderStageCreateFlags::REQUIRE_FULL_SUBGROUPS)
+                    .push_next(&mut size);
+            }
+            let info = [vk::ComputePipelineCreateInfo::default().stage(stage).layout(pipeline.layout)];
+            let created = raw.create_compute_pipelines(device.pipeline_cache, &info, None);
+            raw.destroy_shader_module(module, None);
+            let created = created.map_err(|(_, e)| vk_error("vkCreateComputePipelines")(e))?;
+            pipeline.raw = created.first().copied().unwrap_or_default();
+        }
+        name_object(device.debug.as_ref(), pipeline.raw, desc.name);
+        Ok(pipeline)
+    }
+}
+
+impl Drop for Pipeline {
+    fn drop(&mut self) {
+        // SAFETY: submissions keep the pipelines they use alive; destroying null handles is allowed.
+        unsafe {
+            self.device.raw.destroy_pipeline(self.raw, None);
+            self.device.raw.destroy_pipeline_layout(self.layout, None);
+            self.device.raw.destroy_descriptor_set_layout(self.set_layout, None);
+        }
+    }
+}

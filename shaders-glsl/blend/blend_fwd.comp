@@ -1,0 +1,154 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+// Purpose   blends each tile's Gaussians front to back into colour, alpha, depth, inverse depth and flow.
+// Equation  SPEC 3: w = alpha T, T <- T (1 - alpha); stop before T falls below t_min.
+// Grid      one subgroup per block of pixels, PIXELS per lane in a column; no barrier, no shared memory.
+// Reads     splats through the tile's list, SEGMENT entries a round; later rounds continue from the images.
+// Writes    image0: colour and alpha; image1: depth, inverse depth, flow (FULL only). Between rounds: sums and T, whose
+//           sign says that the pixel is finished.
+// Numerics  every lane loads one splat, the ballot drops those that miss the block, shuffles broadcast the rest. The
+//           order of each pixel's sum is that of the list whatever the subgroup: the same bits at any width.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#extension GL_KHR_shader_subgroup_ballot : require
+#extension GL_KHR_shader_subgroup_shuffle : require
+#extension GL_KHR_shader_subgroup_vote : require
+#include "types.glsl"
+#include "grid.glsl"
+#include "splat.glsl"
+
+layout(local_size_x = 64) in;
+
+// lavapipe ends an invocation's loops after 65,535 iterations in all, without a word: a round stays below.
+const uint SEGMENT = 32768u;
+const float NEVER = 2.0;
+
+layout(push_constant) uniform Push { uint n_blocks; uint stride; uint round; uint last_round; } pc;
+layout(set = 0, binding = 0) uniform View { ViewParams view; };
+layout(set = 0, binding = 1) restrict readonly buffer TileOrder { uint tile_order[]; };
+layout(set = 0, binding = 2) restrict readonly buffer TileFirst { uint tile_first[]; };
+layout(set = 0, binding = 3) restrict readonly buffer TileLast { uint tile_last[]; };
+layout(set = 0, binding = 4) restrict readonly buffer SplatIds { uint splat_ids[]; };
+layout(set = 0, binding = 5) restrict readonly buffer Splats { vec4 splats[]; };
+layout(set = 0, binding = 6) restrict buffer Image0 { vec4 image0[]; };
+// Bound to image0 where not FULL, and not touched.
+layout(set = 0, binding = 7) restrict buffer Image1 { vec4 image1[]; };
+
+void main() {
+    const uint lane = gl_SubgroupInvocationID;
+    const uint n_lanes = gl_SubgroupSize;
+    // A block is `columns` wide and as high as its lanes' pixels make it.
+    const uint columns = min(n_lanes, TILE);
+    const uint lane_rows = n_lanes / columns;
+    const uint rows = lane_rows * PIXELS;
+    const uint blocks_x = TILE / columns;
+    const uint blocks_tile = blocks_x * (TILE / rows);
+    const uint slot = linear_group() * (64u / n_lanes) + gl_SubgroupID;
+    if (slot >= pc.n_blocks) return;
+    // CPU drivers give each thread one contiguous run of groups: the stride deals the heavy tiles out.
+    const uint place = pc.stride == 1u ? slot : uint((slot * pc.stride) % pc.n_blocks);
+    const uint tile = tile_order[place / blocks_tile];
+    const uint block = place % blocks_tile;
+    const uint x0 = (tile % view.tiles_x) * TILE + (block % blocks_x) * columns;
+    const uint y0 = (tile / view.tiles_x) * TILE + (block / blocks_x) * rows;
+    const uint x = x0 + lane % columns;
+    const uint y = y0 + lane / columns;
+    const vec2 corner = vec2(float(x0), float(view.first_row + y0)) + 0.5;
+    const float center_x = float(x) + 0.5;
+    const float center_y = float(view.first_row + y) + 0.5;
+
+    // A pixel's threshold is alpha_min while it is alive and out of reach once it is finished.
+    float threshold[PIXELS];
+    float T[PIXELS];
+    vec3 color[PIXELS];
+#ifdef FULL
+    vec4 extra[PIXELS];
+#endif
+    for (uint k = 0u; k < PIXELS; ++k) {
+        const uint row = y + k * lane_rows;
+        const bool inside = x < view.width && row < view.n_rows;
+        const uint pixel = row * view.width + x;
+        threshold[k] = inside ? view.alpha_min : NEVER;
+        T[k] = 1.0;
+        color[k] = vec3(0.0);
+#ifdef FULL
+        extra[k] = vec4(0.0);
+#endif
+        if (inside && pc.round > 0u) {
+            const vec4 saved = image0[pixel];
+            color[k] = saved.xyz;
+            T[k] = abs(saved.w);
+            if (saved.w < 0.0) threshold[k] = NEVER;
+#ifdef FULL
+            extra[k] = image1[pixel];
+#endif
+        }
+    }
+
+    const uint last = tile_last[tile];
+    uint e = min(tile_first[tile] + pc.round * SEGMENT, last);
+    const uint end = min(e + SEGMENT, last);
+    bool alive = e < end;
+    while (alive) {
+        const bool valid = e + lane < end;
+        const uint id = valid ? splat_ids[e + lane] : 0u;
+        const vec4 s0 = splats[SPLAT_PLANES * id];
+        const vec4 s1 = splats[SPLAT_PLANES * id + 1u];
+        const vec4 s2 = splats[SPLAT_PLANES * id + 2u];
+        const vec4 s3 = splats[SPLAT_PLANES * id + 3u];
+        const vec2 extent =
+            band_extent(s0.xy, s3.y, s3.z, s3.w, corner.y, corner.y + float(rows - 1u));
+        const bool hit = valid && extent.x <= extent.y && extent.y >= corner.x
+            && extent.x <= corner.x + float(columns - 1u);
+        const float inverse_z = 1.0 / s1.w;
+        const uvec4 hits = subgroupBallot(hit);
+        for (uint half_mask = 0u; half_mask < 2u; ++half_mask) {
+            uint word = half_mask == 0u ? hits.x : hits.y;
+            if (word != 0u) do {
+                const uint i = 32u * half_mask + uint(findLSB(word));
+                word &= word - 1u;
+                const vec2 xy = vec2(subgroupShuffle(s0.x, i), subgroupShuffle(s0.y, i));
+                const vec4 m = vec4(subgroupShuffle(s0.z, i), subgroupShuffle(s0.w, i), subgroupShuffle(s1.x, i),
+                    subgroupShuffle(s1.y, i));
+                const float opacity = subgroupShuffle(s1.z, i);
+                const vec3 rgb = vec3(subgroupShuffle(s2.x, i), subgroupShuffle(s2.y, i), subgroupShuffle(s2.z, i));
+#ifdef FULL
+                const vec4 other = vec4(subgroupShuffle(s1.w, i), subgroupShuffle(inverse_z, i),
+                    subgroupShuffle(s2.w, i), subgroupShuffle(s3.x, i));
+#endif
+                const float dx = center_x - xy.x;
+                for (uint k = 0u; k < PIXELS; ++k) {
+                    const float dy = center_y + float(k * lane_rows) - xy.y;
+                    const float raw = splat_alpha(m, opacity, vec2(dx, dy));
+                    const float alpha = min(raw, view.alpha_max);
+                    precise float T_next = T[k] * (1.0 - alpha);
+                    const bool contributes = raw >= threshold[k];
+                    const bool added = contributes && T_next >= view.t_min;
+                    const float w = added ? alpha * T[k] : 0.0;
+                    color[k] += w * rgb;
+#ifdef FULL
+                    extra[k] += w * other;
+#endif
+                    T[k] = added ? T_next : T[k];
+                    threshold[k] = contributes && !added ? NEVER : threshold[k];
+                }
+            } while (word != 0u);
+        }
+        bool any_alive = false;
+        for (uint k = 0u; k < PIXELS; ++k) any_alive = any_alive || threshold[k] < NEVER;
+        e += n_lanes;
+        alive = e < end && subgroupAny(any_alive);
+    }
+
+    for (uint k = 0u; k < PIXELS; ++k) {
+        const uint row = y + k * lane_rows;
+        if (x < view.width && row < view.n_rows) {
+            const uint pixel = row * view.width + x;
+            image0[pixel] = pc.last_round != 0u
+                ? vec4(color[k] + T[k] * view.background.xyz, 1.0 - T[k])
+                : vec4(color[k], threshold[k] < NEVER ? T[k] : -T[k]);
+#ifdef FULL
+            image1[pixel] = extra[k];
+#endif
+        }
+    }
+}

@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+// Purpose   derives from each Gaussian the numbers that culling reads: centre, reach, and time window.
+// Equation  reach = exp(max s) sqrt(2 ln(sigmoid(o) / alpha_min)); window: |t - t_center| <= tau sqrt(ln(..)).
+// Grid      one thread per Gaussian of a group; once per change of the parameters.
+// Numerics  a non-finite parameter gives reach -1, which culls, and is counted; so does an opacity below alpha_min,
+//           uncounted. Reach and window carry a margin of 1e-5.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "grid.glsl"
+#include "finite.glsl"
+#include "temporal.glsl"
+
+layout(local_size_x = 128) in;
+
+layout(push_constant) uniform Push { uint n; float alpha_min; } pc;
+layout(set = 0, binding = 0) restrict readonly buffer Geometry { vec4 geometry[]; };
+layout(set = 0, binding = 1) restrict writeonly buffer Bound { vec4 bound[]; };
+layout(set = 0, binding = 2) restrict buffer NBad { uint n_bad[]; };
+#ifdef DYNAMIC
+layout(set = 0, binding = 3) restrict readonly buffer Motion { vec4 motion[]; };
+layout(set = 0, binding = 4) restrict writeonly buffer Window { float window[]; };
+#endif
+
+void main() {
+    const uint i = linear_thread();
+    if (i >= pc.n) return;
+    const vec4 mean_opacity = geometry[plane_index(i, 3u, 0u)];
+    const vec4 q = geometry[plane_index(i, 3u, 1u)];
+    const vec4 scale_t = geometry[plane_index(i, 3u, 2u)];
+    const float s = exp(max(max(scale_t.x, scale_t.y), scale_t.z));
+    const float l = log(sigmoid(mean_opacity.w) / pc.alpha_min) * (1.0 + 1e-5) + 1e-5;
+    float reach = s * sqrt(2.0 * max(l, 0.0)) * (1.0 + 1e-5);
+    bool good = finite4(mean_opacity) && finite4(q) && finite3(scale_t.xyz) && finite(reach) && dot(abs(q), vec4(1.0)) > 1e-37;
+#ifdef DYNAMIC
+    // tau = infinity is a value, every other infinity is not.
+    const vec4 v = motion[i];
+    const float t_scale = scale_t.w;
+    good = good && finite4(v) && (finite(t_scale) || t_scale > 0.0);
+    window[i] = good ? exp(t_scale) * sqrt(max(l, 0.0)) * (1.0 + 1e-5) : -1.0;
+#endif
+    if (!good) atomicAdd(n_bad[0], 1u);
+    if (!(good && l >= 0.0)) reach = -1.0;
+    bound[i] = vec4(mean_opacity.xyz, reach);
+}

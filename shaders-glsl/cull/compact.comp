@@ -1,0 +1,29 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+// Purpose   lists the marked Gaussians in index order.
+// Equation  none (stream compaction: rank = scanned count of the group + bits below).
+// Grid      one thread per flat index.
+// Numerics  integers only; nothing is written past the capacity.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "grid.glsl"
+
+layout(local_size_x = 128) in;
+
+layout(push_constant) uniform Push { uint n; uint capacity; } pc;
+layout(set = 0, binding = 0) restrict readonly buffer Bits { uint bits[]; };
+layout(set = 0, binding = 1) restrict readonly buffer Offsets { uint offsets[]; };
+layout(set = 0, binding = 2) restrict writeonly buffer ActiveId { uint active_id[]; };
+
+void main() {
+    const uint i = linear_thread();
+    if (i >= pc.n) return;
+    const uint word = i >> 5u;
+    const uint first_word = (i >> 7u) << 2u;
+    uint rank = offsets[i >> 7u];
+    for (uint w = 0u; w < 3u; ++w) {
+        if (first_word + w < word) rank += bitCount(bits[first_word + w]);
+    }
+    const uint mask = bits[word];
+    rank += bitCount(mask & ((1u << (i & 31u)) - 1u));
+    if (((mask >> (i & 31u)) & 1u) != 0u && rank < pc.capacity) active_id[rank] = i;
+}

@@ -1,0 +1,283 @@
+// Compiles every kernel of the table twice (optimised for the driver, plain for reflection), reads the second with naga,
+// and writes the committed SPIR-V and `engine/gpu/generated.rs`.
+
+use super::manifest::{line, source_key};
+use super::table::{KERNELS, Spec};
+use naga::{AddressSpace, ArraySize, Module, ScalarKind, StorageAccess, TypeInner, VectorSize};
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::path::Path;
+
+const GENERATED: &str = "engine/gpu/generated.rs";
+
+/// Recompiles everything. Without `bless` the tree is only compared; returns the faults.
+pub fn run(root: &Path, bless: bool) -> Vec<String> {
+    let mut faults = Vec::new();
+    let mut outputs: BTreeMap<String, Vec<u8>> = BTreeMap::new();
+    let mut manifest = String::new();
+    let mut structs = BTreeMap::new();
+    let mut modules = String::new();
+    for spec in KERNELS {
+        match build(root, spec, &mut structs) {
+            Ok(kernel) => {
+                manifest += &line(spec.name, kernel.key, &kernel.spirv);
+                modules += &kernel.module;
+                outputs.insert(format!("shaders-glsl/spv/{}.spv", spec.name), kernel.spirv);
+            }
+            Err(fault) => faults.push(format!("{}: {fault}", spec.name)),
+        }
+    }
+    if !faults.is_empty() {
+        return faults;
+    }
+    outputs.insert("shaders-glsl/spv/MANIFEST".to_owned(), manifest.into_bytes());
+    outputs.insert(GENERATED.to_owned(), source(&structs, &modules).into_bytes());
+    for (file, bytes) in &outputs {
+        if std::fs::read(root.join(file)).is_ok_and(|old| old == *bytes) {
+            continue;
+        }
+        if !bless {
+            faults.push(format!("{file} is not what its sources give"));
+        } else if let Err(e) = std::fs::write(root.join(file), bytes) {
+            faults.push(format!("{file}: {e}"));
+        }
+    }
+    let committed = std::fs::read_dir(root.join("shaders-glsl/spv")).into_iter().flatten().flatten();
+    for entry in committed {
+        let file = format!("shaders-glsl/spv/{}", entry.file_name().to_string_lossy());
+        if outputs.contains_key(&file) {
+            continue;
+        }
+        if !bless {
+            faults.push(format!("{file} belongs to no kernel"));
+        } else if let Err(e) = std::fs::remove_file(root.join(&file)) {
+            faults.push(format!("{file}: {e}"));
+        }
+    }
+    faults
+}
+
+struct Kernel {
+    key: u64,
+    spirv: Vec<u8>,
+    module: String,
+}
+
+fn build(root: &Path, spec: &Spec, structs: &mut BTreeMap<String, String>) -> Result<Kernel, String> {
+    let key = source_key(root, spec)?;
+    let spirv = compile(root, spec, shaderc::OptimizationLevel::Performance)?;
+    let plain = compile(root, spec, shaderc::OptimizationLevel::Zero)?;
+    // naga panics on a few constructs instead of refusing them.
+    let parsed = std::panic::catch_unwind(|| naga::front::spv::parse_u8_slice(&plain, &Default::default()))
+        .map_err(|_| "naga panicked; see the dialect in shaders-glsl/README.md".to_owned())?;
+    let module = parsed.map_err(|e| format!("naga cannot read it: {e}"))?;
+    let text = std::fs::read_to_string(root.join("shaders-glsl").join(spec.file)).map_err(|e| e.to_string())?;
+    let purpose = text.lines().find_map(|l| l.strip_prefix("// Purpose   ")).ok_or("its header has no `Purpose` line")?;
+    let module = reflect(spec, purpose, &module, uses_subgroups(&spirv), structs)?;
+    Ok(Kernel { key, spirv, module })
+}
+
+fn compile(root: &Path, spec: &Spec, level: shaderc::OptimizationLevel) -> Result<Vec<u8>, String> {
+    let compiler = shaderc::Compiler::new().map_err(|e| e.to_string())?;
+    let mut options = shaderc::CompileOptions::new().map_err(|e| e.to_string())?;
+    options.set_target_env(shaderc::TargetEnv::Vulkan, shaderc::EnvVersion::Vulkan1_2 as u32);
+    options.set_target_spirv(shaderc::SpirvVersion::V1_3);
+    options.set_optimization_level(level);
+    options.set_warnings_as_errors();
+    for (name, value) in spec.defines {
+        options.add_macro_definition(name, Some(value));
+    }
+    let include = root.join("shaders-glsl/include");
+    options.set_include_callback(move |name, _, _, _| {
+        let path = include.join(name);
+        let content = std::fs::read_to_string(&path).map_err(|e| format!("{}: {e}", path.display()))?;
+        Ok(shaderc::ResolvedInclude { resolved_name: format!("include/{name}"), content })
+    });
+    let path = root.join("shaders-glsl").join(spec.file);
+    let text = std::fs::read_to_string(&path).map_err(|e| format!("{}: {e}", path.display()))?;
+    let compiled = compiler
+        .compile_into_spirv(&text, shaderc::ShaderKind::Compute, spec.file, "main", Some(&options))
+        .map_err(|e| e.to_string())?;
+    Ok(compiled.as_binary_u8().to_vec())
+}
+
+/// Whether the module declares one of the GroupNonUniform capabilities (61 to 68).
+fn uses_subgroups(spirv: &[u8]) -> bool {
+    const OP_CAPABILITY: u32 = 17;
+    let words: Vec<u32> = spirv.chunks_exact(4).map(|w| u32::from_le_bytes([w[0], w[1], w[2], w[3]])).collect();
+    let mut at = 5;
+    while at + 1 < words.len() && words[at] & 0xffff == OP_CAPABILITY {
+        if (61..=68).contains(&words[at + 1]) {
+            return true;
+        }
+        at += (words[at] >> 16) as usize;
+    }
+    false
+}
+
+/// The Rust type of a GLSL type, and its size in bytes.
+fn rust_type(
+    module: &Module,
+    handle: naga::Handle<naga::Type>,
+    structs: &mut BTreeMap<String, String>,
+) -> Result<(String, u32), String> {
+    let scalar = |s: naga::Scalar| match (s.kind, s.width) {
+        (ScalarKind::Float, 4) => Ok("f32"),
+        (ScalarKind::Uint, 4) => Ok("u32"),
+        (ScalarKind::Sint, 4) => Ok("i32"),
+        other => Err(format!("scalar {other:?} has no Rust type here")),
+    };
+    match &module.types[handle].inner {
+        TypeInner::Scalar(s) | TypeInner::Atomic(s) => Ok((scalar(*s)?.to_owned(), 4)),
+        TypeInner::Vector { size: VectorSize::Tri, .. } => Err("vec3 in a buffer: use vec4 or scalars".to_owned()),
+        TypeInner::Vector { size, scalar: s } => Ok((format!("[{}; {}]", scalar(*s)?, *size as u32), 4 * *size as u32)),
+        TypeInner::Array { base, size: ArraySize::Constant(n), .. } => {
+            let (element, bytes) = rust_type(module, *base, structs)?;
+            Ok((format!("[{element}; {n}]"), bytes * n.get()))
+        }
+        TypeInner::Struct { .. } => {
+            let (name, text, bytes) = rust_struct(module, handle, structs)?;
+            if let Some(old) = structs.insert(name.clone(), text.clone())
+                && old != text
+            {
+                return Err(format!("struct {name} differs between kernels"));
+            }
+            Ok((name, bytes))
+        }
+        other => Err(format!("type {other:?} has no Rust type here")),
+    }
+}
+
+/// A `repr(C)` struct with asserted offsets: its name, its text, its size.
+fn rust_struct(
+    module: &Module,
+    handle: naga::Handle<naga::Type>,
+    structs: &mut BTreeMap<String, String>,
+) -> Result<(String, String, u32), String> {
+    let ty = &module.types[handle];
+    let TypeInner::Struct { members, .. } = &ty.inner else { return Err("not a struct".to_owned()) };
+    let name = ty.name.clone().ok_or("a struct without a name")?;
+    let mut fields = String::new();
+    let mut asserts = String::new();
+    let mut end = 0;
+    for member in members {
+        let field = member.name.as_deref().ok_or("a member without a name")?;
+        let (kind, bytes) = rust_type(module, member.ty, structs)?;
+        if member.offset != end {
+            return Err(format!("{name}.{field} is padded: reorder the members"));
+        }
+        writeln!(fields, "    /// `{field}` of the shader.\n    pub {field}: {kind},").ok();
+        write!(asserts, " assert!(std::mem::offset_of!({name}, {field}) == {});", member.offset).ok();
+        end = member.offset + bytes;
+    }
+    let text = format!(
+        "/// `{name}` of the shaders.\n#[repr(C)]\n#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]\n\
+         pub struct {name} {{\n{fields}}}\nconst _: () = {{ assert!(size_of::<{name}>() == {end});{asserts} }};\n"
+    );
+    Ok((name, text, end))
+}
+
+/// The Rust module of one kernel.
+fn reflect(
+    spec: &Spec,
+    purpose: &str,
+    module: &Module,
+    subgroups: bool,
+    structs: &mut BTreeMap<String, String>,
+) -> Result<String, String> {
+    let entry = module.entry_points.first().ok_or("no entry point")?;
+    let [local, 1, 1] = entry.workgroup_size else { return Err("workgroups are one-dimensional here".to_owned()) };
+    let mut push = None;
+    let mut bindings = BTreeMap::new();
+    for (_, global) in module.global_variables.iter() {
+        let ty = &module.types[global.ty];
+        match global.space {
+            AddressSpace::Immediate => push = Some(global.ty),
+            AddressSpace::Storage { .. } | AddressSpace::Uniform => {
+                let at = global.binding.ok_or("a buffer without a binding")?;
+                if at.group != 0 {
+                    return Err("only set 0 is used".to_owned());
+                }
+                let block = ty.name.clone().ok_or("a block without a name")?;
+                let TypeInner::Struct { members, .. } = &ty.inner else { return Err("not a block".to_owned()) };
+                let [member] = &members[..] else { return Err(format!("{block} has not one member")) };
+                let element = match &module.types[member.ty].inner {
+                    TypeInner::Array { base, size: ArraySize::Dynamic, .. } => *base,
+                    _ => member.ty,
+                };
+                let (kind, access) = match global.space {
+                    AddressSpace::Storage { access } if access == StorageAccess::LOAD => ("Storage", "Read"),
+                    AddressSpace::Storage { access } if access == StorageAccess::STORE => ("Storage", "Write"),
+                    AddressSpace::Storage { .. } => ("Storage", "ReadWrite"),
+                    _ => ("Uniform", "Read"),
+                };
+                let element = rust_type(module, element, structs)?.0;
+                bindings.insert(at.binding, (snake(&block), kind, access, element));
+            }
+            _ => {}
+        }
+    }
+    if !bindings.keys().copied().eq(0..bindings.len() as u32) {
+        return Err("its bindings have gaps".to_owned());
+    }
+    let mut own = BTreeMap::new();
+    let push_text = match push {
+        Some(handle) => rust_struct(module, handle, &mut own)?.1,
+        None => "/// This kernel takes no push constants.\npub type Push = ();\n".to_owned(),
+    };
+    let (mut fields, mut list, mut infos) = (String::new(), String::new(), String::new());
+    for (name, kind, access, element) in bindings.values() {
+        let element = if element.starts_with(char::is_uppercase) { format!("super::{element}") } else { element.clone() };
+        writeln!(fields, "    /// {access}s.\n    pub {name}: &'a Buf<{element}>,").ok();
+        writeln!(list, "        self.{name}.slice(),").ok();
+        writeln!(
+            infos,
+            "        BindingInfo {{ name: \"{name}\", kind: BindingKind::{kind}, access: Access::{access} }},"
+        )
+        .ok();
+    }
+    Ok(format!(
+        "/// {purpose}\npub mod {name} {{\nuse super::super::kernel::*;\n{push_text}\
+         /// The kernel's buffers.\npub struct Args<'a> {{\n{fields}}}\n\
+         impl Kernel for Args<'_> {{\ntype Push = Push;\nconst INFO: &'static KernelInfo = &KernelInfo {{\n\
+         name: \"{name}\", local: {local}, subgroups: {subgroups}, push_bytes: size_of::<Push>() as u32,\n\
+         spirv: include_bytes!(\"../../shaders-glsl/spv/{name}.spv\"),\nbindings: &[\n{infos}],\n}};\n\
+         fn slices(&self) -> Vec<Slice> {{\nvec![\n{list}]\n}}\n}}\n}}\n\n",
+        name = spec.name
+    ))
+}
+
+fn snake(name: &str) -> String {
+    let mut out = String::new();
+    for (i, c) in name.chars().enumerate() {
+        if c.is_uppercase() && i > 0 {
+            out.push('_');
+        }
+        out.extend(c.to_lowercase());
+    }
+    out
+}
+
+/// The whole generated file, formatted by rustfmt.
+fn source(structs: &BTreeMap<String, String>, modules: &str) -> String {
+    let structs: String = structs.values().map(|s| format!("{s}\n")).collect();
+    let text = format!(
+        "//! Bindings of the kernels, generated from the shaders by `IVV_BLESS=1 cargo build --features shaders`.\n\n\
+         use bytemuck::{{Pod, Zeroable}};\n\n{structs}{modules}"
+    );
+    rustfmt(&text).unwrap_or(text)
+}
+
+fn rustfmt(text: &str) -> Option<String> {
+    use std::io::Write as _;
+    use std::process::{Command, Stdio};
+    let mut child = Command::new("rustfmt")
+        .args(["--edition", "2024", "--config", "max_width=120,use_small_heuristics=Max"])
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .spawn()
+        .ok()?;
+    child.stdin.take()?.write_all(text.as_bytes()).ok()?;
+    let output = child.wait_with_output().ok()?;
+    output.status.success().then(|| String::from_utf8(output.stdout).ok()).flatten()
+}

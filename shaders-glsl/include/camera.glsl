@@ -1,0 +1,15 @@
+// World to camera. `precise`, and from the camera's centre: the difference is exact where the two are close, and cull
+// and projection must see the same depth.
+
+vec3 to_camera(ViewParams view, vec3 mean_world) {
+    precise vec3 d = mean_world - vec3(view.row0.w, view.row1.w, view.row2.w);
+    precise float x = view.row0.x * d.x + view.row0.y * d.y + view.row0.z * d.z;
+    precise float y = view.row1.x * d.x + view.row1.y * d.y + view.row1.z * d.z;
+    precise float z = view.row2.x * d.x + view.row2.y * d.y + view.row2.z * d.z;
+    return vec3(x, y, z);
+}
+
+// A direction in camera axes.
+vec3 rotate_to_camera(ViewParams view, vec3 v) {
+    return vec3(dot(view.row0.xyz, v), dot(view.row1.xyz, v), dot(view.row2.xyz, v));
+}

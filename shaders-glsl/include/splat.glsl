@@ -1,0 +1,60 @@
+// One projected Gaussian as four vec4, and the two predicates that every kernel shares.
+//
+//   0: x, y, M00, M01      1: M10, M11, opacity, z      2: r, g, b, flow_x      3: flow_y, slope, chord, reach_y
+//
+// The region where alpha >= alpha_min is an ellipse about (x, y): |M d|^2 <= log2(opacity / alpha_min). `reach_y` is
+// its half-height, `chord` its half-width along its middle row, and in a row dy from the middle it spans
+//   slope dy -+ chord sqrt(1 - (dy / reach_y)^2).
+// `chord` and `reach_y` carry a margin of 1e-5, far above rounding, so that no pixel is lost.
+
+const uint SPLAT_PLANES = 4u;
+
+// Alpha before the clamp, at pixel centre minus projected centre. The one definition of what a pixel sees.
+float splat_alpha(vec4 m, float opacity, vec2 d) {
+    precise float u = m.x * d.x + m.y * d.y;
+    precise float w = m.z * d.x + m.w * d.y;
+    precise float power = u * u + w * w;
+    precise float alpha = opacity * exp2(-power);
+    return alpha;
+}
+
+// The x-range, pixels, of the ellipse's part between rows y_low and y_high (pixel centres). Empty when x > y.
+vec2 band_extent(vec2 xy, float slope, float chord, float reach_y, float y_low, float y_high) {
+    precise float margin_y = 1e-3 + 1e-6 * abs(xy.y);
+    precise float d_low = max(y_low - xy.y - margin_y, -reach_y);
+    precise float d_high = min(y_high - xy.y + margin_y, reach_y);
+    precise float tilt = slope * reach_y;
+    precise float reach_x = sqrt(tilt * tilt + chord * chord);
+    // The row of the rightmost point; the leftmost lies opposite.
+    precise float d_tip = reach_y * (tilt / reach_x);
+    precise float d_right = clamp(d_tip, d_low, d_high);
+    precise float d_left = clamp(-d_tip, d_low, d_high);
+    precise float f_right = d_right / reach_y;
+    precise float f_left = d_left / reach_y;
+    precise float right = slope * d_right + chord * sqrt(max(1.0 - f_right * f_right, 0.0));
+    precise float left = slope * d_left - chord * sqrt(max(1.0 - f_left * f_left, 0.0));
+    precise float margin_x = 1e-3 + 1e-6 * (abs(xy.x) + reach_x);
+    return d_low <= d_high ? vec2(xy.x + left - margin_x, xy.x + right + margin_x) : vec2(1.0, 0.0);
+}
+
+// Tile rows [x, y) of the strip that the ellipse may touch.
+uvec2 tile_rows(ViewParams view, float y, float reach_y) {
+    const float margin = 1e-3 + 1e-6 * abs(y);
+    const float top = y - float(view.first_row) - reach_y - margin;
+    const float bottom = y - float(view.first_row) + reach_y + margin;
+    const float n = float(view.tiles_y);
+    return uvec2(
+        uint(clamp(ceil((top - 15.5) / 16.0), 0.0, n)),
+        uint(clamp(floor((bottom - 0.5) / 16.0) + 1.0, 0.0, n)));
+}
+
+// Tile columns [x, y) that the ellipse touches in tile row `row` of the strip; x >= y means none.
+uvec2 tile_columns(ViewParams view, vec2 xy, float slope, float chord, float reach_y, uint row) {
+    const float y0 = float(view.first_row + TILE * row);
+    const vec2 extent = band_extent(xy, slope, chord, reach_y, y0 + 0.5, y0 + 15.5);
+    const float n = float(view.tiles_x);
+    const uvec2 columns = uvec2(
+        uint(clamp(ceil((extent.x - 15.5) / 16.0), 0.0, n)),
+        uint(clamp(floor((extent.y - 0.5) / 16.0) + 1.0, 0.0, n)));
+    return extent.x <= extent.y ? columns : uvec2(0u);
+}

@@ -1,0 +1,40 @@
+// Structs that the host shares; the Rust side is generated from these.
+
+// One view, or one horizontal strip of it. Lengths in scene units, image quantities in pixels.
+struct ViewParams {
+    vec4 row0;        // rows of the world-to-camera rotation; w: the camera's centre, world, x
+    vec4 row1;        // y
+    vec4 row2;        // z
+    vec4 intrinsics;  // fx, fy, cx, cy
+    vec4 clamp_uv;    // range of x/z and y/z inside which the Jacobian follows the centre: u low, u high, v low, v high
+    vec4 background;  // rgb; w: flow_dt
+    float time;       // t' of SPEC 2, the camera's offset included
+    float near;
+    float blur;
+    float alpha_min;
+    float alpha_max;
+    float t_min;
+    uint width;
+    uint height;
+    uint first_row;   // pixel row at which the strip begins, a multiple of TILE
+    uint n_rows;      // pixel rows in the strip
+    uint tiles_x;
+    uint tiles_y;     // tile rows in the strip
+};
+
+// What a frame reports. `failed` holds FAILED_* bits; the numbers are what was needed, also where it did not fit.
+struct Status {
+    uint failed;
+    uint n_active;
+    uint n_visible;
+    uint n_intersections;
+    uint max_tile_list;
+    uint n_bad;
+    uint capacity_active;
+    uint capacity_intersections;
+};
+
+const uint FAILED_ACTIVE = 1u;
+const uint FAILED_INTERSECTIONS = 2u;
+
+const uint TILE = 16u;

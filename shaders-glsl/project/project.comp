@@ -1,0 +1,129 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+// Purpose   projects the active Gaussians of a group, evaluates their colour and counts the tiles they touch.
+// Equation  SPEC 3: x_c = R mu(t') + t, C = (J R M)(J R M)^T + blur I, alpha = opacity(t') exp(-d^T C^-1 d / 2).
+// Grid      one thread per active Gaussian of the group.
+// Reads     the parameters of the active Gaussians, by group-local index.
+// Writes    splats (four vec4 each), depth key, identity, tile count, by active index.
+// Numerics  factored form of include/conic.glsl; a record with anything non-finite touches no tile and is counted.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#extension GL_KHR_shader_subgroup_ballot : require
+#include "types.glsl"
+#include "grid.glsl"
+#include "finite.glsl"
+#include "camera.glsl"
+#include "temporal.glsl"
+#include "sh.glsl"
+#include "conic.glsl"
+#include "splat.glsl"
+
+layout(local_size_x = 64) in;
+
+layout(push_constant) uniform Push { uint group; uint first; } pc;
+layout(set = 0, binding = 0) uniform View { ViewParams view; };
+layout(set = 0, binding = 1) restrict readonly buffer Ranges { uvec2 ranges[]; };
+layout(set = 0, binding = 2) restrict readonly buffer ActiveId { uint active_id[]; };
+layout(set = 0, binding = 3) restrict readonly buffer Geometry { vec4 geometry[]; };
+layout(set = 0, binding = 4) restrict readonly buffer Sh0 { vec4 sh0[]; };
+layout(set = 0, binding = 5) restrict writeonly buffer Splats { vec4 splats[]; };
+layout(set = 0, binding = 6) restrict writeonly buffer DepthKeys { uint depth_keys[]; };
+layout(set = 0, binding = 7) restrict writeonly buffer Identity { uint identity[]; };
+layout(set = 0, binding = 8) restrict writeonly buffer TileCounts { uint tile_counts[]; };
+layout(set = 0, binding = 9) restrict buffer FrameStatus { Status status; };
+// One interface for all variants: what a variant does not need is bound to something else and not read.
+layout(set = 0, binding = 10) restrict readonly buffer Motion { vec4 motion[]; };
+layout(set = 0, binding = 11) restrict readonly buffer Sh1 { vec4 sh1[]; };
+layout(set = 0, binding = 12) restrict readonly buffer Sh2 { vec4 sh2[]; };
+layout(set = 0, binding = 13) restrict readonly buffer Sh3 { vec4 sh3[]; };
+
+vec3 color_of(uint i, vec3 dir) {
+    vec3 c = SH_0 * sh0[i].xyz;
+#if SH_DEGREE >= 1
+    c += sh_band1(sh1[plane_index(i, 3u, 0u)], sh1[plane_index(i, 3u, 1u)], sh1[plane_index(i, 3u, 2u)], dir);
+#endif
+#if SH_DEGREE >= 2
+    c += sh_band2(sh2[plane_index(i, 4u, 0u)], sh2[plane_index(i, 4u, 1u)], sh2[plane_index(i, 4u, 2u)],
+        sh2[plane_index(i, 4u, 3u)], dir);
+#endif
+#if SH_DEGREE >= 3
+    c += sh_band3(sh3[plane_index(i, 6u, 0u)], sh3[plane_index(i, 6u, 1u)], sh3[plane_index(i, 6u, 2u)],
+        sh3[plane_index(i, 6u, 3u)], sh3[plane_index(i, 6u, 4u)], sh3[plane_index(i, 6u, 5u)], dir);
+#endif
+    return max(c + 0.5, vec3(0.0));
+}
+
+// Columns of the rotation of a unit quaternion (w, x, y, z).
+mat3 rotation_of(vec4 q) {
+    const float w = q.x, x = q.y, y = q.z, z = q.w;
+    return mat3(
+        1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + w * z), 2.0 * (x * z - w * y),
+        2.0 * (x * y - w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z + w * x),
+        2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y));
+}
+
+void main() {
+    const uvec2 range = ranges[pc.group];
+    const uint at = range.x + linear_thread();
+    uint n_tiles = 0u;
+    bool bad = false;
+    if (at < range.y) {
+        const uint i = active_id[at] - pc.first;
+        const vec4 mean_opacity = geometry[plane_index(i, 3u, 0u)];
+        const vec4 q_raw = geometry[plane_index(i, 3u, 1u)];
+        const vec4 scale_t = geometry[plane_index(i, 3u, 2u)];
+        vec3 mean = mean_opacity.xyz;
+        float opacity = sigmoid(mean_opacity.w);
+        vec2 flow = vec2(0.0);
+#ifdef DYNAMIC
+        const vec4 v = motion[i];
+        mean = mean_at(mean, v, view.time);
+        opacity *= temporal_weight(v.w, scale_t.w, view.time);
+#endif
+        const vec3 p = to_camera(view, mean);
+        const vec2 uv = p.xy / p.z;
+        const vec2 uv_j = clamp(uv, view.clamp_uv.xz, view.clamp_uv.yw);
+        const vec2 f_z = view.intrinsics.xy / p.z;
+#ifdef DYNAMIC
+        const vec3 v_cam = rotate_to_camera(view, v.xyz);
+        flow = view.background.w * f_z * (v_cam.xy - uv * v_cam.z);
+#endif
+        // Scaled by its largest component first: squares of 1e-30 or 1e20 are not representable.
+        const vec4 q_abs = abs(q_raw);
+        const vec4 q_scaled = q_raw / max(max(q_abs.x, q_abs.y), max(q_abs.z, q_abs.w));
+        const mat3 rotation = rotation_of(q_scaled * inversesqrt(dot(q_scaled, q_scaled)));
+        const vec3 a0 = f_z.x * (view.row0.xyz - uv_j.x * view.row2.xyz);
+        const vec3 a1 = f_z.y * (view.row1.xyz - uv_j.y * view.row2.xyz);
+        const Conic conic = conic_of(a0 * rotation, a1 * rotation, exp(scale_t.xyz), view.blur);
+        const vec2 xy = view.intrinsics.xy * uv + view.intrinsics.zw;
+        // 2 ln(opacity / alpha_min), with the margin of include/splat.glsl.
+        const float cut = 2.0 * log(opacity / view.alpha_min) * (1.0 + 1e-5) + 1e-5;
+        const float root_cut = sqrt(max(cut, 0.0));
+        const vec3 from_camera = mean - vec3(view.row0.w, view.row1.w, view.row2.w);
+        const vec3 color = color_of(i, from_camera * inversesqrt(dot(from_camera, from_camera)));
+        const float reach_y = root_cut * conic.sd_y;
+        const float chord = root_cut * conic.chord;
+        splats[SPLAT_PLANES * at] = vec4(xy, conic.m.xy);
+        splats[SPLAT_PLANES * at + 1u] = vec4(conic.m.zw, opacity, p.z);
+        splats[SPLAT_PLANES * at + 2u] = vec4(color, flow.x);
+        splats[SPLAT_PLANES * at + 3u] = vec4(flow.y, conic.slope, chord, reach_y);
+        // Positive floats order as their bits do.
+        depth_keys[at] = floatBitsToUint(p.z);
+        identity[at] = at;
+        bad = !(finite2(xy) && finite4(conic.m) && finite(opacity) && finite(p.z) && finite3(color) && finite2(flow)
+            && finite3(vec3(conic.slope, chord, reach_y)));
+        if (!bad && p.z > view.near && cut >= 0.0) {
+            const uvec2 rows = tile_rows(view, xy.y, reach_y);
+            for (uint row = rows.x; row < rows.y; ++row) {
+                const uvec2 columns = tile_columns(view, xy, conic.slope, chord, reach_y, row);
+                n_tiles += columns.y - min(columns.x, columns.y);
+            }
+        }
+        tile_counts[at] = n_tiles;
+    }
+    const uvec4 visible = subgroupBallot(n_tiles > 0u);
+    const uvec4 faulty = subgroupBallot(bad);
+    if (gl_SubgroupInvocationID == 0u) {
+        if ((visible.x | visible.y) != 0u) atomicAdd(status.n_visible, bitCount(visible.x) + bitCount(visible.y));
+        if ((faulty.x | faulty.y) != 0u) atomicAdd(status.n_bad, bitCount(faulty.x) + bitCount(faulty.y));
+    }
+}

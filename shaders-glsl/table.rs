@@ -1,0 +1,87 @@
+// The one list of kernels: included by build.rs, by the engine and by the tests.
+
+/// What one unit of a kernel's work is counted in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Count {
+    /// Gaussians of the scene.
+    Gaussians,
+    /// Active Gaussians: in the view's time and frustum.
+    Active,
+    /// Pairs of a Gaussian and a tile.
+    Intersections,
+    /// Tiles of the picture.
+    Tiles,
+    /// One per dispatch.
+    Dispatches,
+}
+
+/// A kernel.
+pub struct Spec {
+    /// Stem of everything that belongs to it.
+    pub name: &'static str,
+    /// Its shader, below `shaders-glsl`.
+    pub file: &'static str,
+    /// Preprocessor definitions that make this variant.
+    pub defines: &'static [(&'static str, &'static str)],
+    /// Its truth on the CPU.
+    pub twin: &'static str,
+    /// What its time grows with.
+    pub count: Count,
+    /// The ideal-limit model on one core of a CPU driver: nanoseconds per unit (research, kernels.md 6).
+    pub limit_ns: f64,
+}
+
+const fn spec(
+    name: &'static str,
+    file: &'static str,
+    defines: &'static [(&'static str, &'static str)],
+    twin: &'static str,
+    count: Count,
+    limit_ns: f64,
+) -> Spec {
+    Spec { name, file, defines, twin, count, limit_ns }
+}
+
+const D: (&str, &str) = ("DYNAMIC", "1");
+const SH0: (&str, &str) = ("SH_DEGREE", "0");
+const SH1: (&str, &str) = ("SH_DEGREE", "1");
+const SH2: (&str, &str) = ("SH_DEGREE", "2");
+const SH3: (&str, &str) = ("SH_DEGREE", "3");
+const FULL: (&str, &str) = ("FULL", "1");
+const P4: (&str, &str) = ("PIXELS", "4");
+const P8: (&str, &str) = ("PIXELS", "8");
+
+/// All kernels.
+#[rustfmt::skip]
+pub const KERNELS: &[Spec] = &[
+    spec("bound_static", "cull/bound.comp", &[], "cull", Count::Gaussians, 25.0),
+    spec("bound_dynamic", "cull/bound.comp", &[D], "cull", Count::Gaussians, 25.0),
+    spec("cull_static", "cull/cull.comp", &[], "cull", Count::Gaussians, 25.0),
+    spec("cull_dynamic", "cull/cull.comp", &[D], "cull", Count::Gaussians, 25.0),
+    spec("compact", "cull/compact.comp", &[], "scan", Count::Gaussians, 5.0),
+    spec("prepare_active", "cull/prepare_active.comp", &[], "scan", Count::Dispatches, 1000.0),
+    spec("project_static_sh0", "project/project.comp", &[SH0], "project", Count::Active, 160.0),
+    spec("project_static_sh1", "project/project.comp", &[SH1], "project", Count::Active, 175.0),
+    spec("project_static_sh2", "project/project.comp", &[SH2], "project", Count::Active, 195.0),
+    spec("project_static_sh3", "project/project.comp", &[SH3], "project", Count::Active, 230.0),
+    spec("project_dynamic_sh0", "project/project.comp", &[D, SH0], "project", Count::Active, 160.0),
+    spec("project_dynamic_sh1", "project/project.comp", &[D, SH1], "project", Count::Active, 175.0),
+    spec("project_dynamic_sh2", "project/project.comp", &[D, SH2], "project", Count::Active, 195.0),
+    spec("project_dynamic_sh3", "project/project.comp", &[D, SH3], "project", Count::Active, 230.0),
+    spec("scan_reduce", "scan/scan_reduce.comp", &[], "scan", Count::Dispatches, 1000.0),
+    spec("scan_spine", "scan/scan_spine.comp", &[], "scan", Count::Dispatches, 1000.0),
+    spec("scan_downsweep", "scan/scan_downsweep.comp", &[], "scan", Count::Dispatches, 1000.0),
+    spec("sort_count", "sort/sort_count.comp", &[], "sort", Count::Active, 12.0),
+    spec("sort_scatter", "sort/sort_scatter.comp", &[("SUBGROUPS", "16")], "sort", Count::Active, 57.0),
+    spec("sort_scatter_w32", "sort/sort_scatter.comp", &[("SUBGROUPS", "2")], "sort", Count::Active, 57.0),
+    spec("gather_counts", "tiles/gather_counts.comp", &[], "scan", Count::Active, 5.0),
+    spec("prepare_intersections", "tiles/prepare_intersections.comp", &[], "scan", Count::Dispatches, 1000.0),
+    spec("emit", "tiles/emit.comp", &[], "tiles", Count::Intersections, 50.0),
+    spec("tile_ranges", "tiles/tile_ranges.comp", &[], "tiles", Count::Intersections, 5.0),
+    spec("tile_buckets", "tiles/tile_buckets.comp", &[], "tiles", Count::Tiles, 20.0),
+    spec("tile_order", "tiles/tile_order.comp", &[], "tiles", Count::Tiles, 20.0),
+    spec("blend_fwd_p4", "blend/blend_fwd.comp", &[FULL, P4], "blend", Count::Intersections, 650.0),
+    spec("blend_fwd_p8", "blend/blend_fwd.comp", &[FULL, P8], "blend", Count::Intersections, 650.0),
+    spec("blend_fwd_color_p4", "blend/blend_fwd.comp", &[P4], "blend", Count::Intersections, 650.0),
+    spec("blend_fwd_color_p8", "blend/blend_fwd.comp", &[P8], "blend", Count::Intersections, 650.0),
+];

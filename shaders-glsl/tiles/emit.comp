@@ -1,0 +1,94 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+// Purpose   writes one (tile, Gaussian) pair per tile that a Gaussian touches, in depth order.
+// Equation  the count's own predicate, include/splat.glsl.
+// Grid      one thread per active Gaussian; those with many tiles are shared by the lanes of their subgroup, row by row.
+// Numerics  a slot that the count foresaw and the rows did not fill gets the tile past the last, which nothing reads.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#extension GL_KHR_shader_subgroup_ballot : require
+#extension GL_KHR_shader_subgroup_arithmetic : require
+#extension GL_KHR_shader_subgroup_shuffle : require
+#include "types.glsl"
+#include "grid.glsl"
+#include "splat.glsl"
+
+layout(local_size_x = 64) in;
+
+// A Gaussian with more tiles than this is shared.
+const uint MANY = 24u;
+
+layout(set = 0, binding = 0) uniform View { ViewParams view; };
+layout(set = 0, binding = 1) restrict readonly buffer NActive { uint n_active[]; };
+layout(set = 0, binding = 2) restrict readonly buffer Order { uint order[]; };
+layout(set = 0, binding = 3) restrict readonly buffer TileCounts { uint tile_counts[]; };
+layout(set = 0, binding = 4) restrict readonly buffer Offsets { uint offsets[]; };
+layout(set = 0, binding = 5) restrict readonly buffer Splats { vec4 splats[]; };
+layout(set = 0, binding = 6) restrict writeonly buffer TileKeys { uint tile_keys[]; };
+layout(set = 0, binding = 7) restrict writeonly buffer SplatIds { uint splat_ids[]; };
+
+// Writes the columns of one row from `at` on and never past `end`; returns the next place.
+uint emit_row(uvec2 columns, uint row, uint at, uint end, uint id) {
+    for (uint column = columns.x; column < columns.y; ++column) {
+        if (at < end) {
+            tile_keys[at] = row * view.tiles_x + column;
+            splat_ids[at] = id;
+        }
+        ++at;
+    }
+    return at;
+}
+
+void main() {
+    const uint i = linear_thread();
+    const bool valid = i < n_active[0];
+    const uint id = valid ? order[i] : 0u;
+    const uint n = valid ? tile_counts[id] : 0u;
+    const uint first = valid ? offsets[i] : 0u;
+    const vec2 xy = splats[SPLAT_PLANES * id].xy;
+    const vec4 shape = splats[SPLAT_PLANES * id + 3u];
+    const uint none = view.tiles_x * view.tiles_y;
+
+    const bool own = n > 0u && n <= MANY;
+    const uvec2 rows = own ? tile_rows(view, xy.y, shape.w) : uvec2(0u);
+    uint at = first;
+    for (uint row = rows.x; row < rows.y; ++row) {
+        at = emit_row(tile_columns(view, xy, shape.y, shape.z, shape.w, row), row, at, first + n, id);
+    }
+    if (own) {
+        for (; at < first + n; ++at) {
+            tile_keys[at] = none;
+            splat_ids[at] = id;
+        }
+    }
+
+    const uint lane = gl_SubgroupInvocationID;
+    const uvec4 many = subgroupBallot(n > MANY);
+    for (uint half_mask = 0u; half_mask < 2u; ++half_mask) {
+        uint word = half_mask == 0u ? many.x : many.y;
+        while (word != 0u) {
+            const uint owner = 32u * half_mask + uint(findLSB(word));
+            word &= word - 1u;
+            const vec2 xy_o = vec2(subgroupShuffle(xy.x, owner), subgroupShuffle(xy.y, owner));
+            const vec3 shape_o = vec3(
+                subgroupShuffle(shape.y, owner), subgroupShuffle(shape.z, owner), subgroupShuffle(shape.w, owner));
+            const uint id_o = subgroupShuffle(id, owner);
+            const uint first_o = subgroupShuffle(first, owner);
+            const uint end_o = first_o + subgroupShuffle(n, owner);
+            const uvec2 rows_o = tile_rows(view, xy_o.y, shape_o.z);
+            uint base = first_o;
+            for (uint row0 = rows_o.x; row0 < rows_o.y; row0 += gl_SubgroupSize) {
+                const uint row = row0 + lane;
+                uvec2 columns = uvec2(0u);
+                if (row < rows_o.y) columns = tile_columns(view, xy_o, shape_o.x, shape_o.y, shape_o.z, row);
+                const uint width = columns.y - min(columns.x, columns.y);
+                const uint before = subgroupExclusiveAdd(width);
+                emit_row(columns, row, base + before, end_o, id_o);
+                base += subgroupAdd(width);
+            }
+            for (uint k = base + lane; k < end_o; k += gl_SubgroupSize) {
+                tile_keys[k] = none;
+                splat_ids[k] = id_o;
+            }
+        }
+    }
+}
