@@ -2,6 +2,7 @@
 
 mod compressed_ply;
 mod decode;
+mod demo;
 mod file;
 mod frame;
 mod import;
@@ -16,6 +17,7 @@ mod summary;
 mod tensors;
 mod view;
 
+pub use demo::demo;
 pub use file::write_atomic;
 pub use frame::Frame;
 pub use import::read_scene;
