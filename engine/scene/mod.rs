@@ -1,9 +1,31 @@
 //! Scenes, views and pictures on the host, and the files they come from and go to (SPEC 9).
 
+mod compressed_ply;
+mod decode;
+mod demo;
+mod file;
 mod frame;
+mod import;
+mod ply;
+mod ply_header;
+mod ply_rows;
+mod sog;
+mod splat;
 mod splats;
+mod spz;
+mod summary;
+mod tensors;
 mod view;
 
+pub use demo::demo;
+pub use file::write_atomic;
 pub use frame::Frame;
+pub use import::read_scene;
+pub use ply::{read_ply, write_ply};
+pub use sog::read_sog;
+pub use splat::read_splat;
 pub use splats::{Motion, Splats};
-pub use view::View;
+pub use spz::read_spz;
+pub use summary::{Bounds, DeviceBytes, Quantiles, Summary};
+pub use tensors::{Tensor, read_tensors, write_tensors};
+pub use view::{View, read_views, write_views};

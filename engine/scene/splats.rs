@@ -39,6 +39,11 @@ pub struct Splats {
 }
 
 impl Splats {
+    /// A scene without Gaussians.
+    pub fn new(sh_degree: u32) -> Self {
+        Splats { sh_degree, ..Splats::default() }
+    }
+
     /// Number of Gaussians.
     pub fn len(&self) -> usize {
         self.position.len()
@@ -53,5 +58,43 @@ impl Splats {
     pub fn n_coefficients(&self) -> usize {
         let side = self.sh_degree as usize + 1;
         side * side
+    }
+
+    /// Says which array has the wrong length, if one has; every array must fit `len()`, `n_static` and `sh_degree`.
+    ///
+    /// # Errors
+    /// A sentence that names the array, its length and the one it should have.
+    pub fn check(&self) -> std::result::Result<(), String> {
+        let n = self.len();
+        if self.sh_degree > 3 {
+            return Err(format!("sh_degree is {}, at most 3 is supported", self.sh_degree));
+        }
+        let Some(n_dynamic) = n.checked_sub(self.n_static) else {
+            return Err(format!("n_static is {}, there are {n} Gaussians", self.n_static));
+        };
+        let lengths = [
+            ("rotation", self.rotation.len(), n),
+            ("scale", self.scale.len(), n),
+            ("opacity", self.opacity.len(), n),
+            ("sh", self.sh.len(), n * self.n_coefficients()),
+            ("motion", self.motion.len(), n_dynamic),
+            ("source_row", self.source_row.len(), n),
+        ];
+        match lengths.iter().find(|(_, length, expected)| length != expected) {
+            Some((name, length, expected)) => Err(format!("{name} has {length} entries, it should have {expected}")),
+            None => Ok(()),
+        }
+    }
+
+    /// Appends the Gaussians of `dynamic`, which has the same degree and no static ones.
+    pub(super) fn append_dynamic(&mut self, mut dynamic: Splats) {
+        debug_assert!(dynamic.n_static == 0 && dynamic.sh_degree == self.sh_degree);
+        self.position.append(&mut dynamic.position);
+        self.rotation.append(&mut dynamic.rotation);
+        self.scale.append(&mut dynamic.scale);
+        self.opacity.append(&mut dynamic.opacity);
+        self.sh.append(&mut dynamic.sh);
+        self.motion.append(&mut dynamic.motion);
+        self.source_row.append(&mut dynamic.source_row);
     }
 }

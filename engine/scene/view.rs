@@ -1,4 +1,10 @@
-//! One camera at one time (SPEC 9, "Cameras").
+//! One camera at one time (SPEC 9, "Cameras"), and the files of them.
+
+use std::collections::HashSet;
+use std::path::Path;
+
+use super::file::{read_bytes, write_atomic};
+use crate::error::{Error, Result};
 
 /// A pinhole camera at one time. Double precision on the host; narrowed once when it goes to the device.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -35,4 +41,142 @@ pub struct View {
 
 fn one() -> f64 {
     1.0
+}
+
+/// Largest width or height of a view, pixels.
+const MAX_SIDE: u32 = 1 << 16;
+/// Longest name of a view, bytes; with a suffix it must still fit a file name on every common file system.
+const MAX_NAME_BYTES: usize = 200;
+/// Largest deviation of R R^T from the identity, entry by entry.
+const ROTATION_TOLERANCE: f64 = 1e-3;
+
+/// The cameras file as a whole; a view stays untyped until its index is known for error messages.
+#[derive(serde::Deserialize)]
+struct Document {
+    views: Vec<serde_json::Value>,
+}
+
+/// Reads a cameras file: JSON `{"views": [...]}` with the fields of [`View`]; `time`, `time_offset`, `flow_dt` and
+/// `background` may be absent (0, 0, 1, black). Other fields are ignored.
+///
+/// # Errors
+/// [`Error::Data`] naming the view and the field when the file cannot be read or parsed, when it has no view, when a
+/// name is empty, used twice or unfit as a file name, a size is not in 1..=65536, a focal length is not positive, a
+/// number is not finite, or `world_to_camera` is no rotation and translation.
+pub fn read_views(path: &Path) -> Result<Vec<View>> {
+    let text = read_bytes(path)?;
+    let remedy = "write {\"views\": [{\"name\": ..., \"width\": ..., ...}]}";
+    let parsed = serde_json::from_slice::<Document>(&text);
+    let document = parsed.map_err(|fault| Error::data(path, "", format!("no cameras JSON: {fault}"), remedy))?;
+    let mut views = Vec::new();
+    for (index, value) in document.views.into_iter().enumerate() {
+        let name = value.get("name").and_then(|name| name.as_str()).unwrap_or_default();
+        let place = place_of(index, name);
+        let view = serde_json::from_value::<View>(value);
+        views.push(view.map_err(|fault| Error::data(path, place, fault.to_string(), "correct this field"))?);
+    }
+    check_views(path, &views)?;
+    Ok(views)
+}
+
+/// Writes a cameras file that [`read_views`] reads back as equal views.
+///
+/// # Errors
+/// [`Error::Data`] when a view would be refused by [`read_views`] or the file cannot be written.
+pub fn write_views(path: &Path, views: &[View]) -> Result<()> {
+    check_views(path, views)?;
+    write_atomic(path, |to| {
+        serde_json::to_writer_pretty(&mut *to, &serde_json::json!({ "views": views }))?;
+        writeln!(to)
+    })
+}
+
+fn place_of(index: usize, name: &str) -> String {
+    if name.is_empty() { format!("view {index}") } else { format!("view {index} (`{}`)", name.escape_debug()) }
+}
+
+fn check_views(path: &Path, views: &[View]) -> Result<()> {
+    if views.is_empty() {
+        return Err(Error::data(path, "field `views`", "holds no view", "add at least one"));
+    }
+    let mut names = HashSet::new();
+    for (index, view) in views.iter().enumerate() {
+        let fault = view.check().or_else(|| {
+            let reason = "is the name of an earlier view too".to_owned();
+            (!names.insert(view.name.as_str())).then_some(("name", reason, "give every view its own"))
+        });
+        if let Some((field, reason, remedy)) = fault {
+            let place = format!("{}, field `{field}`", place_of(index, &view.name));
+            return Err(Error::data(path, place, reason, remedy));
+        }
+    }
+    Ok(())
+}
+
+/// A fault of a view: field, reason, remedy.
+type Fault = (&'static str, String, &'static str);
+
+impl View {
+    fn check(&self) -> Option<Fault> {
+        let unfit = |c: char| c == '/' || c == '\\' || c.is_control();
+        if self.name.is_empty() || self.name.len() > MAX_NAME_BYTES {
+            let reason = format!("has {} bytes, 1 to {MAX_NAME_BYTES} are allowed", self.name.len());
+            return Some(("name", reason, "it names the output files: give a short one"));
+        }
+        if self.name.contains(unfit) || self.name.contains("..") {
+            let reason = "has a path separator, a control character or `..`".to_owned();
+            return Some(("name", reason, "it names the output files: use a plain file name"));
+        }
+        for (field, side) in [("width", self.width), ("height", self.height)] {
+            if !(1..=MAX_SIDE).contains(&side) {
+                return Some((field, format!("is {side}, 1 to {MAX_SIDE} is allowed"), "give the size in pixels"));
+            }
+        }
+        for (field, focal) in [("fx", self.fx), ("fy", self.fy)] {
+            if !(focal.is_finite() && focal > 0.0) {
+                return Some((field, format!("is {focal}, not a positive number"), "give the focal length in pixels"));
+            }
+        }
+        let numbers = [("cx", self.cx), ("cy", self.cy), ("time", self.time), ("time_offset", self.time_offset)];
+        for (field, number) in numbers.into_iter().chain([("flow_dt", self.flow_dt)]) {
+            if !number.is_finite() {
+                return Some((field, format!("is {number}"), "give a finite number"));
+            }
+        }
+        if self.background.iter().any(|c| !c.is_finite()) {
+            return Some(("background", format!("is {:?}", self.background), "give three finite numbers"));
+        }
+        self.check_pose()
+    }
+
+    fn check_pose(&self) -> Option<Fault> {
+        const FIELD: &str = "world_to_camera";
+        const REMEDY: &str =
+            "give the rows of a rotation and translation from world to camera (x right, y down, z forward)";
+        let m = &self.world_to_camera;
+        if m.iter().flatten().any(|v| !v.is_finite()) {
+            return Some((FIELD, "has an entry that is not finite".to_owned(), REMEDY));
+        }
+        if m[3] != [0.0, 0.0, 0.0, 1.0] {
+            return Some((FIELD, format!("has {:?} as its last row, not [0, 0, 0, 1]", m[3]), REMEDY));
+        }
+        for i in 0..3 {
+            for j in 0..=i {
+                let product: f64 = (0..3).map(|k| m[i][k] * m[j][k]).sum();
+                let expected = if i == j { 1.0 } else { 0.0 };
+                let error = (product - expected).abs();
+                if error.is_nan() || error > ROTATION_TOLERANCE {
+                    let reason =
+                        format!("has no rotation: rows {j} and {i} have the product {product}, not {expected}");
+                    return Some((FIELD, reason, REMEDY));
+                }
+            }
+        }
+        let minor = |a: usize, b: usize| m[1][a] * m[2][b] - m[1][b] * m[2][a];
+        let determinant = m[0][0] * minor(1, 2) - m[0][1] * minor(0, 2) + m[0][2] * minor(0, 1);
+        if determinant < 0.0 {
+            return Some((FIELD, "mirrors: the determinant of its rotation is -1".to_owned(), REMEDY));
+        }
+        None
+    }
 }

@@ -1,0 +1,23 @@
+//! What the quantised formats have in common: from their bytes to raw parameters (SPEC 2).
+
+/// Y_0 of the real spherical harmonics, 1 / (2 sqrt(pi)): a colour is `0.5 + SH_C0 * f_dc`.
+pub(super) const SH_C0: f64 = 0.282_094_791_773_878_14;
+
+/// The logit of an opacity stored as a byte of 255. The two ends, whose logits are infinite, are taken half a step
+/// inside, which is as far as the byte can tell.
+pub(super) fn logit_of_byte(byte: u8) -> f32 {
+    let p = (f64::from(byte) / 255.0).clamp(0.5 / 255.0, 254.5 / 255.0);
+    (p / (1.0 - p)).ln() as f32
+}
+
+/// The degree-0 coefficient of a colour in [0, 1].
+pub(super) fn dc_of_color(color: f64) -> f32 {
+    ((color - 0.5) / SH_C0) as f32
+}
+
+/// A unit quaternion in the order of `stored`, whose entry `largest` is the one that is not stored (and positive).
+pub(super) fn complete_quaternion(stored: [f64; 3], largest: usize) -> [f64; 4] {
+    let mut rest = stored.into_iter();
+    let missing = (1.0 - stored.iter().map(|v| v * v).sum::<f64>()).max(0.0).sqrt();
+    std::array::from_fn(|i| if i == largest { missing } else { rest.next().unwrap_or_default() })
+}

@@ -1,0 +1,50 @@
+//! One entry for every scene format.
+
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+
+use super::compressed_ply::{is_compressed, read_compressed};
+use super::file::cannot_read;
+use super::ply::read_vertices;
+use super::ply_rows::Rows;
+use super::sog::read_sog;
+use super::splat::read_splat;
+use super::splats::Splats;
+use super::spz::{GZIP, MAGIC, read_spz};
+use crate::error::{Error, Result};
+
+const SUPPORTED: &str = "give a 3DGS PLY, a PlayCanvas compressed PLY, an SPZ (version 2 to 4), a .splat, or the folder \
+                         or meta.json of a SOG scene (version 2)";
+
+/// Reads a scene in any supported format: PLY (3DGS, compressed), SPZ and SOG by content, `.splat` by its extension.
+/// Only a 3DGS PLY can hold dynamic Gaussians.
+///
+/// # Errors
+/// [`Error::Data`] of the format's reader; for another format, one that lists what is supported.
+pub fn read_scene(path: &Path) -> Result<Splats> {
+    if path.is_dir() {
+        return read_sog(&path.join("meta.json"));
+    }
+    let mut start = Vec::new();
+    let opened = File::open(path).and_then(|file| file.take(4).read_to_end(&mut start));
+    opened.map_err(|fault| cannot_read(path, &fault))?;
+    if start == b"ply\n" || start == b"ply\r" {
+        let (header, rows) = Rows::open(path)?;
+        return if is_compressed(&header) {
+            read_compressed(path, &header, rows)
+        } else {
+            read_vertices(path, &header, rows)
+        };
+    }
+    if start == MAGIC || start.starts_with(&GZIP) {
+        return read_spz(path);
+    }
+    let extension = path.extension().map(|extension| extension.to_ascii_lowercase());
+    match extension.as_ref().and_then(|extension| extension.to_str()) {
+        Some("splat") => read_splat(path),
+        Some("json") => read_sog(path),
+        Some("sog") => Err(Error::data(path, "", "is a bundled SOG scene", "unzip it and give the folder")),
+        _ => Err(Error::data(path, "", "is in no known scene format", SUPPORTED)),
+    }
+}

@@ -1,0 +1,196 @@
+//! PlayCanvas' SOG, version 2: `meta.json` and lossless WebP images whose pixels are the Gaussians' attributes.
+
+use std::io::Cursor;
+use std::path::Path;
+
+use image::codecs::webp::WebPDecoder;
+use image::{DynamicImage, ImageDecoder, RgbaImage};
+use serde::Deserialize;
+
+use super::decode::{complete_quaternion, logit_of_byte};
+use super::file::read_bytes;
+use super::splats::Splats;
+use crate::error::{Error, Result};
+
+/// Side of the square in which an image of attributes may exceed the Gaussians twofold; more is refused undecoded.
+const SLACK_PIXELS: u64 = 256 * 256;
+/// Palette entries of spherical harmonics in a row of their image.
+const PALETTE_COLUMNS: usize = 64;
+const REMEDY: &str = "the scene is damaged: copy or export it again";
+
+#[derive(Deserialize)]
+struct Meta {
+    version: u32,
+    count: u32,
+    means: Means,
+    scales: Coded,
+    quats: Files<1>,
+    sh0: Coded,
+    #[serde(rename = "shN")]
+    rest: Option<Palette>,
+}
+
+#[derive(Deserialize)]
+struct Means {
+    mins: [f64; 3],
+    maxs: [f64; 3],
+    files: [String; 2],
+}
+
+#[derive(Deserialize)]
+struct Files<const N: usize>
+where
+    [String; N]: for<'a> Deserialize<'a>,
+{
+    files: [String; N],
+}
+
+#[derive(Deserialize)]
+struct Coded {
+    codebook: Vec<f32>,
+    files: [String; 1],
+}
+
+#[derive(Deserialize)]
+struct Palette {
+    count: u32,
+    bands: u32,
+    codebook: Vec<f32>,
+    files: [String; 2],
+}
+
+/// Reads a SOG scene of version 2 from its `meta.json`; the images lie beside it. Every Gaussian is static.
+///
+/// # Errors
+/// [`Error::Data`] naming the file and the entry when one cannot be read or decoded, is not lossless, has another size
+/// than the count needs (checked before it is decoded), or holds an index that leads nowhere.
+pub fn read_sog(path: &Path) -> Result<Splats> {
+    let meta = read_bytes(path)?;
+    let meta: Meta = serde_json::from_slice(&meta).map_err(|fault| {
+        Error::data(path, "", format!("is no SOG description: {fault}"), "give the meta.json of a SOG scene, version 2")
+    })?;
+    if meta.version != 2 {
+        let reason = format!("is {}, only 2 is supported", meta.version);
+        return Err(Error::data(path, "field `version`", reason, "export the scene again"));
+    }
+    let codebooks = [
+        ("scales", Some(&meta.scales.codebook)),
+        ("sh0", Some(&meta.sh0.codebook)),
+        ("shN", meta.rest.as_ref().map(|p| &p.codebook)),
+    ];
+    for (name, codebook) in codebooks {
+        if let Some(codebook) = codebook.filter(|codebook| codebook.len() != 256) {
+            let reason = format!("has {} entries, a byte addresses 256", codebook.len());
+            return Err(Error::data(path, format!("field `{name}.codebook`"), reason, REMEDY));
+        }
+    }
+    let n = meta.count as usize;
+    let attribute = |name: &str| Pixels::read(path, name, n as u64);
+    let mut splats = Splats::new(meta.rest.as_ref().map_or(0, |palette| palette.bands.min(3)));
+    splats.n_static = n;
+    let [low, high] = &meta.means.files;
+    let (low, high) = (attribute(low)?, attribute(high)?);
+    splats.source_row = (0..meta.count).collect();
+    splats.position = (0..n).map(|i| meta.means.position(low.at(i), high.at(i))).collect();
+    let quaternions = attribute(&meta.quats.files[0])?;
+    splats.rotation =
+        (0..n).map(|i| rotation(path, &meta.quats.files[0], i, quaternions.at(i))).collect::<Result<_>>()?;
+    let scales = attribute(&meta.scales.files[0])?;
+    let code = |codebook: &[f32], [r, g, b, _]: [u8; 4]| [r, g, b].map(|byte| codebook[usize::from(byte)]);
+    splats.scale = (0..n).map(|i| code(&meta.scales.codebook, scales.at(i))).collect();
+    let colors = attribute(&meta.sh0.files[0])?;
+    splats.opacity = (0..n).map(|i| logit_of_byte(colors.at(i)[3])).collect();
+    let Some(palette) = &meta.rest else {
+        splats.sh = (0..n).map(|i| code(&meta.sh0.codebook, colors.at(i))).collect();
+        return Ok(splats);
+    };
+    let per_entry = palette.coefficients(path)?;
+    let entries = palette.read(path, per_entry)?;
+    let labels = attribute(&palette.files[1])?;
+    for i in 0..n {
+        let [low, high, ..] = labels.at(i);
+        let label = u16::from_le_bytes([low, high]);
+        if u32::from(label) >= palette.count {
+            let place = format!("{}, Gaussian {i}", palette.files[1]);
+            let reason = format!("palette entry {label}, there are {}", palette.count);
+            return Err(Error::data(path, place, reason, REMEDY));
+        }
+        let (row, column) = (usize::from(label) / PALETTE_COLUMNS, usize::from(label) % PALETTE_COLUMNS);
+        let first = (row * PALETTE_COLUMNS + column) * per_entry;
+        splats.sh.push(code(&meta.sh0.codebook, colors.at(i)));
+        splats.sh.extend((first..first + per_entry).map(|pixel| code(&palette.codebook, entries.at(pixel))));
+    }
+    Ok(splats)
+}
+
+impl Means {
+    /// 16 bits for each axis between the extremes of sign(x) ln(1 + |x|).
+    fn position(&self, low: [u8; 4], high: [u8; 4]) -> [f32; 3] {
+        std::array::from_fn(|axis| {
+            let t = f64::from(u16::from_le_bytes([low[axis], high[axis]])) / 65535.0;
+            let log = self.mins[axis] + (self.maxs[axis] - self.mins[axis]) * t;
+            (log.abs().exp_m1().copysign(log)) as f32
+        })
+    }
+}
+
+impl Palette {
+    fn coefficients(&self, path: &Path) -> Result<usize> {
+        if !(1..=3).contains(&self.bands) || self.count > 1 << 16 {
+            let reason =
+                format!("{} bands and {} entries, 1 to 3 and at most 65536 are allowed", self.bands, self.count);
+            return Err(Error::data(path, "field `shN`", reason, REMEDY));
+        }
+        Ok((self.bands as usize + 1).pow(2) - 1)
+    }
+
+    fn read(&self, path: &Path, per_entry: usize) -> Result<Pixels> {
+        let width = PALETTE_COLUMNS * per_entry;
+        let height = (self.count as usize).div_ceil(PALETTE_COLUMNS);
+        let pixels = Pixels::read(path, &self.files[0], (width * height) as u64)?;
+        if pixels.0.width() as usize != width {
+            let reason = format!("is {} pixels wide, {} bands need {width}", pixels.0.width(), self.bands);
+            return Err(Error::data(path, self.files[0].clone(), reason, REMEDY));
+        }
+        Ok(pixels)
+    }
+}
+
+/// Bytes 252 to 255 name the largest entry of (w, x, y, z), the others cover +-1/sqrt(2).
+fn rotation(path: &Path, file: &str, i: usize, [a, b, c, tag]: [u8; 4]) -> Result<[f32; 4]> {
+    let Some(largest) = tag.checked_sub(252) else {
+        let reason = format!("the tag of a quaternion is {tag}, not 252 to 255");
+        return Err(Error::data(path, format!("{file}, Gaussian {i}"), reason, REMEDY));
+    };
+    let entry = |byte: u8| (f64::from(byte) / 127.5 - 1.0) * std::f64::consts::FRAC_1_SQRT_2;
+    Ok(complete_quaternion([a, b, c].map(entry), largest.into()).map(|v| v as f32))
+}
+
+/// A decoded image, addressed by pixel number, row by row.
+struct Pixels(RgbaImage);
+
+impl Pixels {
+    /// Decodes the image `name` beside `meta`, which must have `n` pixels or a little more.
+    fn read(meta: &Path, name: &str, n: u64) -> Result<Self> {
+        let fault = |reason: String| Error::data(meta, format!("image `{}`", name.escape_debug()), reason, REMEDY);
+        if name.is_empty() || name.contains(['/', '\\']) || name.contains("..") {
+            return Err(fault("is not the plain name of a file beside this one".to_owned()));
+        }
+        let bytes = read_bytes(&meta.with_file_name(name))?;
+        if bytes.get(12..16) == Some(b"VP8 ") {
+            return Err(fault("is a lossy WebP, which destroys the values".to_owned()));
+        }
+        let decoder = WebPDecoder::new(Cursor::new(&bytes)).map_err(|cause| fault(format!("is no WebP: {cause}")))?;
+        let (width, height) = decoder.dimensions();
+        let pixels = u64::from(width) * u64::from(height);
+        if pixels < n || pixels > 2 * n + SLACK_PIXELS {
+            return Err(fault(format!("has {width} x {height} pixels for {n} values")));
+        }
+        let image = DynamicImage::from_decoder(decoder).map_err(|cause| fault(format!("does not decode: {cause}")))?;
+        Ok(Pixels(image.into_rgba8()))
+    }
+
+    fn at(&self, index: usize) -> [u8; 4] {
+        std::array::from_fn(|channel| self.0.as_raw()[4 * index + channel])
+    }
+}

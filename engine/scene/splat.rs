@@ -1,0 +1,40 @@
+//! The `.splat` format of antimatter15's viewer: 32 bytes a Gaussian, no header, no view dependence.
+
+use std::path::Path;
+
+use super::decode::{dc_of_color, logit_of_byte};
+use super::file::read_bytes;
+use super::splats::Splats;
+use crate::error::{Error, Result};
+
+/// Position and scale as three f32 each, RGBA and the quaternion (w, x, y, z) as four bytes each.
+const ROW_BYTES: usize = 32;
+
+/// Reads a `.splat` file: static Gaussians of degree 0.
+///
+/// # Errors
+/// [`Error::Data`] when the file cannot be read, is empty or is not a whole number of rows.
+pub fn read_splat(path: &Path) -> Result<Splats> {
+    let bytes = read_bytes(path)?;
+    let (rows, rest) = bytes.as_chunks::<ROW_BYTES>();
+    if rows.is_empty() || !rest.is_empty() {
+        let reason = format!("{} bytes are no whole number of rows of {ROW_BYTES}", bytes.len());
+        return Err(Error::data(path, format!("row {}", rows.len()), reason, "copy or export the file again"));
+    }
+    if u32::try_from(rows.len()).is_err() {
+        let reason = format!("{} rows, at most {} are supported", rows.len(), u32::MAX);
+        return Err(Error::data(path, "", reason, "split the scene"));
+    }
+    let mut splats = Splats::new(0);
+    splats.n_static = rows.len();
+    for (i, row) in rows.iter().enumerate() {
+        let number = |k: usize| f32::from_le_bytes(std::array::from_fn(|b| row[4 * k + b]));
+        splats.source_row.push(i as u32);
+        splats.position.push(std::array::from_fn(number));
+        splats.scale.push(std::array::from_fn(|axis| number(3 + axis).ln()));
+        splats.sh.push(std::array::from_fn(|c| dc_of_color(f64::from(row[24 + c]) / 255.0)));
+        splats.opacity.push(logit_of_byte(row[27]));
+        splats.rotation.push(std::array::from_fn(|k| (f32::from(row[28 + k]) - 128.0) / 128.0));
+    }
+    Ok(splats)
+}
