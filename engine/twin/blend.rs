@@ -125,12 +125,14 @@ fn blend<'a, R: Real + 'a>(
         let alpha = splat.alpha_at(at, rules);
         let alpha_error = alpha_error(splat, sub(at, splat.xy), camera);
         pixel.near_discontinuity |= close(alpha, rules.alpha_min, alpha_error);
-        if !(alpha >= rules.alpha_min) {
+        let bright = alpha >= rules.alpha_min;
+        if !bright {
             continue;
         }
         let depth_error = ROUNDINGS * (splat.z.to_f64() + max_abs(camera.translation).to_f64());
         pixel.near_discontinuity |= (splat.z - rules.near).to_f64().abs() <= depth_error;
-        if !(splat.z > rules.near) {
+        let in_front = splat.z > rules.near;
+        if !in_front {
             continue;
         }
         let gap = splat.z.to_f64() - z_before;
@@ -139,7 +141,8 @@ fn blend<'a, R: Real + 'a>(
         let left = pixel.transmittance * (R::one() - alpha);
         t_error += alpha_error * (alpha / (R::one() - alpha)).to_f64();
         pixel.near_discontinuity |= close(left, rules.t_min, t_error);
-        if !(left >= rules.t_min) {
+        let fits = left >= rules.t_min;
+        if !fits {
             break;
         }
         let weight = alpha * pixel.transmittance;

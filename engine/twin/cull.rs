@@ -16,18 +16,21 @@ pub fn visible<R: Real>(g: &Gaussian<R>, camera: &Camera<R>, time: R, rows: [R; 
     let one = R::one();
     let base = one / (one + (-g.opacity).exp());
     let level = (base / rules.alpha_min).ln() + c(1e-4);
-    if !(level >= R::zero()) {
+    let bright = level >= R::zero();
+    if !bright {
         return false;
     }
     if let Some(motion) = g.motion {
         let window = motion.t_scale.exp() * level.sqrt() * c(1.0 + 1e-5);
-        if !((time - motion.t_center).abs() <= window) {
+        let in_window = (time - motion.t_center).abs() <= window;
+        if !in_window {
             return false;
         }
     }
     let center_cam = add(apply(camera.rotation, g.position_at(time)), camera.translation);
     let z = center_cam[2];
-    if !(z > rules.near) {
+    let in_front = z > rules.near;
+    if !in_front {
         return false;
     }
     let radius = g.scale[0].max(g.scale[1]).max(g.scale[2]).exp();

@@ -59,8 +59,7 @@ impl<R: Real> Camera<R> {
     /// Narrows `view` to numbers of kind `R`.
     pub fn new(view: &View) -> Self {
         let m = &view.world_to_camera;
-        let centre: [f64; 3] =
-            std::array::from_fn(|k| -(m[0][k] * m[0][3] + m[1][k] * m[1][3] + m[2][k] * m[2][3]));
+        let centre: [f64; 3] = std::array::from_fn(|k| -(m[0][k] * m[0][3] + m[1][k] * m[1][3] + m[2][k] * m[2][3]));
         Camera {
             rotation: std::array::from_fn(|i| std::array::from_fn(|k| R::from_f64(m[i][k]))),
             translation: std::array::from_fn(|i| R::from_f64(m[i][3])),

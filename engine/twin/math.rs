@@ -45,7 +45,8 @@ pub fn row_times<R: Real>(row: [R; 3], matrix: [[R; 3]; 3]) -> [R; 3] {
 /// can be told. The largest component is divided out first, so that no length overflows in f32.
 pub fn rotation<R: Real>(q: [R; 4]) -> Option<[[R; 3]; 3]> {
     let largest = max_abs(q);
-    if !(largest.to_f64() > 1e-15) {
+    let has_direction = largest.to_f64() > 1e-15;
+    if !has_direction {
         return None;
     }
     let q = q.map(|x| x / largest);

@@ -39,11 +39,13 @@ pub fn project<R: Real>(g: &Gaussian<R>, camera: &Camera<R>, time: R, rules: &Ru
     let mean = g.position_at(time);
     let center_cam = add(apply(camera.rotation, mean), camera.translation);
     let z = center_cam[2];
-    if !(z > rules.near) {
+    let in_front = z > rules.near;
+    if !in_front {
         return None;
     }
     let opacity = g.opacity_at(time);
-    if !(opacity >= rules.alpha_min) {
+    let bright = opacity >= rules.alpha_min;
+    if !bright {
         return None;
     }
     let ratio = [center_cam[0] / z, center_cam[1] / z];

@@ -27,14 +27,14 @@ pub trait Real:
     /// Square root.
     fn sqrt(self) -> Self;
 
-    /// The greater value; `self` when they are equal, `other` when `self` is not a number.
+    /// The greater value; `self` when they are equal or either is not a number, so that a clamp keeps its argument's NaN.
     fn max(self, other: Self) -> Self {
-        if self >= other { self } else { other }
+        if self < other { other } else { self }
     }
 
-    /// The lesser value; `self` when they are equal, `other` when `self` is not a number.
+    /// The lesser value; `self` when they are equal or either is not a number.
     fn min(self, other: Self) -> Self {
-        if self <= other { self } else { other }
+        if self > other { other } else { self }
     }
 
     /// The magnitude.

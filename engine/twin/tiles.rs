@@ -16,17 +16,22 @@ pub const TILE: u32 = 16;
 /// concave in dy with its maximum at `dy* = -(p.q / |q|) sqrt(2 level) / |det m|`, the left end mirrors it; clamping
 /// +-dy* to the band gives the extreme points. One column of m has a zero and det m is a product, so nothing cancels.
 ///
-/// `slack` (pixels) widens the band and the result; the result gets 1e-6 of the ellipse's reach besides, for f32.
+/// Margins for f32, in which the blending decides: `slack` (pixels) widens the band and the result, the result gets 1e-6
+/// of the ellipse's reach besides, and `level` grows by 4e-6 (1 + level), without which the square root could lose
+/// sqrt(eps) of a half width at the very tip.
 /// An ellipse too large for the squares of m spans the whole row.
 pub fn row_span<R: Real>(xy: [R; 2], m: [[R; 2]; 2], level: R, band: [R; 2], slack: R) -> Option<[R; 2]> {
-    if !(level >= R::zero()) {
+    let level = level + R::from_f64(4e-6) * (R::one() + level);
+    let bright = level >= R::zero();
+    if !bright {
         return None;
     }
     let (p, q) = ([m[0][0], m[1][0]], [m[0][1], m[1][1]]);
     let (pp, qq, pq) = (dot(p, p), dot(q, q), dot(p, q));
     let det = (m[0][0] * m[1][1] - m[0][1] * m[1][0]).abs();
     let least = R::from_f64(1e-30);
-    if !(pp > least && qq > least && det > least) {
+    let squares_hold = pp > least && qq > least && det > least;
+    if !squares_hold {
         let everywhere = R::from_f64(1e30);
         return Some([-everywhere, everywhere]);
     }
@@ -35,7 +40,8 @@ pub fn row_span<R: Real>(xy: [R; 2], m: [[R; 2]; 2], level: R, band: [R; 2], sla
     let reach_y = radius * root_pp / det;
     let low = (band[0] - slack - xy[1]).max(-reach_y);
     let high = (band[1] + slack - xy[1]).min(reach_y);
-    if !(low <= high) {
+    let meets = low <= high;
+    if !meets {
         return None;
     }
     let reach_x = radius * root_qq / det;

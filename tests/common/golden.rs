@@ -14,6 +14,7 @@ pub type Tensors = BTreeMap<String, Vec<f64>>;
 
 /// One case.
 pub struct Golden {
+    pub splats: Splats,
     pub params: Params<f64>,
     pub view: View,
     pub outputs: Tensors,
@@ -33,6 +34,7 @@ pub fn load(case: &str) -> Option<Golden> {
     // The view's colour is f32; the golden program read the decimals of the file.
     let params = Params { background, ..Params::new(&splats, &view) };
     Some(Golden {
+        splats,
         params,
         view,
         outputs: read_tensors(&folder.join("outputs.safetensors")),
@@ -111,7 +113,8 @@ fn read_splats(file: &Path) -> Splats {
 
 /// The numbers of one parameter group of `params`, flat, under its name in `gradients.safetensors`.
 pub fn group<'a>(params: &'a mut Params<f64>, name: &str) -> Vec<&'a mut f64> {
-    let motion = |f: fn(&mut Temporal<f64>) -> &mut f64, params: &'a mut Params<f64>| params.motion.iter_mut().map(f).collect();
+    let motion =
+        |f: fn(&mut Temporal<f64>) -> &mut f64, params: &'a mut Params<f64>| params.motion.iter_mut().map(f).collect();
     match name {
         "position" => params.position.iter_mut().flatten().collect(),
         "rotation" => params.rotation.iter_mut().flatten().collect(),

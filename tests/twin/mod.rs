@@ -1,7 +1,16 @@
 //! The CPU truth against the golden cases, against itself, and against brute force.
 
+mod blend;
+mod cull;
+mod derivatives;
+mod extremes;
 mod golden;
+mod integers;
+mod needles;
+mod precision;
+mod tiles;
 
+use ivv::scene::{Motion, Splats};
 use ivv::twin::{Outputs, Params};
 
 /// The float tensors of `outputs`, flat, by their names in SPEC 9.
@@ -26,4 +35,25 @@ pub fn relative_l2(a: &[f64], b: &[f64]) -> f64 {
 /// A direction of the shape of `params`, all zero.
 pub fn zero_like(params: &Params<f64>) -> Params<f64> {
     params.zip(params, |_, _| 0.0)
+}
+
+/// One round static Gaussian of degree 0 at `position`, standard deviation 0.1, opacity 0.88, white.
+pub fn single(position: [f32; 3]) -> Splats {
+    Splats {
+        n_static: 1,
+        sh_degree: 0,
+        position: vec![position],
+        rotation: vec![[1.0, 0.0, 0.0, 0.0]],
+        scale: vec![[0.1f32.ln(); 3]],
+        opacity: vec![2.0],
+        sh: vec![[1.8; 3]],
+        motion: vec![],
+        source_row: vec![0],
+    }
+}
+
+/// Makes every Gaussian of a static scene dynamic with `motion`.
+pub fn with_motion(splats: &Splats, motion: Motion) -> Splats {
+    assert_eq!(splats.n_static, splats.len());
+    Splats { n_static: 0, motion: vec![motion; splats.len()], ..splats.clone() }
 }
