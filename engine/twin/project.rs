@@ -85,8 +85,7 @@ fn jacobian_rows<R: Real>(camera: &Camera<R>, ratio: [R; 2], z: R) -> [[R; 3]; 2
 /// det = |r1 x r2|^2 + blur (|r1|^2 + |r2|^2) + blur^2, a sum of squares (numerics rows 1, 2, 8). Everything is divided
 /// by n = max(1, max |V|), so that f32 carries log-scales up to 40: e = V / n, A = a / n^2, C = c / n^2, and
 /// q^2 = det / n^2 = |n e1 x e2|^2 + blur (|e1|^2 + |e2|^2) + blur^2 / n^2. The components of n e1 x e2 are
-/// s_j s_k / n times the minors of g: products of already scaled rows are never subtracted. The pivot is the larger
-/// diagonal, hence |b / a| <= 1:
+/// s_j s_k / n times the minors of g. The pivot is the larger diagonal, hence |b / a| <= 1 and nothing underflows in it:
 /// `a >= c: m = [[1 / sqrt a, 0], [-(b / a) h, h]]`, h = sqrt(a / det) = sqrt(A) / q;
 /// `a < c:  m = [[0, 1 / sqrt c], [h, -(b / c) h]]`, h = sqrt(c / det).
 pub fn footprint<R: Real>(g: [[R; 3]; 2], s: [R; 3], blur: R) -> Footprint<R> {
@@ -106,15 +105,21 @@ pub fn footprint<R: Real>(g: [[R; 3]; 2], s: [R; 3], blur: R) -> Footprint<R> {
     let unit = cross.map(|x| x / big);
     let q = big * (dot(unit, unit) + (blur * (e11 + e22) + blur * blur_n) / big / big).sqrt();
 
-    let (root_a, root_c, zero) = (a.sqrt(), c.sqrt(), R::zero());
+    // Each row by its own largest entry: beside an axis of 1e19 px the square of the other row would underflow.
+    let deviation = v.map(|row| {
+        let n = max_abs(row).max(R::one());
+        let e = row.map(|x| x / n);
+        n * (dot(e, e) + blur / n / n).sqrt()
+    });
+    let zero = R::zero();
     let m = if a >= c {
-        let h = root_a / q;
-        [[R::one() / (n * root_a), zero], [-(e12 / a) * h, h]]
+        let h = a.sqrt() / q;
+        [[R::one() / deviation[0], zero], [-(e12 / a) * h, h]]
     } else {
-        let h = root_c / q;
-        [[zero, R::one() / (n * root_c)], [h, -(e12 / c) * h]]
+        let h = c.sqrt() / q;
+        [[zero, R::one() / deviation[1]], [h, -(e12 / c) * h]]
     };
-    Footprint { m, deviation: [n * root_a, n * root_c] }
+    Footprint { m, deviation }
 }
 
 /// The exponent `|m d|^2 / 2` at offset `d` pixels from the centre; never negative.

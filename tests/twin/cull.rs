@@ -83,3 +83,31 @@ fn the_time_window_ends_where_the_opacity_does() {
     assert!(kept(0.5) && kept(0.5 + half) && kept(0.5 - half));
     assert!(!kept(0.5 + half * 1.0001) && !kept(0.5 - half * 1.0001));
 }
+
+#[test]
+fn a_needle_outside_the_image_that_just_reaches_in_is_kept() {
+    let view = view();
+    let rules = Rules::<f64>::new(&Constants::default());
+    let camera = Camera::<f64>::new(&view);
+    let (focal, middle, size) = ([view.fx, view.fy], [view.cx, view.cy], [80.0, 56.0]);
+    for axis in 0..2 {
+        for ratio in [-1.5, -0.9, -0.7, 0.75, 1.0, 1.5f64] {
+            // Along the row of J, where the bound is tight: (1, 0, -u) or (0, 1, -v), and 1 px past the edge's centres.
+            let u = camera.clamped(ratio, axis);
+            let at = focal[axis] * ratio + middle[axis];
+            let distance = if ratio < 0.0 { 1.5 - at } else { at - (size[axis] - 1.5) };
+            let (sin, cos) = (0.5 * u.atan()).sin_cos();
+            let mut splats = super::single([0.0; 3]);
+            // Camera depth 4, on the axis' middle line otherwise.
+            splats.position[0][axis] = (4.0 * ratio) as f32;
+            splats.rotation[0] = [[cos, 0.0, sin, 0.0], [cos, -sin, 0.0, 0.0]][axis].map(|x| x as f32);
+            let opacity = 1.0 / (1.0 + f64::from(-splats.opacity[0]).exp());
+            let reach = (2.0 * (opacity / rules.alpha_min).ln()).sqrt();
+            let deviation = distance / reach * 4.0 / focal[axis] / (1.0 + u * u).sqrt();
+            splats.scale[0] = [-9.0; 3];
+            splats.scale[0][axis] = deviation.ln() as f32;
+            let counts = check::<f64>(&splats, &view);
+            assert_eq!(counts, [0, 1, 1], "axis {axis}, ratio {ratio}: [culled, seen, all]");
+        }
+    }
+}
