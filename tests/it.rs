@@ -1,1 +1,3 @@
 //! All tests of the engine in one binary: one link, one Vulkan device.
+mod common;
+mod twin;

@@ -1,1 +1,29 @@
 //! Float64 truth and exact twins of the integer kernels, on the CPU. No SIMD, no threads, no cleverness.
+//!
+//! Written to be read beside SPEC 3. The float parts are written once over [`Real`]: `f64` is the truth, `f32` shows
+//! what the same formula loses on the device, [`Dual`] gives exact directional derivatives.
+
+mod blend;
+mod cull;
+mod dual;
+mod input;
+mod jvp;
+mod math;
+mod project;
+mod real;
+mod scan;
+mod sh;
+mod sort;
+mod tiles;
+
+pub use blend::{Outputs, render, render_f64};
+pub use cull::visible;
+pub use dual::Dual;
+pub use input::{Camera, Gaussian, Params, Rules, Temporal};
+pub use jvp::{Tangent, jvp, jvp_of};
+pub use project::{Footprint, Projected, footprint, power, project};
+pub use real::Real;
+pub use scan::{Scan, exclusive_scan};
+pub use sh::{basis, color};
+pub use sort::{DIGITS, block_histograms, float_key, radix_sort};
+pub use tiles::{TILE, columns, ranges, row_span, tiles, tiles_truth};

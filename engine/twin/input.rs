@@ -1,0 +1,244 @@
+//! What the twin computes from: rules, a camera and raw parameters, all over one kind of number.
+
+use super::math::scaled;
+use super::real::Real;
+use crate::scene::{Splats, View};
+use crate::settings::Constants;
+
+/// The rendering constants of SPEC 3 (see [`Constants`] for their meaning) as numbers of kind `R`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Rules<R> {
+    /// Least alpha that contributes.
+    pub alpha_min: R,
+    /// Alpha is clamped to this.
+    pub alpha_max: R,
+    /// Least transmittance that a Gaussian may leave.
+    pub t_min: R,
+    /// Variance added to the projected covariance's diagonal, square pixels.
+    pub blur: R,
+    /// Camera depth that a centre must exceed, scene units.
+    pub near: R,
+}
+
+impl<R: Real> Rules<R> {
+    /// The device's constants: what f32 holds, not the decimal that was written.
+    pub fn new(constants: &Constants) -> Self {
+        let c = |x: f32| R::from_f64(f64::from(x));
+        Rules {
+            alpha_min: c(constants.alpha_min),
+            alpha_max: c(constants.alpha_max),
+            t_min: c(constants.t_min),
+            blur: c(constants.blur),
+            near: c(constants.near),
+        }
+    }
+}
+
+/// A [`View`] as numbers of kind `R`. The world-to-camera map is taken to be rigid.
+#[derive(Clone, Copy, Debug)]
+pub struct Camera<R> {
+    /// Rows of the world-to-camera rotation.
+    pub rotation: [[R; 3]; 3],
+    /// World-to-camera translation, scene units.
+    pub translation: [R; 3],
+    /// Camera centre in the world, scene units; computed in double precision and narrowed once.
+    pub centre: [R; 3],
+    /// Focal lengths in x and y, pixels.
+    pub focal: [R; 2],
+    /// Principal point, pixels.
+    pub principal: [R; 2],
+    /// Width and height, pixels.
+    pub size: [R; 2],
+    /// Normalised time, without the camera's offset.
+    pub time: R,
+    /// Normalised time between two frames.
+    pub flow_dt: R,
+}
+
+impl<R: Real> Camera<R> {
+    /// Narrows `view` to numbers of kind `R`.
+    pub fn new(view: &View) -> Self {
+        let m = &view.world_to_camera;
+        let centre: [f64; 3] = std::array::from_fn(|k| -(m[0][k] * m[0][3] + m[1][k] * m[1][3] + m[2][k] * m[2][3]));
+        Camera {
+            rotation: std::array::from_fn(|i| std::array::from_fn(|k| R::from_f64(m[i][k]))),
+            translation: std::array::from_fn(|i| R::from_f64(m[i][3])),
+            centre: centre.map(R::from_f64),
+            focal: [view.fx, view.fy].map(R::from_f64),
+            principal: [view.cx, view.cy].map(R::from_f64),
+            size: [view.width, view.height].map(|n| R::from_f64(f64::from(n))),
+            time: R::from_f64(view.time),
+            flow_dt: R::from_f64(view.flow_dt),
+        }
+    }
+
+    /// t' of SPEC 2: the time that this camera really saw, for an offset in frames.
+    pub fn shifted_time(&self, time_offset: R) -> R {
+        self.time + time_offset * self.flow_dt
+    }
+
+    /// x / z (`axis` 0) or y / z (`axis` 1) of a centre, clamped as the Jacobian of SPEC 3 takes it.
+    pub fn clamped(&self, ratio: R, axis: usize) -> R {
+        let (size, focal, principal) = (self.size[axis], self.focal[axis], self.principal[axis]);
+        let margin = R::from_f64(0.15) * size / focal;
+        ratio.max(-(principal / focal + margin)).min((size - principal) / focal + margin)
+    }
+}
+
+/// The temporal parameters of a dynamic Gaussian (SPEC 2).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Temporal<R> {
+    /// Scene units per unit of normalised time.
+    pub velocity: [R; 3],
+    /// Normalised time of peak visibility.
+    pub t_center: R,
+    /// Log of tau, tau in normalised time.
+    pub t_scale: R,
+}
+
+/// One Gaussian's raw parameters (SPEC 2).
+#[derive(Clone, Copy, Debug)]
+pub struct Gaussian<'a, R> {
+    /// Centre at the temporal centre, world, scene units.
+    pub position: [R; 3],
+    /// Quaternion (w, x, y, z) of any length.
+    pub rotation: [R; 4],
+    /// Logs of the standard deviations, scene units.
+    pub scale: [R; 3],
+    /// Logit of the base opacity.
+    pub opacity: R,
+    /// Spherical harmonics, `[coefficient][RGB]`.
+    pub sh: &'a [[R; 3]],
+    /// `None` for a static Gaussian.
+    pub motion: Option<Temporal<R>>,
+}
+
+impl<R: Real> Gaussian<'_, R> {
+    /// mu(t') of SPEC 2, scene units.
+    pub fn position_at(&self, time: R) -> [R; 3] {
+        match self.motion {
+            None => self.position,
+            Some(motion) => super::math::add(self.position, scaled(motion.velocity, time - motion.t_center)),
+        }
+    }
+
+    /// opacity(t') of SPEC 2. tau enters as exp(-log tau), which is 0 and not NaN for infinite tau, derivative included.
+    pub fn opacity_at(&self, time: R) -> R {
+        let base = R::one() / (R::one() + (-self.opacity).exp());
+        match self.motion {
+            None => base,
+            Some(motion) => {
+                let u = (time - motion.t_center) * (-motion.t_scale).exp();
+                base * (-(u * u)).exp()
+            }
+        }
+    }
+
+    /// Velocity in the world, scene units per unit of normalised time.
+    pub fn velocity(&self) -> [R; 3] {
+        self.motion.map_or([R::zero(); 3], |motion| motion.velocity)
+    }
+}
+
+/// Everything that a render can be differentiated by: a scene's parameters, the camera's time offset and the
+/// background. Laid out as [`Splats`]: static Gaussians first.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Params<R> {
+    /// Gaussians `0..n_static` are static.
+    pub n_static: usize,
+    /// Coefficients per Gaussian and channel: 1, 4, 9 or 16.
+    pub n_coefficients: usize,
+    /// As [`Splats::position`].
+    pub position: Vec<[R; 3]>,
+    /// As [`Splats::rotation`].
+    pub rotation: Vec<[R; 4]>,
+    /// As [`Splats::scale`].
+    pub scale: Vec<[R; 3]>,
+    /// As [`Splats::opacity`].
+    pub opacity: Vec<R>,
+    /// As [`Splats::sh`].
+    pub sh: Vec<[R; 3]>,
+    /// As [`Splats::motion`].
+    pub motion: Vec<Temporal<R>>,
+    /// The camera's time offset, frames.
+    pub time_offset: R,
+    /// Colour behind the scene.
+    pub background: [R; 3],
+}
+
+impl<R: Real> Params<R> {
+    /// The parameters of `splats` seen by `view`.
+    pub fn new(splats: &Splats, view: &View) -> Self {
+        let c = |x: f32| R::from_f64(f64::from(x));
+        Params {
+            n_static: splats.n_static,
+            n_coefficients: splats.n_coefficients(),
+            position: splats.position.iter().map(|p| p.map(c)).collect(),
+            rotation: splats.rotation.iter().map(|q| q.map(c)).collect(),
+            scale: splats.scale.iter().map(|s| s.map(c)).collect(),
+            opacity: splats.opacity.iter().copied().map(c).collect(),
+            sh: splats.sh.iter().map(|f| f.map(c)).collect(),
+            motion: splats
+                .motion
+                .iter()
+                .map(|m| Temporal { velocity: m.velocity.map(c), t_center: c(m.t_center), t_scale: c(m.t_scale) })
+                .collect(),
+            time_offset: R::from_f64(view.time_offset),
+            background: view.background.map(c),
+        }
+    }
+
+    /// Number of Gaussians.
+    pub fn len(&self) -> usize {
+        self.position.len()
+    }
+
+    /// Whether there is no Gaussian at all.
+    pub fn is_empty(&self) -> bool {
+        self.position.is_empty()
+    }
+
+    /// Gaussian `i`, which must be below [`Params::len`].
+    pub fn gaussian(&self, i: usize) -> Gaussian<'_, R> {
+        Gaussian {
+            position: self.position[i],
+            rotation: self.rotation[i],
+            scale: self.scale[i],
+            opacity: self.opacity[i],
+            sh: &self.sh[i * self.n_coefficients..(i + 1) * self.n_coefficients],
+            motion: i.checked_sub(self.n_static).map(|k| self.motion[k]),
+        }
+    }
+
+    /// Pairs every number with the one at the same place of `other`, which must have the same shape.
+    pub fn zip<S: Real, T>(&self, other: &Params<S>, f: impl Fn(R, S) -> T + Copy) -> Params<T> {
+        fn all<R: Real, S: Real, T, const N: usize>(
+            a: &[[R; N]],
+            b: &[[S; N]],
+            f: impl Fn(R, S) -> T + Copy,
+        ) -> Vec<[T; N]> {
+            a.iter().zip(b).map(|(a, b)| std::array::from_fn(|k| f(a[k], b[k]))).collect()
+        }
+        Params {
+            n_static: self.n_static,
+            n_coefficients: self.n_coefficients,
+            position: all(&self.position, &other.position, f),
+            rotation: all(&self.rotation, &other.rotation, f),
+            scale: all(&self.scale, &other.scale, f),
+            opacity: self.opacity.iter().zip(&other.opacity).map(|(a, b)| f(*a, *b)).collect(),
+            sh: all(&self.sh, &other.sh, f),
+            motion: self
+                .motion
+                .iter()
+                .zip(&other.motion)
+                .map(|(a, b)| Temporal {
+                    velocity: std::array::from_fn(|k| f(a.velocity[k], b.velocity[k])),
+                    t_center: f(a.t_center, b.t_center),
+                    t_scale: f(a.t_scale, b.t_scale),
+                })
+                .collect(),
+            time_offset: f(self.time_offset, other.time_offset),
+            background: std::array::from_fn(|k| f(self.background[k], other.background[k])),
+        }
+    }
+}

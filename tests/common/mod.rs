@@ -1,0 +1,4 @@
+//! What several test folders share.
+
+pub mod golden;
+pub mod random;

@@ -1,0 +1,77 @@
+//! Seeded random numbers and scenes.
+
+use ivv::scene::{Motion, Splats, View};
+
+/// SplitMix64: enough for tests, and the same on every machine.
+pub struct Random(u64);
+
+impl Random {
+    pub fn new(seed: u64) -> Self {
+        Random(seed)
+    }
+
+    pub fn bits(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ (z >> 31)
+    }
+
+    /// Uniform in `[low, high)`.
+    pub fn uniform(&mut self, low: f64, high: f64) -> f64 {
+        low + (high - low) * (self.bits() >> 11) as f64 / (1u64 << 53) as f64
+    }
+
+    pub fn vector<const N: usize>(&mut self, low: f64, high: f64) -> [f32; N] {
+        std::array::from_fn(|_| self.uniform(low, high) as f32)
+    }
+
+    /// One of `choices`.
+    pub fn pick(&mut self, choices: &[f64]) -> f64 {
+        choices[(self.bits() % choices.len() as u64) as usize]
+    }
+}
+
+/// A camera at (0, 0, -4) that looks along z, 80 x 56 pixels.
+pub fn view() -> View {
+    View {
+        name: "random".into(),
+        width: 80,
+        height: 56,
+        fx: 70.0,
+        fy: 75.0,
+        cx: 38.5,
+        cy: 29.25,
+        world_to_camera: [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 4.0], [0.0, 0.0, 0.0, 1.0]],
+        time: 0.4,
+        time_offset: 0.3,
+        flow_dt: 0.05,
+        background: [0.1, 0.3, 0.6],
+    }
+}
+
+/// `n` Gaussians of moderate size in front of [`view`], the first half static.
+pub fn scene(seed: u64, n: usize, sh_degree: u32) -> Splats {
+    let mut random = Random::new(seed);
+    let n_static = n / 2;
+    let mut splats = Splats { n_static, sh_degree, ..Splats::default() };
+    for i in 0..n {
+        splats.position.push(random.vector(-1.5, 1.5));
+        splats.rotation.push(random.vector(-1.0, 1.0));
+        splats.scale.push(random.vector(-4.0, -1.2));
+        splats.opacity.push(random.uniform(-2.0, 3.0) as f32);
+        for _ in 0..splats.n_coefficients() {
+            splats.sh.push(random.vector(-0.5, 0.8));
+        }
+        if i >= n_static {
+            splats.motion.push(Motion {
+                velocity: random.vector(-1.0, 1.0),
+                t_center: random.uniform(0.0, 1.0) as f32,
+                t_scale: random.uniform(-2.0, 1.0) as f32,
+            });
+        }
+        splats.source_row.push(i as u32);
+    }
+    splats
+}
