@@ -125,7 +125,7 @@ fn extreme_scales_give_finite_positive_footprints_in_f32() {
         for n_axes in 1..=3 {
             for _ in 0..200 {
                 let pixels_per_unit = random.pick(&[0.1, 10.0, 1e3]);
-                let g = if random.bits() % 4 == 0 {
+                let g = if random.bits().is_multiple_of(4) {
                     aligned_rows(pixels_per_unit as f32)
                 } else {
                     random_rows(&mut random, pixels_per_unit)

@@ -47,6 +47,36 @@ fn f32_agrees_with_f64_on_random_scenes() {
     }
 }
 
+#[test]
+fn far_from_the_origin_f32_adds_other_gaussians_only_where_the_band_warns() {
+    let offset = [1000.0, -500.0, 250.0];
+    let (mut n_different, mut n_marked, mut n) = (0, 0, 0);
+    for seed in 0..6 {
+        let (mut splats, mut view) = (scene(seed, 60, 0), view());
+        for position in &mut splats.position {
+            *position = std::array::from_fn(|k| position[k] + offset[k]);
+        }
+        // Turned, so that the large terms of R x + t round before they cancel: R (x - offset) + (0, 0, 4).
+        let ((sin_a, cos_a), (sin_b, cos_b)) = (0.7f64.sin_cos(), 0.4f64.sin_cos());
+        let turn =
+            [[cos_a, 0.0, sin_a], [sin_a * sin_b, cos_b, -cos_a * sin_b], [-sin_a * cos_b, sin_b, cos_a * cos_b]];
+        for (row, turn) in view.world_to_camera.iter_mut().zip(turn) {
+            row[..3].copy_from_slice(&turn);
+            row[3] -= (0..3).map(|k| turn[k] * f64::from(offset[k])).sum::<f64>();
+        }
+        let (narrow, truth) = (render_as::<f32>(&splats, &view), render_as::<f64>(&splats, &view));
+        for i in 0..truth.alpha.len() {
+            let different = narrow.n_contributing[i] != truth.n_contributing[i];
+            assert!(!different || truth.near_discontinuity[i], "seed {seed}: pixel {i} is not marked");
+            n_different += usize::from(different);
+            n_marked += usize::from(truth.near_discontinuity[i]);
+        }
+        n += truth.alpha.len();
+    }
+    assert!(n_different > 0, "f32 never differs, so the band is not tested");
+    assert!(n_marked * 4 < n, "{n_marked} of {n} pixels are marked");
+}
+
 /// Every float of a render as bits, so that -0 and 0 differ.
 fn bits(outputs: &Outputs<f32>) -> Vec<u32> {
     let floats = [&outputs.alpha, &outputs.depth, &outputs.inverse_depth];
