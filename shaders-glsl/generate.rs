@@ -72,7 +72,8 @@ fn build(root: &Path, spec: &Spec, structs: &mut BTreeMap<String, String>) -> Re
         .map_err(|_| "naga panicked; see the dialect in shaders-glsl/README.md".to_owned())?;
     let module = parsed.map_err(|e| format!("naga cannot read it: {e}"))?;
     let text = std::fs::read_to_string(root.join("shaders-glsl").join(spec.file)).map_err(|e| e.to_string())?;
-    let purpose = text.lines().find_map(|l| l.strip_prefix("// Purpose   ")).ok_or("its header has no `Purpose` line")?;
+    let purpose =
+        text.lines().find_map(|l| l.strip_prefix("// Purpose   ")).ok_or("its header has no `Purpose` line")?;
     let module = reflect(spec, purpose, &module, uses_subgroups(&spirv), structs)?;
     Ok(Kernel { key, spirv, module })
 }
@@ -227,7 +228,8 @@ fn reflect(
     };
     let (mut fields, mut list, mut infos) = (String::new(), String::new(), String::new());
     for (name, kind, access, element) in bindings.values() {
-        let element = if element.starts_with(char::is_uppercase) { format!("super::{element}") } else { element.clone() };
+        let element =
+            if element.starts_with(char::is_uppercase) { format!("super::{element}") } else { element.clone() };
         writeln!(fields, "    /// {access}s.\n    pub {name}: &'a Buf<{element}>,").ok();
         writeln!(list, "        self.{name}.slice(),").ok();
         writeln!(

@@ -73,12 +73,7 @@ impl Recording {
         self.passes.push(Pass {
             label: format!("{}/{}", self.stage, kernel.name),
             count: row.map_or(Count::Dispatches, |row| row.count),
-            work: Work::Dispatch {
-                kernel,
-                slices: args.slices(),
-                push: bytemuck::bytes_of(&push).to_vec(),
-                grid,
-            },
+            work: Work::Dispatch { kernel, slices: args.slices(), push: bytemuck::bytes_of(&push).to_vec(), grid },
         });
     }
 

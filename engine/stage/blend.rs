@@ -4,9 +4,7 @@ use super::params::TILE;
 use super::project::Projected;
 use super::tiles::Tiles;
 use crate::error::Result;
-use crate::gpu::generated::{
-    ViewParams, blend_fwd_color_p4, blend_fwd_color_p8, blend_fwd_p4, blend_fwd_p8,
-};
+use crate::gpu::generated::{ViewParams, blend_fwd_color_p4, blend_fwd_color_p8, blend_fwd_p4, blend_fwd_p8};
 use crate::gpu::{Buf, Gpu, Grid, Kernel, KernelInfo, Recording};
 use crate::vk::DeviceKind;
 

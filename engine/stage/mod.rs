@@ -18,5 +18,5 @@ pub use project::Projected;
 pub use render::{FrameReport, PassReport, Renderer};
 pub use scan::Scan;
 pub use scene::{Group, SceneBuffers};
-pub use sort::Sort;
+pub use sort::{Sort, SortGrids};
 pub use tiles::Tiles;

@@ -59,8 +59,8 @@ impl SceneBuffers {
         let degree = splats.sh_degree as usize;
         // The longest binding of a group is that of its widest plane set.
         let widest = BAND_PLANES.iter().take(degree).copied().chain([3]).max().unwrap_or(3);
-        let limit = (gpu.caps().max_binding_bytes / (16 * widest as u64)) as usize / CULL_BLOCK as usize
-            * CULL_BLOCK as usize;
+        let limit =
+            (gpu.caps().max_binding_bytes / (16 * widest as u64)) as usize / CULL_BLOCK as usize * CULL_BLOCK as usize;
         let (mut groups, mut first) = (Vec::new(), 0u32);
         for (range, dynamic) in [(0..splats.n_static, false), (splats.n_static..splats.len(), true)] {
             for start in range.clone().step_by(limit) {

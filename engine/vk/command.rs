@@ -85,8 +85,7 @@ impl Commands {
                 .command_pool(pool)
                 .level(vk::CommandBufferLevel::PRIMARY)
                 .command_buffer_count(1);
-            let allocated =
-                raw_device.allocate_command_buffers(&info).map_err(vk_error("vkAllocateCommandBuffers"))?;
+            let allocated = raw_device.allocate_command_buffers(&info).map_err(vk_error("vkAllocateCommandBuffers"))?;
             commands.raw = allocated.first().copied().unwrap_or_default();
             if device.push_descriptor.is_none() && n_bindings > 0 {
                 let sizes = [vk::DescriptorType::STORAGE_BUFFER, vk::DescriptorType::UNIFORM_BUFFER]
@@ -103,8 +102,7 @@ impl Commands {
                 let queries = raw_device.create_query_pool(&info, None).map_err(vk_error("vkCreateQueryPool"))?;
                 commands.queries = Some(queries);
             }
-            let begin =
-                vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
+            let begin = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
             raw_device.begin_command_buffer(commands.raw, &begin).map_err(vk_error("vkBeginCommandBuffer"))?;
             if let Some(queries) = commands.queries {
                 raw_device.cmd_reset_query_pool(commands.raw, queries, 0, 2 * n_passes as u32);
@@ -385,7 +383,8 @@ mod tests {
     #[test]
     fn the_last_begun_pass_is_named() {
         let passes: Vec<String> = ["cull", "scan", "blend"].map(String::from).to_vec();
-        let words = |n: usize| [1u32; 3].iter().take(n).chain(&[0; 3]).flat_map(|w| w.to_le_bytes()).collect::<Vec<_>>();
+        let words =
+            |n: usize| [1u32; 3].iter().take(n).chain(&[0; 3]).flat_map(|w| w.to_le_bytes()).collect::<Vec<_>>();
         assert_eq!(last_begun(&words(0), &passes), "(before the first)");
         assert_eq!(last_begun(&words(2), &passes), "scan");
         assert_eq!(last_begun(&words(3), &passes), "blend");

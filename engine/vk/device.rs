@@ -145,8 +145,7 @@ impl Instance {
     fn probe(&self, physical: vk::PhysicalDevice) -> std::result::Result<Found, String> {
         // SAFETY: plain queries into structs that live in this function.
         unsafe {
-            let extensions =
-                self.raw.enumerate_device_extension_properties(physical).map_err(|e| format!("{e:?}"))?;
+            let extensions = self.raw.enumerate_device_extension_properties(physical).map_err(|e| format!("{e:?}"))?;
             let has = |name: &CStr| extensions.iter().any(|e| e.extension_name_as_c_str() == Ok(name));
             let core = self.raw.get_physical_device_properties(physical);
             let name = core.device_name_as_c_str().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
@@ -364,8 +363,7 @@ impl Device {
                 raw.create_semaphore(&semaphore_info, None).map_err(vk_error("vkCreateSemaphore"))?,
             )
         };
-        let push_descriptor =
-            caps.push_descriptors.then(|| khr::push_descriptor::Device::new(&instance.raw, &raw));
+        let push_descriptor = caps.push_descriptors.then(|| khr::push_descriptor::Device::new(&instance.raw, &raw));
         let debug = instance.has_debug_utils.then(|| ext::debug_utils::Device::new(&instance.raw, &raw));
         let device = Device {
             queue: Mutex::new(queue),

@@ -83,13 +83,11 @@ impl Pipeline {
         let raw = &device.raw;
         // SAFETY: each call gets live handles of this device; `pipeline` destroys what exists when a later call fails.
         unsafe {
-            pipeline.set_layout = raw
-                .create_descriptor_set_layout(&set_info, None)
-                .map_err(vk_error("vkCreateDescriptorSetLayout"))?;
+            pipeline.set_layout =
+                raw.create_descriptor_set_layout(&set_info, None).map_err(vk_error("vkCreateDescriptorSetLayout"))?;
             let sets = [pipeline.set_layout];
-            let ranges = [vk::PushConstantRange::default()
-                .stage_flags(vk::ShaderStageFlags::COMPUTE)
-                .size(desc.push_bytes)];
+            let ranges =
+                [vk::PushConstantRange::default().stage_flags(vk::ShaderStageFlags::COMPUTE).size(desc.push_bytes)];
             let n_ranges = usize::from(desc.push_bytes > 0);
             let layout_info =
                 vk::PipelineLayoutCreateInfo::default().set_layouts(&sets).push_constant_ranges(&ranges[..n_ranges]);
@@ -105,9 +103,7 @@ impl Pipeline {
                 .module(module)
                 .name(c"main");
             if desc.subgroups && device.caps().subgroup_pinned {
-                stage = stage
-                    .flags(vk::PipelineShaderStageCreateFlags::REQUIRE_FULL_SUBGROUPS)
-                    .push_next(&mut size);
+                stage = stage.flags(vk::PipelineShaderStageCreateFlags::REQUIRE_FULL_SUBGROUPS).push_next(&mut size);
             }
             let info = [vk::ComputePipelineCreateInfo::default().stage(stage).layout(pipeline.layout)];
             let created = raw.create_compute_pipelines(device.pipeline_cache, &info, None);

@@ -22,7 +22,7 @@ layout(set = 0, binding = 4) restrict writeonly buffer Window { float window[]; 
 #endif
 
 void main() {
-    const uint i = linear_thread();
+    const uint i = linear_thread(gl_WorkGroupSize.x);
     if (i >= pc.n) return;
     const vec4 mean_opacity = geometry[plane_index(i, 3u, 0u)];
     const vec4 q = geometry[plane_index(i, 3u, 1u)];

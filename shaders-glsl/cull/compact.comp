@@ -15,7 +15,7 @@ layout(set = 0, binding = 1) restrict readonly buffer Offsets { uint offsets[]; 
 layout(set = 0, binding = 2) restrict writeonly buffer ActiveId { uint active_id[]; };
 
 void main() {
-    const uint i = linear_thread();
+    const uint i = linear_thread(gl_WorkGroupSize.x);
     if (i >= pc.n) return;
     const uint word = i >> 5u;
     const uint first_word = (i >> 7u) << 2u;

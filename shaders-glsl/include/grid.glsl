@@ -5,7 +5,8 @@ const uint MAX_GROUPS = 65535u;
 
 uint linear_group() { return gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x; }
 
-uint linear_thread() { return linear_group() * gl_WorkGroupSize.x + gl_LocalInvocationIndex; }
+// `size` is gl_WorkGroupSize.x: an include comes before the layout that sets it, and would see 1.
+uint linear_thread(uint size) { return linear_group() * size + gl_LocalInvocationIndex; }
 
 uint div_ceil(uint n, uint d) { return n / d + uint(n % d != 0u); }
 

@@ -36,6 +36,7 @@ layout(set = 0, binding = 11) restrict readonly buffer Sh1 { vec4 sh1[]; };
 layout(set = 0, binding = 12) restrict readonly buffer Sh2 { vec4 sh2[]; };
 layout(set = 0, binding = 13) restrict readonly buffer Sh3 { vec4 sh3[]; };
 
+// Before the clamp to >= 0, which would hide a NaN.
 vec3 color_of(uint i, vec3 dir) {
     vec3 c = SH_0 * sh0[i].xyz;
 #if SH_DEGREE >= 1
@@ -49,7 +50,7 @@ vec3 color_of(uint i, vec3 dir) {
     c += sh_band3(sh3[plane_index(i, 6u, 0u)], sh3[plane_index(i, 6u, 1u)], sh3[plane_index(i, 6u, 2u)],
         sh3[plane_index(i, 6u, 3u)], sh3[plane_index(i, 6u, 4u)], sh3[plane_index(i, 6u, 5u)], dir);
 #endif
-    return max(c + 0.5, vec3(0.0));
+    return c + 0.5;
 }
 
 // Columns of the rotation of a unit quaternion (w, x, y, z).
@@ -63,7 +64,7 @@ mat3 rotation_of(vec4 q) {
 
 void main() {
     const uvec2 range = ranges[pc.group];
-    const uint at = range.x + linear_thread();
+    const uint at = range.x + linear_thread(gl_WorkGroupSize.x);
     uint n_tiles = 0u;
     bool bad = false;
     if (at < range.y) {
@@ -104,7 +105,7 @@ void main() {
         const float chord = root_cut * conic.chord;
         splats[SPLAT_PLANES * at] = vec4(xy, conic.m.xy);
         splats[SPLAT_PLANES * at + 1u] = vec4(conic.m.zw, opacity, p.z);
-        splats[SPLAT_PLANES * at + 2u] = vec4(color, flow.x);
+        splats[SPLAT_PLANES * at + 2u] = vec4(max(color, vec3(0.0)), flow.x);
         splats[SPLAT_PLANES * at + 3u] = vec4(flow.y, conic.slope, chord, reach_y);
         // Positive floats order as their bits do.
         depth_keys[at] = floatBitsToUint(p.z);

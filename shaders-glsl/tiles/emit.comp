@@ -39,7 +39,7 @@ uint emit_row(uvec2 columns, uint row, uint at, uint end, uint id) {
 }
 
 void main() {
-    const uint i = linear_thread();
+    const uint i = linear_thread(gl_WorkGroupSize.x);
     const bool valid = i < n_active[0];
     const uint id = valid ? order[i] : 0u;
     const uint n = valid ? tile_counts[id] : 0u;

@@ -15,6 +15,6 @@ layout(set = 0, binding = 2) restrict readonly buffer TileCounts { uint tile_cou
 layout(set = 0, binding = 3) restrict writeonly buffer Offsets { uint offsets[]; };
 
 void main() {
-    const uint i = linear_thread();
+    const uint i = linear_thread(gl_WorkGroupSize.x);
     if (i < n_active[0]) offsets[i] = tile_counts[order[i]];
 }

@@ -17,7 +17,7 @@ layout(set = 0, binding = 2) restrict buffer Buckets { uint buckets[]; };
 layout(set = 0, binding = 3) restrict buffer FrameStatus { Status status; };
 
 void main() {
-    const uint tile = linear_thread();
+    const uint tile = linear_thread(gl_WorkGroupSize.x);
     if (tile >= pc.n_tiles) return;
     const uint n = tile_last[tile] - tile_first[tile];
     atomicAdd(buckets[31u - uint(findMSB(n | 1u))], 1u);

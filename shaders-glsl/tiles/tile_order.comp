@@ -17,7 +17,7 @@ layout(set = 0, binding = 3) restrict buffer Cursors { uint cursors[]; };
 layout(set = 0, binding = 4) restrict writeonly buffer TileOrder { uint tile_order[]; };
 
 void main() {
-    const uint tile = linear_thread();
+    const uint tile = linear_thread(gl_WorkGroupSize.x);
     if (tile >= pc.n_tiles) return;
     const uint bucket = 31u - uint(findMSB((tile_last[tile] - tile_first[tile]) | 1u));
     uint at = atomicAdd(cursors[bucket], 1u);

@@ -17,7 +17,7 @@ layout(set = 0, binding = 2) restrict writeonly buffer TileFirst { uint tile_fir
 layout(set = 0, binding = 3) restrict writeonly buffer TileLast { uint tile_last[]; };
 
 void main() {
-    const uint i = linear_thread();
+    const uint i = linear_thread(gl_WorkGroupSize.x);
     const uint n = n_intersections[0];
     if (i >= n) return;
     const uint tile = tile_keys[i];

@@ -1,4 +1,5 @@
 //! What several test folders share.
 
+pub mod device;
 pub mod golden;
 pub mod random;

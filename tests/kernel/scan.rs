@@ -1,0 +1,46 @@
+//! Prefix sums of the device against the twin.
+
+use crate::common::device::gpu;
+use crate::common::random::Random;
+use ivv::gpu::{Grid, Recording};
+use ivv::stage::Scan;
+use ivv::twin::exclusive_scan;
+
+/// Lengths around the block (1,024), the spine's step (128 blocks) and one.
+const SIZES: [usize; 11] = [0, 1, 7, 127, 1023, 1024, 1025, 4096, 131_071, 131_072, 131_073];
+
+fn scan_on_device(values: &[u32]) -> (Vec<u32>, u32) {
+    let gpu = gpu();
+    let scan = Scan::new(&gpu, values.len()).unwrap();
+    let count = gpu.upload("count", &[values.len() as u32]).unwrap();
+    // One guard word past the end must survive.
+    let guarded: Vec<u32> = values.iter().copied().chain([0xDEAD_BEEF]).collect();
+    let buffer = gpu.upload("values", &guarded).unwrap();
+    let total = gpu.alloc("total", 1).unwrap();
+    let mut rec = Recording::new();
+    scan.record(&mut rec, &count, &buffer, &total, Grid::Groups(values.len().div_ceil(1024) as u32));
+    gpu.run(&rec).unwrap();
+    let mut found = gpu.read(&buffer).unwrap();
+    assert_eq!(found.pop(), Some(0xDEAD_BEEF), "the word past the end was overwritten");
+    (found, gpu.read(&total).unwrap()[0])
+}
+
+#[test]
+fn the_prefix_sum_of_any_length_is_the_twins() {
+    for n in SIZES {
+        let mut random = Random::new(n as u64);
+        let values: Vec<u32> = (0..n).map(|_| random.bits() as u32 % 1000).collect();
+        let twin = exclusive_scan(&values);
+        assert!(n < 2 || twin.total > 0);
+        let (offsets, total) = scan_on_device(&values);
+        assert_eq!((offsets == twin.offsets, total), (true, twin.total), "{n} values");
+    }
+}
+
+#[test]
+fn a_sum_past_32_bits_saturates_the_total() {
+    let values = vec![1 << 20; 5000];
+    let (_, total) = scan_on_device(&values);
+    assert_eq!(total, u32::MAX);
+    assert_eq!(exclusive_scan(&values).total, u32::MAX);
+}

@@ -1,0 +1,3 @@
+//! Whole frames on the device.
+
+mod golden;
