@@ -3,8 +3,8 @@
 
 The archive holds `means3d` float [N,3], `colors` uint8 [N,3], `viewmats` [V,4,4] (world to camera; x right, y down,
 z forward), `Ks` [V,3,3], `width` and `height`. Each point becomes one isotropic static Gaussian of degree 0: its
-standard deviation is the mean distance to its 3 nearest neighbours, its opacity that of --opacity. Far isolated points
-would cover the picture, so no deviation exceeds the --quantile of all.
+standard deviation is --size times the mean distance to its 3 nearest neighbours, its opacity that of --opacity. Far
+isolated points would cover the picture, so no deviation exceeds the --quantile of all.
 
 Writes a 3DGS PLY (binary little-endian) and a cameras JSON. Needs nothing but Python 3.8 or newer.
 """
@@ -135,9 +135,9 @@ def write_atomic(path, data):
         raise
 
 
-def scene(points, colors, opacity, quantile):
+def scene(points, colors, opacity, size, quantile):
     """The bytes of the PLY."""
-    distances = neighbour_distances(points)
+    distances = [size * distance for distance in neighbour_distances(points)]
     most = sorted(distances)[round(quantile * (len(distances) - 1))]
     # Points at the same place have no distance; the smallest positive one stands in.
     least = min((d for d in distances if d > 0.0), default=0.0)
@@ -175,7 +175,7 @@ def cameras(viewmats, ks, width, height):
     return (json.dumps({"views": views}, indent=1, allow_nan=False) + "\n").encode()
 
 
-def convert(source, opacity, quantile):
+def convert(source, opacity, size, quantile):
     """(PLY bytes, JSON bytes) of the archive `source`."""
     with zipfile.ZipFile(source) as archive:
         shape, means = read_array(archive, "means3d")
@@ -193,7 +193,7 @@ def convert(source, opacity, quantile):
         if not math.isfinite(value):
             raise BadInput(f"array `means3d`: row {i // 3} is not finite")
     points = [tuple(means[3 * i : 3 * i + 3]) for i in range(n)]
-    return scene(points, colors, opacity, quantile), cameras(viewmats, ks, width, height)
+    return scene(points, colors, opacity, size, quantile), cameras(viewmats, ks, width, height)
 
 
 def main(arguments=None):
@@ -203,14 +203,17 @@ def main(arguments=None):
     parser.add_argument("scene", help="the PLY to write")
     parser.add_argument("cameras", help="the cameras JSON to write")
     parser.add_argument("--opacity", type=float, default=0.9, help="between 0 and 1 (default 0.9)")
+    parser.add_argument("--size", type=float, default=0.6, help="deviation over neighbour distance (default 0.6)")
     parser.add_argument("--quantile", type=float, default=0.95, help="of the deviations (default 0.95; 1: no limit)")
     options = parser.parse_args(arguments)
     if not 0.0 < options.opacity < 1.0:
         parser.error("--opacity must lie between 0 and 1")
+    if not 0.0 < options.size < math.inf:
+        parser.error("--size must be positive")
     if not 0.0 <= options.quantile <= 1.0:
         parser.error("--quantile must lie in 0 to 1")
     try:
-        ply, views = convert(options.points, options.opacity, options.quantile)
+        ply, views = convert(options.points, options.opacity, options.size, options.quantile)
         write_atomic(options.scene, ply)
         write_atomic(options.cameras, views)
     except (BadInput, OSError, ValueError, zipfile.BadZipFile) as fault:

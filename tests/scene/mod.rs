@@ -4,6 +4,7 @@ mod demo;
 mod formats;
 mod pictures;
 mod ply;
+mod points;
 mod sog;
 mod summary;
 mod views;
