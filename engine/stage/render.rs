@@ -259,7 +259,10 @@ impl Renderer {
                 continue;
             }
             report.add(&status, n_tiles);
-            report.add_passes(&rec, &times, &status, self.scene.n, n_tiles);
+            if timed {
+                let ranges = self.work.as_ref().map_or(Ok(Vec::new()), |work| self.gpu.read(&work.cull.ranges))?;
+                report.add_passes(&rec, &times, &status, &self.scene, &ranges, n_tiles);
+            }
             return Ok(self.work.as_ref());
         }
     }
@@ -316,14 +319,24 @@ impl FrameReport {
         self.strips += 1;
     }
 
-    fn add_passes(&mut self, rec: &Recording, times: &[PassTime], status: &Status, n: u32, n_tiles: u32) {
+    fn add_passes(
+        &mut self,
+        rec: &Recording,
+        times: &[PassTime],
+        status: &Status,
+        scene: &SceneBuffers,
+        ranges: &[[u32; 2]],
+        n_tiles: u32,
+    ) {
         for (pass, time) in rec.passes().iter().zip(times) {
-            let units = match pass.count {
-                Count::Gaussians => n,
-                Count::Active => status.n_active,
-                Count::Intersections => status.n_intersections,
-                Count::Tiles => n_tiles,
-                Count::Dispatches => 1,
+            let units = match (pass.count, pass.group) {
+                (Count::Gaussians, Some(group)) => scene.groups[group].n,
+                (Count::Gaussians, None) => scene.n,
+                (Count::Active, Some(group)) => ranges[group][1] - ranges[group][0],
+                (Count::Active, None) => status.n_active,
+                (Count::Intersections, _) => status.n_intersections,
+                (Count::Tiles, _) => n_tiles,
+                (Count::Dispatches, _) => 1,
             };
             let kernel = pass.label.split_once('/').map_or("", |(_, kernel)| kernel);
             let limit = KERNELS.iter().find(|row| row.name == kernel).map_or(0.0, |row| row.limit_ns);
