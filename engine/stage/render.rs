@@ -168,7 +168,7 @@ impl Renderer {
                     append(&mut frame, &gpu, &work.blend, n)?;
                     first_row += strip.n_rows;
                 }
-                // More intersections than one binding can list: fewer rows at a time.
+                // More active Gaussians or intersections than one binding can list: fewer rows at a time.
                 None => strip_rows = (strip.n_rows / 2).next_multiple_of(TILE),
             }
         }
@@ -192,7 +192,7 @@ impl Renderer {
         Ok(rows.min(whole) as u32)
     }
 
-    /// Renders one strip into the workspace; `None` when its lists do not fit and fewer rows might.
+    /// Renders one strip into the workspace; `None` when its lists do not fit a binding and those of fewer rows might.
     fn strip(
         &mut self,
         view: &View,
@@ -228,11 +228,15 @@ impl Renderer {
             let status = self.gpu.read(&work.status)?.first().copied().unwrap_or_default();
             self.work = Some(work);
             if status.failed & FAILED_ACTIVE != 0 {
+                report.replays += 1;
+                if tiles_y > 1 {
+                    return Ok(None);
+                }
                 return Err(Error::OutOfMemory {
-                    what: format!("view `{}`: Gaussians active at once", view.name),
+                    what: format!("view `{}`: Gaussians active in one row of tiles", view.name),
                     needed: u64::from(status.n_active),
                     limit: u64::from(status.capacity_active),
-                    remedy: "use a device with longer bindings or a smaller scene".to_owned(),
+                    remedy: "use a smaller scene or a device with longer bindings".to_owned(),
                 });
             }
             if status.failed & FAILED_INTERSECTIONS != 0 {
