@@ -2,4 +2,5 @@
 mod common;
 mod kernel;
 mod render;
+mod repo;
 mod twin;
