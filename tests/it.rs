@@ -3,4 +3,5 @@ mod common;
 mod kernel;
 mod render;
 mod repo;
+mod scene;
 mod twin;

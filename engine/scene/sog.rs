@@ -12,7 +12,7 @@ use super::file::read_bytes;
 use super::splats::Splats;
 use crate::error::{Error, Result};
 
-/// Side of the square in which an image of attributes may exceed the Gaussians twofold; more is refused undecoded.
+/// An image may have twice as many pixels as values and this many more; a larger one is refused undecoded.
 const SLACK_PIXELS: u64 = 256 * 256;
 /// Palette entries of spherical harmonics in a row of their image.
 const PALETTE_COLUMNS: usize = 64;
@@ -24,7 +24,7 @@ struct Meta {
     count: u32,
     means: Means,
     scales: Coded,
-    quats: Files<1>,
+    quats: Single,
     sh0: Coded,
     #[serde(rename = "shN")]
     rest: Option<Palette>,
@@ -38,11 +38,8 @@ struct Means {
 }
 
 #[derive(Deserialize)]
-struct Files<const N: usize>
-where
-    [String; N]: for<'a> Deserialize<'a>,
-{
-    files: [String; N],
+struct Single {
+    files: [String; 1],
 }
 
 #[derive(Deserialize)]
@@ -65,47 +62,28 @@ struct Palette {
 /// [`Error::Data`] naming the file and the entry when one cannot be read or decoded, is not lossless, has another size
 /// than the count needs (checked before it is decoded), or holds an index that leads nowhere.
 pub fn read_sog(path: &Path) -> Result<Splats> {
-    let meta = read_bytes(path)?;
-    let meta: Meta = serde_json::from_slice(&meta).map_err(|fault| {
-        Error::data(path, "", format!("is no SOG description: {fault}"), "give the meta.json of a SOG scene, version 2")
-    })?;
-    if meta.version != 2 {
-        let reason = format!("is {}, only 2 is supported", meta.version);
-        return Err(Error::data(path, "field `version`", reason, "export the scene again"));
-    }
-    let codebooks = [
-        ("scales", Some(&meta.scales.codebook)),
-        ("sh0", Some(&meta.sh0.codebook)),
-        ("shN", meta.rest.as_ref().map(|p| &p.codebook)),
-    ];
-    for (name, codebook) in codebooks {
-        if let Some(codebook) = codebook.filter(|codebook| codebook.len() != 256) {
-            let reason = format!("has {} entries, a byte addresses 256", codebook.len());
-            return Err(Error::data(path, format!("field `{name}.codebook`"), reason, REMEDY));
-        }
-    }
+    let meta = Meta::read(path)?;
     let n = meta.count as usize;
     let attribute = |name: &str| Pixels::read(path, name, n as u64);
-    let mut splats = Splats::new(meta.rest.as_ref().map_or(0, |palette| palette.bands.min(3)));
+    let mut splats = Splats::new(meta.rest.as_ref().map_or(0, |palette| palette.bands));
     splats.n_static = n;
     let [low, high] = &meta.means.files;
     let (low, high) = (attribute(low)?, attribute(high)?);
     splats.source_row = (0..meta.count).collect();
     splats.position = (0..n).map(|i| meta.means.position(low.at(i), high.at(i))).collect();
-    let quaternions = attribute(&meta.quats.files[0])?;
-    splats.rotation =
-        (0..n).map(|i| rotation(path, &meta.quats.files[0], i, quaternions.at(i))).collect::<Result<_>>()?;
+    let [name] = &meta.quats.files;
+    let quaternions = attribute(name)?;
+    splats.rotation = (0..n).map(|i| rotation(path, name, i, quaternions.at(i))).collect::<Result<_>>()?;
     let scales = attribute(&meta.scales.files[0])?;
-    let code = |codebook: &[f32], [r, g, b, _]: [u8; 4]| [r, g, b].map(|byte| codebook[usize::from(byte)]);
-    splats.scale = (0..n).map(|i| code(&meta.scales.codebook, scales.at(i))).collect();
+    splats.scale = (0..n).map(|i| decode(&meta.scales.codebook, scales.at(i))).collect();
     let colors = attribute(&meta.sh0.files[0])?;
     splats.opacity = (0..n).map(|i| logit_of_byte(colors.at(i)[3])).collect();
+    let dc = |i: usize| decode(&meta.sh0.codebook, colors.at(i));
     let Some(palette) = &meta.rest else {
-        splats.sh = (0..n).map(|i| code(&meta.sh0.codebook, colors.at(i))).collect();
+        splats.sh = (0..n).map(dc).collect();
         return Ok(splats);
     };
-    let per_entry = palette.coefficients(path)?;
-    let entries = palette.read(path, per_entry)?;
+    let entries = palette.read(path)?;
     let labels = attribute(&palette.files[1])?;
     for i in 0..n {
         let [low, high, ..] = labels.at(i);
@@ -115,12 +93,44 @@ pub fn read_sog(path: &Path) -> Result<Splats> {
             let reason = format!("palette entry {label}, there are {}", palette.count);
             return Err(Error::data(path, place, reason, REMEDY));
         }
-        let (row, column) = (usize::from(label) / PALETTE_COLUMNS, usize::from(label) % PALETTE_COLUMNS);
-        let first = (row * PALETTE_COLUMNS + column) * per_entry;
-        splats.sh.push(code(&meta.sh0.codebook, colors.at(i)));
-        splats.sh.extend((first..first + per_entry).map(|pixel| code(&palette.codebook, entries.at(pixel))));
+        // Entries lie side by side, so their pixels follow each other across rows too.
+        let first = usize::from(label) * palette.coefficients();
+        splats.sh.push(dc(i));
+        let rest = first..first + palette.coefficients();
+        splats.sh.extend(rest.map(|pixel| decode(&palette.codebook, entries.at(pixel))));
     }
     Ok(splats)
+}
+
+impl Meta {
+    fn read(path: &Path) -> Result<Self> {
+        let fault = |place: &str, reason: String| Err(Error::data(path, place, reason, REMEDY));
+        let meta: Meta = serde_json::from_slice(&read_bytes(path)?).map_err(|cause| {
+            let reason = format!("is no SOG description: {cause}");
+            Error::data(path, "", reason, "give the meta.json of a SOG scene, version 2")
+        })?;
+        if meta.version != 2 {
+            return fault("field `version`", format!("is {}, only 2 is supported", meta.version));
+        }
+        let rest = meta.rest.as_ref().map(|palette| ("shN", &palette.codebook));
+        for (name, codebook) in [("scales", &meta.scales.codebook), ("sh0", &meta.sh0.codebook)].into_iter().chain(rest)
+        {
+            if codebook.len() != 256 {
+                let reason = format!("has {} entries, a byte addresses 256", codebook.len());
+                return fault(&format!("field `{name}.codebook`"), reason);
+            }
+        }
+        match &meta.rest {
+            Some(Palette { bands, count, .. }) if !(1..=3).contains(bands) || *count > 1 << 16 => {
+                fault("field `shN`", format!("{bands} bands and {count} entries, 1 to 3 and at most 65536 are allowed"))
+            }
+            _ => Ok(meta),
+        }
+    }
+}
+
+fn decode(codebook: &[f32], [r, g, b, _]: [u8; 4]) -> [f32; 3] {
+    [r, g, b].map(|byte| codebook[usize::from(byte)])
 }
 
 impl Means {
@@ -135,17 +145,13 @@ impl Means {
 }
 
 impl Palette {
-    fn coefficients(&self, path: &Path) -> Result<usize> {
-        if !(1..=3).contains(&self.bands) || self.count > 1 << 16 {
-            let reason =
-                format!("{} bands and {} entries, 1 to 3 and at most 65536 are allowed", self.bands, self.count);
-            return Err(Error::data(path, "field `shN`", reason, REMEDY));
-        }
-        Ok((self.bands as usize + 1).pow(2) - 1)
+    /// Pixels of an entry: one for each coefficient beyond degree 0.
+    fn coefficients(&self) -> usize {
+        (self.bands as usize + 1).pow(2) - 1
     }
 
-    fn read(&self, path: &Path, per_entry: usize) -> Result<Pixels> {
-        let width = PALETTE_COLUMNS * per_entry;
+    fn read(&self, path: &Path) -> Result<Pixels> {
+        let width = PALETTE_COLUMNS * self.coefficients();
         let height = (self.count as usize).div_ceil(PALETTE_COLUMNS);
         let pixels = Pixels::read(path, &self.files[0], (width * height) as u64)?;
         if pixels.0.width() as usize != width {

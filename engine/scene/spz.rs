@@ -1,6 +1,6 @@
 //! Niantic's SPZ, versions 2 and 3 (one gzip stream) and 4 (one zstd stream for each attribute).
 //!
-//! The `spz` crate (0.0.6) reads up to version 3 and brings a command line and a mesh of dependencies, hence own code.
+//! The `spz` crate (0.0.6) refuses version 4 and brings dozens of crates even without its features, hence own code.
 
 use std::io::Read;
 use std::path::Path;

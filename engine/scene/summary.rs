@@ -53,7 +53,7 @@ pub struct DeviceBytes {
 }
 
 /// A box around positions, world, scene units. Each axis on its own.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Bounds {
     /// Smallest coordinates.
     pub min: [f32; 3],

@@ -1,0 +1,139 @@
+//! Camera files.
+
+use ivv::scene::{View, read_views, write_views};
+
+use super::{Folder, fault, shared};
+
+fn view(name: &str) -> View {
+    View {
+        name: name.to_owned(),
+        width: 320,
+        height: 240,
+        fx: 300.1,
+        fy: 1.0 / 3.0,
+        cx: 160.0,
+        cy: -2.5e-7,
+        world_to_camera: [[0.0, 0.0, 1.0, 0.1], [1.0, 0.0, 0.0, -2.0], [0.0, 1.0, 0.0, 3.0], [0.0, 0.0, 0.0, 1.0]],
+        time: 0.1 + 0.2,
+        time_offset: -0.37,
+        flow_dt: 1.0 / 30.0,
+        background: [0.1, 0.2, 0.3],
+    }
+}
+
+#[test]
+fn views_are_read_back_equal_to_the_last_bit() {
+    let folder = Folder::new("views");
+    let path = folder.file("cameras.json");
+    let mut views = vec![view("a"), view("b 2.0")];
+    // Numbers whose shortest decimal form needs a parser that rounds correctly.
+    views[1].world_to_camera[0][3] = 0.121_314_151_617_181_93;
+    views[1].fx = f64::from_bits(0x3ff1_9999_9999_999b);
+    write_views(&path, &views).unwrap();
+    assert_eq!(read_views(&path).unwrap(), views);
+}
+
+const PLAIN: &str = r#"{"views": [{"name": "n", "width": 4, "height": 3, "fx": 5, "fy": 6.5, "cx": 2, "cy": 1.5,
+    "world_to_camera": [[1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]], "comment": "other fields are ignored"}]}"#;
+
+#[test]
+fn absent_fields_have_the_defaults_of_the_specification() {
+    let folder = Folder::new("defaults");
+    let views = read_views(&folder.write("cameras.json", PLAIN)).unwrap();
+    assert_eq!(views.len(), 1);
+    let view = &views[0];
+    assert_eq!((view.time, view.time_offset, view.flow_dt, view.background), (0.0, 0.0, 1.0, [0.0; 3]));
+    assert_eq!((view.fx, view.fy), (5.0, 6.5));
+}
+
+/// (changes a good view, what the error must say)
+type Case = (fn(&mut View), &'static str);
+
+const CASES: [Case; 27] = [
+    (|v| v.name.clear(), "view 1, field `name`: has 0 bytes"),
+    (|v| v.name = "x".repeat(201), "field `name`: has 201 bytes"),
+    (|v| v.name = "a/b".into(), "field `name`: has a path separator"),
+    (|v| v.name = "a\\b".into(), "field `name`: has a path separator"),
+    (|v| v.name = "a..b".into(), "field `name`: has a path separator"),
+    (|v| v.name = "a\nb".into(), "field `name`: has a path separator"),
+    (|v| v.name = "first".into(), "view 1 (`first`), field `name`: is the name of an earlier view"),
+    (|v| v.width = 0, "view 1 (`second`), field `width`: is 0"),
+    (|v| v.width = 65537, "field `width`: is 65537"),
+    (|v| v.height = 0, "field `height`: is 0"),
+    (|v| v.height = u32::MAX, "field `height`: is 4294967295"),
+    (|v| v.fx = 0.0, "field `fx`: is 0"),
+    (|v| v.fx = f64::NAN, "field `fx`: is NaN"),
+    (|v| v.fy = -1.0, "field `fy`: is -1"),
+    (|v| v.fy = f64::INFINITY, "field `fy`: is inf"),
+    (|v| v.cx = f64::NAN, "field `cx`: is NaN"),
+    (|v| v.cy = f64::NEG_INFINITY, "field `cy`: is -inf"),
+    (|v| v.time = f64::NAN, "field `time`: is NaN"),
+    (|v| v.time_offset = f64::NAN, "field `time_offset`: is NaN"),
+    (|v| v.flow_dt = f64::INFINITY, "field `flow_dt`: is inf"),
+    (|v| v.background[1] = f32::NAN, "field `background`: is [0.1, NaN, 0.3]"),
+    (|v| v.world_to_camera[2][3] = f64::NAN, "field `world_to_camera`: has an entry that is not finite"),
+    (|v| v.world_to_camera[3][3] = 2.0, "as its last row, not [0, 0, 0, 1]"),
+    (|v| v.world_to_camera[3][0] = 1e-9, "as its last row, not [0, 0, 0, 1]"),
+    (|v| v.world_to_camera[0][2] = 1.001, "has no rotation: rows 0 and 0"),
+    (|v| v.world_to_camera[0][2] = -1.0, "mirrors"),
+    (|v| v.world_to_camera[1] = [1e300, 1e300, 1e300, 0.0], "has no rotation"),
+];
+
+#[test]
+fn every_fault_of_a_view_is_named_by_the_writer() {
+    let folder = Folder::new("faults-of-views");
+    let path = folder.file("cameras.json");
+    for (spoil, says) in CASES {
+        let mut views = vec![view("first"), view("second")];
+        spoil(&mut views[1]);
+        let told = fault(write_views(&path, &views), &path);
+        assert!(told.contains(says), "{told:?} does not say {says:?}");
+        assert!(!path.exists());
+    }
+    let mut nearly = view("first");
+    nearly.world_to_camera[0][2] = 1.000_4;
+    write_views(&path, &[nearly]).unwrap();
+}
+
+#[test]
+fn every_fault_of_a_file_is_named_by_the_reader() {
+    let folder = Folder::new("faults-of-files");
+    let cases = [
+        ("", "", "no cameras JSON"),
+        (PLAIN, "{\"views\": []}", "holds no view"),
+        (PLAIN, "[]", "no cameras JSON"),
+        (PLAIN, "{\"views\": [3]}", "view 0: invalid type"),
+        ("\"width\": 4", "\"width\": -4", "view 0 (`n`): invalid value"),
+        ("\"width\": 4", "\"width\": 4.5", "view 0 (`n`): invalid type"),
+        ("\"width\": 4", "\"width\": 65537", "view 0 (`n`), field `width`"),
+        ("\"fx\": 5,", "", "missing field `fx`"),
+        ("\"fx\": 5", "\"fx\": 1e999", "no cameras JSON"),
+        ("[0,0,0,1]]", "[0,0,0]]", "view 0 (`n`): invalid length 3"),
+        ("[1,0,0,0]", "[2,0,0,0]", "has no rotation"),
+        ("\"name\": \"n\",", "", "view 0: missing field `name`"),
+        ("\"name\": \"n\"", "\"name\": \"../n\"", "has a path separator"),
+    ];
+    for (from, to, says) in cases {
+        let text = if from.is_empty() { "{".to_owned() } else { PLAIN.replace(from, to) };
+        let path = folder.write("cameras.json", text);
+        let told = fault(read_views(&path), &path);
+        assert!(told.contains(says), "{from:?} -> {to:?}: {told:?} does not say {says:?}");
+    }
+    for n in 0..PLAIN.len() {
+        let path = folder.write("cut.json", &PLAIN[..n]);
+        fault(read_views(&path), &path);
+    }
+    let path = folder.file("absent.json");
+    fault(read_views(&path), &path);
+}
+
+#[test]
+fn the_golden_cameras_are_read() {
+    for case in ["dynamic-small", "static-small", "dynamic-offcentre", "occluders"] {
+        let Some(path) = shared(&format!("golden/{case}/camera.json")) else { return };
+        let views = read_views(&path).unwrap();
+        assert_eq!(views.len(), 1, "{case}");
+        assert_eq!(views[0].name, case);
+        assert!(views[0].width > 32 && views[0].fx > 32.0);
+    }
+}
