@@ -61,14 +61,16 @@ fn words(source: &str) -> impl Iterator<Item = &str> {
 /// The rows of the table between `<!-- NAME -->` and `<!-- end -->` of a document, without its two heading lines; each
 /// row as its cells.
 fn table(document: &str, name: &str) -> Vec<Vec<String>> {
-    let rows = marked(document, name).lines().filter(|line| line.starts_with('|')).skip(2);
+    let rows = marked(document, name).1.lines().filter(|line| line.starts_with('|')).skip(2);
     rows.map(|line| line.trim_matches('|').split('|').map(|cell| cell.trim().to_owned()).collect()).collect()
 }
 
-/// What lies between `<!-- NAME -->` and the next `<!-- end -->`.
-fn marked<'a>(document: &'a str, name: &str) -> &'a str {
-    let (_, rest) = document.split_once(&format!("<!-- {name} -->\n")).unwrap_or_else(|| panic!("no marker {name}"));
-    rest.split_once("<!-- end -->").unwrap_or_else(|| panic!("no end of {name}")).0
+/// A document in three: up to and with `<!-- NAME -->`, what is marked, and the rest from the next `<!-- end -->` on.
+fn marked<'a>(document: &'a str, name: &str) -> (&'a str, &'a str, &'a str) {
+    let begin = format!("<!-- {name} -->\n");
+    let first = document.find(&begin).unwrap_or_else(|| panic!("no marker {name}")) + begin.len();
+    let last = first + document[first..].find("<!-- end -->").unwrap_or_else(|| panic!("no end of {name}"));
+    (&document[..first], &document[first..last], &document[last..])
 }
 
 /// The words in backticks of a cell.
