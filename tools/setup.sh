@@ -25,10 +25,10 @@ as_root() {
     fi
 }
 
-# Of the packages given, those that are not installed.
+# Of the packages given, those that are not installed. dpkg-query fails when one is unknown to it: that is an answer too.
 missing_packages() {
-    local installed
-    installed=" $(dpkg-query -W -f='${db:Status-Status} ${Package}\n' "$@" 2>/dev/null |
+    local installed package
+    installed=" $({ dpkg-query -W -f='${db:Status-Status} ${Package}\n' "$@" 2>/dev/null || true; } |
         sed -n 's/^installed //p' | tr '\n' ' ') "
     for package in "$@"; do
         [[ $installed == *" $package "* ]] || printf '%s\n' "$package"
