@@ -1,1 +1,74 @@
-fn main() {}
+//! `ivv`: the command line. One file per verb; exit codes are SPEC 10's.
+
+mod demo;
+mod devices;
+mod inspect;
+mod progress;
+mod render;
+
+use clap::{Parser, Subcommand};
+use std::process::ExitCode;
+
+/// Immersive volumetric video: spatio-temporal 3D Gaussians, rendered in Vulkan compute.
+#[derive(Parser)]
+#[command(name = "ivv", version)]
+struct Cli {
+    #[command(subcommand)]
+    verb: Verb,
+    /// What is logged on standard error: error, warn, info, debug or trace.
+    #[arg(long, global = true, default_value = "warn")]
+    log_level: tracing::Level,
+    /// Machine-readable output on standard output.
+    #[arg(long, global = true)]
+    json: bool,
+}
+
+#[derive(Subcommand)]
+enum Verb {
+    /// Lists Vulkan devices with the limits and features that matter; says which one is picked and why.
+    Devices(devices::Args),
+    /// Says what a scene holds: counts by population, SH degree, bytes, extent.
+    Inspect(inspect::Args),
+    /// Renders views of a scene: one file per view and format, named after the view.
+    Render(render::Args),
+    /// Writes the scene that the project ships in assets/demo.
+    Demo(demo::Args),
+}
+
+fn main() -> ExitCode {
+    let cli = Cli::parse();
+    tracing_subscriber::fmt().with_max_level(cli.log_level).with_writer(std::io::stderr).init();
+    let done = match &cli.verb {
+        Verb::Devices(args) => devices::run(args, cli.json),
+        Verb::Inspect(args) => inspect::run(args, cli.json),
+        Verb::Render(args) => render::run(args, cli.json),
+        Verb::Demo(args) => demo::run(args),
+    };
+    match done {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("ivv: {error:#}");
+            ExitCode::from(exit_code(&error))
+        }
+    }
+}
+
+/// What [`run`](render::run) returns when Ctrl-C or SIGTERM ended it.
+#[derive(Debug)]
+struct Interrupted;
+
+impl std::fmt::Display for Interrupted {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "interrupted; the files written so far are complete")
+    }
+}
+
+impl std::error::Error for Interrupted {}
+
+/// SPEC 10: the engine's own errors know theirs; an interruption is 130; anything else is the fault of what was asked.
+fn exit_code(error: &anyhow::Error) -> u8 {
+    if error.downcast_ref::<Interrupted>().is_some() {
+        return 130;
+    }
+    error.downcast_ref::<ivv::Error>().map_or(2, ivv::Error::exit_code)
+}

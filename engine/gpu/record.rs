@@ -39,6 +39,8 @@ pub struct Pass {
     pub label: String,
     /// What the pass's time grows with.
     pub count: Count,
+    /// The group of Gaussians it works on, where it is not all of them.
+    pub group: Option<usize>,
     /// The work.
     pub work: Work,
 }
@@ -48,6 +50,7 @@ pub struct Pass {
 pub struct Recording {
     passes: Vec<Pass>,
     stage: &'static str,
+    group: Option<usize>,
 }
 
 impl Recording {
@@ -59,6 +62,11 @@ impl Recording {
     /// Names the stage that the passes from here on belong to.
     pub fn stage(&mut self, name: &'static str) {
         self.stage = name;
+    }
+
+    /// The passes from here on work on one group of Gaussians, or on all of them again.
+    pub fn group(&mut self, group: Option<usize>) {
+        self.group = group;
     }
 
     /// Appends a kernel.
@@ -73,6 +81,7 @@ impl Recording {
         self.passes.push(Pass {
             label: format!("{}/{}", self.stage, kernel.name),
             count: row.map_or(Count::Dispatches, |row| row.count),
+            group: self.group,
             work: Work::Dispatch { kernel, slices: args.slices(), push: bytemuck::bytes_of(&push).to_vec(), grid },
         });
     }
@@ -89,7 +98,8 @@ impl Recording {
     }
 
     fn push_plain(&mut self, name: &str, work: Work) {
-        self.passes.push(Pass { label: format!("{}/{name}", self.stage), count: Count::Dispatches, work });
+        let label = format!("{}/{name}", self.stage);
+        self.passes.push(Pass { label, count: Count::Dispatches, group: self.group, work });
     }
 
     /// The passes.

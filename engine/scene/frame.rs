@@ -35,7 +35,7 @@ impl Frame {
     /// # Errors
     /// [`Error::Data`] when the frame is empty, its arrays disagree with its size, or the file cannot be written.
     pub fn write_png(&self, path: &Path) -> Result<()> {
-        self.check(path)?;
+        self.check(path, &[self.color.len()])?;
         // A float becomes an integer by saturation, NaN by 0.
         let level = |c: f32| (c.clamp(0.0, 1.0) * 255.0).round() as u8;
         let bytes: Vec<u8> = self.color.as_flattened().iter().map(|&c| level(c)).collect();
@@ -51,7 +51,7 @@ impl Frame {
     /// # Errors
     /// As [`Frame::write_png`].
     pub fn write_exr(&self, path: &Path) -> Result<()> {
-        self.check(path)?;
+        self.check_all(path)?;
         let color = |channel: usize| self.color.iter().map(|c| c[channel]).collect();
         let flow = |axis: usize| self.flow.iter().map(|f| f[axis]).collect();
         let channels: [(&str, Vec<f32>); 8] = [
@@ -84,7 +84,7 @@ impl Frame {
     /// # Errors
     /// As [`Frame::write_png`].
     pub fn write_safetensors(&self, path: &Path) -> Result<()> {
-        self.check(path)?;
+        self.check_all(path)?;
         let (h, w) = (self.height as usize, self.width as usize);
         write_tensors(
             path,
@@ -98,10 +98,14 @@ impl Frame {
         )
     }
 
-    fn check(&self, path: &Path) -> Result<()> {
-        let n = self.width as usize * self.height as usize;
+    fn check_all(&self, path: &Path) -> Result<()> {
         let lengths = [self.color.len(), self.alpha.len(), self.depth.len(), self.inverse_depth.len(), self.flow.len()];
-        if n == 0 || lengths != [n; 5] {
+        self.check(path, &lengths)
+    }
+
+    fn check(&self, path: &Path, lengths: &[usize]) -> Result<()> {
+        let n = self.width as usize * self.height as usize;
+        if n == 0 || lengths.iter().any(|length| *length != n) {
             let reason = format!("a frame of {} x {} pixels with arrays of {lengths:?}", self.width, self.height);
             return Err(Error::data(path, "", reason, "this is a fault of the program that made the frame"));
         }

@@ -59,7 +59,8 @@ impl Cull {
     pub fn record(&self, rec: &mut Recording, scene: &SceneBuffers, view: &Buf<ViewParams>, status: &Buf<Status>) {
         rec.stage("cull");
         let (bits, counts) = (&self.bits, &self.offsets);
-        for group in &scene.groups {
+        for (index, group) in scene.groups.iter().enumerate() {
+            rec.group(Some(index));
             let (n, first, bound, grid) = (group.n, group.first, &group.bound, Grid::Threads(group.n));
             if let (Some(motion), Some(window)) = (&group.motion, &group.window) {
                 let args = cull_dynamic::Args { view, bound, bits, counts, motion, window };
@@ -68,6 +69,7 @@ impl Cull {
                 rec.pass(cull_static::Args { view, bound, bits, counts }, cull_static::Push { n, first }, grid);
             }
         }
+        rec.group(None);
         let blocks = Grid::Groups((scene.n_flat / CULL_BLOCK).div_ceil(SCAN_BLOCK as u32));
         self.scan.record(rec, &self.n_blocks, &self.offsets, &self.n_active, blocks);
         rec.pass(

@@ -58,6 +58,7 @@ impl Projected {
     ) {
         rec.stage("project");
         for (index, group) in scene.groups.iter().enumerate() {
+            rec.group(Some(index));
             let band = |b: usize| group.bands.get(b).unwrap_or(&group.sh0);
             let args = project_static_sh0::Args {
                 view,
@@ -82,5 +83,6 @@ impl Projected {
                 indirect(&cull.args, ARGS_FIRST_GROUP + index),
             );
         }
+        rec.group(None);
     }
 }

@@ -168,7 +168,7 @@ impl Renderer {
                     append(&mut frame, &gpu, &work.blend, n)?;
                     first_row += strip.n_rows;
                 }
-                // More intersections than one binding can list: fewer rows at a time.
+                // More active Gaussians or intersections than one binding can list: fewer rows at a time.
                 None => strip_rows = (strip.n_rows / 2).next_multiple_of(TILE),
             }
         }
@@ -192,7 +192,7 @@ impl Renderer {
         Ok(rows.min(whole) as u32)
     }
 
-    /// Renders one strip into the workspace; `None` when its lists do not fit and fewer rows might.
+    /// Renders one strip into the workspace; `None` when its lists do not fit a binding and those of fewer rows might.
     fn strip(
         &mut self,
         view: &View,
@@ -228,11 +228,15 @@ impl Renderer {
             let status = self.gpu.read(&work.status)?.first().copied().unwrap_or_default();
             self.work = Some(work);
             if status.failed & FAILED_ACTIVE != 0 {
+                report.replays += 1;
+                if tiles_y > 1 {
+                    return Ok(None);
+                }
                 return Err(Error::OutOfMemory {
-                    what: format!("view `{}`: Gaussians active at once", view.name),
+                    what: format!("view `{}`: Gaussians active in one row of tiles", view.name),
                     needed: u64::from(status.n_active),
                     limit: u64::from(status.capacity_active),
-                    remedy: "use a device with longer bindings or a smaller scene".to_owned(),
+                    remedy: "use a smaller scene or a device with longer bindings".to_owned(),
                 });
             }
             if status.failed & FAILED_INTERSECTIONS != 0 {
@@ -259,7 +263,10 @@ impl Renderer {
                 continue;
             }
             report.add(&status, n_tiles);
-            report.add_passes(&rec, &times, &status, self.scene.n, n_tiles);
+            if timed {
+                let ranges = self.work.as_ref().map_or(Ok(Vec::new()), |work| self.gpu.read(&work.cull.ranges))?;
+                report.add_passes(&rec, &times, &status, &self.scene, &ranges, n_tiles);
+            }
             return Ok(self.work.as_ref());
         }
     }
@@ -316,14 +323,24 @@ impl FrameReport {
         self.strips += 1;
     }
 
-    fn add_passes(&mut self, rec: &Recording, times: &[PassTime], status: &Status, n: u32, n_tiles: u32) {
+    fn add_passes(
+        &mut self,
+        rec: &Recording,
+        times: &[PassTime],
+        status: &Status,
+        scene: &SceneBuffers,
+        ranges: &[[u32; 2]],
+        n_tiles: u32,
+    ) {
         for (pass, time) in rec.passes().iter().zip(times) {
-            let units = match pass.count {
-                Count::Gaussians => n,
-                Count::Active => status.n_active,
-                Count::Intersections => status.n_intersections,
-                Count::Tiles => n_tiles,
-                Count::Dispatches => 1,
+            let units = match (pass.count, pass.group) {
+                (Count::Gaussians, Some(group)) => scene.groups[group].n,
+                (Count::Gaussians, None) => scene.n,
+                (Count::Active, Some(group)) => ranges[group][1] - ranges[group][0],
+                (Count::Active, None) => status.n_active,
+                (Count::Intersections, _) => status.n_intersections,
+                (Count::Tiles, _) => n_tiles,
+                (Count::Dispatches, _) => 1,
             };
             let kernel = pass.label.split_once('/').map_or("", |(_, kernel)| kernel);
             let limit = KERNELS.iter().find(|row| row.name == kernel).map_or(0.0, |row| row.limit_ns);

@@ -1,0 +1,64 @@
+//! `ivv devices`.
+
+use ivv::vk::{Device, DeviceChoice, list_devices};
+
+/// Options of `ivv devices`.
+#[derive(clap::Args)]
+pub struct Args {
+    /// The device to pick, as elsewhere: an index or part of a name.
+    #[arg(long)]
+    device: Option<String>,
+}
+
+pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
+    let devices = list_devices()?;
+    let (picked, why) = Device::open(&DeviceChoice { device: args.device.clone(), ..DeviceChoice::default() })?;
+    if json {
+        let listed: Vec<_> = devices
+            .iter()
+            .map(|device| match device {
+                Ok(caps) => serde_json::json!({ "usable": true, "caps": caps }),
+                Err(reason) => serde_json::json!({ "usable": false, "reason": reason }),
+            })
+            .collect();
+        let report = serde_json::json!({ "devices": listed, "picked": picked.caps().name, "because": why });
+        println!("{}", serde_json::to_string_pretty(&report)?);
+        return Ok(());
+    }
+    for (index, device) in devices.iter().enumerate() {
+        let caps = match device {
+            Ok(caps) => caps,
+            Err(reason) => {
+                println!("{index}: unusable: {reason}");
+                continue;
+            }
+        };
+        let yes = |b: bool| if b { "yes" } else { "no" };
+        println!("{index}: {} ({:?}), Vulkan {}, {}", caps.name, caps.kind, caps.api, caps.driver.trim());
+        println!(
+            "   subgroups of {} lanes ({} to {}, {}), workgroups of up to {}, {} KiB shared",
+            caps.subgroup_size,
+            caps.subgroup_min,
+            caps.subgroup_max,
+            if caps.subgroup_pinned { "pinned" } else { "fixed" },
+            caps.max_workgroup,
+            caps.max_shared_bytes >> 10,
+        );
+        println!(
+            "   bindings of up to {} MiB, allocations of up to {} MiB, largest heap {} MiB",
+            caps.max_binding_bytes >> 20,
+            caps.max_allocation_bytes >> 20,
+            caps.heap_bytes >> 20,
+        );
+        println!(
+            "   push descriptors {}, timestamps {}, float atomics {}, 64-bit atomics {}, half precision {}",
+            yes(caps.push_descriptors),
+            yes(caps.timestamp_ns > 0.0),
+            yes(caps.float_atomics),
+            yes(caps.int64_atomics),
+            yes(caps.float16),
+        );
+    }
+    println!("picked: {} ({why})", picked.caps().name);
+    Ok(())
+}
