@@ -34,8 +34,7 @@ fn code(document: &str) -> Vec<String> {
 /// root; and the targets of links.
 fn named_paths(document: &str) -> BTreeSet<String> {
     const FOLDERS: [&str; 6] = [".ci/", "assets/", "engine/", "shaders-glsl/", "tests/", "tools/"];
-    const ENDINGS: [&str; 11] =
-        ["/", ".comp", ".exr", ".glsl", ".json", ".md", ".ply", ".png", ".py", ".rs", ".sh"];
+    const ENDINGS: [&str; 11] = ["/", ".comp", ".exr", ".glsl", ".json", ".md", ".ply", ".png", ".py", ".rs", ".sh"];
     let is_path = |word: &&str| {
         word.chars().all(|c| c.is_ascii_alphanumeric() || "_./-".contains(c))
             && !["../", "/", "out/", "."].iter().any(|start| word.starts_with(start) && !word.starts_with(".ci/"))
@@ -167,7 +166,8 @@ fn nothing_is_left_to_be_done_by_nobody_or_kept_alike_by_hand() {
     let by_hand = ["keep in", "sync"].join(" ");
     let later = ["TO", "DO"].concat();
     let is_text = |file: &String| {
-        [".rs", ".comp", ".glsl", ".md", ".sh", ".toml"].iter().any(|ending| file.ends_with(ending)) || file == ".ci/run"
+        [".rs", ".comp", ".glsl", ".md", ".sh", ".toml"].iter().any(|ending| file.ends_with(ending))
+            || file == ".ci/run"
     };
     let mut n_files = 0;
     for file in files("").into_iter().filter(is_text) {
