@@ -48,6 +48,7 @@ const SH1: (&str, &str) = ("SH_DEGREE", "1");
 const SH2: (&str, &str) = ("SH_DEGREE", "2");
 const SH3: (&str, &str) = ("SH_DEGREE", "3");
 const FULL: (&str, &str) = ("FULL", "1");
+const TRAIN: (&str, &str) = ("TRAIN", "1");
 const P4: (&str, &str) = ("PIXELS", "4");
 const P8: (&str, &str) = ("PIXELS", "8");
 
@@ -74,9 +75,10 @@ pub const KERNELS: &[Spec] = &[
     spec("sort_count", "sort/sort_count.comp", &[], "sort", Count::Active, 12.0),
     spec("sort_scatter", "sort/sort_scatter.comp", &[("SUBGROUPS", "16")], "sort", Count::Active, 57.0),
     spec("sort_scatter_w32", "sort/sort_scatter.comp", &[("SUBGROUPS", "2")], "sort", Count::Active, 57.0),
-    spec("gather_counts", "tiles/gather_counts.comp", &[], "scan", Count::Active, 5.0),
+    spec("gather", "tiles/gather.comp", &[], "scan", Count::Active, 5.0),
     spec("prepare_intersections", "tiles/prepare_intersections.comp", &[], "scan", Count::Dispatches, 1000.0),
     spec("emit", "tiles/emit.comp", &[], "tiles", Count::Intersections, 50.0),
+    spec("emit_slots", "tiles/emit.comp", &[("SLOTS", "1")], "tiles", Count::Intersections, 55.0),
     spec("tile_ranges", "tiles/tile_ranges.comp", &[], "tiles", Count::Intersections, 5.0),
     spec("tile_buckets", "tiles/tile_buckets.comp", &[], "tiles", Count::Tiles, 20.0),
     spec("tile_order", "tiles/tile_order.comp", &[], "tiles", Count::Tiles, 20.0),
@@ -84,4 +86,20 @@ pub const KERNELS: &[Spec] = &[
     spec("blend_fwd_p8", "blend/blend_fwd.comp", &[FULL, P8], "blend", Count::Intersections, 650.0),
     spec("blend_fwd_color_p4", "blend/blend_fwd.comp", &[P4], "blend", Count::Intersections, 650.0),
     spec("blend_fwd_color_p8", "blend/blend_fwd.comp", &[P8], "blend", Count::Intersections, 650.0),
+    spec("blend_train_p4", "blend/blend_fwd.comp", &[FULL, TRAIN, P4], "blend", Count::Intersections, 650.0),
+    spec("blend_train_p8", "blend/blend_fwd.comp", &[FULL, TRAIN, P8], "blend", Count::Intersections, 650.0),
+    spec("blend_train_color_p4", "blend/blend_fwd.comp", &[TRAIN, P4], "blend", Count::Intersections, 650.0),
+    spec("blend_train_color_p8", "blend/blend_fwd.comp", &[TRAIN, P8], "blend", Count::Intersections, 650.0),
+    spec("blend_bwd_p4", "blend/blend_bwd.comp", &[FULL, P4], "jvp", Count::Intersections, 730.0),
+    spec("blend_bwd_p8", "blend/blend_bwd.comp", &[FULL, P8], "jvp", Count::Intersections, 730.0),
+    spec("blend_bwd_color_p4", "blend/blend_bwd.comp", &[P4], "jvp", Count::Intersections, 730.0),
+    spec("blend_bwd_color_p8", "blend/blend_bwd.comp", &[P8], "jvp", Count::Intersections, 730.0),
+    spec("project_bwd_static_sh0", "project/project_bwd.comp", &[SH0], "jvp", Count::Active, 320.0),
+    spec("project_bwd_static_sh1", "project/project_bwd.comp", &[SH1], "jvp", Count::Active, 320.0),
+    spec("project_bwd_static_sh2", "project/project_bwd.comp", &[SH2], "jvp", Count::Active, 320.0),
+    spec("project_bwd_static_sh3", "project/project_bwd.comp", &[SH3], "jvp", Count::Active, 320.0),
+    spec("project_bwd_dynamic_sh0", "project/project_bwd.comp", &[D, SH0], "jvp", Count::Active, 320.0),
+    spec("project_bwd_dynamic_sh1", "project/project_bwd.comp", &[D, SH1], "jvp", Count::Active, 320.0),
+    spec("project_bwd_dynamic_sh2", "project/project_bwd.comp", &[D, SH2], "jvp", Count::Active, 320.0),
+    spec("project_bwd_dynamic_sh3", "project/project_bwd.comp", &[D, SH3], "jvp", Count::Active, 320.0),
 ];

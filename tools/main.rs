@@ -5,6 +5,7 @@ mod devices;
 mod inspect;
 mod progress;
 mod render;
+mod vjp;
 
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
@@ -31,6 +32,8 @@ enum Verb {
     Inspect(inspect::Args),
     /// Renders views of a scene: one file per view and format, named after the view.
     Render(render::Args),
+    /// Gradients of sum(cotangent * output) of a view, by parameter group.
+    Vjp(vjp::Args),
     /// Writes the scene that the project ships in assets/demo.
     Demo(demo::Args),
 }
@@ -42,6 +45,7 @@ fn main() -> ExitCode {
         Verb::Devices(args) => devices::run(args, cli.json),
         Verb::Inspect(args) => inspect::run(args, cli.json),
         Verb::Render(args) => render::run(args, cli.json),
+        Verb::Vjp(args) => vjp::run(args),
         Verb::Demo(args) => demo::run(args),
     };
     match done {

@@ -37,6 +37,13 @@ pub struct Args {
     /// The device: an index or part of a name from `ivv devices`.
     #[arg(long)]
     device: Option<String>,
+    #[command(flatten)]
+    constants: ConstantArgs,
+}
+
+/// The rendering constants of SPEC 3 as options.
+#[derive(clap::Args)]
+pub struct ConstantArgs {
     /// A Gaussian contributes to a pixel when its alpha there is at least this.
     #[arg(long, default_value_t = Constants::default().alpha_min)]
     alpha_min: f32,
@@ -52,6 +59,24 @@ pub struct Args {
     /// Gaussians at most this far before the camera are dropped, scene units.
     #[arg(long, default_value_t = Constants::default().near)]
     near: f32,
+}
+
+impl ConstantArgs {
+    /// The constants, each in the range in which SPEC 3 makes sense.
+    pub fn checked(&self) -> anyhow::Result<Constants> {
+        let Self { alpha_min, alpha_max, t_min, blur, near } = *self;
+        let checks = [
+            (alpha_min > 0.0 && alpha_min < 1.0, "--alpha-min must lie between 0 and 1"),
+            (alpha_max >= alpha_min && alpha_max < 1.0, "--alpha-max must lie between --alpha-min and 1"),
+            ((0.0..1.0).contains(&t_min), "--t-min must be at least 0 and below 1"),
+            (blur > 0.0 && blur.is_finite(), "--blur must be positive"),
+            (near > 0.0 && near.is_finite(), "--near must be positive"),
+        ];
+        for (holds, message) in checks {
+            anyhow::ensure!(holds, message);
+        }
+        Ok(Constants { alpha_min, alpha_max, t_min, blur, near })
+    }
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
@@ -82,7 +107,7 @@ struct ViewReport {
 }
 
 pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
-    let constants = checked_constants(args)?;
+    let constants = args.constants.checked()?;
     let stop = Arc::new(AtomicBool::new(false));
     let flag = stop.clone();
     ctrlc::set_handler(move || flag.store(true, Ordering::Relaxed)).context("no handler for Ctrl-C")?;
@@ -155,22 +180,6 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// The rendering constants, each in the range in which SPEC 3 makes sense.
-fn checked_constants(args: &Args) -> anyhow::Result<Constants> {
-    let Args { alpha_min, alpha_max, t_min, blur, near, .. } = *args;
-    let checks = [
-        (alpha_min > 0.0 && alpha_min < 1.0, "--alpha-min must lie between 0 and 1"),
-        (alpha_max >= alpha_min && alpha_max < 1.0, "--alpha-max must lie between --alpha-min and 1"),
-        ((0.0..1.0).contains(&t_min), "--t-min must be at least 0 and below 1"),
-        (blur > 0.0 && blur.is_finite(), "--blur must be positive"),
-        (near > 0.0 && near.is_finite(), "--near must be positive"),
-    ];
-    for (holds, message) in checks {
-        anyhow::ensure!(holds, message);
-    }
-    Ok(Constants { alpha_min, alpha_max, t_min, blur, near })
-}
-
 /// SPEC 10: a picture with a value that is not finite is an error, not a picture.
 fn check_finite(frame: &Frame, view: &View) -> ivv::Result<()> {
     let values = frame.color.as_flattened().iter().chain(&frame.alpha).chain(&frame.depth);
@@ -183,7 +192,7 @@ fn check_finite(frame: &Frame, view: &View) -> ivv::Result<()> {
 }
 
 /// `$XDG_CACHE_HOME/ivv` or `~/.cache/ivv`.
-fn cache_folder() -> Option<PathBuf> {
+pub fn cache_folder() -> Option<PathBuf> {
     let cache = std::env::var_os("XDG_CACHE_HOME").map(PathBuf::from);
     cache.or_else(|| Some(PathBuf::from(std::env::var_os("HOME")?).join(".cache"))).map(|c| c.join("ivv"))
 }

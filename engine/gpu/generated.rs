@@ -1440,39 +1440,39 @@ pub mod sort_scatter_w32 {
     }
 }
 
-/// reads the tile counts in depth order, for the scan that places the intersections.
-pub mod gather_counts {
+/// reads a table in the order of a list of indices.
+pub mod gather {
     use super::super::kernel::*;
     /// This kernel takes no push constants.
     pub type Push = ();
     /// The kernel's buffers.
     pub struct Args<'a> {
         /// Reads.
-        pub n_active: &'a Buf<u32>,
+        pub count: &'a Buf<u32>,
         /// Reads.
-        pub order: &'a Buf<u32>,
+        pub index: &'a Buf<u32>,
         /// Reads.
-        pub tile_counts: &'a Buf<u32>,
+        pub table: &'a Buf<u32>,
         /// Writes.
-        pub offsets: &'a Buf<u32>,
+        pub gathered: &'a Buf<u32>,
     }
     impl Kernel for Args<'_> {
         type Push = Push;
         const INFO: &'static KernelInfo = &KernelInfo {
-            name: "gather_counts",
+            name: "gather",
             local: 64,
             subgroups: false,
             push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/gather_counts.spv"),
+            spirv: include_bytes!("../../shaders-glsl/spv/gather.spv"),
             bindings: &[
-                BindingInfo { name: "n_active", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "order", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "offsets", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "count", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "index", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "table", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "gathered", kind: BindingKind::Storage, access: Access::Write },
             ],
         };
         fn slices(&self) -> Vec<Slice> {
-            vec![self.n_active.slice(), self.order.slice(), self.tile_counts.slice(), self.offsets.slice()]
+            vec![self.count.slice(), self.index.slice(), self.table.slice(), self.gathered.slice()]
         }
     }
 }
@@ -1585,6 +1585,72 @@ pub mod emit {
                 self.splats.slice(),
                 self.tile_keys.slice(),
                 self.splat_ids.slice(),
+            ]
+        }
+    }
+}
+
+/// writes one (tile, Gaussian) pair per tile that a Gaussian touches, in depth order.
+pub mod emit_slots {
+    use super::super::kernel::*;
+    /// This kernel takes no push constants.
+    pub type Push = ();
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub view: &'a Buf<super::ViewParams>,
+        /// Reads.
+        pub n_active: &'a Buf<u32>,
+        /// Reads.
+        pub order: &'a Buf<u32>,
+        /// Reads.
+        pub tile_counts: &'a Buf<u32>,
+        /// Reads.
+        pub offsets: &'a Buf<u32>,
+        /// Reads.
+        pub splats: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub tile_keys: &'a Buf<u32>,
+        /// Writes.
+        pub splat_ids: &'a Buf<u32>,
+        /// Writes.
+        pub slots: &'a Buf<u32>,
+        /// Writes.
+        pub slot_first: &'a Buf<u32>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "emit_slots",
+            local: 64,
+            subgroups: true,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/emit_slots.spv"),
+            bindings: &[
+                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+                BindingInfo { name: "n_active", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "order", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "offsets", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "tile_keys", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "slots", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Write },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![
+                self.view.slice(),
+                self.n_active.slice(),
+                self.order.slice(),
+                self.tile_counts.slice(),
+                self.offsets.slice(),
+                self.splats.slice(),
+                self.tile_keys.slice(),
+                self.splat_ids.slice(),
+                self.slots.slice(),
+                self.slot_first.slice(),
             ]
         }
     }
@@ -2036,6 +2102,1602 @@ pub mod blend_fwd_color_p8 {
                 self.splats.slice(),
                 self.image0.slice(),
                 self.image1.slice(),
+            ]
+        }
+    }
+}
+
+/// blends each tile's Gaussians front to back into colour, alpha, depth, inverse depth and flow.
+pub mod blend_train_p4 {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `n_blocks` of the shader.
+        pub n_blocks: u32,
+        /// `stride` of the shader.
+        pub stride: u32,
+        /// `round` of the shader.
+        pub round: u32,
+        /// `last_round` of the shader.
+        pub last_round: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 16);
+        assert!(std::mem::offset_of!(Push, n_blocks) == 0);
+        assert!(std::mem::offset_of!(Push, stride) == 4);
+        assert!(std::mem::offset_of!(Push, round) == 8);
+        assert!(std::mem::offset_of!(Push, last_round) == 12);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub view: &'a Buf<super::ViewParams>,
+        /// Reads.
+        pub tile_order: &'a Buf<u32>,
+        /// Reads.
+        pub tile_first: &'a Buf<u32>,
+        /// Reads.
+        pub tile_last: &'a Buf<u32>,
+        /// Reads.
+        pub splat_ids: &'a Buf<u32>,
+        /// Reads.
+        pub splats: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub image0: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub image1: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub tail: &'a Buf<[u32; 2]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "blend_train_p4",
+            local: 64,
+            subgroups: true,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/blend_train_p4.spv"),
+            bindings: &[
+                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+                BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "tile_last", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "image0", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "image1", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::ReadWrite },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![
+                self.view.slice(),
+                self.tile_order.slice(),
+                self.tile_first.slice(),
+                self.tile_last.slice(),
+                self.splat_ids.slice(),
+                self.splats.slice(),
+                self.image0.slice(),
+                self.image1.slice(),
+                self.tail.slice(),
+            ]
+        }
+    }
+}
+
+/// blends each tile's Gaussians front to back into colour, alpha, depth, inverse depth and flow.
+pub mod blend_train_p8 {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `n_blocks` of the shader.
+        pub n_blocks: u32,
+        /// `stride` of the shader.
+        pub stride: u32,
+        /// `round` of the shader.
+        pub round: u32,
+        /// `last_round` of the shader.
+        pub last_round: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 16);
+        assert!(std::mem::offset_of!(Push, n_blocks) == 0);
+        assert!(std::mem::offset_of!(Push, stride) == 4);
+        assert!(std::mem::offset_of!(Push, round) == 8);
+        assert!(std::mem::offset_of!(Push, last_round) == 12);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub view: &'a Buf<super::ViewParams>,
+        /// Reads.
+        pub tile_order: &'a Buf<u32>,
+        /// Reads.
+        pub tile_first: &'a Buf<u32>,
+        /// Reads.
+        pub tile_last: &'a Buf<u32>,
+        /// Reads.
+        pub splat_ids: &'a Buf<u32>,
+        /// Reads.
+        pub splats: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub image0: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub image1: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub tail: &'a Buf<[u32; 2]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "blend_train_p8",
+            local: 64,
+            subgroups: true,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/blend_train_p8.spv"),
+            bindings: &[
+                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+                BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "tile_last", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "image0", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "image1", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::ReadWrite },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![
+                self.view.slice(),
+                self.tile_order.slice(),
+                self.tile_first.slice(),
+                self.tile_last.slice(),
+                self.splat_ids.slice(),
+                self.splats.slice(),
+                self.image0.slice(),
+                self.image1.slice(),
+                self.tail.slice(),
+            ]
+        }
+    }
+}
+
+/// blends each tile's Gaussians front to back into colour, alpha, depth, inverse depth and flow.
+pub mod blend_train_color_p4 {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `n_blocks` of the shader.
+        pub n_blocks: u32,
+        /// `stride` of the shader.
+        pub stride: u32,
+        /// `round` of the shader.
+        pub round: u32,
+        /// `last_round` of the shader.
+        pub last_round: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 16);
+        assert!(std::mem::offset_of!(Push, n_blocks) == 0);
+        assert!(std::mem::offset_of!(Push, stride) == 4);
+        assert!(std::mem::offset_of!(Push, round) == 8);
+        assert!(std::mem::offset_of!(Push, last_round) == 12);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub view: &'a Buf<super::ViewParams>,
+        /// Reads.
+        pub tile_order: &'a Buf<u32>,
+        /// Reads.
+        pub tile_first: &'a Buf<u32>,
+        /// Reads.
+        pub tile_last: &'a Buf<u32>,
+        /// Reads.
+        pub splat_ids: &'a Buf<u32>,
+        /// Reads.
+        pub splats: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub image0: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub image1: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub tail: &'a Buf<[u32; 2]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "blend_train_color_p4",
+            local: 64,
+            subgroups: true,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/blend_train_color_p4.spv"),
+            bindings: &[
+                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+                BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "tile_last", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "image0", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "image1", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::ReadWrite },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![
+                self.view.slice(),
+                self.tile_order.slice(),
+                self.tile_first.slice(),
+                self.tile_last.slice(),
+                self.splat_ids.slice(),
+                self.splats.slice(),
+                self.image0.slice(),
+                self.image1.slice(),
+                self.tail.slice(),
+            ]
+        }
+    }
+}
+
+/// blends each tile's Gaussians front to back into colour, alpha, depth, inverse depth and flow.
+pub mod blend_train_color_p8 {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `n_blocks` of the shader.
+        pub n_blocks: u32,
+        /// `stride` of the shader.
+        pub stride: u32,
+        /// `round` of the shader.
+        pub round: u32,
+        /// `last_round` of the shader.
+        pub last_round: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 16);
+        assert!(std::mem::offset_of!(Push, n_blocks) == 0);
+        assert!(std::mem::offset_of!(Push, stride) == 4);
+        assert!(std::mem::offset_of!(Push, round) == 8);
+        assert!(std::mem::offset_of!(Push, last_round) == 12);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub view: &'a Buf<super::ViewParams>,
+        /// Reads.
+        pub tile_order: &'a Buf<u32>,
+        /// Reads.
+        pub tile_first: &'a Buf<u32>,
+        /// Reads.
+        pub tile_last: &'a Buf<u32>,
+        /// Reads.
+        pub splat_ids: &'a Buf<u32>,
+        /// Reads.
+        pub splats: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub image0: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub image1: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub tail: &'a Buf<[u32; 2]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "blend_train_color_p8",
+            local: 64,
+            subgroups: true,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/blend_train_color_p8.spv"),
+            bindings: &[
+                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+                BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "tile_last", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "image0", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "image1", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::ReadWrite },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![
+                self.view.slice(),
+                self.tile_order.slice(),
+                self.tile_first.slice(),
+                self.tile_last.slice(),
+                self.splat_ids.slice(),
+                self.splats.slice(),
+                self.image0.slice(),
+                self.image1.slice(),
+                self.tail.slice(),
+            ]
+        }
+    }
+}
+
+/// carries the cotangents of a picture back to the splats, one slot per intersection.
+pub mod blend_bwd_p4 {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `n_tiles` of the shader.
+        pub n_tiles: u32,
+        /// `stride` of the shader.
+        pub stride: u32,
+        /// `block` of the shader.
+        pub block: u32,
+        /// `segment` of the shader.
+        pub segment: u32,
+        /// `first_round` of the shader.
+        pub first_round: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 20);
+        assert!(std::mem::offset_of!(Push, n_tiles) == 0);
+        assert!(std::mem::offset_of!(Push, stride) == 4);
+        assert!(std::mem::offset_of!(Push, block) == 8);
+        assert!(std::mem::offset_of!(Push, segment) == 12);
+        assert!(std::mem::offset_of!(Push, first_round) == 16);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub view: &'a Buf<super::ViewParams>,
+        /// Reads.
+        pub tile_order: &'a Buf<u32>,
+        /// Reads.
+        pub tile_first: &'a Buf<u32>,
+        /// Reads.
+        pub splat_ids: &'a Buf<u32>,
+        /// Reads.
+        pub slots: &'a Buf<u32>,
+        /// Reads.
+        pub splats: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub tail: &'a Buf<[u32; 2]>,
+        /// Reads.
+        pub d_image0: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub carry: &'a Buf<[f32; 2]>,
+        /// ReadWrites.
+        pub d_slots: &'a Buf<[f32; 2]>,
+        /// Reads.
+        pub d_image1: &'a Buf<[f32; 4]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "blend_bwd_p4",
+            local: 64,
+            subgroups: true,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/blend_bwd_p4.spv"),
+            bindings: &[
+                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+                BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "slots", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_image0", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "carry", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "d_image1", kind: BindingKind::Storage, access: Access::Read },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![
+                self.view.slice(),
+                self.tile_order.slice(),
+                self.tile_first.slice(),
+                self.splat_ids.slice(),
+                self.slots.slice(),
+                self.splats.slice(),
+                self.tail.slice(),
+                self.d_image0.slice(),
+                self.carry.slice(),
+                self.d_slots.slice(),
+                self.d_image1.slice(),
+            ]
+        }
+    }
+}
+
+/// carries the cotangents of a picture back to the splats, one slot per intersection.
+pub mod blend_bwd_p8 {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `n_tiles` of the shader.
+        pub n_tiles: u32,
+        /// `stride` of the shader.
+        pub stride: u32,
+        /// `block` of the shader.
+        pub block: u32,
+        /// `segment` of the shader.
+        pub segment: u32,
+        /// `first_round` of the shader.
+        pub first_round: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 20);
+        assert!(std::mem::offset_of!(Push, n_tiles) == 0);
+        assert!(std::mem::offset_of!(Push, stride) == 4);
+        assert!(std::mem::offset_of!(Push, block) == 8);
+        assert!(std::mem::offset_of!(Push, segment) == 12);
+        assert!(std::mem::offset_of!(Push, first_round) == 16);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub view: &'a Buf<super::ViewParams>,
+        /// Reads.
+        pub tile_order: &'a Buf<u32>,
+        /// Reads.
+        pub tile_first: &'a Buf<u32>,
+        /// Reads.
+        pub splat_ids: &'a Buf<u32>,
+        /// Reads.
+        pub slots: &'a Buf<u32>,
+        /// Reads.
+        pub splats: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub tail: &'a Buf<[u32; 2]>,
+        /// Reads.
+        pub d_image0: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub carry: &'a Buf<[f32; 2]>,
+        /// ReadWrites.
+        pub d_slots: &'a Buf<[f32; 2]>,
+        /// Reads.
+        pub d_image1: &'a Buf<[f32; 4]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "blend_bwd_p8",
+            local: 64,
+            subgroups: true,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/blend_bwd_p8.spv"),
+            bindings: &[
+                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+                BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "slots", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_image0", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "carry", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "d_image1", kind: BindingKind::Storage, access: Access::Read },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![
+                self.view.slice(),
+                self.tile_order.slice(),
+                self.tile_first.slice(),
+                self.splat_ids.slice(),
+                self.slots.slice(),
+                self.splats.slice(),
+                self.tail.slice(),
+                self.d_image0.slice(),
+                self.carry.slice(),
+                self.d_slots.slice(),
+                self.d_image1.slice(),
+            ]
+        }
+    }
+}
+
+/// carries the cotangents of a picture back to the splats, one slot per intersection.
+pub mod blend_bwd_color_p4 {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `n_tiles` of the shader.
+        pub n_tiles: u32,
+        /// `stride` of the shader.
+        pub stride: u32,
+        /// `block` of the shader.
+        pub block: u32,
+        /// `segment` of the shader.
+        pub segment: u32,
+        /// `first_round` of the shader.
+        pub first_round: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 20);
+        assert!(std::mem::offset_of!(Push, n_tiles) == 0);
+        assert!(std::mem::offset_of!(Push, stride) == 4);
+        assert!(std::mem::offset_of!(Push, block) == 8);
+        assert!(std::mem::offset_of!(Push, segment) == 12);
+        assert!(std::mem::offset_of!(Push, first_round) == 16);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub view: &'a Buf<super::ViewParams>,
+        /// Reads.
+        pub tile_order: &'a Buf<u32>,
+        /// Reads.
+        pub tile_first: &'a Buf<u32>,
+        /// Reads.
+        pub splat_ids: &'a Buf<u32>,
+        /// Reads.
+        pub slots: &'a Buf<u32>,
+        /// Reads.
+        pub splats: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub tail: &'a Buf<[u32; 2]>,
+        /// Reads.
+        pub d_image0: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub carry: &'a Buf<[f32; 2]>,
+        /// ReadWrites.
+        pub d_slots: &'a Buf<[f32; 2]>,
+        /// Reads.
+        pub d_image1: &'a Buf<[f32; 4]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "blend_bwd_color_p4",
+            local: 64,
+            subgroups: true,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/blend_bwd_color_p4.spv"),
+            bindings: &[
+                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+                BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "slots", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_image0", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "carry", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "d_image1", kind: BindingKind::Storage, access: Access::Read },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![
+                self.view.slice(),
+                self.tile_order.slice(),
+                self.tile_first.slice(),
+                self.splat_ids.slice(),
+                self.slots.slice(),
+                self.splats.slice(),
+                self.tail.slice(),
+                self.d_image0.slice(),
+                self.carry.slice(),
+                self.d_slots.slice(),
+                self.d_image1.slice(),
+            ]
+        }
+    }
+}
+
+/// carries the cotangents of a picture back to the splats, one slot per intersection.
+pub mod blend_bwd_color_p8 {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `n_tiles` of the shader.
+        pub n_tiles: u32,
+        /// `stride` of the shader.
+        pub stride: u32,
+        /// `block` of the shader.
+        pub block: u32,
+        /// `segment` of the shader.
+        pub segment: u32,
+        /// `first_round` of the shader.
+        pub first_round: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 20);
+        assert!(std::mem::offset_of!(Push, n_tiles) == 0);
+        assert!(std::mem::offset_of!(Push, stride) == 4);
+        assert!(std::mem::offset_of!(Push, block) == 8);
+        assert!(std::mem::offset_of!(Push, segment) == 12);
+        assert!(std::mem::offset_of!(Push, first_round) == 16);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub view: &'a Buf<super::ViewParams>,
+        /// Reads.
+        pub tile_order: &'a Buf<u32>,
+        /// Reads.
+        pub tile_first: &'a Buf<u32>,
+        /// Reads.
+        pub splat_ids: &'a Buf<u32>,
+        /// Reads.
+        pub slots: &'a Buf<u32>,
+        /// Reads.
+        pub splats: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub tail: &'a Buf<[u32; 2]>,
+        /// Reads.
+        pub d_image0: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub carry: &'a Buf<[f32; 2]>,
+        /// ReadWrites.
+        pub d_slots: &'a Buf<[f32; 2]>,
+        /// Reads.
+        pub d_image1: &'a Buf<[f32; 4]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "blend_bwd_color_p8",
+            local: 64,
+            subgroups: true,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/blend_bwd_color_p8.spv"),
+            bindings: &[
+                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+                BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "slots", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_image0", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "carry", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "d_image1", kind: BindingKind::Storage, access: Access::Read },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![
+                self.view.slice(),
+                self.tile_order.slice(),
+                self.tile_first.slice(),
+                self.splat_ids.slice(),
+                self.slots.slice(),
+                self.splats.slice(),
+                self.tail.slice(),
+                self.d_image0.slice(),
+                self.carry.slice(),
+                self.d_slots.slice(),
+                self.d_image1.slice(),
+            ]
+        }
+    }
+}
+
+/// sums each active Gaussian's slots and carries them back to its parameters.
+pub mod project_bwd_static_sh0 {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `group` of the shader.
+        pub group: u32,
+        /// `first` of the shader.
+        pub first: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 8);
+        assert!(std::mem::offset_of!(Push, group) == 0);
+        assert!(std::mem::offset_of!(Push, first) == 4);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub view: &'a Buf<super::ViewParams>,
+        /// Reads.
+        pub ranges: &'a Buf<[u32; 2]>,
+        /// Reads.
+        pub active_id: &'a Buf<u32>,
+        /// Reads.
+        pub geometry: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub splats: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub tile_counts: &'a Buf<u32>,
+        /// Reads.
+        pub slot_first: &'a Buf<u32>,
+        /// Reads.
+        pub d_slots: &'a Buf<[f32; 2]>,
+        /// Writes.
+        pub d_geometry: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub d_sh0: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub n_bad: &'a Buf<u32>,
+        /// Reads.
+        pub motion: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub sh1: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub sh2: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub sh3: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub d_motion: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub d_sh1: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub d_sh2: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub d_sh3: &'a Buf<[f32; 4]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "project_bwd_static_sh0",
+            local: 64,
+            subgroups: false,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/project_bwd_static_sh0.spv"),
+            bindings: &[
+                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+                BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_geometry", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "d_sh0", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_motion", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "d_sh1", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "d_sh2", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "d_sh3", kind: BindingKind::Storage, access: Access::Write },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![
+                self.view.slice(),
+                self.ranges.slice(),
+                self.active_id.slice(),
+                self.geometry.slice(),
+                self.splats.slice(),
+                self.tile_counts.slice(),
+                self.slot_first.slice(),
+                self.d_slots.slice(),
+                self.d_geometry.slice(),
+                self.d_sh0.slice(),
+                self.n_bad.slice(),
+                self.motion.slice(),
+                self.sh1.slice(),
+                self.sh2.slice(),
+                self.sh3.slice(),
+                self.d_motion.slice(),
+                self.d_sh1.slice(),
+                self.d_sh2.slice(),
+                self.d_sh3.slice(),
+            ]
+        }
+    }
+}
+
+/// sums each active Gaussian's slots and carries them back to its parameters.
+pub mod project_bwd_static_sh1 {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `group` of the shader.
+        pub group: u32,
+        /// `first` of the shader.
+        pub first: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 8);
+        assert!(std::mem::offset_of!(Push, group) == 0);
+        assert!(std::mem::offset_of!(Push, first) == 4);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub view: &'a Buf<super::ViewParams>,
+        /// Reads.
+        pub ranges: &'a Buf<[u32; 2]>,
+        /// Reads.
+        pub active_id: &'a Buf<u32>,
+        /// Reads.
+        pub geometry: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub splats: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub tile_counts: &'a Buf<u32>,
+        /// Reads.
+        pub slot_first: &'a Buf<u32>,
+        /// Reads.
+        pub d_slots: &'a Buf<[f32; 2]>,
+        /// Writes.
+        pub d_geometry: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub d_sh0: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub n_bad: &'a Buf<u32>,
+        /// Reads.
+        pub motion: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub sh1: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub sh2: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub sh3: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub d_motion: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub d_sh1: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub d_sh2: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub d_sh3: &'a Buf<[f32; 4]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "project_bwd_static_sh1",
+            local: 64,
+            subgroups: false,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/project_bwd_static_sh1.spv"),
+            bindings: &[
+                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+                BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_geometry", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "d_sh0", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_motion", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "d_sh1", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "d_sh2", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "d_sh3", kind: BindingKind::Storage, access: Access::Write },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![
+                self.view.slice(),
+                self.ranges.slice(),
+                self.active_id.slice(),
+                self.geometry.slice(),
+                self.splats.slice(),
+                self.tile_counts.slice(),
+                self.slot_first.slice(),
+                self.d_slots.slice(),
+                self.d_geometry.slice(),
+                self.d_sh0.slice(),
+                self.n_bad.slice(),
+                self.motion.slice(),
+                self.sh1.slice(),
+                self.sh2.slice(),
+                self.sh3.slice(),
+                self.d_motion.slice(),
+                self.d_sh1.slice(),
+                self.d_sh2.slice(),
+                self.d_sh3.slice(),
+            ]
+        }
+    }
+}
+
+/// sums each active Gaussian's slots and carries them back to its parameters.
+pub mod project_bwd_static_sh2 {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `group` of the shader.
+        pub group: u32,
+        /// `first` of the shader.
+        pub first: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 8);
+        assert!(std::mem::offset_of!(Push, group) == 0);
+        assert!(std::mem::offset_of!(Push, first) == 4);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub view: &'a Buf<super::ViewParams>,
+        /// Reads.
+        pub ranges: &'a Buf<[u32; 2]>,
+        /// Reads.
+        pub active_id: &'a Buf<u32>,
+        /// Reads.
+        pub geometry: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub splats: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub tile_counts: &'a Buf<u32>,
+        /// Reads.
+        pub slot_first: &'a Buf<u32>,
+        /// Reads.
+        pub d_slots: &'a Buf<[f32; 2]>,
+        /// Writes.
+        pub d_geometry: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub d_sh0: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub n_bad: &'a Buf<u32>,
+        /// Reads.
+        pub motion: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub sh1: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub sh2: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub sh3: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub d_motion: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub d_sh1: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub d_sh2: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub d_sh3: &'a Buf<[f32; 4]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "project_bwd_static_sh2",
+            local: 64,
+            subgroups: false,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/project_bwd_static_sh2.spv"),
+            bindings: &[
+                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+                BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_geometry", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "d_sh0", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_motion", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "d_sh1", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "d_sh2", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "d_sh3", kind: BindingKind::Storage, access: Access::Write },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![
+                self.view.slice(),
+                self.ranges.slice(),
+                self.active_id.slice(),
+                self.geometry.slice(),
+                self.splats.slice(),
+                self.tile_counts.slice(),
+                self.slot_first.slice(),
+                self.d_slots.slice(),
+                self.d_geometry.slice(),
+                self.d_sh0.slice(),
+                self.n_bad.slice(),
+                self.motion.slice(),
+                self.sh1.slice(),
+                self.sh2.slice(),
+                self.sh3.slice(),
+                self.d_motion.slice(),
+                self.d_sh1.slice(),
+                self.d_sh2.slice(),
+                self.d_sh3.slice(),
+            ]
+        }
+    }
+}
+
+/// sums each active Gaussian's slots and carries them back to its parameters.
+pub mod project_bwd_static_sh3 {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `group` of the shader.
+        pub group: u32,
+        /// `first` of the shader.
+        pub first: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 8);
+        assert!(std::mem::offset_of!(Push, group) == 0);
+        assert!(std::mem::offset_of!(Push, first) == 4);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub view: &'a Buf<super::ViewParams>,
+        /// Reads.
+        pub ranges: &'a Buf<[u32; 2]>,
+        /// Reads.
+        pub active_id: &'a Buf<u32>,
+        /// Reads.
+        pub geometry: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub splats: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub tile_counts: &'a Buf<u32>,
+        /// Reads.
+        pub slot_first: &'a Buf<u32>,
+        /// Reads.
+        pub d_slots: &'a Buf<[f32; 2]>,
+        /// Writes.
+        pub d_geometry: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub d_sh0: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub n_bad: &'a Buf<u32>,
+        /// Reads.
+        pub motion: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub sh1: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub sh2: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub sh3: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub d_motion: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub d_sh1: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub d_sh2: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub d_sh3: &'a Buf<[f32; 4]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "project_bwd_static_sh3",
+            local: 64,
+            subgroups: false,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/project_bwd_static_sh3.spv"),
+            bindings: &[
+                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+                BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_geometry", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "d_sh0", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_motion", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "d_sh1", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "d_sh2", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "d_sh3", kind: BindingKind::Storage, access: Access::Write },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![
+                self.view.slice(),
+                self.ranges.slice(),
+                self.active_id.slice(),
+                self.geometry.slice(),
+                self.splats.slice(),
+                self.tile_counts.slice(),
+                self.slot_first.slice(),
+                self.d_slots.slice(),
+                self.d_geometry.slice(),
+                self.d_sh0.slice(),
+                self.n_bad.slice(),
+                self.motion.slice(),
+                self.sh1.slice(),
+                self.sh2.slice(),
+                self.sh3.slice(),
+                self.d_motion.slice(),
+                self.d_sh1.slice(),
+                self.d_sh2.slice(),
+                self.d_sh3.slice(),
+            ]
+        }
+    }
+}
+
+/// sums each active Gaussian's slots and carries them back to its parameters.
+pub mod project_bwd_dynamic_sh0 {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `group` of the shader.
+        pub group: u32,
+        /// `first` of the shader.
+        pub first: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 8);
+        assert!(std::mem::offset_of!(Push, group) == 0);
+        assert!(std::mem::offset_of!(Push, first) == 4);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub view: &'a Buf<super::ViewParams>,
+        /// Reads.
+        pub ranges: &'a Buf<[u32; 2]>,
+        /// Reads.
+        pub active_id: &'a Buf<u32>,
+        /// Reads.
+        pub geometry: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub splats: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub tile_counts: &'a Buf<u32>,
+        /// Reads.
+        pub slot_first: &'a Buf<u32>,
+        /// Reads.
+        pub d_slots: &'a Buf<[f32; 2]>,
+        /// Writes.
+        pub d_geometry: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub d_sh0: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub n_bad: &'a Buf<u32>,
+        /// Reads.
+        pub motion: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub sh1: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub sh2: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub sh3: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub d_motion: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub d_sh1: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub d_sh2: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub d_sh3: &'a Buf<[f32; 4]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "project_bwd_dynamic_sh0",
+            local: 64,
+            subgroups: false,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/project_bwd_dynamic_sh0.spv"),
+            bindings: &[
+                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+                BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_geometry", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "d_sh0", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_motion", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "d_sh1", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "d_sh2", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "d_sh3", kind: BindingKind::Storage, access: Access::Write },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![
+                self.view.slice(),
+                self.ranges.slice(),
+                self.active_id.slice(),
+                self.geometry.slice(),
+                self.splats.slice(),
+                self.tile_counts.slice(),
+                self.slot_first.slice(),
+                self.d_slots.slice(),
+                self.d_geometry.slice(),
+                self.d_sh0.slice(),
+                self.n_bad.slice(),
+                self.motion.slice(),
+                self.sh1.slice(),
+                self.sh2.slice(),
+                self.sh3.slice(),
+                self.d_motion.slice(),
+                self.d_sh1.slice(),
+                self.d_sh2.slice(),
+                self.d_sh3.slice(),
+            ]
+        }
+    }
+}
+
+/// sums each active Gaussian's slots and carries them back to its parameters.
+pub mod project_bwd_dynamic_sh1 {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `group` of the shader.
+        pub group: u32,
+        /// `first` of the shader.
+        pub first: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 8);
+        assert!(std::mem::offset_of!(Push, group) == 0);
+        assert!(std::mem::offset_of!(Push, first) == 4);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub view: &'a Buf<super::ViewParams>,
+        /// Reads.
+        pub ranges: &'a Buf<[u32; 2]>,
+        /// Reads.
+        pub active_id: &'a Buf<u32>,
+        /// Reads.
+        pub geometry: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub splats: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub tile_counts: &'a Buf<u32>,
+        /// Reads.
+        pub slot_first: &'a Buf<u32>,
+        /// Reads.
+        pub d_slots: &'a Buf<[f32; 2]>,
+        /// Writes.
+        pub d_geometry: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub d_sh0: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub n_bad: &'a Buf<u32>,
+        /// Reads.
+        pub motion: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub sh1: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub sh2: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub sh3: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub d_motion: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub d_sh1: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub d_sh2: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub d_sh3: &'a Buf<[f32; 4]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "project_bwd_dynamic_sh1",
+            local: 64,
+            subgroups: false,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/project_bwd_dynamic_sh1.spv"),
+            bindings: &[
+                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+                BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_geometry", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "d_sh0", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_motion", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "d_sh1", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "d_sh2", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "d_sh3", kind: BindingKind::Storage, access: Access::Write },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![
+                self.view.slice(),
+                self.ranges.slice(),
+                self.active_id.slice(),
+                self.geometry.slice(),
+                self.splats.slice(),
+                self.tile_counts.slice(),
+                self.slot_first.slice(),
+                self.d_slots.slice(),
+                self.d_geometry.slice(),
+                self.d_sh0.slice(),
+                self.n_bad.slice(),
+                self.motion.slice(),
+                self.sh1.slice(),
+                self.sh2.slice(),
+                self.sh3.slice(),
+                self.d_motion.slice(),
+                self.d_sh1.slice(),
+                self.d_sh2.slice(),
+                self.d_sh3.slice(),
+            ]
+        }
+    }
+}
+
+/// sums each active Gaussian's slots and carries them back to its parameters.
+pub mod project_bwd_dynamic_sh2 {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `group` of the shader.
+        pub group: u32,
+        /// `first` of the shader.
+        pub first: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 8);
+        assert!(std::mem::offset_of!(Push, group) == 0);
+        assert!(std::mem::offset_of!(Push, first) == 4);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub view: &'a Buf<super::ViewParams>,
+        /// Reads.
+        pub ranges: &'a Buf<[u32; 2]>,
+        /// Reads.
+        pub active_id: &'a Buf<u32>,
+        /// Reads.
+        pub geometry: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub splats: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub tile_counts: &'a Buf<u32>,
+        /// Reads.
+        pub slot_first: &'a Buf<u32>,
+        /// Reads.
+        pub d_slots: &'a Buf<[f32; 2]>,
+        /// Writes.
+        pub d_geometry: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub d_sh0: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub n_bad: &'a Buf<u32>,
+        /// Reads.
+        pub motion: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub sh1: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub sh2: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub sh3: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub d_motion: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub d_sh1: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub d_sh2: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub d_sh3: &'a Buf<[f32; 4]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "project_bwd_dynamic_sh2",
+            local: 64,
+            subgroups: false,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/project_bwd_dynamic_sh2.spv"),
+            bindings: &[
+                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+                BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_geometry", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "d_sh0", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_motion", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "d_sh1", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "d_sh2", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "d_sh3", kind: BindingKind::Storage, access: Access::Write },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![
+                self.view.slice(),
+                self.ranges.slice(),
+                self.active_id.slice(),
+                self.geometry.slice(),
+                self.splats.slice(),
+                self.tile_counts.slice(),
+                self.slot_first.slice(),
+                self.d_slots.slice(),
+                self.d_geometry.slice(),
+                self.d_sh0.slice(),
+                self.n_bad.slice(),
+                self.motion.slice(),
+                self.sh1.slice(),
+                self.sh2.slice(),
+                self.sh3.slice(),
+                self.d_motion.slice(),
+                self.d_sh1.slice(),
+                self.d_sh2.slice(),
+                self.d_sh3.slice(),
+            ]
+        }
+    }
+}
+
+/// sums each active Gaussian's slots and carries them back to its parameters.
+pub mod project_bwd_dynamic_sh3 {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `group` of the shader.
+        pub group: u32,
+        /// `first` of the shader.
+        pub first: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 8);
+        assert!(std::mem::offset_of!(Push, group) == 0);
+        assert!(std::mem::offset_of!(Push, first) == 4);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub view: &'a Buf<super::ViewParams>,
+        /// Reads.
+        pub ranges: &'a Buf<[u32; 2]>,
+        /// Reads.
+        pub active_id: &'a Buf<u32>,
+        /// Reads.
+        pub geometry: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub splats: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub tile_counts: &'a Buf<u32>,
+        /// Reads.
+        pub slot_first: &'a Buf<u32>,
+        /// Reads.
+        pub d_slots: &'a Buf<[f32; 2]>,
+        /// Writes.
+        pub d_geometry: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub d_sh0: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub n_bad: &'a Buf<u32>,
+        /// Reads.
+        pub motion: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub sh1: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub sh2: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub sh3: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub d_motion: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub d_sh1: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub d_sh2: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub d_sh3: &'a Buf<[f32; 4]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "project_bwd_dynamic_sh3",
+            local: 64,
+            subgroups: false,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/project_bwd_dynamic_sh3.spv"),
+            bindings: &[
+                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+                BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_geometry", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "d_sh0", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_motion", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "d_sh1", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "d_sh2", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "d_sh3", kind: BindingKind::Storage, access: Access::Write },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![
+                self.view.slice(),
+                self.ranges.slice(),
+                self.active_id.slice(),
+                self.geometry.slice(),
+                self.splats.slice(),
+                self.tile_counts.slice(),
+                self.slot_first.slice(),
+                self.d_slots.slice(),
+                self.d_geometry.slice(),
+                self.d_sh0.slice(),
+                self.n_bad.slice(),
+                self.motion.slice(),
+                self.sh1.slice(),
+                self.sh2.slice(),
+                self.sh3.slice(),
+                self.d_motion.slice(),
+                self.d_sh1.slice(),
+                self.d_sh2.slice(),
+                self.d_sh3.slice(),
             ]
         }
     }

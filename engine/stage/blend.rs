@@ -2,9 +2,12 @@
 
 use super::params::TILE;
 use super::project::Projected;
-use super::tiles::Tiles;
+use super::tiles::{Lists, Tiles};
 use crate::error::Result;
-use crate::gpu::generated::{ViewParams, blend_fwd_color_p4, blend_fwd_color_p8, blend_fwd_p4, blend_fwd_p8};
+use crate::gpu::generated::{
+    ViewParams, blend_fwd_color_p4, blend_fwd_color_p8, blend_fwd_p4, blend_fwd_p8, blend_train_color_p4,
+    blend_train_color_p8, blend_train_p4, blend_train_p8,
+};
 use crate::gpu::{Buf, Gpu, Grid, Kernel, KernelInfo, Recording};
 use crate::vk::DeviceKind;
 
@@ -20,30 +23,45 @@ pub enum Outputs {
     All,
 }
 
+/// Whether a backward pass follows a frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Purpose {
+    /// No: a picture is all that is wanted.
+    Picture,
+    /// Yes: lists keep slots, and every pixel its final transmittance and last entry.
+    Gradient,
+}
+
 /// Images and shape of the blend kernel.
 pub struct Blend {
     /// Colour and alpha, per pixel of the strip.
     pub image0: Buf<[f32; 4]>,
     /// Depth, inverse depth and flow; absent for [`Outputs::Color`].
     pub image1: Option<Buf<[f32; 4]>>,
+    /// Final transmittance (its bits) and number of the last entry added, per pixel; for [`Purpose::Gradient`] only.
+    pub tail: Option<Buf<[u32; 2]>>,
     kernel: &'static KernelInfo,
-    blocks_per_tile: u32,
-    subgroups_per_group: u32,
-    deal: bool,
+    subgroup_size: u32,
+    pixels_per_lane: u32,
+    deals: bool,
 }
 
 impl Blend {
     /// Images of up to `pixels` pixels.
-    pub fn new(gpu: &Gpu, pixels: usize, outputs: Outputs) -> Result<Self> {
+    pub fn new(gpu: &Gpu, pixels: usize, outputs: Outputs, purpose: Purpose) -> Result<Self> {
         let caps = gpu.caps();
         let is_cpu = caps.kind == DeviceKind::Cpu;
         // Eight pixels per lane pay where registers cost nothing; 64 lanes with eight would outgrow a tile.
         let pixels_per_lane = if is_cpu && caps.subgroup_size <= 32 { 8 } else { 4 };
-        let kernel = match (outputs, pixels_per_lane) {
-            (Outputs::All, 4) => blend_fwd_p4::Args::INFO,
-            (Outputs::All, _) => blend_fwd_p8::Args::INFO,
-            (Outputs::Color, 4) => blend_fwd_color_p4::Args::INFO,
-            (Outputs::Color, _) => blend_fwd_color_p8::Args::INFO,
+        let kernel = match (purpose, outputs, pixels_per_lane) {
+            (Purpose::Picture, Outputs::All, 4) => blend_fwd_p4::Args::INFO,
+            (Purpose::Picture, Outputs::All, _) => blend_fwd_p8::Args::INFO,
+            (Purpose::Picture, Outputs::Color, 4) => blend_fwd_color_p4::Args::INFO,
+            (Purpose::Picture, Outputs::Color, _) => blend_fwd_color_p8::Args::INFO,
+            (Purpose::Gradient, Outputs::All, 4) => blend_train_p4::Args::INFO,
+            (Purpose::Gradient, Outputs::All, _) => blend_train_p8::Args::INFO,
+            (Purpose::Gradient, Outputs::Color, 4) => blend_train_color_p4::Args::INFO,
+            (Purpose::Gradient, Outputs::Color, _) => blend_train_color_p8::Args::INFO,
         };
         Ok(Blend {
             image0: gpu.alloc("image color", pixels)?,
@@ -51,11 +69,30 @@ impl Blend {
                 Outputs::Color => None,
                 Outputs::All => Some(gpu.alloc("image depth flow", pixels)?),
             },
+            tail: match purpose {
+                Purpose::Picture => None,
+                Purpose::Gradient => Some(gpu.alloc("image tail", pixels)?),
+            },
             kernel,
-            blocks_per_tile: TILE * TILE / (caps.subgroup_size * pixels_per_lane),
-            subgroups_per_group: kernel.local / caps.subgroup_size,
-            deal: is_cpu,
+            subgroup_size: caps.subgroup_size,
+            pixels_per_lane,
+            deals: is_cpu,
         })
+    }
+
+    /// Pixels that each lane blends.
+    pub fn pixels_per_lane(&self) -> u32 {
+        self.pixels_per_lane
+    }
+
+    /// Lanes of the device's subgroups.
+    pub fn subgroup_size(&self) -> u32 {
+        self.subgroup_size
+    }
+
+    /// Whether heavy tiles are dealt out, since the device gives each thread one run of workgroups.
+    pub fn deals(&self) -> bool {
+        self.deals
     }
 
     /// Appends blending of `lists` in `rounds` rounds, enough for lists of `rounds * SEGMENT` entries.
@@ -63,37 +100,50 @@ impl Blend {
         &self,
         rec: &mut Recording,
         tiles: &Tiles,
-        lists: &Buf<u32>,
+        lists: &Lists,
         projected: &Projected,
         view: &Buf<ViewParams>,
         n_tiles: u32,
         rounds: u32,
     ) {
         rec.stage("blend");
-        let n_blocks = n_tiles * self.blocks_per_tile;
+        let n_blocks = n_tiles * (TILE * TILE / (self.subgroup_size * self.pixels_per_lane));
+        let subgroups_per_group = self.kernel.local / self.subgroup_size;
         for round in 0..rounds {
-            let args = blend_fwd_p4::Args {
-                view,
-                tile_order: &tiles.tile_order,
-                tile_first: &tiles.tile_first,
-                tile_last: &tiles.tile_last,
-                splat_ids: lists,
-                splats: &projected.splats,
-                image0: &self.image0,
-                image1: self.image1.as_ref().unwrap_or(&self.image0),
-            };
+            let image1 = self.image1.as_ref().unwrap_or(&self.image0);
             let push = blend_fwd_p4::Push {
                 n_blocks,
-                stride: if self.deal { coprime_stride(n_blocks) } else { 1 },
+                stride: if self.deals { coprime_stride(n_blocks) } else { 1 },
                 round,
                 last_round: u32::from(round + 1 == rounds),
             };
-            rec.pass_variant(self.kernel, args, push, Grid::Groups(n_blocks.div_ceil(self.subgroups_per_group)));
+            let grid = Grid::Groups(n_blocks.div_ceil(subgroups_per_group));
+            let (tile_order, tile_first, tile_last) = (&tiles.tile_order, &tiles.tile_first, &tiles.tile_last);
+            let (splat_ids, splats, image0) = (&lists.splat_ids, &projected.splats, &self.image0);
+            if let Some(tail) = &self.tail {
+                let args = blend_train_p4::Args {
+                    view,
+                    tile_order,
+                    tile_first,
+                    tile_last,
+                    splat_ids,
+                    splats,
+                    image0,
+                    image1,
+                    tail,
+                };
+                let push = bytemuck::cast(push);
+                rec.pass_variant(self.kernel, args, push, grid);
+            } else {
+                let args =
+                    blend_fwd_p4::Args { view, tile_order, tile_first, tile_last, splat_ids, splats, image0, image1 };
+                rec.pass_variant(self.kernel, args, push, grid);
+            }
         }
     }
 }
 
 /// A stride that visits all of `n` places and leaves no long run of neighbours.
-fn coprime_stride(n: u32) -> u32 {
+pub(super) fn coprime_stride(n: u32) -> u32 {
     [97, 89, 83, 79, 73].into_iter().find(|p| n % p != 0 && n > 2 * p).unwrap_or(1)
 }

@@ -1,8 +1,10 @@
 //! Stages of several kernels each, and the renderer that strings them together. A stage owns its scratch buffers and
 //! appends passes to a recording; none of them waits for the device.
 
+mod backward;
 mod blend;
 mod cull;
+mod gradients;
 mod params;
 mod project;
 mod render;
@@ -11,12 +13,14 @@ mod scene;
 mod sort;
 mod tiles;
 
-pub use blend::{Blend, Outputs};
+pub use backward::{Backward, GroupGradients, SLOT_PAIRS};
+pub use blend::{Blend, Outputs, Purpose};
 pub use cull::Cull;
+pub use gradients::Gradients;
 pub use params::{Strip, view_params};
 pub use project::Projected;
 pub use render::{FrameReport, PassReport, Renderer};
 pub use scan::Scan;
 pub use scene::{Group, SceneBuffers};
 pub use sort::{Sort, SortGrids};
-pub use tiles::Tiles;
+pub use tiles::{Lists, Tiles};

@@ -1,8 +1,10 @@
 //! The renderer: one frame from a view, in strips where a device's bindings are shorter than the picture, replayed with
 //! more room where it overflows.
 
-use super::blend::{Blend, Outputs, SEGMENT};
+use super::backward::{Backward, SLOT_PAIRS};
+use super::blend::{Blend, Outputs, Purpose, SEGMENT};
 use super::cull::Cull;
+use super::gradients::Gradients;
 use super::params::{Strip, TILE, view_params};
 use super::project::{Projected, SPLAT_PLANES};
 use super::scene::SceneBuffers;
@@ -76,6 +78,7 @@ struct Room {
     tiles: u32,
     pixels: usize,
     outputs: Outputs,
+    purpose: Purpose,
 }
 
 struct Workspace {
@@ -86,18 +89,27 @@ struct Workspace {
     projected: Projected,
     tiles: Tiles,
     blend: Blend,
+    backward: Option<Backward>,
 }
 
 impl Workspace {
     fn new(gpu: &Gpu, scene: &SceneBuffers, room: Room) -> Result<Self> {
+        let blend = Blend::new(gpu, room.pixels, room.outputs, room.purpose)?;
         Ok(Workspace {
             room,
             view: gpu.alloc("view", 1)?,
             status: gpu.alloc("status", 1)?,
             cull: Cull::new(gpu, scene, room.active)?,
             projected: Projected::new(gpu, room.active)?,
-            tiles: Tiles::new(gpu, room.active, room.intersections, room.tiles)?,
-            blend: Blend::new(gpu, room.pixels, room.outputs)?,
+            tiles: Tiles::new(gpu, room.active, room.intersections, room.tiles, room.purpose)?,
+            backward: match room.purpose {
+                Purpose::Picture => None,
+                Purpose::Gradient => {
+                    let (pixels, slots) = (room.pixels, room.intersections);
+                    Some(Backward::new(gpu, scene, &blend, pixels, slots, room.outputs)?)
+                }
+            },
+            blend,
         })
     }
 }
@@ -112,10 +124,11 @@ impl Renderer {
         let active = scene.n.clamp(1, max_active(&gpu));
         let room = Room {
             active,
-            intersections: active.saturating_mul(2).clamp(1 << 16, max_intersections(&gpu)),
+            intersections: active.saturating_mul(2).clamp(1 << 16, max_intersections(&gpu, Purpose::Picture)),
             tiles: 1,
             pixels: 1,
             outputs: Outputs::Color,
+            purpose: Purpose::Picture,
         };
         Ok(Renderer { gpu, scene, constants, work: None, room })
     }
@@ -148,11 +161,46 @@ impl Renderer {
         self.render_with(view, outputs, true)
     }
 
+    /// Gradients of sum(cotangent * output) of `view`, where `cotangents` holds the cotangents of a frame.
+    ///
+    /// # Errors
+    /// As [`Renderer::render`].
+    pub fn vjp(&mut self, view: &View, cotangents: &Frame) -> Result<(Gradients, FrameReport)> {
+        let gpu = self.gpu.clone();
+        let n = self.scene.n as usize;
+        let mut gradients = Gradients::zero(n, self.scene.n_coefficients());
+        let report = self.strips(view, Outputs::All, Some(cotangents), false, |scene, work, _| {
+            let Some(backward) = &work.backward else { return Ok(()) };
+            let mut start = 0;
+            for (group, d) in scene.groups.iter().zip(&backward.gradients) {
+                gradients.add(&gpu, group, d, start, view.flow_dt)?;
+                start += group.n as usize;
+            }
+            gradients.n_bad += gpu.read(&backward.n_bad)?.first().copied().unwrap_or(0);
+            Ok(())
+        })?;
+        Ok((gradients, report))
+    }
+
     fn render_with(&mut self, view: &View, outputs: Outputs, timed: bool) -> Result<(Frame, FrameReport)> {
         let gpu = self.gpu.clone();
-        let n_pixels = view.width as usize * view.height as usize;
         let mut frame = Frame { width: view.width, height: view.height, ..Frame::default() };
-        frame.color.reserve_exact(n_pixels);
+        let report = self.strips(view, outputs, None, timed, |_, work, strip| {
+            append(&mut frame, &gpu, &work.blend, (view.width * strip.n_rows) as usize)
+        })?;
+        Ok((frame, report))
+    }
+
+    /// Runs `view` strip by strip, with the backward pass of `cotangents` if there are any, and hands each finished
+    /// strip to `done`.
+    fn strips(
+        &mut self,
+        view: &View,
+        outputs: Outputs,
+        cotangents: Option<&Frame>,
+        timed: bool,
+        mut done: impl FnMut(&SceneBuffers, &Workspace, Strip) -> Result<()>,
+    ) -> Result<FrameReport> {
         let mut report = FrameReport {
             gaussians: u64::from(self.scene.n),
             bad_gaussians: u64::from(self.scene.n_bad),
@@ -162,17 +210,17 @@ impl Renderer {
         let mut first_row = 0;
         while first_row < view.height {
             let strip = Strip { first_row, n_rows: strip_rows.min(view.height - first_row) };
-            match self.strip(view, strip, outputs, timed, &mut report)? {
-                Some(work) => {
-                    let n = (view.width * strip.n_rows) as usize;
-                    append(&mut frame, &gpu, &work.blend, n)?;
-                    first_row += strip.n_rows;
+            if self.strip(view, strip, outputs, cotangents, timed, &mut report)? {
+                if let Some(work) = &self.work {
+                    done(&self.scene, work, strip)?;
                 }
+                first_row += strip.n_rows;
+            } else {
                 // More active Gaussians or intersections than one binding can list: fewer rows at a time.
-                None => strip_rows = (strip.n_rows / 2).next_multiple_of(TILE),
+                strip_rows = (strip.n_rows / 2).next_multiple_of(TILE);
             }
         }
-        Ok((frame, report))
+        Ok(report)
     }
 
     /// The most rows, whole tiles, whose images fit a binding.
@@ -192,20 +240,24 @@ impl Renderer {
         Ok(rows.min(whole) as u32)
     }
 
-    /// Renders one strip into the workspace; `None` when its lists do not fit a binding and those of fewer rows might.
+    /// Runs one strip in the workspace; `false` when its lists do not fit a binding and those of fewer rows might.
     fn strip(
         &mut self,
         view: &View,
         strip: Strip,
         outputs: Outputs,
+        cotangents: Option<&Frame>,
         timed: bool,
         report: &mut FrameReport,
-    ) -> Result<Option<&Workspace>> {
+    ) -> Result<bool> {
         let (tiles_x, tiles_y) = strip.tiles(view);
         let n_tiles = tiles_x * tiles_y;
         self.room.tiles = self.room.tiles.max(n_tiles);
         self.room.pixels = self.room.pixels.max((view.width * strip.n_rows) as usize);
         self.room.outputs = outputs;
+        self.room.purpose = if cotangents.is_some() { Purpose::Gradient } else { Purpose::Picture };
+        let limit = max_intersections(&self.gpu, self.room.purpose);
+        self.room.intersections = self.room.intersections.min(limit);
         let params = view_params(view, &self.constants, self.scene.origin, strip);
         let mut rounds = 1;
         loop {
@@ -218,6 +270,9 @@ impl Renderer {
                 }
             };
             self.gpu.write(&work.view, &[params])?;
+            if let (Some(cotangents), Some(backward)) = (cotangents, &work.backward) {
+                write_cotangents(&self.gpu, backward, cotangents, view, strip)?;
+            }
             let rec = record_strip(&work, &self.scene, n_tiles, rounds);
             let times = if timed {
                 self.gpu.run_timed(&rec)?
@@ -230,7 +285,7 @@ impl Renderer {
             if status.failed & FAILED_ACTIVE != 0 {
                 report.replays += 1;
                 if tiles_y > 1 {
-                    return Ok(None);
+                    return Ok(false);
                 }
                 return Err(Error::OutOfMemory {
                     what: format!("view `{}`: Gaussians active in one row of tiles", view.name),
@@ -241,10 +296,9 @@ impl Renderer {
             }
             if status.failed & FAILED_INTERSECTIONS != 0 {
                 report.replays += 1;
-                let limit = max_intersections(&self.gpu);
                 if status.n_intersections > limit {
                     if tiles_y > 1 {
-                        return Ok(None);
+                        return Ok(false);
                     }
                     return Err(Error::OutOfMemory {
                         what: format!("view `{}`: intersections in one row of tiles", view.name),
@@ -267,7 +321,7 @@ impl Renderer {
                 let ranges = self.work.as_ref().map_or(Ok(Vec::new()), |work| self.gpu.read(&work.cull.ranges))?;
                 report.add_passes(&rec, &times, &status, &self.scene, &ranges, n_tiles);
             }
-            return Ok(self.work.as_ref());
+            return Ok(true);
         }
     }
 }
@@ -282,7 +336,24 @@ fn record_strip(work: &Workspace, scene: &SceneBuffers, n_tiles: u32, rounds: u3
     work.projected.record(&mut rec, scene, &work.cull, view, status);
     let lists = work.tiles.record(&mut rec, &work.cull, &work.projected, view, status, n_tiles);
     work.blend.record(&mut rec, &work.tiles, &lists, &work.projected, view, n_tiles, rounds);
+    if let Some(backward) = &work.backward {
+        let Workspace { cull, projected, tiles, blend, .. } = work;
+        backward.record(&mut rec, scene, cull, projected, tiles, &lists, blend, view, n_tiles, rounds);
+    }
     rec
+}
+
+/// Uploads the strip's rows of the cotangents.
+fn write_cotangents(gpu: &Gpu, backward: &Backward, c: &Frame, view: &View, strip: Strip) -> Result<()> {
+    let first = (view.width * strip.first_row) as usize;
+    let pixels = first..first + (view.width * strip.n_rows) as usize;
+    let image0: Vec<_> = pixels.clone().map(|p| [c.color[p][0], c.color[p][1], c.color[p][2], c.alpha[p]]).collect();
+    gpu.write(&backward.d_image0, &image0)?;
+    if let Some(d_image1) = &backward.d_image1 {
+        let image1: Vec<_> = pixels.map(|p| [c.depth[p], c.inverse_depth[p], c.flow[p][0], c.flow[p][1]]).collect();
+        gpu.write(d_image1, &image1)?;
+    }
+    Ok(())
 }
 
 /// Appends the strip's `n` pixels to the frame.
@@ -307,9 +378,13 @@ fn max_active(gpu: &Gpu) -> u32 {
     limit.min(u64::from(u32::MAX / 2)) as u32
 }
 
-/// Intersections whose list fits one binding.
-fn max_intersections(gpu: &Gpu) -> u32 {
-    (gpu.caps().max_binding_bytes / 4).min(u64::from(u32::MAX - 1)) as u32
+/// Intersections whose lists, and slots where there are any, fit one binding.
+fn max_intersections(gpu: &Gpu, purpose: Purpose) -> u32 {
+    let bytes = match purpose {
+        Purpose::Picture => 4,
+        Purpose::Gradient => 8 * SLOT_PAIRS as u64,
+    };
+    (gpu.caps().max_binding_bytes / bytes).min(u64::from(u32::MAX - 1)) as u32
 }
 
 impl FrameReport {

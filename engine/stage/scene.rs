@@ -94,6 +94,14 @@ impl SceneBuffers {
     }
 }
 
+impl SceneBuffers {
+    /// SH coefficients per Gaussian.
+    pub fn n_coefficients(&self) -> usize {
+        let side = self.groups.first().map_or(0, Group::degree) + 1;
+        side * side
+    }
+}
+
 impl Group {
     /// SH degree.
     pub fn degree(&self) -> usize {
@@ -112,12 +120,17 @@ impl Group {
     }
 }
 
+/// Place of plane `p` of item `i` among `planes` planes; `plane_index` of the shaders.
+pub(super) fn plane_of(i: usize, planes: usize, p: usize) -> usize {
+    (i / PLANE_BLOCK * planes + p) * PLANE_BLOCK + i % PLANE_BLOCK
+}
+
 /// `n` items of `planes` vec4 each, from `value(item)[plane]`, in blocks of [`PLANE_BLOCK`].
 fn planes<const P: usize>(n: usize, value: impl Fn(usize) -> [[f32; 4]; P]) -> Vec<[f32; 4]> {
     let mut out = vec![[0.0; 4]; n.next_multiple_of(PLANE_BLOCK) * P];
     for i in 0..n {
         for (p, v) in value(i).into_iter().enumerate() {
-            out[(i / PLANE_BLOCK * P + p) * PLANE_BLOCK + i % PLANE_BLOCK] = v;
+            out[plane_of(i, P, p)] = v;
         }
     }
     out

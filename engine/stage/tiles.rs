@@ -1,18 +1,33 @@
 //! Intersections of Gaussians and tiles: placed in depth order, sorted by tile, listed per tile.
 
+use super::blend::Purpose;
 use super::cull::{ARGS_SCAN, ARGS_SORT, ARGS_SORT_SCAN, ARGS_THREADS, Cull, indirect};
 use super::project::Projected;
 use super::scan::Scan;
 use super::sort::{Sort, SortGrids};
 use crate::error::Result;
 use crate::gpu::generated::{
-    Status, ViewParams, emit, gather_counts, prepare_intersections, tile_buckets, tile_order, tile_ranges,
+    Status, ViewParams, emit, emit_slots, gather, prepare_intersections, tile_buckets, tile_order, tile_ranges,
 };
 use crate::gpu::table::Count;
 use crate::gpu::{Buf, Gpu, Grid, Recording};
 
 /// Buckets of the tile order, one per bit width of a list's length.
 const BUCKETS: usize = 32;
+
+/// The lists of all tiles, one after the other: sorted by tile, then depth, then index.
+pub struct Lists {
+    /// Active index of each entry.
+    pub splat_ids: Buf<u32>,
+    /// Slot of each entry: its place before the sort, where a Gaussian's slots are neighbours. For gradients only.
+    pub slots: Option<Buf<u32>>,
+}
+
+/// Buffers of the slots.
+struct Slots {
+    slots: Buf<u32>,
+    sorted_ids: Buf<u32>,
+}
 
 /// Scratch and result of tile binning.
 pub struct Tiles {
@@ -25,6 +40,9 @@ pub struct Tiles {
     emit_args: Buf<[u32; 4]>,
     tile_keys: Buf<u32>,
     splat_ids: Buf<u32>,
+    slots: Option<Slots>,
+    /// First slot of each active Gaussian; for gradients only.
+    pub slot_first: Buf<u32>,
     buckets: Buf<u32>,
     cursors: Buf<u32>,
     /// First entry of each tile's list.
@@ -38,7 +56,7 @@ pub struct Tiles {
 
 impl Tiles {
     /// Room for `active` Gaussians, `intersections` pairs and `tiles` tiles.
-    pub fn new(gpu: &Gpu, active: u32, intersections: u32, tiles: u32) -> Result<Self> {
+    pub fn new(gpu: &Gpu, active: u32, intersections: u32, tiles: u32, purpose: Purpose) -> Result<Self> {
         let (n, i, t) = (active as usize, intersections as usize, tiles as usize);
         Ok(Tiles {
             depth_sort: Sort::new(gpu, n)?,
@@ -50,6 +68,13 @@ impl Tiles {
             emit_args: gpu.alloc("emit args", 1)?,
             tile_keys: gpu.alloc("tile keys", i)?,
             splat_ids: gpu.alloc("tile splats", i)?,
+            slots: match purpose {
+                Purpose::Picture => None,
+                Purpose::Gradient => {
+                    Some(Slots { slots: gpu.alloc("slots", i)?, sorted_ids: gpu.alloc("sorted splats", i)? })
+                }
+            },
+            slot_first: gpu.alloc("slot first", if purpose == Purpose::Gradient { n } else { 1 })?,
             buckets: gpu.alloc("tile buckets", BUCKETS)?,
             cursors: gpu.alloc("tile cursors", BUCKETS)?,
             tile_first: gpu.alloc("tile first", t)?,
@@ -59,8 +84,7 @@ impl Tiles {
         })
     }
 
-    /// Appends the binning of `projected` into `n_tiles` tiles. Returns the list entries: active indices, sorted by
-    /// tile, then depth, then index.
+    /// Appends the binning of `projected` into `n_tiles` tiles.
     pub fn record(
         &self,
         rec: &mut Recording,
@@ -69,7 +93,7 @@ impl Tiles {
         view: &Buf<ViewParams>,
         status: &Buf<Status>,
         n_tiles: u32,
-    ) -> Buf<u32> {
+    ) -> Lists {
         rec.stage("depth sort");
         let grids = |args: &Buf<[u32; 4]>| SortGrids {
             blocks: indirect(args, ARGS_SORT),
@@ -81,7 +105,11 @@ impl Tiles {
         rec.stage("tiles");
         let (n_active, tile_counts, offsets) = (&cull.n_active, &projected.tile_counts, &self.offsets);
         let (args, order) = (&cull.args, &order);
-        rec.pass(gather_counts::Args { n_active, order, tile_counts, offsets }, (), indirect(args, ARGS_THREADS));
+        rec.pass(
+            gather::Args { count: n_active, index: order, table: tile_counts, gathered: offsets },
+            (),
+            indirect(args, ARGS_THREADS),
+        );
         let n_intersections = &self.n_intersections;
         self.scan.record(rec, n_active, offsets, n_intersections, indirect(args, ARGS_SCAN));
         rec.pass(
@@ -97,22 +125,55 @@ impl Tiles {
         );
         let (tile_keys, splat_ids) = (&self.tile_keys, &self.splat_ids);
         let splats = &projected.splats;
-        rec.pass(
-            emit::Args { view, n_active, order, tile_counts, offsets, splats, tile_keys, splat_ids },
-            (),
-            indirect(&self.emit_args, 0),
-        );
+        let emit_grid = indirect(&self.emit_args, 0);
+        match &self.slots {
+            None => rec.pass(
+                emit::Args { view, n_active, order, tile_counts, offsets, splats, tile_keys, splat_ids },
+                (),
+                emit_grid,
+            ),
+            Some(Slots { slots, .. }) => {
+                let slot_first = &self.slot_first;
+                let args = emit_slots::Args {
+                    view,
+                    n_active,
+                    order,
+                    tile_counts,
+                    offsets,
+                    splats,
+                    tile_keys,
+                    splat_ids,
+                    slots,
+                    slot_first,
+                };
+                rec.pass(args, (), emit_grid);
+            }
+        }
 
         rec.stage("tile sort");
         let first_pass = rec.passes().len();
         // Keys go from 0 to n_tiles, which marks a slot that no tile reads.
         let n_passes = (u32::BITS - n_tiles.leading_zeros()).div_ceil(8).max(1);
-        let pairs = (tile_keys, splat_ids);
-        let (tile_keys, lists) =
+        let payload = self.slots.as_ref().map_or(splat_ids, |s| &s.slots);
+        let pairs = (tile_keys, payload);
+        let (tile_keys, sorted) =
             self.tile_sort.record(rec, n_intersections, &self.n_digits, pairs, n_passes, &grids(args));
         rec.count_as(first_pass, Count::Intersections);
 
         rec.stage("tiles");
+        let lists = match &self.slots {
+            None => Lists { splat_ids: sorted, slots: None },
+            Some(Slots { sorted_ids, .. }) => {
+                let first_pass = rec.passes().len();
+                rec.pass(
+                    gather::Args { count: n_intersections, index: &sorted, table: splat_ids, gathered: sorted_ids },
+                    (),
+                    indirect(args, ARGS_THREADS),
+                );
+                rec.count_as(first_pass, Count::Intersections);
+                Lists { splat_ids: sorted_ids.clone(), slots: Some(sorted) }
+            }
+        };
         let (tile_first, tile_last, buckets) = (&self.tile_first, &self.tile_last, &self.buckets);
         for zeroed in [tile_first.range(0, n_tiles as usize), tile_last.range(0, n_tiles as usize)] {
             rec.fill(zeroed.slice(), 0);

@@ -4,7 +4,8 @@
 // Grid      one subgroup per block of pixels, PIXELS per lane in a column; no barrier, no shared memory.
 // Reads     splats through the tile's list, SEGMENT entries a round; later rounds continue from the images.
 // Writes    image0: colour and alpha; image1: depth, inverse depth, flow (FULL only). Between rounds: sums and T, whose
-//           sign says that the pixel is finished.
+//           sign says that the pixel is finished. TRAIN: also the final T and the number of the last entry added, from
+//           which the backward pass starts.
 // Numerics  every lane loads one splat, the ballot drops those that miss the block, shuffles broadcast the rest. The
 //           order of each pixel's sum is that of the list whatever the subgroup: the same bits at any width.
 #version 460
@@ -15,6 +16,7 @@
 #include "types.glsl"
 #include "grid.glsl"
 #include "splat.glsl"
+#include "block.glsl"
 
 layout(local_size_x = 64) in;
 
@@ -32,27 +34,23 @@ layout(set = 0, binding = 5) restrict readonly buffer Splats { vec4 splats[]; };
 layout(set = 0, binding = 6) restrict buffer Image0 { vec4 image0[]; };
 // Bound to image0 where not FULL, and not touched.
 layout(set = 0, binding = 7) restrict buffer Image1 { vec4 image1[]; };
+#ifdef TRAIN
+layout(set = 0, binding = 8) restrict buffer Tail { uvec2 tail[]; };
+#endif
 
 void main() {
     const uint lane = gl_SubgroupInvocationID;
     const uint n_lanes = gl_SubgroupSize;
-    // A block is `columns` wide and as high as its lanes' pixels make it.
-    const uint columns = min(n_lanes, TILE);
-    const uint lane_rows = n_lanes / columns;
-    const uint rows = lane_rows * PIXELS;
-    const uint blocks_x = TILE / columns;
-    const uint blocks_tile = blocks_x * (TILE / rows);
+    const BlockShape shape = block_shape();
     const uint slot = linear_group() * (64u / n_lanes) + gl_SubgroupID;
     if (slot >= pc.n_blocks) return;
     // CPU drivers give each thread one contiguous run of groups: the stride deals the heavy tiles out.
-    const uint place = pc.stride == 1u ? slot : uint((slot * pc.stride) % pc.n_blocks);
-    const uint tile = tile_order[place / blocks_tile];
-    const uint block = place % blocks_tile;
-    const uint x0 = (tile % view.tiles_x) * TILE + (block % blocks_x) * columns;
-    const uint y0 = (tile / view.tiles_x) * TILE + (block / blocks_x) * rows;
-    const uint x = x0 + lane % columns;
-    const uint y = y0 + lane / columns;
-    const vec2 corner = vec2(float(x0), float(view.first_row + y0)) + 0.5;
+    const uint place = (slot * pc.stride) % pc.n_blocks;
+    const uint tile = tile_order[place / shape.per_tile];
+    const uvec2 first = block_first(view, shape, tile, place % shape.per_tile);
+    const uint x = first.x + lane % shape.columns;
+    const uint y = first.y + lane / shape.columns;
+    const vec2 corner = vec2(float(first.x), float(view.first_row + first.y)) + 0.5;
     const float center_x = float(x) + 0.5;
     const float center_y = float(view.first_row + y) + 0.5;
 
@@ -63,8 +61,11 @@ void main() {
 #ifdef FULL
     vec4 extra[PIXELS];
 #endif
+#ifdef TRAIN
+    uint n_last[PIXELS];
+#endif
     for (uint k = 0u; k < PIXELS; ++k) {
-        const uint row = y + k * lane_rows;
+        const uint row = y + k * shape.lane_rows;
         const bool inside = x < view.width && row < view.n_rows;
         const uint pixel = row * view.width + x;
         threshold[k] = inside ? view.alpha_min : NEVER;
@@ -73,6 +74,9 @@ void main() {
 #ifdef FULL
         extra[k] = vec4(0.0);
 #endif
+#ifdef TRAIN
+        n_last[k] = 0u;
+#endif
         if (inside && pc.round > 0u) {
             const vec4 saved = image0[pixel];
             color[k] = saved.xyz;
@@ -80,6 +84,9 @@ void main() {
             if (saved.w < 0.0) threshold[k] = NEVER;
 #ifdef FULL
             extra[k] = image1[pixel];
+#endif
+#ifdef TRAIN
+            n_last[k] = tail[pixel].y;
 #endif
         }
     }
@@ -95,10 +102,7 @@ void main() {
         const vec4 s1 = splats[SPLAT_PLANES * id + 1u];
         const vec4 s2 = splats[SPLAT_PLANES * id + 2u];
         const vec4 s3 = splats[SPLAT_PLANES * id + 3u];
-        const vec2 extent =
-            band_extent(s0.xy, s3.y, s3.z, s3.w, corner.y, corner.y + float(rows - 1u));
-        const bool hit = valid && extent.x <= extent.y && extent.y >= corner.x
-            && extent.x <= corner.x + float(columns - 1u);
+        const bool hit = valid && touches_block(s0.xy, s3.yzw, corner, shape);
         const float inverse_z = 1.0 / s1.w;
         const uvec4 hits = subgroupBallot(hit);
         for (uint half_mask = 0u; half_mask < 2u; ++half_mask) {
@@ -117,7 +121,7 @@ void main() {
 #endif
                 const float dx = center_x - xy.x;
                 for (uint k = 0u; k < PIXELS; ++k) {
-                    const float dy = center_y + float(k * lane_rows) - xy.y;
+                    const float dy = center_y + float(k * shape.lane_rows) - xy.y;
                     const float raw = splat_alpha(m, opacity, vec2(dx, dy));
                     const float alpha = min(raw, view.alpha_max);
                     precise float T_next = T[k] * (1.0 - alpha);
@@ -127,6 +131,9 @@ void main() {
                     color[k] += w * rgb;
 #ifdef FULL
                     extra[k] += w * other;
+#endif
+#ifdef TRAIN
+                    n_last[k] = added ? e + i + 1u : n_last[k];
 #endif
                     T[k] = added ? T_next : T[k];
                     threshold[k] = contributes && !added ? NEVER : threshold[k];
@@ -140,7 +147,7 @@ void main() {
     }
 
     for (uint k = 0u; k < PIXELS; ++k) {
-        const uint row = y + k * lane_rows;
+        const uint row = y + k * shape.lane_rows;
         if (x < view.width && row < view.n_rows) {
             const uint pixel = row * view.width + x;
             image0[pixel] = pc.last_round != 0u
@@ -148,6 +155,9 @@ void main() {
                 : vec4(color[k], threshold[k] < NEVER ? T[k] : -T[k]);
 #ifdef FULL
             image1[pixel] = extra[k];
+#endif
+#ifdef TRAIN
+            tail[pixel] = uvec2(floatBitsToUint(T[k]), n_last[k]);
 #endif
         }
     }

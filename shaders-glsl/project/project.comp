@@ -14,6 +14,7 @@
 #include "camera.glsl"
 #include "temporal.glsl"
 #include "sh.glsl"
+#include "rotation.glsl"
 #include "conic.glsl"
 #include "splat.glsl"
 
@@ -53,15 +54,6 @@ vec3 color_of(uint i, vec3 dir) {
     return c + 0.5;
 }
 
-// Columns of the rotation of a unit quaternion (w, x, y, z).
-mat3 rotation_of(vec4 q) {
-    const float w = q.x, x = q.y, y = q.z, z = q.w;
-    return mat3(
-        1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + w * z), 2.0 * (x * z - w * y),
-        2.0 * (x * y - w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z + w * x),
-        2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y));
-}
-
 void main() {
     const uvec2 range = ranges[pc.group];
     const uint at = range.x + linear_thread(gl_WorkGroupSize.x);
@@ -88,10 +80,8 @@ void main() {
         const vec3 v_cam = rotate_to_camera(view, v.xyz);
         flow = view.background.w * f_z * (v_cam.xy - uv * v_cam.z);
 #endif
-        // Scaled by its largest component first: squares of 1e-30 or 1e20 are not representable.
-        const vec4 q_abs = abs(q_raw);
-        const vec4 q_scaled = q_raw / max(max(q_abs.x, q_abs.y), max(q_abs.z, q_abs.w));
-        const mat3 rotation = rotation_of(q_scaled * inversesqrt(dot(q_scaled, q_scaled)));
+        float q_norm;
+        const mat3 rotation = rotation_of(unit_quaternion(q_raw, q_norm));
         const vec3 a0 = f_z.x * (view.row0.xyz - uv_j.x * view.row2.xyz);
         const vec3 a1 = f_z.y * (view.row1.xyz - uv_j.y * view.row2.xyz);
         const Conic conic = conic_of(a0 * rotation, a1 * rotation, exp(scale_t.xyz), view.blur);

@@ -2,6 +2,7 @@
 // Purpose   writes one (tile, Gaussian) pair per tile that a Gaussian touches, in depth order.
 // Equation  the count's own predicate, include/splat.glsl.
 // Grid      one thread per active Gaussian; those with many tiles are shared by the lanes of their subgroup, row by row.
+//           SLOTS: also numbers the pairs and tells where each Gaussian's begin, for the backward pass.
 // Numerics  a slot that the count foresaw and the rows did not fill gets the tile past the last, which nothing reads.
 #version 460
 #extension GL_GOOGLE_include_directive : require
@@ -25,14 +26,23 @@ layout(set = 0, binding = 4) restrict readonly buffer Offsets { uint offsets[]; 
 layout(set = 0, binding = 5) restrict readonly buffer Splats { vec4 splats[]; };
 layout(set = 0, binding = 6) restrict writeonly buffer TileKeys { uint tile_keys[]; };
 layout(set = 0, binding = 7) restrict writeonly buffer SplatIds { uint splat_ids[]; };
+#ifdef SLOTS
+layout(set = 0, binding = 8) restrict writeonly buffer Slots { uint slots[]; };
+layout(set = 0, binding = 9) restrict writeonly buffer SlotFirst { uint slot_first[]; };
+#endif
+
+void write_pair(uint at, uint tile, uint id) {
+    tile_keys[at] = tile;
+    splat_ids[at] = id;
+#ifdef SLOTS
+    slots[at] = at;
+#endif
+}
 
 // Writes the columns of one row from `at` on and never past `end`; returns the next place.
 uint emit_row(uvec2 columns, uint row, uint at, uint end, uint id) {
     for (uint column = columns.x; column < columns.y; ++column) {
-        if (at < end) {
-            tile_keys[at] = row * view.tiles_x + column;
-            splat_ids[at] = id;
-        }
+        if (at < end) write_pair(at, row * view.tiles_x + column, id);
         ++at;
     }
     return at;
@@ -47,6 +57,9 @@ void main() {
     const vec2 xy = splats[SPLAT_PLANES * id].xy;
     const vec4 shape = splats[SPLAT_PLANES * id + 3u];
     const uint none = view.tiles_x * view.tiles_y;
+#ifdef SLOTS
+    if (valid) slot_first[id] = first;
+#endif
 
     const bool own = n > 0u && n <= MANY;
     const uvec2 rows = own ? tile_rows(view, xy.y, shape.w) : uvec2(0u);
@@ -55,10 +68,7 @@ void main() {
         at = emit_row(tile_columns(view, xy, shape.y, shape.z, shape.w, row), row, at, first + n, id);
     }
     if (own) {
-        for (; at < first + n; ++at) {
-            tile_keys[at] = none;
-            splat_ids[at] = id;
-        }
+        for (; at < first + n; ++at) write_pair(at, none, id);
     }
 
     const uint lane = gl_SubgroupInvocationID;
@@ -85,10 +95,7 @@ void main() {
                 emit_row(columns, row, base + before, end_o, id_o);
                 base += subgroupAdd(width);
             }
-            for (uint k = base + lane; k < end_o; k += gl_SubgroupSize) {
-                tile_keys[k] = none;
-                splat_ids[k] = id_o;
-            }
+            for (uint k = base + lane; k < end_o; k += gl_SubgroupSize) write_pair(k, none, id_o);
         }
     }
 }

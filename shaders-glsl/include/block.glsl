@@ -1,0 +1,29 @@
+// Blocks of pixels that a subgroup blends: as wide as the subgroup up to a tile, PIXELS rows of lanes high.
+
+struct BlockShape {
+    uint columns;    // pixels across
+    uint lane_rows;  // rows that the lanes cover at once; a lane's pixels lie this far apart
+    uint rows;       // pixels down
+    uint per_tile;   // blocks of a tile
+};
+
+BlockShape block_shape() {
+    const uint columns = min(gl_SubgroupSize, TILE);
+    const uint lane_rows = gl_SubgroupSize / columns;
+    const uint rows = lane_rows * PIXELS;
+    return BlockShape(columns, lane_rows, rows, TILE / columns * (TILE / rows));
+}
+
+// The block's first pixel, column and row of the strip.
+uvec2 block_first(ViewParams view, BlockShape shape, uint tile, uint block) {
+    const uint across = TILE / shape.columns;
+    return uvec2(tile % view.tiles_x, tile / view.tiles_x) * TILE
+        + uvec2(block % across * shape.columns, block / across * shape.rows);
+}
+
+// Whether an ellipse (slope, chord, reach_y) may touch the block whose first pixel centre is `corner`.
+bool touches_block(vec2 xy, vec3 ellipse, vec2 corner, BlockShape shape) {
+    const vec2 last = corner + vec2(float(shape.columns - 1u), float(shape.rows - 1u));
+    const vec2 extent = band_extent(xy, ellipse.x, ellipse.y, ellipse.z, corner.y, last.y);
+    return extent.x <= extent.y && extent.y >= corner.x && extent.x <= last.x;
+}

@@ -1,0 +1,188 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+// Purpose   sums each active Gaussian's slots and carries them back to its parameters.
+// Equation  the adjoint of project.comp: dL/dC = -M^T H M with H the whitened moments, then through V = J R Rot(q) diag(s).
+// Grid      one thread per active Gaussian of the group.
+// Reads     slots of the blend, in order: plain sums, the same bits in every run.
+// Writes    gradients in the layout of the parameters, by group-local index; others keep the zeros they were cleared to.
+// Numerics  clamps have zero derivative outside; a gradient that is not finite is written as zero and counted.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "types.glsl"
+#include "grid.glsl"
+#include "finite.glsl"
+#include "camera.glsl"
+#include "temporal.glsl"
+#include "sh.glsl"
+#include "sh_bwd.glsl"
+#include "rotation.glsl"
+#include "conic.glsl"
+#include "splat.glsl"
+
+layout(local_size_x = 64) in;
+
+layout(push_constant) uniform Push { uint group; uint first; } pc;
+layout(set = 0, binding = 0) uniform View { ViewParams view; };
+layout(set = 0, binding = 1) restrict readonly buffer Ranges { uvec2 ranges[]; };
+layout(set = 0, binding = 2) restrict readonly buffer ActiveId { uint active_id[]; };
+layout(set = 0, binding = 3) restrict readonly buffer Geometry { vec4 geometry[]; };
+layout(set = 0, binding = 4) restrict readonly buffer Splats { vec4 splats[]; };
+layout(set = 0, binding = 5) restrict readonly buffer TileCounts { uint tile_counts[]; };
+layout(set = 0, binding = 6) restrict readonly buffer SlotFirst { uint slot_first[]; };
+layout(set = 0, binding = 7) restrict readonly buffer DSlots { vec2 d_slots[]; };
+layout(set = 0, binding = 8) restrict writeonly buffer DGeometry { vec4 d_geometry[]; };
+layout(set = 0, binding = 9) restrict writeonly buffer DSh0 { vec4 d_sh0[]; };
+layout(set = 0, binding = 10) restrict buffer NBad { uint n_bad[]; };
+// One interface for all variants: what a variant does not need is bound to something else and not touched.
+layout(set = 0, binding = 11) restrict readonly buffer Motion { vec4 motion[]; };
+layout(set = 0, binding = 12) restrict readonly buffer Sh1 { vec4 sh1[]; };
+layout(set = 0, binding = 13) restrict readonly buffer Sh2 { vec4 sh2[]; };
+layout(set = 0, binding = 14) restrict readonly buffer Sh3 { vec4 sh3[]; };
+layout(set = 0, binding = 15) restrict writeonly buffer DMotion { vec4 d_motion[]; };
+layout(set = 0, binding = 16) restrict writeonly buffer DSh1 { vec4 d_sh1[]; };
+layout(set = 0, binding = 17) restrict writeonly buffer DSh2 { vec4 d_sh2[]; };
+layout(set = 0, binding = 18) restrict writeonly buffer DSh3 { vec4 d_sh3[]; };
+
+// Writes the gradients of the bands above the first, and returns that of the unit direction.
+vec3 d_bands(uint i, vec3 dir, vec3 g) {
+    vec3 d_dir = vec3(0.0);
+#if SH_DEGREE >= 1
+    const uint b1 = plane_index(i, 3u, 0u);
+    d_dir += sh_band1_d_dir(sh1[b1], sh1[b1 + 32u], sh1[b1 + 64u], g);
+    const vec3 p0 = -SH_1 * dir.y * g, p1 = SH_1 * dir.z * g, p2 = -SH_1 * dir.x * g;
+    d_sh1[b1] = vec4(p0, p1.x);
+    d_sh1[b1 + 32u] = vec4(p1.yz, p2.xy);
+    d_sh1[b1 + 64u] = vec4(p2.z, 0.0, 0.0, 0.0);
+#endif
+#if SH_DEGREE >= 2
+    const uint b2 = plane_index(i, 4u, 0u);
+    d_dir += sh_band2_d_dir(sh2[b2], sh2[b2 + 32u], sh2[b2 + 64u], sh2[b2 + 96u], dir, g);
+    const float[5] y2 = sh_basis2(dir);
+    d_sh2[b2] = vec4(y2[0] * g, y2[1] * g.x);
+    d_sh2[b2 + 32u] = vec4(y2[1] * g.yz, y2[2] * g.xy);
+    d_sh2[b2 + 64u] = vec4(y2[2] * g.z, y2[3] * g);
+    d_sh2[b2 + 96u] = vec4(y2[4] * g, 0.0);
+#endif
+#if SH_DEGREE >= 3
+    const uint b3 = plane_index(i, 6u, 0u);
+    d_dir += sh_band3_d_dir(sh3[b3], sh3[b3 + 32u], sh3[b3 + 64u], sh3[b3 + 96u], sh3[b3 + 128u], sh3[b3 + 160u], dir, g);
+    const float[7] y3 = sh_basis3(dir);
+    d_sh3[b3] = vec4(y3[0] * g, y3[1] * g.x);
+    d_sh3[b3 + 32u] = vec4(y3[1] * g.yz, y3[2] * g.xy);
+    d_sh3[b3 + 64u] = vec4(y3[2] * g.z, y3[3] * g);
+    d_sh3[b3 + 96u] = vec4(y3[4] * g, y3[5] * g.x);
+    d_sh3[b3 + 128u] = vec4(y3[5] * g.yz, y3[6] * g.xy);
+    d_sh3[b3 + 160u] = vec4(y3[6] * g.z, 0.0, 0.0, 0.0);
+#endif
+    return d_dir;
+}
+
+void main() {
+    const uvec2 range = ranges[pc.group];
+    const uint at = range.x + linear_thread(gl_WorkGroupSize.x);
+    if (at >= range.y) return;
+    const uint i = active_id[at] - pc.first;
+
+    vec2 sum[6] = vec2[6](vec2(0.0), vec2(0.0), vec2(0.0), vec2(0.0), vec2(0.0), vec2(0.0));
+    const uint begin = 6u * slot_first[at];
+    const uint n_slots = tile_counts[at];
+    for (uint k = 0u; k < n_slots; ++k) {
+        for (uint c = 0u; c < 6u; ++c) sum[c] += d_slots[begin + 6u * k + c];
+    }
+    const vec4 s0 = splats[SPLAT_PLANES * at];
+    const vec4 s1 = splats[SPLAT_PLANES * at + 1u];
+    const vec4 s2 = splats[SPLAT_PLANES * at + 2u];
+    const vec4 m = vec4(s0.zw, s1.xy);
+    const vec2 d_xy = -2.0 * vec2(m.x * sum[1].y + m.z * sum[2].x, m.y * sum[1].y + m.w * sum[2].x);
+    const float d_opacity_t = sum[2].y;
+    // The colour's clamp at 0 has no derivative below.
+    const vec3 d_color = vec3(sum[3], sum[4].x) * vec3(greaterThan(s2.xyz, vec3(0.0)));
+    const float d_z = sum[4].y;
+
+    // The projection again, as project.comp has it.
+    const vec4 mean_opacity = geometry[plane_index(i, 3u, 0u)];
+    const vec4 scale_t = geometry[plane_index(i, 3u, 2u)];
+    vec3 mean = mean_opacity.xyz;
+    const float base = sigmoid(mean_opacity.w);
+#ifdef DYNAMIC
+    const vec4 v = motion[i];
+    mean = mean_at(mean, v, view.time);
+    const float weight = temporal_weight(v.w, scale_t.w, view.time);
+#else
+    const float weight = 1.0;
+#endif
+    const vec3 p = to_camera(view, mean);
+    const vec2 uv = p.xy / p.z;
+    const vec2 uv_j = clamp(uv, view.clamp_uv.xz, view.clamp_uv.yw);
+    const vec2 f_z = view.intrinsics.xy / p.z;
+    float q_norm;
+    const vec4 q = unit_quaternion(geometry[plane_index(i, 3u, 1u)], q_norm);
+    const mat3 rotation = rotation_of(q);
+    const vec3 a0 = f_z.x * (view.row0.xyz - uv_j.x * view.row2.xyz);
+    const vec3 a1 = f_z.y * (view.row1.xyz - uv_j.y * view.row2.xyz);
+    const vec3 s = exp(scale_t.xyz);
+    const vec3 r0 = (a0 * rotation) * s;
+    const vec3 r1 = (a1 * rotation) * s;
+
+    // dL/dV = -(2 / k^2) M^T H (M V), k = EXP2_FACTOR.
+    const vec3 b0 = m.x * r0 + m.y * r1;
+    const vec3 b1 = m.z * r0 + m.w * r1;
+    const vec3 h0 = sum[0].x * b0 + sum[0].y * b1;
+    const vec3 h1 = sum[0].y * b0 + sum[1].x * b1;
+    const float scale = -2.0 / (EXP2_FACTOR * EXP2_FACTOR);
+    const vec3 d_r0 = scale * (m.x * h0 + m.z * h1);
+    const vec3 d_r1 = scale * (m.y * h0 + m.w * h1);
+    const vec3 d_log_s = d_r0 * r0 + d_r1 * r1;
+    const vec3 d_g0 = d_r0 * s;
+    const vec3 d_g1 = d_r1 * s;
+    const vec3 d_a0 = rotation * d_g0;
+    const vec3 d_a1 = rotation * d_g1;
+    const mat3 d_rotation = outerProduct(a0, d_g0) + outerProduct(a1, d_g1);
+    const vec4 d_unit = d_unit_quaternion(q, d_rotation);
+    const vec4 d_q = (d_unit - q * dot(q, d_unit)) / q_norm;
+
+    vec2 d_f_z = vec2(dot(d_a0, view.row0.xyz - uv_j.x * view.row2.xyz), dot(d_a1, view.row1.xyz - uv_j.y * view.row2.xyz));
+    const vec2 inside = vec2(equal(uv, uv_j));
+    vec2 d_uv = view.intrinsics.xy * d_xy - inside * f_z * vec2(dot(d_a0, view.row2.xyz), dot(d_a1, view.row2.xyz));
+#ifdef DYNAMIC
+    const vec3 v_cam = rotate_to_camera(view, v.xyz);
+    const vec2 g_flow = view.background.w * sum[5];
+    d_f_z += g_flow * (v_cam.xy - uv * v_cam.z);
+    d_uv -= g_flow * f_z * v_cam.z;
+    const vec3 d_v_cam = vec3(g_flow * f_z, -dot(g_flow * f_z, uv));
+#endif
+    const vec3 d_p = vec3(d_uv / p.z, d_z - (dot(d_uv, uv) + dot(d_f_z, f_z)) / p.z);
+    vec3 d_mean = view.row0.xyz * d_p.x + view.row1.xyz * d_p.y + view.row2.xyz * d_p.z;
+    const vec3 from_camera = mean - vec3(view.row0.w, view.row1.w, view.row2.w);
+    const float inverse_distance = inversesqrt(dot(from_camera, from_camera));
+    const vec3 dir = from_camera * inverse_distance;
+    const vec3 d_dir = d_bands(i, dir, d_color);
+    d_mean += (d_dir - dir * dot(dir, d_dir)) * inverse_distance;
+
+    vec4 d_mean_opacity = vec4(d_mean, d_opacity_t * weight * base * (1.0 - base));
+    vec4 d_scale_t = vec4(d_log_s, 0.0);
+    vec4 d_v = vec4(0.0);
+#ifdef DYNAMIC
+    // opacity(t') = base exp(-u^2), mu(t') = mu + v (t' - t_center).
+    const float dt = view.time - v.w;
+    const float rate = exp(-scale_t.w);
+    const float u = dt * rate;
+    const float d_exponent = abs(u) < 16.0 ? d_opacity_t * base * weight : 0.0;
+    const float d_time = dot(d_mean, v.xyz) - 2.0 * u * rate * d_exponent;
+    const vec3 d_velocity =
+        dt * d_mean + view.row0.xyz * d_v_cam.x + view.row1.xyz * d_v_cam.y + view.row2.xyz * d_v_cam.z;
+    d_v = vec4(d_velocity, -d_time);
+    d_scale_t.w = 2.0 * u * u * d_exponent;
+#endif
+    const bool good = finite4(d_mean_opacity) && finite4(d_q) && finite4(d_scale_t) && finite4(d_v) && finite3(d_color);
+    if (!good) {
+        atomicAdd(n_bad[0], 1u);
+        d_bands(i, vec3(0.0), vec3(0.0));
+    }
+    d_geometry[plane_index(i, 3u, 0u)] = good ? d_mean_opacity : vec4(0.0);
+    d_geometry[plane_index(i, 3u, 1u)] = good ? d_q : vec4(0.0);
+    d_geometry[plane_index(i, 3u, 2u)] = good ? d_scale_t : vec4(0.0);
+    d_sh0[i] = good ? vec4(SH_0 * d_color, 0.0) : vec4(0.0);
+#ifdef DYNAMIC
+    d_motion[i] = good ? d_v : vec4(0.0);
+#endif
+}

@@ -1,0 +1,65 @@
+//! Gradients against the independent float64 implementation.
+
+use crate::common::device::gpu;
+use crate::common::golden::{CASES, Golden, load};
+use ivv::Constants;
+use ivv::scene::Frame;
+use ivv::stage::{Gradients, Renderer};
+
+/// The golden cotangents as a frame.
+fn cotangents(golden: &Golden) -> Frame {
+    let flat = |name: &str| golden.cotangents[name].iter().map(|x| *x as f32).collect::<Vec<f32>>();
+    Frame {
+        width: golden.view.width,
+        height: golden.view.height,
+        color: flat("color").as_chunks().0.to_vec(),
+        alpha: flat("alpha"),
+        depth: flat("depth"),
+        inverse_depth: flat("inverse_depth"),
+        flow: flat("flow").as_chunks().0.to_vec(),
+    }
+}
+
+/// The gradients that the scene's parameters have, flat: a static scene has no temporal ones.
+fn groups(d: &Gradients, is_dynamic: bool) -> Vec<(&'static str, Vec<f64>)> {
+    let flat = |v: &[f32]| v.iter().map(|x| f64::from(*x)).collect::<Vec<f64>>();
+    let mut all = vec![
+        ("position", flat(d.position.as_flattened())),
+        ("rotation", flat(d.rotation.as_flattened())),
+        ("scale", flat(d.scale.as_flattened())),
+        ("opacity", flat(&d.opacity)),
+        ("sh", flat(d.sh.as_flattened())),
+    ];
+    if is_dynamic {
+        all.extend([
+            ("velocity", flat(d.velocity.as_flattened())),
+            ("t_center", flat(&d.t_center)),
+            ("t_scale", flat(&d.t_scale)),
+            ("time_offset", vec![d.time_offset]),
+        ]);
+    }
+    all
+}
+
+#[test]
+fn gradients_match_the_golden_truth_to_1e_4_with_a_cosine_of_0_99999() {
+    let gpu = gpu();
+    for case in CASES {
+        let Some(golden) = load(case) else { return };
+        let mut renderer = Renderer::new(gpu.clone(), &golden.splats, Constants::default()).unwrap();
+        let (found, report) = renderer.vjp(&golden.view, &cotangents(&golden)).unwrap();
+        assert!(report.intersections > 0 && found.n_bad == 0, "{case}: {report:?}");
+        for (name, found) in groups(&found, golden.splats.n_static < golden.splats.len()) {
+            let truth = &golden.gradients[name];
+            let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+            let norm = dot(truth, truth).sqrt();
+            assert!(norm > 0.0 && found.len() == truth.len(), "{case}: {name} has no gradient to compare");
+            let difference: Vec<f64> = found.iter().zip(truth).map(|(a, b)| a - b).collect();
+            let error = dot(&difference, &difference).sqrt() / norm;
+            let cosine = dot(&found, truth) / (norm * dot(&found, &found).sqrt());
+            eprintln!("{case} {name}: {error:.1e}, 1 - cosine {:.1e}", 1.0 - cosine);
+            assert!(error <= 1e-4, "{case}: d_{name} differs by {error:e}");
+            assert!(cosine >= 0.99999, "{case}: d_{name} has cosine {cosine}");
+        }
+    }
+}

@@ -1,0 +1,3 @@
+//! Gradients of the device.
+
+mod golden;

@@ -1,0 +1,121 @@
+//! `ivv vjp`.
+
+use anyhow::ensure;
+use ivv::gpu::{Gpu, Options};
+use ivv::scene::{Frame, Tensor, View, read_scene, read_tensors, read_views, write_tensors};
+use ivv::stage::Renderer;
+use ivv::vk::DeviceChoice;
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+/// Options of `ivv vjp`.
+#[derive(clap::Args)]
+pub struct Args {
+    /// A scene file, as for render.
+    #[arg(long)]
+    scene: PathBuf,
+    /// Cameras, JSON (SPEC 9); the first view is taken.
+    #[arg(long)]
+    cameras: PathBuf,
+    /// Cotangents of the outputs: safetensors with any of color, alpha, depth, inverse_depth, flow.
+    #[arg(long)]
+    cotangents: PathBuf,
+    /// The gradients, safetensors: one tensor per parameter group in the units of the file, and time_offset per frame.
+    #[arg(short, long)]
+    output: PathBuf,
+    #[command(flatten)]
+    constants: crate::render::ConstantArgs,
+    /// The device: an index or part of a name from `ivv devices`.
+    #[arg(long)]
+    device: Option<String>,
+}
+
+pub fn run(args: &Args) -> anyhow::Result<()> {
+    let constants = args.constants.checked()?;
+    let views = read_views(&args.cameras)?;
+    let Some(view) = views.first() else {
+        return Err(ivv::Error::data(&args.cameras, "views", "holds no view", "add one").into());
+    };
+    let cotangents = cotangents(args, view)?;
+    let splats = read_scene(&args.scene)?;
+    let choice = DeviceChoice {
+        device: args.device.clone(),
+        pipeline_cache: crate::render::cache_folder().map(|folder| folder.join("pipelines.bin")),
+        ..DeviceChoice::default()
+    };
+    let gpu = Arc::new(Gpu::open(&Options { device: choice, ..Options::default() })?);
+    eprintln!("device: {} ({})", gpu.caps().name, gpu.chosen_because());
+    let mut renderer = Renderer::new(gpu, &splats, constants)?;
+    let (gradients, report) = renderer.vjp(view, &cotangents)?;
+    if gradients.n_bad > 0 {
+        let what = format!("the gradient of view `{}`", view.name);
+        return Err(ivv::Error::NonFinite { what, count: u64::from(gradients.n_bad) }.into());
+    }
+    let d = gradients.in_file_order(&splats);
+    let (n, k) = (splats.len(), splats.n_coefficients());
+    write_tensors(
+        &args.output,
+        &[
+            ("position", &[n, 3], d.position.as_flattened()),
+            ("rotation", &[n, 4], d.rotation.as_flattened()),
+            ("scale", &[n, 3], d.scale.as_flattened()),
+            ("opacity", &[n], &d.opacity),
+            ("sh", &[n, k, 3], d.sh.as_flattened()),
+            ("velocity", &[n, 3], d.velocity.as_flattened()),
+            ("t_center", &[n], &d.t_center),
+            ("t_scale", &[n], &d.t_scale),
+            ("time_offset", &[1], &[d.time_offset as f32]),
+        ],
+    )?;
+    println!(
+        "{}: gradients of view `{}`, {} of {n} Gaussians visible",
+        args.output.display(),
+        view.name,
+        report.visible
+    );
+    Ok(())
+}
+
+/// The file's cotangents as a frame; outputs that it does not name have none.
+fn cotangents(args: &Args, view: &View) -> anyhow::Result<Frame> {
+    let mut tensors = read_tensors(&args.cotangents)?;
+    let (w, h) = (view.width as usize, view.height as usize);
+    let mut take = |name: &str, channels: usize| take(&mut tensors, args, name, w, h, channels);
+    let frame = Frame {
+        width: view.width,
+        height: view.height,
+        color: take("color", 3)?.as_chunks().0.to_vec(),
+        alpha: take("alpha", 1)?,
+        depth: take("depth", 1)?,
+        inverse_depth: take("inverse_depth", 1)?,
+        flow: take("flow", 2)?.as_chunks().0.to_vec(),
+    };
+    if let Some(name) = tensors.keys().next() {
+        let remedy = "name color, alpha, depth, inverse_depth or flow";
+        return Err(ivv::Error::data(&args.cotangents, name, "is no output of a render", remedy).into());
+    }
+    ensure!(w * h > 0, "the view has no pixels");
+    Ok(frame)
+}
+
+/// Removes `name` from `tensors`: `[H][W][channels]` numbers, zeros where it is absent.
+fn take(
+    tensors: &mut BTreeMap<String, Tensor>,
+    args: &Args,
+    name: &str,
+    w: usize,
+    h: usize,
+    channels: usize,
+) -> ivv::Result<Vec<f32>> {
+    let Some(tensor) = tensors.remove(name) else { return Ok(vec![0.0; w * h * channels]) };
+    let shape: &[usize] = if channels == 1 { &[h, w] } else { &[h, w, channels] };
+    if tensor.shape != shape {
+        let reason = format!("has shape {:?}, the view asks for {shape:?}", tensor.shape);
+        return Err(ivv::Error::data(&args.cotangents, name, reason, "make it for this view"));
+    }
+    if let Some(at) = tensor.data.iter().position(|x| !x.is_finite()) {
+        return Err(ivv::Error::data(&args.cotangents, format!("{name}[{at}]"), "is not finite", "mend it"));
+    }
+    Ok(tensor.data.iter().map(|x| *x as f32).collect())
+}
