@@ -3,5 +3,6 @@ mod common;
 mod grad;
 mod kernel;
 mod render;
+mod repo;
 mod scene;
 mod twin;

@@ -1,0 +1,153 @@
+//! The table of kernels against the shaders, the twins and the committed SPIR-V, and the rules of the dialect.
+
+use super::{exists, files, text, without_comments, words};
+use ivv::gpu::table::KERNELS;
+use std::collections::BTreeSet;
+use std::process::Command;
+
+/// Shaders, by path below `shaders-glsl`.
+fn shaders() -> BTreeSet<String> {
+    let below = |file: String| file.strip_prefix("shaders-glsl/").map(str::to_owned);
+    files("shaders-glsl").into_iter().filter_map(below).filter(|file| file.ends_with(".comp")).collect()
+}
+
+fn source(shader: &str) -> String {
+    text(&format!("shaders-glsl/{shader}"))
+}
+
+/// Shaders and includes, as code.
+fn all_code() -> Vec<(String, String)> {
+    let is_glsl = |file: &String| file.ends_with(".comp") || file.ends_with(".glsl");
+    let code: Vec<_> = files("shaders-glsl")
+        .into_iter()
+        .filter(is_glsl)
+        .map(|file| (file.clone(), without_comments(&text(&file))))
+        .collect();
+    assert!(code.len() > 20, "only {} files of GLSL", code.len());
+    code
+}
+
+/// What follows `keyword` up to the closing brace, for each occurrence at a word's beginning.
+fn bodies<'a>(code: &'a str, keyword: &str) -> Vec<&'a str> {
+    let at_word = |at: &usize| !code[..*at].ends_with(|c: char| c.is_alphanumeric() || c == '_');
+    let starts = code.match_indices(keyword).map(|(at, _)| at).filter(at_word);
+    starts.filter_map(|at| code[at..].split_once('}').map(|(body, _)| body)).collect()
+}
+
+/// The workgroup's size, which must be a literal.
+fn local_size(code: &str) -> Option<u32> {
+    let (_, rest) = code.split_once("layout(local_size_x = ")?;
+    rest.split_once(") in;")?.0.parse().ok()
+}
+
+#[test]
+fn the_shaders_and_the_table_name_each_other() {
+    let named: BTreeSet<String> = KERNELS.iter().map(|row| row.file.to_owned()).collect();
+    assert!(named.len() > 10);
+    assert_eq!(named, shaders());
+}
+
+#[test]
+fn kernel_names_are_unique_and_begin_with_their_shaders_stem() {
+    let names: BTreeSet<&str> = KERNELS.iter().map(|row| row.name).collect();
+    assert_eq!(names.len(), KERNELS.len());
+    for row in KERNELS {
+        let stem = row.file.rsplit('/').next().unwrap().trim_end_matches(".comp");
+        let variant = row.name.strip_prefix(stem).unwrap_or_else(|| panic!("{} of {}", row.name, row.file));
+        assert!(variant.is_empty() || variant.starts_with('_'), "{} of {}", row.name, row.file);
+    }
+}
+
+#[test]
+fn the_committed_spirv_is_that_of_the_table_and_no_other() {
+    let mut expected: BTreeSet<String> =
+        KERNELS.iter().map(|row| format!("shaders-glsl/spv/{}.spv", row.name)).collect();
+    expected.insert("shaders-glsl/spv/MANIFEST".to_owned());
+    assert_eq!(files("shaders-glsl/spv").into_iter().collect::<BTreeSet<_>>(), expected);
+    let manifest = text("shaders-glsl/spv/MANIFEST");
+    let listed: Vec<&str> = manifest.lines().filter_map(|line| line.split(' ').next()).collect();
+    assert_eq!(listed, KERNELS.iter().map(|row| row.name).collect::<Vec<_>>());
+}
+
+#[test]
+fn every_shader_opens_with_licence_purpose_equation_grid_and_numerics() {
+    for shader in shaders() {
+        let source = source(&shader);
+        let (header, _) = source.split_once("#version 460").unwrap_or_else(|| panic!("{shader}: no #version 460"));
+        assert!(header.lines().all(|line| line.starts_with("//")), "{shader}: its header holds more than comments");
+        let mut lines = header.lines();
+        assert_eq!(lines.next(), Some("// SPDX-License-Identifier: MIT OR Apache-2.0"), "{shader}");
+        for field in ["// Purpose   ", "// Equation  ", "// Grid      ", "// Numerics  "] {
+            assert!(lines.any(|line| line.starts_with(field)), "{shader}: no `{field}` in its place");
+        }
+    }
+}
+
+#[test]
+fn every_kernel_has_a_twin() {
+    for row in KERNELS {
+        assert!(exists(&format!("engine/twin/{}.rs", row.twin)), "{}: no engine/twin/{}.rs", row.name, row.twin);
+    }
+}
+
+#[test]
+fn no_shader_orders_memory_but_by_barrier() {
+    // lavapipe turns each into a point where a workgroup waits: subgroups that meet different numbers of them lose work.
+    for (file, code) in all_code() {
+        let bad = words(&code).find(|word| word.starts_with("memoryBarrier") || *word == "groupMemoryBarrier");
+        assert_eq!(bad, None, "{file}");
+    }
+}
+
+#[test]
+fn no_buffer_holds_a_vector_of_three() {
+    // std430 pads it to four and Rust does not.
+    let mut n_blocks = 0;
+    for (file, code) in all_code() {
+        let shared = file.ends_with("include/types.glsl");
+        let keywords = if shared { &["struct "][..] } else { &["buffer ", "uniform "] };
+        for body in keywords.iter().flat_map(|keyword| bodies(&code, keyword)) {
+            n_blocks += 1;
+            let bad = words(body).find(|word| ["vec3", "ivec3", "uvec3", "bvec3", "mat3"].contains(word));
+            assert_eq!(bad, None, "{file}: {body}");
+        }
+    }
+    assert!(n_blocks > 60, "only {n_blocks} blocks and structs were found");
+}
+
+#[test]
+fn workgroups_are_literal_and_hold_whole_subgroups_of_4_to_64() {
+    let mut with_subgroups = 0;
+    for shader in shaders() {
+        let code = without_comments(&source(&shader));
+        let local = local_size(&code).unwrap_or_else(|| panic!("{shader}: local_size_x is not a literal"));
+        if code.contains("GL_KHR_shader_subgroup") {
+            with_subgroups += 1;
+            // At most 32 subgroups of 4: the size of the shared arrays that hold one number for each.
+            assert!(local <= 128 && local.is_multiple_of(64), "{shader}: {local} threads");
+        }
+    }
+    assert!(with_subgroups > 5);
+}
+
+#[test]
+fn no_shader_has_more_than_16_bindings() {
+    for shader in shaders() {
+        let code = without_comments(&source(&shader));
+        let n_bindings = code.matches("binding = ").count();
+        assert!((2..=16).contains(&n_bindings), "{shader}: {n_bindings} bindings");
+    }
+}
+
+#[test]
+fn spirv_val_finds_no_fault() {
+    if Command::new("spirv-val").arg("--version").output().is_err() {
+        eprintln!("skipped: spirv-val is not installed (Debian: spirv-tools)");
+        return;
+    }
+    for row in KERNELS {
+        let file = super::root().join(format!("shaders-glsl/spv/{}.spv", row.name));
+        let output = Command::new("spirv-val").args(["--target-env", "vulkan1.2"]).arg(&file).output().unwrap();
+        assert!(output.status.success(), "{}: {}", row.name, String::from_utf8_lossy(&output.stderr));
+    }
+}

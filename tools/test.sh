@@ -1,0 +1,98 @@
+#!/usr/bin/env bash
+# Sets up and runs the tests. Every lane has the validation layer on, and any message fails it.
+#   tools/test.sh [ARGS]           the default device
+#   tools/test.sh --slow [ARGS]    the other lanes: subgroups of 4 and 16, one thread, no push descriptors,
+#                                  synchronisation validation, the long tests, SwiftShader, mutations
+# ARGS go to cargo test.
+set -euo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+export PATH="${CARGO_HOME:-$HOME/.cargo}/bin:$PATH"
+cache=${XDG_CACHE_HOME:-$HOME/.cache}/ivv
+export CARGO_TARGET_DIR="${CARGO_TARGET_DIR:-$cache/target}"
+
+slow=no
+if [ "${1:-}" = --slow ]; then
+    slow=yes
+    shift
+fi
+arguments=("$@")
+
+passed=0
+failed=0
+skipped=0
+
+# lane NAME COMMAND...
+lane() {
+    local name=$1 start=$SECONDS
+    shift
+    printf '\n=== lane: %s\n' "$name"
+    if "$@"; then
+        passed=$((passed + 1))
+        printf '=== passed: %s (%d s)\n' "$name" $((SECONDS - start))
+    else
+        failed=$((failed + 1))
+        printf '=== FAILED: %s (%d s)\n' "$name" $((SECONDS - start))
+    fi
+}
+
+# skip NAME REASON
+skip() {
+    skipped=$((skipped + 1))
+    printf '\n=== skipped: %s: %s\n' "$1" "$2"
+}
+
+# tests VARIABLE=VALUE...
+tests() { env "$@" cargo test --locked "${arguments[@]}"; }
+
+# Google's software driver, out of Debian's chromium-common, unpacked below the cache folder and not installed.
+# Prints the manifest's path or, on failure, the reason.
+swiftshader() {
+    local folder=$cache/swiftshader from=usr/lib/chromium temporary
+    local manifest=$folder/vk_swiftshader_icd.json
+    if [ -f "$manifest" ]; then
+        echo "$manifest"
+        return
+    fi
+    if ! command -v apt-get >/dev/null || ! command -v dpkg >/dev/null; then
+        echo "this is not Debian"
+        return 1
+    fi
+    mkdir -p "$folder" && temporary=$(mktemp -d "$folder/download.XXXXXX") || return 1
+    # Not as `_apt`, the user that apt downloads as: it need not be able to write here.
+    if ! (cd "$temporary" && apt-get -o APT::Sandbox::User=root download chromium-common) >"$folder/log" 2>&1; then
+        echo "chromium-common cannot be downloaded: $(tail -n 1 "$folder/log")"
+    elif ! dpkg -x "$temporary"/*.deb "$temporary/x" ||
+        # The manifest last: its presence says that the folder is complete.
+        ! mv "$temporary/x/$from/libvk_swiftshader.so" "$temporary/x/$from/vk_swiftshader_icd.json" "$folder/"; then
+        echo "chromium-common holds no SwiftShader"
+    fi
+    rm -rf "$temporary"
+    [ -f "$manifest" ] && echo "$manifest"
+}
+
+tools/setup.sh test
+cargo test --locked --no-run
+if [ $slow = no ]; then
+    lane "default device" tests
+else
+    # These variables are lavapipe's; a GPU would not notice them.
+    lane "lavapipe, subgroups of 4" tests IVV_TEST_DEVICE=llvmpipe LP_NATIVE_VECTOR_WIDTH=128
+    lane "lavapipe, subgroups of 16" tests IVV_TEST_DEVICE=llvmpipe LP_NATIVE_VECTOR_WIDTH=512
+    lane "lavapipe, one thread" tests IVV_TEST_DEVICE=llvmpipe LP_NUM_THREADS=1
+    lane "no push descriptors" tests IVV_TEST_NO_PUSH_DESCRIPTORS=1
+    lane "synchronisation validation" tests IVV_TEST_SYNC_VALIDATION=1
+    lane "long tests" tests IVV_TEST_SLOW=1
+    if manifest=$(swiftshader); then
+        # Loaders before 1.3.207 know only the second name.
+        lane "SwiftShader" tests VK_DRIVER_FILES="$manifest" VK_ICD_FILENAMES="$manifest"
+    else
+        skip "SwiftShader" "$manifest"
+    fi
+    if [ -f tools/mutants.sh ]; then
+        lane "mutations" tools/mutants.sh
+    fi
+fi
+printf '\nlanes: %d passed, %d failed' $passed $failed
+[ $skipped -eq 0 ] || printf ', %d skipped' $skipped
+printf '\n'
+[ $failed -eq 0 ]
