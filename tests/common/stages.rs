@@ -12,12 +12,13 @@ const INTERSECTIONS: u32 = 1 << 16;
 
 /// A scene, a view and the stages' buffers on the device.
 pub struct Rig {
-    pub gpu: Watched,
     pub scene: SceneBuffers,
     pub cull: Cull,
     pub projected: Projected,
     view: Buf<ViewParams>,
     status: Buf<Status>,
+    /// Last, so that the buffers are freed before another test gets the device.
+    pub gpu: Watched,
 }
 
 /// What culling and projection leave.
