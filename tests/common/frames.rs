@@ -17,16 +17,17 @@ pub fn render_with(splats: &Splats, view: &View, constants: Constants) -> (Frame
     Renderer::new(gpu.clone(), splats, constants).unwrap().render(view, Outputs::All).unwrap()
 }
 
+/// The floats of pixel `i`: colour, alpha, depth, inverse depth, flow.
+fn pixel(frame: &Frame, i: usize) -> [f32; 8] {
+    let ([r, g, b], [x, y]) = (frame.color[i], frame.flow[i]);
+    [r, g, b, frame.alpha[i], frame.depth[i], frame.inverse_depth[i], x, y]
+}
+
 /// The floats of a frame, pixel by pixel: colour, alpha, depth, inverse depth, flow.
 pub fn pixels(frame: &Frame) -> Vec<[f32; 8]> {
     let n = frame.width as usize * frame.height as usize;
     assert_eq!([frame.color.len(), frame.alpha.len(), frame.depth.len(), frame.flow.len()], [n; 4]);
-    (0..n)
-        .map(|i| {
-            let ([r, g, b], [x, y]) = (frame.color[i], frame.flow[i]);
-            [r, g, b, frame.alpha[i], frame.depth[i], frame.inverse_depth[i], x, y]
-        })
-        .collect()
+    (0..n).map(|i| pixel(frame, i)).collect()
 }
 
 /// Every float of a frame as bits, so that -0 and 0 differ.
@@ -36,8 +37,8 @@ pub fn bits(frame: &Frame) -> Vec<[u32; 8]> {
 
 /// Says where a frame holds something that is not finite.
 pub fn check_finite(frame: &Frame) -> Result<(), String> {
-    match pixels(frame).iter().position(|p| p.iter().any(|x| !x.is_finite())) {
-        Some(i) => Err(format!("pixel {i} is {:?}", pixels(frame)[i])),
+    match (0..frame.alpha.len()).map(|i| (i, pixel(frame, i))).find(|(_, p)| p.iter().any(|x| !x.is_finite())) {
+        Some((i, pixel)) => Err(format!("pixel {i} is {pixel:?}")),
         None => Ok(()),
     }
 }
@@ -60,43 +61,31 @@ impl Default for Tolerance {
     }
 }
 
-/// What [`compare`] found, in the units of [`Tolerance`].
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Errors {
-    pub away: f64,
-    pub band: f64,
-    pub n_band: f64,
-}
-
 /// Compares every output of every pixel with the truth; a tensor that is zero everywhere must be exactly so.
-pub fn compare(frame: &Frame, truth: &Truth<f64>, tolerance: &Tolerance) -> Result<Errors, String> {
-    check_finite(frame)?;
-    let found = pixels(frame);
-    let expected: Vec<[f64; 8]> = (0..truth.alpha.len())
-        .map(|i| {
-            let ([r, g, b], [x, y]) = (truth.color[i], truth.flow[i]);
-            [r, g, b, truth.alpha[i], truth.depth[i], truth.inverse_depth[i], x, y]
-        })
-        .collect();
-    if found.len() != expected.len() || found.is_empty() {
-        return Err(format!("{} pixels, {} in the truth", found.len(), expected.len()));
+pub fn compare(frame: &Frame, truth: &Truth<f64>, tolerance: &Tolerance) -> Result<(), String> {
+    let n = truth.alpha.len();
+    let expected = |i: usize| -> [f64; 8] {
+        let ([r, g, b], [x, y]) = (truth.color[i], truth.flow[i]);
+        [r, g, b, truth.alpha[i], truth.depth[i], truth.inverse_depth[i], x, y]
+    };
+    if n == 0 || [frame.color.len(), frame.alpha.len(), frame.depth.len(), frame.flow.len()] != [n; 4] {
+        return Err(format!("{} pixels, {n} in the truth", frame.color.len()));
     }
-    let n_band = truth.near_discontinuity.iter().filter(|near| **near).count() as f64 / found.len() as f64;
-    let mut errors = Errors { n_band, ..Errors::default() };
+    check_finite(frame)?;
+    let n_band = truth.near_discontinuity.iter().filter(|near| **near).count() as f64 / n as f64;
     if n_band > tolerance.n_band {
         return Err(format!("{:.0} % of the pixels are in the band", 100.0 * n_band));
     }
     for (name, channels) in [("color", 0..3), ("alpha", 3..4), ("depth", 4..5), ("1/depth", 5..6), ("flow", 6..8)] {
-        let magnitudes = expected.iter().flat_map(|p| &p[channels.clone()]).map(|x| x.abs());
-        let largest = magnitudes.fold(0.0, f64::max);
-        for (i, (a, b)) in found.iter().zip(&expected).enumerate() {
+        let magnitude = |i| expected(i)[channels.clone()].iter().fold(0.0, |m, x| f64::max(m, x.abs()));
+        let largest = (0..n).map(magnitude).fold(0.0, f64::max);
+        for i in 0..n {
+            let (a, b) = (pixel(frame, i), expected(i));
             for k in channels.clone() {
                 let difference = (f64::from(a[k]) - b[k]).abs();
                 let error = if difference == 0.0 { 0.0 } else { difference / largest };
                 let near = truth.near_discontinuity[i];
-                let (worst, allowed) =
-                    if near { (&mut errors.band, tolerance.band) } else { (&mut errors.away, tolerance.away) };
-                *worst = worst.max(error);
+                let allowed = if near { tolerance.band } else { tolerance.away };
                 if error > allowed {
                     let place = if near { "in the band" } else { "away from the band" };
                     let (x, y) = (i as u32 % truth.width, i as u32 / truth.width);
@@ -108,7 +97,7 @@ pub fn compare(frame: &Frame, truth: &Truth<f64>, tolerance: &Tolerance) -> Resu
             }
         }
     }
-    Ok(errors)
+    Ok(())
 }
 
 /// Peak signal-to-noise ratio of the colours, dB, peak 1; infinite when they are equal.
@@ -116,4 +105,51 @@ pub fn psnr(a: &Frame, b: &Frame) -> f64 {
     assert_eq!(a.color.len(), b.color.len());
     let squares = a.color.as_flattened().iter().zip(b.color.as_flattened()).map(|(x, y)| f64::from(x - y).powi(2));
     -10.0 * (squares.sum::<f64>() / (3 * a.color.len()) as f64).log10()
+}
+
+/// A frame of two pixels and its truth, the second pixel in the band.
+fn pair() -> (Frame, Truth<f64>) {
+    let truth = Truth {
+        width: 2,
+        height: 1,
+        color: vec![[1.0, 0.5, 0.25]; 2],
+        alpha: vec![0.5; 2],
+        depth: vec![4.0; 2],
+        inverse_depth: vec![0.125; 2],
+        flow: vec![[0.0; 2]; 2],
+        n_contributing: vec![1; 2],
+        near_discontinuity: vec![false, true],
+    };
+    let frame = Frame {
+        width: 2,
+        height: 1,
+        color: vec![[1.0, 0.5, 0.25]; 2],
+        alpha: vec![0.5; 2],
+        depth: vec![4.0; 2],
+        inverse_depth: vec![0.125; 2],
+        flow: vec![[0.0; 2]; 2],
+    };
+    (frame, truth)
+}
+
+#[test]
+fn the_comparison_of_frames_finds_what_it_is_made_to_find() {
+    let tolerance = Tolerance { n_band: 0.5, ..Tolerance::default() };
+    let with = |change: fn(&mut Frame)| {
+        let (mut frame, truth) = pair();
+        change(&mut frame);
+        compare(&frame, &truth, &tolerance)
+    };
+    assert_eq!(with(|_| ()), Ok(()));
+    assert_eq!(with(|frame| frame.alpha[0] += 4e-6), Ok(()));
+    assert!(with(|frame| frame.alpha[0] += 6e-6).is_err(), "an error away from the band");
+    assert_eq!(with(|frame| frame.alpha[1] += 0.009), Ok(()), "an error in the band");
+    assert!(with(|frame| frame.alpha[1] += 0.011).is_err(), "a large error in the band");
+    assert!(with(|frame| frame.flow[0][1] = 1e-30).is_err(), "a flow that should be exactly zero");
+    assert!(with(|frame| frame.color[1][2] = f32::NAN).is_err(), "NaN in the band");
+    assert!(with(|frame| frame.depth.truncate(1)).is_err(), "a missing pixel");
+    let (frame, truth) = pair();
+    assert!(compare(&frame, &truth, &Tolerance::default()).is_err(), "half of the pixels in the band");
+    assert_eq!(psnr(&frame, &frame), f64::INFINITY);
+    assert!(compare(&Frame::default(), &Truth::default(), &tolerance).is_err(), "nothing to compare");
 }

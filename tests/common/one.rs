@@ -87,3 +87,8 @@ pub fn camera(width: u32, height: u32) -> View {
         background: [0.2, 0.4, 0.1],
     }
 }
+
+/// The world position that `view`, a camera at the origin looking along z, shows at pixel (`x`, `y`) at depth `z`.
+pub fn at_pixel(view: &View, x: f64, y: f64, z: f64) -> [f32; 3] {
+    [(x - view.cx) / view.fx * z, (y - view.cy) / view.fy * z, z].map(|v| v as f32)
+}

@@ -24,12 +24,9 @@ struct Worst {
 
 /// Covariance's slope C_xy / C_yy, chord sqrt(det C / C_yy) and sqrt(C_yy) from a square root of its inverse.
 fn shape(m: [[f64; 2]; 2]) -> [f64; 3] {
-    // The inverse of m^T m, whose determinant is that of m squared.
-    let (a, b, c) = (
-        m[0][0] * m[0][0] + m[1][0] * m[1][0],
-        m[0][0] * m[0][1] + m[1][0] * m[1][1],
-        m[0][1] * m[0][1] + m[1][1] * m[1][1],
-    );
+    // The inverse covariance is m^T m, and its determinant that of m squared.
+    let a = m[0][0] * m[0][0] + m[1][0] * m[1][0];
+    let b = m[0][0] * m[0][1] + m[1][0] * m[1][1];
     let det = (m[0][0] * m[1][1] - m[0][1] * m[1][0]).powi(2);
     [-b / a, 1.0 / a.sqrt(), (a / det).sqrt()]
 }
