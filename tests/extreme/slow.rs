@@ -1,5 +1,6 @@
 //! The slow lane: pictures of the sizes that real rigs have (N18). `IVV_TEST_SLOW=1` runs it.
 
+use crate::common::device::gpu;
 use crate::common::frames::{Tolerance, compare, render};
 use crate::common::one::{One, at_pixel, camera, round, scene_of};
 use crate::common::random::Random;
@@ -35,6 +36,9 @@ fn slow_n18_pictures_of_sixteen_and_twenty_three_megapixels_are_those_of_float64
         let splats = scene_of(&all);
         let (frame, report) = render(&splats, &view);
         assert_eq!(report.tiles, u64::from(width.div_ceil(16) * height.div_ceil(16)));
+        let image_bytes = 16 * u64::from(width) * u64::from(height);
+        let in_one = image_bytes <= gpu().caps().max_binding_bytes;
+        assert!(in_one || report.strips > 1, "{report:?}");
         let truth = render_f64(&splats, &view, &Constants::default());
         // A pixel position of 5,000 is known to 2.4e-4 in f32.
         let tolerance = Tolerance { away: 5e-4, ..Tolerance::default() };

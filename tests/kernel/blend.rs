@@ -1,8 +1,8 @@
 //! Whole frames against the float64 truth, at sizes around a tile and in strips.
 
-use crate::common::frames::{Tolerance, compare, pixels, render};
+use crate::common::frames::{Tolerance, compare, pixels, render, render_with};
 use crate::common::one::camera;
-use crate::common::random::{scene, view};
+use crate::common::random::{scene, view, wild_scene};
 use crate::common::stages::Rig;
 use ivv::Constants;
 use ivv::scene::View;
@@ -17,6 +17,44 @@ fn frames_of_random_scenes_are_those_of_float64() {
         assert!(report.intersections > 300 && report.bad_gaussians == 0, "seed {seed}: {report:?}");
         let truth = render_f64(&splats, &view, &Constants::default());
         compare(&frame, &truth, &Tolerance::default()).unwrap_or_else(|fault| panic!("seed {seed}: {fault}"));
+    }
+}
+
+#[test]
+fn frames_of_wild_scenes_are_those_of_float64() {
+    for seed in 0..6 {
+        let (splats, view) = (wild_scene(seed, 200), view());
+        let (frame, report) = render(&splats, &view);
+        assert!(report.intersections > 100 && report.bad_gaussians == 0, "seed {seed}: {report:?}");
+        let truth = render_f64(&splats, &view, &Constants::default());
+        let tolerance = Tolerance { n_band: 0.3, ..Tolerance::default() };
+        compare(&frame, &truth, &tolerance).unwrap_or_else(|fault| panic!("seed {seed}: {fault}"));
+    }
+}
+
+#[test]
+fn frames_with_other_constants_are_those_of_float64() {
+    let usual = Constants::default();
+    let all = [
+        Constants { alpha_min: 1e-4, ..usual },
+        Constants { alpha_min: 0.05, ..usual },
+        Constants { alpha_max: 0.8, ..usual },
+        Constants { alpha_max: 0.9999, ..usual },
+        Constants { t_min: 0.1, ..usual },
+        Constants { t_min: 1e-8, ..usual },
+        Constants { blur: 0.0, ..usual },
+        Constants { blur: 0.05, ..usual },
+        Constants { blur: 4.0, ..usual },
+        Constants { near: 4.0, ..usual },
+    ];
+    let (mut splats, view) = (scene(8, 150, 0), view());
+    splats.opacity.iter_mut().for_each(|o| *o += 3.0);
+    let usual = render(&splats, &view).0;
+    for constants in all {
+        let (frame, _) = render_with(&splats, &view, constants);
+        assert!(pixels(&frame) != pixels(&usual), "{constants:?} changes nothing");
+        let truth = render_f64(&splats, &view, &constants);
+        compare(&frame, &truth, &Tolerance::default()).unwrap_or_else(|fault| panic!("{constants:?}: {fault}"));
     }
 }
 
