@@ -2108,7 +2108,7 @@ pub mod blend_fwd_color_p8 {
 }
 
 /// blends each tile's Gaussians front to back into colour, alpha, depth, inverse depth and flow.
-pub mod blend_train_p4 {
+pub mod blend_fwd_train_p4 {
     use super::super::kernel::*;
     /// `Push` of the shaders.
     #[repr(C)]
@@ -2154,11 +2154,11 @@ pub mod blend_train_p4 {
     impl Kernel for Args<'_> {
         type Push = Push;
         const INFO: &'static KernelInfo = &KernelInfo {
-            name: "blend_train_p4",
+            name: "blend_fwd_train_p4",
             local: 64,
             subgroups: true,
             push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/blend_train_p4.spv"),
+            spirv: include_bytes!("../../shaders-glsl/spv/blend_fwd_train_p4.spv"),
             bindings: &[
                 BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
                 BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
@@ -2188,7 +2188,7 @@ pub mod blend_train_p4 {
 }
 
 /// blends each tile's Gaussians front to back into colour, alpha, depth, inverse depth and flow.
-pub mod blend_train_p8 {
+pub mod blend_fwd_train_p8 {
     use super::super::kernel::*;
     /// `Push` of the shaders.
     #[repr(C)]
@@ -2234,11 +2234,11 @@ pub mod blend_train_p8 {
     impl Kernel for Args<'_> {
         type Push = Push;
         const INFO: &'static KernelInfo = &KernelInfo {
-            name: "blend_train_p8",
+            name: "blend_fwd_train_p8",
             local: 64,
             subgroups: true,
             push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/blend_train_p8.spv"),
+            spirv: include_bytes!("../../shaders-glsl/spv/blend_fwd_train_p8.spv"),
             bindings: &[
                 BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
                 BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
@@ -2268,7 +2268,7 @@ pub mod blend_train_p8 {
 }
 
 /// blends each tile's Gaussians front to back into colour, alpha, depth, inverse depth and flow.
-pub mod blend_train_color_p4 {
+pub mod blend_fwd_train_color_p4 {
     use super::super::kernel::*;
     /// `Push` of the shaders.
     #[repr(C)]
@@ -2314,11 +2314,11 @@ pub mod blend_train_color_p4 {
     impl Kernel for Args<'_> {
         type Push = Push;
         const INFO: &'static KernelInfo = &KernelInfo {
-            name: "blend_train_color_p4",
+            name: "blend_fwd_train_color_p4",
             local: 64,
             subgroups: true,
             push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/blend_train_color_p4.spv"),
+            spirv: include_bytes!("../../shaders-glsl/spv/blend_fwd_train_color_p4.spv"),
             bindings: &[
                 BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
                 BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
@@ -2348,7 +2348,7 @@ pub mod blend_train_color_p4 {
 }
 
 /// blends each tile's Gaussians front to back into colour, alpha, depth, inverse depth and flow.
-pub mod blend_train_color_p8 {
+pub mod blend_fwd_train_color_p8 {
     use super::super::kernel::*;
     /// `Push` of the shaders.
     #[repr(C)]
@@ -2394,11 +2394,11 @@ pub mod blend_train_color_p8 {
     impl Kernel for Args<'_> {
         type Push = Push;
         const INFO: &'static KernelInfo = &KernelInfo {
-            name: "blend_train_color_p8",
+            name: "blend_fwd_train_color_p8",
             local: 64,
             subgroups: true,
             push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/blend_train_color_p8.spv"),
+            spirv: include_bytes!("../../shaders-glsl/spv/blend_fwd_train_color_p8.spv"),
             bindings: &[
                 BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
                 BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
@@ -3946,6 +3946,8 @@ pub mod adam {
     #[repr(C)]
     #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
     pub struct Push {
+        /// `rates` of the shader.
+        pub rates: [[f32; 4]; 6],
         /// `n` of the shader.
         pub n: u32,
         /// `planes` of the shader.
@@ -3960,18 +3962,19 @@ pub mod adam {
         pub eps: f32,
     }
     const _: () = {
-        assert!(size_of::<Push>() == 24);
-        assert!(std::mem::offset_of!(Push, n) == 0);
-        assert!(std::mem::offset_of!(Push, planes) == 4);
-        assert!(std::mem::offset_of!(Push, beta1) == 8);
-        assert!(std::mem::offset_of!(Push, beta2) == 12);
-        assert!(std::mem::offset_of!(Push, inverse_c2) == 16);
-        assert!(std::mem::offset_of!(Push, eps) == 20);
+        assert!(size_of::<Push>() == 120);
+        assert!(std::mem::offset_of!(Push, rates) == 0);
+        assert!(std::mem::offset_of!(Push, n) == 96);
+        assert!(std::mem::offset_of!(Push, planes) == 100);
+        assert!(std::mem::offset_of!(Push, beta1) == 104);
+        assert!(std::mem::offset_of!(Push, beta2) == 108);
+        assert!(std::mem::offset_of!(Push, inverse_c2) == 112);
+        assert!(std::mem::offset_of!(Push, eps) == 116);
     };
     /// The kernel's buffers.
     pub struct Args<'a> {
         /// Reads.
-        pub rates: &'a Buf<[[f32; 4]; 8]>,
+        pub frame_status: &'a Buf<super::Status>,
         /// Reads.
         pub gradient: &'a Buf<[f32; 4]>,
         /// ReadWrites.
@@ -3992,7 +3995,7 @@ pub mod adam {
             push_bytes: size_of::<Push>() as u32,
             spirv: include_bytes!("../../shaders-glsl/spv/adam.spv"),
             bindings: &[
-                BindingInfo { name: "rates", kind: BindingKind::Uniform, access: Access::Read },
+                BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
                 BindingInfo { name: "gradient", kind: BindingKind::Storage, access: Access::Read },
                 BindingInfo { name: "parameter", kind: BindingKind::Storage, access: Access::ReadWrite },
                 BindingInfo { name: "moment1", kind: BindingKind::Storage, access: Access::ReadWrite },
@@ -4002,7 +4005,7 @@ pub mod adam {
         };
         fn slices(&self) -> Vec<Slice> {
             vec![
-                self.rates.slice(),
+                self.frame_status.slice(),
                 self.gradient.slice(),
                 self.parameter.slice(),
                 self.moment1.slice(),
