@@ -153,8 +153,8 @@ void main() {
     const vec3 d_p = vec3(d_uv / p.z, d_z - (dot(d_uv, uv) + dot(d_f_z, f_z)) / p.z);
     vec3 d_mean = view.row0.xyz * d_p.x + view.row1.xyz * d_p.y + view.row2.xyz * d_p.z;
     const vec3 from_camera = mean - vec3(view.row0.w, view.row1.w, view.row2.w);
-    const float inverse_distance = inversesqrt(dot(from_camera, from_camera));
-    const vec3 dir = from_camera * inverse_distance;
+    float inverse_distance;
+    const vec3 dir = unit_direction(from_camera, inverse_distance);
     const vec3 d_dir = d_bands(i, dir, d_color);
     d_mean += (d_dir - dir * dot(dir, d_dir)) * inverse_distance;
 
@@ -164,7 +164,7 @@ void main() {
 #ifdef DYNAMIC
     // opacity(t') = base exp(-u^2), mu(t') = mu + v (t' - t_center).
     const float dt = view.time - v.w;
-    const float rate = exp(-scale_t.w);
+    const float rate = rate_of(scale_t.w);
     const float u = dt * rate;
     const float d_exponent = abs(u) < 16.0 ? d_opacity_t * base * weight : 0.0;
     const float d_time = dot(d_mean, v.xyz) - 2.0 * u * rate * d_exponent;

@@ -4,7 +4,7 @@
 //! bad Gaussians as expected, and the validation layer silent.
 
 mod exposure;
-mod known;
+mod symptoms;
 mod places;
 mod poison;
 mod shapes;

@@ -1,4 +1,4 @@
-//! Extremes where the device and the truth disagree; each says why.
+//! Faults that were: each test is named after its symptom.
 
 use crate::common::frames::{Tolerance, compare, render};
 use crate::common::one::{One, camera, round, scene_of};
