@@ -11,6 +11,8 @@ pub enum Count {
     Intersections,
     /// Tiles of the picture.
     Tiles,
+    /// Pixels of the picture.
+    Pixels,
     /// One per dispatch.
     Dispatches,
 }
@@ -86,10 +88,10 @@ pub const KERNELS: &[Spec] = &[
     spec("blend_fwd_p8", "blend/blend_fwd.comp", &[FULL, P8], "blend", Count::Intersections, 650.0),
     spec("blend_fwd_color_p4", "blend/blend_fwd.comp", &[P4], "blend", Count::Intersections, 650.0),
     spec("blend_fwd_color_p8", "blend/blend_fwd.comp", &[P8], "blend", Count::Intersections, 650.0),
-    spec("blend_train_p4", "blend/blend_fwd.comp", &[FULL, TRAIN, P4], "blend", Count::Intersections, 650.0),
-    spec("blend_train_p8", "blend/blend_fwd.comp", &[FULL, TRAIN, P8], "blend", Count::Intersections, 650.0),
-    spec("blend_train_color_p4", "blend/blend_fwd.comp", &[TRAIN, P4], "blend", Count::Intersections, 650.0),
-    spec("blend_train_color_p8", "blend/blend_fwd.comp", &[TRAIN, P8], "blend", Count::Intersections, 650.0),
+    spec("blend_fwd_train_p4", "blend/blend_fwd.comp", &[FULL, TRAIN, P4], "blend", Count::Intersections, 650.0),
+    spec("blend_fwd_train_p8", "blend/blend_fwd.comp", &[FULL, TRAIN, P8], "blend", Count::Intersections, 650.0),
+    spec("blend_fwd_train_color_p4", "blend/blend_fwd.comp", &[TRAIN, P4], "blend", Count::Intersections, 650.0),
+    spec("blend_fwd_train_color_p8", "blend/blend_fwd.comp", &[TRAIN, P8], "blend", Count::Intersections, 650.0),
     spec("blend_bwd_p4", "blend/blend_bwd.comp", &[FULL, P4], "jvp", Count::Intersections, 730.0),
     spec("blend_bwd_p8", "blend/blend_bwd.comp", &[FULL, P8], "jvp", Count::Intersections, 730.0),
     spec("blend_bwd_color_p4", "blend/blend_bwd.comp", &[P4], "jvp", Count::Intersections, 730.0),
@@ -102,4 +104,10 @@ pub const KERNELS: &[Spec] = &[
     spec("project_bwd_dynamic_sh1", "project/project_bwd.comp", &[D, SH1], "jvp", Count::Active, 320.0),
     spec("project_bwd_dynamic_sh2", "project/project_bwd.comp", &[D, SH2], "jvp", Count::Active, 320.0),
     spec("project_bwd_dynamic_sh3", "project/project_bwd.comp", &[D, SH3], "jvp", Count::Active, 320.0),
+    spec("ssim_rows", "loss/ssim_rows.comp", &[], "ssim", Count::Pixels, 128.0),
+    spec("ssim_columns", "loss/ssim_columns.comp", &[], "ssim", Count::Pixels, 243.0),
+    spec("ssim_bwd_rows", "loss/ssim_bwd_rows.comp", &[], "ssim", Count::Pixels, 90.0),
+    spec("ssim_bwd_columns", "loss/ssim_bwd_columns.comp", &[], "ssim", Count::Pixels, 90.0),
+    spec("loss_sum", "loss/loss_sum.comp", &[], "ssim", Count::Dispatches, 1000.0),
+    spec("adam", "adam/adam.comp", &[], "adam", Count::Gaussians, 33.0),
 ];

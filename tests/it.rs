@@ -1,5 +1,6 @@
 //! All tests of the engine in one binary: one link, one Vulkan device.
 mod common;
+mod extreme;
 mod grad;
 mod kernel;
 mod render;

@@ -2108,7 +2108,7 @@ pub mod blend_fwd_color_p8 {
 }
 
 /// blends each tile's Gaussians front to back into colour, alpha, depth, inverse depth and flow.
-pub mod blend_train_p4 {
+pub mod blend_fwd_train_p4 {
     use super::super::kernel::*;
     /// `Push` of the shaders.
     #[repr(C)]
@@ -2154,11 +2154,11 @@ pub mod blend_train_p4 {
     impl Kernel for Args<'_> {
         type Push = Push;
         const INFO: &'static KernelInfo = &KernelInfo {
-            name: "blend_train_p4",
+            name: "blend_fwd_train_p4",
             local: 64,
             subgroups: true,
             push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/blend_train_p4.spv"),
+            spirv: include_bytes!("../../shaders-glsl/spv/blend_fwd_train_p4.spv"),
             bindings: &[
                 BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
                 BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
@@ -2188,7 +2188,7 @@ pub mod blend_train_p4 {
 }
 
 /// blends each tile's Gaussians front to back into colour, alpha, depth, inverse depth and flow.
-pub mod blend_train_p8 {
+pub mod blend_fwd_train_p8 {
     use super::super::kernel::*;
     /// `Push` of the shaders.
     #[repr(C)]
@@ -2234,11 +2234,11 @@ pub mod blend_train_p8 {
     impl Kernel for Args<'_> {
         type Push = Push;
         const INFO: &'static KernelInfo = &KernelInfo {
-            name: "blend_train_p8",
+            name: "blend_fwd_train_p8",
             local: 64,
             subgroups: true,
             push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/blend_train_p8.spv"),
+            spirv: include_bytes!("../../shaders-glsl/spv/blend_fwd_train_p8.spv"),
             bindings: &[
                 BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
                 BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
@@ -2268,7 +2268,7 @@ pub mod blend_train_p8 {
 }
 
 /// blends each tile's Gaussians front to back into colour, alpha, depth, inverse depth and flow.
-pub mod blend_train_color_p4 {
+pub mod blend_fwd_train_color_p4 {
     use super::super::kernel::*;
     /// `Push` of the shaders.
     #[repr(C)]
@@ -2314,11 +2314,11 @@ pub mod blend_train_color_p4 {
     impl Kernel for Args<'_> {
         type Push = Push;
         const INFO: &'static KernelInfo = &KernelInfo {
-            name: "blend_train_color_p4",
+            name: "blend_fwd_train_color_p4",
             local: 64,
             subgroups: true,
             push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/blend_train_color_p4.spv"),
+            spirv: include_bytes!("../../shaders-glsl/spv/blend_fwd_train_color_p4.spv"),
             bindings: &[
                 BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
                 BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
@@ -2348,7 +2348,7 @@ pub mod blend_train_color_p4 {
 }
 
 /// blends each tile's Gaussians front to back into colour, alpha, depth, inverse depth and flow.
-pub mod blend_train_color_p8 {
+pub mod blend_fwd_train_color_p8 {
     use super::super::kernel::*;
     /// `Push` of the shaders.
     #[repr(C)]
@@ -2394,11 +2394,11 @@ pub mod blend_train_color_p8 {
     impl Kernel for Args<'_> {
         type Push = Push;
         const INFO: &'static KernelInfo = &KernelInfo {
-            name: "blend_train_color_p8",
+            name: "blend_fwd_train_color_p8",
             local: 64,
             subgroups: true,
             push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/blend_train_color_p8.spv"),
+            spirv: include_bytes!("../../shaders-glsl/spv/blend_fwd_train_color_p8.spv"),
             bindings: &[
                 BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
                 BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
@@ -3698,6 +3698,319 @@ pub mod project_bwd_dynamic_sh3 {
                 self.d_sh1.slice(),
                 self.d_sh2.slice(),
                 self.d_sh3.slice(),
+            ]
+        }
+    }
+}
+
+/// filters the moments of picture and truth along the rows.
+pub mod ssim_rows {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `width` of the shader.
+        pub width: u32,
+        /// `height` of the shader.
+        pub height: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 8);
+        assert!(std::mem::offset_of!(Push, width) == 0);
+        assert!(std::mem::offset_of!(Push, height) == 4);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub image: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub truth: &'a Buf<u32>,
+        /// Writes.
+        pub moments: &'a Buf<[f32; 4]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "ssim_rows",
+            local: 64,
+            subgroups: false,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/ssim_rows.spv"),
+            bindings: &[
+                BindingInfo { name: "image", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "truth", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "moments", kind: BindingKind::Storage, access: Access::Write },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![self.image.slice(), self.truth.slice(), self.moments.slice()]
+        }
+    }
+}
+
+/// filters the moments along the columns, forms SSIM and its derivatives, and sums SSIM and the absolute error.
+pub mod ssim_columns {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `width` of the shader.
+        pub width: u32,
+        /// `height` of the shader.
+        pub height: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 8);
+        assert!(std::mem::offset_of!(Push, width) == 0);
+        assert!(std::mem::offset_of!(Push, height) == 4);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub moments: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub image: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub truth: &'a Buf<u32>,
+        /// Writes.
+        pub partials: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub sums: &'a Buf<[f32; 2]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "ssim_columns",
+            local: 64,
+            subgroups: false,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/ssim_columns.spv"),
+            bindings: &[
+                BindingInfo { name: "moments", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "image", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "truth", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "partials", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "sums", kind: BindingKind::Storage, access: Access::Write },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![self.moments.slice(), self.image.slice(), self.truth.slice(), self.partials.slice(), self.sums.slice()]
+        }
+    }
+}
+
+/// filters the derivatives of SSIM along the rows.
+pub mod ssim_bwd_rows {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `width` of the shader.
+        pub width: u32,
+        /// `height` of the shader.
+        pub height: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 8);
+        assert!(std::mem::offset_of!(Push, width) == 0);
+        assert!(std::mem::offset_of!(Push, height) == 4);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub partials: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub filtered: &'a Buf<[f32; 4]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "ssim_bwd_rows",
+            local: 64,
+            subgroups: false,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/ssim_bwd_rows.spv"),
+            bindings: &[
+                BindingInfo { name: "partials", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "filtered", kind: BindingKind::Storage, access: Access::Write },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![self.partials.slice(), self.filtered.slice()]
+        }
+    }
+}
+
+/// filters the derivatives of SSIM along the columns and forms the cotangent of the colour.
+pub mod ssim_bwd_columns {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `width` of the shader.
+        pub width: u32,
+        /// `height` of the shader.
+        pub height: u32,
+        /// `l1_weight` of the shader.
+        pub l1_weight: f32,
+        /// `ssim_weight` of the shader.
+        pub ssim_weight: f32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 16);
+        assert!(std::mem::offset_of!(Push, width) == 0);
+        assert!(std::mem::offset_of!(Push, height) == 4);
+        assert!(std::mem::offset_of!(Push, l1_weight) == 8);
+        assert!(std::mem::offset_of!(Push, ssim_weight) == 12);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub filtered: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub image: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub truth: &'a Buf<u32>,
+        /// Writes.
+        pub d_image: &'a Buf<[f32; 4]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "ssim_bwd_columns",
+            local: 64,
+            subgroups: false,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/ssim_bwd_columns.spv"),
+            bindings: &[
+                BindingInfo { name: "filtered", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "image", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "truth", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_image", kind: BindingKind::Storage, access: Access::Write },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![self.filtered.slice(), self.image.slice(), self.truth.slice(), self.d_image.slice()]
+        }
+    }
+}
+
+/// adds the workgroups' sums of SSIM and absolute error.
+pub mod loss_sum {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `n` of the shader.
+        pub n: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 4);
+        assert!(std::mem::offset_of!(Push, n) == 0);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub sums: &'a Buf<[f32; 2]>,
+        /// Writes.
+        pub loss: &'a Buf<[f32; 2]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "loss_sum",
+            local: 64,
+            subgroups: false,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/loss_sum.spv"),
+            bindings: &[
+                BindingInfo { name: "sums", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "loss", kind: BindingKind::Storage, access: Access::Write },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![self.sums.slice(), self.loss.slice()]
+        }
+    }
+}
+
+/// one Adam step on a parameter group in blocks of planes.
+pub mod adam {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `rates` of the shader.
+        pub rates: [[f32; 4]; 6],
+        /// `n` of the shader.
+        pub n: u32,
+        /// `planes` of the shader.
+        pub planes: u32,
+        /// `beta1` of the shader.
+        pub beta1: f32,
+        /// `beta2` of the shader.
+        pub beta2: f32,
+        /// `inverse_c2` of the shader.
+        pub inverse_c2: f32,
+        /// `eps` of the shader.
+        pub eps: f32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 120);
+        assert!(std::mem::offset_of!(Push, rates) == 0);
+        assert!(std::mem::offset_of!(Push, n) == 96);
+        assert!(std::mem::offset_of!(Push, planes) == 100);
+        assert!(std::mem::offset_of!(Push, beta1) == 104);
+        assert!(std::mem::offset_of!(Push, beta2) == 108);
+        assert!(std::mem::offset_of!(Push, inverse_c2) == 112);
+        assert!(std::mem::offset_of!(Push, eps) == 116);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub frame_status: &'a Buf<super::Status>,
+        /// Reads.
+        pub gradient: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub parameter: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub moment1: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub moment2: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub n_bad: &'a Buf<u32>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "adam",
+            local: 64,
+            subgroups: false,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/adam.spv"),
+            bindings: &[
+                BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "gradient", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "parameter", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "moment1", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "moment2", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![
+                self.frame_status.slice(),
+                self.gradient.slice(),
+                self.parameter.slice(),
+                self.moment1.slice(),
+                self.moment2.slice(),
+                self.n_bad.slice(),
             ]
         }
     }

@@ -5,8 +5,8 @@ use super::project::Projected;
 use super::tiles::{Lists, Tiles};
 use crate::error::Result;
 use crate::gpu::generated::{
-    ViewParams, blend_fwd_color_p4, blend_fwd_color_p8, blend_fwd_p4, blend_fwd_p8, blend_train_color_p4,
-    blend_train_color_p8, blend_train_p4, blend_train_p8,
+    ViewParams, blend_fwd_color_p4, blend_fwd_color_p8, blend_fwd_p4, blend_fwd_p8, blend_fwd_train_color_p4,
+    blend_fwd_train_color_p8, blend_fwd_train_p4, blend_fwd_train_p8,
 };
 use crate::gpu::{Buf, Gpu, Grid, Kernel, KernelInfo, Recording};
 use crate::vk::DeviceKind;
@@ -58,10 +58,10 @@ impl Blend {
             (Purpose::Picture, Outputs::All, _) => blend_fwd_p8::Args::INFO,
             (Purpose::Picture, Outputs::Color, 4) => blend_fwd_color_p4::Args::INFO,
             (Purpose::Picture, Outputs::Color, _) => blend_fwd_color_p8::Args::INFO,
-            (Purpose::Gradient, Outputs::All, 4) => blend_train_p4::Args::INFO,
-            (Purpose::Gradient, Outputs::All, _) => blend_train_p8::Args::INFO,
-            (Purpose::Gradient, Outputs::Color, 4) => blend_train_color_p4::Args::INFO,
-            (Purpose::Gradient, Outputs::Color, _) => blend_train_color_p8::Args::INFO,
+            (Purpose::Gradient, Outputs::All, 4) => blend_fwd_train_p4::Args::INFO,
+            (Purpose::Gradient, Outputs::All, _) => blend_fwd_train_p8::Args::INFO,
+            (Purpose::Gradient, Outputs::Color, 4) => blend_fwd_train_color_p4::Args::INFO,
+            (Purpose::Gradient, Outputs::Color, _) => blend_fwd_train_color_p8::Args::INFO,
         };
         Ok(Blend {
             image0: gpu.alloc("image color", pixels)?,
@@ -121,7 +121,7 @@ impl Blend {
             let (tile_order, tile_first, tile_last) = (&tiles.tile_order, &tiles.tile_first, &tiles.tile_last);
             let (splat_ids, splats, image0) = (&lists.splat_ids, &projected.splats, &self.image0);
             if let Some(tail) = &self.tail {
-                let args = blend_train_p4::Args {
+                let args = blend_fwd_train_p4::Args {
                     view,
                     tile_order,
                     tile_first,

@@ -1,10 +1,12 @@
 //! Stages of several kernels each, and the renderer that strings them together. A stage owns its scratch buffers and
 //! appends passes to a recording; none of them waits for the device.
 
+mod adam;
 mod backward;
 mod blend;
 mod cull;
 mod gradients;
+mod losses;
 mod params;
 mod project;
 mod render;
@@ -13,10 +15,12 @@ mod scene;
 mod sort;
 mod tiles;
 
+pub use adam::{BETA1, BETA2, EPS, Moments};
 pub use backward::{Backward, GroupGradients, SLOT_PAIRS};
 pub use blend::{Blend, Outputs, Purpose};
 pub use cull::Cull;
 pub use gradients::Gradients;
+pub use losses::{Photometric, SSIM_WEIGHT};
 pub use params::{Strip, view_params};
 pub use project::Projected;
 pub use render::{FrameReport, PassReport, Renderer};

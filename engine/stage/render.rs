@@ -415,6 +415,7 @@ impl FrameReport {
                 (Count::Active, None) => status.n_active,
                 (Count::Intersections, _) => status.n_intersections,
                 (Count::Tiles, _) => n_tiles,
+                (Count::Pixels, _) => n_tiles * TILE * TILE,
                 (Count::Dispatches, _) => 1,
             };
             let kernel = pass.label.split_once('/').map_or("", |(_, kernel)| kernel);

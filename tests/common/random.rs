@@ -75,3 +75,22 @@ pub fn scene(seed: u64, n: usize, sh_degree: u32) -> Splats {
     }
     splats
 }
+
+/// Gaussians everywhere around [`view`]'s camera, of all sizes, brightnesses and times, needles among them; most are
+/// culled. The first half is static.
+pub fn wild_scene(seed: u64, n: usize) -> Splats {
+    let mut random = Random::new(seed);
+    let mut splats = scene(seed, n, 0);
+    for i in 0..n {
+        let spread = random.pick(&[1.0, 3.0, 10.0, 1000.0]);
+        splats.position[i] = random.vector(-spread, spread);
+        splats.scale[i] = [random.pick(&[-15.0, -4.0, -2.0, 0.0, 3.0, 20.0]) as f32; 3];
+        splats.scale[i][(random.bits() % 3) as usize] += random.uniform(-4.0, 4.0) as f32;
+        splats.opacity[i] = random.pick(&[-5.541_263_6, -5.5, -3.0, 0.0, 3.0, 20.0]) as f32;
+    }
+    for motion in &mut splats.motion {
+        motion.t_center = random.uniform(-0.5, 1.5) as f32;
+        motion.t_scale = random.pick(&[-18.0, -3.0, -1.0, 0.0, 9.0, f64::INFINITY]) as f32;
+    }
+    splats
+}

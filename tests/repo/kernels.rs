@@ -48,13 +48,13 @@ fn the_shaders_and_the_table_name_each_other() {
 }
 
 #[test]
-fn kernel_names_are_unique_and_begin_like_their_shader() {
+fn kernel_names_are_unique_and_begin_with_their_shaders_stem() {
     let names: BTreeSet<&str> = KERNELS.iter().map(|row| row.name).collect();
     assert_eq!(names.len(), KERNELS.len());
     for row in KERNELS {
         let stem = row.file.rsplit('/').next().unwrap().trim_end_matches(".comp");
-        // Variants may differ in the rest: blend_train_p4 of blend_fwd.
-        assert_eq!(row.name.split('_').next(), stem.split('_').next(), "{} of {}", row.name, row.file);
+        let variant = row.name.strip_prefix(stem).unwrap_or_else(|| panic!("{} of {}", row.name, row.file));
+        assert!(variant.is_empty() || variant.starts_with('_'), "{} of {}", row.name, row.file);
     }
 }
 
@@ -131,12 +131,11 @@ fn workgroups_are_literal_and_hold_whole_subgroups_of_4_to_64() {
 }
 
 #[test]
-fn no_shader_has_more_than_32_bindings() {
-    // What VK_KHR_push_descriptor promises, and what lavapipe and SwiftShader have.
+fn no_shader_has_more_than_24_bindings() {
     for shader in shaders() {
         let code = without_comments(&source(&shader));
         let n_bindings = code.matches("binding = ").count();
-        assert!((2..=32).contains(&n_bindings), "{shader}: {n_bindings} bindings");
+        assert!((2..=24).contains(&n_bindings), "{shader}: {n_bindings} bindings");
     }
 }
 

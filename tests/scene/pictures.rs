@@ -110,13 +110,19 @@ fn safetensors_hold_every_output_in_its_shape() {
 fn a_frame_that_is_empty_or_torn_is_not_written() {
     let folder = Folder::new("torn");
     let path = folder.file("frame");
-    let mut torn = frame();
+    let (mut torn, mut colorless) = (frame(), frame());
     torn.flow.pop();
-    for bad in [torn, Frame::default()] {
-        for write in [Frame::write_png, Frame::write_exr, Frame::write_safetensors] {
+    colorless.color.pop();
+    for bad in [torn, colorless.clone(), Frame::default()] {
+        for write in [Frame::write_exr, Frame::write_safetensors] {
             assert!(fault(write(&bad, &path), &path).contains("pixels with arrays of"));
             assert!(!path.exists());
         }
+    }
+    // A PNG needs the colour alone.
+    for bad in [colorless, Frame::default()] {
+        assert!(fault(bad.write_png(&path), &path).contains("pixels with arrays of"));
+        assert!(!path.exists());
     }
     assert!(fault(write_tensors(&path, &[("t", &[2, 3], &[0.0; 5])]), &path).contains("tensor `t`"));
 }

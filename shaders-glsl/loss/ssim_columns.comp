@@ -1,0 +1,91 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+// Purpose   filters the moments along the columns, forms SSIM and its derivatives, and sums SSIM and the absolute error.
+// Equation  S = (2 mx my + C1)(2 sxy + C2) / ((mx^2 + my^2 + C1)(sxx + syy + C2)); L1 = |x - y|.
+// Grid      one thread per RUN pixels of a column, 64 neighbouring columns per workgroup.
+// Writes    partials: dS/dE[x], dS/dE[xx], dS/dE[xy] per channel, 3 vec4 per pixel; sums: (S, L1) per workgroup, summed
+//           over pixels and channels in a fixed order.
+// Numerics  sxx = E[xx] - mx^2 is clamped at 0, with zero derivative there.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "grid.glsl"
+#include "ssim.glsl"
+
+layout(local_size_x = 64) in;
+
+layout(push_constant) uniform Push { uint width; uint height; } pc;
+layout(set = 0, binding = 0) restrict readonly buffer Moments { vec4 moments[]; };
+layout(set = 0, binding = 1) restrict readonly buffer Image { vec4 image[]; };
+layout(set = 0, binding = 2) restrict readonly buffer Truth { uint truth[]; };
+layout(set = 0, binding = 3) restrict writeonly buffer Partials { vec4 partials[]; };
+layout(set = 0, binding = 4) restrict writeonly buffer Sums { vec2 sums[]; };
+
+shared vec2 sh_sums[64];
+
+void main() {
+    const uint runs = div_ceil(pc.height, RUN);
+    const uint i = linear_thread(gl_WorkGroupSize.x);
+    const bool valid = i < runs * pc.width;
+    const uint column = valid ? i % pc.width : 0u;
+    const uint first = valid ? (i / pc.width) * RUN : 0u;
+    vec4 m0[RUN];
+    vec4 m1[RUN];
+    vec4 m2[RUN];
+    vec4 m3[RUN];
+    for (uint k = 0u; k < RUN; ++k) {
+        m0[k] = m1[k] = m2[k] = m3[k] = vec4(0.0);
+    }
+    for (uint t = 0u; t < 2u * SSIM_RADIUS + RUN; ++t) {
+        const int row = int(first + t) - int(SSIM_RADIUS);
+        const bool inside = row >= 0 && row < int(pc.height);
+        const uint at = 4u * (uint(clamp(row, 0, int(pc.height) - 1)) * pc.width + column);
+        const vec4 a0 = moments[at];
+        const vec4 a1 = moments[at + 1u];
+        const vec4 a2 = moments[at + 2u];
+        const vec4 a3 = moments[at + 3u];
+        for (uint k = 0u; k < RUN; ++k) {
+            if (t >= k && t - k <= 2u * SSIM_RADIUS) {
+                const float w = inside ? SSIM_WINDOW[t - k] : 0.0;
+                m0[k] += w * a0;
+                m1[k] += w * a1;
+                m2[k] += w * a2;
+                m3[k] += w * a3;
+            }
+        }
+    }
+    vec2 own = vec2(0.0);
+    for (uint k = 0u; k < RUN; ++k) {
+        if (valid && first + k < pc.height) {
+            const uint pixel = (first + k) * pc.width + column;
+            const vec3 mx = m0[k].xyz;
+            const vec3 my = vec3(m0[k].w, m1[k].xy);
+            const vec3 exx = vec3(m1[k].zw, m2[k].x);
+            const vec3 eyy = m2[k].yzw;
+            const vec3 sxx_raw = exx - mx * mx;
+            const vec3 sxx = max(sxx_raw, vec3(0.0));
+            const vec3 syy = max(eyy - my * my, vec3(0.0));
+            const vec3 sxy = m3[k].xyz - mx * my;
+            const vec3 a = 2.0 * mx * my + SSIM_C1;
+            const vec3 b = 2.0 * sxy + SSIM_C2;
+            const vec3 c = mx * mx + my * my + SSIM_C1;
+            const vec3 d = sxx + syy + SSIM_C2;
+            const vec3 s = (a * b) / (c * d);
+            // With sxx and sxy held, then through sxx = E[xx] - mx^2 and sxy = E[xy] - mx my.
+            const vec3 d_exx = -s / d * vec3(greaterThan(sxx_raw, vec3(0.0)));
+            const vec3 d_exy = 2.0 * a / (c * d);
+            const vec3 d_mx = 2.0 * my * b / (c * d) - 2.0 * mx * s / c - 2.0 * mx * d_exx - my * d_exy;
+            partials[3u * pixel] = vec4(d_mx, d_exx.x);
+            partials[3u * pixel + 1u] = vec4(d_exx.yz, d_exy.xy);
+            partials[3u * pixel + 2u] = vec4(d_exy.z, 0.0, 0.0, 0.0);
+            const vec4 y = unpack_truth(truth[pixel]);
+            const vec3 error = abs(visible_color(image[pixel].xyz, y) - y.xyz);
+            own += vec2(s.x + s.y + s.z, error.x + error.y + error.z);
+        }
+    }
+    sh_sums[gl_LocalInvocationIndex] = own;
+    barrier();
+    if (gl_LocalInvocationIndex == 0u && linear_group() < div_ceil(runs * pc.width, 64u)) {
+        vec2 sum = vec2(0.0);
+        for (uint k = 0u; k < 64u; ++k) sum += sh_sums[k];
+        sums[linear_group()] = sum;
+    }
+}

@@ -1,0 +1,160 @@
+//! The forward stages one by one, with everything they leave on the device read back.
+
+use super::device::{Watched, gpu};
+use ivv::Constants;
+use ivv::gpu::generated::{Status, ViewParams};
+use ivv::gpu::{Buf, Recording};
+use ivv::scene::{Splats, View};
+use ivv::stage::{Blend, Cull, Outputs, Projected, Purpose, SceneBuffers, Strip, Tiles, view_params};
+
+/// Pairs of a Gaussian and a tile that fit.
+const INTERSECTIONS: u32 = 1 << 16;
+
+/// A scene, a view and the stages' buffers on the device.
+pub struct Rig {
+    pub scene: SceneBuffers,
+    pub cull: Cull,
+    pub projected: Projected,
+    view: Buf<ViewParams>,
+    status: Buf<Status>,
+    /// Last, so that the buffers are freed before another test gets the device.
+    pub gpu: Watched,
+}
+
+/// What culling and projection leave.
+pub struct Active {
+    pub status: Status,
+    /// Flat indices.
+    pub ids: Vec<u32>,
+    pub ranges: Vec<[u32; 2]>,
+    /// Four vec4 each, see `include/splat.glsl`.
+    pub splats: Vec<[[f32; 4]; 4]>,
+    pub depth_keys: Vec<u32>,
+    pub identity: Vec<u32>,
+    pub tile_counts: Vec<u32>,
+}
+
+/// What binning leaves.
+pub struct Lists {
+    pub status: Status,
+    /// Active indices, tile by tile.
+    pub entries: Vec<u32>,
+    pub ranges: Vec<[u32; 2]>,
+    pub order: Vec<u32>,
+}
+
+impl Rig {
+    /// Room for every Gaussian of the scene.
+    pub fn new(splats: &Splats, view: &View) -> Rig {
+        let gpu = gpu();
+        let scene = SceneBuffers::upload(&gpu, splats, Constants::default().alpha_min).unwrap();
+        let capacity = splats.len().max(1) as u32;
+        Rig::with(gpu, scene, view, capacity)
+    }
+
+    /// Room for `capacity` active Gaussians.
+    pub fn with(gpu: Watched, scene: SceneBuffers, view: &View, capacity: u32) -> Rig {
+        let params = view_params(view, &Constants::default(), scene.origin, Strip::whole(view));
+        Rig {
+            cull: Cull::new(&gpu, &scene, capacity).unwrap(),
+            projected: Projected::new(&gpu, capacity).unwrap(),
+            view: gpu.upload("view", &[params]).unwrap(),
+            status: gpu.upload("status", &[Status::default()]).unwrap(),
+            scene,
+            gpu,
+        }
+    }
+
+    /// Culls alone; gives the status and the first `n_active` ids.
+    pub fn cull(&self) -> (Status, Vec<u32>) {
+        let mut rec = Recording::new();
+        rec.fill(self.status.slice(), 0);
+        self.cull.record(&mut rec, &self.scene, &self.view, &self.status);
+        self.gpu.run(&rec).unwrap();
+        let status = self.gpu.read(&self.status).unwrap()[0];
+        let used = self.gpu.read(&self.cull.n_active).unwrap()[0];
+        let mut ids = self.gpu.read(&self.cull.active_id).unwrap();
+        ids.truncate(used as usize);
+        (status, ids)
+    }
+
+    /// Culls and projects.
+    pub fn project(&self) -> Active {
+        let mut rec = Recording::new();
+        rec.fill(self.status.slice(), 0);
+        self.cull.record(&mut rec, &self.scene, &self.view, &self.status);
+        self.projected.record(&mut rec, &self.scene, &self.cull, &self.view, &self.status);
+        self.gpu.run(&rec).unwrap();
+        self.active()
+    }
+
+    fn active(&self) -> Active {
+        let (gpu, p) = (&self.gpu, &self.projected);
+        let n = gpu.read(&self.cull.n_active).unwrap()[0] as usize;
+        let words = |buffer: &Buf<u32>| {
+            let mut items = gpu.read(buffer).unwrap();
+            items.truncate(n);
+            items
+        };
+        let planes = gpu.read(&p.splats).unwrap();
+        Active {
+            status: gpu.read(&self.status).unwrap()[0],
+            ids: words(&self.cull.active_id),
+            ranges: gpu.read(&self.cull.ranges).unwrap(),
+            splats: planes.as_chunks::<4>().0[..n].to_vec(),
+            depth_keys: words(&p.depth_keys),
+            identity: words(&p.identity),
+            tile_counts: words(&p.tile_counts),
+        }
+    }
+
+    /// Culls, projects and bins.
+    pub fn bin(&self, view: &View) -> (Active, Lists) {
+        let (tiles_x, tiles_y) = Strip::whole(view).tiles(view);
+        let n_tiles = tiles_x * tiles_y;
+        let active = self.project();
+        let tiles =
+            Tiles::new(&self.gpu, active.ids.len().max(1) as u32, INTERSECTIONS, n_tiles, Purpose::Picture).unwrap();
+        let mut rec = Recording::new();
+        let lists = tiles.record(&mut rec, &self.cull, &self.projected, &self.view, &self.status, n_tiles);
+        self.gpu.run(&rec).unwrap();
+        let status: Status = self.gpu.read(&self.status).unwrap()[0];
+        let mut entries = self.gpu.read(&lists.splat_ids).unwrap();
+        entries.truncate(status.n_intersections as usize);
+        let (first, last) = (self.gpu.read(&tiles.tile_first).unwrap(), self.gpu.read(&tiles.tile_last).unwrap());
+        let ranges = first.into_iter().zip(last).map(|(first, last)| [first, last]).collect();
+        (active, Lists { status, entries, ranges, order: self.gpu.read(&tiles.tile_order).unwrap() })
+    }
+
+    /// The two images of `strip`, a row of pixels after the other, as the blend leaves them.
+    pub fn blend(&self, view: &View, strip: Strip) -> (Vec<[f32; 4]>, Vec<[f32; 4]>) {
+        let (tiles_x, tiles_y) = strip.tiles(view);
+        let (n_tiles, n_pixels) = (tiles_x * tiles_y, (view.width * strip.n_rows) as usize);
+        let params = view_params(view, &Constants::default(), self.scene.origin, strip);
+        self.gpu.write(&self.view, &[params]).unwrap();
+        let tiles = Tiles::new(&self.gpu, self.scene.n.max(1), INTERSECTIONS, n_tiles, Purpose::Picture).unwrap();
+        let blend = Blend::new(&self.gpu, n_pixels, Outputs::All, Purpose::Picture).unwrap();
+        let mut rec = Recording::new();
+        rec.fill(self.status.slice(), 0);
+        self.cull.record(&mut rec, &self.scene, &self.view, &self.status);
+        self.projected.record(&mut rec, &self.scene, &self.cull, &self.view, &self.status);
+        let lists = tiles.record(&mut rec, &self.cull, &self.projected, &self.view, &self.status, n_tiles);
+        blend.record(&mut rec, &tiles, &lists, &self.projected, &self.view, n_tiles, 1);
+        self.gpu.run(&rec).unwrap();
+        assert_eq!(self.gpu.read(&self.status).unwrap()[0].failed, 0);
+        let image1 = blend.image1.as_ref().unwrap();
+        (self.gpu.read(&blend.image0).unwrap(), self.gpu.read(image1).unwrap())
+    }
+
+    /// The index in the host's arrays of each Gaussian of flat index `flat`.
+    pub fn index_of(&self, flat: u32) -> usize {
+        let mut before = 0;
+        for group in &self.scene.groups {
+            if flat >= group.first && flat < group.first + group.n {
+                return (before + flat - group.first) as usize;
+            }
+            before += group.n;
+        }
+        panic!("flat index {flat} belongs to no Gaussian");
+    }
+}

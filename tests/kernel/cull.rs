@@ -1,0 +1,197 @@
+//! Culling and compaction against the truth and against a model of bits.
+
+use crate::common::device::gpu;
+use crate::common::one::{One, camera, round, scene_of};
+use crate::common::random::{Random, view, wild_scene};
+use crate::common::stages::Rig;
+use ivv::Constants;
+use ivv::gpu::generated::compact;
+use ivv::gpu::{Grid, Recording};
+use ivv::scene::Motion;
+use ivv::stage::SceneBuffers;
+use ivv::twin::{Camera, Params, Rules, project, tiles_truth};
+
+/// `Status::failed` when the active list overflows, `FAILED_ACTIVE` of the shaders.
+const FAILED_ACTIVE: u32 = 1;
+/// Gaussians per group of the flat index, `CULL_BLOCK` of the engine.
+const BLOCK: u32 = 128;
+const GUARD: u32 = 0xDEAD_BEEF;
+
+/// A Gaussian in plain sight of a camera at the origin, or one behind it, or one whose time is not now.
+fn clear(random: &mut Random, dynamic: bool, seen: bool) -> One {
+    let out_of_time = dynamic && random.bits().is_multiple_of(2);
+    let z = if seen || out_of_time { 4.0 } else { -4.0 };
+    let [x, y] = random.vector(-0.5, 0.5);
+    let t_center = if seen || !out_of_time { 0.5 } else { 40.0 };
+    let motion = Motion { velocity: [0.5, 0.0, 0.0], t_center, t_scale: 0.0 };
+    One { motion: dynamic.then_some(motion), ..round([x, y, z], 0.05, 0.5, [0.5; 3]) }
+}
+
+/// `n` Gaussians of a population, and which of them are seen.
+fn population(random: &mut Random, n: usize, dynamic: bool) -> (Vec<One>, Vec<bool>) {
+    let seen: Vec<bool> = (0..n).map(|_| !random.bits().is_multiple_of(3)).collect();
+    (seen.iter().map(|seen| clear(random, dynamic, *seen)).collect(), seen)
+}
+
+/// Indirect arguments of `n` workgroups.
+fn folded(n: u32) -> [u32; 4] {
+    [n.min(65_535), n.div_ceil(65_535), 1, n]
+}
+
+#[test]
+fn no_gaussian_that_contributes_to_a_pixel_is_culled() {
+    let view = view();
+    let rules = Rules::<f64>::new(&Constants::default());
+    let camera = Camera::<f64>::new(&view);
+    for seed in 0..3 {
+        let splats = wild_scene(seed, 500);
+        let rig = Rig::new(&splats, &view);
+        let (_, ids) = rig.cull();
+        assert!(ids.is_sorted_by(|a, b| a < b), "seed {seed}: not ascending");
+        let active: Vec<usize> = ids.iter().map(|id| rig.index_of(*id)).collect();
+        let params = Params::<f64>::new(&splats, &view);
+        let time = camera.shifted_time(params.time_offset);
+        let mut n_seen = 0;
+        for i in 0..splats.len() {
+            let Some(p) = project(&params.gaussian(i), &camera, time, &rules) else { continue };
+            if !tiles_truth(&p, &rules, [view.width, view.height]).is_empty() {
+                assert!(active.contains(&i), "seed {seed}: Gaussian {i} is culled but seen: {p:?}");
+                n_seen += 1;
+            }
+        }
+        assert!(n_seen > 60, "seed {seed}: only {n_seen} are seen");
+        assert!(active.len() < splats.len() / 2, "seed {seed}: {} are kept for {n_seen}", active.len());
+    }
+}
+
+#[test]
+fn the_active_list_of_any_mix_of_sizes_is_the_list_of_the_marked_ones_in_order() {
+    let sizes = [0, 1, 31, 32, 33, 127, 128, 129, 1000];
+    let mixes = sizes.iter().flat_map(|n| [(*n, 0), (0, *n), (*n, 129), (33, *n)]);
+    for (n_static, n_dynamic) in mixes.filter(|(a, b)| a + b > 0) {
+        let mut random = Random::new((1000 * n_static + n_dynamic) as u64);
+        let (mut all, seen_static) = population(&mut random, n_static, false);
+        let (moving, seen_dynamic) = population(&mut random, n_dynamic, true);
+        all.extend(moving);
+        let view = camera(64, 48);
+        let mut rig = Rig::new(&scene_of(&all), &view);
+        // Guard words behind the room for every Gaussian.
+        let n = all.len();
+        rig.cull.active_id = rig.gpu.upload("guarded ids", &vec![GUARD; n + 4]).unwrap();
+
+        let mut expected = Vec::new();
+        let mut ranges = Vec::new();
+        let mut first = 0;
+        for seen in [seen_static, seen_dynamic].iter().filter(|seen| !seen.is_empty()) {
+            let begin = expected.len() as u32;
+            expected.extend((0u32..).zip(seen).filter(|(_, seen)| **seen).map(|(i, _)| first + i));
+            first += (seen.len() as u32).next_multiple_of(BLOCK);
+            ranges.push([begin, expected.len() as u32]);
+        }
+        let (status, ids) = rig.cull();
+        let what = format!("{n_static} static, {n_dynamic} dynamic");
+        assert_eq!(ids, expected, "{what}");
+        assert_eq!((status.failed, status.n_active), (0, expected.len() as u32), "{what}");
+        assert_eq!(rig.gpu.read(&rig.cull.ranges).unwrap(), ranges, "{what}");
+        let kept = rig.gpu.read(&rig.cull.active_id).unwrap();
+        assert!(kept[expected.len()..].iter().all(|word| *word == GUARD), "{what}: written past the list");
+
+        let n_active = expected.len() as u32;
+        let n_digits = 256 * n_active.div_ceil(2048);
+        assert_eq!(rig.gpu.read(&rig.cull.n_digits).unwrap(), [n_digits], "{what}");
+        let grids = [n_active.div_ceil(64), n_active.div_ceil(1024), n_active.div_ceil(2048), n_digits.div_ceil(1024)];
+        let groups = ranges.iter().map(|[first, last]| (last - first).div_ceil(64));
+        let args: Vec<[u32; 4]> = grids.into_iter().chain(groups).map(folded).collect();
+        assert_eq!(rig.gpu.read(&rig.cull.args).unwrap(), args, "{what}");
+    }
+}
+
+#[test]
+fn many_groups_share_one_list() {
+    let gpu = gpu();
+    let mut random = Random::new(5);
+    let (mut groups, mut expected, mut ranges, mut first, mut n) = (Vec::new(), Vec::new(), Vec::new(), 0, 0);
+    for (size, dynamic) in [(1, false), (129, false), (64, true), (128, false), (300, true)] {
+        let (all, seen) = population(&mut random, size, dynamic);
+        let alpha_min = Constants::default().alpha_min;
+        let mut part = SceneBuffers::upload(&gpu, &scene_of(&all), alpha_min).unwrap();
+        assert_eq!((part.groups.len(), part.n_bad), (1, 0));
+        part.groups[0].first = first;
+        let begin = expected.len() as u32;
+        expected.extend((0u32..).zip(seen).filter(|(_, seen)| *seen).map(|(i, _)| first + i));
+        ranges.push([begin, expected.len() as u32]);
+        first += part.n_flat;
+        n += part.n;
+        groups.append(&mut part.groups);
+    }
+    let starts: Vec<u32> = groups.iter().map(|group| group.first / BLOCK).collect();
+    let group_first = gpu.upload("group starts", &starts).unwrap();
+    let scene = SceneBuffers { groups, n_flat: first, n, group_first, origin: [0.0; 3], n_bad: 0 };
+    let rig = Rig::with(gpu, scene, &camera(64, 48), n);
+    let (status, ids) = rig.cull();
+    assert!(ids.len() > 300);
+    assert_eq!((ids, status.failed), (expected, 0));
+    assert_eq!(rig.gpu.read(&rig.cull.ranges).unwrap(), ranges);
+    // The groups keep their order and their parameters in what follows.
+    let active = rig.project();
+    assert!(active.splats.iter().all(|s| s[1][3] == 4.0), "every Gaussian in sight has camera depth 4");
+}
+
+#[test]
+fn an_active_list_that_overflows_says_so_and_leaves_everything_else_empty() {
+    let mut random = Random::new(9);
+    let all: Vec<One> = (0..300).map(|i| clear(&mut random, i % 2 == 1, true)).collect();
+    let splats = scene_of(&all);
+    let view = camera(64, 48);
+    for capacity in [1, 128, 299] {
+        let gpu = gpu();
+        let scene = SceneBuffers::upload(&gpu, &splats, Constants::default().alpha_min).unwrap();
+        let mut rig = Rig::with(gpu, scene, &view, capacity);
+        rig.cull.active_id = rig.gpu.upload("guarded ids", &vec![GUARD; capacity as usize + 64]).unwrap();
+        let (status, ids) = rig.cull();
+        let numbers = (status.failed, status.n_active, status.capacity_active);
+        assert_eq!(numbers, (FAILED_ACTIVE, 300, capacity));
+        assert!(ids.is_empty(), "{} active ones of a list that does not fit", ids.len());
+        assert!(rig.gpu.read(&rig.cull.args).unwrap().iter().all(|grid| *grid == folded(0)));
+        assert!(rig.gpu.read(&rig.cull.ranges).unwrap().iter().all(|range| *range == [0, 0]));
+        let words = rig.gpu.read(&rig.cull.active_id).unwrap();
+        assert!(words[capacity as usize..].iter().all(|word| *word == GUARD), "capacity {capacity}: guards touched");
+        assert!(words[..capacity as usize].iter().all(|word| *word < 512), "capacity {capacity}: a hole");
+    }
+    let rig = Rig::new(&splats, &view);
+    assert_eq!((rig.cull().0.failed, rig.cull().1.len()), (0, 300), "exactly the capacity fits");
+}
+
+#[test]
+fn compaction_works_around_the_limit_of_65535_workgroups() {
+    let gpu = gpu();
+    let full = 65_535 * BLOCK;
+    for n in [full - 1, full, full + 1] {
+        let n_words = n.div_ceil(BLOCK) as usize * 4;
+        let mut random = Random::new(u64::from(n));
+        let mut bits = vec![0u32; n_words];
+        let mut marked: Vec<u32> = (0..50).map(|_| random.bits() as u32 % n).chain([0, full - 2, n - 1]).collect();
+        marked.sort_unstable();
+        marked.dedup();
+        for i in &marked {
+            bits[*i as usize / 32] |= 1 << (i % 32);
+        }
+        let mut sum = 0;
+        let offsets: Vec<u32> = bits
+            .chunks(4)
+            .map(|words| {
+                let before = sum;
+                sum += words.iter().map(|word| word.count_ones()).sum::<u32>();
+                before
+            })
+            .collect();
+        let ids = gpu.upload("ids", &vec![GUARD; marked.len() + 4]).unwrap();
+        let (bits, offsets) = (gpu.upload("bits", &bits).unwrap(), gpu.upload("offsets", &offsets).unwrap());
+        let args = compact::Args { bits: &bits, offsets: &offsets, active_id: &ids };
+        let mut rec = Recording::new();
+        rec.pass(args, compact::Push { n, capacity: marked.len() as u32 + 4 }, Grid::Threads(n));
+        gpu.run(&rec).unwrap();
+        let found = gpu.read(&ids).unwrap();
+        assert_eq!((&found[..marked.len()], &found[marked.len()..]), (&marked[..], &[GUARD; 4][..]), "{n} places");
+    }
+}

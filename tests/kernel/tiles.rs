@@ -1,0 +1,151 @@
+//! Tile lists of the device against every pixel, and the counters that end a frame.
+
+use crate::common::device::gpu;
+use crate::common::random::{Random, scene, view, wild_scene};
+use crate::common::stages::Rig;
+use ivv::Constants;
+use ivv::gpu::generated::{Status, prepare_intersections};
+use ivv::gpu::{Grid, Recording};
+use ivv::scene::{Splats, View};
+use ivv::twin::{Camera, Params, Rules, project, ranges, tiles_truth};
+
+/// Checks the lists of one scene; gives the numbers of pairs found and needed.
+fn check(what: &str, splats: &Splats, view: &View) -> [usize; 2] {
+    let rig = Rig::new(splats, view);
+    let (active, lists) = rig.bin(view);
+    let n_tiles = lists.ranges.len();
+    assert_eq!((lists.status.failed, active.status.n_bad), (0, 0), "{what}");
+    assert_eq!(lists.entries.len(), active.tile_counts.iter().sum::<u32>() as usize, "{what}");
+
+    // The ranges follow one another, as those of a sorted list do.
+    let sorted: Vec<u32> = (0u32..)
+        .zip(&lists.ranges)
+        .flat_map(|(tile, [first, last])| std::iter::repeat_n(tile, (last - first) as usize))
+        .collect();
+    assert_eq!(sorted.len(), lists.entries.len(), "{what}: a pair without a tile");
+    assert_eq!(ranges(&sorted, n_tiles), lists.ranges, "{what}");
+
+    // Front to back, ties by index.
+    for [first, last] in &lists.ranges {
+        let list = &lists.entries[*first as usize..*last as usize];
+        let keys: Vec<(u32, u32)> = list.iter().map(|id| (active.depth_keys[*id as usize], *id)).collect();
+        assert!(keys.is_sorted_by(|a, b| a < b), "{what}: a list is out of order");
+    }
+
+    // Every tile once, in falling order of its list's bit width.
+    let length = |tile: &u32| lists.ranges[*tile as usize][1] - lists.ranges[*tile as usize][0];
+    assert!(
+        lists.order.iter().is_sorted_by_key(|tile| (length(tile) | 1).leading_zeros()),
+        "{what}: light tiles first"
+    );
+    let mut order = lists.order.clone();
+    order.sort_unstable();
+    assert_eq!(order, (0..n_tiles as u32).collect::<Vec<u32>>(), "{what}: the tile order is no permutation");
+    let longest = (0..n_tiles as u32).map(|tile| length(&tile)).max().unwrap();
+    assert_eq!(lists.status.max_tile_list, longest, "{what}");
+
+    let (camera, rules) = (Camera::<f64>::new(view), Rules::<f64>::new(&Constants::default()));
+    let params = Params::<f64>::new(splats, view);
+    let time = camera.shifted_time(params.time_offset);
+    let mut needed = 0;
+    for (at, id) in (0u32..).zip(&active.ids) {
+        let Some(p) = project(&params.gaussian(rig.index_of(*id)), &camera, time, &rules) else { continue };
+        for tile in tiles_truth(&p, &rules, [view.width, view.height]) {
+            let [first, last] = lists.ranges[tile as usize];
+            let list = &lists.entries[first as usize..last as usize];
+            assert!(list.contains(&at), "{what}: Gaussian {id} is missing from tile {tile}: {p:?}");
+            needed += 1;
+        }
+    }
+    [lists.entries.len(), needed]
+}
+
+#[test]
+fn the_lists_hold_every_needed_pair_and_few_others_in_depth_order() {
+    let view = view();
+    let mut totals = [0; 2];
+    for seed in 0..4 {
+        let [found, needed] = check(&format!("seed {seed}"), &scene(seed, 150, 0), &view);
+        totals = [totals[0] + found, totals[1] + needed];
+    }
+    assert!(totals[1] > 1000, "only {} pairs are needed", totals[1]);
+    assert!(totals[0] as f64 <= 1.03 * totals[1] as f64, "{} pairs for {}", totals[0], totals[1]);
+}
+
+#[test]
+fn the_lists_of_wild_scenes_hold_every_needed_pair() {
+    for seed in 0..3 {
+        let [_, needed] = check(&format!("seed {seed}"), &wild_scene(seed, 400), &view());
+        assert!(needed > 200, "only {needed} pairs are needed");
+    }
+}
+
+#[test]
+fn equal_depths_are_listed_by_index() {
+    let mut splats = scene(3, 300, 0);
+    splats.motion.iter_mut().for_each(|motion| motion.velocity[2] = 0.0);
+    for position in &mut splats.position {
+        position[2] = 0.25;
+    }
+    let [found, _] = check("one depth", &splats, &view());
+    assert!(found > 600);
+}
+
+#[test]
+fn images_of_odd_sizes_and_their_last_tiles_miss_no_pair() {
+    for (width, height) in [(1, 1), (1, 17), (15, 17), (16, 16), (17, 16), (33, 47), (129, 3)] {
+        let view = View { width, height, cx: f64::from(width) / 2.0, cy: f64::from(height) / 2.0, ..view() };
+        let [found, _] = check(&format!("{width} x {height}"), &scene(11, 150, 0), &view);
+        assert!(found > 0, "{width} x {height}: nothing was listed");
+    }
+}
+
+/// Runs the kernel that decides whether `n` intersections fit; gives the count left, the status and the grids.
+fn prepare(n: u32, capacity: u32, failed: u32) -> (u32, Status, Vec<[u32; 4]>) {
+    let gpu = gpu();
+    let n_intersections = gpu.upload("n", &[n]).unwrap();
+    let args = gpu.upload("args", &[[7, 1, 1, 7]; 4]).unwrap();
+    let (n_digits, emit_args) = (gpu.alloc("digits", 1).unwrap(), gpu.alloc("emit args", 1).unwrap());
+    let frame_status = gpu.upload("status", &[Status { failed, ..Status::default() }]).unwrap();
+    let mut rec = Recording::new();
+    let bound = prepare_intersections::Args {
+        n_intersections: &n_intersections,
+        args: &args,
+        n_digits: &n_digits,
+        emit_args: &emit_args,
+        frame_status: &frame_status,
+    };
+    rec.pass(bound, prepare_intersections::Push { capacity }, Grid::Groups(1));
+    gpu.run(&rec).unwrap();
+    let mut grids = gpu.read(&args).unwrap();
+    grids.extend(gpu.read(&emit_args).unwrap());
+    let left = gpu.read(&n_intersections).unwrap()[0];
+    assert_eq!(gpu.read(&n_digits).unwrap(), [256 * left.div_ceil(2048)]);
+    (left, gpu.read(&frame_status).unwrap()[0], grids)
+}
+
+#[test]
+fn a_count_past_the_capacity_fails_and_empties_every_grid() {
+    let mut random = Random::new(2);
+    let capacity = 1000 + random.bits() as u32 % 1000;
+    for (n, fits) in [
+        (0, true),
+        (capacity - 1, true),
+        (capacity, true),
+        (capacity + 1, false),
+        (1 << 31, false),
+        (u32::MAX - 1, false),
+        (u32::MAX, false),
+    ] {
+        let (left, status, grids) = prepare(n, capacity, 0);
+        assert_eq!((status.failed, status.n_intersections), (if fits { 0 } else { 2 }, n), "{n} of {capacity}");
+        assert_eq!(status.capacity_intersections, capacity);
+        assert_eq!(left, if fits { n } else { 0 }, "{n} of {capacity}");
+        assert!(fits || grids.iter().all(|grid| grid[0] == 0 && grid[3] == 0), "{n} of {capacity}: {grids:?}");
+        assert!(n == 0 || !fits || grids.iter().all(|grid| grid[0] > 0), "{n} of {capacity}: {grids:?}");
+    }
+    // A frame that has failed before stays failed and empty.
+    let (left, status, grids) = prepare(10, capacity, 1);
+    assert_eq!((left, status.failed), (0, 1));
+    assert!(grids.iter().all(|grid| grid[0] == 0));
+}
