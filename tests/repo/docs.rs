@@ -156,6 +156,16 @@ fn the_frame_in_architecture_md_is_the_frame_that_runs() {
 }
 
 #[test]
+fn the_passes_of_a_gradient_in_architecture_md_are_kernels() {
+    let rows = table(&text("engine/ARCHITECTURE.md"), "gradient");
+    assert!(!rows.is_empty());
+    for told in rows.iter().flat_map(|row| quoted(&row[0])) {
+        let is_told = |name: &str| told.strip_suffix('*').map_or(name == told, |stem| name.starts_with(stem));
+        assert!(KERNELS.iter().any(|row| is_told(row.name)), "`{told}` is no kernel");
+    }
+}
+
+#[test]
 fn architecture_md_stays_within_300_lines() {
     let n = text("engine/ARCHITECTURE.md").lines().count();
     assert!((50..=300).contains(&n), "{n} lines");
