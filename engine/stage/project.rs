@@ -11,7 +11,7 @@ pub const SPLAT_PLANES: usize = 4;
 
 /// What projection gives, by active index.
 pub struct Projected {
-    /// [`SPLAT_PLANES`] vec4 each.
+    /// `SPLAT_PLANES` vec4 each.
     pub splats: Buf<[f32; 4]>,
     /// Bits of the camera depth.
     pub depth_keys: Buf<u32>,

@@ -15,7 +15,7 @@ const BAND_PLANES: [usize; 3] = [3, 4, 6];
 
 /// Gaussians that share their kernels: static or dynamic, one SH degree, one set of buffers.
 pub struct Group {
-    /// Flat index of the first, a multiple of [`CULL_BLOCK`].
+    /// Flat index of the first, a multiple of `CULL_BLOCK`.
     pub first: u32,
     /// Number of Gaussians.
     pub n: u32,
@@ -37,7 +37,7 @@ pub struct Group {
 pub struct SceneBuffers {
     /// The groups, static ones first.
     pub groups: Vec<Group>,
-    /// Length of the flat index, a multiple of [`CULL_BLOCK`].
+    /// Length of the flat index, a multiple of `CULL_BLOCK`.
     pub n_flat: u32,
     /// Gaussians.
     pub n: u32,

@@ -4,11 +4,11 @@
 //! bad Gaussians as expected, and the validation layer silent.
 
 mod exposure;
-mod symptoms;
 mod places;
 mod poison;
 mod shapes;
 mod slow;
+mod symptoms;
 mod table;
 mod times;
 mod worlds;

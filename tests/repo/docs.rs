@@ -189,3 +189,18 @@ fn nothing_is_left_to_be_done_by_nobody_or_kept_alike_by_hand() {
     }
     assert!(n_files > 80, "only {n_files} files were read");
 }
+
+#[test]
+fn the_shipped_demo_is_what_its_generator_makes() {
+    let folder = std::env::temp_dir().join(format!("ivv-demo-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    let (splats, views) = ivv::scene::demo();
+    ivv::scene::write_ply(&folder.join("scene.ply"), &splats).unwrap();
+    ivv::scene::write_views(&folder.join("cameras.json"), &views).unwrap();
+    for file in ["scene.ply", "cameras.json"] {
+        let (made, shipped) =
+            (std::fs::read(folder.join(file)).unwrap(), std::fs::read(root().join("assets/demo").join(file)).unwrap());
+        assert!(!made.is_empty() && made == shipped, "{file}: mend it with: ivv demo -o assets/demo");
+    }
+    std::fs::remove_dir_all(&folder).unwrap();
+}
