@@ -41,6 +41,7 @@ layout(set = 0, binding = 15) restrict writeonly buffer DMotion { vec4 d_motion[
 layout(set = 0, binding = 16) restrict writeonly buffer DSh1 { vec4 d_sh1[]; };
 layout(set = 0, binding = 17) restrict writeonly buffer DSh2 { vec4 d_sh2[]; };
 layout(set = 0, binding = 18) restrict writeonly buffer DSh3 { vec4 d_sh3[]; };
+layout(set = 0, binding = 19) restrict buffer Stats { vec2 stats[]; };
 
 // Writes the gradients of the bands above the first, and returns that of the unit direction.
 vec3 d_bands(uint i, vec3 dir, vec3 g) {
@@ -93,6 +94,8 @@ void main() {
     const vec4 s2 = splats[SPLAT_PLANES * at + 2u];
     const vec4 m = vec4(s0.zw, s1.xy);
     const vec2 d_xy = -2.0 * vec2(m.x * sum[1].y + m.z * sum[2].x, m.y * sum[1].y + m.w * sum[2].x);
+    // In units of half a picture, as 3DGS's threshold for density control has it.
+    if (n_slots > 0u) stats[i] += vec2(length(d_xy * 0.5 * vec2(float(view.width), float(view.height))), 1.0);
     const float d_opacity_t = sum[2].y;
     // The colour's clamp at 0 has no derivative below.
     const vec3 d_color = vec3(sum[3], sum[4].x) * vec3(greaterThan(s2.xyz, vec3(0.0)));
