@@ -6,6 +6,7 @@ mod devices;
 mod inspect;
 mod progress;
 mod render;
+mod train;
 mod vjp;
 
 use clap::{Parser, Subcommand};
@@ -35,6 +36,8 @@ enum Verb {
     Inspect(inspect::Args),
     /// Renders views of a scene: one file per view and format, named after the view.
     Render(render::Args),
+    /// Fits Gaussians to the images of a capture.
+    Train(train::Args),
     /// Gradients of sum(cotangent * output) of a view, by parameter group.
     Vjp(vjp::Args),
     /// Writes the scene that the project ships in assets/demo.
@@ -49,6 +52,7 @@ fn main() -> ExitCode {
         Verb::Check(args) => check::run(args, cli.json),
         Verb::Inspect(args) => inspect::run(args, cli.json),
         Verb::Render(args) => render::run(args, cli.json),
+        Verb::Train(args) => train::run(args, cli.json),
         Verb::Vjp(args) => vjp::run(args),
         Verb::Demo(args) => demo::run(args),
     };

@@ -1711,10 +1711,13 @@ pub mod tile_buckets {
     pub struct Push {
         /// `n_tiles` of the shader.
         pub n_tiles: u32,
+        /// `longest` of the shader.
+        pub longest: u32,
     }
     const _: () = {
-        assert!(size_of::<Push>() == 4);
+        assert!(size_of::<Push>() == 8);
         assert!(std::mem::offset_of!(Push, n_tiles) == 0);
+        assert!(std::mem::offset_of!(Push, longest) == 4);
     };
     /// The kernel's buffers.
     pub struct Args<'a> {
@@ -3992,9 +3995,11 @@ pub mod adam {
         pub inverse_c2: f32,
         /// `eps` of the shader.
         pub eps: f32,
+        /// `lowest` of the shader.
+        pub lowest: f32,
     }
     const _: () = {
-        assert!(size_of::<Push>() == 120);
+        assert!(size_of::<Push>() == 124);
         assert!(std::mem::offset_of!(Push, rates) == 0);
         assert!(std::mem::offset_of!(Push, n) == 96);
         assert!(std::mem::offset_of!(Push, planes) == 100);
@@ -4002,6 +4007,7 @@ pub mod adam {
         assert!(std::mem::offset_of!(Push, beta2) == 108);
         assert!(std::mem::offset_of!(Push, inverse_c2) == 112);
         assert!(std::mem::offset_of!(Push, eps) == 116);
+        assert!(std::mem::offset_of!(Push, lowest) == 120);
     };
     /// The kernel's buffers.
     pub struct Args<'a> {

@@ -27,7 +27,7 @@ impl Moments {
     }
 
     /// Appends step number `step` (from 1) on `parameter`. `rates` are the learning rates of each plane's components, at
-    /// most six planes; `n_bad` counts the vec4 whose gradient is not finite.
+    /// most six planes; `lowest` is the floor of the last plane's last component, if its rate is not 0; `n_bad` counts the vec4 whose gradient is not finite.
     #[expect(clippy::too_many_arguments, reason = "a buffer each")]
     pub fn record(
         &self,
@@ -35,6 +35,7 @@ impl Moments {
         parameter: &Buf<[f32; 4]>,
         gradient: &Buf<[f32; 4]>,
         rates: &[[f32; 4]],
+        lowest: f32,
         step: u64,
         status: &Buf<Status>,
         n_bad: &Buf<u32>,
@@ -47,6 +48,7 @@ impl Moments {
             beta2: BETA2 as f32,
             inverse_c2: (1.0 / correction(BETA2)) as f32,
             eps: EPS,
+            lowest,
             ..adam::Push::default()
         };
         for (to, from) in push.rates.iter_mut().zip(rates) {

@@ -29,4 +29,4 @@ pub use scan::Scan;
 pub use scene::{Group, Planes, SceneBuffers};
 pub use sort::{Sort, SortGrids};
 pub use tiles::{Lists, Tiles};
-pub use workspace::{Room, Workspace};
+pub use workspace::{Room, Verdict, Workspace};

@@ -2,11 +2,11 @@
 //! more room where it overflows.
 
 use super::backward::Backward;
-use super::blend::{Blend, Outputs, Purpose, SEGMENT};
+use super::blend::{Blend, Outputs, Purpose};
 use super::gradients::Gradients;
 use super::params::{Strip, TILE, view_params};
 use super::scene::SceneBuffers;
-use super::workspace::{Room, Workspace, max_active, max_intersections};
+use super::workspace::{Room, Verdict, Workspace, max_active, max_intersections};
 use crate::error::{Error, Result};
 use crate::gpu::generated::Status;
 use crate::gpu::table::{Count, KERNELS};
@@ -14,10 +14,6 @@ use crate::gpu::{Gpu, PassTime, Recording};
 use crate::scene::{Frame, Splats, View};
 use crate::settings::Constants;
 use std::sync::Arc;
-
-/// Bits of [`Status::failed`], `FAILED_*` of the shaders.
-const FAILED_ACTIVE: u32 = 1;
-const FAILED_INTERSECTIONS: u32 = 2;
 
 /// Numbers that belong to a frame.
 #[derive(Clone, Debug, Default, serde::Serialize)]
@@ -233,40 +229,28 @@ impl Renderer {
                 Vec::new()
             };
             let status = self.gpu.read(&work.status)?.first().copied().unwrap_or_default();
+            let verdict = work.verdict(&self.gpu, &status, rounds);
             self.work = Some(work);
-            if status.failed & FAILED_ACTIVE != 0 {
-                report.replays += 1;
-                if tiles_y > 1 {
+            match verdict {
+                Verdict::Complete => {}
+                Verdict::Replay(room, new_rounds) => {
+                    report.replays += 1;
+                    (self.room, rounds) = (room, new_rounds);
+                    continue;
+                }
+                Verdict::TooMuch { .. } if tiles_y > 1 => {
+                    report.replays += 1;
                     return Ok(false);
                 }
-                return Err(Error::OutOfMemory {
-                    what: format!("view `{}`: Gaussians active in one row of tiles", view.name),
-                    needed: u64::from(status.n_active),
-                    limit: u64::from(status.capacity_active),
-                    remedy: "use a smaller scene or a device with longer bindings".to_owned(),
-                });
-            }
-            if status.failed & FAILED_INTERSECTIONS != 0 {
-                report.replays += 1;
-                if status.n_intersections > limit {
-                    if tiles_y > 1 {
-                        return Ok(false);
-                    }
+                Verdict::TooMuch { what, needed, limit } => {
                     return Err(Error::OutOfMemory {
-                        what: format!("view `{}`: intersections in one row of tiles", view.name),
-                        needed: u64::from(status.n_intersections),
+                        what: format!("view `{}`: {what} in one row of tiles", view.name),
+                        needed: u64::from(needed),
                         limit: u64::from(limit),
-                        remedy: "render a narrower picture or choose a device with longer bindings".to_owned(),
+                        remedy: "render a narrower picture, a smaller scene, or choose a device with longer bindings"
+                            .to_owned(),
                     });
                 }
-                let roomy = u64::from(status.n_intersections) * 5 / 4;
-                self.room.intersections = roomy.min(u64::from(limit)) as u32;
-                continue;
-            }
-            if status.max_tile_list > rounds * SEGMENT {
-                report.replays += 1;
-                rounds = status.max_tile_list.div_ceil(SEGMENT);
-                continue;
             }
             report.add(&status, n_tiles);
             if timed {

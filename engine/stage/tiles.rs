@@ -84,7 +84,9 @@ impl Tiles {
         })
     }
 
-    /// Appends the binning of `projected` into `n_tiles` tiles.
+    /// Appends the binning of `projected` into `n_tiles` tiles. A list of more than `longest` entries is reported as a
+    /// failure.
+    #[expect(clippy::too_many_arguments, reason = "each names a buffer or a size of the frame")]
     pub fn record(
         &self,
         rec: &mut Recording,
@@ -93,6 +95,7 @@ impl Tiles {
         view: &Buf<ViewParams>,
         status: &Buf<Status>,
         n_tiles: u32,
+        longest: u32,
     ) -> Lists {
         rec.stage("depth sort");
         let grids = |args: &Buf<[u32; 4]>| SortGrids {
@@ -187,7 +190,7 @@ impl Tiles {
         );
         rec.pass(
             tile_buckets::Args { tile_first, tile_last, buckets, frame_status: status },
-            tile_buckets::Push { n_tiles },
+            tile_buckets::Push { n_tiles, longest },
             Grid::Threads(n_tiles),
         );
         rec.pass(

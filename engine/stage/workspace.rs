@@ -1,7 +1,7 @@
 //! The buffers of all stages of a frame, and their passes in order.
 
 use super::backward::{Backward, SLOT_PAIRS};
-use super::blend::{Blend, Outputs, Purpose};
+use super::blend::{Blend, Outputs, Purpose, SEGMENT};
 use super::cull::Cull;
 use super::project::{Projected, SPLAT_PLANES};
 use super::scene::SceneBuffers;
@@ -10,8 +10,13 @@ use crate::error::Result;
 use crate::gpu::generated::{Status, ViewParams};
 use crate::gpu::{Buf, Gpu, Recording};
 
+/// Bits of `Status::failed`, `FAILED_*` of the shaders.
+const FAILED_ACTIVE: u32 = 1;
+const FAILED_INTERSECTIONS: u32 = 2;
+const FAILED_LIST: u32 = 4;
+
 /// Capacities; they only grow, but for the strip.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Room {
     /// Active Gaussians.
     pub active: u32,
@@ -47,6 +52,24 @@ pub struct Workspace {
     pub backward: Option<Backward>,
 }
 
+/// What a status asks for before its frame can stand.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Verdict {
+    /// Nothing: the frame is complete.
+    Complete,
+    /// A replay with this much room and this many rounds.
+    Replay(Room, u32),
+    /// Fewer tile rows at a time, or an error: a binding cannot hold `needed` of `what`.
+    TooMuch {
+        /// What there is too much of.
+        what: &'static str,
+        /// How many.
+        needed: u32,
+        /// How many fit.
+        limit: u32,
+    },
+}
+
 impl Workspace {
     /// Buffers for frames of `scene` within `room`.
     ///
@@ -79,9 +102,27 @@ impl Workspace {
         rec.fill(status.slice(), 0);
         self.cull.record(rec, scene, view, status);
         self.projected.record(rec, scene, &self.cull, view, status);
-        let lists = self.tiles.record(rec, &self.cull, &self.projected, view, status, n_tiles);
+        let lists = self.tiles.record(rec, &self.cull, &self.projected, view, status, n_tiles, rounds * SEGMENT);
         self.blend.record(rec, &self.tiles, &lists, &self.projected, view, n_tiles, rounds);
         lists
+    }
+
+    /// What is to be done about a frame of `rounds` rounds that ended with `status`.
+    pub fn verdict(&self, gpu: &Gpu, status: &Status, rounds: u32) -> Verdict {
+        let limit = max_intersections(gpu, self.room.purpose);
+        if status.failed & FAILED_ACTIVE != 0 {
+            let (needed, limit) = (status.n_active, status.capacity_active);
+            Verdict::TooMuch { what: "active Gaussians", needed, limit }
+        } else if status.failed & FAILED_INTERSECTIONS != 0 && status.n_intersections > limit {
+            Verdict::TooMuch { what: "intersections", needed: status.n_intersections, limit }
+        } else if status.failed & FAILED_INTERSECTIONS != 0 {
+            let roomy = (u64::from(status.n_intersections) * 5 / 4).min(u64::from(limit)) as u32;
+            Verdict::Replay(Room { intersections: roomy, ..self.room }, rounds)
+        } else if status.failed & FAILED_LIST != 0 {
+            Verdict::Replay(self.room, status.max_tile_list.div_ceil(SEGMENT))
+        } else {
+            Verdict::Complete
+        }
     }
 
     /// Appends the backward pass of the forward pass recorded just before, if the workspace has one.

@@ -13,7 +13,7 @@
 
 layout(local_size_x = 64) in;
 
-// rates: lr / c1 of each plane's components.
+// rates: lr / c1 of each plane's components. lowest: floor of the last component of the last plane (log tau).
 layout(push_constant) uniform Push {
     vec4 rates[6];
     uint n;
@@ -22,6 +22,7 @@ layout(push_constant) uniform Push {
     float beta2;
     float inverse_c2;
     float eps;
+    float lowest;
 } pc;
 layout(set = 0, binding = 0) restrict readonly buffer FrameStatus { Status status; };
 layout(set = 0, binding = 1) restrict readonly buffer Gradient { vec4 gradient[]; };
@@ -44,6 +45,7 @@ void main() {
     moment1[i] = m;
     moment2[i] = v;
     const vec4 x = parameter[i];
-    const vec4 moved = x - rate * m / (sqrt(v * pc.inverse_c2) + pc.eps);
+    vec4 moved = x - rate * m / (sqrt(v * pc.inverse_c2) + pc.eps);
+    if ((i >> 5u) % pc.planes == pc.planes - 1u) moved.w = max(moved.w, pc.lowest);
     parameter[i] = mix(x, moved, notEqual(rate, vec4(0.0)));
 }

@@ -36,5 +36,6 @@ struct Status {
 
 const uint FAILED_ACTIVE = 1u;
 const uint FAILED_INTERSECTIONS = 2u;
+const uint FAILED_LIST = 4u;
 
 const uint TILE = 16u;

@@ -10,7 +10,7 @@
 
 layout(local_size_x = 64) in;
 
-layout(push_constant) uniform Push { uint n_tiles; } pc;
+layout(push_constant) uniform Push { uint n_tiles; uint longest; } pc;
 layout(set = 0, binding = 0) restrict readonly buffer TileFirst { uint tile_first[]; };
 layout(set = 0, binding = 1) restrict readonly buffer TileLast { uint tile_last[]; };
 layout(set = 0, binding = 2) restrict buffer Buckets { uint buckets[]; };
@@ -22,4 +22,6 @@ void main() {
     const uint n = tile_last[tile] - tile_first[tile];
     atomicAdd(buckets[31u - uint(findMSB(n | 1u))], 1u);
     if (n > 0u) atomicMax(status.max_tile_list, n);
+    // The recorded rounds of the blend would not reach this list's end.
+    if (n > pc.longest) atomicOr(status.failed, FAILED_LIST);
 }

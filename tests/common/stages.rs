@@ -116,7 +116,7 @@ impl Rig {
         let tiles =
             Tiles::new(&self.gpu, active.ids.len().max(1) as u32, INTERSECTIONS, n_tiles, Purpose::Picture).unwrap();
         let mut rec = Recording::new();
-        let lists = tiles.record(&mut rec, &self.cull, &self.projected, &self.view, &self.status, n_tiles);
+        let lists = tiles.record(&mut rec, &self.cull, &self.projected, &self.view, &self.status, n_tiles, u32::MAX);
         self.gpu.run(&rec).unwrap();
         let status: Status = self.gpu.read(&self.status).unwrap()[0];
         let mut entries = self.gpu.read(&lists.splat_ids).unwrap();
@@ -138,7 +138,7 @@ impl Rig {
         rec.fill(self.status.slice(), 0);
         self.cull.record(&mut rec, &self.scene, &self.view, &self.status);
         self.projected.record(&mut rec, &self.scene, &self.cull, &self.view, &self.status);
-        let lists = tiles.record(&mut rec, &self.cull, &self.projected, &self.view, &self.status, n_tiles);
+        let lists = tiles.record(&mut rec, &self.cull, &self.projected, &self.view, &self.status, n_tiles, u32::MAX);
         blend.record(&mut rec, &tiles, &lists, &self.projected, &self.view, n_tiles, 1);
         self.gpu.run(&rec).unwrap();
         assert_eq!(self.gpu.read(&self.status).unwrap()[0].failed, 0);

@@ -1,0 +1,98 @@
+//! Gaussians to begin with.
+
+use super::config::Config;
+use super::random::Random;
+use crate::scene::capture::{Capture, Point};
+use crate::scene::{Motion, Splats};
+use std::collections::HashMap;
+
+/// Value of the constant spherical harmonic.
+const SH_0: f64 = 0.282_094_791_773_878_14;
+/// Opacity to begin with (SPEC 5).
+const OPACITY: f64 = 0.1;
+
+/// One isotropic Gaussian per point: size from the mean distance to the 3 nearest neighbours, opacity 0.1, colour to
+/// degree 0. In a clip of several frames all are dynamic, at rest, and visible throughout.
+pub fn from_points(points: &[Point], capture: &Capture, config: &Config) -> Splats {
+    let positions: Vec<[f64; 3]> = points.iter().map(|p| p.position).collect();
+    let radius = capture.extent().radius;
+    let distances = neighbour_distances(&positions, radius);
+    let mut splats = Splats::new(config.sh_degree);
+    let n = points.len();
+    let is_dynamic = capture.n_frames > 1;
+    splats.n_static = if is_dynamic { 0 } else { n };
+    let logit = (OPACITY / (1.0 - OPACITY)).ln() as f32;
+    for (point, distance) in points.iter().zip(distances) {
+        splats.position.push(point.position.map(|x| x as f32));
+        splats.rotation.push([1.0, 0.0, 0.0, 0.0]);
+        splats.scale.push([distance.max(1e-7 * radius).ln() as f32; 3]);
+        splats.opacity.push(logit);
+        splats.sh.push(point.color.map(|c| ((f64::from(c) / 255.0 - 0.5) / SH_0) as f32));
+        splats.sh.resize(splats.sh.len() + splats.n_coefficients() - 1, [0.0; 3]);
+        if is_dynamic {
+            splats.motion.push(Motion { velocity: [0.0; 3], t_center: 0.5, t_scale: 0.0 });
+        }
+    }
+    splats.source_row = (0..n as u32).collect();
+    splats
+}
+
+/// Grey points, uniform in the ball that the capture's cameras look at.
+pub fn random_points(capture: &Capture, config: &Config) -> Vec<Point> {
+    let extent = capture.extent();
+    let random = Random::new(&[config.seed, 0x0070_6f69_6e74]);
+    (0..config.random_points as u64)
+        .map(|i| {
+            let direction: [f64; 3] = std::array::from_fn(|k| random.normal(4 * i + k as u64));
+            let length = direction.iter().map(|x| x * x).sum::<f64>().sqrt().max(1e-9);
+            let r = extent.radius * random.uniform(8 * i + 6).cbrt() / length;
+            let position = std::array::from_fn(|k| extent.center[k] + r * direction[k]);
+            Point { position, color: [128; 3], n_views: 0 }
+        })
+        .collect()
+}
+
+/// For each point the mean distance to its 3 nearest neighbours; at most a tenth of `radius`, which a lone point gets.
+fn neighbour_distances(points: &[[f64; 3]], radius: f64) -> Vec<f64> {
+    // Cells that would hold about two points each if the points filled the ball evenly.
+    let cell = (radius / (points.len() as f64 / 2.0).cbrt()).max(1e-9 * radius.max(1e-9));
+    let key = |p: &[f64; 3]| p.map(|x| (x / cell).floor() as i64);
+    let mut grid: HashMap<[i64; 3], Vec<usize>> = HashMap::new();
+    for (i, p) in points.iter().enumerate() {
+        grid.entry(key(p)).or_default().push(i);
+    }
+    points
+        .iter()
+        .enumerate()
+        .map(|(i, p)| {
+            let center = key(p);
+            let mut nearest = [f64::INFINITY; 3];
+            // A neighbour within reach * cell lies within `reach` cells: stop when the third is that near.
+            for reach in 1..=8i64 {
+                nearest = [f64::INFINITY; 3];
+                for offset in cube(reach) {
+                    let at: [i64; 3] = std::array::from_fn(|k| center[k] + offset[k]);
+                    for &j in grid.get(&at).into_iter().flatten().filter(|j| **j != i) {
+                        let d = (0..3).map(|k| (points[j][k] - p[k]).powi(2)).sum::<f64>();
+                        if d < nearest[2] {
+                            nearest[2] = d;
+                            nearest.sort_by(f64::total_cmp);
+                        }
+                    }
+                }
+                if nearest[2].sqrt() <= reach as f64 * cell {
+                    break;
+                }
+            }
+            let found: Vec<f64> = nearest.iter().filter(|d| d.is_finite()).map(|d| d.sqrt()).collect();
+            let mean = found.iter().sum::<f64>() / found.len().max(1) as f64;
+            if found.is_empty() { 0.1 * radius } else { mean.min(0.1 * radius) }
+        })
+        .collect()
+}
+
+/// All offsets of at most `reach` along each axis.
+fn cube(reach: i64) -> impl Iterator<Item = [i64; 3]> {
+    let side = move || -reach..=reach;
+    side().flat_map(move |x| side().flat_map(move |y| side().map(move |z| [x, y, z])))
+}

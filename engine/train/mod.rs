@@ -1,0 +1,16 @@
+//! Training: Gaussians fitted to the images of a capture, one image a step (SPEC 4 and 6).
+
+mod config;
+mod density;
+mod init;
+mod metrics;
+mod random;
+mod schedule;
+mod trainer;
+
+pub use config::{Config, Density};
+pub use init::{from_points, random_points};
+pub use metrics::{Scores, psnr, scores};
+pub use random::{Random, permutation};
+pub use schedule::{Rates, rates};
+pub use trainer::{StepReport, Trainer};
