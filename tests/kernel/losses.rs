@@ -95,9 +95,12 @@ fn dot(a: &[[f64; 3]], b: &[[f64; 3]]) -> f64 {
     a.as_flattened().iter().zip(b.as_flattened()).map(|(a, b)| a * b).sum()
 }
 
+/// A name and what the mask holds at a pixel.
+type Mask = (&'static str, Box<dyn Fn(usize) -> u8>);
+
 /// Masks by pixel: all visible, all but one, bands of hidden pixels, and one visible pixel.
-fn masks(n: usize) -> Vec<(&'static str, Box<dyn Fn(usize) -> u8>)> {
-    let mut masks: Vec<(&'static str, Box<dyn Fn(usize) -> u8>)> = vec![("no mask", Box::new(|_| 255))];
+fn masks(n: usize) -> Vec<Mask> {
+    let mut masks: Vec<Mask> = vec![("no mask", Box::new(|_| 255))];
     if n > 1 {
         masks.push(("all but one", Box::new(move |i| if i == n / 2 { 0 } else { 255 })));
         masks.push(("bands", Box::new(|i| if i % 7 < 3 { 0 } else { 255 })));
