@@ -1,5 +1,6 @@
 //! `ivv`: the command line. One file per verb; exit codes are SPEC 10's.
 
+mod check;
 mod demo;
 mod devices;
 mod inspect;
@@ -28,6 +29,8 @@ struct Cli {
 enum Verb {
     /// Lists Vulkan devices with the limits and features that matter; says which one is picked and why.
     Devices(devices::Args),
+    /// Lists all faults of a capture at once, and what it holds.
+    Check(check::Args),
     /// Says what a scene holds: counts by population, SH degree, bytes, extent.
     Inspect(inspect::Args),
     /// Renders views of a scene: one file per view and format, named after the view.
@@ -43,6 +46,7 @@ fn main() -> ExitCode {
     tracing_subscriber::fmt().with_max_level(cli.log_level).with_writer(std::io::stderr).init();
     let done = match &cli.verb {
         Verb::Devices(args) => devices::run(args, cli.json),
+        Verb::Check(args) => check::run(args, cli.json),
         Verb::Inspect(args) => inspect::run(args, cli.json),
         Verb::Render(args) => render::run(args, cli.json),
         Verb::Vjp(args) => vjp::run(args),
@@ -73,6 +77,9 @@ impl std::error::Error for Interrupted {}
 fn exit_code(error: &anyhow::Error) -> u8 {
     if error.downcast_ref::<Interrupted>().is_some() {
         return 130;
+    }
+    if error.downcast_ref::<check::Faulty>().is_some() {
+        return 3;
     }
     error.downcast_ref::<ivv::Error>().map_or(2, ivv::Error::exit_code)
 }

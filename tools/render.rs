@@ -146,9 +146,8 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
             format.write(&frame, &args.output, view)?;
         }
         progress.step(&format!(
-            "{}, {} of {} Gaussians visible, {} intersections, {:.1} ms",
+            "{}, {} Gaussians, {} intersections, {:.1} ms",
             view.name,
-            report.visible,
             report.gaussians,
             report.intersections,
             1e3 * seconds

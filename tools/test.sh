@@ -44,13 +44,13 @@ skip() {
 # tests VARIABLE=VALUE...
 tests() { env "$@" cargo test --locked "${arguments[@]}"; }
 
-# Google's software driver, out of Debian's chromium-common, unpacked below the cache folder and not installed.
-# Prints the manifest's path or, on failure, the reason.
-swiftshader() {
-    local folder=$cache/swiftshader from=usr/lib/chromium temporary
-    local manifest=$folder/vk_swiftshader_icd.json
-    if [ -f "$manifest" ]; then
-        echo "$manifest"
+# Out of Debian's chromium-common, unpacked below the cache folder and not installed: Google's software driver, and a
+# validation layer years newer than Debian's, which sees hazards between dispatches. Prints the folder or, on failure, the
+# reason.
+chromium() {
+    local folder=$cache/chromium from=usr/lib/chromium temporary
+    if [ -f "$folder/VkLayer_khronos_validation.json" ]; then
+        echo "$folder"
         return
     fi
     if ! command -v apt-get >/dev/null || ! command -v dpkg >/dev/null; then
@@ -62,12 +62,19 @@ swiftshader() {
     if ! (cd "$temporary" && apt-get -o APT::Sandbox::User=root download chromium-common) >"$folder/log" 2>&1; then
         echo "chromium-common cannot be downloaded: $(tail -n 1 "$folder/log")"
     elif ! dpkg -x "$temporary"/*.deb "$temporary/x" ||
+        ! (cd "$temporary/x/$from" &&
+            mv libvk_swiftshader.so vk_swiftshader_icd.json libVkLayer_khronos_validation.so "$folder/"); then
+        echo "chromium-common holds no SwiftShader or no validation layer"
+    else
         # The manifest last: its presence says that the folder is complete.
-        ! mv "$temporary/x/$from/libvk_swiftshader.so" "$temporary/x/$from/vk_swiftshader_icd.json" "$folder/"; then
-        echo "chromium-common holds no SwiftShader"
+        cat >"$folder/VkLayer_khronos_validation.json" <<EOT
+{"file_format_version": "1.2.0", "layer": {"name": "VK_LAYER_KHRONOS_validation", "type": "GLOBAL",
+ "library_path": "./libVkLayer_khronos_validation.so", "api_version": "1.3.280", "implementation_version": "1",
+ "description": "Khronos validation layer of Debian's chromium"}}
+EOT
     fi
     rm -rf "$temporary"
-    [ -f "$manifest" ] && echo "$manifest"
+    [ -f "$folder/VkLayer_khronos_validation.json" ] && echo "$folder"
 }
 
 tools/setup.sh test
@@ -82,15 +89,17 @@ else
     lane "no push descriptors" tests IVV_TEST_NO_PUSH_DESCRIPTORS=1
     lane "synchronisation validation" tests IVV_TEST_SYNC_VALIDATION=1
     lane "long tests" tests IVV_TEST_SLOW=1
-    if manifest=$(swiftshader); then
+    if folder=$(chromium); then
+        lane "synchronisation between dispatches" tests VK_LAYER_PATH="$folder" IVV_TEST_SYNC_VALIDATION=1 \
+            VK_KHRONOS_VALIDATION_VALIDATE_SYNC=1 VK_KHRONOS_VALIDATION_SYNCVAL_SHADER_ACCESSES_HEURISTIC=true
+        manifest=$folder/vk_swiftshader_icd.json
         # Loaders before 1.3.207 know only the second name.
         lane "SwiftShader" tests VK_DRIVER_FILES="$manifest" VK_ICD_FILENAMES="$manifest"
     else
-        skip "SwiftShader" "$manifest"
+        skip "synchronisation between dispatches" "$folder"
+        skip "SwiftShader" "$folder"
     fi
-    if [ -f tools/mutants.sh ]; then
-        lane "mutations" tools/mutants.sh
-    fi
+    lane "mutations" tools/mutants.sh
 fi
 printf '\nlanes: %d passed, %d failed' $passed $failed
 [ $skipped -eq 0 ] || printf ', %d skipped' $skipped

@@ -2,11 +2,11 @@
 
 use anyhow::ensure;
 use ivv::gpu::{Gpu, Options};
-use ivv::scene::{Frame, Tensor, View, read_scene, read_tensors, read_views, write_tensors};
-use ivv::stage::Renderer;
+use ivv::scene::{Frame, Splats, Tensor, View, read_scene, read_tensors, read_views, write_tensors};
+use ivv::stage::{Gradients, Renderer};
 use ivv::vk::DeviceChoice;
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// Options of `ivv vjp`.
@@ -52,22 +52,8 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         let what = format!("the gradient of view `{}`", view.name);
         return Err(ivv::Error::NonFinite { what, count: u64::from(gradients.n_bad) }.into());
     }
-    let d = gradients.in_file_order(&splats);
-    let (n, k) = (splats.len(), splats.n_coefficients());
-    write_tensors(
-        &args.output,
-        &[
-            ("position", &[n, 3], d.position.as_flattened()),
-            ("rotation", &[n, 4], d.rotation.as_flattened()),
-            ("scale", &[n, 3], d.scale.as_flattened()),
-            ("opacity", &[n], &d.opacity),
-            ("sh", &[n, k, 3], d.sh.as_flattened()),
-            ("velocity", &[n, 3], d.velocity.as_flattened()),
-            ("t_center", &[n], &d.t_center),
-            ("t_scale", &[n], &d.t_scale),
-            ("time_offset", &[1], &[d.time_offset as f32]),
-        ],
-    )?;
+    write_gradients(&args.output, &gradients, &splats)?;
+    let n = splats.len();
     println!(
         "{}: gradients of view `{}`, {} of {n} Gaussians visible",
         args.output.display(),
@@ -118,4 +104,35 @@ fn take(
         return Err(ivv::Error::data(&args.cotangents, format!("{name}[{at}]"), "is not finite", "mend it"));
     }
     Ok(tensor.data.iter().map(|x| *x as f32).collect())
+}
+
+/// Writes the gradients by parameter, in the order of the file that `splats` came from.
+fn write_gradients(path: &Path, gradients: &Gradients, splats: &Splats) -> ivv::Result<()> {
+    let (n, k) = (splats.len(), splats.n_coefficients());
+    let mut index = vec![0; n];
+    for (i, row) in splats.source_row.iter().enumerate() {
+        index[*row as usize] = i;
+    }
+    let d = &gradients.params;
+    let gather = |width: usize, values: &[f32]| -> Vec<f32> {
+        index.iter().flat_map(|i| &values[i * width..(i + 1) * width]).copied().collect()
+    };
+    let motion: Vec<_> = index.iter().map(|i| gradients.motion(*i)).collect();
+    let velocity: Vec<f32> = motion.iter().flat_map(|m| m.velocity).collect();
+    let t_center: Vec<f32> = motion.iter().map(|m| m.t_center).collect();
+    let t_scale: Vec<f32> = motion.iter().map(|m| m.t_scale).collect();
+    write_tensors(
+        path,
+        &[
+            ("position", &[n, 3], &gather(3, d.position.as_flattened())),
+            ("rotation", &[n, 4], &gather(4, d.rotation.as_flattened())),
+            ("scale", &[n, 3], &gather(3, d.scale.as_flattened())),
+            ("opacity", &[n], &gather(1, &d.opacity)),
+            ("sh", &[n, k, 3], &gather(3 * k, d.sh.as_flattened())),
+            ("velocity", &[n, 3], &velocity),
+            ("t_center", &[n], &t_center),
+            ("t_scale", &[n], &t_scale),
+            ("time_offset", &[1], &[gradients.time_offset as f32]),
+        ],
+    )
 }

@@ -2848,6 +2848,8 @@ pub mod project_bwd_static_sh0 {
         pub d_sh2: &'a Buf<[f32; 4]>,
         /// Writes.
         pub d_sh3: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub stats: &'a Buf<[f32; 2]>,
     }
     impl Kernel for Args<'_> {
         type Push = Push;
@@ -2877,6 +2879,7 @@ pub mod project_bwd_static_sh0 {
                 BindingInfo { name: "d_sh1", kind: BindingKind::Storage, access: Access::Write },
                 BindingInfo { name: "d_sh2", kind: BindingKind::Storage, access: Access::Write },
                 BindingInfo { name: "d_sh3", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "stats", kind: BindingKind::Storage, access: Access::ReadWrite },
             ],
         };
         fn slices(&self) -> Vec<Slice> {
@@ -2900,6 +2903,7 @@ pub mod project_bwd_static_sh0 {
                 self.d_sh1.slice(),
                 self.d_sh2.slice(),
                 self.d_sh3.slice(),
+                self.stats.slice(),
             ]
         }
     }
@@ -2962,6 +2966,8 @@ pub mod project_bwd_static_sh1 {
         pub d_sh2: &'a Buf<[f32; 4]>,
         /// Writes.
         pub d_sh3: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub stats: &'a Buf<[f32; 2]>,
     }
     impl Kernel for Args<'_> {
         type Push = Push;
@@ -2991,6 +2997,7 @@ pub mod project_bwd_static_sh1 {
                 BindingInfo { name: "d_sh1", kind: BindingKind::Storage, access: Access::Write },
                 BindingInfo { name: "d_sh2", kind: BindingKind::Storage, access: Access::Write },
                 BindingInfo { name: "d_sh3", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "stats", kind: BindingKind::Storage, access: Access::ReadWrite },
             ],
         };
         fn slices(&self) -> Vec<Slice> {
@@ -3014,6 +3021,7 @@ pub mod project_bwd_static_sh1 {
                 self.d_sh1.slice(),
                 self.d_sh2.slice(),
                 self.d_sh3.slice(),
+                self.stats.slice(),
             ]
         }
     }
@@ -3076,6 +3084,8 @@ pub mod project_bwd_static_sh2 {
         pub d_sh2: &'a Buf<[f32; 4]>,
         /// Writes.
         pub d_sh3: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub stats: &'a Buf<[f32; 2]>,
     }
     impl Kernel for Args<'_> {
         type Push = Push;
@@ -3105,6 +3115,7 @@ pub mod project_bwd_static_sh2 {
                 BindingInfo { name: "d_sh1", kind: BindingKind::Storage, access: Access::Write },
                 BindingInfo { name: "d_sh2", kind: BindingKind::Storage, access: Access::Write },
                 BindingInfo { name: "d_sh3", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "stats", kind: BindingKind::Storage, access: Access::ReadWrite },
             ],
         };
         fn slices(&self) -> Vec<Slice> {
@@ -3128,6 +3139,7 @@ pub mod project_bwd_static_sh2 {
                 self.d_sh1.slice(),
                 self.d_sh2.slice(),
                 self.d_sh3.slice(),
+                self.stats.slice(),
             ]
         }
     }
@@ -3190,6 +3202,8 @@ pub mod project_bwd_static_sh3 {
         pub d_sh2: &'a Buf<[f32; 4]>,
         /// Writes.
         pub d_sh3: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub stats: &'a Buf<[f32; 2]>,
     }
     impl Kernel for Args<'_> {
         type Push = Push;
@@ -3219,6 +3233,7 @@ pub mod project_bwd_static_sh3 {
                 BindingInfo { name: "d_sh1", kind: BindingKind::Storage, access: Access::Write },
                 BindingInfo { name: "d_sh2", kind: BindingKind::Storage, access: Access::Write },
                 BindingInfo { name: "d_sh3", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "stats", kind: BindingKind::Storage, access: Access::ReadWrite },
             ],
         };
         fn slices(&self) -> Vec<Slice> {
@@ -3242,6 +3257,7 @@ pub mod project_bwd_static_sh3 {
                 self.d_sh1.slice(),
                 self.d_sh2.slice(),
                 self.d_sh3.slice(),
+                self.stats.slice(),
             ]
         }
     }
@@ -3304,6 +3320,8 @@ pub mod project_bwd_dynamic_sh0 {
         pub d_sh2: &'a Buf<[f32; 4]>,
         /// Writes.
         pub d_sh3: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub stats: &'a Buf<[f32; 2]>,
     }
     impl Kernel for Args<'_> {
         type Push = Push;
@@ -3333,6 +3351,7 @@ pub mod project_bwd_dynamic_sh0 {
                 BindingInfo { name: "d_sh1", kind: BindingKind::Storage, access: Access::Write },
                 BindingInfo { name: "d_sh2", kind: BindingKind::Storage, access: Access::Write },
                 BindingInfo { name: "d_sh3", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "stats", kind: BindingKind::Storage, access: Access::ReadWrite },
             ],
         };
         fn slices(&self) -> Vec<Slice> {
@@ -3356,6 +3375,7 @@ pub mod project_bwd_dynamic_sh0 {
                 self.d_sh1.slice(),
                 self.d_sh2.slice(),
                 self.d_sh3.slice(),
+                self.stats.slice(),
             ]
         }
     }
@@ -3418,6 +3438,8 @@ pub mod project_bwd_dynamic_sh1 {
         pub d_sh2: &'a Buf<[f32; 4]>,
         /// Writes.
         pub d_sh3: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub stats: &'a Buf<[f32; 2]>,
     }
     impl Kernel for Args<'_> {
         type Push = Push;
@@ -3447,6 +3469,7 @@ pub mod project_bwd_dynamic_sh1 {
                 BindingInfo { name: "d_sh1", kind: BindingKind::Storage, access: Access::Write },
                 BindingInfo { name: "d_sh2", kind: BindingKind::Storage, access: Access::Write },
                 BindingInfo { name: "d_sh3", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "stats", kind: BindingKind::Storage, access: Access::ReadWrite },
             ],
         };
         fn slices(&self) -> Vec<Slice> {
@@ -3470,6 +3493,7 @@ pub mod project_bwd_dynamic_sh1 {
                 self.d_sh1.slice(),
                 self.d_sh2.slice(),
                 self.d_sh3.slice(),
+                self.stats.slice(),
             ]
         }
     }
@@ -3532,6 +3556,8 @@ pub mod project_bwd_dynamic_sh2 {
         pub d_sh2: &'a Buf<[f32; 4]>,
         /// Writes.
         pub d_sh3: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub stats: &'a Buf<[f32; 2]>,
     }
     impl Kernel for Args<'_> {
         type Push = Push;
@@ -3561,6 +3587,7 @@ pub mod project_bwd_dynamic_sh2 {
                 BindingInfo { name: "d_sh1", kind: BindingKind::Storage, access: Access::Write },
                 BindingInfo { name: "d_sh2", kind: BindingKind::Storage, access: Access::Write },
                 BindingInfo { name: "d_sh3", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "stats", kind: BindingKind::Storage, access: Access::ReadWrite },
             ],
         };
         fn slices(&self) -> Vec<Slice> {
@@ -3584,6 +3611,7 @@ pub mod project_bwd_dynamic_sh2 {
                 self.d_sh1.slice(),
                 self.d_sh2.slice(),
                 self.d_sh3.slice(),
+                self.stats.slice(),
             ]
         }
     }
@@ -3646,6 +3674,8 @@ pub mod project_bwd_dynamic_sh3 {
         pub d_sh2: &'a Buf<[f32; 4]>,
         /// Writes.
         pub d_sh3: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub stats: &'a Buf<[f32; 2]>,
     }
     impl Kernel for Args<'_> {
         type Push = Push;
@@ -3675,6 +3705,7 @@ pub mod project_bwd_dynamic_sh3 {
                 BindingInfo { name: "d_sh1", kind: BindingKind::Storage, access: Access::Write },
                 BindingInfo { name: "d_sh2", kind: BindingKind::Storage, access: Access::Write },
                 BindingInfo { name: "d_sh3", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "stats", kind: BindingKind::Storage, access: Access::ReadWrite },
             ],
         };
         fn slices(&self) -> Vec<Slice> {
@@ -3698,6 +3729,7 @@ pub mod project_bwd_dynamic_sh3 {
                 self.d_sh1.slice(),
                 self.d_sh2.slice(),
                 self.d_sh3.slice(),
+                self.stats.slice(),
             ]
         }
     }

@@ -114,10 +114,10 @@ fn check_views(path: &Path, views: &[View]) -> Result<()> {
 }
 
 /// A fault of a view: field, reason, remedy.
-type Fault = (&'static str, String, &'static str);
+pub(super) type Fault = (&'static str, String, &'static str);
 
 impl View {
-    fn check(&self) -> Option<Fault> {
+    pub(super) fn check(&self) -> Option<Fault> {
         let unfit = |c: char| c == '/' || c == '\\' || c.is_control();
         if self.name.is_empty() || self.name.len() > MAX_NAME_BYTES {
             let reason = format!("has {} bytes, 1 to {MAX_NAME_BYTES} are allowed", self.name.len());

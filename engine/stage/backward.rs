@@ -4,7 +4,7 @@ use super::blend::{Blend, Outputs, SEGMENT, coprime_stride};
 use super::cull::{ARGS_FIRST_GROUP, Cull, indirect};
 use super::params::TILE;
 use super::project::Projected;
-use super::scene::{Group, SceneBuffers};
+use super::scene::{Planes, SceneBuffers};
 use super::tiles::{Lists, Tiles};
 use crate::error::Result;
 use crate::gpu::generated::{
@@ -15,18 +15,6 @@ use crate::gpu::{Buf, Gpu, Grid, Kernel, KernelInfo, Recording};
 /// vec2 per slot: the twelve sums that one intersection gives its splat.
 pub const SLOT_PAIRS: usize = 6;
 
-/// Gradients of a group, in the layout of its parameters.
-pub struct GroupGradients {
-    /// Position and opacity; rotation; scale and t_scale.
-    pub geometry: Buf<[f32; 4]>,
-    /// The constant band.
-    pub sh0: Buf<[f32; 4]>,
-    /// Bands 1 to 3; as many as the degree.
-    pub bands: Vec<Buf<[f32; 4]>>,
-    /// Velocity and t_center; dynamic groups only.
-    pub motion: Option<Buf<[f32; 4]>>,
-}
-
 /// Buffers of the backward pass.
 pub struct Backward {
     /// Cotangents of colour and alpha, per pixel.
@@ -34,7 +22,10 @@ pub struct Backward {
     /// Cotangents of depth, inverse depth and flow; absent for [`Outputs::Color`].
     pub d_image1: Option<Buf<[f32; 4]>>,
     /// Gradients, by group.
-    pub gradients: Vec<GroupGradients>,
+    pub gradients: Vec<Planes>,
+    /// Per Gaussian: sum of the norms of the projected centre's gradient, in half pictures, and the frames it was seen in.
+    /// Grows from frame to frame; density control reads and clears it.
+    pub stats: Vec<Buf<[f32; 2]>>,
     /// Gaussians whose gradient was not finite.
     pub n_bad: Buf<u32>,
     carry: Buf<[f32; 2]>,
@@ -54,22 +45,6 @@ fn kernel_of(dynamic: bool, degree: usize) -> &'static KernelInfo {
         (true, 1) => g::project_bwd_dynamic_sh1::Args::INFO,
         (true, 2) => g::project_bwd_dynamic_sh2::Args::INFO,
         (true, _) => g::project_bwd_dynamic_sh3::Args::INFO,
-    }
-}
-
-impl GroupGradients {
-    fn new(gpu: &Gpu, group: &Group) -> Result<Self> {
-        let like = |name: &str, buffer: &Buf<[f32; 4]>| gpu.alloc(name, buffer.len());
-        Ok(GroupGradients {
-            geometry: like("d geometry", &group.geometry)?,
-            sh0: like("d sh0", &group.sh0)?,
-            bands: group.bands.iter().map(|band| like("d sh", band)).collect::<Result<_>>()?,
-            motion: group.motion.as_ref().map(|motion| like("d motion", motion)).transpose()?,
-        })
-    }
-
-    fn buffers(&self) -> impl Iterator<Item = &Buf<[f32; 4]>> {
-        [&self.geometry, &self.sh0].into_iter().chain(&self.bands).chain(&self.motion)
     }
 }
 
@@ -95,7 +70,16 @@ impl Backward {
                 Outputs::Color => None,
                 Outputs::All => Some(gpu.alloc("d image depth flow", pixels)?),
             },
-            gradients: scene.groups.iter().map(|group| GroupGradients::new(gpu, group)).collect::<Result<_>>()?,
+            gradients: scene
+                .groups
+                .iter()
+                .map(|group| Planes::like(gpu, &group.params, "gradients"))
+                .collect::<Result<_>>()?,
+            stats: scene
+                .groups
+                .iter()
+                .map(|group| gpu.upload("density statistics", &vec![[0.0; 2]; group.n as usize]))
+                .collect::<Result<_>>()?,
             n_bad: gpu.alloc("bad gradients", 1)?,
             carry: gpu.alloc("blend carry", pixels)?,
             d_slots: gpu.alloc("d slots", SLOT_PAIRS * intersections as usize)?,
@@ -152,18 +136,18 @@ impl Backward {
         }
         rec.stage("project bwd");
         rec.fill(self.n_bad.slice(), 0);
-        for (index, (group, d)) in scene.groups.iter().zip(&self.gradients).enumerate() {
+        for (index, ((group, d), stats)) in scene.groups.iter().zip(&self.gradients).zip(&self.stats).enumerate() {
             for buffer in d.buffers() {
                 rec.fill(buffer.slice(), 0);
             }
             rec.group(Some(index));
-            let band = |b: usize| group.bands.get(b).unwrap_or(&group.sh0);
+            let band = |b: usize| group.params.bands.get(b).unwrap_or(&group.params.sh0);
             let d_band = |b: usize| d.bands.get(b).unwrap_or(&d.sh0);
             let args = project_bwd_static_sh0::Args {
                 view,
                 ranges: &cull.ranges,
                 active_id: &cull.active_id,
-                geometry: &group.geometry,
+                geometry: &group.params.geometry,
                 splats: &projected.splats,
                 tile_counts: &projected.tile_counts,
                 slot_first: &tiles.slot_first,
@@ -171,7 +155,7 @@ impl Backward {
                 d_geometry: &d.geometry,
                 d_sh0: &d.sh0,
                 n_bad: &self.n_bad,
-                motion: group.motion.as_ref().unwrap_or(&group.sh0),
+                motion: group.params.motion.as_ref().unwrap_or(&group.params.sh0),
                 sh1: band(0),
                 sh2: band(1),
                 sh3: band(2),
@@ -179,9 +163,10 @@ impl Backward {
                 d_sh1: d_band(0),
                 d_sh2: d_band(1),
                 d_sh3: d_band(2),
+                stats,
             };
             rec.pass_variant(
-                kernel_of(group.motion.is_some(), group.degree()),
+                kernel_of(group.params.motion.is_some(), group.degree()),
                 args,
                 project_bwd_static_sh0::Push { group: index as u32, first: group.first },
                 indirect(&cull.args, ARGS_FIRST_GROUP + index),

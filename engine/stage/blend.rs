@@ -96,6 +96,7 @@ impl Blend {
     }
 
     /// Appends blending of `lists` in `rounds` rounds, enough for lists of `rounds * SEGMENT` entries.
+    #[expect(clippy::too_many_arguments, reason = "each names a stage of the frame")]
     pub fn record(
         &self,
         rec: &mut Recording,
@@ -145,5 +146,5 @@ impl Blend {
 
 /// A stride that visits all of `n` places and leaves no long run of neighbours.
 pub(super) fn coprime_stride(n: u32) -> u32 {
-    [97, 89, 83, 79, 73].into_iter().find(|p| n % p != 0 && n > 2 * p).unwrap_or(1)
+    [97, 89, 83, 79, 73].into_iter().find(|p| !n.is_multiple_of(*p) && n > 2 * p).unwrap_or(1)
 }

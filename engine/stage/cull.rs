@@ -62,7 +62,7 @@ impl Cull {
         for (index, group) in scene.groups.iter().enumerate() {
             rec.group(Some(index));
             let (n, first, bound, grid) = (group.n, group.first, &group.bound, Grid::Threads(group.n));
-            if let (Some(motion), Some(window)) = (&group.motion, &group.window) {
+            if let (Some(motion), Some(window)) = (&group.params.motion, &group.window) {
                 let args = cull_dynamic::Args { view, bound, bits, counts, motion, window };
                 rec.pass(args, cull_dynamic::Push { n, first }, grid);
             } else {

@@ -10,7 +10,7 @@ pub const TILE: u32 = 16;
 /// A horizontal band of a picture, whole tile rows high. Every pixel's value is independent of the strips.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Strip {
-    /// First pixel row, a multiple of [`TILE`].
+    /// First pixel row, a multiple of `TILE`.
     pub first_row: u32,
     /// Pixel rows.
     pub n_rows: u32,

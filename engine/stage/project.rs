@@ -11,7 +11,7 @@ pub const SPLAT_PLANES: usize = 4;
 
 /// What projection gives, by active index.
 pub struct Projected {
-    /// [`SPLAT_PLANES`] vec4 each.
+    /// `SPLAT_PLANES` vec4 each.
     pub splats: Buf<[f32; 4]>,
     /// Bits of the camera depth.
     pub depth_keys: Buf<u32>,
@@ -59,25 +59,25 @@ impl Projected {
         rec.stage("project");
         for (index, group) in scene.groups.iter().enumerate() {
             rec.group(Some(index));
-            let band = |b: usize| group.bands.get(b).unwrap_or(&group.sh0);
+            let band = |b: usize| group.params.bands.get(b).unwrap_or(&group.params.sh0);
             let args = project_static_sh0::Args {
                 view,
                 ranges: &cull.ranges,
                 active_id: &cull.active_id,
-                geometry: &group.geometry,
-                sh0: &group.sh0,
+                geometry: &group.params.geometry,
+                sh0: &group.params.sh0,
                 splats: &self.splats,
                 depth_keys: &self.depth_keys,
                 identity: &self.identity,
                 tile_counts: &self.tile_counts,
                 frame_status: status,
-                motion: group.motion.as_ref().unwrap_or(&group.sh0),
+                motion: group.params.motion.as_ref().unwrap_or(&group.params.sh0),
                 sh1: band(0),
                 sh2: band(1),
                 sh3: band(2),
             };
             rec.pass_variant(
-                kernel_of(group.motion.is_some(), group.degree()),
+                kernel_of(group.params.motion.is_some(), group.degree()),
                 args,
                 project_static_sh0::Push { group: index as u32, first: group.first },
                 indirect(&cull.args, ARGS_FIRST_GROUP + index),

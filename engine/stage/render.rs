@@ -1,18 +1,16 @@
 //! The renderer: one frame from a view, in strips where a device's bindings are shorter than the picture, replayed with
 //! more room where it overflows.
 
-use super::backward::{Backward, SLOT_PAIRS};
+use super::backward::Backward;
 use super::blend::{Blend, Outputs, Purpose, SEGMENT};
-use super::cull::Cull;
 use super::gradients::Gradients;
 use super::params::{Strip, TILE, view_params};
-use super::project::{Projected, SPLAT_PLANES};
 use super::scene::SceneBuffers;
-use super::tiles::Tiles;
+use super::workspace::{Room, Workspace, max_active, max_intersections};
 use crate::error::{Error, Result};
-use crate::gpu::generated::{Status, ViewParams};
+use crate::gpu::generated::Status;
 use crate::gpu::table::{Count, KERNELS};
-use crate::gpu::{Buf, Gpu, PassTime, Recording};
+use crate::gpu::{Gpu, PassTime, Recording};
 use crate::scene::{Frame, Splats, View};
 use crate::settings::Constants;
 use std::sync::Arc;
@@ -70,50 +68,6 @@ pub struct Renderer {
     room: Room,
 }
 
-/// Capacities; they only grow, but for the strip.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Room {
-    active: u32,
-    intersections: u32,
-    tiles: u32,
-    pixels: usize,
-    outputs: Outputs,
-    purpose: Purpose,
-}
-
-struct Workspace {
-    room: Room,
-    view: Buf<ViewParams>,
-    status: Buf<Status>,
-    cull: Cull,
-    projected: Projected,
-    tiles: Tiles,
-    blend: Blend,
-    backward: Option<Backward>,
-}
-
-impl Workspace {
-    fn new(gpu: &Gpu, scene: &SceneBuffers, room: Room) -> Result<Self> {
-        let blend = Blend::new(gpu, room.pixels, room.outputs, room.purpose)?;
-        Ok(Workspace {
-            room,
-            view: gpu.alloc("view", 1)?,
-            status: gpu.alloc("status", 1)?,
-            cull: Cull::new(gpu, scene, room.active)?,
-            projected: Projected::new(gpu, room.active)?,
-            tiles: Tiles::new(gpu, room.active, room.intersections, room.tiles, room.purpose)?,
-            backward: match room.purpose {
-                Purpose::Picture => None,
-                Purpose::Gradient => {
-                    let (pixels, slots) = (room.pixels, room.intersections);
-                    Some(Backward::new(gpu, scene, &blend, pixels, slots, room.outputs)?)
-                }
-            },
-            blend,
-        })
-    }
-}
-
 impl Renderer {
     /// Uploads `splats`.
     ///
@@ -167,16 +121,12 @@ impl Renderer {
     /// As [`Renderer::render`].
     pub fn vjp(&mut self, view: &View, cotangents: &Frame) -> Result<(Gradients, FrameReport)> {
         let gpu = self.gpu.clone();
-        let n = self.scene.n as usize;
-        let mut gradients = Gradients::zero(n, self.scene.n_coefficients());
+        let mut gradients = Gradients::default();
         let report = self.strips(view, Outputs::All, Some(cotangents), false, |scene, work, _| {
             let Some(backward) = &work.backward else { return Ok(()) };
-            let mut start = 0;
-            for (group, d) in scene.groups.iter().zip(&backward.gradients) {
-                gradients.add(&gpu, group, d, start, view.flow_dt)?;
-                start += group.n as usize;
-            }
-            gradients.n_bad += gpu.read(&backward.n_bad)?.first().copied().unwrap_or(0);
+            let strip = scene.download(&gpu, backward.gradients.iter())?;
+            let n_bad = gpu.read(&backward.n_bad)?.first().copied().unwrap_or(0);
+            gradients.add(strip, n_bad, view.flow_dt);
             Ok(())
         })?;
         Ok((gradients, report))
@@ -273,7 +223,9 @@ impl Renderer {
             if let (Some(cotangents), Some(backward)) = (cotangents, &work.backward) {
                 write_cotangents(&self.gpu, backward, cotangents, view, strip)?;
             }
-            let rec = record_strip(&work, &self.scene, n_tiles, rounds);
+            let mut rec = Recording::new();
+            let lists = work.record_forward(&mut rec, &self.scene, n_tiles, rounds);
+            work.record_backward(&mut rec, &self.scene, &lists, n_tiles, rounds);
             let times = if timed {
                 self.gpu.run_timed(&rec)?
             } else {
@@ -326,23 +278,6 @@ impl Renderer {
     }
 }
 
-/// All passes of one strip.
-fn record_strip(work: &Workspace, scene: &SceneBuffers, n_tiles: u32, rounds: u32) -> Recording {
-    let mut rec = Recording::new();
-    let (view, status) = (&work.view, &work.status);
-    rec.stage("cull");
-    rec.fill(status.slice(), 0);
-    work.cull.record(&mut rec, scene, view, status);
-    work.projected.record(&mut rec, scene, &work.cull, view, status);
-    let lists = work.tiles.record(&mut rec, &work.cull, &work.projected, view, status, n_tiles);
-    work.blend.record(&mut rec, &work.tiles, &lists, &work.projected, view, n_tiles, rounds);
-    if let Some(backward) = &work.backward {
-        let Workspace { cull, projected, tiles, blend, .. } = work;
-        backward.record(&mut rec, scene, cull, projected, tiles, &lists, blend, view, n_tiles, rounds);
-    }
-    rec
-}
-
 /// Uploads the strip's rows of the cotangents.
 fn write_cotangents(gpu: &Gpu, backward: &Backward, c: &Frame, view: &View, strip: Strip) -> Result<()> {
     let first = (view.width * strip.first_row) as usize;
@@ -370,21 +305,6 @@ fn append(frame: &mut Frame, gpu: &Gpu, blend: &Blend, n: usize) -> Result<()> {
         }
     }
     Ok(())
-}
-
-/// Active Gaussians whose splats fit one binding.
-fn max_active(gpu: &Gpu) -> u32 {
-    let limit = gpu.caps().max_binding_bytes / (16 * SPLAT_PLANES as u64);
-    limit.min(u64::from(u32::MAX / 2)) as u32
-}
-
-/// Intersections whose lists, and slots where there are any, fit one binding.
-fn max_intersections(gpu: &Gpu, purpose: Purpose) -> u32 {
-    let bytes = match purpose {
-        Purpose::Picture => 4,
-        Purpose::Gradient => 8 * SLOT_PAIRS as u64,
-    };
-    (gpu.caps().max_binding_bytes / bytes).min(u64::from(u32::MAX - 1)) as u32
 }
 
 impl FrameReport {

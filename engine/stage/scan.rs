@@ -19,7 +19,7 @@ impl Scan {
     }
 
     /// Replaces the first `count[0]` of `values` by the sums of all before them and writes the sum of all to `total`,
-    /// saturated at 2^32 - 1. `blocks` has one workgroup per [`SCAN_BLOCK`] items.
+    /// saturated at 2^32 - 1. `blocks` has one workgroup per `SCAN_BLOCK` items.
     pub fn record(&self, rec: &mut Recording, count: &Buf<u32>, values: &Buf<u32>, total: &Buf<u32>, blocks: Grid) {
         let partials = &self.partials;
         rec.pass(scan_reduce::Args { count, values, partials }, (), blocks.clone());

@@ -4,7 +4,7 @@
 use crate::error::{Error, Result};
 use crate::gpu::generated::{bound_dynamic, bound_static};
 use crate::gpu::{Buf, Gpu, Grid, Recording};
-use crate::scene::Splats;
+use crate::scene::{Motion, Splats};
 
 /// Items in one block of planes; `plane_index` of the shaders.
 const PLANE_BLOCK: usize = 32;
@@ -13,12 +13,8 @@ pub const CULL_BLOCK: u32 = 128;
 /// vec4 planes of bands 1 to 3.
 const BAND_PLANES: [usize; 3] = [3, 4, 6];
 
-/// Gaussians that share their kernels: static or dynamic, one SH degree, one set of buffers.
-pub struct Group {
-    /// Flat index of the first, a multiple of [`CULL_BLOCK`].
-    pub first: u32,
-    /// Number of Gaussians.
-    pub n: u32,
+/// Numbers per Gaussian in the layout of the parameters: the parameters themselves, their gradients, their moments.
+pub struct Planes {
     /// Position and opacity; rotation; scale and t_scale.
     pub geometry: Buf<[f32; 4]>,
     /// The constant band.
@@ -27,6 +23,18 @@ pub struct Group {
     pub bands: Vec<Buf<[f32; 4]>>,
     /// Velocity and t_center; dynamic groups only.
     pub motion: Option<Buf<[f32; 4]>>,
+}
+
+/// Gaussians that share their kernels: static or dynamic, one SH degree, one set of buffers.
+pub struct Group {
+    /// Flat index of the first, a multiple of [`CULL_BLOCK`].
+    pub first: u32,
+    /// Number of Gaussians.
+    pub n: u32,
+    /// Index of the first in the scene's order.
+    pub start: usize,
+    /// The parameters; positions relative to the scene's origin.
+    pub params: Planes,
     /// Position and reach, derived.
     pub bound: Buf<[f32; 4]>,
     /// Half-width of the time window, derived; dynamic groups only.
@@ -37,7 +45,7 @@ pub struct Group {
 pub struct SceneBuffers {
     /// The groups, static ones first.
     pub groups: Vec<Group>,
-    /// Length of the flat index, a multiple of [`CULL_BLOCK`].
+    /// Length of the flat index, a multiple of `CULL_BLOCK`.
     pub n_flat: u32,
     /// Gaussians.
     pub n: u32,
@@ -77,20 +85,103 @@ impl SceneBuffers {
         }
         let group_first: Vec<u32> = groups.iter().map(|g| g.first / CULL_BLOCK).collect();
         let n_bad = gpu.upload("bad Gaussians", &[0u32])?;
-        let mut rec = Recording::new();
-        rec.stage("bound");
-        for group in &groups {
-            group.record_bound(&mut rec, alpha_min, &n_bad);
-        }
-        gpu.run(&rec)?;
-        Ok(SceneBuffers {
+        let mut scene = SceneBuffers {
             group_first: gpu.upload("group starts", &group_first)?,
             groups,
             n_flat: first,
             n: splats.len() as u32,
             origin,
-            n_bad: gpu.read(&n_bad)?.first().copied().unwrap_or(0),
+            n_bad: 0,
+        };
+        let mut rec = Recording::new();
+        scene.record_bounds(&mut rec, alpha_min, &n_bad);
+        gpu.run(&rec)?;
+        scene.n_bad = gpu.read(&n_bad)?.first().copied().unwrap_or(0);
+        Ok(scene)
+    }
+
+    /// Appends the derivation of what culling reads; due whenever the parameters have changed. `n_bad` grows by the
+    /// number of Gaussians that can never be drawn.
+    pub fn record_bounds(&self, rec: &mut Recording, alpha_min: f32, n_bad: &Buf<u32>) {
+        rec.stage("bound");
+        for (index, group) in self.groups.iter().enumerate() {
+            rec.group(Some(index));
+            group.record_bound(rec, alpha_min, n_bad);
+        }
+        rec.group(None);
+    }
+
+    /// Reads numbers in the parameters' layout back into the scene's order; one [`Planes`] per group.
+    pub fn download<'a>(&self, gpu: &Gpu, planes: impl Iterator<Item = &'a Planes>) -> Result<Splats> {
+        let degree = self.groups.first().map_or(0, Group::degree);
+        let (n, k) = (self.n as usize, self.n_coefficients());
+        let n_static = self.groups.iter().filter(|g| g.params.motion.is_none()).map(|g| g.n as usize).sum();
+        let mut out = Splats {
+            n_static,
+            position: vec![[0.0; 3]; n],
+            rotation: vec![[0.0; 4]; n],
+            scale: vec![[0.0; 3]; n],
+            opacity: vec![0.0; n],
+            sh: vec![[0.0; 3]; n * k],
+            motion: vec![Motion { velocity: [0.0; 3], t_center: 0.0, t_scale: 0.0 }; n - n_static],
+            source_row: (0..n as u32).collect(),
+            ..Splats::new(degree as u32)
+        };
+        for (group, planes) in self.groups.iter().zip(planes) {
+            planes.read_into(gpu, &mut out, group.start, group.n as usize)?;
+        }
+        Ok(out)
+    }
+}
+
+impl Planes {
+    /// The values of Gaussians `start..start + n` of `splats`, positions relative to `origin`.
+    pub fn upload(gpu: &Gpu, splats: &Splats, start: usize, n: usize, origin: [f64; 3]) -> Result<Self> {
+        upload_planes(gpu, splats, origin, start, n)
+    }
+
+    /// Buffers of the same shape with undefined contents.
+    pub fn like(gpu: &Gpu, other: &Planes, name: &str) -> Result<Self> {
+        let like = |buffer: &Buf<[f32; 4]>| gpu.alloc(name, buffer.len());
+        Ok(Planes {
+            geometry: like(&other.geometry)?,
+            sh0: like(&other.sh0)?,
+            bands: other.bands.iter().map(like).collect::<Result<_>>()?,
+            motion: other.motion.as_ref().map(like).transpose()?,
         })
+    }
+
+    /// All buffers, in the same order for planes of one shape.
+    pub fn buffers(&self) -> impl Iterator<Item = &Buf<[f32; 4]>> {
+        [&self.geometry, &self.sh0].into_iter().chain(&self.bands).chain(&self.motion)
+    }
+
+    fn read_into(&self, gpu: &Gpu, out: &mut Splats, start: usize, n: usize) -> Result<()> {
+        let k = out.n_coefficients();
+        let geometry = gpu.read(&self.geometry)?;
+        let sh0 = gpu.read(&self.sh0)?;
+        let bands = self.bands.iter().map(|band| gpu.read(band)).collect::<Result<Vec<_>>>()?;
+        let motion = self.motion.as_ref().map(|motion| gpu.read(motion)).transpose()?;
+        for i in 0..n {
+            let at = start + i;
+            let [a, q, s] = [0, 1, 2].map(|plane| geometry[plane_of(i, 3, plane)]);
+            out.position[at] = [a[0], a[1], a[2]];
+            out.opacity[at] = a[3];
+            out.rotation[at] = q;
+            out.scale[at] = [s[0], s[1], s[2]];
+            out.sh[at * k] = [sh0[i][0], sh0[i][1], sh0[i][2]];
+            for (band, data) in bands.iter().enumerate().map(|(b, data)| (b + 1, data)) {
+                let float = |f: usize| data[plane_of(i, BAND_PLANES[band - 1], f / 4)][f % 4];
+                for c in 0..2 * band + 1 {
+                    out.sh[at * k + band * band + c] = [float(3 * c), float(3 * c + 1), float(3 * c + 2)];
+                }
+            }
+            if let Some(motion) = &motion {
+                let m = motion[i];
+                out.motion[at - out.n_static] = Motion { velocity: [m[0], m[1], m[2]], t_center: m[3], t_scale: s[3] };
+            }
+        }
+        Ok(())
     }
 }
 
@@ -105,13 +196,13 @@ impl SceneBuffers {
 impl Group {
     /// SH degree.
     pub fn degree(&self) -> usize {
-        self.bands.len()
+        self.params.bands.len()
     }
 
     fn record_bound(&self, rec: &mut Recording, alpha_min: f32, n_bad: &Buf<u32>) {
-        let (geometry, bound, n) = (&self.geometry, &self.bound, self.n);
+        let (geometry, bound, n) = (&self.params.geometry, &self.bound, self.n);
         let grid = Grid::Threads(n);
-        if let (Some(motion), Some(window)) = (&self.motion, &self.window) {
+        if let (Some(motion), Some(window)) = (&self.params.motion, &self.window) {
             let push = bound_dynamic::Push { n, alpha_min };
             rec.pass(bound_dynamic::Args { geometry, bound, n_bad, motion, window }, push, grid);
         } else {
@@ -145,6 +236,18 @@ fn upload_group(
     first: u32,
     dynamic: bool,
 ) -> Result<Group> {
+    Ok(Group {
+        first,
+        n: n as u32,
+        start,
+        params: Planes::upload(gpu, splats, start, n, origin)?,
+        bound: gpu.alloc("bound", n)?,
+        window: if dynamic { Some(gpu.alloc("window", n)?) } else { None },
+    })
+}
+
+fn upload_planes(gpu: &Gpu, splats: &Splats, origin: [f64; 3], start: usize, n: usize) -> Result<Planes> {
+    let dynamic = start >= splats.n_static;
     let motion_of = |i: usize| splats.motion[start + i - splats.n_static];
     let geometry = planes(n, |i| {
         let g = start + i;
@@ -179,15 +282,11 @@ fn upload_group(
             })
             .collect()
     });
-    Ok(Group {
-        first,
-        n: n as u32,
+    Ok(Planes {
         geometry: gpu.upload("geometry", &geometry)?,
         sh0: gpu.upload("sh0", &sh0)?,
         bands,
         motion: motion.map(|m| gpu.upload("motion", &m)).transpose()?,
-        bound: gpu.alloc("bound", n)?,
-        window: if dynamic { Some(gpu.alloc("window", n)?) } else { None },
     })
 }
 

@@ -20,7 +20,7 @@ pub struct Sort {
 
 /// Grids of a sort, each for the number of keys that the device knows.
 pub struct SortGrids {
-    /// One workgroup per [`SORT_BLOCK`] keys.
+    /// One workgroup per `SORT_BLOCK` keys.
     pub blocks: Grid,
     /// One workgroup per 1,024 digit counts.
     pub digits: Grid,

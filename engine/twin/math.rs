@@ -41,11 +41,11 @@ pub fn row_times<R: Real>(row: [R; 3], matrix: [[R; 3]; 3]) -> [R; 3] {
     std::array::from_fn(|k| dot(row, [matrix[0][k], matrix[1][k], matrix[2][k]]))
 }
 
-/// Rotation matrix (rows) of a quaternion (w, x, y, z) of any length above 1e-15; `None` below, where no direction
+/// Rotation matrix (rows) of a quaternion (w, x, y, z) of any length above 1e-37; `None` below, where no direction
 /// can be told. The largest component is divided out first, so that no length overflows in f32.
 pub fn rotation<R: Real>(q: [R; 4]) -> Option<[[R; 3]; 3]> {
     let largest = max_abs(q);
-    let has_direction = largest.to_f64() > 1e-15;
+    let has_direction = largest.to_f64() > 1e-37;
     if !has_direction {
         return None;
     }

@@ -48,25 +48,16 @@ impl Commands {
     /// Begins a stream of at most `n_passes` passes with at most `n_bindings` bindings in all.
     pub fn new(device: &Arc<Device>, n_passes: usize, n_bindings: usize, timestamps: bool) -> Result<Self> {
         let raw_device = &device.raw;
-        let retired = device.retired.lock().ok().and_then(|mut pools| pools.pop());
-        let pool = match retired {
-            Some(pool) => pool,
-            None => {
-                let info = vk::CommandPoolCreateInfo::default()
-                    .flags(vk::CommandPoolCreateFlags::TRANSIENT)
-                    .queue_family_index(device.queue_family);
-                // SAFETY: plain creation; `drop` hands the pool back to the device.
-                unsafe { raw_device.create_command_pool(&info, None) }.map_err(vk_error("vkCreateCommandPool"))?
-            }
-        };
         let mut markers = Buffer::new(device, "markers", 4 * n_passes as u64, Location::Readback)?;
         if let Some(bytes) = markers.bytes_mut() {
             bytes.fill(0);
         }
+        let retired = device.retired.lock().ok().and_then(|mut streams| streams.pop());
+        let (pool, raw) = retired.map_or_else(|| new_stream(device), Ok)?;
         let mut commands = Commands {
             device: device.clone(),
             pool,
-            raw: vk::CommandBuffer::null(),
+            raw,
             descriptors: None,
             queries: None,
             markers: Arc::new(markers),
@@ -81,12 +72,6 @@ impl Commands {
             raw_device
                 .reset_command_pool(pool, vk::CommandPoolResetFlags::empty())
                 .map_err(vk_error("vkResetCommandPool"))?;
-            let info = vk::CommandBufferAllocateInfo::default()
-                .command_pool(pool)
-                .level(vk::CommandBufferLevel::PRIMARY)
-                .command_buffer_count(1);
-            let allocated = raw_device.allocate_command_buffers(&info).map_err(vk_error("vkAllocateCommandBuffers"))?;
-            commands.raw = allocated.first().copied().unwrap_or_default();
             if device.push_descriptor.is_none() && n_bindings > 0 {
                 let sizes = [vk::DescriptorType::STORAGE_BUFFER, vk::DescriptorType::UNIFORM_BUFFER]
                     .map(|ty| vk::DescriptorPoolSize::default().ty(ty).descriptor_count(n_bindings as u32));
@@ -327,6 +312,29 @@ impl Commands {
     }
 }
 
+/// A command pool and its one command buffer. They are kept and used again, never freed: it is cheaper, and Debian 12's
+/// validation layer crashes now and then in vkFreeCommandBuffers while another thread records.
+fn new_stream(device: &Device) -> Result<(vk::CommandPool, vk::CommandBuffer)> {
+    let info = vk::CommandPoolCreateInfo::default()
+        .flags(vk::CommandPoolCreateFlags::TRANSIENT)
+        .queue_family_index(device.queue_family);
+    // SAFETY: plain creation; the device destroys the pool, and with it the buffer, when it is dropped.
+    unsafe {
+        let pool = device.raw.create_command_pool(&info, None).map_err(vk_error("vkCreateCommandPool"))?;
+        let info = vk::CommandBufferAllocateInfo::default()
+            .command_pool(pool)
+            .level(vk::CommandBufferLevel::PRIMARY)
+            .command_buffer_count(1);
+        match device.raw.allocate_command_buffers(&info) {
+            Ok(buffers) => Ok((pool, buffers.first().copied().unwrap_or_default())),
+            Err(e) => {
+                device.raw.destroy_command_pool(pool, None);
+                Err(vk_error("vkAllocateCommandBuffers")(e))
+            }
+        }
+    }
+}
+
 /// Name of the last pass whose breadcrumb is set.
 fn last_begun(markers: &[u8], passes: &[String]) -> String {
     let begun = markers.chunks_exact(4).zip(passes).take_while(|(word, _)| word.iter().any(|b| *b != 0));
@@ -360,9 +368,6 @@ impl Drop for Commands {
         let _ = self.wait();
         // SAFETY: the stream has ended or was never submitted.
         unsafe {
-            if self.raw != vk::CommandBuffer::null() {
-                self.device.raw.free_command_buffers(self.pool, &[self.raw]);
-            }
             if let Some(pool) = self.descriptors {
                 self.device.raw.destroy_descriptor_pool(pool, None);
             }
@@ -371,7 +376,7 @@ impl Drop for Commands {
             }
         }
         if let Ok(mut retired) = self.device.retired.lock() {
-            retired.push(self.pool);
+            retired.push((self.pool, self.raw));
         }
     }
 }

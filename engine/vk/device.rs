@@ -41,7 +41,7 @@ pub struct Device {
     pub(super) pipeline_cache: vk::PipelineCache,
     pub(super) timeline: vk::Semaphore,
     pub(super) submitted: Mutex<u64>,
-    pub(super) retired: Mutex<Vec<vk::CommandPool>>,
+    pub(super) retired: Mutex<Vec<(vk::CommandPool, vk::CommandBuffer)>>,
     cache_file: Option<PathBuf>,
     caps: Caps,
     _instance: Arc<Instance>,
@@ -428,7 +428,7 @@ impl Drop for Device {
         // SAFETY: buffers, pipelines and submissions hold an `Arc` of this device, so none is left; the queue is idle
         // because a submission waits for its end before it is dropped.
         unsafe {
-            for pool in self.retired.get_mut().map(std::mem::take).unwrap_or_default() {
+            for (pool, _) in self.retired.get_mut().map(std::mem::take).unwrap_or_default() {
                 self.raw.destroy_command_pool(pool, None);
             }
             if let Ok(allocator) = self.allocator.get_mut() {

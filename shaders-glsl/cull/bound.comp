@@ -30,7 +30,9 @@ void main() {
     const float s = exp(max(max(scale_t.x, scale_t.y), scale_t.z));
     const float l = log(sigmoid(mean_opacity.w) / pc.alpha_min) * (1.0 + 1e-5) + 1e-5;
     float reach = s * sqrt(2.0 * max(l, 0.0)) * (1.0 + 1e-5);
-    bool good = finite4(mean_opacity) && finite4(q) && finite3(scale_t.xyz) && finite(reach) && dot(abs(q), vec4(1.0)) > 1e-37;
+    const vec4 q_abs = abs(q);
+    const bool turns = max(max(q_abs.x, q_abs.y), max(q_abs.z, q_abs.w)) > 1e-37;
+    bool good = finite4(mean_opacity) && finite4(q) && finite3(scale_t.xyz) && finite(reach) && turns;
 #ifdef DYNAMIC
     // tau = infinity is a value, every other infinity is not.
     const vec4 v = motion[i];

@@ -13,3 +13,12 @@ vec3 to_camera(ViewParams view, vec3 mean_world) {
 vec3 rotate_to_camera(ViewParams view, vec3 v) {
     return vec3(dot(view.row0.xyz, v), dot(view.row1.xyz, v), dot(view.row2.xyz, v));
 }
+
+// The unit direction of `d` and the inverse of its length; scaled first, since squares past 1e19 are not representable.
+vec3 unit_direction(vec3 d, out float inverse_length) {
+    const float largest = max(max(abs(d.x), abs(d.y)), abs(d.z));
+    const vec3 scaled = d / largest;
+    const float inverse = inversesqrt(dot(scaled, scaled));
+    inverse_length = inverse / largest;
+    return scaled * inverse;
+}

@@ -19,7 +19,13 @@ struct Conic {
     float chord;  // sqrt(det / C_yy): half-width of the one-sigma ellipse along its middle row, pixels
 };
 
-Conic conic_of(vec3 g0, vec3 g1, vec3 s, float blur) {
+Conic conic_of(vec3 g0_world, vec3 g1_world, vec3 s_world, float blur) {
+    // Scales in pixels: far away G is as small as s is large, and products of either alone are not representable.
+    const vec3 gain3 = max(abs(g0_world), abs(g1_world));
+    const float gain = max(max(max(gain3.x, gain3.y), gain3.z), 1e-37);
+    const vec3 g0 = g0_world / gain;
+    const vec3 g1 = g1_world / gain;
+    const vec3 s = s_world * gain;
     precise vec3 r0 = g0 * s;
     precise vec3 r1 = g1 * s;
     const vec3 largest = max(abs(r0), abs(r1));

@@ -8,8 +8,11 @@ vec3 mean_at(vec3 mean, vec4 motion, float time) {
     return moved;
 }
 
+// 1 / tau, held below infinity so that 0 / tau is 0 for the shortest tau too.
+float rate_of(float t_scale) { return exp(min(-t_scale, 80.0)); }
+
 // exp(-u^2); u is clamped where the result is zero anyway, so that u^2 cannot overflow.
 float temporal_weight(float t_center, float t_scale, float time) {
-    precise float u = min(abs(time - t_center) * exp(-t_scale), 16.0);
+    precise float u = min(abs(time - t_center) * rate_of(t_scale), 16.0);
     return exp(-u * u);
 }

@@ -90,7 +90,8 @@ void main() {
         const float cut = 2.0 * log(opacity / view.alpha_min) * (1.0 + 1e-5) + 1e-5;
         const float root_cut = sqrt(max(cut, 0.0));
         const vec3 from_camera = mean - vec3(view.row0.w, view.row1.w, view.row2.w);
-        const vec3 color = color_of(i, from_camera * inversesqrt(dot(from_camera, from_camera)));
+        float inverse_distance;
+        const vec3 color = color_of(i, unit_direction(from_camera, inverse_distance));
         const float reach_y = root_cut * conic.sd_y;
         const float chord = root_cut * conic.chord;
         splats[SPLAT_PLANES * at] = vec4(xy, conic.m.xy);

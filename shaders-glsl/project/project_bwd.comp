@@ -41,6 +41,7 @@ layout(set = 0, binding = 15) restrict writeonly buffer DMotion { vec4 d_motion[
 layout(set = 0, binding = 16) restrict writeonly buffer DSh1 { vec4 d_sh1[]; };
 layout(set = 0, binding = 17) restrict writeonly buffer DSh2 { vec4 d_sh2[]; };
 layout(set = 0, binding = 18) restrict writeonly buffer DSh3 { vec4 d_sh3[]; };
+layout(set = 0, binding = 19) restrict buffer Stats { vec2 stats[]; };
 
 // Writes the gradients of the bands above the first, and returns that of the unit direction.
 vec3 d_bands(uint i, vec3 dir, vec3 g) {
@@ -93,6 +94,8 @@ void main() {
     const vec4 s2 = splats[SPLAT_PLANES * at + 2u];
     const vec4 m = vec4(s0.zw, s1.xy);
     const vec2 d_xy = -2.0 * vec2(m.x * sum[1].y + m.z * sum[2].x, m.y * sum[1].y + m.w * sum[2].x);
+    // In units of half a picture, as 3DGS's threshold for density control has it.
+    if (n_slots > 0u) stats[i] += vec2(length(d_xy * 0.5 * vec2(float(view.width), float(view.height))), 1.0);
     const float d_opacity_t = sum[2].y;
     // The colour's clamp at 0 has no derivative below.
     const vec3 d_color = vec3(sum[3], sum[4].x) * vec3(greaterThan(s2.xyz, vec3(0.0)));
@@ -153,8 +156,8 @@ void main() {
     const vec3 d_p = vec3(d_uv / p.z, d_z - (dot(d_uv, uv) + dot(d_f_z, f_z)) / p.z);
     vec3 d_mean = view.row0.xyz * d_p.x + view.row1.xyz * d_p.y + view.row2.xyz * d_p.z;
     const vec3 from_camera = mean - vec3(view.row0.w, view.row1.w, view.row2.w);
-    const float inverse_distance = inversesqrt(dot(from_camera, from_camera));
-    const vec3 dir = from_camera * inverse_distance;
+    float inverse_distance;
+    const vec3 dir = unit_direction(from_camera, inverse_distance);
     const vec3 d_dir = d_bands(i, dir, d_color);
     d_mean += (d_dir - dir * dot(dir, d_dir)) * inverse_distance;
 
@@ -164,7 +167,7 @@ void main() {
 #ifdef DYNAMIC
     // opacity(t') = base exp(-u^2), mu(t') = mu + v (t' - t_center).
     const float dt = view.time - v.w;
-    const float rate = exp(-scale_t.w);
+    const float rate = rate_of(scale_t.w);
     const float u = dt * rate;
     const float d_exponent = abs(u) < 16.0 ? d_opacity_t * base * weight : 0.0;
     const float d_time = dot(d_mean, v.xyz) - 2.0 * u * rate * d_exponent;

@@ -8,6 +8,7 @@ mod places;
 mod poison;
 mod shapes;
 mod slow;
+mod symptoms;
 mod table;
 mod times;
 mod worlds;

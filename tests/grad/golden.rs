@@ -23,18 +23,19 @@ fn cotangents(golden: &Golden) -> Frame {
 /// The gradients that the scene's parameters have, flat: a static scene has no temporal ones.
 fn groups(d: &Gradients, is_dynamic: bool) -> Vec<(&'static str, Vec<f64>)> {
     let flat = |v: &[f32]| v.iter().map(|x| f64::from(*x)).collect::<Vec<f64>>();
+    let p = &d.params;
     let mut all = vec![
-        ("position", flat(d.position.as_flattened())),
-        ("rotation", flat(d.rotation.as_flattened())),
-        ("scale", flat(d.scale.as_flattened())),
-        ("opacity", flat(&d.opacity)),
-        ("sh", flat(d.sh.as_flattened())),
+        ("position", flat(p.position.as_flattened())),
+        ("rotation", flat(p.rotation.as_flattened())),
+        ("scale", flat(p.scale.as_flattened())),
+        ("opacity", flat(&p.opacity)),
+        ("sh", flat(p.sh.as_flattened())),
     ];
     if is_dynamic {
         all.extend([
-            ("velocity", flat(d.velocity.as_flattened())),
-            ("t_center", flat(&d.t_center)),
-            ("t_scale", flat(&d.t_scale)),
+            ("velocity", p.motion.iter().flat_map(|m| m.velocity).map(f64::from).collect()),
+            ("t_center", p.motion.iter().map(|m| f64::from(m.t_center)).collect()),
+            ("t_scale", p.motion.iter().map(|m| f64::from(m.t_scale)).collect()),
             ("time_offset", vec![d.time_offset]),
         ]);
     }

@@ -156,6 +156,16 @@ fn the_frame_in_architecture_md_is_the_frame_that_runs() {
 }
 
 #[test]
+fn the_passes_of_a_gradient_in_architecture_md_are_kernels() {
+    let rows = table(&text("engine/ARCHITECTURE.md"), "gradient");
+    assert!(!rows.is_empty());
+    for told in rows.iter().flat_map(|row| quoted(&row[0])) {
+        let is_told = |name: &str| told.strip_suffix('*').map_or(name == told, |stem| name.starts_with(stem));
+        assert!(KERNELS.iter().any(|row| is_told(row.name)), "`{told}` is no kernel");
+    }
+}
+
+#[test]
 fn architecture_md_stays_within_300_lines() {
     let n = text("engine/ARCHITECTURE.md").lines().count();
     assert!((50..=300).contains(&n), "{n} lines");
@@ -178,4 +188,19 @@ fn nothing_is_left_to_be_done_by_nobody_or_kept_alike_by_hand() {
         assert!(without_owner.is_none(), "{file}: a task without an owner");
     }
     assert!(n_files > 80, "only {n_files} files were read");
+}
+
+#[test]
+fn the_shipped_demo_is_what_its_generator_makes() {
+    let folder = std::env::temp_dir().join(format!("ivv-demo-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    let (splats, views) = ivv::scene::demo();
+    ivv::scene::write_ply(&folder.join("scene.ply"), &splats).unwrap();
+    ivv::scene::write_views(&folder.join("cameras.json"), &views).unwrap();
+    for file in ["scene.ply", "cameras.json"] {
+        let (made, shipped) =
+            (std::fs::read(folder.join(file)).unwrap(), std::fs::read(root().join("assets/demo").join(file)).unwrap());
+        assert!(!made.is_empty() && made == shipped, "{file}: mend it with: ivv demo -o assets/demo");
+    }
+    std::fs::remove_dir_all(&folder).unwrap();
 }

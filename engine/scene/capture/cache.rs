@@ -1,0 +1,241 @@
+//! Streams decoded images in a known order under a byte budget.
+
+use std::collections::{BTreeMap, HashMap};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use super::Capture;
+use super::picture::{Picture, Source, decode_or_fault};
+use super::report::Fault;
+use crate::error::Result;
+
+/// Bytes of a pixel while its image is being decoded: the result and what the decoder gives.
+const DECODING_BYTES: u64 = 8;
+/// Bytes of a decoded pixel.
+const DECODED_BYTES: u64 = 4;
+/// A position in the order that never comes.
+const NEVER: usize = usize::MAX;
+
+/// What a [`FrameCache`] has done so far.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct CacheStats {
+    /// Images decoded.
+    pub n_decoded: u64,
+    /// Positions of the order for which no image had to be decoded again.
+    pub n_hits: u64,
+    /// Most bytes held at once: decoded images, and twice that for each one being decoded.
+    pub peak_bytes: u64,
+    /// How long [`FrameCache::next_picture`] has waited in all.
+    pub waited: Duration,
+    /// How long the threads have decoded, summed over them.
+    pub decoding: Duration,
+}
+
+/// Decodes the images of a capture ahead of their use, in the order of their use, on threads of its own.
+///
+/// At most `budget_bytes` are held in decoded images and in those being decoded, or one image when the budget is smaller;
+/// an image that the consumer still holds after it has left the cache comes on top. Which image leaves follows from the
+/// order: the one needed last (Belady), so what is needed soon again is not decoded again. Pictures and errors come out
+/// in the order that was asked for, the same for any budget and number of threads. Dropping the cache ends its threads.
+pub struct FrameCache {
+    shared: Arc<Shared>,
+    threads: Vec<JoinHandle<()>>,
+}
+
+struct Shared {
+    sources: Vec<Source>,
+    /// Indices into `sources`.
+    order: Vec<u32>,
+    /// For each position of the order, the next position of the same image, or [`NEVER`].
+    next_use: Vec<usize>,
+    budget: u64,
+    state: Mutex<State>,
+    /// A decoded image, for the consumer.
+    ready: Condvar,
+    /// Room or the end, for the threads.
+    work: Condvar,
+}
+
+#[derive(Default)]
+struct State {
+    /// Positions handed out.
+    consumed: usize,
+    /// Positions whose image is there or being decoded.
+    planned: usize,
+    slots: HashMap<u32, Slot>,
+    /// The images of `slots` by the position that needs them next.
+    by_need: BTreeMap<usize, u32>,
+    bytes: u64,
+    closed: bool,
+    stats: CacheStats,
+}
+
+enum Slot {
+    Decoding,
+    Done(std::result::Result<Arc<Picture>, Fault>),
+}
+
+impl FrameCache {
+    /// Begins to decode the images of `order`, a list of (camera, frame), on `n_threads` threads (at least one).
+    ///
+    /// # Errors
+    /// `Error::Data` when the capture has no such image.
+    pub fn new(
+        capture: &Capture,
+        order: impl IntoIterator<Item = (usize, u32)>,
+        budget_bytes: u64,
+        n_threads: usize,
+    ) -> Result<FrameCache> {
+        let mut sources = Vec::new();
+        let mut known = HashMap::new();
+        let mut indices = Vec::new();
+        for (camera, frame) in order {
+            let next = sources.len() as u32;
+            let index = *known.entry((camera, frame)).or_insert(next);
+            if index == next {
+                sources.push(capture.source(camera, frame)?);
+            }
+            indices.push(index);
+        }
+        let mut next_use = vec![NEVER; indices.len()];
+        let mut later = vec![NEVER; sources.len()];
+        for (position, index) in indices.iter().enumerate().rev() {
+            next_use[position] = std::mem::replace(&mut later[*index as usize], position);
+        }
+        let shared = Arc::new(Shared {
+            sources,
+            order: indices,
+            next_use,
+            budget: budget_bytes,
+            state: Mutex::default(),
+            ready: Condvar::new(),
+            work: Condvar::new(),
+        });
+        let spawn = |_| {
+            let shared = Arc::clone(&shared);
+            std::thread::spawn(move || shared.decode_all())
+        };
+        let threads = (0..n_threads.max(1)).map(spawn).collect();
+        Ok(FrameCache { shared, threads })
+    }
+
+    /// The next picture of the order; waits for it when it is not decoded yet. `None` after the last.
+    ///
+    /// # Errors
+    /// `Error::Data` naming the image or mask that is missing, does not decode or has another size than its camera. The
+    /// next call goes on with the next picture.
+    pub fn next_picture(&mut self) -> Option<Result<Arc<Picture>>> {
+        let shared = &*self.shared;
+        let mut state = shared.lock();
+        let position = state.consumed;
+        let index = *shared.order.get(position)?;
+        let begin = Instant::now();
+        let outcome = loop {
+            match state.slots.get(&index) {
+                Some(Slot::Done(outcome)) => break outcome.clone(),
+                _ => state = shared.ready.wait(state).unwrap_or_else(PoisonError::into_inner),
+            }
+        };
+        state.stats.waited += begin.elapsed();
+        state.consumed += 1;
+        state.by_need.remove(&position);
+        let next = shared.next_use[position];
+        if next == NEVER {
+            state.remove(index, shared.decoded_bytes(index));
+        } else {
+            state.by_need.insert(next, index);
+        }
+        shared.work.notify_all();
+        Some(outcome.map_err(Into::into))
+    }
+
+    /// What has been done so far.
+    pub fn stats(&self) -> CacheStats {
+        self.shared.lock().stats
+    }
+}
+
+impl Drop for FrameCache {
+    fn drop(&mut self) {
+        self.shared.lock().closed = true;
+        self.shared.work.notify_all();
+        for thread in self.threads.drain(..) {
+            // A thread that panicked has said so; there is nothing to save here.
+            let _ = thread.join();
+        }
+    }
+}
+
+impl Shared {
+    /// Nothing panics while it holds the lock, so a poisoned state is a whole one.
+    fn lock(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn pixels(&self, index: u32) -> u64 {
+        let source = &self.sources[index as usize];
+        u64::from(source.width) * u64::from(source.height)
+    }
+
+    fn decoded_bytes(&self, index: u32) -> u64 {
+        DECODED_BYTES * self.pixels(index)
+    }
+
+    /// The work of a thread.
+    fn decode_all(&self) {
+        let mut state = self.lock();
+        while !state.closed && state.planned < self.order.len() {
+            let Some(index) = self.plan(&mut state) else {
+                state = self.work.wait(state).unwrap_or_else(PoisonError::into_inner);
+                continue;
+            };
+            drop(state);
+            let begin = Instant::now();
+            let outcome = decode_or_fault(&self.sources[index as usize]).map(Arc::new);
+            let took = begin.elapsed();
+            state = self.lock();
+            state.stats.n_decoded += 1;
+            state.stats.decoding += took;
+            let kept = if outcome.is_ok() { self.decoded_bytes(index) } else { 0 };
+            state.bytes = state.bytes - DECODING_BYTES * self.pixels(index) + kept;
+            state.slots.insert(index, Slot::Done(outcome));
+            self.ready.notify_all();
+            // The bytes of decoding are free now, so another thread may have room.
+            self.work.notify_all();
+        }
+    }
+
+    /// The image to decode next, with its bytes taken; `None` when there is no room yet or nothing is left.
+    fn plan(&self, state: &mut State) -> Option<u32> {
+        while let Some(&index) = self.order.get(state.planned) {
+            if state.slots.contains_key(&index) {
+                state.stats.n_hits += 1;
+                state.planned += 1;
+                continue;
+            }
+            let bytes = DECODING_BYTES * self.pixels(index);
+            while state.bytes > 0 && state.bytes + bytes > self.budget {
+                // Images needed before this one are still to be handed out; those after it can be decoded again.
+                let (&need, &victim) = state.by_need.last_key_value().filter(|&(&need, _)| need > state.planned)?;
+                state.by_need.remove(&need);
+                state.remove(victim, self.decoded_bytes(victim));
+            }
+            state.by_need.insert(state.planned, index);
+            state.planned += 1;
+            state.bytes += bytes;
+            state.stats.peak_bytes = state.stats.peak_bytes.max(state.bytes);
+            state.slots.insert(index, Slot::Decoding);
+            return Some(index);
+        }
+        None
+    }
+}
+
+impl State {
+    fn remove(&mut self, index: u32, bytes: u64) {
+        if let Some(Slot::Done(Ok(_))) = self.slots.remove(&index) {
+            self.bytes -= bytes;
+        }
+    }
+}

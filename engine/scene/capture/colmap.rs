@@ -1,0 +1,295 @@
+//! COLMAP's sparse model, and a plain COLMAP project as a static capture.
+
+use std::collections::{HashMap, HashSet};
+use std::path::{Path, PathBuf};
+
+use super::draft::{Draft, MAX_COORDINATE};
+use super::names::{flat, relative};
+use super::picture::MAX_SIDE;
+use super::report::Faults;
+use super::{Camera, CaptureSettings, Point, Pose, Shot, colmap_bin, colmap_text};
+
+/// Largest deviation of a quaternion's length from 1; COLMAP writes all digits.
+const QUATERNION_TOLERANCE: f64 = 1e-3;
+pub(super) const DAMAGED: &str = "the model is damaged: copy or export it again";
+
+/// A camera model as the files spell it: number, name, number of parameters.
+pub(super) struct ModelKind {
+    pub id: i32,
+    pub name: &'static str,
+    pub n_params: usize,
+}
+
+const fn kind(id: i32, name: &'static str, n_params: usize) -> ModelKind {
+    ModelKind { id, name, n_params }
+}
+
+/// COLMAP's camera models (its `src/colmap/sensor/models.h`).
+pub(super) const MODELS: [ModelKind; 12] = [
+    kind(0, "SIMPLE_PINHOLE", 3),
+    kind(1, "PINHOLE", 4),
+    kind(2, "SIMPLE_RADIAL", 4),
+    kind(3, "RADIAL", 5),
+    kind(4, "OPENCV", 8),
+    kind(5, "OPENCV_FISHEYE", 8),
+    kind(6, "FULL_OPENCV", 12),
+    kind(7, "FOV", 5),
+    kind(8, "SIMPLE_RADIAL_FISHEYE", 4),
+    kind(9, "RADIAL_FISHEYE", 5),
+    kind(10, "THIN_PRISM_FISHEYE", 12),
+    kind(11, "RAD_TAN_THIN_PRISM_FISHEYE", 16),
+];
+
+/// A camera of `cameras.{bin,txt}`.
+pub(super) struct RawCamera {
+    pub place: String,
+    pub id: u32,
+    pub kind: &'static ModelKind,
+    pub width: u64,
+    pub height: u64,
+    /// As many as the model has.
+    pub params: Vec<f64>,
+}
+
+/// An image of `images.{bin,txt}`.
+pub(super) struct RawImage {
+    pub place: String,
+    pub id: u32,
+    /// w, x, y, z of the rotation from world to camera.
+    pub quaternion: [f64; 4],
+    pub translation: [f64; 3],
+    pub camera_id: u32,
+    pub name: String,
+}
+
+/// A point of `points3D.{bin,txt}`.
+pub(super) struct RawPoint {
+    pub place: String,
+    pub id: u64,
+    pub position: [f64; 3],
+    pub color: [u8; 3],
+    /// Ids of the images that saw it; an id may come twice.
+    pub seen_in: Vec<u32>,
+}
+
+/// Pinhole intrinsics.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Intrinsics {
+    pub width: u32,
+    pub height: u32,
+    pub fx: f64,
+    pub fy: f64,
+    pub cx: f64,
+    pub cy: f64,
+}
+
+/// An image of the model: where it is, and what took it.
+pub(super) struct Posed {
+    /// Relative, without `..`.
+    pub name: PathBuf,
+    pub pose: Pose,
+    pub intrinsics: Intrinsics,
+}
+
+/// A sparse model of pinhole cameras.
+#[derive(Default)]
+pub(super) struct Model {
+    pub images: Vec<Posed>,
+    pub points: Vec<Point>,
+    /// The file of the images.
+    pub file: PathBuf,
+}
+
+/// The folder of a COLMAP model in a project: `sparse/0`, `sparse` or the project itself.
+pub(super) fn model_folder(path: &Path) -> Option<PathBuf> {
+    let folders = [path.join("sparse/0"), path.join("sparse"), path.to_owned()];
+    folders.into_iter().find(|folder| ["cameras.bin", "cameras.txt"].iter().any(|name| folder.join(name).is_file()))
+}
+
+/// Reads a model; `points3D` may be absent. What is faulty is left out.
+pub(super) fn read_model(folder: &Path, faults: &mut Faults) -> Model {
+    let binary = folder.join("cameras.bin").is_file();
+    let file = |stem: &str| folder.join(format!("{stem}.{}", if binary { "bin" } else { "txt" }));
+    let (cameras, images, points) = (file("cameras"), file("images"), file("points3D"));
+    let raw = if binary { colmap_bin::cameras(&cameras, faults) } else { colmap_text::cameras(&cameras, faults) };
+    let known = check_cameras(&cameras, raw, faults);
+    let raw = if binary { colmap_bin::images(&images, faults) } else { colmap_text::images(&images, faults) };
+    let ids: HashSet<u32> = raw.iter().map(|image| image.id).collect();
+    let mut model = Model { images: check_images(&images, raw, &known, faults), points: Vec::new(), file: images };
+    if points.is_file() {
+        let mut checked = CheckedPoints::new(&points, &ids);
+        if binary {
+            colmap_bin::points(&points, faults, |point, faults| checked.add(point, faults));
+        } else {
+            colmap_text::points(&points, faults, |point, faults| checked.add(point, faults));
+        }
+        model.points = checked.points;
+    }
+    model
+}
+
+/// The cameras by id; `None` for one that is known and faulty.
+fn check_cameras(file: &Path, raw: Vec<RawCamera>, faults: &mut Faults) -> HashMap<u32, Option<Intrinsics>> {
+    let mut known = HashMap::new();
+    for camera in raw {
+        let place = format!("{}, camera {}", camera.place, camera.id);
+        if known.contains_key(&camera.id) {
+            faults.add(file, place, "has the id of an earlier camera", DAMAGED);
+            continue;
+        }
+        let intrinsics = match camera.pinhole() {
+            Ok(intrinsics) => Some(intrinsics),
+            Err((reason, remedy)) => {
+                faults.add(file, place, reason, remedy);
+                None
+            }
+        };
+        known.insert(camera.id, intrinsics);
+    }
+    known
+}
+
+impl RawCamera {
+    fn pinhole(&self) -> Result<Intrinsics, (String, &'static str)> {
+        let side = |side: u64| u32::try_from(side).ok().filter(|side| (1..=MAX_SIDE).contains(side));
+        let (Some(width), Some(height)) = (side(self.width), side(self.height)) else {
+            let reason = format!("has {} x {} pixels, 1 to {MAX_SIDE} each is allowed", self.width, self.height);
+            return Err((reason, "give the size of the images"));
+        };
+        let (fx, fy, cx, cy) = match (self.kind.name, self.params.as_slice()) {
+            ("SIMPLE_PINHOLE", &[f, cx, cy]) => (f, f, cx, cy),
+            ("PINHOLE", &[fx, fy, cx, cy]) => (fx, fy, cx, cy),
+            (name, _) => {
+                let reason =
+                    format!("has the model {name}, which distorts; only PINHOLE and SIMPLE_PINHOLE are trained");
+                return Err((reason, "run `ivv prepare` on it: it undistorts the images"));
+            }
+        };
+        // `not > 0` is true of NaN too.
+        let bad = [fx, fy].iter().any(|f| !(f.is_finite() && *f > 0.0)) || !(cx.is_finite() && cy.is_finite());
+        if bad {
+            let reason =
+                format!("has the parameters {:?}: a focal length is not positive or one is not finite", self.params);
+            return Err((reason, DAMAGED));
+        }
+        Ok(Intrinsics { width, height, fx, fy, cx, cy })
+    }
+}
+
+fn check_images(
+    file: &Path,
+    raw: Vec<RawImage>,
+    known: &HashMap<u32, Option<Intrinsics>>,
+    faults: &mut Faults,
+) -> Vec<Posed> {
+    let (mut ids, mut names) = (HashSet::new(), HashSet::new());
+    let mut images = Vec::new();
+    for image in raw {
+        let place = format!("{}, image {}", image.place, image.id);
+        let mut fault = |reason: String| faults.add(file, &place, reason, DAMAGED);
+        if !ids.insert(image.id) {
+            fault("has the id of an earlier image".to_owned());
+            continue;
+        }
+        let (name, pose) = (relative(&image.name), image.pose());
+        for reason in [name.as_ref().err(), pose.as_ref().err()].into_iter().flatten() {
+            fault(reason.clone());
+        }
+        let intrinsics = known.get(&image.camera_id);
+        if intrinsics.is_none() {
+            fault(format!("was taken by camera {}, which is not in the list of cameras", image.camera_id));
+        }
+        let (Ok(name), Ok(pose), Some(Some(intrinsics))) = (name, pose, intrinsics) else { continue };
+        if names.insert(name.clone()) {
+            images.push(Posed { name, pose, intrinsics: *intrinsics });
+        } else {
+            fault(format!("has the name of an earlier image, `{}`", name.display()));
+        }
+    }
+    images
+}
+
+impl RawImage {
+    fn pose(&self) -> Result<Pose, String> {
+        let [w, x, y, z] = self.quaternion;
+        let [tx, ty, tz] = self.translation;
+        let length = self.quaternion.iter().map(|v| v * v).sum::<f64>().sqrt();
+        if !(length.is_finite() && self.translation.iter().all(|v| v.is_finite() && v.abs() <= MAX_COORDINATE)) {
+            let reason = format!("has the pose {:?}, {:?}", self.quaternion, self.translation);
+            return Err(reason + ": a number is not finite or too large");
+        }
+        if (length - 1.0).abs() > QUATERNION_TOLERANCE {
+            return Err(format!("has a quaternion of length {length}, not 1"));
+        }
+        let [w, x, y, z] = [w, x, y, z].map(|v| v / length);
+        Ok([
+            [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y), tx],
+            [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x), ty],
+            [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y), tz],
+            [0.0, 0.0, 0.0, 1.0],
+        ])
+    }
+}
+
+/// Points as they come; a file of them can be far larger than what is kept.
+struct CheckedPoints<'a> {
+    file: &'a Path,
+    images: &'a HashSet<u32>,
+    ids: HashSet<u64>,
+    points: Vec<Point>,
+}
+
+impl<'a> CheckedPoints<'a> {
+    fn new(file: &'a Path, images: &'a HashSet<u32>) -> Self {
+        CheckedPoints { file, images, ids: HashSet::new(), points: Vec::new() }
+    }
+
+    fn add(&mut self, mut point: RawPoint, faults: &mut Faults) {
+        let place = || format!("{}, point {}", point.place, point.id);
+        if !self.ids.insert(point.id) {
+            return faults.add(self.file, place(), "has the id of an earlier point", DAMAGED);
+        }
+        if !point.position.iter().all(|v| v.is_finite() && v.abs() <= MAX_COORDINATE) {
+            let reason = format!("is at {:?}, not finite or beyond {MAX_COORDINATE}", point.position);
+            return faults.add(self.file, place(), reason, DAMAGED);
+        }
+        if let Some(id) = point.seen_in.iter().find(|id| !self.images.contains(id)) {
+            return faults.add(self.file, place(), format!("was seen in image {id}, which does not exist"), DAMAGED);
+        }
+        point.seen_in.sort_unstable();
+        point.seen_in.dedup();
+        let n_views = point.seen_in.len() as u32;
+        self.points.push(Point { position: point.position, color: point.color, n_views });
+    }
+}
+
+/// A plain COLMAP project as a clip of one frame, every image a camera of its own.
+pub(super) fn read_capture(path: &Path, folder: &Path, settings: &CaptureSettings, faults: &mut Faults) -> Draft {
+    let mut model = read_model(folder, faults);
+    if model.images.is_empty() && faults.n() == 0 {
+        faults.add(&model.file, "", "holds no image", "run COLMAP's mapper, or export the model again");
+    }
+    model.images.sort_by(|a, b| a.name.cmp(&b.name));
+    let images = path.join(&settings.images);
+    let camera = |(index, posed): (usize, &Posed)| Camera {
+        is_test: settings.test_every > 0 && index.is_multiple_of(settings.test_every),
+        ..posed.camera(flat(&posed.name), &images.join(&posed.name))
+    };
+    Draft {
+        fps: settings.fps,
+        n_frames: 1,
+        cameras: model.images.iter().enumerate().map(camera).collect(),
+        points: model.points,
+        calibration: model.file,
+        ..Draft::default()
+    }
+}
+
+impl Posed {
+    /// The camera of one image, at frame 0.
+    fn camera(&self, name: String, image: &Path) -> Camera {
+        let Intrinsics { width, height, fx, fy, cx, cy } = self.intrinsics;
+        let shot = Shot { frame: 0, image: image.to_owned(), mask: None, world_to_camera: None };
+        Camera { name, width, height, fx, fy, cx, cy, world_to_camera: self.pose, is_test: false, shots: vec![shot] }
+    }
+}

@@ -1,0 +1,162 @@
+//! COLMAP's text files: one record in a line, an image in two.
+
+use std::fs::File;
+use std::io::{BufRead, BufReader};
+use std::path::Path;
+use std::str::{FromStr, SplitAsciiWhitespace};
+
+use super::colmap::{MODELS, RawCamera, RawImage, RawPoint};
+use super::report::Faults;
+use crate::error;
+use crate::scene::file::cannot_read;
+
+const REMEDY: &str = "correct this line, or export the model again";
+
+/// The lines of a file with their numbers; comments and blank lines are left out where a record begins.
+struct Lines<'a> {
+    path: &'a Path,
+    from: BufReader<File>,
+    line: String,
+    number: u64,
+}
+
+impl<'a> Lines<'a> {
+    fn open(path: &'a Path) -> error::Result<Self> {
+        let file = File::open(path).map_err(|fault| cannot_read(path, &fault))?;
+        Ok(Lines { path, from: BufReader::new(file), line: String::new(), number: 0 })
+    }
+
+    /// The next line, whatever it holds; `false` at the end.
+    fn any(&mut self) -> error::Result<bool> {
+        self.line.clear();
+        self.number += 1;
+        let read = self.from.read_line(&mut self.line).map_err(|fault| cannot_read(self.path, &fault))?;
+        Ok(read > 0)
+    }
+
+    /// The next line that begins a record.
+    fn record(&mut self) -> error::Result<bool> {
+        while self.any()? {
+            let line = self.line.trim_ascii();
+            if !line.is_empty() && !line.starts_with('#') {
+                return Ok(true);
+            }
+        }
+        Ok(false)
+    }
+
+    fn place(&self) -> String {
+        format!("line {}", self.number)
+    }
+}
+
+/// Reads every record; one that is faulty is noted and left out.
+fn records(
+    path: &Path,
+    faults: &mut Faults,
+    mut record: impl FnMut(&mut Lines, &mut Faults) -> error::Result<Result<(), String>>,
+) {
+    let mut all = |faults: &mut Faults| -> error::Result<()> {
+        let mut lines = Lines::open(path)?;
+        while lines.record()? {
+            let place = lines.place();
+            if let Err(reason) = record(&mut lines, faults)? {
+                faults.add(path, place, reason, REMEDY);
+            }
+        }
+        Ok(())
+    };
+    let outcome = all(faults);
+    faults.take(outcome);
+}
+
+fn next<T: FromStr>(fields: &mut SplitAsciiWhitespace, what: &str) -> Result<T, String> {
+    let field = fields.next().ok_or_else(|| format!("ends before the {what}"))?;
+    field.parse().map_err(|_| {
+        let start: String = field.chars().take(40).collect();
+        format!("the {what} is `{}`", start.escape_debug())
+    })
+}
+
+fn numbers<const N: usize>(fields: &mut SplitAsciiWhitespace, what: &str) -> Result<[f64; N], String> {
+    let mut values = [0.0; N];
+    for value in &mut values {
+        *value = next(fields, what)?;
+    }
+    Ok(values)
+}
+
+/// `cameras.txt`.
+pub(super) fn cameras(path: &Path, faults: &mut Faults) -> Vec<RawCamera> {
+    let mut cameras = Vec::new();
+    records(path, faults, |lines, _| Ok(camera(lines).map(|camera| cameras.push(camera))));
+    cameras
+}
+
+fn camera(lines: &Lines) -> Result<RawCamera, String> {
+    let mut fields = lines.line.split_ascii_whitespace();
+    let id = next(&mut fields, "id of the camera")?;
+    let name: String = next(&mut fields, "model")?;
+    let Some(kind) = MODELS.iter().find(|kind| kind.name == name) else {
+        return Err(format!("the model `{}` is unknown", name.chars().take(40).collect::<String>().escape_debug()));
+    };
+    let (width, height) = (next(&mut fields, "width")?, next(&mut fields, "height")?);
+    let params = (0..kind.n_params).map(|_| next(&mut fields, "parameter")).collect::<Result<_, _>>()?;
+    let n_more = fields.count();
+    if n_more > 0 {
+        return Err(format!("has {n_more} parameters more than {} takes", kind.name));
+    }
+    Ok(RawCamera { place: lines.place(), id, kind, width, height, params })
+}
+
+/// `images.txt`. The second line of an image, its observations, may be blank but not absent.
+pub(super) fn images(path: &Path, faults: &mut Faults) -> Vec<RawImage> {
+    let mut images = Vec::new();
+    records(path, faults, |lines, _| {
+        let image = image(lines);
+        // The last image's blank line may have been lost by an editor.
+        if lines.any()? {
+            let n_fields = lines.line.split_ascii_whitespace().count();
+            if n_fields % 3 != 0 {
+                let reason = format!("the line of its observations has {n_fields} fields, not three for each");
+                return Ok(Err(reason));
+            }
+        }
+        Ok(image.map(|image| images.push(image)))
+    });
+    images
+}
+
+fn image(lines: &Lines) -> Result<RawImage, String> {
+    let mut fields = lines.line.split_ascii_whitespace();
+    let id = next(&mut fields, "id of the image")?;
+    let (quaternion, translation) = (numbers(&mut fields, "quaternion")?, numbers(&mut fields, "translation")?);
+    let camera_id = next(&mut fields, "id of the camera")?;
+    // A name may have spaces, so it is the rest of the line.
+    let mut name = lines.line.trim_ascii();
+    for _ in 0..9 {
+        name = name.split_once(|c: char| c.is_ascii_whitespace()).map_or("", |(_, rest)| rest.trim_ascii_start());
+    }
+    Ok(RawImage { place: lines.place(), id, quaternion, translation, camera_id, name: name.to_owned() })
+}
+
+/// `points3D.txt`, point by point.
+pub(super) fn points(path: &Path, faults: &mut Faults, mut add: impl FnMut(RawPoint, &mut Faults)) {
+    records(path, faults, |lines, faults| Ok(point(lines).map(|point| add(point, faults))));
+}
+
+fn point(lines: &Lines) -> Result<RawPoint, String> {
+    let mut fields = lines.line.split_ascii_whitespace();
+    let (id, position) = (next(&mut fields, "id of the point")?, numbers(&mut fields, "position")?);
+    let mut color = [0; 3];
+    for channel in &mut color {
+        *channel = next(&mut fields, "colour")?;
+    }
+    let [_reprojection_error] = numbers(&mut fields, "error")?;
+    let mut seen_in = Vec::new();
+    while let Some(field) = fields.next() {
+        seen_in.push(field.parse().map_err(|_| format!("the track has the image `{}`", field.escape_debug()))?);
+        let _observation: u32 = next(&mut fields, "observation of the track")?;
+    }
+    Ok(RawPoint { place: lines.place(), id, position, color, seen_in })
+}

@@ -1,0 +1,232 @@
+//! What every format ends in: cameras as they were read, checked against their images.
+
+use std::collections::HashSet;
+use std::path::Path;
+
+use super::header::read_size;
+use super::picture::MAX_PIXELS;
+use super::report::{Faults, Report};
+use super::{Camera, Capture, CaptureSettings, Extent, Point, Pose};
+use crate::scene::View;
+
+/// Largest magnitude of a coordinate, scene units; beyond it distances overflow single precision.
+pub(super) const MAX_COORDINATE: f64 = 1e9;
+/// Most frames of a clip.
+pub(super) const MAX_FRAMES: u32 = 1 << 20;
+
+/// A capture as its format gives it.
+#[derive(Default)]
+pub(super) struct Draft {
+    pub fps: f64,
+    pub n_frames: u32,
+    pub reference_frame: u32,
+    /// Names are unique, shots have different frames.
+    pub cameras: Vec<Camera>,
+    pub points: Vec<Point>,
+    pub notes: Vec<String>,
+    /// The file that the cameras come from, for faults.
+    pub calibration: std::path::PathBuf,
+}
+
+impl Draft {
+    /// Checks what no format checks: poses, sizes, images, names of test cameras.
+    pub fn finish(
+        mut self,
+        path: &Path,
+        settings: &CaptureSettings,
+        faults: &mut Faults,
+        report: &mut Report,
+    ) -> Capture {
+        if let Some(limit) = settings.max_frames.filter(|&limit| limit < self.n_frames) {
+            self.notes.push(format!("only the first {limit} of {} frames are used", self.n_frames));
+            self.n_frames = limit;
+            self.cameras.iter_mut().for_each(|camera| camera.shots.retain(|shot| shot.frame < limit));
+        }
+        self.cameras.iter_mut().for_each(|camera| camera.shots.sort_by_key(|shot| shot.frame));
+        self.check_clip(faults);
+        self.check_images(settings, faults);
+        self.check_cameras(settings, faults);
+        self.choose_test_cameras(settings, faults);
+        // An empty capture whose reason is known needs no second fault.
+        if self.cameras.iter().all(|camera| camera.is_test || camera.shots.is_empty()) && faults.n() == 0 {
+            faults.add(path, "", "has no image to train on", "add images, or choose other test cameras");
+        }
+        report.n_frames = self.n_frames;
+        report.fps = self.fps;
+        report.n_cameras = self.cameras.len();
+        report.n_test_cameras = self.cameras.iter().filter(|camera| camera.is_test).count();
+        report.n_points = self.points.len();
+        for camera in &self.cameras {
+            report.n_images += camera.shots.len();
+            report.n_masks += camera.shots.iter().filter(|shot| shot.mask.is_some()).count();
+            let pixels = u64::from(camera.width) * u64::from(camera.height);
+            report.bytes_decoded += 4 * pixels * camera.shots.len() as u64;
+        }
+        report.notes = self.notes;
+        Capture {
+            path: path.to_owned(),
+            fps: self.fps,
+            n_frames: self.n_frames,
+            reference_frame: self.reference_frame,
+            cameras: self.cameras,
+            points: self.points,
+            background: settings.background,
+        }
+    }
+
+    fn check_clip(&self, faults: &mut Faults) {
+        if faults.n() > 0 && self.cameras.is_empty() {
+            return;
+        }
+        if !(self.fps.is_finite() && self.fps > 0.0) {
+            let reason = format!("has {} frames per second", self.fps);
+            faults.add(&self.calibration, "", reason, "give a positive number");
+        }
+        if !(1..=MAX_FRAMES).contains(&self.n_frames) {
+            let reason = format!("has {} frames, 1 to {MAX_FRAMES} are allowed", self.n_frames);
+            faults.add(&self.calibration, "", reason, "give the number of frames of the clip");
+        } else if self.reference_frame >= self.n_frames {
+            let reason = format!("is {}, the clip has {} frames", self.reference_frame, self.n_frames);
+            faults.add(&self.calibration, "reference frame", reason, "choose a frame of the clip");
+        }
+    }
+
+    /// Compares every image and mask with its camera; drops missing ones where that is asked for.
+    fn check_images(&mut self, settings: &CaptureSettings, faults: &mut Faults) {
+        let mut n_missing = 0_usize;
+        for camera in &mut self.cameras {
+            if settings.skip_missing {
+                let before = camera.shots.len();
+                camera.shots.retain(|shot| shot.image.exists());
+                n_missing += before - camera.shots.len();
+            }
+            if settings.rescale {
+                rescale(camera);
+            }
+            let calibrated = (camera.width, camera.height);
+            for shot in &camera.shots {
+                for file in [Some(&shot.image), shot.mask.as_ref()].into_iter().flatten() {
+                    match read_size(file) {
+                        Ok(size) if size == calibrated => {}
+                        Ok((width, height)) => {
+                            let reason = format!(
+                                "is {width} x {height}, its camera `{}` is calibrated for {} x {}",
+                                camera.name, calibrated.0, calibrated.1
+                            );
+                            let remedy = "give the images of the calibration, or scale the calibration to the images";
+                            faults.add(file, "", reason, remedy);
+                        }
+                        Err(fault) => faults.push(fault),
+                    }
+                }
+            }
+        }
+        if n_missing > 0 {
+            self.notes.push(format!("{n_missing} images are missing and left out"));
+        }
+        if settings.skip_missing {
+            self.cameras.retain(|camera| !camera.shots.is_empty());
+        }
+    }
+
+    fn check_cameras(&self, settings: &CaptureSettings, faults: &mut Faults) {
+        let mut names = HashSet::new();
+        for camera in &self.cameras {
+            let place = format!("camera `{}`", camera.name.escape_debug());
+            if !names.insert(camera.name.as_str()) {
+                let remedy = "give every camera or image its own name, also without its extension";
+                faults.add(&self.calibration, &place, "has the name of an earlier one", remedy);
+            }
+            if u64::from(camera.width) * u64::from(camera.height) > MAX_PIXELS {
+                let reason = format!("has {} x {} pixels, at most {MAX_PIXELS}", camera.width, camera.height);
+                faults.add(&self.calibration, &place, reason + " are allowed", "give smaller images");
+            }
+            let moving = camera.shots.iter().filter_map(|shot| Some((shot.frame, shot.world_to_camera.as_ref()?)));
+            let fixed = moving.clone().next().is_none().then_some((0, &camera.world_to_camera));
+            for (frame, pose) in moving.chain(fixed) {
+                let checked = view(camera, frame, self.n_frames, pose, settings.background).check();
+                let far = pose.iter().flatten().any(|v| v.abs() > MAX_COORDINATE);
+                if let Some((field, reason, remedy)) = checked {
+                    faults.add(&self.calibration, format!("{place}, frame {frame}, {field}"), reason, remedy);
+                } else if far {
+                    let reason = format!("has a position beyond {MAX_COORDINATE}");
+                    faults.add(&self.calibration, format!("{place}, frame {frame}"), reason, "scale the scene");
+                }
+            }
+        }
+    }
+
+    fn choose_test_cameras(&mut self, settings: &CaptureSettings, faults: &mut Faults) {
+        let Some(chosen) = &settings.test_cameras else { return };
+        check_test_cameras(chosen, &self.cameras, &self.calibration, faults);
+        self.cameras.iter_mut().for_each(|camera| camera.is_test = chosen.contains(&camera.name));
+    }
+}
+
+/// Notes a fault for each name that no camera has.
+pub(super) fn check_test_cameras(names: &[String], cameras: &[Camera], file: &Path, faults: &mut Faults) {
+    for name in names.iter().filter(|name| !cameras.iter().any(|camera| camera.name == **name)) {
+        let some: Vec<_> = cameras.iter().take(5).map(|camera| camera.name.as_str()).collect();
+        let reason = format!("no camera is named `{}`", name.escape_debug());
+        faults.add(
+            file,
+            "test cameras",
+            reason,
+            format!("there are {} cameras: {}, ...", cameras.len(), some.join(", ")),
+        );
+    }
+}
+
+/// Scales intrinsics to the size of the first readable image. Pixel edges stay where they are, so each axis scales by
+/// the ratio of the sizes, also when that is not the same for both.
+fn rescale(camera: &mut Camera) {
+    let Some((width, height)) = camera.shots.iter().find_map(|shot| read_size(&shot.image).ok()) else { return };
+    let (x, y) = (f64::from(width) / f64::from(camera.width), f64::from(height) / f64::from(camera.height));
+    (camera.width, camera.height) = (width, height);
+    (camera.fx, camera.cx) = (camera.fx * x, camera.cx * x);
+    (camera.fy, camera.cy) = (camera.fy * y, camera.cy * y);
+}
+
+/// The view of a camera with a pose.
+pub(super) fn view(camera: &Camera, frame: u32, n_frames: u32, pose: &Pose, background: [f32; 3]) -> View {
+    let name = if n_frames == 1 { camera.name.clone() } else { format!("{}_{frame:05}", camera.name) };
+    let n_frames = f64::from(n_frames.max(1));
+    View {
+        name,
+        width: camera.width,
+        height: camera.height,
+        fx: camera.fx,
+        fy: camera.fy,
+        cx: camera.cx,
+        cy: camera.cy,
+        world_to_camera: *pose,
+        time: f64::from(frame) / n_frames,
+        time_offset: 0.0,
+        flow_dt: 1.0 / n_frames,
+        background,
+    }
+}
+
+/// See [`Capture::extent`].
+pub(super) fn extent(cameras: &[Camera], points: &[Point]) -> Extent {
+    let all_test = cameras.iter().all(|camera| camera.is_test);
+    let used = cameras.iter().filter(|camera| all_test || !camera.is_test);
+    let poses = used.flat_map(|camera| camera.shots.iter().map(|shot| camera.pose(shot.frame)));
+    let centers: Vec<[f64; 3]> = poses.map(camera_center).collect();
+    let n = centers.len().max(1) as f64;
+    let center: [f64; 3] = std::array::from_fn(|k| centers.iter().map(|c| c[k]).sum::<f64>() / n);
+    let distance = |p: &[f64; 3]| (0..3).map(|k| (p[k] - center[k]).powi(2)).sum::<f64>().sqrt();
+    let radius = 1.1 * centers.iter().map(distance).fold(0.0, f64::max);
+    let size = center.iter().fold(1.0_f64, |size, c| size.max(c.abs()));
+    if radius > 1e-9 * size {
+        return Extent { center, radius };
+    }
+    let mut distances: Vec<f64> = points.iter().map(|point| distance(&point.position)).filter(|d| *d > 0.0).collect();
+    distances.sort_unstable_by(f64::total_cmp);
+    Extent { center, radius: distances.get(distances.len() / 2).copied().unwrap_or(1.0) }
+}
+
+/// - R^T t.
+fn camera_center(pose: &Pose) -> [f64; 3] {
+    std::array::from_fn(|k| -(0..3).map(|row| pose[row][k] * pose[row][3]).sum::<f64>())
+}

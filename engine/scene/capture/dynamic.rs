@@ -1,0 +1,171 @@
+//! Dynamic3DGaussians' layout: `train_meta.json`, `test_meta.json`, `ims/`, `seg/`, `init_pt_cld.npz`.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use super::draft::{Draft, MAX_FRAMES};
+use super::names::relative;
+use super::report::Faults;
+use super::{Camera, CaptureSettings, Point, Pose, Shot, npz};
+use crate::error::{self, Error};
+use crate::scene::file::read_bytes;
+
+const REMEDY: &str = "correct the file, or export the capture again";
+
+/// A meta file. The lists are by frame and, in each, by camera.
+#[derive(serde::Deserialize)]
+struct Meta {
+    w: u32,
+    h: u32,
+    k: Vec<Vec<[[f64; 3]; 3]>>,
+    w2c: Vec<Vec<Pose>>,
+    #[serde(rename = "fn")]
+    names: Vec<Vec<String>>,
+    cam_id: Vec<Vec<u32>>,
+}
+
+impl Meta {
+    fn read(path: &Path) -> error::Result<Meta> {
+        serde_json::from_slice(&read_bytes(path)?).map_err(|fault| {
+            let place = format!("line {}, column {}", fault.line(), fault.column());
+            Error::data(path, place, format!("is no meta file: {fault}"), REMEDY)
+        })
+    }
+}
+
+pub(super) fn read(path: &Path, settings: &CaptureSettings, faults: &mut Faults) -> Draft {
+    let calibration = path.join("train_meta.json");
+    let mut found = Found { path, settings, cameras: BTreeMap::new(), n_listed: 0 };
+    for (name, is_test) in [("train_meta.json", false), ("test_meta.json", true)] {
+        let file = path.join(name);
+        if is_test && !file.exists() {
+            continue;
+        }
+        if let Some(meta) = faults.take(Meta::read(&file)) {
+            found.add(&file, &meta, is_test, faults);
+        }
+    }
+    let mut draft = Draft { fps: settings.fps, n_frames: found.n_listed, calibration, ..Draft::default() };
+    draft.cameras = found.cameras.into_values().collect();
+    drop_absent_end(&mut draft);
+    let cloud = path.join("init_pt_cld.npz");
+    if cloud.is_file() {
+        draft.points = faults.take(points(&cloud)).unwrap_or_default();
+    }
+    draft
+}
+
+struct Found<'a> {
+    path: &'a Path,
+    settings: &'a CaptureSettings,
+    /// By id.
+    cameras: BTreeMap<u32, Camera>,
+    n_listed: u32,
+}
+
+impl Found<'_> {
+    fn add(&mut self, file: &Path, meta: &Meta, is_test: bool, faults: &mut Faults) {
+        let n = [meta.k.len(), meta.w2c.len(), meta.names.len(), meta.cam_id.len()];
+        if n.iter().any(|m| *m != n[0]) || n[0] > MAX_FRAMES as usize {
+            let reason = format!("lists {} frames in k, {} in w2c, {} in fn, {} in cam_id", n[0], n[1], n[2], n[3]);
+            faults.add(file, "", reason, REMEDY);
+        }
+        let n_frames = n.iter().min().map_or(0, |n| u32::try_from(*n).unwrap_or(MAX_FRAMES));
+        self.n_listed = self.n_listed.max(n_frames);
+        for t in 0..n_frames.min(self.settings.max_frames.unwrap_or(MAX_FRAMES)) as usize {
+            let n = [meta.k[t].len(), meta.w2c[t].len(), meta.names[t].len(), meta.cam_id[t].len()];
+            if n.iter().any(|m| *m != n[0]) {
+                let reason =
+                    format!("lists {} cameras in k, {} in w2c, {} in fn, {} in cam_id", n[0], n[1], n[2], n[3]);
+                faults.add(file, format!("frame {t}"), reason, REMEDY);
+                continue;
+            }
+            for c in 0..n[0] {
+                if let Err(reason) = self.add_shot(meta, t, c, is_test) {
+                    faults.add(file, format!("frame {t}, camera {}", meta.cam_id[t][c]), reason, REMEDY);
+                }
+            }
+        }
+    }
+
+    fn add_shot(&mut self, meta: &Meta, t: usize, c: usize, is_test: bool) -> Result<(), String> {
+        let name = relative(&meta.names[t][c])?;
+        let (k, pose, id) = (meta.k[t][c], meta.w2c[t][c], meta.cam_id[t][c]);
+        if k[0][1] != 0.0 || k[1][0] != 0.0 || k[2] != [0.0, 0.0, 1.0] {
+            return Err(format!("has the intrinsic matrix {k:?}, which is no pinhole without skew"));
+        }
+        let mask = self.path.join("seg").join(name.with_extension("png"));
+        let has_mask = self.settings.foreground_masks && mask.exists();
+        let shot = Shot {
+            frame: t as u32,
+            image: self.path.join("ims").join(name),
+            mask: has_mask.then_some(mask),
+            world_to_camera: None,
+        };
+        let new = Camera {
+            name: id.to_string(),
+            width: meta.w,
+            height: meta.h,
+            fx: k[0][0],
+            fy: k[1][1],
+            cx: k[0][2],
+            cy: k[1][2],
+            world_to_camera: pose,
+            is_test,
+            shots: Vec::new(),
+        };
+        let camera = self.cameras.entry(id).or_insert_with(|| new.clone());
+        if camera.is_test != is_test {
+            return Err("is both a training and a test camera".to_owned());
+        }
+        let lens = |of: &Camera| [of.fx, of.fy, of.cx, of.cy].map(f64::to_bits);
+        if lens(camera) != lens(&new) {
+            return Err("changes its intrinsics in time".to_owned());
+        }
+        if camera.shots.last().is_some_and(|last| last.frame == shot.frame) {
+            return Err("is listed twice in this frame".to_owned());
+        }
+        // A camera that stands still keeps one pose; from its first movement on, every shot has its own.
+        let moves = camera.shots.last().is_some_and(|last| last.world_to_camera.is_some());
+        if !moves && camera.world_to_camera != pose {
+            let first = camera.world_to_camera;
+            camera.shots.iter_mut().for_each(|shot| shot.world_to_camera = Some(first));
+        }
+        let moves = moves || camera.world_to_camera != pose;
+        camera.shots.push(Shot { world_to_camera: moves.then_some(pose), ..shot });
+        Ok(())
+    }
+}
+
+/// Excerpts of a capture keep the lists of all frames: the end of the clip for which no camera has an image is left out.
+fn drop_absent_end(draft: &mut Draft) {
+    let shots = draft.cameras.iter().flat_map(|camera| &camera.shots);
+    let Some(last) = shots.filter(|shot| shot.image.exists()).map(|shot| shot.frame).max() else { return };
+    if last + 1 < draft.n_frames {
+        draft.notes.push(format!("{} frames are listed, images of the first {} exist", draft.n_frames, last + 1));
+        draft.n_frames = last + 1;
+        draft.cameras.iter_mut().for_each(|camera| camera.shots.retain(|shot| shot.frame <= last));
+    }
+}
+
+/// Rows of `data`: x, y, z, then red, green and blue in [0, 1], then a label.
+fn points(path: &Path) -> error::Result<Vec<Point>> {
+    let array = npz::read(path, "data")?;
+    let &[_, n_columns] = array.shape.as_slice() else {
+        return Err(Error::data(path, "array `data`", format!("has the shape {:?}", array.shape), REMEDY));
+    };
+    if n_columns < 6 {
+        let reason = format!("has {n_columns} columns, position and colour need 6");
+        return Err(Error::data(path, "array `data`", reason, REMEDY));
+    }
+    let mut points = Vec::new();
+    for (row, values) in array.values.chunks_exact(n_columns).enumerate() {
+        if values[..6].iter().any(|v| !v.is_finite() || v.abs() > super::draft::MAX_COORDINATE) {
+            let reason = format!("is {:?}: not finite or too large", &values[..6]);
+            return Err(Error::data(path, format!("array `data`, row {row}"), reason, REMEDY));
+        }
+        let color = [values[3], values[4], values[5]].map(|c| (c.clamp(0.0, 1.0) * 255.0).round() as u8);
+        points.push(Point { position: [values[0], values[1], values[2]], color, n_views: 0 });
+    }
+    Ok(points)
+}

@@ -1,0 +1,211 @@
+//! The project's own capture folder (SPEC 8).
+
+use std::collections::BTreeMap;
+use std::io::ErrorKind;
+use std::path::{Path, PathBuf};
+
+use super::colmap::{Intrinsics, Posed, read_model};
+use super::draft::{Draft, MAX_FRAMES, check_test_cameras};
+use super::names::with_image_extension;
+use super::report::Faults;
+use super::{Camera, CaptureSettings, Shot};
+use crate::error::{self, Error};
+use crate::scene::file::{cannot_read, write_atomic};
+
+const FILE: &str = "capture.toml";
+
+/// `capture.toml`, the description of a capture folder.
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Manifest {
+    /// Frames per second.
+    pub fps: f64,
+    /// Frames of the clip; every camera has an image of each.
+    pub frames: u32,
+    /// The frame of the static points (SPEC 5).
+    #[serde(default)]
+    pub reference_frame: u32,
+    /// Names of the cameras kept for testing.
+    #[serde(default)]
+    pub test_cameras: Vec<String>,
+    /// `masks/<camera>/<frame:05>.png` exist, for all frames of every camera that has such a folder.
+    #[serde(default)]
+    pub masks: bool,
+    /// `points/<frame:05>.ply` exist.
+    #[serde(default)]
+    pub points: bool,
+    /// `flow/` exists.
+    #[serde(default)]
+    pub flow: bool,
+    /// `depth/` exists.
+    #[serde(default)]
+    pub depth: bool,
+    /// `audio/` exists.
+    #[serde(default)]
+    pub audio: bool,
+}
+
+impl Manifest {
+    /// Reads `capture.toml` of a capture folder.
+    ///
+    /// # Errors
+    /// [`Error::Data`] with the line when the file cannot be read, is no TOML, lacks `fps` or `frames` or has a key that
+    /// is not one of the fields.
+    pub fn read(capture: &Path) -> error::Result<Manifest> {
+        let path = capture.join(FILE);
+        let text = std::fs::read_to_string(&path).map_err(|fault| match fault.kind() {
+            ErrorKind::InvalidData => Error::data(&path, "", "is not UTF-8", "write it as TOML"),
+            _ => cannot_read(&path, &fault),
+        })?;
+        toml::from_str(&text).map_err(|fault| {
+            let start = fault.span().map_or(0, |span| span.start);
+            let line = text.as_bytes().iter().take(start).filter(|byte| **byte == b'\n').count() + 1;
+            let remedy = "give fps, frames and, where they apply, reference_frame, test_cameras, masks, points, flow, \
+                          depth and audio";
+            Error::data(&path, format!("line {line}"), fault.message().to_owned(), remedy)
+        })
+    }
+
+    /// Writes `capture.toml` into a capture folder.
+    ///
+    /// # Errors
+    /// [`Error::Data`] when the file cannot be written.
+    pub fn write(&self, capture: &Path) -> error::Result<()> {
+        let text = toml::to_string(self).map_err(std::io::Error::other);
+        write_atomic(&capture.join(FILE), |to| to.write_all(text?.as_bytes()))
+    }
+}
+
+pub(super) fn read(path: &Path, settings: &CaptureSettings, faults: &mut Faults) -> Draft {
+    let manifest = faults.take(Manifest::read(path));
+    let model = read_model(&path.join("sparse/0"), faults);
+    let Some(manifest) = manifest else { return Draft::default() };
+    // The draft refuses a clip that is longer; until then no list is made of its frames.
+    let n_frames = manifest.frames.min(settings.max_frames.unwrap_or(MAX_FRAMES)).min(MAX_FRAMES);
+    let mut draft = Draft {
+        fps: manifest.fps,
+        n_frames: manifest.frames,
+        reference_frame: manifest.reference_frame,
+        points: model.points,
+        calibration: path.join(FILE),
+        ..Draft::default()
+    };
+    draft.cameras = cameras(path, &model.file, model.images, n_frames, faults);
+    if draft.cameras.is_empty() && faults.n() == 0 {
+        faults.add(&model.file, "", "holds no image", "write one for each camera, named <camera>/<frame>.png");
+    }
+    for (name, declared) in [
+        ("masks", manifest.masks),
+        ("points", manifest.points),
+        ("flow", manifest.flow),
+        ("depth", manifest.depth),
+        ("audio", manifest.audio),
+    ] {
+        let exists = path.join(name).is_dir();
+        if declared && !exists {
+            let remedy = format!("add the folder or set {name} = false in {FILE}");
+            faults.add(&path.join(name), "", "is missing", remedy);
+        } else if exists && !declared {
+            draft.notes.push(format!("{name}/ is not used: {FILE} does not declare it"));
+        }
+    }
+    if manifest.masks {
+        draft.cameras.iter_mut().for_each(|camera| add_masks(&path.join("masks").join(&camera.name), camera));
+    }
+    check_test_cameras(&manifest.test_cameras, &draft.cameras, &draft.calibration, faults);
+    for camera in &mut draft.cameras {
+        camera.is_test = manifest.test_cameras.contains(&camera.name);
+    }
+    draft
+}
+
+/// A camera that has a folder of masks has one for every frame.
+fn add_masks(folder: &Path, camera: &mut Camera) {
+    if folder.is_dir() {
+        for shot in &mut camera.shots {
+            shot.mask = Some(folder.join(format!("{:05}.png", shot.frame)));
+        }
+    }
+}
+
+/// The images of the model by camera: `<camera>.<ext>` or `<camera>/<frame>.<ext>`. A camera with one of them stands
+/// still; one with several moves and has one for each frame.
+fn cameras(path: &Path, file: &Path, images: Vec<Posed>, n_frames: u32, faults: &mut Faults) -> Vec<Camera> {
+    let mut by_name: BTreeMap<String, Vec<(PathBuf, Posed)>> = BTreeMap::new();
+    for posed in images {
+        let parts: Vec<_> = posed.name.iter().map(|part| part.to_string_lossy().into_owned()).collect();
+        let name = match parts.as_slice() {
+            [_] => posed.name.with_extension("").to_string_lossy().into_owned(),
+            [camera, _] => camera.clone(),
+            _ => {
+                let place = format!("image `{}`", posed.name.display());
+                faults.add(file, place, "is nested too deep", "name images <camera>.<ext> or <camera>/<frame>.<ext>");
+                continue;
+            }
+        };
+        let stem = PathBuf::from(posed.name.with_extension("").file_name().unwrap_or_default());
+        by_name.entry(name).or_default().push((stem, posed));
+    }
+    let mut cameras = Vec::new();
+    for (name, posed) in by_name {
+        let poses = Poses { file, name: &name, posed: &posed };
+        let Some((intrinsics, moving)) = poses.check(n_frames, faults) else { continue };
+        let folder = path.join("images").join(&name);
+        let shots = (0..n_frames).map(|frame| Shot {
+            frame,
+            image: with_image_extension(&folder.join(format!("{frame:05}"))),
+            mask: None,
+            world_to_camera: moving.as_ref().and_then(|moving| moving.get(&frame)).map(|&at| posed[at].1.pose),
+        });
+        let Intrinsics { width, height, fx, fy, cx, cy } = intrinsics;
+        let (shots, world_to_camera) = (shots.collect(), posed[0].1.pose);
+        cameras.push(Camera { name, width, height, fx, fy, cx, cy, world_to_camera, is_test: false, shots });
+    }
+    cameras
+}
+
+/// The images of one camera in the model.
+struct Poses<'a> {
+    file: &'a Path,
+    name: &'a str,
+    /// Names without folder and extension, and what the model says; at least one.
+    posed: &'a [(PathBuf, Posed)],
+}
+
+impl Poses<'_> {
+    /// The camera's intrinsics, and for a moving camera the index of each frame's pose.
+    fn check(&self, n_frames: u32, faults: &mut Faults) -> Option<(Intrinsics, Option<BTreeMap<u32, usize>>)> {
+        let place = format!("camera `{}`", self.name.escape_debug());
+        let mut fault = |reason: String, remedy: &str| faults.add(self.file, &place, reason, remedy);
+        let intrinsics = self.posed.first()?.1.intrinsics;
+        if self.posed.iter().any(|(_, posed)| posed.intrinsics != intrinsics) {
+            fault("changes its intrinsics".to_owned(), "make it a camera for each of them");
+            return None;
+        }
+        if self.posed.len() == 1 {
+            return Some((intrinsics, None));
+        }
+        let mut frames = BTreeMap::new();
+        for (index, (stem, posed)) in self.posed.iter().enumerate() {
+            match stem.to_str().and_then(|stem| stem.parse().ok()) {
+                Some(frame) if frame < n_frames => {
+                    if frames.insert(frame, index).is_some() {
+                        fault(format!("has two poses at frame {frame}"), "keep one");
+                    }
+                }
+                // Frames beyond the first that are used.
+                Some(_) => {}
+                None => {
+                    let reason = format!("has several images and one named `{}`", posed.name.display());
+                    fault(reason, "name the images of a moving camera <camera>/<frame>.<ext>");
+                }
+            }
+        }
+        let absent: Vec<u32> = (0..n_frames).filter(|frame| !frames.contains_key(frame)).collect();
+        if let Some(first) = absent.first() {
+            let reason = format!("moves and has no pose at {} frames, the first is {first}", absent.len());
+            fault(reason, "add the poses, or keep one image of a camera that stands still");
+        }
+        Some((intrinsics, Some(frames)))
+    }
+}

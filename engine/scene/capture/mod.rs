@@ -1,0 +1,281 @@
+//! Captures: what several cameras saw (SPEC 8), from the formats that others write and from the project's own folder.
+//!
+//! Opening a capture reads calibrations and the headers of images, never pixels; [`FrameCache`] streams those.
+
+mod cache;
+mod colmap;
+mod colmap_bin;
+mod colmap_text;
+mod draft;
+mod dynamic;
+mod folder;
+mod header;
+mod names;
+mod npz;
+mod picture;
+mod report;
+mod transforms;
+
+pub use cache::{CacheStats, FrameCache};
+pub use folder::Manifest;
+pub use picture::Picture;
+pub use report::{Fault, Report};
+
+use std::path::{Path, PathBuf};
+
+use self::draft::Draft;
+use self::report::Faults;
+use super::View;
+use crate::error::{Error, Result};
+
+/// How a capture is read. The default suits every format.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CaptureSettings {
+    /// Names of the test cameras; `None` takes those that the format declares.
+    pub test_cameras: Option<Vec<String>>,
+    /// Plain COLMAP and `transforms.json` declare no test images: every n-th of the sorted names is one; 0 for none.
+    pub test_every: usize,
+    /// Colour behind images that have an alpha channel, and of the views; in [0, 1].
+    pub background: [f32; 3],
+    /// Uses only the first frames of the clip.
+    pub max_frames: Option<u32>,
+    /// Frames per second of a capture that does not say.
+    pub fps: f64,
+    /// Leaves out images whose file is absent, with a note, where each is a fault otherwise.
+    pub skip_missing: bool,
+    /// Takes the foreground masks of Dynamic3DGaussians (`seg/`) as masks. Off: they label what moves, not what is
+    /// valid, and a training that ignores what they leave out has no background.
+    pub foreground_masks: bool,
+    /// Folder of the images of a plain COLMAP project, relative to the capture.
+    pub images: PathBuf,
+    /// Scales a camera's intrinsics, along each axis, to the size of its images where it differs from the calibration;
+    /// a difference is a fault otherwise.
+    pub rescale: bool,
+}
+
+impl Default for CaptureSettings {
+    fn default() -> Self {
+        CaptureSettings {
+            test_cameras: None,
+            test_every: 8,
+            background: [0.0; 3],
+            max_frames: None,
+            fps: 30.0,
+            skip_missing: false,
+            foreground_masks: false,
+            images: PathBuf::from("images"),
+            rescale: false,
+        }
+    }
+}
+
+/// The rows of a 4 x 4 matrix from world to camera (x right, y down, z forward).
+pub type Pose = [[f64; 4]; 4];
+
+/// One image of a camera.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Shot {
+    /// Frame of the clip.
+    pub frame: u32,
+    /// PNG or JPEG.
+    pub image: PathBuf,
+    /// PNG of the camera's size; pixels of value 0 are to be ignored.
+    pub mask: Option<PathBuf>,
+    /// The pose at this frame when the camera moves.
+    pub world_to_camera: Option<Pose>,
+}
+
+/// A pinhole camera and its images.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Camera {
+    /// Unique; fit as a file name.
+    pub name: String,
+    /// Pixels.
+    pub width: u32,
+    /// Pixels.
+    pub height: u32,
+    /// Focal length in x, pixels.
+    pub fx: f64,
+    /// Focal length in y, pixels.
+    pub fy: f64,
+    /// Principal point in x, pixels; pixel (0, 0) has its centre at (0.5, 0.5).
+    pub cx: f64,
+    /// Principal point in y, pixels.
+    pub cy: f64,
+    /// The pose of every shot that has none of its own.
+    pub world_to_camera: Pose,
+    /// Kept for testing: no image of it is trained on.
+    pub is_test: bool,
+    /// By frame; a frame may be absent (every camera of a monocular clip has one).
+    pub shots: Vec<Shot>,
+}
+
+impl Camera {
+    /// The shot of a frame.
+    pub fn shot(&self, frame: u32) -> Option<&Shot> {
+        self.shots.binary_search_by_key(&frame, |shot| shot.frame).ok().map(|index| &self.shots[index])
+    }
+
+    /// The pose at a frame; of a moving camera without a shot there, that of its nearest earlier shot.
+    pub fn pose(&self, frame: u32) -> &Pose {
+        let index = self.shots.partition_point(|shot| shot.frame <= frame);
+        let shot = index.checked_sub(1).and_then(|index| self.shots.get(index));
+        shot.and_then(|shot| shot.world_to_camera.as_ref()).unwrap_or(&self.world_to_camera)
+    }
+}
+
+/// A point of a sparse reconstruction.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Point {
+    /// World, scene units.
+    pub position: [f64; 3],
+    /// Red, green, blue.
+    pub color: [u8; 3],
+    /// Different images that saw it; 0 when the format does not say.
+    pub n_views: u32,
+}
+
+/// Where the cameras are.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Extent {
+    /// Mean of the training cameras' centres, world.
+    pub center: [f64; 3],
+    /// 1.1 times the largest distance of a training camera from `center`, scene units (3DGS's scene extent). When the
+    /// cameras coincide: the median distance of the points, or 1 when there are none.
+    pub radius: f64,
+}
+
+/// A capture that has been read and has no fault.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Capture {
+    /// The folder.
+    pub path: PathBuf,
+    /// Frames per second.
+    pub fps: f64,
+    /// Frames of the clip; 1 for a static scene.
+    pub n_frames: u32,
+    /// The frame of the static points (SPEC 5).
+    pub reference_frame: u32,
+    /// Training and test cameras.
+    pub cameras: Vec<Camera>,
+    /// Sparse points; may be empty.
+    pub points: Vec<Point>,
+    /// Colour behind images that have an alpha channel, and of the views.
+    pub background: [f32; 3],
+}
+
+impl Capture {
+    /// Opens a capture with the default settings.
+    ///
+    /// # Errors
+    /// As [`Capture::open_with`].
+    pub fn open(path: &Path) -> Result<Capture> {
+        Capture::open_with(path, &CaptureSettings::default())
+    }
+
+    /// Opens the folder of a capture; the format is recognised from its content (see [`check_capture`]).
+    ///
+    /// # Errors
+    /// [`Error::Data`] with the first fault and the number of the others.
+    pub fn open_with(path: &Path, settings: &CaptureSettings) -> Result<Capture> {
+        let (capture, report) = read(path, settings);
+        match report.first_error() {
+            Some(error) => Err(error),
+            None => Ok(capture),
+        }
+    }
+
+    /// The view of a camera at a frame: time is `frame / n_frames`, `flow_dt` is `1 / n_frames`. The view is named after
+    /// the camera, and the frame when there are several.
+    ///
+    /// # Errors
+    /// [`Error::Data`] when there is no such camera or frame. The frame need not have an image.
+    pub fn view(&self, camera: usize, frame: u32) -> Result<View> {
+        let Some(seen_by) = self.cameras.get(camera).filter(|_| frame < self.n_frames) else {
+            return Err(self.absent(camera, frame));
+        };
+        Ok(draft::view(seen_by, frame, self.n_frames, seen_by.pose(frame), self.background))
+    }
+
+    /// (camera, frame) of every image of the training cameras, by frame and then by camera.
+    pub fn training_frames(&self) -> Vec<(usize, u32)> {
+        self.frames(false)
+    }
+
+    /// (camera, frame) of every image of the test cameras, by frame and then by camera.
+    pub fn test_frames(&self) -> Vec<(usize, u32)> {
+        self.frames(true)
+    }
+
+    /// Decodes one image with its mask. [`FrameCache`] does so ahead of time.
+    ///
+    /// # Errors
+    /// [`Error::Data`] when there is no such image, when it does not decode or is of another size than its camera.
+    pub fn picture(&self, camera: usize, frame: u32) -> Result<Picture> {
+        picture::decode(&self.source(camera, frame)?)
+    }
+
+    /// Where the training cameras are; of all cameras when every one is a test camera.
+    pub fn extent(&self) -> Extent {
+        draft::extent(&self.cameras, &self.points)
+    }
+
+    fn frames(&self, is_test: bool) -> Vec<(usize, u32)> {
+        let cameras = self.cameras.iter().enumerate().filter(|(_, camera)| camera.is_test == is_test);
+        let mut frames: Vec<_> =
+            cameras.flat_map(|(index, camera)| camera.shots.iter().map(move |shot| (index, shot.frame))).collect();
+        frames.sort_unstable_by_key(|&(camera, frame)| (frame, camera));
+        frames
+    }
+
+    fn source(&self, camera: usize, frame: u32) -> Result<picture::Source> {
+        let found = self.cameras.get(camera).and_then(|camera| camera.shot(frame).map(|shot| (camera, shot)));
+        let (camera, shot) = found.ok_or_else(|| self.absent(camera, frame))?;
+        Ok(picture::Source {
+            image: shot.image.clone(),
+            mask: shot.mask.clone(),
+            width: camera.width,
+            height: camera.height,
+            background: self.background,
+        })
+    }
+
+    fn absent(&self, camera: usize, frame: u32) -> Error {
+        let reason = format!("is not in the capture of {} cameras and {} frames", self.cameras.len(), self.n_frames);
+        let remedy = "ask for one of its training or test frames";
+        Error::data(&self.path, format!("camera {camera}, frame {frame}"), reason, remedy)
+    }
+}
+
+/// Reads a capture as [`Capture::open_with`] does and reports all of its faults at once.
+///
+/// A folder with `capture.toml` is the project's own (SPEC 8); with `train_meta.json`, Dynamic3DGaussians'; with
+/// `transforms.json` or `transforms_train.json`, nerfstudio's, instant-ngp's or D-NeRF's; with `cameras.bin` or
+/// `cameras.txt` in `sparse/0`, `sparse` or itself, COLMAP's.
+pub fn check_capture(path: &Path, settings: &CaptureSettings) -> Report {
+    read(path, settings).1
+}
+
+fn read(path: &Path, settings: &CaptureSettings) -> (Capture, Report) {
+    let mut faults = Faults::default();
+    let has = |name: &str| path.join(name).is_file();
+    let (format, draft) = if has("capture.toml") {
+        ("ivv capture folder", folder::read(path, settings, &mut faults))
+    } else if has("train_meta.json") {
+        ("Dynamic3DGaussians", dynamic::read(path, settings, &mut faults))
+    } else if has("transforms.json") || has("transforms_train.json") {
+        ("transforms.json", transforms::read(path, settings, &mut faults))
+    } else if let Some(model) = colmap::model_folder(path) {
+        ("COLMAP", colmap::read_capture(path, &model, settings, &mut faults))
+    } else {
+        let reason = if path.is_dir() { "is in no known capture format" } else { "is no folder" };
+        let remedy = "give a folder with capture.toml, train_meta.json, transforms.json or a COLMAP model in sparse/0; \
+                      `ivv prepare` makes one from other formats";
+        faults.add(path, "", reason, remedy);
+        ("", Draft::default())
+    };
+    let mut report = Report::new(path, format);
+    let capture = draft.finish(path, settings, &mut faults, &mut report);
+    report.set_faults(faults);
+    (capture, report)
+}

@@ -1,0 +1,121 @@
+//! Decoded images of a capture, as the device takes them.
+
+use std::fs::File;
+use std::io::{BufRead, BufReader};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::{Path, PathBuf};
+
+use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
+
+use super::header::{BROKEN, fault, unreadable};
+use super::report::Fault;
+use crate::error;
+
+/// Largest width or height, pixels.
+pub(super) const MAX_SIDE: u32 = 1 << 16;
+/// Most pixels of an image: 1 GiB when decoded.
+pub(super) const MAX_PIXELS: u64 = 1 << 28;
+/// What a decoder may allocate beyond its pixels, bytes.
+const DECODER_SLACK: u64 = 64 << 20;
+
+/// A decoded image with its mask, as the device takes it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Picture {
+    /// Pixels.
+    pub width: u32,
+    /// Pixels.
+    pub height: u32,
+    /// Row by row, top first: red in the lowest 8 bits, then green and blue; the highest 8 bits are 255 where the pixel
+    /// counts and 0 where the mask excludes it.
+    pub pixels: Vec<u32>,
+}
+
+/// What is needed to decode one image; the threads of a cache share it.
+#[derive(Clone, Debug)]
+pub(super) struct Source {
+    pub image: PathBuf,
+    pub mask: Option<PathBuf>,
+    pub width: u32,
+    pub height: u32,
+    pub background: [f32; 3],
+}
+
+/// Decodes an image and its mask.
+///
+/// # Errors
+/// `Error::Data` naming the image or the mask.
+pub(super) fn decode(source: &Source) -> error::Result<Picture> {
+    Ok(decode_or_fault(source)?)
+}
+
+/// As [`decode`], with an error that can be told more than once.
+pub(super) fn decode_or_fault(source: &Source) -> Result<Picture, Fault> {
+    let image = guarded(&source.image, || pixels_of(&source.image, source))?;
+    let mut pixels = pack(image, source.background);
+    if let Some(mask) = &source.mask {
+        let mask = guarded(mask, || pixels_of(mask, source))?.into_luma8();
+        for (pixel, weight) in pixels.iter_mut().zip(mask.as_raw()) {
+            if *weight == 0 {
+                *pixel &= 0x00ff_ffff;
+            }
+        }
+    }
+    Ok(Picture { width: source.width, height: source.height, pixels })
+}
+
+/// Third-party decoders have panicked on damaged images before; here that is a fault of the image.
+fn guarded<T>(path: &Path, work: impl FnOnce() -> Result<T, Fault>) -> Result<T, Fault> {
+    let broken = |_| Err(fault(path, "its decoder gave up", BROKEN));
+    catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(broken)
+}
+
+fn pixels_of(path: &Path, source: &Source) -> Result<DynamicImage, Fault> {
+    let pixels = u64::from(source.width) * u64::from(source.height);
+    // 16 bits for each of four channels is the most that a PNG has.
+    let decoder = decoder_of(path, 8 * pixels + DECODER_SLACK)?;
+    let (width, height) = decoder.dimensions();
+    if (width, height) != (source.width, source.height) {
+        let reason = format!("is {width} x {height}, its camera is {} x {}", source.width, source.height);
+        return Err(fault(path, reason, "give an image of the size of the calibration"));
+    }
+    DynamicImage::from_decoder(decoder).map_err(|cause| fault(path, format!("does not decode: {cause}"), BROKEN))
+}
+
+fn decoder_of(path: &Path, max_bytes: u64) -> Result<impl ImageDecoder, Fault> {
+    let failed = |cause: std::io::Error| unreadable(path, &cause);
+    let mut file = BufReader::new(File::open(path).map_err(failed)?);
+    let start = file.fill_buf().map_err(failed)?;
+    if start.is_empty() {
+        return Err(fault(path, "has 0 bytes", BROKEN));
+    }
+    let format = match image::guess_format(start) {
+        Ok(format @ (ImageFormat::Png | ImageFormat::Jpeg)) => format,
+        _ => return Err(fault(path, "is neither a PNG nor a JPEG", "convert the image to PNG")),
+    };
+    // Looking at the start has not taken it.
+    let mut reader = ImageReader::with_format(file, format);
+    let mut limits = Limits::default();
+    (limits.max_image_width, limits.max_image_height) = (Some(MAX_SIDE), Some(MAX_SIDE));
+    limits.max_alloc = Some(max_bytes);
+    reader.limits(limits);
+    reader.into_decoder().map_err(|cause| fault(path, format!("has a broken header: {cause}"), BROKEN))
+}
+
+/// Opaque pixels as they are; others over the background, in the stored values (SPEC 1: no gamma), rounded.
+fn pack(image: DynamicImage, background: [f32; 3]) -> Vec<u32> {
+    let opaque = |[r, g, b]: [u8; 3]| u32::from_le_bytes([r, g, b, 255]);
+    if !image.color().has_alpha() {
+        let rgb = image.into_rgb8();
+        return rgb.as_raw().as_chunks().0.iter().map(|&pixel| opaque(pixel)).collect();
+    }
+    let behind = background.map(|c| f64::from(c) * 255.0);
+    let over = |&[r, g, b, a]: &[u8; 4]| {
+        if a == 255 {
+            return opaque([r, g, b]);
+        }
+        let alpha = f64::from(a) / 255.0;
+        let mix = |c: u8, behind: f64| (f64::from(c) * alpha + behind * (1.0 - alpha)).round() as u8;
+        opaque([mix(r, behind[0]), mix(g, behind[1]), mix(b, behind[2])])
+    };
+    image.into_rgba8().as_raw().as_chunks().0.iter().map(over).collect()
+}

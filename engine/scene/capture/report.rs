@@ -1,0 +1,142 @@
+//! What is wrong with a capture: every fault at once, and what it holds.
+
+use std::fmt;
+use std::path::{Path, PathBuf};
+
+use crate::error::{Error, Result};
+
+/// Faults kept in full; beyond them they are only counted, so that a hostile file cannot fill the memory with them.
+const MAX_KEPT: usize = 10_000;
+
+/// One thing that is wrong with a capture.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct Fault {
+    /// The file or folder.
+    pub file: PathBuf,
+    /// Where in it: a line, a byte offset, a camera, a frame; empty for the file as a whole.
+    pub place: String,
+    /// What is wrong there.
+    pub reason: String,
+    /// What to do about it.
+    pub remedy: String,
+}
+
+impl fmt::Display for Fault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        Error::from(self.clone()).fmt(f)
+    }
+}
+
+impl From<Fault> for Error {
+    fn from(fault: Fault) -> Self {
+        Error::Data { file: fault.file, place: fault.place, reason: fault.reason, remedy: fault.remedy }
+    }
+}
+
+/// Collects faults while reading goes on.
+#[derive(Debug, Default)]
+pub(super) struct Faults {
+    kept: Vec<Fault>,
+    n: u64,
+}
+
+impl Faults {
+    /// Notes a fault of `file` at `place`.
+    pub fn add(&mut self, file: &Path, place: impl Into<String>, reason: impl Into<String>, remedy: impl Into<String>) {
+        self.push(Fault { file: file.to_owned(), place: place.into(), reason: reason.into(), remedy: remedy.into() });
+    }
+
+    /// Notes a fault.
+    pub fn push(&mut self, fault: Fault) {
+        self.n += 1;
+        if self.kept.len() < MAX_KEPT {
+            self.kept.push(fault);
+        }
+    }
+
+    /// The value, or `None` with its error noted.
+    pub fn take<T>(&mut self, outcome: Result<T>) -> Option<T> {
+        match outcome {
+            Ok(value) => Some(value),
+            Err(Error::Data { file, place, reason, remedy }) => {
+                self.push(Fault { file, place, reason, remedy });
+                None
+            }
+            Err(other) => {
+                self.add(Path::new(""), "", other.to_string(), "this is no fault of the capture: try again");
+                None
+            }
+        }
+    }
+
+    /// How many there are.
+    pub fn n(&self) -> u64 {
+        self.n
+    }
+}
+
+/// What `ivv check` tells of a capture.
+#[derive(Clone, Debug, serde::Serialize)]
+pub struct Report {
+    /// The folder.
+    pub path: PathBuf,
+    /// Its format; empty when none was recognised.
+    pub format: String,
+    /// Frames of the clip.
+    pub n_frames: u32,
+    /// Frames per second.
+    pub fps: f64,
+    /// Cameras, with the test cameras.
+    pub n_cameras: usize,
+    /// Cameras kept for testing.
+    pub n_test_cameras: usize,
+    /// Images.
+    pub n_images: usize,
+    /// Images that have a mask.
+    pub n_masks: usize,
+    /// Sparse points.
+    pub n_points: usize,
+    /// Bytes of all images when decoded, 4 for each pixel.
+    pub bytes_decoded: u64,
+    /// What is worth knowing and no fault.
+    pub notes: Vec<String>,
+    /// How many faults there are.
+    pub n_faults: u64,
+    /// The faults, in the order of the files; at most 10,000 of them.
+    pub faults: Vec<Fault>,
+}
+
+impl Report {
+    pub(super) fn new(path: &Path, format: &str) -> Self {
+        Report {
+            path: path.to_owned(),
+            format: format.to_owned(),
+            n_frames: 0,
+            fps: 0.0,
+            n_cameras: 0,
+            n_test_cameras: 0,
+            n_images: 0,
+            n_masks: 0,
+            n_points: 0,
+            bytes_decoded: 0,
+            notes: Vec::new(),
+            n_faults: 0,
+            faults: Vec::new(),
+        }
+    }
+
+    pub(super) fn set_faults(&mut self, faults: Faults) {
+        self.n_faults = faults.n;
+        self.faults = faults.kept;
+    }
+
+    /// The error of a capture with faults: the first of them, how many more there are, and where to see them all.
+    pub(super) fn first_error(&self) -> Option<Error> {
+        let mut first = self.faults.first()?.clone();
+        if self.n_faults > 1 {
+            let (more, path) = (self.n_faults - 1, self.path.display());
+            first.remedy += &format!(" ({more} more: `ivv check {path}` lists them all)");
+        }
+        Some(first.into())
+    }
+}

@@ -1,0 +1,326 @@
+//! `transforms.json` of nerfstudio and instant-ngp, and D-NeRF's split into `transforms_train.json` and
+//! `transforms_test.json`. Poses map camera to world, the camera x right, y up, z backward (OpenGL).
+
+use std::collections::{HashMap, HashSet};
+use std::path::{Path, PathBuf};
+
+use super::draft::{Draft, MAX_FRAMES};
+use super::header::read_size;
+use super::names::{flat, is_image, relative, with_image_extension};
+use super::picture::MAX_SIDE;
+use super::report::Faults;
+use super::{Camera, CaptureSettings, Pose, Shot};
+use crate::error::{self, Error};
+use crate::scene::file::read_bytes;
+
+const REMEDY: &str = "correct the file, or export the capture again";
+/// Two times closer than this are one.
+const TIME_TOLERANCE: f64 = 1e-6;
+/// How far a time may lie from the grid of frames, in frames.
+const GRID_TOLERANCE: f64 = 0.05;
+
+/// Intrinsics; each may stand in the file, in a frame, or nowhere.
+#[derive(Clone, Default, serde::Deserialize)]
+#[serde(default)]
+struct Lens {
+    camera_model: Option<String>,
+    w: Option<f64>,
+    h: Option<f64>,
+    fl_x: Option<f64>,
+    fl_y: Option<f64>,
+    cx: Option<f64>,
+    cy: Option<f64>,
+    camera_angle_x: Option<f64>,
+    camera_angle_y: Option<f64>,
+    k1: Option<f64>,
+    k2: Option<f64>,
+    k3: Option<f64>,
+    k4: Option<f64>,
+    p1: Option<f64>,
+    p2: Option<f64>,
+}
+
+#[derive(serde::Deserialize)]
+struct Document {
+    #[serde(flatten)]
+    lens: Lens,
+    frames: Vec<Frame>,
+    test_filenames: Option<Vec<String>>,
+    ply_file_path: Option<String>,
+}
+
+#[derive(serde::Deserialize)]
+struct Frame {
+    #[serde(flatten)]
+    lens: Lens,
+    file_path: String,
+    mask_path: Option<String>,
+    transform_matrix: Vec<[f64; 4]>,
+    time: Option<f64>,
+}
+
+/// One image.
+struct Entry {
+    camera: Camera,
+    name: PathBuf,
+    shot: Shot,
+    time: Option<f64>,
+}
+
+pub(super) fn read(path: &Path, settings: &CaptureSettings, faults: &mut Faults) -> Draft {
+    let (train, test) = (path.join("transforms_train.json"), path.join("transforms_test.json"));
+    let split = train.is_file();
+    let calibration = if split { train } else { path.join("transforms.json") };
+    let mut draft = Draft { fps: settings.fps, n_frames: 1, calibration: calibration.clone(), ..Draft::default() };
+    let mut entries = read_file(path, &calibration, settings, &mut draft.notes, faults);
+    let mut has_test = entries.iter().any(|entry| entry.camera.is_test);
+    if split && test.is_file() {
+        let tests = read_file(path, &test, settings, &mut draft.notes, faults);
+        has_test = true;
+        entries.extend(tests.into_iter().map(|mut entry| {
+            entry.camera.is_test = true;
+            entry
+        }));
+    }
+    entries.sort_by(|a, b| a.name.cmp(&b.name));
+    let mut images = HashSet::new();
+    for entry in entries.iter().filter(|entry| !images.insert(&entry.shot.image)) {
+        faults.add(&calibration, format!("`{}`", entry.name.display()), "is listed twice", REMEDY);
+    }
+    if !has_test && settings.test_every > 0 {
+        entries.iter_mut().step_by(settings.test_every).for_each(|entry| entry.camera.is_test = true);
+    }
+    match frames_of(&entries) {
+        Ok((frames, n_frames)) => {
+            entries.iter_mut().zip(frames).for_each(|(entry, frame)| entry.shot.frame = frame);
+            draft.n_frames = n_frames;
+        }
+        Err(reason) => faults.add(&calibration, "field `time`", reason, "give every frame a time on one grid, or none"),
+    }
+    draft.cameras = group(entries);
+    draft
+}
+
+fn read_file(
+    path: &Path,
+    file: &Path,
+    settings: &CaptureSettings,
+    notes: &mut Vec<String>,
+    faults: &mut Faults,
+) -> Vec<Entry> {
+    let Some(document) = faults.take(parse(file)) else { return Vec::new() };
+    if document.frames.is_empty() {
+        faults.add(file, "field `frames`", "holds no frame", "add at least one");
+    }
+    if let Some(name) = &document.ply_file_path {
+        notes.push(format!("the points of `{}` are not read", name.escape_debug()));
+    }
+    let mut places = Vec::new();
+    for (index, frame) in document.frames.iter().enumerate() {
+        let place = format!("frame {index}");
+        match frame.paths(path) {
+            Ok(paths) => places.push((place, frame, paths)),
+            Err(reason) => faults.add(file, place, reason, REMEDY),
+        }
+    }
+    // Where the file gives no size, its images share one.
+    let size = || places.iter().find_map(|(_, _, paths)| read_size(&paths.image).ok());
+    let size = if document.lens.w.is_some() && document.lens.h.is_some() { None } else { size() };
+    let mut entries = Vec::new();
+    for (place, frame, paths) in places {
+        let lens = frame.lens.or(&document.lens, size);
+        let pose = world_to_camera(&frame.transform_matrix);
+        match lens.pinhole().and_then(|lens| Ok((lens, pose?))) {
+            Ok((lens, pose)) => {
+                let tested = document.test_filenames.as_ref().is_some_and(|names| names.contains(&frame.file_path));
+                entries.push(frame.entry(lens, pose, paths, tested));
+            }
+            // Without any image the size is unknown; that they are missing says it better.
+            Err(Unfit { needs_size: true, .. }) if size.is_none() => {
+                if !settings.skip_missing {
+                    let missing = read_size(&paths.image).err();
+                    missing.into_iter().for_each(|fault| faults.push(fault));
+                }
+            }
+            Err(Unfit { reason, remedy, .. }) => faults.add(file, place, reason, remedy),
+        }
+    }
+    entries
+}
+
+fn parse(file: &Path) -> error::Result<Document> {
+    serde_json::from_slice(&read_bytes(file)?).map_err(|fault| {
+        let place = format!("line {}, column {}", fault.line(), fault.column());
+        Error::data(file, place, format!("is no transforms.json: {fault}"), REMEDY)
+    })
+}
+
+/// Where a frame's files are.
+struct Paths {
+    name: PathBuf,
+    image: PathBuf,
+    mask: Option<PathBuf>,
+}
+
+impl Frame {
+    fn paths(&self, folder: &Path) -> Result<Paths, String> {
+        let name = relative(&self.file_path)?;
+        let image = folder.join(&name);
+        let image = if is_image(&image) { image } else { with_image_extension(&image) };
+        let mask = self.mask_path.as_deref().map(relative).transpose()?.map(|mask| folder.join(mask));
+        Ok(Paths { name, image, mask })
+    }
+
+    fn entry(&self, [w, h, fx, fy, cx, cy]: [f64; 6], world_to_camera: Pose, paths: Paths, is_test: bool) -> Entry {
+        let Paths { name, image, mask } = paths;
+        let camera = Camera {
+            name: if is_image(&name) { flat(&name) } else { flat(&name.with_added_extension("png")) },
+            width: w as u32,
+            height: h as u32,
+            fx,
+            fy,
+            cx,
+            cy,
+            world_to_camera,
+            is_test,
+            shots: Vec::new(),
+        };
+        Entry { camera, name, shot: Shot { frame: 0, image, mask, world_to_camera: None }, time: self.time }
+    }
+}
+
+/// Why a frame has no pinhole camera.
+struct Unfit {
+    reason: String,
+    remedy: &'static str,
+    needs_size: bool,
+}
+
+fn unfit(reason: String) -> Unfit {
+    Unfit { reason, remedy: REMEDY, needs_size: false }
+}
+
+impl Lens {
+    /// What stands here, else in `file`, else what follows from the size of the images.
+    fn or(&self, file: &Lens, size: Option<(u32, u32)>) -> Lens {
+        let (w, h) = size.unzip();
+        Lens {
+            camera_model: self.camera_model.clone().or_else(|| file.camera_model.clone()),
+            w: self.w.or(file.w).or(w.map(f64::from)),
+            h: self.h.or(file.h).or(h.map(f64::from)),
+            fl_x: self.fl_x.or(file.fl_x),
+            fl_y: self.fl_y.or(file.fl_y),
+            cx: self.cx.or(file.cx),
+            cy: self.cy.or(file.cy),
+            camera_angle_x: self.camera_angle_x.or(file.camera_angle_x),
+            camera_angle_y: self.camera_angle_y.or(file.camera_angle_y),
+            k1: self.k1.or(file.k1),
+            k2: self.k2.or(file.k2),
+            k3: self.k3.or(file.k3),
+            k4: self.k4.or(file.k4),
+            p1: self.p1.or(file.p1),
+            p2: self.p2.or(file.p2),
+        }
+    }
+
+    /// Width, height, focal lengths and principal point, pixels.
+    fn pinhole(&self) -> Result<[f64; 6], Unfit> {
+        let distortion = [self.k1, self.k2, self.k3, self.k4, self.p1, self.p2];
+        let model = self.camera_model.as_deref().unwrap_or("PINHOLE");
+        let known = ["PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV"].contains(&model);
+        if !known || distortion.iter().flatten().any(|k| *k != 0.0) {
+            let reason = format!("has the model {} with distortion", model.escape_debug());
+            let remedy = "run `ivv prepare` on it: it undistorts the images";
+            return Err(Unfit { reason, remedy, needs_size: false });
+        }
+        let (Some(w), Some(h)) = (self.w, self.h) else {
+            return Err(Unfit { needs_size: true, ..unfit("gives no w and h".to_owned()) });
+        };
+        let is_side = |side: f64| side.fract() == 0.0 && (1.0..=f64::from(MAX_SIDE)).contains(&side);
+        if !(is_side(w) && is_side(h)) {
+            return Err(unfit(format!("has {w} x {h} pixels, whole numbers of 1 to {MAX_SIDE} are allowed")));
+        }
+        let by_angle = |side: f64, angle: f64| side / (2.0 * (angle / 2.0).tan());
+        let Some(fx) = self.fl_x.or_else(|| Some(by_angle(w, self.camera_angle_x?))) else {
+            return Err(unfit("gives neither fl_x nor camera_angle_x".to_owned()));
+        };
+        let fy = self.fl_y.or_else(|| Some(by_angle(h, self.camera_angle_y?))).unwrap_or(fx);
+        Ok([w, h, fx, fy, self.cx.unwrap_or(w / 2.0), self.cy.unwrap_or(h / 2.0)])
+    }
+}
+
+/// Inverts a rotation and translation after turning y and z around.
+fn world_to_camera(rows: &[[f64; 4]]) -> Result<Pose, Unfit> {
+    if !(rows.len() == 3 || rows.len() == 4 && rows[3] == [0.0, 0.0, 0.0, 1.0]) {
+        let reason = "has a transform_matrix that is not 3 or 4 rows of 4 with [0, 0, 0, 1] at the end";
+        return Err(unfit(reason.to_owned()));
+    }
+    let sign = [1.0, -1.0, -1.0];
+    let mut pose = [[0.0; 4]; 4];
+    for row in 0..3 {
+        for column in 0..3 {
+            pose[row][column] = rows[column][row] * sign[row];
+        }
+        pose[row][3] = -(0..3).map(|k| pose[row][k] * rows[k][3]).sum::<f64>();
+    }
+    pose[3][3] = 1.0;
+    Ok(pose)
+}
+
+/// Each image's frame and the number of frames. The times must lie on a grid whose step is their greatest common
+/// divisor; the first is frame 0, whatever the unit.
+fn frames_of(entries: &[Entry]) -> Result<(Vec<u32>, u32), String> {
+    let times: Vec<f64> = entries.iter().filter_map(|entry| entry.time).collect();
+    if times.is_empty() {
+        return Ok((vec![0; entries.len()], 1));
+    }
+    if times.len() != entries.len() {
+        return Err(format!("{} of {} frames have one", times.len(), entries.len()));
+    }
+    if let Some(time) = times.iter().find(|time| !time.is_finite()) {
+        return Err(format!("is {time}"));
+    }
+    let mut sorted = times.clone();
+    sorted.sort_unstable_by(f64::total_cmp);
+    let (first, span) = (sorted[0], sorted[sorted.len() - 1] - sorted[0]);
+    let tolerance = TIME_TOLERANCE * span.max(f64::MIN_POSITIVE);
+    let gaps = sorted.windows(2).map(|pair| pair[1] - pair[0]).filter(|gap| *gap > tolerance);
+    // Rounded times leave remainders that a smaller step would only follow, hence the bound.
+    let step = gaps.fold(0.0_f64, |step, gap| {
+        let (mut a, mut b) = (step.max(gap), step.min(gap));
+        let smallest = GRID_TOLERANCE * if b > 0.0 { b } else { a };
+        while b > smallest {
+            (a, b) = (b, (a % b).min(b - a % b));
+        }
+        a
+    });
+    if step == 0.0 {
+        return Ok((vec![0; entries.len()], 1));
+    }
+    let n_frames = (span / step).round() + 1.0;
+    let grid = times.iter().map(|time| (time - first) / step);
+    if n_frames > f64::from(MAX_FRAMES) || grid.clone().any(|f| (f - f.round()).abs() > GRID_TOLERANCE) {
+        return Err(format!("the {} times lie on no common grid of at most {MAX_FRAMES} frames", times.len()));
+    }
+    Ok((grid.map(|f| f.round() as u32).collect(), n_frames as u32))
+}
+
+/// Images of one place, lens and part at different frames are one camera.
+fn group(entries: Vec<Entry>) -> Vec<Camera> {
+    let mut cameras: Vec<Camera> = Vec::new();
+    let mut known: HashMap<(Vec<u64>, bool), usize> = HashMap::new();
+    for Entry { camera, shot, .. } in entries {
+        let lens = [camera.fx, camera.fy, camera.cx, camera.cy, camera.width.into(), camera.height.into()];
+        let numbers = camera.world_to_camera.iter().flatten().chain(&lens);
+        let key = (numbers.map(|v| v.to_bits()).collect(), camera.is_test);
+        let at = known.get(&key).copied();
+        match at.filter(|&at| cameras[at].shots.iter().all(|other| other.frame != shot.frame)) {
+            Some(at) => cameras[at].shots.push(shot),
+            None => {
+                known.insert(key, cameras.len());
+                cameras.push(Camera { shots: vec![shot], ..camera });
+            }
+        }
+    }
+    cameras
+}

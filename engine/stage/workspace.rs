@@ -1,0 +1,109 @@
+//! The buffers of all stages of a frame, and their passes in order.
+
+use super::backward::{Backward, SLOT_PAIRS};
+use super::blend::{Blend, Outputs, Purpose};
+use super::cull::Cull;
+use super::project::{Projected, SPLAT_PLANES};
+use super::scene::SceneBuffers;
+use super::tiles::{Lists, Tiles};
+use crate::error::Result;
+use crate::gpu::generated::{Status, ViewParams};
+use crate::gpu::{Buf, Gpu, Recording};
+
+/// Capacities; they only grow, but for the strip.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Room {
+    /// Active Gaussians.
+    pub active: u32,
+    /// Pairs of a Gaussian and a tile.
+    pub intersections: u32,
+    /// Tiles of a strip.
+    pub tiles: u32,
+    /// Pixels of a strip.
+    pub pixels: usize,
+    /// What the pictures need.
+    pub outputs: Outputs,
+    /// Whether a backward pass follows.
+    pub purpose: Purpose,
+}
+
+/// The buffers of all stages of a frame.
+pub struct Workspace {
+    /// The capacities.
+    pub room: Room,
+    /// The view or strip at hand.
+    pub view: Buf<ViewParams>,
+    /// What the frame reports.
+    pub status: Buf<Status>,
+    /// Culling.
+    pub cull: Cull,
+    /// Projection.
+    pub projected: Projected,
+    /// Binning.
+    pub tiles: Tiles,
+    /// Blending and its pictures.
+    pub blend: Blend,
+    /// The backward pass; for [`Purpose::Gradient`] only.
+    pub backward: Option<Backward>,
+}
+
+impl Workspace {
+    /// Buffers for frames of `scene` within `room`.
+    ///
+    /// # Errors
+    /// `OutOfMemory` naming the buffer that does not fit.
+    pub fn new(gpu: &Gpu, scene: &SceneBuffers, room: Room) -> Result<Self> {
+        let blend = Blend::new(gpu, room.pixels, room.outputs, room.purpose)?;
+        Ok(Workspace {
+            room,
+            view: gpu.alloc("view", 1)?,
+            status: gpu.alloc("status", 1)?,
+            cull: Cull::new(gpu, scene, room.active)?,
+            projected: Projected::new(gpu, room.active)?,
+            tiles: Tiles::new(gpu, room.active, room.intersections, room.tiles, room.purpose)?,
+            backward: match room.purpose {
+                Purpose::Picture => None,
+                Purpose::Gradient => {
+                    let (pixels, slots) = (room.pixels, room.intersections);
+                    Some(Backward::new(gpu, scene, &blend, pixels, slots, room.outputs)?)
+                }
+            },
+            blend,
+        })
+    }
+
+    /// Appends the forward pass of the view that was uploaded: all stages of one strip.
+    pub fn record_forward(&self, rec: &mut Recording, scene: &SceneBuffers, n_tiles: u32, rounds: u32) -> Lists {
+        let (view, status) = (&self.view, &self.status);
+        rec.stage("cull");
+        rec.fill(status.slice(), 0);
+        self.cull.record(rec, scene, view, status);
+        self.projected.record(rec, scene, &self.cull, view, status);
+        let lists = self.tiles.record(rec, &self.cull, &self.projected, view, status, n_tiles);
+        self.blend.record(rec, &self.tiles, &lists, &self.projected, view, n_tiles, rounds);
+        lists
+    }
+
+    /// Appends the backward pass of the forward pass recorded just before, if the workspace has one.
+    pub fn record_backward(&self, rec: &mut Recording, scene: &SceneBuffers, lists: &Lists, n_tiles: u32, rounds: u32) {
+        let Workspace { cull, projected, tiles, blend, view, .. } = self;
+        if let Some(backward) = &self.backward {
+            backward.record(rec, scene, cull, projected, tiles, lists, blend, view, n_tiles, rounds);
+        }
+    }
+}
+
+/// Active Gaussians whose splats fit one binding.
+pub(super) fn max_active(gpu: &Gpu) -> u32 {
+    let limit = gpu.caps().max_binding_bytes / (16 * SPLAT_PLANES as u64);
+    limit.min(u64::from(u32::MAX / 2)) as u32
+}
+
+/// Intersections whose lists, and slots where there are any, fit one binding.
+pub(super) fn max_intersections(gpu: &Gpu, purpose: Purpose) -> u32 {
+    let bytes = match purpose {
+        Purpose::Picture => 4,
+        Purpose::Gradient => 8 * SLOT_PAIRS as u64,
+    };
+    (gpu.caps().max_binding_bytes / bytes).min(u64::from(u32::MAX - 1)) as u32
+}

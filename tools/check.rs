@@ -1,0 +1,84 @@
+//! `ivv check`.
+
+use ivv::scene::capture::{CaptureSettings, Report, check_capture};
+use std::path::PathBuf;
+
+/// Options of `ivv check`.
+#[derive(clap::Args)]
+pub struct Args {
+    /// A capture: the project's own folder, plain COLMAP, transforms.json or Dynamic3DGaussians.
+    capture: PathBuf,
+    /// Names of the test cameras, where the capture declares none or others.
+    #[arg(long, value_delimiter = ',')]
+    test_cameras: Option<Vec<String>>,
+    /// Every n-th image is a test image where the capture declares none; 0 for none.
+    #[arg(long, default_value_t = CaptureSettings::default().test_every)]
+    test_every: usize,
+    /// Uses only the first frames of the clip.
+    #[arg(long)]
+    max_frames: Option<u32>,
+    /// Leaves out images whose file is absent; each is a fault otherwise.
+    #[arg(long)]
+    skip_missing: bool,
+    /// Folder of the images of a plain COLMAP project, relative to the capture.
+    #[arg(long, default_value = "images")]
+    images: PathBuf,
+    /// Scales the calibration to the size of the images; a difference is a fault otherwise.
+    #[arg(long)]
+    rescale: bool,
+    /// Takes the foreground masks of Dynamic3DGaussians as masks.
+    #[arg(long)]
+    foreground_masks: bool,
+}
+
+/// What [`run`] returns for a capture with faults, which it has printed.
+#[derive(Debug)]
+pub struct Faulty(u64);
+
+impl std::fmt::Display for Faulty {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "the capture has {} fault{}", self.0, if self.0 == 1 { "" } else { "s" })
+    }
+}
+
+impl std::error::Error for Faulty {}
+
+pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
+    let settings = CaptureSettings {
+        test_cameras: args.test_cameras.clone(),
+        test_every: args.test_every,
+        max_frames: args.max_frames,
+        skip_missing: args.skip_missing,
+        images: args.images.clone(),
+        rescale: args.rescale,
+        foreground_masks: args.foreground_masks,
+        ..CaptureSettings::default()
+    };
+    let report = check_capture(&args.capture, &settings);
+    if json {
+        println!("{}", serde_json::to_string_pretty(&report)?);
+    } else {
+        print(&report);
+    }
+    if report.n_faults > 0 { Err(Faulty(report.n_faults).into()) } else { Ok(()) }
+}
+
+fn print(report: &Report) {
+    let format = if report.format.is_empty() { "unknown format" } else { &report.format };
+    println!("{}: {format}", report.path.display());
+    println!("cameras: {}, {} of them for testing", report.n_cameras, report.n_test_cameras);
+    println!("frames:  {}, {} per second", report.n_frames, report.fps);
+    let mib = report.bytes_decoded as f64 / f64::from(1 << 20);
+    println!("images:  {}, {} of them with a mask; {mib:.1} MiB decoded", report.n_images, report.n_masks);
+    println!("points:  {}", report.n_points);
+    for note in &report.notes {
+        println!("note:    {note}");
+    }
+    for fault in &report.faults {
+        println!("fault:   {fault}");
+    }
+    let n_left_out = report.n_faults - report.faults.len() as u64;
+    if n_left_out > 0 {
+        println!("and {n_left_out} faults more");
+    }
+}
