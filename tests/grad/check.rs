@@ -4,7 +4,7 @@ use crate::common::device::gpu;
 use crate::common::golden::group;
 use crate::common::random::Random;
 use ivv::Constants;
-use ivv::scene::{Frame, Splats, View};
+use ivv::scene::{Frame, Motion, Splats, View};
 use ivv::stage::{FrameReport, Gradients, Renderer};
 use ivv::twin::{Outputs, Params, jvp, render_f64};
 
@@ -47,32 +47,32 @@ pub fn smooth_cotangents(seed: u64, splats: &Splats, view: &View) -> Frame {
 }
 
 /// The numbers of one group, flat, in the order of [`group`]: a static Gaussian has no temporal ones.
-pub fn flat(d: &Gradients, splats: &Splats, name: &str) -> Vec<f64> {
+pub fn flat(d: &Gradients, name: &str) -> Vec<f64> {
     let f64s = |v: &[f32]| v.iter().map(|x| f64::from(*x)).collect::<Vec<f64>>();
+    let p = &d.params;
+    let of_motion = |f: fn(&Motion) -> f32| p.motion.iter().map(|m| f64::from(f(m))).collect();
     match name {
-        "position" => f64s(d.position.as_flattened()),
-        "rotation" => f64s(d.rotation.as_flattened()),
-        "scale" => f64s(d.scale.as_flattened()),
-        "opacity" => f64s(&d.opacity),
-        "sh" => f64s(d.sh.as_flattened()),
-        "velocity" => f64s(d.velocity[splats.n_static..].as_flattened()),
-        "t_center" => f64s(&d.t_center[splats.n_static..]),
-        "t_scale" => f64s(&d.t_scale[splats.n_static..]),
+        "position" => f64s(p.position.as_flattened()),
+        "rotation" => f64s(p.rotation.as_flattened()),
+        "scale" => f64s(p.scale.as_flattened()),
+        "opacity" => f64s(&p.opacity),
+        "sh" => f64s(p.sh.as_flattened()),
+        "velocity" => p.motion.iter().flat_map(|m| m.velocity).map(f64::from).collect(),
+        "t_center" => of_motion(|m| m.t_center),
+        "t_scale" => of_motion(|m| m.t_scale),
         "time_offset" => vec![d.time_offset],
         other => panic!("no group {other}"),
     }
 }
 
 /// All numbers of `d` as bits.
-pub fn bits(d: &Gradients, splats: &Splats) -> Vec<u64> {
-    let temporal_of_static = [d.velocity[..splats.n_static].as_flattened(), &d.t_center[..splats.n_static]];
-    let rest = temporal_of_static.into_iter().flatten().chain(&d.t_scale[..splats.n_static]).map(|x| f64::from(*x));
-    GROUPS.iter().flat_map(|name| flat(d, splats, name)).chain(rest).map(f64::to_bits).collect()
+pub fn bits(d: &Gradients) -> Vec<u64> {
+    GROUPS.iter().flat_map(|name| flat(d, name)).map(f64::to_bits).collect()
 }
 
 /// Whether every number is finite.
-pub fn is_finite(d: &Gradients, splats: &Splats) -> bool {
-    bits(d, splats).into_iter().all(|x| f64::from_bits(x).is_finite())
+pub fn is_finite(d: &Gradients) -> bool {
+    bits(d).into_iter().all(|x| f64::from_bits(x).is_finite())
 }
 
 /// Sum of products.
@@ -94,7 +94,7 @@ fn along(cotangents: &Frame, d: &Outputs<f64>) -> f64 {
 /// Compares group `name` of `found` with dual numbers along a random direction and along `found` itself, and gives the
 /// larger difference in units of |gradient| |direction|; `None` when both are zero.
 pub fn group_error(found: &Gradients, name: &str, splats: &Splats, view: &View, cotangents: &Frame) -> Option<f64> {
-    let gradient = flat(found, splats, name);
+    let gradient = flat(found, name);
     let zero = {
         let params = Params::<f64>::new(splats, view);
         params.zip(&params, |_, _| 0.0)

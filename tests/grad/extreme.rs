@@ -32,13 +32,13 @@ fn n04_the_gradient_of_a_quaternion_of_any_length_is_across_it() {
     let cotangents = cotangents(1, &view, |_| false);
     let q = [0.8f32, 0.0, -0.48, 0.36];
     let (unit, _) = vjp(&turned(q), &view, &cotangents);
-    let unit = unit.rotation[0].map(f64::from);
+    let unit = unit.params.rotation[0].map(f64::from);
     assert!(dot(&unit, &unit).sqrt() > 1e-2, "no gradient");
     for length in [1e-20f32, 1e-10, 1e-3, 1.0, 1e3, 1e10, 1e19, 1e20] {
         let splats = turned(q.map(|x| x * length));
         let (found, _) = vjp(&splats, &view, &cotangents);
-        assert!(found.n_bad == 0 && is_finite(&found, &splats), "length {length:e}");
-        let (q, g) = (splats.rotation[0].map(f64::from), found.rotation[0].map(f64::from));
+        assert!(found.n_bad == 0 && is_finite(&found), "length {length:e}");
+        let (q, g) = (splats.rotation[0].map(f64::from), found.params.rotation[0].map(f64::from));
         let norms = dot(&q, &q).sqrt() * dot(&g, &g).sqrt();
         let along = dot(&q, &g).abs() / norms;
         let scaled = g.map(|x| x * f64::from(length));
@@ -83,14 +83,21 @@ fn n07_an_alpha_held_at_its_clamp_has_no_gradient_and_one_below_has() {
         let one = One { opacity, ..round([0.0, 0.0, 4.0], 1e3, 0.5, [0.1, 0.6, 0.9]) };
         let splats = scene_of(&[one, round([0.0, 0.0, 6.0], 1e3, 0.5, [0.9, 0.3, 0.1])]);
         let (found, _) = vjp(&splats, &view, &cotangents);
-        assert!(found.n_bad == 0 && is_finite(&found, &splats) && found.opacity[1] != 0.0);
+        assert!(found.n_bad == 0 && is_finite(&found) && found.params.opacity[1] != 0.0);
         let held = opacity >= most + 1e-4 || opacity <= -6.0;
         let free = opacity <= most - 1e-4 && opacity >= -5.0;
-        assert!(!held || found.opacity[0] == 0.0, "opacity {opacity} has the gradient {}", found.opacity[0]);
-        assert!(!held || (found.scale[0], found.rotation[0]) == ([0.0; 3], [0.0; 4]), "opacity {opacity}: {found:?}");
-        assert!(!free || found.opacity[0] != 0.0, "opacity {opacity} has no gradient");
+        assert!(
+            !held || found.params.opacity[0] == 0.0,
+            "opacity {opacity} has the gradient {}",
+            found.params.opacity[0]
+        );
+        assert!(
+            !held || (found.params.scale[0], found.params.rotation[0]) == ([0.0; 3], [0.0; 4]),
+            "opacity {opacity}: {found:?}"
+        );
+        assert!(!free || found.params.opacity[0] != 0.0, "opacity {opacity} has no gradient");
         // What is held at its clamp still has a colour.
-        assert!(opacity < -5.5 || found.sh[0] != [0.0; 3], "opacity {opacity}: no gradient of the colour");
+        assert!(opacity < -5.5 || found.params.sh[0] != [0.0; 3], "opacity {opacity}: no gradient of the colour");
         seen = [seen[0] + usize::from(held), seen[1] + usize::from(free)];
         if free {
             check_adjoint(&splats, &view, &cotangents, 1e-4, 2).unwrap();
@@ -146,12 +153,14 @@ fn n11_gradients_at_any_distance_in_time_are_the_truths_and_zero_past_the_cut() 
             let cotangents = cotangents(5, &view, |_| false);
             let (found, report) = vjp(&splats, &view, &cotangents);
             let case = format!("u = {u:e}, log tau = {t_scale}");
-            if found.n_bad > 0 || report.intersections == 0 || !is_finite(&found, &splats) {
+            if found.n_bad > 0 || report.intersections == 0 || !is_finite(&found) {
                 faults.push(format!("{case}: {} bad", found.n_bad));
             }
             if u > 2.355 {
-                let zero = found.position[1] == [0.0; 3] && found.velocity[1] == [0.0; 3] && found.t_center[1] == 0.0;
-                if !zero || found.t_scale[1] != 0.0 || found.time_offset != 0.0 {
+                let zero = found.params.position[1] == [0.0; 3]
+                    && found.motion(1).velocity == [0.0; 3]
+                    && found.motion(1).t_center == 0.0;
+                if !zero || found.motion(1).t_scale != 0.0 || found.time_offset != 0.0 {
                     faults.push(format!("{case}: a gradient past the cut"));
                 }
                 n_gone += 1;
@@ -176,15 +185,19 @@ fn n12_the_gradient_of_log_tau_is_bounded_for_any_tau() {
             let t_center = (0.5 - u * f64::from(t_scale.min(9.0)).exp()) as f32;
             let splats = fading(t_center, t_scale);
             let (found, _) = vjp(&splats, &view, &of_alpha(&view, 1.0));
-            assert!(found.n_bad == 0 && is_finite(&found, &splats), "log tau = {t_scale:e}, u = {u}");
+            assert!(found.n_bad == 0 && is_finite(&found), "log tau = {t_scale:e}, u = {u}");
             // The backdrop hides nothing before it: of opacity o and weight e^-u^2 each pixel has at most the share o.
             let bound = 0.736 * 0.95 * f64::from(view.width * view.height);
-            let slope = f64::from(found.t_scale[1].abs());
+            let slope = f64::from(found.motion(1).t_scale.abs());
             assert!(slope <= bound, "log tau = {t_scale:e}, u = {u}: {slope}");
             largest = largest.max(slope / bound);
             if t_scale > 90.0 {
-                assert_eq!([found.t_scale[1], found.t_center[1], found.velocity[1][0]].map(f32::is_finite), [true; 3]);
-                assert_eq!(found.t_scale[1], 0.0, "infinite tau has no gradient");
+                assert_eq!(
+                    [found.motion(1).t_scale, found.motion(1).t_center, found.motion(1).velocity[0]]
+                        .map(f32::is_finite),
+                    [true; 3]
+                );
+                assert_eq!(found.motion(1).t_scale, 0.0, "infinite tau has no gradient");
             }
         }
     }
@@ -210,7 +223,7 @@ fn n13_gradients_of_a_clip_far_from_time_zero_have_the_bits_of_one_at_zero() {
     };
     let gradients = |origin: f64| {
         let (splats, view) = clip(origin);
-        bits(&vjp(&splats, &view, &cotangents(6, &view, |_| false)).0, &splats)
+        bits(&vjp(&splats, &view, &cotangents(6, &view, |_| false)).0)
     };
     let first = gradients(0.0);
     assert!(first.iter().filter(|x| f64::from_bits(**x) != 0.0).count() > 300);
@@ -248,15 +261,17 @@ fn n28_scenes_with_some_poisoned_numbers_have_finite_gradients() {
             }
         }
         let (found, report) = vjp(&splats, &view(), &cotangents(seed, &view(), |_| false));
-        assert!(is_finite(&found, &splats), "seed {seed}");
+        assert!(is_finite(&found), "seed {seed}");
         for (i, drawable) in drawable(&splats, &view()).into_iter().enumerate() {
             if !drawable {
-                let zero = found.position[i] == [0.0; 3] && found.opacity[i] == 0.0 && found.rotation[i] == [0.0; 4];
+                let zero = found.params.position[i] == [0.0; 3]
+                    && found.params.opacity[i] == 0.0
+                    && found.params.rotation[i] == [0.0; 4];
                 assert!(zero, "seed {seed}: Gaussian {i} is not drawn and has a gradient");
                 n_undrawn += 1;
             }
         }
-        n_gradients += found.opacity.iter().filter(|x| **x != 0.0).count();
+        n_gradients += found.params.opacity.iter().filter(|x| **x != 0.0).count();
         assert!(report.bad_gaussians > 0 || rate < 0.01, "seed {seed}: {report:?}");
     }
     assert!(n_poisoned > 1000 && n_gradients > 500 && n_undrawn > 100);
@@ -272,11 +287,15 @@ fn a_cotangent_that_is_not_finite_zeroes_the_gradients_it_reaches_and_they_are_c
         let mut cotangents = clean.clone();
         cotangents.color[(view.width * view.height / 2 + view.width / 2) as usize][1] = value;
         let (found, _) = vjp(&splats, &view, &cotangents);
-        assert!(is_finite(&found, &splats) && found.n_bad > 0, "{value}: {} bad", found.n_bad);
-        let changed: Vec<usize> = (0..splats.len()).filter(|i| found.opacity[*i] != before.opacity[*i]).collect();
+        assert!(is_finite(&found) && found.n_bad > 0, "{value}: {} bad", found.n_bad);
+        let changed: Vec<usize> =
+            (0..splats.len()).filter(|i| found.params.opacity[*i] != before.params.opacity[*i]).collect();
         assert!(changed.len() < splats.len() / 2, "{changed:?}");
-        let zeroed = changed.iter().filter(|i| found.opacity[**i] == 0.0 && found.position[**i] == [0.0; 3]).count();
+        let zeroed = changed
+            .iter()
+            .filter(|i| found.params.opacity[**i] == 0.0 && found.params.position[**i] == [0.0; 3])
+            .count();
         assert_eq!(zeroed, found.n_bad as usize, "{value}: {changed:?}");
     }
-    assert!(GROUPS.iter().all(|name| flat(&before, &splats, name).iter().any(|x| *x != 0.0)));
+    assert!(GROUPS.iter().all(|name| flat(&before, name).iter().any(|x| *x != 0.0)));
 }
