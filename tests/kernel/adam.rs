@@ -7,9 +7,8 @@ use ivv::gpu::generated::Status;
 use ivv::stage::Moments;
 use ivv::twin::Adam;
 
-/// Error of a step, in units of the rate or of the step, where that is longer. The bias correction is that of 0.999, the
-/// decay what f32 holds of it: 1 - beta differs by 1.3e-5, the step by half of that.
-const ALLOWED: f64 = 8e-6;
+/// Error of a step, in units of the rate or of the step, where that is longer.
+const ALLOWED: f64 = 1e-6;
 
 const GUARD: [f32; 4] = [-7.5; 4];
 

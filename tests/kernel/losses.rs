@@ -159,18 +159,27 @@ fn every_number_of_a_small_pictures_cotangent_is_the_dual_numbers() {
 }
 
 #[test]
-fn n20_a_picture_equal_to_the_truth_has_loss_0_and_no_cotangent_but_rounding() {
+fn n20_a_picture_equal_to_the_truth_has_loss_0_and_exactly_no_cotangent() {
+    type Level = fn(u32, u32) -> u8;
+    let levels: [Level; 4] =
+        [|_, _| 51, |_, _| 255, |x, _| if x < 9 { 77 } else { 179 }, |x, y| (x * 71 + y * y * 37 + x * y * 13) as u8];
+    let mut faults = Vec::new();
     for size in SIZES {
-        let mut pair = Pair::random(20, size, |i| if i % 5 == 2 { 0 } else { 255 });
-        let color = |word: &u32| word.to_le_bytes();
-        pair.image = pair.truth.iter().map(|w| [0, 1, 2].map(|k| f32::from(color(w)[k]) / 255.0)).collect();
-        let found = pair.on_device();
-        assert!((found.ssim - 1.0).abs() <= 2e-6 && found.l1 == 0.0, "{size:?}: {} {}", found.ssim, found.l1);
-        let largest = found.d_image().as_flattened().iter().fold(0.0, |m, x| f64::max(m, x.abs()));
-        // Equal pictures maximise SSIM, where rounding alone is left; the mean's weight is 1 / pixels.
-        let allowed = 1e-6 / pair.n_visible() as f64;
-        assert!(largest <= allowed, "{size:?}: a cotangent of {largest:e}");
+        for (kind, level) in levels.into_iter().enumerate() {
+            let mask = |x, y| if kind == 3 && (x + y) % 5 == 2 { 0 } else { 255 };
+            let image = |x, y| [f32::from(level(x, y)) / 255.0; 3];
+            let pair = Pair::new(size, image, |x, y| word([level(x, y); 3], mask(x, y)));
+            let found = pair.on_device();
+            assert!((found.ssim - 1.0).abs() <= 2e-5 && found.l1 == 0.0, "{size:?}: {} {}", found.ssim, found.l1);
+            let largest = found.d_image().as_flattened().iter().fold(0.0, |m, x| f64::max(m, x.abs()));
+            // Adam makes a full step of a gradient of any size, so that rounding alone would move the parameters.
+            if largest > 0.0 {
+                let relative = largest * pair.n_visible() as f64;
+                faults.push(format!("{size:?}, picture {kind}: {largest:e}, {relative:.1e} of a pixel's share"));
+            }
+        }
     }
+    assert!(faults.is_empty(), "{} pictures have a cotangent\n{}", faults.len(), faults.join("\n"));
 }
 
 #[test]
