@@ -3,6 +3,7 @@
 //! Written to be read beside SPEC 3. The float parts are written once over [`Real`]: `f64` is the truth, `f32` shows
 //! what the same formula loses on the device, [`Dual`] gives exact directional derivatives.
 
+mod adam;
 mod blend;
 mod cull;
 mod dual;
@@ -14,8 +15,10 @@ mod real;
 mod scan;
 mod sh;
 mod sort;
+mod ssim;
 mod tiles;
 
+pub use adam::Adam;
 pub use blend::{Outputs, render, render_f64};
 pub use cull::visible;
 pub use dual::Dual;
@@ -26,4 +29,5 @@ pub use real::Real;
 pub use scan::{Scan, exclusive_scan};
 pub use sh::{basis, color};
 pub use sort::{DIGITS, block_histograms, float_key, radix_sort};
+pub use ssim::{Photometry, photometric, ssim_map};
 pub use tiles::{TILE, columns, ranges, row_span, tiles, tiles_truth};

@@ -1,3 +1,6 @@
 //! Gradients of the device.
 
+mod adjoint;
+mod check;
+mod extreme;
 mod golden;

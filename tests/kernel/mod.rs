@@ -1,7 +1,9 @@
 //! Each kernel against its exact twin: edge sizes, poisoned memory, guarded ends.
 
+mod adam;
 mod blend;
 mod cull;
+mod losses;
 mod project;
 mod scan;
 mod sort;

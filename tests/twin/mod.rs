@@ -1,5 +1,6 @@
 //! The CPU truth against the golden cases, against itself, and against brute force.
 
+mod adam;
 mod blend;
 mod cull;
 mod derivatives;
@@ -8,6 +9,7 @@ mod golden;
 mod integers;
 mod needles;
 mod precision;
+mod ssim;
 mod tiles;
 
 use ivv::scene::{Motion, Splats};

@@ -1,0 +1,38 @@
+//! One step of Adam (SPEC 6) on one number.
+
+use super::real::Real;
+
+/// Decay of the mean of the gradients: what f32 holds of 0.9, since the device decays by that.
+const BETA1: f64 = 0.9f32 as f64;
+/// Decay of the mean of their squares, what f32 holds of 0.999.
+const BETA2: f64 = 0.999f32 as f64;
+/// Keeps a step finite where no gradient has been.
+const EPS: f64 = 1e-15;
+
+/// A parameter with Adam's moments.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Adam<R> {
+    /// The parameter.
+    pub parameter: R,
+    /// Mean of the gradients.
+    pub first: R,
+    /// Mean of their squares.
+    pub second: R,
+}
+
+impl<R: Real> Adam<R> {
+    /// Step number `step` (from 1) along `gradient` at learning rate `rate`, with the bias corrections of that step. A
+    /// gradient that is not finite changes nothing; rate 0 moves the moments alone.
+    pub fn step(self, gradient: R, rate: f64, step: u64) -> Self {
+        if !gradient.is_finite() {
+            return self;
+        }
+        let mean = |beta: f64, old: R, new: R| R::from_f64(beta) * old + R::from_f64(1.0 - beta) * new;
+        let correction = |beta: f64| R::from_f64(1.0 - beta.powf(step as f64));
+        let first = mean(BETA1, self.first, gradient);
+        let second = mean(BETA2, self.second, gradient * gradient);
+        let root = (second / correction(BETA2)).sqrt() + R::from_f64(EPS);
+        let moved = self.parameter - R::from_f64(rate) * (first / correction(BETA1)) / root;
+        Adam { parameter: if rate == 0.0 { self.parameter } else { moved }, first, second }
+    }
+}
