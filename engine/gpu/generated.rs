@@ -3784,7 +3784,7 @@ pub mod ssim_rows {
     }
 }
 
-/// filters the moments along the columns, forms SSIM and its derivatives, and sums SSIM and the absolute error.
+/// filters the moments along the columns, forms SSIM and its derivatives, and sums 1 - SSIM and the absolute error.
 pub mod ssim_columns {
     use super::super::kernel::*;
     /// `Push` of the shaders.
@@ -3934,7 +3934,7 @@ pub mod ssim_bwd_columns {
     }
 }
 
-/// adds the workgroups' sums of SSIM and absolute error.
+/// adds the workgroups' sums of 1 - SSIM and absolute error.
 pub mod loss_sum {
     use super::super::kernel::*;
     /// `Push` of the shaders.

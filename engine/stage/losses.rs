@@ -16,7 +16,7 @@ pub const SSIM_WEIGHT: f32 = 0.2;
 pub struct Photometric {
     /// The training image: RGB and the mask in the top byte, 8 bits each, row-major.
     pub truth: Buf<u32>,
-    /// Sums over pixels and channels: SSIM, absolute error. See [`Photometric::values`].
+    /// Sums over pixels and channels: 1 - SSIM, absolute error. See [`Photometric::values`].
     pub sums: Buf<[f32; 2]>,
     moments: Buf<[f32; 4]>,
     partials: Buf<[f32; 4]>,
@@ -74,11 +74,10 @@ impl Photometric {
         rec.pass(loss_sum::Args { sums: group_sums, loss: sums }, loss_sum::Push { n }, Grid::Groups(1));
     }
 
-    /// Mean SSIM and mean absolute error over the visible pixels, from the sums: hidden pixels equal the truth, so their
-    /// SSIM counts less than 1 only where a visible neighbour differs.
-    pub fn values(sums: [f32; 2], n_pixels: u32, n_visible: u32) -> (f64, f64) {
+    /// SSIM and mean absolute error over the visible pixels, from the sums. Hidden pixels equal the truth, so they add to
+    /// 1 - SSIM only where a visible neighbour differs.
+    pub fn values(sums: [f32; 2], n_visible: u32) -> (f64, f64) {
         let n = 3.0 * f64::from(n_visible);
-        let hidden = 3.0 * f64::from(n_pixels - n_visible);
-        ((f64::from(sums[0]) - hidden) / n, f64::from(sums[1]) / n)
+        (1.0 - f64::from(sums[0]) / n, f64::from(sums[1]) / n)
     }
 }

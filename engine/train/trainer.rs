@@ -190,7 +190,7 @@ impl Trainer {
             }
             self.step += 1;
             let sums = self.gpu.read(&self.loss.sums)?.first().copied().unwrap_or_default();
-            let (ssim, l1) = Photometric::values(sums, n_pixels as u32, n_visible);
+            let (ssim, l1) = Photometric::values(sums, n_visible);
             let weight = f64::from(SSIM_WEIGHT);
             let report = StepReport {
                 step: self.step,

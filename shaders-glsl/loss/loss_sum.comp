@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-// Purpose   adds the workgroups' sums of SSIM and absolute error.
+// Purpose   adds the workgroups' sums of 1 - SSIM and absolute error.
 // Equation  none.
 // Grid      one workgroup.
-// Writes    loss[0]: sums over all pixels and channels, SSIM and absolute error.
+// Writes    loss[0]: sums over all pixels and channels, 1 - SSIM and absolute error.
 // Numerics  64 interleaved partial sums, then one sum in order: the same bits in every run.
 #version 460
 #extension GL_GOOGLE_include_directive : require

@@ -52,7 +52,7 @@ void main() {
             const uint pixel = (first + k) * pc.width + column;
             const vec4 y = unpack_truth(truth[pixel]);
             const vec3 x = visible_color(image[pixel].xyz, y);
-            const vec3 d_ssim = p0[k].xyz + 2.0 * x * vec3(p0[k].w, p1[k].xy) + y.xyz * vec3(p1[k].zw, p2[k]);
+            precise vec3 d_ssim = p0[k].xyz + (2.0 * x * vec3(p0[k].w, p1[k].xy) + y.xyz * vec3(p1[k].zw, p2[k]));
             const vec3 d = pc.l1_weight * sign(x - y.xyz) - pc.ssim_weight * d_ssim;
             d_image[pixel] = vec4(y.w * d, 0.0);
         }

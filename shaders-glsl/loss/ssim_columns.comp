@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-// Purpose   filters the moments along the columns, forms SSIM and its derivatives, and sums SSIM and the absolute error.
+// Purpose   filters the moments along the columns, forms SSIM and its derivatives, and sums 1 - SSIM and the absolute error.
 // Equation  S = (2 mx my + C1)(2 sxy + C2) / ((mx^2 + my^2 + C1)(sxx + syy + C2)); L1 = |x - y|.
 // Grid      one thread per RUN pixels of a column, 64 neighbouring columns per workgroup.
-// Writes    partials: dS/dE[x], dS/dE[xx], dS/dE[xy] per channel, 3 vec4 per pixel; sums: (S, L1) per workgroup, summed
+// Writes    partials: dS/dE[x], dS/dE[xx], dS/dE[xy] per channel, 3 vec4 per pixel; sums: (1 - S, L1) per workgroup, summed
 //           over pixels and channels in a fixed order.
 // Numerics  sxx = E[xx] - mx^2 is clamped at 0, with zero derivative there.
 #version 460
@@ -61,24 +61,28 @@ void main() {
             const vec3 exx = vec3(m1[k].zw, m2[k].x);
             const vec3 eyy = m2[k].yzw;
             const vec3 sxx_raw = exx - mx * mx;
+            const vec3 syy_raw = eyy - my * my;
             const vec3 sxx = max(sxx_raw, vec3(0.0));
-            const vec3 syy = max(eyy - my * my, vec3(0.0));
-            const vec3 sxy = m3[k].xyz - mx * my;
-            const vec3 a = 2.0 * mx * my + SSIM_C1;
-            const vec3 b = 2.0 * sxy + SSIM_C2;
-            const vec3 c = mx * mx + my * my + SSIM_C1;
-            const vec3 d = sxx + syy + SSIM_C2;
-            const vec3 s = (a * b) / (c * d);
-            // With sxx and sxy held, then through sxx = E[xx] - mx^2 and sxy = E[xy] - mx my.
-            const vec3 d_exx = -s / d * vec3(greaterThan(sxx_raw, vec3(0.0)));
-            const vec3 d_exy = 2.0 * a / (c * d);
-            const vec3 d_mx = 2.0 * my * b / (c * d) - 2.0 * mx * s / c - 2.0 * mx * d_exx - my * d_exy;
+            const vec3 syy = max(syy_raw, vec3(0.0));
+            // Where both variances are rounding, so is the covariance.
+            const vec3 varies = vec3(greaterThan(max(sxx_raw, syy_raw), vec3(0.0)));
+            const vec3 sxy = varies * (m3[k].xyz - mx * my);
+            precise vec3 c = mx * mx + my * my + SSIM_C1;
+            precise vec3 d = sxx + syy + SSIM_C2;
+            precise vec3 p = (2.0 * mx * my + SSIM_C1) / c;
+            precise vec3 q = (2.0 * sxy + SSIM_C2) / d;
+            precise vec3 s = p * q;
+            // With sxx and sxy held, then through sxx = E[xx] - mx^2 and sxy = E[xy] - mx my. Bracketed so that everything
+            // cancels to 0, bit for bit, where picture and truth are equal.
+            precise vec3 d_exx = -(s / d) * vec3(greaterThan(sxx_raw, vec3(0.0)));
+            precise vec3 d_exy = varies * (2.0 * (p / d));
+            precise vec3 d_mx = 2.0 * (my * q - mx * s) / c - (2.0 * mx * d_exx + my * d_exy);
             partials[3u * pixel] = vec4(d_mx, d_exx.x);
             partials[3u * pixel + 1u] = vec4(d_exx.yz, d_exy.xy);
             partials[3u * pixel + 2u] = vec4(d_exy.z, 0.0, 0.0, 0.0);
             const vec4 y = unpack_truth(truth[pixel]);
             const vec3 error = abs(visible_color(image[pixel].xyz, y) - y.xyz);
-            own += vec2(s.x + s.y + s.z, error.x + error.y + error.z);
+            own += vec2((1.0 - s.x) + (1.0 - s.y) + (1.0 - s.z), error.x + error.y + error.z);
         }
     }
     sh_sums[gl_LocalInvocationIndex] = own;

@@ -52,7 +52,7 @@ impl State {
         let status = gpu.upload("status", &[Status { failed, ..Status::default() }]).unwrap();
         let n_bad = gpu.upload("bad", &[0u32]).unwrap();
         let mut rec = Recording::new();
-        moments.record(&mut rec, &parameter, &gradient, rates, step, &status, &n_bad);
+        moments.record(&mut rec, &parameter, &gradient, rates, f32::MIN, step, &status, &n_bad);
         gpu.run(&rec).unwrap();
         let [parameter, first, second] = [&guarded, &moments.first, &moments.second].map(|buffer| {
             let mut items = gpu.read(buffer).unwrap();
