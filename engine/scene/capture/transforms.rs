@@ -174,7 +174,7 @@ impl Frame {
     fn entry(&self, [w, h, fx, fy, cx, cy]: [f64; 6], world_to_camera: Pose, paths: Paths, is_test: bool) -> Entry {
         let Paths { name, image, mask } = paths;
         let camera = Camera {
-            name: if is_image(&name) { flat(&name) } else { flat(&name.with_added_extension("png")) },
+            name: flat(&name),
             width: w as u32,
             height: h as u32,
             fx,
