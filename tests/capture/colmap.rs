@@ -3,7 +3,7 @@
 use ivv::scene::capture::{Capture, CaptureSettings, Point, check_capture};
 
 use super::model::{Model, STEMS, binary, sample, text, write, write_images};
-use super::{Folder, assert_told, told};
+use super::{Case, Folder, assert_told, told};
 
 #[test]
 fn every_number_of_a_binary_model_arrives() {
@@ -74,7 +74,7 @@ fn points_are_optional_and_test_views_are_a_setting() {
 fn every_fault_of_the_values_is_told_in_both_formats() {
     let folder = Folder::new("colmap-faults");
     write_images(&folder);
-    let cases: [(fn(&mut Model), &str); 20] = [
+    let cases: [Case<Model>; 20] = [
         (|m| m.cameras[1].0 = 3, "has the id of an earlier camera"),
         (|m| m.cameras[0].3 = 0, "has 0 x 4 pixels"),
         (|m| m.cameras[0].4 = 65_537, "has 6 x 65537 pixels"),

@@ -4,7 +4,7 @@ use image::ExtendedColorType;
 use ivv::scene::capture::{Capture, CaptureSettings, Point, check_capture};
 use serde_json::{Value, json};
 
-use super::{Folder, assert_told, encode, png};
+use super::{Case, Folder, assert_told, encode, png};
 
 const IDENTITY: [[f64; 4]; 4] =
     [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 4.0], [0.0, 0.0, 0.0, 1.0]];
@@ -171,7 +171,7 @@ fn initial_points_are_read_and_their_faults_told() {
 fn every_contradiction_of_the_lists_is_told() {
     let folder = Folder::new("dynamic-faults");
     write(&folder, 2);
-    let cases: [(fn(&mut Value), &str); 9] = [
+    let cases: [Case<Value>; 9] = [
         (|m| m["k"].as_array_mut().unwrap().truncate(1), "lists 1 frames in k, 2 in w2c"),
         (|m| m["fn"][1].as_array_mut().unwrap().truncate(1), "lists 2 cameras in k, 2 in w2c, 1 in fn"),
         (|m| m["fn"][1][0] = json!("../../secret.png"), "has `..`"),

@@ -4,7 +4,7 @@ use image::ExtendedColorType;
 use ivv::scene::capture::{Capture, CaptureSettings, Manifest};
 
 use super::model::{Model, binary};
-use super::{Folder, assert_told, encode, png};
+use super::{Case, Folder, assert_told, encode, png};
 
 fn manifest() -> Manifest {
     Manifest {
@@ -68,7 +68,7 @@ fn a_folder_arrives_with_its_moving_camera_masks_and_test_camera() {
 #[test]
 fn every_fault_of_a_folder_is_told() {
     let folder = Folder::new("folder-faults");
-    let cases: [(fn(&mut Model), &str); 5] = [
+    let cases: [Case<Model>; 5] = [
         (|m| drop(m.images.remove(2)), "moves and has no pose at 1 frames, the first is 1"),
         (|m| m.images[2].4 = "rig/x.png", "one named `rig/x.png`"),
         (|m| m.images[4].4 = "rig/1.png", "has two poses at frame 1"),

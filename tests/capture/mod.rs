@@ -14,6 +14,9 @@ use std::path::{Path, PathBuf};
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
 use ivv::scene::capture::{Capture, CaptureSettings, Report, check_capture};
 
+/// A change to something valid and what the fault then says.
+type Case<T> = (fn(&mut T), &'static str);
+
 /// A folder of its own for one test, removed when it is dropped.
 struct Folder(PathBuf);
 

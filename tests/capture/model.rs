@@ -2,14 +2,17 @@
 
 use super::{Folder, png};
 
-#[derive(Clone)]
+/// Id, model number, model name, width, height, parameters.
+type Camera = (u32, i32, &'static str, u64, u64, Vec<f64>);
+/// Id, quaternion, translation, camera, name, observations.
+type Image = (u32, [f64; 4], [f64; 3], u32, &'static str, Vec<(f64, f64, i64)>);
+/// Id, position, colour, error, track.
+type Point = (u64, [f64; 3], [u8; 3], f64, Vec<(u32, u32)>);
+
 pub struct Model {
-    /// Id, model number, model name, width, height, parameters.
-    pub cameras: Vec<(u32, i32, &'static str, u64, u64, Vec<f64>)>,
-    /// Id, quaternion, translation, camera, name, observations.
-    pub images: Vec<(u32, [f64; 4], [f64; 3], u32, &'static str, Vec<(f64, f64, i64)>)>,
-    /// Id, position, colour, error, track.
-    pub points: Vec<(u64, [f64; 3], [u8; 3], f64, Vec<(u32, u32)>)>,
+    pub cameras: Vec<Camera>,
+    pub images: Vec<Image>,
+    pub points: Vec<Point>,
 }
 
 /// Two cameras, three images, two points.

@@ -4,7 +4,7 @@ use image::ExtendedColorType;
 use ivv::scene::capture::{Capture, CaptureSettings};
 use serde_json::{Value, json};
 
-use super::{Folder, assert_told, encode, png};
+use super::{Case, Folder, assert_told, encode, png};
 
 /// A camera at (x, 0, 5) that looks along -z of the world with y up, as OpenGL has it.
 fn frame(name: &str, x: f64) -> Value {
@@ -99,14 +99,14 @@ fn transparent_images_lie_over_the_background() {
 #[test]
 fn every_fault_of_a_transforms_file_is_told() {
     let folder = Folder::new("transforms-faults");
-    let cases: [(fn(&mut Value), &str); 15] = [
+    let cases: [Case<Value>; 15] = [
         (|d| d["k1"] = json!(0.01), "`ivv prepare`"),
         (|d| d["camera_model"] = json!("OPENCV_FISHEYE"), "OPENCV_FISHEYE"),
         (|d| d["w"] = json!(6.5), "has 6.5 x 4 pixels"),
         (|d| d["h"] = json!(1e30), "whole numbers of 1 to 65536"),
         (|d| d["w"] = json!(7), "is 6 x 4, its camera `images_0000` is calibrated for 7 x 4"),
         (|d| drop(d.as_object_mut().unwrap().remove("fl_x")), "neither fl_x nor camera_angle_x"),
-        (|d| d["fl_x"] = json!(-1.0), "field `fx`, is -1".trim_start_matches("field `fx`, ")),
+        (|d| d["fl_x"] = json!(-1.0), "fx: is -1, not a positive number"),
         (|d| d["frames"] = json!([]), "holds no frame"),
         (|d| d["frames"][1]["file_path"] = json!("../images/0001.png"), "has `..`"),
         (|d| d["frames"][1]["mask_path"] = json!("/etc/passwd"), "is absolute"),
