@@ -74,7 +74,8 @@ fn points_are_optional_and_test_views_are_a_setting() {
 fn every_fault_of_the_values_is_told_in_both_formats() {
     let folder = Folder::new("colmap-faults");
     write_images(&folder);
-    let cases: [Case<Model>; 20] = [
+    let cases: [Case<Model>; 21] = [
+        (|m| (m.cameras[0].3, m.cameras[0].4) = (65_536, 65_536), "has 65536 x 65536 pixels, at most 268435456"),
         (|m| m.cameras[1].0 = 3, "has the id of an earlier camera"),
         (|m| m.cameras[0].3 = 0, "has 0 x 4 pixels"),
         (|m| m.cameras[0].4 = 65_537, "has 6 x 65537 pixels"),
@@ -222,4 +223,28 @@ fn damaged_text_models_are_told_with_their_line() {
     assert_told(&folder.check(), &["images.txt"]);
     std::fs::remove_file(folder.0.join("sparse/0/images.txt")).unwrap();
     assert_told(&folder.check(), &["images.txt: cannot be read"]);
+}
+
+#[test]
+fn check_prints_every_fault_and_exits_with_3() {
+    let folder = Folder::new("colmap-verb");
+    write(&folder, &sample());
+    write_images(&folder);
+    let check = |json: bool| {
+        let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_ivv"));
+        let output = command.arg("check").arg(&folder.0).args(json.then_some("--json")).output().unwrap();
+        (output.status.code().unwrap(), String::from_utf8(output.stdout).unwrap())
+    };
+    let (code, text) = check(false);
+    assert_eq!(code, 0, "{text}");
+    assert!(text.contains("cameras: 3, 1 of them for testing") && text.contains("points:  2"), "{text}");
+    folder.write("images/a.png", b"");
+    folder.write("images/b.png", b"GIF89a");
+    let (code, text) = check(false);
+    assert_eq!(code, 3, "{text}");
+    assert_eq!(text.lines().filter(|line| line.starts_with("fault:")).count(), 2, "{text}");
+    let (code, json) = check(true);
+    let json: serde_json::Value = serde_json::from_str(&json).unwrap();
+    assert_eq!((code, json["n_faults"].as_u64(), json["n_cameras"].as_u64()), (3, Some(2), Some(3)));
+    assert!(json["faults"][0]["file"].as_str().unwrap().ends_with("a.png"));
 }

@@ -37,6 +37,14 @@ pub fn write(folder: &Folder, n_frames: usize) {
     }
 }
 
+/// One training camera with one image, a JPEG of this size.
+pub fn write_sized(folder: &Folder, width: u32, height: u32, jpeg: &[u8]) {
+    let mut meta = meta(1, &[0]);
+    (meta["w"], meta["h"], meta["fn"]) = (json!(width), json!(height), json!([["0/000000.jpg"]]));
+    folder.write("train_meta.json", meta.to_string());
+    folder.write("ims/0/000000.jpg", jpeg);
+}
+
 #[test]
 fn cameras_frames_times_and_pixels_arrive() {
     let folder = Folder::new("dynamic");

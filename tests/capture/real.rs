@@ -2,7 +2,7 @@
 
 use ivv::scene::capture::{Capture, CaptureSettings, FrameCache, check_capture};
 
-use super::{assert_told, shared};
+use super::{Folder, assert_told, dynamic, shared};
 
 #[test]
 fn the_fox_has_its_published_test_views() {
@@ -98,4 +98,20 @@ fn a_distorted_model_asks_for_prepare_and_its_undistorted_copy_opens() {
     assert!(sizes.len() > 1);
     let picture = dense.picture(3, 0).unwrap();
     assert_eq!(picture.pixels.len() as u32, dense.cameras[3].width * dense.cameras[3].height);
+}
+
+#[test]
+fn a_jpeg_cut_anywhere_is_a_fault_and_never_a_picture() {
+    let Some(path) = shared("data/panoptic_basketball_dev/ims/5/000000.jpg") else { return };
+    let whole = std::fs::read(path).unwrap();
+    let folder = Folder::new("jpeg");
+    dynamic::write_sized(&folder, 640, 360, &whole);
+    let capture = folder.open();
+    assert_eq!(capture.picture(0, 0).unwrap().pixels.len(), 640 * 360);
+    for n in (0..whole.len() - 64).step_by(307) {
+        folder.write("ims/0/000000.jpg", &whole[..n]);
+        let error = capture.picture(0, 0).err().unwrap_or_else(|| panic!("cut at {n} of {}", whole.len()));
+        assert_eq!(error.exit_code(), 3);
+        super::told(&folder.check());
+    }
 }
