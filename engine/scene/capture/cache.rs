@@ -14,6 +14,9 @@ use crate::error::Result;
 const DECODING_BYTES: u64 = 8;
 /// Bytes of a decoded pixel.
 const DECODED_BYTES: u64 = 4;
+/// Images for each thread that may be ahead of the consumer by making others leave: enough that no thread waits, and not
+/// more, because what the consumer is about to hand back is often the best to leave.
+const AHEAD: usize = 3;
 /// A position in the order that never comes.
 const NEVER: usize = usize::MAX;
 
@@ -36,7 +39,7 @@ pub struct CacheStats {
 ///
 /// At most `budget_bytes` are held in decoded images and in those being decoded, or one image when the budget is smaller;
 /// an image that the consumer still holds after it has left the cache comes on top. Which image leaves follows from the
-/// order: the one needed last (Belady), so what is needed soon again is not decoded again. Pictures and errors come out
+/// order: the one needed last (Belady) among those handed out, so what is needed soon again is not decoded again. Pictures and errors come out
 /// in the order that was asked for, the same for any budget and number of threads. Dropping the cache ends its threads.
 pub struct FrameCache {
     shared: Arc<Shared>,
@@ -50,6 +53,8 @@ struct Shared {
     /// For each position of the order, the next position of the same image, or [`NEVER`].
     next_use: Vec<usize>,
     budget: u64,
+    /// How far ahead of the consumer images are decoded in the place of others.
+    ahead: usize,
     state: Mutex<State>,
     /// A decoded image, for the consumer.
     ready: Condvar,
@@ -108,6 +113,7 @@ impl FrameCache {
             order: indices,
             next_use,
             budget: budget_bytes,
+            ahead: AHEAD * n_threads.max(1),
             state: Mutex::default(),
             ready: Condvar::new(),
             work: Condvar::new(),
@@ -216,6 +222,9 @@ impl Shared {
             }
             let bytes = DECODING_BYTES * self.pixels(index);
             while state.bytes > 0 && state.bytes + bytes > self.budget {
+                if state.planned - state.consumed >= self.ahead {
+                    return None;
+                }
                 // Images needed before this one are still to be handed out; those after it can be decoded again.
                 let (&need, &victim) = state.by_need.last_key_value().filter(|&(&need, _)| need > state.planned)?;
                 state.by_need.remove(&need);

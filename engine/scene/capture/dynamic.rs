@@ -72,7 +72,7 @@ impl Found<'_> {
         }
         let n_frames = n.iter().min().map_or(0, |n| u32::try_from(*n).unwrap_or(MAX_FRAMES));
         self.n_listed = self.n_listed.max(n_frames);
-        for t in 0..n_frames.min(self.settings.max_frames.unwrap_or(MAX_FRAMES)) as usize {
+        for t in 0..n_frames as usize {
             let n = [meta.k[t].len(), meta.w2c[t].len(), meta.names[t].len(), meta.cam_id[t].len()];
             if n.iter().any(|m| *m != n[0]) {
                 let reason =

@@ -13,6 +13,8 @@ use crate::error::{self, Error};
 use crate::scene::file::{cannot_read, write_atomic};
 
 const FILE: &str = "capture.toml";
+/// Images of a camera that are named one by one when they are missing: no number in a file makes the list longer.
+const MAX_MISSING: u32 = 1000;
 
 /// `capture.toml`, the description of a capture folder.
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -151,7 +153,13 @@ fn cameras(path: &Path, file: &Path, images: Vec<Posed>, n_frames: u32, faults: 
         let poses = Poses { file, name: &name, posed: &posed };
         let Some((intrinsics, moving)) = poses.check(n_frames, faults) else { continue };
         let folder = path.join("images").join(&name);
-        let shots = (0..n_frames).map(|frame| Shot {
+        let n_files = std::fs::read_dir(&folder).map_or(0, |files| u32::try_from(files.count()).unwrap_or(u32::MAX));
+        let n_listed = n_frames.min(n_files.saturating_add(MAX_MISSING));
+        if n_listed < n_frames {
+            let reason = format!("has {n_files} files, the clip has {n_frames} frames");
+            faults.add(&folder, "", reason, format!("add the images, or correct `frames` in {FILE}"));
+        }
+        let shots = (0..n_listed).map(|frame| Shot {
             frame,
             image: with_image_extension(&folder.join(format!("{frame:05}"))),
             mask: None,

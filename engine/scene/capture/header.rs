@@ -1,7 +1,8 @@
-//! Width and height from the first bytes of a PNG or JPEG: decoders of JPEG read the whole file for that.
+//! Width and height from the first bytes of a PNG or JPEG, for which decoders of JPEG read the whole file; and from the
+//! last bytes whether it is whole, because they make a picture of half a file too.
 
 use std::fs::File;
-use std::io::{self, BufReader, ErrorKind, Read};
+use std::io::{self, BufReader, ErrorKind, Read, Seek, SeekFrom};
 use std::path::Path;
 
 use super::report::Fault;
@@ -9,6 +10,11 @@ use super::report::Fault;
 pub(super) const BROKEN: &str = "make or copy the image again";
 const PNG: [u8; 8] = *b"\x89PNG\r\n\x1a\n";
 const JPEG: [u8; 2] = [0xff, 0xd8];
+/// What ends the image; neither can stand in compressed data of a JPEG, and of a PNG only by chance.
+const JPEG_END: &[u8] = &[0xff, 0xd9];
+const PNG_END: &[u8] = b"IEND";
+/// Bytes at the end of the file within which the image must end; some programs append a little.
+const TAIL_BYTES: u64 = 1024;
 
 pub(super) fn fault(path: &Path, reason: impl Into<String>, remedy: &str) -> Fault {
     Fault { file: path.to_owned(), place: String::new(), reason: reason.into(), remedy: remedy.to_owned() }
@@ -23,7 +29,7 @@ pub(super) fn unreadable(path: &Path, cause: &io::Error) -> Fault {
     }
 }
 
-/// Width and height in pixels, neither of them 0.
+/// Width and height in pixels, neither of them 0, of a file that is not cut off.
 pub(super) fn read_size(path: &Path) -> Result<(u32, u32), Fault> {
     let failed = |cause: io::Error| unreadable(path, &cause);
     let file = File::open(path).map_err(failed)?;
@@ -34,16 +40,23 @@ pub(super) fn read_size(path: &Path) -> Result<(u32, u32), Fault> {
     let mut from = BufReader::new(file);
     let mut start = [0; 2];
     from.read_exact(&mut start).map_err(failed)?;
-    let size = if start == PNG[..2] {
-        png_size(&mut from)
+    let (size, end) = if start == PNG[..2] {
+        (png_size(&mut from), PNG_END)
     } else if start == JPEG {
-        jpeg_size(&mut from)
+        (jpeg_size(&mut from), JPEG_END)
     } else {
         return Err(fault(path, "is neither a PNG nor a JPEG", "convert the image to PNG"));
     };
-    match size.map_err(failed)? {
-        Some((width, height)) if width > 0 && height > 0 => Ok((width, height)),
-        _ => Err(fault(path, "has a broken header", BROKEN)),
+    let Some((width, height)) = size.map_err(failed)?.filter(|(width, height)| *width > 0 && *height > 0) else {
+        return Err(fault(path, "has a broken header", BROKEN));
+    };
+    let mut tail = Vec::new();
+    let from_tail = from.seek(SeekFrom::Start(n_bytes.saturating_sub(TAIL_BYTES)));
+    from_tail.and_then(|_| from.take(TAIL_BYTES).read_to_end(&mut tail)).map_err(failed)?;
+    if tail.windows(end.len()).any(|window| window == end) {
+        Ok((width, height))
+    } else {
+        Err(fault(path, "is cut off: the end of the image is missing", BROKEN))
     }
 }
 

@@ -25,8 +25,8 @@ use std::path::{Path, PathBuf};
 
 use self::draft::Draft;
 use self::report::Faults;
-use super::View;
 use crate::error::{Error, Result};
+use crate::scene::View;
 
 /// How a capture is read. The default suits every format.
 #[derive(Clone, Debug, PartialEq)]

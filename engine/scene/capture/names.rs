@@ -35,9 +35,10 @@ pub(super) fn relative(name: &str) -> Result<PathBuf, String> {
     if path.as_os_str().is_empty() { refuse("is empty") } else { Ok(path) }
 }
 
-/// A name for output files from a relative path: without its extension, `_` for the separators.
+/// A name for output files from a relative path: without the extension of an image, `_` for the separators.
 pub(super) fn flat(path: &Path) -> String {
-    let parts: Vec<_> = path.with_extension("").iter().map(|part| part.to_string_lossy().into_owned()).collect();
+    let path = if is_image(path) { path.with_extension("") } else { path.to_owned() };
+    let parts: Vec<_> = path.iter().map(|part| part.to_string_lossy().into_owned()).collect();
     parts.join("_")
 }
 

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
 
-use super::header::{BROKEN, fault, unreadable};
+use super::header::{BROKEN, fault, read_size, unreadable};
 use super::report::Fault;
 use crate::error;
 
@@ -71,6 +71,8 @@ fn guarded<T>(path: &Path, work: impl FnOnce() -> Result<T, Fault>) -> Result<T,
 
 fn pixels_of(path: &Path, source: &Source) -> Result<DynamicImage, Fault> {
     let pixels = u64::from(source.width) * u64::from(source.height);
+    // Tells a file that is cut off, of which a decoder would make half a picture.
+    read_size(path)?;
     // 16 bits for each of four channels is the most that a PNG has.
     let decoder = decoder_of(path, 8 * pixels + DECODER_SLACK)?;
     let (width, height) = decoder.dimensions();
@@ -85,9 +87,6 @@ fn decoder_of(path: &Path, max_bytes: u64) -> Result<impl ImageDecoder, Fault> {
     let failed = |cause: std::io::Error| unreadable(path, &cause);
     let mut file = BufReader::new(File::open(path).map_err(failed)?);
     let start = file.fill_buf().map_err(failed)?;
-    if start.is_empty() {
-        return Err(fault(path, "has 0 bytes", BROKEN));
-    }
     let format = match image::guess_format(start) {
         Ok(format @ (ImageFormat::Png | ImageFormat::Jpeg)) => format,
         _ => return Err(fault(path, "is neither a PNG nor a JPEG", "convert the image to PNG")),

@@ -18,6 +18,8 @@ const REMEDY: &str = "correct the file, or export the capture again";
 const TIME_TOLERANCE: f64 = 1e-6;
 /// How far a time may lie from the grid of frames, in frames.
 const GRID_TOLERANCE: f64 = 0.05;
+/// Most frames between the two closest times: irregular times have a fine common grid too, but not one of a clip.
+const MAX_DIVISION: f64 = 8.0;
 
 /// Intrinsics; each may stand in the file, in a frame, or nowhere.
 #[derive(Clone, Default, serde::Deserialize)]
@@ -174,7 +176,7 @@ impl Frame {
     fn entry(&self, [w, h, fx, fy, cx, cy]: [f64; 6], world_to_camera: Pose, paths: Paths, is_test: bool) -> Entry {
         let Paths { name, image, mask } = paths;
         let camera = Camera {
-            name: if is_image(&name) { flat(&name) } else { flat(&name.with_added_extension("png")) },
+            name: flat(&name),
             width: w as u32,
             height: h as u32,
             fx,
@@ -285,6 +287,7 @@ fn frames_of(entries: &[Entry]) -> Result<(Vec<u32>, u32), String> {
     let (first, span) = (sorted[0], sorted[sorted.len() - 1] - sorted[0]);
     let tolerance = TIME_TOLERANCE * span.max(f64::MIN_POSITIVE);
     let gaps = sorted.windows(2).map(|pair| pair[1] - pair[0]).filter(|gap| *gap > tolerance);
+    let smallest_gap = gaps.clone().fold(f64::INFINITY, f64::min);
     // Rounded times leave remainders that a smaller step would only follow, hence the bound.
     let step = gaps.fold(0.0_f64, |step, gap| {
         let (mut a, mut b) = (step.max(gap), step.min(gap));
@@ -299,8 +302,9 @@ fn frames_of(entries: &[Entry]) -> Result<(Vec<u32>, u32), String> {
     }
     let n_frames = (span / step).round() + 1.0;
     let grid = times.iter().map(|time| (time - first) / step);
-    if n_frames > f64::from(MAX_FRAMES) || grid.clone().any(|f| (f - f.round()).abs() > GRID_TOLERANCE) {
-        return Err(format!("the {} times lie on no common grid of at most {MAX_FRAMES} frames", times.len()));
+    let too_fine = step * MAX_DIVISION < smallest_gap || n_frames > f64::from(MAX_FRAMES);
+    if too_fine || grid.clone().any(|f| (f - f.round()).abs() > GRID_TOLERANCE) {
+        return Err(format!("the {} times lie on no common grid of frames", times.len()));
     }
     Ok((grid.map(|f| f.round() as u32).collect(), n_frames as u32))
 }
