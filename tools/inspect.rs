@@ -25,11 +25,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         summary.n_dynamic,
         summary.sh_degree
     );
-    println!(
-        "as PLY:        {} bytes each, {:.1} MiB in all",
-        summary.ply_bytes_per_gaussian,
-        mib(summary.ply_bytes)
-    );
+    println!("as PLY:        {} bytes each, {:.1} MiB in all", summary.ply_bytes_per_gaussian, mib(summary.ply_bytes));
     println!(
         "on the device: {:.1} MiB: geometry {:.1}, motion {:.1}, SH by band {}",
         mib(summary.device.total),

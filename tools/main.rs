@@ -5,6 +5,7 @@ mod devices;
 mod inspect;
 mod progress;
 mod render;
+mod synth;
 
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
@@ -33,6 +34,8 @@ enum Verb {
     Render(render::Args),
     /// Writes the scene that the project ships in assets/demo.
     Demo(demo::Args),
+    /// Writes a synthetic capture of a room with moving things, and everything that is true of it.
+    Synth(synth::Args),
 }
 
 fn main() -> ExitCode {
@@ -43,6 +46,7 @@ fn main() -> ExitCode {
         Verb::Inspect(args) => inspect::run(args, cli.json),
         Verb::Render(args) => render::run(args, cli.json),
         Verb::Demo(args) => demo::run(args),
+        Verb::Synth(args) => synth::run(args, cli.json),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,
