@@ -3,4 +3,5 @@ mod common;
 mod kernel;
 mod render;
 mod scene;
+mod synth;
 mod twin;

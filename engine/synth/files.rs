@@ -18,10 +18,10 @@ pub(super) fn bytes(path: &Path, bytes: &[u8]) -> Result<()> {
     write_atomic(path, |to| to.write_all(bytes))
 }
 
-/// Writes JSON over several lines.
+/// Writes JSON on one line.
 pub(super) fn json(path: &Path, value: &impl serde::Serialize) -> Result<()> {
     write_atomic(path, |to| {
-        serde_json::to_writer_pretty(&mut *to, value)?;
+        serde_json::to_writer(&mut *to, value)?;
         writeln!(to)
     })
 }

@@ -98,7 +98,7 @@ pub(super) fn rig(options: &Options) -> Vec<Camera> {
 fn camera(options: &Options, index: u32, random: &mut Random) -> Camera {
     let part = f64::from(index) / f64::from(options.cameras - 1);
     let mut jitter = |most: f64| random.uniform(-most, most);
-    let high = index % 2 == 0;
+    let high = index.is_multiple_of(2);
     let (center, target, field) = match options.rig {
         Rig::Inward => {
             let (sin, cos) = sin_cos((2.0 * part - 1.0) * HALF_ARC + jitter(0.03));
@@ -107,8 +107,9 @@ fn camera(options: &Options, index: u32, random: &mut Random) -> Camera {
             (center, TARGET + DVec3::new(jitter(0.1), jitter(0.05), 0.0), 1.22)
         }
         Rig::Outward => {
-            let turn = f64::from(index) / f64::from(options.cameras);
-            let (sin, cos) = sin_cos(2.0 * PI * turn + jitter(0.05));
+            // The middle of the row looks where most happens.
+            let turn = f64::from(index) - f64::from(options.cameras / 2);
+            let (sin, cos) = sin_cos(2.0 * PI * turn / f64::from(options.cameras) + jitter(0.05));
             let way = DVec3::new(sin, 0.0, cos);
             let center = MIDDLE + way * RING + DVec3::Y * (if high { -0.12 } else { 0.12 } + jitter(0.03));
             (center, center + way + DVec3::Y * (0.15 + jitter(0.04)), 1.75)

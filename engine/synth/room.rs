@@ -57,7 +57,7 @@ impl Builder {
     fn furniture(&mut self) {
         let shift = self.jitter.step(0.08);
         let wood = Texture::Planks(self.jitter.tint(0.72, 0.52, 0.3), self.jitter.tint(0.55, 0.36, 0.2), 0.16);
-        let table = DVec3::new(0.2, FLOOR - 0.72, 0.9) + shift;
+        let table = DVec3::new(-0.1, FLOOR - 0.72, 0.9) + shift;
         self.block("table top", [0.72, 0.035, 0.45], wood, table);
         let leg_color = Texture::Plain(DVec3::new(0.3, 0.2, 0.13));
         for (x, z) in [(-0.64, -0.37), (0.64, -0.37), (-0.64, 0.37), (0.64, 0.37)] {
@@ -120,7 +120,7 @@ impl Builder {
         let side = 0.19;
         let crate_ =
             Texture::Checker(self.jitter.tint(0.2, 0.65, 0.35), self.jitter.tint(0.95, 0.85, 0.3), 2.0 * side / 3.0);
-        let mut motion = Motion::rest(DVec3::new(0.35, FLOOR - 0.755 - side, 0.85));
+        let mut motion = Motion::rest(DVec3::new(0.05, FLOOR - 0.755 - side, 0.85));
         motion.spin = 2.4 * self.jitter.factor();
         self.moving("turning crate", Shape::Block(DVec3::splat(side)), crate_, motion);
 
@@ -141,8 +141,8 @@ impl Builder {
 
     /// A figure that walks to and fro, turns its head and talks. Returns the index of the head.
     fn speaker(&mut self) -> usize {
-        let mut motion = Motion::rest(DVec3::new(1.45, FLOOR - 0.66, 0.1));
-        motion.sway = DVec3::new(0.3 * self.jitter.factor(), 0.0, 0.12);
+        let mut motion = Motion::rest(DVec3::new(1.35, FLOOR - 0.66, 0.7));
+        motion.sway = DVec3::new(0.22 * self.jitter.factor(), 0.0, 0.12);
         motion.angle = 0.25;
         motion.spin = -0.5;
         let coat = Texture::Wallpaper(self.jitter.tint(0.35, 0.3, 0.6), self.jitter.tint(0.9, 0.8, 0.4), 0.13);
