@@ -11,6 +11,7 @@ pub mod gpu;
 pub mod scene;
 pub mod settings;
 pub mod stage;
+pub mod synth;
 pub mod train;
 pub mod twin;
 pub mod vk;

@@ -7,4 +7,5 @@ mod kernel;
 mod render;
 mod repo;
 mod scene;
+mod synth;
 mod twin;

@@ -6,6 +6,7 @@ mod devices;
 mod inspect;
 mod progress;
 mod render;
+mod synth;
 mod train;
 mod vjp;
 
@@ -42,6 +43,8 @@ enum Verb {
     Vjp(vjp::Args),
     /// Writes the scene that the project ships in assets/demo.
     Demo(demo::Args),
+    /// Writes a synthetic capture of a room with moving things, and everything that is true of it.
+    Synth(synth::Args),
 }
 
 fn main() -> ExitCode {
@@ -55,6 +58,7 @@ fn main() -> ExitCode {
         Verb::Train(args) => train::run(args, cli.json),
         Verb::Vjp(args) => vjp::run(args),
         Verb::Demo(args) => demo::run(args),
+        Verb::Synth(args) => synth::run(args, cli.json),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,

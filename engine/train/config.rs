@@ -56,6 +56,9 @@ pub struct Density {
     pub every: u64,
     /// Mean norm of the projected centre's gradient, in half pictures, above which a Gaussian grows.
     pub gradient: f32,
+    /// A round adds at most this fraction of the Gaussians, those that are pulled hardest: in short runs, far from
+    /// convergence, almost all are.
+    pub growth: f64,
     /// Standard deviation, in units of the extent, above which a Gaussian is split and below which it is cloned.
     pub split_above: f32,
     /// Base opacity below which a Gaussian is removed.
@@ -101,6 +104,7 @@ impl Default for Density {
             stop: 0.5,
             every: 100,
             gradient: 2e-4,
+            growth: 0.15,
             split_above: 0.01,
             prune_opacity: 0.005,
             prune_scale: 0.5,

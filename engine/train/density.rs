@@ -48,7 +48,8 @@ pub fn round(
     // The budget goes to those that are pulled hardest.
     growing.sort_by(|&a, &b| pull(b).total_cmp(&pull(a)).then(a.cmp(&b)));
     let n_kept = (0..n).filter(|&i| keeps(i)).count();
-    growing.truncate(config.max_gaussians.saturating_sub(n_kept));
+    let most = (n_kept as f64 * config.density.growth).ceil() as usize;
+    growing.truncate(config.max_gaussians.saturating_sub(n_kept).min(most));
     let mut grows = vec![false; n];
     growing.iter().for_each(|&i| grows[i] = true);
 

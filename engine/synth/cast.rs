@@ -1,0 +1,89 @@
+//! One picture by casting rays, with what is true of each pixel.
+
+use super::math::{Random, Stream};
+use super::options::{Noise, Options};
+use super::rig::Camera;
+use super::world::{Hit, Snapshot, World};
+use glam::{DVec2, DVec3};
+
+/// Standard deviation of the sensor noise, of the full range of a channel.
+pub(super) const SENSOR_NOISE: f64 = 0.01;
+/// Colour of a lens hood.
+const HOOD: DVec3 = DVec3::splat(0.06);
+
+/// A camera's picture of one frame, row-major, top first.
+pub(super) struct Picture {
+    /// With the camera's colours and noise, 8 bits per channel.
+    pub rgb: Vec<u8>,
+    /// Of the surface at the pixel's centre, along the optical axis, scene units.
+    pub depth: Vec<f64>,
+    /// Displacement of the surface point at the pixel's centre until the next frame, pixels.
+    pub flow: Vec<DVec2>,
+    /// Index of the body at the pixel's centre.
+    pub body: Vec<usize>,
+    /// Whether any ray of the pixel meets a body that moves.
+    pub dynamic: Vec<bool>,
+}
+
+/// Casts the picture of `frame` by the `index`-th camera, at the time that its clock shifts the frame to.
+pub(super) fn picture(world: &World, options: &Options, index: usize, camera: &Camera, frame: u32) -> Picture {
+    let time = f64::from(frame) + camera.time_offset;
+    let (now, next) = (world.at(time), world.at(time + 1.0));
+    let mut noise = Random::new(options.seed, Stream::Sensor, index, frame);
+    let n = camera.width as usize * camera.height as usize;
+    let mut picture = Picture {
+        rgb: Vec::with_capacity(3 * n),
+        depth: Vec::with_capacity(n),
+        flow: Vec::with_capacity(n),
+        body: Vec::with_capacity(n),
+        dynamic: Vec::with_capacity(n),
+    };
+    for (row, column) in (0..camera.height).flat_map(|row| (0..camera.width).map(move |column| (row, column))) {
+        let corner = DVec2::new(f64::from(column), f64::from(row));
+        let center = corner + DVec2::splat(0.5);
+        let direction = camera.ray(center);
+        // The room is closed: every ray meets something, at worst its shell.
+        let hit = now.hit(camera.center, direction);
+        picture.depth.push(hit.as_ref().map_or(0.0, |hit| hit.t));
+        picture.flow.push(hit.as_ref().map_or(DVec2::ZERO, |hit| flow(&now, &next, camera, hit)));
+        picture.body.push(hit.as_ref().map_or(0, |hit| hit.body));
+        let (color, dynamic) = pixel(&now, camera, corner, options.samples);
+        let seen = if camera.is_hooded(column, row) { HOOD } else { transformed(camera, color) };
+        let sensor = if options.noise == Noise::All { noise.normal3() * SENSOR_NOISE } else { DVec3::ZERO };
+        // A float becomes an integer by saturation.
+        picture.rgb.extend((seen + sensor).to_array().map(|c| (c.clamp(0.0, 1.0) * 255.0 + 0.5) as u8));
+        picture.dynamic.push(dynamic || hit.is_some_and(|hit| now.placed[hit.body].body.dynamic));
+    }
+    picture
+}
+
+/// The mean colour of `samples` x `samples` rays, and whether any of them meets a body that moves.
+fn pixel(now: &Snapshot, camera: &Camera, corner: DVec2, samples: u32) -> (DVec3, bool) {
+    let (mut sum, mut dynamic) = (DVec3::ZERO, false);
+    for (i, j) in (0..samples).flat_map(|j| (0..samples).map(move |i| (i, j))) {
+        let part = (DVec2::new(f64::from(i), f64::from(j)) + 0.5) / f64::from(samples);
+        let direction = camera.ray(corner + part);
+        if let Some(hit) = now.hit(camera.center, direction) {
+            sum += now.color(&hit, direction);
+            dynamic |= now.placed[hit.body].body.dynamic;
+        }
+    }
+    (sum / f64::from(samples * samples), dynamic)
+}
+
+fn flow(now: &Snapshot, next: &Snapshot, camera: &Camera, hit: &Hit) -> DVec2 {
+    let moved = &next.placed[hit.body];
+    if !moved.body.dynamic {
+        return DVec2::ZERO;
+    }
+    // Both ends are projected, so that a body that happens to rest has no flow from rounding.
+    let here = camera.project(now.placed[hit.body].world(hit.local));
+    let there = camera.project(moved.world(hit.local));
+    here.zip(there).map_or(DVec2::ZERO, |(here, there)| there.0 - here.0)
+}
+
+/// A true colour as the camera stores it.
+pub(super) fn transformed(camera: &Camera, color: DVec3) -> DVec3 {
+    let row = |[r, g, b, shift]: [f64; 4]| DVec3::new(r, g, b).dot(color) + shift;
+    DVec3::from_array(camera.color.map(row))
+}

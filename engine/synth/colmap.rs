@@ -1,0 +1,200 @@
+//! The calibration as COLMAP writes it, in binary and in text, and the points of single frames.
+
+use super::files;
+use super::math::{Random, Stream, quaternion};
+use super::options::{Noise, Options};
+use super::points::Point;
+use super::rig::Camera;
+use crate::error::Result;
+use glam::DVec2;
+use std::fmt::Write as _;
+use std::path::Path;
+
+/// Standard deviation of the points' places in the pictures, pixels.
+pub(super) const OBSERVATION_NOISE: f64 = 0.3;
+/// COLMAP's number for the model PINHOLE: fx, fy, cx, cy.
+const PINHOLE: u32 = 1;
+/// The frame whose pictures stand for their cameras.
+pub(super) const REFERENCE_FRAME: u32 = 0;
+
+/// Where a camera saw a point.
+struct Observation {
+    at: DVec2,
+    point: usize,
+}
+
+/// What the files tell, in the order they tell it. Cameras and images count from 1, as COLMAP's do.
+struct Model<'a> {
+    cameras: &'a [Camera],
+    points: &'a [Point],
+    /// By camera.
+    observations: Vec<Vec<Observation>>,
+    /// By point: (camera, index among the camera's observations).
+    tracks: Vec<Vec<(usize, usize)>>,
+    /// By point: mean distance between observations and projections, pixels.
+    errors: Vec<f64>,
+}
+
+/// Writes cameras, images and points3D, each as .bin and .txt, to `folder`. `points` are of the reference frame.
+pub(super) fn write(folder: &Path, options: &Options, cameras: &[Camera], points: &[Point]) -> Result<()> {
+    let model = Model::new(options, cameras, points);
+    files::bytes(&folder.join("cameras.bin"), &model.cameras_bin())?;
+    files::bytes(&folder.join("images.bin"), &model.images_bin())?;
+    files::bytes(&folder.join("points3D.bin"), &model.points_bin())?;
+    files::bytes(&folder.join("cameras.txt"), model.cameras_txt().as_bytes())?;
+    files::bytes(&folder.join("images.txt"), model.images_txt().as_bytes())?;
+    files::bytes(&folder.join("points3D.txt"), model.points_txt().as_bytes())
+}
+
+/// Writes points as binary PLY: `x y z red green blue` and the list `camera_ids` of those that saw each, in the numbers
+/// of COLMAP's cameras.
+pub(super) fn write_points(path: &Path, points: &[Point]) -> Result<()> {
+    let mut ply = format!(
+        "ply\nformat binary_little_endian 1.0\n\
+         comment camera_ids: CAMERA_ID in sparse/0 of every camera that saw the point\n\
+         element vertex {}\n\
+         property float x\nproperty float y\nproperty float z\n\
+         property uchar red\nproperty uchar green\nproperty uchar blue\n\
+         property list uchar int camera_ids\nend_header\n",
+        points.len()
+    )
+    .into_bytes();
+    for point in points {
+        ply.extend(point.position.as_vec3().to_array().iter().flat_map(|v| v.to_le_bytes()));
+        ply.extend(point.rgb);
+        // There are at most 99 cameras.
+        ply.push(point.seen_by.len() as u8);
+        ply.extend(point.seen_by.iter().flat_map(|&index| id(index).to_le_bytes()));
+    }
+    files::bytes(path, &ply)
+}
+
+fn id(index: usize) -> u32 {
+    index as u32 + 1
+}
+
+fn image_name(camera: &Camera) -> String {
+    format!("{}/{REFERENCE_FRAME:05}.png", camera.name)
+}
+
+impl<'a> Model<'a> {
+    fn new(options: &Options, cameras: &'a [Camera], points: &'a [Point]) -> Self {
+        let mut random = Random::new(options.seed, Stream::Observations, 0, REFERENCE_FRAME);
+        let spread = if options.noise == Noise::None { 0.0 } else { OBSERVATION_NOISE };
+        let mut observations: Vec<Vec<Observation>> = cameras.iter().map(|_| Vec::new()).collect();
+        let (mut tracks, mut errors) = (Vec::new(), Vec::new());
+        for (point, seen) in points.iter().enumerate() {
+            let (mut track, mut error) = (Vec::new(), 0.0);
+            for &index in &seen.seen_by {
+                let camera = &cameras[index];
+                let step = DVec2::new(random.normal(), random.normal()) * spread;
+                // A point is noted only for cameras that it projects into.
+                let Some((exact, _)) = camera.project(seen.position) else { continue };
+                let size = DVec2::new(f64::from(camera.width), f64::from(camera.height));
+                let at = (exact + step).clamp(DVec2::ZERO, size);
+                track.push((index, observations[index].len()));
+                observations[index].push(Observation { at, point });
+                error += (at - exact).length();
+            }
+            errors.push(error / track.len() as f64);
+            tracks.push(track);
+        }
+        Model { cameras, points, observations, tracks, errors }
+    }
+
+    fn cameras_bin(&self) -> Vec<u8> {
+        let mut to = Packed::count(self.cameras.len());
+        for (index, camera) in self.cameras.iter().enumerate() {
+            to.u32(id(index)).u32(PINHOLE).u64(u64::from(camera.width)).u64(u64::from(camera.height));
+            to.f64s(&camera.focal.to_array()).f64s(&camera.principal.to_array());
+        }
+        to.0
+    }
+
+    fn images_bin(&self) -> Vec<u8> {
+        let mut to = Packed::count(self.cameras.len());
+        for (index, camera) in self.cameras.iter().enumerate() {
+            to.u32(id(index)).f64s(&quaternion(&camera.rotation)).f64s(&camera.translation().to_array());
+            to.u32(id(index)).0.extend(image_name(camera).bytes().chain([0]));
+            to.u64(self.observations[index].len() as u64);
+            for seen in &self.observations[index] {
+                to.f64s(&seen.at.to_array()).u64(u64::from(id(seen.point)));
+            }
+        }
+        to.0
+    }
+
+    fn points_bin(&self) -> Vec<u8> {
+        let mut to = Packed::count(self.points.len());
+        for (index, point) in self.points.iter().enumerate() {
+            to.u64(u64::from(id(index))).f64s(&point.position.to_array()).0.extend(point.rgb);
+            to.f64s(&[self.errors[index]]).u64(self.tracks[index].len() as u64);
+            for &(camera, observation) in &self.tracks[index] {
+                to.u32(id(camera)).u32(observation as u32);
+            }
+        }
+        to.0
+    }
+
+    fn cameras_txt(&self) -> String {
+        let mut text = String::from("# CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n");
+        for (index, camera) in self.cameras.iter().enumerate() {
+            let (focal, principal) = (camera.focal, camera.principal);
+            // Writing to a string cannot fail.
+            let _ = write!(text, "{} PINHOLE {} {} ", id(index), camera.width, camera.height);
+            let _ = writeln!(text, "{} {} {} {}", focal.x, focal.y, principal.x, principal.y);
+        }
+        text
+    }
+
+    fn images_txt(&self) -> String {
+        let mut text =
+            String::from("# IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME\n# X, Y, POINT3D_ID, ...\n");
+        for (index, camera) in self.cameras.iter().enumerate() {
+            let ([w, x, y, z], t) = (quaternion(&camera.rotation), camera.translation());
+            let name = image_name(camera);
+            let _ = writeln!(text, "{0} {w} {x} {y} {z} {1} {2} {3} {0} {name}", id(index), t.x, t.y, t.z);
+            let seen = self.observations[index].iter();
+            let seen: Vec<_> = seen.map(|o| format!("{} {} {}", o.at.x, o.at.y, id(o.point))).collect();
+            let _ = writeln!(text, "{}", seen.join(" "));
+        }
+        text
+    }
+
+    fn points_txt(&self) -> String {
+        let mut text = String::from("# POINT3D_ID, X, Y, Z, R, G, B, ERROR, TRACK[] as (IMAGE_ID, POINT2D_IDX)\n");
+        for (index, point) in self.points.iter().enumerate() {
+            let ([x, y, z], [r, g, b]) = (point.position.to_array(), point.rgb);
+            let _ = write!(text, "{} {x} {y} {z} {r} {g} {b} {}", id(index), self.errors[index]);
+            for &(camera, observation) in &self.tracks[index] {
+                let _ = write!(text, " {} {observation}", id(camera));
+            }
+            text.push('\n');
+        }
+        text
+    }
+}
+
+/// Little-endian numbers one after another.
+struct Packed(Vec<u8>);
+
+impl Packed {
+    fn count(n: usize) -> Self {
+        Packed((n as u64).to_le_bytes().to_vec())
+    }
+
+    fn u32(&mut self, value: u32) -> &mut Self {
+        self.0.extend(value.to_le_bytes());
+        self
+    }
+
+    fn u64(&mut self, value: u64) -> &mut Self {
+        self.0.extend(value.to_le_bytes());
+        self
+    }
+
+    fn f64s(&mut self, values: &[f64]) -> &mut Self {
+        self.0.extend(values.iter().flat_map(|value| value.to_le_bytes()));
+        self
+    }
+}

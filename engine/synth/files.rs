@@ -1,0 +1,98 @@
+//! The formats that the capture is written in, each file at once.
+
+use crate::error::{Error, Result};
+use crate::scene::write_atomic;
+use exr::prelude::{AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, LayerAttributes, WritableImage};
+use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
+use std::io::{self, Cursor};
+use std::path::Path;
+
+/// The folder of a file, made when it is absent.
+pub(super) fn make_folder(path: &Path) -> Result<()> {
+    let remedy = "choose another folder with -o";
+    std::fs::create_dir_all(path).map_err(|fault| Error::data(path, "", format!("cannot be made: {fault}"), remedy))
+}
+
+/// Writes bytes.
+pub(super) fn bytes(path: &Path, bytes: &[u8]) -> Result<()> {
+    write_atomic(path, |to| to.write_all(bytes))
+}
+
+/// Writes JSON on one line.
+pub(super) fn json(path: &Path, value: &impl serde::Serialize) -> Result<()> {
+    write_atomic(path, |to| {
+        serde_json::to_writer(&mut *to, value)?;
+        writeln!(to)
+    })
+}
+
+/// Writes a PNG of 8 bits per channel, `kind` being `Rgb8` or `L8`.
+pub(super) fn png(path: &Path, pixels: &[u8], width: u32, height: u32, kind: ExtendedColorType) -> Result<()> {
+    write_atomic(path, |to| PngEncoder::new(to).write_image(pixels, width, height, kind).map_err(io::Error::other))
+}
+
+/// Writes Middlebury's optical flow.
+pub(super) fn flo(path: &Path, flow: &[[f32; 2]], width: u32, height: u32) -> Result<()> {
+    write_atomic(path, |to| {
+        to.write_all(b"PIEH")?;
+        to.write_all(&width.to_le_bytes())?;
+        to.write_all(&height.to_le_bytes())?;
+        flow.as_flattened().iter().try_for_each(|v| to.write_all(&v.to_le_bytes()))
+    })
+}
+
+/// Writes a NumPy array (version 1.0) of shape (height, width), little-endian f32.
+pub(super) fn npy(path: &Path, values: &[f32], width: u32, height: u32) -> Result<()> {
+    let mut header = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({height}, {width}), }}");
+    // The data begin at a multiple of 64 bytes; magic, version and length take ten, the newline one.
+    let padding = (64 - (header.len() + 11) % 64) % 64;
+    header.extend(std::iter::repeat_n(' ', padding));
+    header.push('\n');
+    write_atomic(path, |to| {
+        to.write_all(b"\x93NUMPY\x01\x00")?;
+        // At most 128: the numbers of the shape are short.
+        to.write_all(&(header.len() as u16).to_le_bytes())?;
+        to.write_all(header.as_bytes())?;
+        values.iter().try_for_each(|v| to.write_all(&v.to_le_bytes()))
+    })
+}
+
+/// Writes an OpenEXR image of f32 channels, losslessly compressed.
+pub(super) fn exr(path: &Path, channels: Vec<(&str, Vec<f32>)>, width: u32, height: u32) -> Result<()> {
+    let channels = channels.into_iter().map(|(name, values)| AnyChannel::new(name, FlatSamples::F32(values)));
+    let channels = AnyChannels::sort(channels.collect());
+    let size = (width as usize, height as usize);
+    let layer = Layer::new(size, LayerAttributes::default(), Encoding::SMALL_LOSSLESS, channels);
+    // The encoder seeks back to fill in its offset table, which the destination cannot.
+    let mut encoded = Cursor::new(Vec::new());
+    let done = Image::from_layer(layer).write().non_parallel().to_buffered(&mut encoded);
+    write_atomic(path, |to| {
+        done.map_err(io::Error::other)?;
+        to.write_all(encoded.get_ref())
+    })
+}
+
+/// Writes a WAV file of one channel, 16 bits, from samples in [-1, 1]; what lies beyond is clipped.
+pub(super) fn wav(path: &Path, samples: &[f64], rate: u32) -> Result<()> {
+    // A clip of 9999 frames at 1 frame per second is below 1 GB.
+    let n_bytes = (2 * samples.len()) as u32;
+    write_atomic(path, |to| {
+        to.write_all(b"RIFF")?;
+        to.write_all(&(36 + n_bytes).to_le_bytes())?;
+        to.write_all(b"WAVEfmt ")?;
+        to.write_all(&16_u32.to_le_bytes())?;
+        // PCM, one channel; bytes per second, bytes per sample, bits per sample.
+        to.write_all(&1_u16.to_le_bytes())?;
+        to.write_all(&1_u16.to_le_bytes())?;
+        to.write_all(&rate.to_le_bytes())?;
+        to.write_all(&(2 * rate).to_le_bytes())?;
+        to.write_all(&2_u16.to_le_bytes())?;
+        to.write_all(&16_u16.to_le_bytes())?;
+        to.write_all(b"data")?;
+        to.write_all(&n_bytes.to_le_bytes())?;
+        samples.iter().try_for_each(|&sample| {
+            let level = (sample.clamp(-1.0, 1.0) * 32_767.0).round() as i16;
+            to.write_all(&level.to_le_bytes())
+        })
+    })
+}

@@ -1,0 +1,38 @@
+//! Synthetic captures (SPEC 11): a room of analytic surfaces, cast ray by ray, with everything that is true of it.
+//!
+//! The scene is no set of Gaussians. All arithmetic is +, -, *, / and sqrt in f64 and integer hashes, so equal options
+//! give equal bytes on every machine and with any number of threads. A capture holds, beside the parts of SPEC 8:
+//!
+//! ```text
+//! capture.toml                            written last: a folder without it is unfinished
+//! synth.json                              the options; marks the folder as made by this module
+//! truth.json                              hidden values: clocks, colours, depth scales, outliers, poses, source
+//! truth/exact/<camera>/<frame:05>.exr     depth.Z (scene units), flow.X, flow.Y (pixels until the next frame), body
+//! truth/dynamic/<camera>/<frame:05>.png   255 where any ray of the pixel meets a body that moves
+//! truth/source.wav                        the voice without delay at a distance of one
+//! ```
+//!
+//! Pictures, flow and depth of frame f are of the camera's own time, f + its offset; points are of the true time f. Flow
+//! is that of the surface point, also where it is hidden or gone in the next frame, and exists for all frames but the
+//! last in `flow/`, for all in `truth/`. `depth/` holds inverse depth up to a scale and a shift of its own per picture.
+//! The microphone of a camera is at its lens and runs by its clock. Keypoints are in MMPose's format, 133 per person.
+
+mod cast;
+mod colmap;
+mod files;
+mod math;
+mod options;
+mod points;
+mod priors;
+mod rig;
+mod room;
+mod shape;
+mod sound;
+mod texture;
+mod truth;
+mod work;
+mod world;
+mod write;
+
+pub use options::{Noise, Options, Preset, Rig};
+pub use write::{Summary, write_capture};

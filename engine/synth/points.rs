@@ -1,0 +1,80 @@
+//! Points as a triangulator would find them in one frame: noisy, some of them wrong, each with who saw it.
+
+use super::math::{Random, Stream};
+use super::options::{Noise, Options};
+use super::rig::Camera;
+use super::world::{Hit, Snapshot, World};
+use glam::{DVec2, DVec3};
+
+/// Standard deviation of a point's position along each axis, scene units.
+pub(super) const POINT_NOISE: f64 = 0.004;
+/// Part of the points that are outliers: moved towards a camera that saw them.
+pub(super) const OUTLIERS: f64 = 0.03;
+/// The least and the largest part of its distance that is left of an outlier's.
+const OUTLIER_DEPTHS: [f64; 2] = [0.4, 0.9];
+/// Rays cast per point wanted, before a scene with too little to see gives fewer.
+const TRIES: u32 = 60;
+
+/// A triangulated point.
+#[derive(Clone, Debug)]
+pub(super) struct Point {
+    /// World, with noise.
+    pub position: DVec3,
+    pub rgb: [u8; 3],
+    /// Indices of the training cameras that saw it, ascending; two or more.
+    pub seen_by: Vec<usize>,
+    pub outlier: bool,
+}
+
+/// The points of a frame, at the frame's true time. Test cameras take no part.
+pub(super) fn points(world: &World, options: &Options, cameras: &[Camera], frame: u32) -> Vec<Point> {
+    let now = world.at(f64::from(frame));
+    let mut random = Random::new(options.seed, Stream::Points, 0, frame);
+    let training: Vec<usize> = (0..cameras.len()).filter(|&index| !cameras[index].is_test).collect();
+    let noisy = options.noise != Noise::None;
+    let mut points = Vec::new();
+    for _ in 0..u64::from(options.points) * u64::from(TRIES) {
+        if points.len() == options.points as usize {
+            break;
+        }
+        let index = training[random.bits() as usize % training.len()];
+        let camera = &cameras[index];
+        let (width, height) = (f64::from(camera.width), f64::from(camera.height));
+        let at = DVec2::new(random.uniform(0.0, width), random.uniform(0.0, height));
+        let direction = camera.ray(at);
+        let Some(hit) = now.hit(camera.center, direction) else { continue };
+        if random.uniform(0.0, 1.0) >= now.texture(&hit).detail() * weight(&now, &hit) {
+            continue;
+        }
+        let mut seen_by: Vec<usize> =
+            training.iter().copied().filter(|&other| sees(&now, &cameras[other], hit.at)).collect();
+        let outlier = noisy && random.uniform(0.0, 1.0) < OUTLIERS;
+        let [low, high] = OUTLIER_DEPTHS;
+        let position = if outlier {
+            camera.center + (hit.at - camera.center) * random.uniform(low, high)
+        } else if noisy {
+            hit.at + random.normal3() * POINT_NOISE
+        } else {
+            hit.at
+        };
+        // What is noted as seen lies in the picture, with its noise.
+        seen_by.retain(|&other| cameras[other].project(position).is_some_and(|(at, _)| cameras[other].holds(at)));
+        if seen_by.len() < 2 {
+            continue;
+        }
+        let color = now.color(&hit, direction);
+        let rgb = color.to_array().map(|c| (c * 255.0 + 0.5) as u8);
+        points.push(Point { position, rgb, seen_by, outlier });
+    }
+    points
+}
+
+/// Moving things are small and many eyes lie on them; walls and floor are large.
+fn weight(now: &Snapshot, hit: &Hit) -> f64 {
+    let body = now.placed[hit.body].body;
+    if body.dynamic || hit.body != 0 { 1.0 } else { 0.5 }
+}
+
+fn sees(now: &Snapshot, camera: &Camera, point: DVec3) -> bool {
+    camera.project(point).is_some_and(|(at, _)| camera.holds(at)) && now.sees(camera.center, point)
+}

@@ -1,0 +1,178 @@
+//! Cameras: where they stand, which are held out, how far their clocks and colours are off.
+
+use super::math::{Random, Stream, sin_cos};
+use super::options::{Options, Rig};
+use glam::{DMat3, DVec2, DVec3};
+use std::f64::consts::PI;
+
+/// What the cameras of an inward rig look at, and their distance from it.
+const TARGET: DVec3 = DVec3::new(0.05, 0.35, 0.4);
+const RADIUS: f64 = 3.1;
+/// Half of the arc that they stand on, radians.
+const HALF_ARC: f64 = 55.0 / 180.0 * PI;
+/// Middle of an outward rig, and its radius.
+const MIDDLE: DVec3 = DVec3::new(-0.1, -0.25, -1.5);
+const RING: f64 = 0.35;
+/// Largest time offset before the mean is taken out, frames.
+const MAX_OFFSET: f64 = 0.6;
+
+/// A pinhole camera at rest.
+#[derive(Clone, Debug)]
+pub(super) struct Camera {
+    pub name: String,
+    pub is_test: bool,
+    pub width: u32,
+    pub height: u32,
+    /// Focal length in x and in y, pixels.
+    pub focal: DVec2,
+    /// Principal point, pixels; pixel (0, 0) has its centre at (0.5, 0.5).
+    pub principal: DVec2,
+    /// World to camera (x right, y down, z forward).
+    pub rotation: DMat3,
+    /// Of the lens, world.
+    pub center: DVec3,
+    /// Its pictures of frame f are of time f + this; frames.
+    pub time_offset: f64,
+    /// Rows of the affine transform from true colours to the picture's.
+    pub color: [[f64; 4]; 3],
+    /// Its lens hood covers a corner.
+    pub hood: bool,
+}
+
+impl Camera {
+    /// The ray through a point of the picture: direction in the world with depth 1, so that `t` along it is depth.
+    pub fn ray(&self, at: DVec2) -> DVec3 {
+        let slope = (at - self.principal) / self.focal;
+        self.rotation.transpose() * slope.extend(1.0)
+    }
+
+    /// The point in the picture and its depth; `None` behind the camera.
+    pub fn project(&self, world: DVec3) -> Option<(DVec2, f64)> {
+        let at = self.rotation * (world - self.center);
+        (at.z > 0.01).then(|| (at.truncate() / at.z * self.focal + self.principal, at.z))
+    }
+
+    /// Whether a point lies in the picture.
+    pub fn holds(&self, at: DVec2) -> bool {
+        at.cmpge(DVec2::ZERO).all() && at.x < f64::from(self.width) && at.y < f64::from(self.height)
+    }
+
+    /// `t` of x_camera = R x_world + t.
+    pub fn translation(&self) -> DVec3 {
+        -(self.rotation * self.center)
+    }
+
+    /// Whether a pixel shows the lens hood instead of the room.
+    pub fn is_hooded(&self, column: u32, row: u32) -> bool {
+        let x = (f64::from(column) + 0.5) / f64::from(self.width);
+        let y = (f64::from(row) + 0.5) / f64::from(self.height);
+        self.hood && x + (1.0 - y) < 0.28
+    }
+}
+
+/// The cameras in the order of their names.
+pub(super) fn rig(options: &Options) -> Vec<Camera> {
+    let mut random = Random::new(options.seed, Stream::Rig, 0, 0);
+    let tests = test_indices(options);
+    let mut cameras: Vec<Camera> = (0..options.cameras).map(|index| camera(options, index, &mut random)).collect();
+    for index in tests {
+        cameras[index as usize].is_test = true;
+    }
+    let training: Vec<usize> = (0..cameras.len()).filter(|&i| !cameras[i].is_test).collect();
+    if options.offsets {
+        let mut random = Random::new(options.seed, Stream::TimeOffsets, 0, 0);
+        let drawn: Vec<f64> = training.iter().map(|_| random.uniform(-MAX_OFFSET, MAX_OFFSET)).collect();
+        for (&index, offset) in training.iter().zip(without_mean(&drawn)) {
+            cameras[index].time_offset = offset;
+        }
+    }
+    if options.colors {
+        set_colors(&mut cameras, &training, options.seed);
+    }
+    for (rank, &index) in training.iter().enumerate() {
+        cameras[index].hood = options.masks && rank % 2 == 1;
+    }
+    cameras
+}
+
+fn camera(options: &Options, index: u32, random: &mut Random) -> Camera {
+    let part = f64::from(index) / f64::from(options.cameras - 1);
+    let mut jitter = |most: f64| random.uniform(-most, most);
+    let high = index.is_multiple_of(2);
+    let (center, target, field) = match options.rig {
+        Rig::Inward => {
+            let (sin, cos) = sin_cos((2.0 * part - 1.0) * HALF_ARC + jitter(0.03));
+            let height = if high { -0.5 } else { 0.15 } + jitter(0.06);
+            let center = DVec3::new(TARGET.x + RADIUS * sin, height, TARGET.z - RADIUS * cos);
+            (center, TARGET + DVec3::new(jitter(0.1), jitter(0.05), 0.0), 1.22)
+        }
+        Rig::Outward => {
+            // The middle of the row looks where most happens.
+            let turn = f64::from(index) - f64::from(options.cameras / 2);
+            let (sin, cos) = sin_cos(2.0 * PI * turn / f64::from(options.cameras) + jitter(0.05));
+            let way = DVec3::new(sin, 0.0, cos);
+            let center = MIDDLE + way * RING + DVec3::Y * (if high { -0.12 } else { 0.12 } + jitter(0.03));
+            (center, center + way + DVec3::Y * (0.15 + jitter(0.04)), 1.75)
+        }
+    };
+    let forward = (target - center).normalize();
+    let right = DVec3::Y.cross(forward).normalize();
+    let down = forward.cross(right);
+    let (width, height) = (f64::from(options.width), f64::from(options.height));
+    // `field` is the width of what is seen at depth 1.
+    let focal = width / field * (1.0 + jitter(0.02));
+    Camera {
+        name: format!("cam{index:02}"),
+        is_test: false,
+        width: options.width,
+        height: options.height,
+        focal: DVec2::new(focal, focal * (1.0 + jitter(0.003))),
+        principal: DVec2::new(width * (0.5 + jitter(0.01)), height * (0.5 + jitter(0.01))),
+        rotation: DMat3::from_cols(right, down, forward).transpose(),
+        center,
+        time_offset: 0.0,
+        color: [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]],
+        hood: false,
+    }
+}
+
+/// The middle of the row, its end, then evenly between those taken.
+fn test_indices(options: &Options) -> Vec<u32> {
+    let last = options.cameras - 1;
+    let mut order = vec![options.cameras / 2, last];
+    let mut pieces = 4;
+    while order.len() < options.test_cameras as usize {
+        let new: Vec<u32> = (0..pieces).map(|i| last * i / pieces).filter(|i| !order.contains(i)).collect();
+        for index in new {
+            if !order.contains(&index) {
+                order.push(index);
+            }
+        }
+        pieces *= 2;
+    }
+    order.truncate(options.test_cameras as usize);
+    order
+}
+
+/// Gains, a little mixing and shifts; their mean over the training cameras is the identity.
+fn set_colors(cameras: &mut [Camera], training: &[usize], seed: u64) {
+    let mut random = Random::new(seed, Stream::Colors, 0, 0);
+    for row in 0..3 {
+        for column in 0..4 {
+            let most = match column {
+                3 => 0.03,
+                _ if column == row => 0.14,
+                _ => 0.025,
+            };
+            let drawn: Vec<f64> = training.iter().map(|_| random.uniform(-most, most)).collect();
+            for (&index, shift) in training.iter().zip(without_mean(&drawn)) {
+                cameras[index].color[row][column] += shift;
+            }
+        }
+    }
+}
+
+fn without_mean(values: &[f64]) -> impl Iterator<Item = f64> {
+    let mean = values.iter().sum::<f64>() / values.len() as f64;
+    values.iter().map(move |value| value - mean)
+}

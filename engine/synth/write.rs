@@ -1,0 +1,223 @@
+//! The files of a capture.
+
+use super::cast::{Picture, picture};
+use super::options::Options;
+use super::points::points;
+use super::rig::{Camera, rig};
+use super::room::room;
+use super::truth::truth;
+use super::work::in_parallel;
+use super::world::World;
+use super::{colmap, files, priors, sound};
+use crate::error::{Error, Result};
+use image::ExtendedColorType;
+use serde_json::json;
+use std::fs;
+use std::path::Path;
+
+/// The file that marks a folder as made here.
+const MARKER: &str = "synth.json";
+/// All that a capture consists of, in the order in which an old one is removed: what makes it valid goes first.
+const PARTS: [&str; 10] =
+    ["capture.toml", "truth.json", "truth", "keypoints", "audio", "masks", "depth", "flow", "points", "images"];
+const SPARSE: &str = "sparse";
+
+/// What was written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+pub struct Summary {
+    /// Cameras in all.
+    pub cameras: u32,
+    /// Of them held out.
+    pub test_cameras: u32,
+    /// Frames of the clip.
+    pub frames: u32,
+    /// Images: cameras times frames.
+    pub images: u64,
+    /// Points of all frames, outliers included.
+    pub points: u64,
+    /// Of them outliers.
+    pub outliers: u64,
+}
+
+/// One piece of the work.
+#[derive(Clone, Copy)]
+enum Job {
+    /// Everything that is made from one picture.
+    Picture(usize, u32),
+    /// The points of a frame.
+    Points(u32),
+    /// Recording and keypoints of a camera.
+    Sound(usize),
+}
+
+/// What all pieces of the work share.
+struct Capture<'a> {
+    folder: &'a Path,
+    options: &'a Options,
+    world: World,
+    cameras: Vec<Camera>,
+}
+
+/// Writes a synthetic capture to `folder`, which is made when it is absent. A capture that this function wrote there
+/// before is removed first, also an unfinished one. The bytes depend on `options` only, not on `threads`.
+///
+/// `progress` is called on the calling thread as (pieces done, pieces in all).
+///
+/// # Errors
+/// [`Error::Data`] when an option is out of its range, when the folder holds anything and was not made by this function,
+/// or when a file cannot be written.
+pub fn write_capture(
+    folder: &Path,
+    options: &Options,
+    threads: usize,
+    progress: &mut dyn FnMut(usize, usize),
+) -> Result<Summary> {
+    if let Some((name, reason)) = options.fault() {
+        return Err(Error::data(folder, format!("option `{name}`"), reason, "give a value in this range"));
+    }
+    prepare(folder)?;
+    files::json(&folder.join(MARKER), &json!({ "made_by": "ivv synth", "options": options }))?;
+    let (world, cameras) = (room(options.seed, options.frames), rig(options));
+    let capture = Capture { folder, options, world, cameras };
+    capture.make_folders()?;
+    let jobs = capture.jobs();
+    let counts = in_parallel(jobs.len(), threads, |index| capture.run(jobs[index]), |n| progress(n, jobs.len()))?;
+    let point_lists: Vec<_> = counts.into_iter().flatten().collect();
+    let outliers: Vec<Vec<u32>> = point_lists.iter().map(|(_, outliers)| outliers.clone()).collect();
+    capture.finish(&outliers)?;
+    let n_test = capture.cameras.iter().filter(|camera| camera.is_test).count();
+    Ok(Summary {
+        cameras: options.cameras,
+        test_cameras: n_test as u32,
+        frames: options.frames,
+        images: u64::from(options.cameras) * u64::from(options.frames),
+        points: point_lists.iter().map(|(n, _)| n).sum(),
+        outliers: outliers.iter().map(|rows| rows.len() as u64).sum(),
+    })
+}
+
+/// Makes the folder, or empties one that this tool filled.
+fn prepare(folder: &Path) -> Result<()> {
+    files::make_folder(folder)?;
+    let fault = |path: &Path, fault: std::io::Error| {
+        Error::data(path, "", format!("cannot be emptied: {fault}"), "choose another folder with -o")
+    };
+    let is_empty = fs::read_dir(folder).map_err(|e| fault(folder, e))?.next().is_none();
+    if is_empty {
+        return Ok(());
+    }
+    if !folder.join(MARKER).is_file() {
+        let reason = format!("is not empty and not a folder of `ivv synth` (it has no {MARKER})");
+        return Err(Error::data(folder, "", reason, "choose another folder with -o, or empty this one"));
+    }
+    for part in PARTS.into_iter().chain([SPARSE]) {
+        let path = folder.join(part);
+        if path.is_dir() {
+            fs::remove_dir_all(&path).map_err(|e| fault(&path, e))?;
+        } else if path.exists() {
+            fs::remove_file(&path).map_err(|e| fault(&path, e))?;
+        }
+    }
+    Ok(())
+}
+
+impl Capture<'_> {
+    fn make_folders(&self) -> Result<()> {
+        for folder in ["sparse/0", "points", "audio", "keypoints"] {
+            files::make_folder(&self.folder.join(folder))?;
+        }
+        for camera in &self.cameras {
+            for kind in ["images", "flow", "depth", "truth/exact", "truth/dynamic"] {
+                files::make_folder(&self.folder.join(kind).join(&camera.name))?;
+            }
+            if camera.hood {
+                files::make_folder(&self.folder.join("masks").join(&camera.name))?;
+            }
+        }
+        Ok(())
+    }
+
+    fn jobs(&self) -> Vec<Job> {
+        let n = self.cameras.len();
+        let pictures = (0..self.options.frames).flat_map(|frame| (0..n).map(move |index| Job::Picture(index, frame)));
+        pictures.chain((0..self.options.frames).map(Job::Points)).chain((0..n).map(Job::Sound)).collect()
+    }
+
+    /// Of points: how many, and which of them are outliers.
+    fn run(&self, job: Job) -> Result<Option<(u64, Vec<u32>)>> {
+        match job {
+            Job::Picture(index, frame) => {
+                let camera = &self.cameras[index];
+                let made = picture(&self.world, self.options, index, camera, frame);
+                self.write_picture(&made, index, camera, frame)?;
+                Ok(None)
+            }
+            Job::Points(frame) => {
+                let points = points(&self.world, self.options, &self.cameras, frame);
+                colmap::write_points(&self.folder.join(format!("points/{frame:05}.ply")), &points)?;
+                if frame == colmap::REFERENCE_FRAME {
+                    colmap::write(&self.folder.join("sparse/0"), self.options, &self.cameras, &points)?;
+                }
+                let outliers = (0_u32..).zip(&points).filter(|(_, point)| point.outlier);
+                Ok(Some((points.len() as u64, outliers.map(|(row, _)| row).collect())))
+            }
+            Job::Sound(index) => {
+                let camera = &self.cameras[index];
+                let heard = sound::recording(&self.world, self.options, camera);
+                files::wav(&self.folder.join(format!("audio/{}.wav", camera.name)), &heard, sound::RATE)?;
+                let seen = sound::keypoints(&self.world, self.options, index, camera);
+                files::json(&self.folder.join(format!("keypoints/{}.json", camera.name)), &seen)?;
+                Ok(None)
+            }
+        }
+    }
+
+    fn write_picture(&self, picture: &Picture, index: usize, camera: &Camera, frame: u32) -> Result<()> {
+        let (width, height) = (camera.width, camera.height);
+        let path = |kind: &str, extension: &str| {
+            self.folder.join(kind).join(&camera.name).join(format!("{frame:05}.{extension}"))
+        };
+        files::png(&path("images", "png"), &picture.rgb, width, height, ExtendedColorType::Rgb8)?;
+        let dynamic: Vec<u8> = picture.dynamic.iter().map(|&moves| if moves { 255 } else { 0 }).collect();
+        files::png(&path("truth/dynamic", "png"), &dynamic, width, height, ExtendedColorType::L8)?;
+        if camera.hood {
+            let pixels = (0..height).flat_map(|row| (0..width).map(move |column| (column, row)));
+            let mask: Vec<u8> =
+                pixels.map(|(column, row)| if camera.is_hooded(column, row) { 0 } else { 255 }).collect();
+            files::png(&path("masks", "png"), &mask, width, height, ExtendedColorType::L8)?;
+        }
+        // There is no frame after the last that an estimator could have seen.
+        if frame + 1 < self.options.frames {
+            let flow = priors::flow(picture, self.options, index, frame);
+            files::flo(&path("flow", "flo"), &flow, width, height)?;
+        }
+        let depth = priors::depth(picture, self.options, index, camera, frame);
+        files::npy(&path("depth", "npy"), &depth, width, height)?;
+        let exact = vec![
+            ("depth.Z", picture.depth.iter().map(|&v| v as f32).collect()),
+            ("flow.X", picture.flow.iter().map(|v| v.x as f32).collect()),
+            ("flow.Y", picture.flow.iter().map(|v| v.y as f32).collect()),
+            ("body", picture.body.iter().map(|&v| v as f32).collect()),
+        ];
+        files::exr(&path("truth/exact", "exr"), exact, width, height)
+    }
+
+    /// The files that come last, `capture.toml` last of all.
+    fn finish(&self, outliers: &[Vec<u32>]) -> Result<()> {
+        files::wav(&self.folder.join("truth/source.wav"), &sound::source(self.options), sound::RATE)?;
+        files::json(&self.folder.join("truth.json"), &truth(&self.world, self.options, &self.cameras, outliers))?;
+        let tests: Vec<String> =
+            self.cameras.iter().filter(|camera| camera.is_test).map(|camera| format!("{:?}", camera.name)).collect();
+        let manifest = format!(
+            "# Synthetic capture, made by `ivv synth`; truth.json holds the hidden values.\n\
+             fps = {}.0\nframes = {}\nreference_frame = {}\ntest_cameras = [{}]\n\
+             masks = {}\npoints = true\nflow = true\ndepth = true\naudio = true\n",
+            self.options.fps,
+            self.options.frames,
+            colmap::REFERENCE_FRAME,
+            tests.join(", "),
+            self.options.masks,
+        );
+        files::bytes(&self.folder.join("capture.toml"), manifest.as_bytes())
+    }
+}

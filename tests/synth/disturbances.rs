@@ -1,0 +1,116 @@
+//! What the options disturb: clocks, colours, sensors, lens hoods.
+
+use glam::{DVec2, DVec3};
+use ivv::synth::{Noise, Options, Rig};
+
+use super::model::read_bin;
+use super::{bodies, exr, json, make, numbers, options, rgb};
+
+fn few() -> Options {
+    Options { frames: 2, samples: 1, noise: Noise::None, points: 20, ..options() }
+}
+
+#[test]
+fn pictures_are_of_the_time_that_the_cameras_clock_shifts_them_to() {
+    let still = make("clocks-true", &few(), 2);
+    let shifted = make("clocks-off", &Options { offsets: true, ..few() }, 2);
+    let truth = json(&shifted.join("truth.json"));
+    let offset = |index: usize| truth["time_offsets_frames"][format!("cam{index:02}")].as_f64().unwrap();
+    let offsets: Vec<f64> = (0..4).map(offset).collect();
+    assert_eq!(offsets[2], 0.0, "the test camera keeps the true time");
+    assert!(offsets.iter().sum::<f64>().abs() < 1e-12 && offsets.iter().any(|o| o.abs() > 0.2), "{offsets:?}");
+    let bodies = bodies(&shifted);
+    let ball = bodies.iter().position(|b| b.name == "ball").unwrap();
+    let [(_, from), (_, to)] = [bodies[ball].pose(0), bodies[ball].pose(1)];
+    let radius = bodies[ball].shape["radius"].as_f64().unwrap();
+    let mut n = 0;
+    for (index, camera) in read_bin(&shifted).0.iter().enumerate() {
+        for frame in 0..2_u32 {
+            let center = from + (to - from) * (f64::from(frame) + offsets[index]);
+            let name = format!("{}/{frame:05}", camera.name);
+            let exact = exr(&shifted.join(format!("truth/exact/{name}.exr")));
+            for (i, depth) in exact["depth.Z"].iter().enumerate().filter(|(i, _)| exact["body"][*i] == ball as f32) {
+                let pixel = DVec2::new((i % 48) as f64 + 0.5, (i / 48) as f64 + 0.5);
+                let off = (camera.unproject(pixel, f64::from(*depth)) - center).length() - radius;
+                assert!(off.abs() < 2e-6, "{name} {pixel}: {off} off the ball at its shifted place");
+                n += 1;
+            }
+            let pictures = [&still, &shifted].map(|capture| rgb(&capture.join(format!("images/{name}.png"))));
+            assert_eq!(pictures[0] == pictures[1], offsets[index] == 0.0, "{name}");
+        }
+    }
+    assert!(n > 50, "the ball covers {n} pixels");
+}
+
+#[test]
+fn colours_are_transformed_as_the_truth_says() {
+    let true_colors = make("colors-true", &few(), 2);
+    let own_colors = make("colors-own", &Options { colors: true, ..few() }, 2);
+    let truth = json(&own_colors.join("truth.json"));
+    let mut mean = [[0.0; 4]; 3];
+    for index in 0..4 {
+        let name = format!("cam{index:02}");
+        let rows: Vec<Vec<f64>> = truth["color_transforms"][&name].as_array().unwrap().iter().map(numbers).collect();
+        let identity: Vec<Vec<f64>> = (0..3).map(|i| (0..4).map(|j| f64::from(u8::from(i == j))).collect()).collect();
+        assert_eq!(rows == identity, index == 2, "{name}: {rows:?}");
+        if index != 2 {
+            for (i, j) in (0..3).flat_map(|i| (0..4).map(move |j| (i, j))) {
+                mean[i][j] += rows[i][j] / 3.0;
+            }
+        }
+        let path = format!("images/{name}/00001.png");
+        let [before, after] = [&true_colors, &own_colors].map(|capture| rgb(&capture.join(&path)));
+        for (a, b) in before.pixels().zip(after.pixels()) {
+            let color = DVec3::from_array(a.0.map(f64::from));
+            for (c, row) in rows.iter().enumerate() {
+                let expected = (DVec3::from_slice(&row[..3]).dot(color) + 255.0 * row[3]).clamp(0.0, 255.0);
+                assert!((expected - f64::from(b[c])).abs() < 1.3, "{name}: {a:?} became {b:?}");
+            }
+        }
+    }
+    for (i, j) in (0..3).flat_map(|i| (0..4).map(move |j| (i, j))) {
+        assert!((mean[i][j] - f64::from(u8::from(i == j))).abs() < 1e-12, "mean {mean:?}");
+    }
+}
+
+#[test]
+fn sensors_are_noisy_and_hoods_are_masked() {
+    let clean = make("sensor-clean", &few(), 2);
+    let noisy = make("sensor-noisy", &Options { noise: Noise::All, masks: true, ..few() }, 2);
+    let (mut squares, mut n, mut n_hidden) = (0.0, 0.0, 0);
+    for index in 0..4 {
+        let mask = noisy.join(format!("masks/cam{index:02}/00000.png"));
+        // Training cameras are 0, 1 and 3; the second of them has a hood.
+        assert_eq!(mask.exists(), index == 1, "{}", mask.display());
+        let mask = mask.exists().then(|| rgb(&mask));
+        let path = format!("images/cam{index:02}/00000.png");
+        let [before, after] = [&clean, &noisy].map(|capture| rgb(&capture.join(&path)));
+        for (x, y, pixel) in after.enumerate_pixels() {
+            if mask.as_ref().is_some_and(|mask| mask[(x, y)][0] == 0) {
+                assert!(pixel.0.iter().all(|c| *c < 30), "the hood is {pixel:?} at ({x}, {y})");
+                n_hidden += 1;
+                continue;
+            }
+            for c in (0..3).filter(|c| (20..235).contains(&before[(x, y)][*c])) {
+                squares += (f64::from(pixel[c]) - f64::from(before[(x, y)][c])).powi(2);
+                n += 1.0;
+            }
+        }
+    }
+    let spread = (squares / n).sqrt() / 255.0;
+    assert!((0.0095..0.0108).contains(&spread), "noise of {spread} of the range");
+    assert!((40..400).contains(&n_hidden), "{n_hidden} pixels are hidden");
+}
+
+#[test]
+fn an_outward_rig_looks_all_around() {
+    let capture = make("outward", &Options { rig: Rig::Outward, cameras: 8, frames: 1, ..few() }, 2);
+    let (cameras, points) = read_bin(&capture);
+    let ahead: Vec<DVec3> = cameras.iter().map(|camera| camera.rotation().row(2)).collect();
+    let middle = cameras.iter().map(|camera| camera.center()).sum::<DVec3>() / 8.0;
+    for (camera, ahead) in cameras.iter().zip(&ahead) {
+        assert!((camera.center() - middle).dot(*ahead) > 0.2, "{} does not look outward", camera.name);
+    }
+    assert!(ahead.iter().sum::<DVec3>().length() < 2.0, "they look the same way");
+    assert!(!points.is_empty());
+}

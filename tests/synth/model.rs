@@ -1,0 +1,183 @@
+//! A reader of COLMAP's files of its own, and what it finds in a capture's.
+
+use std::fs;
+use std::path::Path;
+
+use glam::{DMat3, DQuat, DVec2, DVec3};
+
+use super::{options, rgb, shared};
+
+/// A camera with its one image.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Camera {
+    pub name: String,
+    pub size: [u64; 2],
+    /// fx, fy, cx, cy.
+    pub intrinsics: [f64; 4],
+    pub quaternion: [f64; 4],
+    pub translation: [f64; 3],
+    /// (x, y, point).
+    pub observations: Vec<(f64, f64, u64)>,
+}
+
+/// A point: its number, place, colour, error and track of (image, observation).
+pub type Point = (u64, [f64; 3], [u8; 3], f64, Vec<(u32, u32)>);
+
+impl Camera {
+    pub fn rotation(&self) -> DMat3 {
+        let [w, x, y, z] = self.quaternion;
+        DMat3::from_quat(DQuat::from_xyzw(x, y, z, w))
+    }
+
+    /// The pixel and the depth of a point.
+    pub fn project(&self, world: DVec3) -> (DVec2, f64) {
+        let at = self.rotation() * world + DVec3::from_array(self.translation);
+        let [fx, fy, cx, cy] = self.intrinsics;
+        (DVec2::new(fx * at.x / at.z + cx, fy * at.y / at.z + cy), at.z)
+    }
+
+    /// The world point at a pixel with a depth.
+    pub fn unproject(&self, pixel: DVec2, depth: f64) -> DVec3 {
+        let [fx, fy, cx, cy] = self.intrinsics;
+        let at = DVec3::new((pixel.x - cx) / fx, (pixel.y - cy) / fy, 1.0) * depth;
+        self.rotation().transpose() * (at - DVec3::from_array(self.translation))
+    }
+
+    pub fn center(&self) -> DVec3 {
+        self.rotation().transpose() * -DVec3::from_array(self.translation)
+    }
+
+    pub fn holds(&self, pixel: DVec2) -> bool {
+        pixel.min_element() >= 0.0 && pixel.x <= self.size[0] as f64 && pixel.y <= self.size[1] as f64
+    }
+}
+
+/// Little-endian numbers.
+struct Bytes(Vec<u8>, usize);
+
+impl Bytes {
+    fn take<const N: usize>(&mut self) -> [u8; N] {
+        self.1 += N;
+        self.0[self.1 - N..self.1].try_into().unwrap()
+    }
+    fn u32(&mut self) -> u32 {
+        u32::from_le_bytes(self.take())
+    }
+    fn u64(&mut self) -> u64 {
+        u64::from_le_bytes(self.take())
+    }
+    fn f64s<const N: usize>(&mut self) -> [f64; N] {
+        std::array::from_fn(|_| f64::from_le_bytes(self.take()))
+    }
+    fn text(&mut self) -> String {
+        let end = self.1 + self.0[self.1..].iter().position(|b| *b == 0).unwrap();
+        let text = String::from_utf8(self.0[self.1..end].to_vec()).unwrap();
+        self.1 = end + 1;
+        text
+    }
+}
+
+/// Reads the binary model; the camera's name is the image's folder.
+pub fn read_bin(capture: &Path) -> (Vec<Camera>, Vec<Point>) {
+    let open = |name: &str| Bytes(fs::read(capture.join("sparse/0").join(name)).unwrap(), 0);
+    let (mut cameras_bin, mut images, mut points_bin) = (open("cameras.bin"), open("images.bin"), open("points3D.bin"));
+    let mut cameras = Vec::new();
+    for id in 1..=cameras_bin.u64() {
+        assert_eq!(u64::from(cameras_bin.u32()), id);
+        assert_eq!(cameras_bin.u32(), 1, "PINHOLE");
+        let (size, intrinsics) = ([cameras_bin.u64(), cameras_bin.u64()], cameras_bin.f64s());
+        cameras.push((size, intrinsics));
+    }
+    assert_eq!(images.u64(), cameras.len() as u64);
+    let mut read = Vec::new();
+    for (index, (size, intrinsics)) in cameras.into_iter().enumerate() {
+        assert_eq!(images.u32(), index as u32 + 1);
+        let (quaternion, translation) = (images.f64s(), images.f64s());
+        assert_eq!(images.u32(), index as u32 + 1, "each image has the camera of its number");
+        let name = images.text().strip_suffix("/00000.png").unwrap().to_owned();
+        let observations = (0..images.u64())
+            .map(|_| {
+                let [x, y] = images.f64s();
+                (x, y, images.u64())
+            })
+            .collect();
+        read.push(Camera { name, size, intrinsics, quaternion, translation, observations });
+    }
+    let mut points = Vec::new();
+    for _ in 0..points_bin.u64() {
+        let (id, at, color, [error]) = (points_bin.u64(), points_bin.f64s(), points_bin.take(), points_bin.f64s());
+        let track = (0..points_bin.u64()).map(|_| (points_bin.u32(), points_bin.u32())).collect();
+        points.push((id, at, color, error, track));
+    }
+    for left in [cameras_bin, images, points_bin] {
+        assert_eq!(left.0.len(), left.1, "bytes are left over");
+    }
+    (read, points)
+}
+
+/// Reads the text model.
+fn read_txt(capture: &Path) -> (Vec<Camera>, Vec<Point>) {
+    let rows = |name: &str| -> Vec<Vec<String>> {
+        let text = fs::read_to_string(capture.join("sparse/0").join(name)).unwrap();
+        let lines = text.lines().filter(|line| !line.starts_with('#'));
+        lines.map(|line| line.split_whitespace().map(str::to_owned).collect()).collect()
+    };
+    let f64s = |words: &[String]| -> Vec<f64> { words.iter().map(|word| word.parse().unwrap()).collect() };
+    let (images, mut cameras) = (rows("images.txt"), Vec::new());
+    for (row, image) in rows("cameras.txt").iter().zip(images.chunks(2)) {
+        assert_eq!(row[1], "PINHOLE");
+        cameras.push(Camera {
+            name: image[0][9].strip_suffix("/00000.png").unwrap().to_owned(),
+            size: [row[2].parse().unwrap(), row[3].parse().unwrap()],
+            intrinsics: f64s(&row[4..]).try_into().unwrap(),
+            quaternion: f64s(&image[0][1..5]).try_into().unwrap(),
+            translation: f64s(&image[0][5..8]).try_into().unwrap(),
+            observations: f64s(&image[1]).chunks(3).map(|o| (o[0], o[1], o[2] as u64)).collect(),
+        });
+    }
+    let point = |row: &Vec<String>| {
+        let color = [4, 5, 6].map(|i| row[i].parse().unwrap());
+        let track: Vec<u32> = row[8..].iter().map(|word| word.parse().unwrap()).collect();
+        let track = track.chunks(2).map(|pair| (pair[0], pair[1])).collect();
+        (row[0].parse().unwrap(), f64s(&row[1..4]).try_into().unwrap(), color, row[7].parse().unwrap(), track)
+    };
+    (cameras, rows("points3D.txt").iter().map(point).collect())
+}
+
+#[test]
+fn colmap_files_agree_in_binary_and_text_and_with_the_images() {
+    let capture = shared();
+    let (cameras, points) = read_bin(capture);
+    assert_eq!((cameras.clone(), points.clone()), read_txt(capture));
+    assert_eq!(cameras.len(), 4);
+    assert!(points.len() > 100, "{} points", points.len());
+    for camera in &cameras {
+        assert_eq!(camera.size, [u64::from(options().width), u64::from(options().height)]);
+        let norm: f64 = camera.quaternion.iter().map(|v| v * v).sum();
+        assert!((norm - 1.0).abs() < 1e-12, "{} has a quaternion of length {norm}", camera.name);
+        for frame in 0..options().frames {
+            let image = rgb(&capture.join(format!("images/{}/{frame:05}.png", camera.name)));
+            assert_eq!([u64::from(image.width()), u64::from(image.height())], camera.size);
+        }
+    }
+    let mut n_observations = 0;
+    for (id, at, _, error, track) in &points {
+        assert!(track.len() >= 2 && (0.0..1.1).contains(error), "point {id}: {track:?}, error {error}");
+        for &(image, index) in track {
+            let camera = &cameras[image as usize - 1];
+            let (x, y, seen) = camera.observations[index as usize];
+            assert_eq!(seen, *id, "the observation is of another point");
+            let (pixel, depth) = camera.project(DVec3::from_array(*at));
+            assert!(
+                depth > 0.1 && (pixel - DVec2::new(x, y)).length() < 0.3 * 3.47 * 1.42,
+                "point {id}: {pixel} {x} {y}"
+            );
+            n_observations += 1;
+        }
+    }
+    assert_eq!(n_observations, cameras.iter().map(|c| c.observations.len()).sum::<usize>());
+    let test = cameras.iter().filter(|camera| camera.observations.is_empty()).map(|camera| camera.name.as_str());
+    assert_eq!(test.collect::<Vec<_>>(), ["cam02"], "only the test camera takes no part in the reconstruction");
+    let manifest = fs::read_to_string(capture.join("capture.toml")).unwrap();
+    assert!(manifest.contains("test_cameras = [\"cam02\"]\n") && manifest.contains("frames = 6\n"), "{manifest}");
+}

@@ -1,0 +1,99 @@
+//! `ivv synth`.
+
+use crate::progress::Progress;
+use anyhow::Context;
+use clap::builder::PossibleValuesParser;
+use ivv::synth::{Noise, Options, Preset, Rig, write_capture};
+use std::path::PathBuf;
+
+/// Lines of progress.
+const STEPS: usize = 10;
+
+/// Options of `ivv synth`.
+#[derive(clap::Args)]
+pub struct Args {
+    /// The folder to write the capture to: a new or empty one, or one that `ivv synth` filled before, whose capture is
+    /// then replaced.
+    #[arg(short, long)]
+    output: PathBuf,
+    /// tiny: 6 cameras, 64 x 48, 8 frames. small: 10 cameras, 128 x 96, 12 frames. hard: small with --offsets --colors
+    /// --masks and --noise all. outward: small with 12 cameras that look outward. room: 20 cameras, 480 x 360, 60 frames.
+    #[arg(long, default_value = "small", value_parser = PossibleValuesParser::new(Preset::ALL.map(Preset::name)))]
+    preset: String,
+    /// Decides colours, textures, speeds and all noise.
+    #[arg(long, default_value_t = 42)]
+    seed: u64,
+    /// Lets each training camera's clock be off by a part of a frame.
+    #[arg(long)]
+    offsets: bool,
+    /// Gives each training camera its own colour transform.
+    #[arg(long)]
+    colors: bool,
+    /// Covers a corner of every second training camera's images and writes masks that say so.
+    #[arg(long)]
+    masks: bool,
+    /// What is noisy: nothing; points, flow, depth and keypoints; these and the images. By default as the preset says.
+    #[arg(long, value_parser = PossibleValuesParser::new(["none", "priors", "all"]))]
+    noise: Option<String>,
+    /// Where the cameras stand. By default as the preset says.
+    #[arg(long, value_parser = PossibleValuesParser::new(["inward", "outward"]))]
+    rig: Option<String>,
+    /// Cameras in all, instead of the preset's.
+    #[arg(long)]
+    cameras: Option<u32>,
+    /// Frames, instead of the preset's.
+    #[arg(long)]
+    frames: Option<u32>,
+}
+
+pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
+    let options = options(args)?;
+    let mut progress = Progress::new("synth", STEPS);
+    let mut steps = 0;
+    let threads = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+    let summary = write_capture(&args.output, &options, threads, &mut |done, total| {
+        while (steps + 1) * total <= done * STEPS {
+            steps += 1;
+            progress.step(&format!("{done} of {total} pictures, point clouds and recordings"));
+        }
+    })?;
+    if json {
+        println!("{}", serde_json::json!({ "path": args.output, "options": options, "summary": summary }));
+        return Ok(());
+    }
+    println!(
+        "{}: {} cameras ({} for test), {} frames, {} images of {} x {}, {} points ({} outliers)",
+        args.output.display(),
+        summary.cameras,
+        summary.test_cameras,
+        summary.frames,
+        summary.images,
+        options.width,
+        options.height,
+        summary.points,
+        summary.outliers,
+    );
+    Ok(())
+}
+
+fn options(args: &Args) -> anyhow::Result<Options> {
+    let preset = Preset::ALL.into_iter().find(|preset| preset.name() == args.preset).context("no such preset")?;
+    let mut options = preset.options(args.seed);
+    options.offsets |= args.offsets;
+    options.colors |= args.colors;
+    options.masks |= args.masks;
+    match args.noise.as_deref() {
+        Some("none") => options.noise = Noise::None,
+        Some("priors") => options.noise = Noise::Priors,
+        Some(_) => options.noise = Noise::All,
+        None => {}
+    }
+    match args.rig.as_deref() {
+        Some("inward") => options.rig = Rig::Inward,
+        Some(_) => options.rig = Rig::Outward,
+        None => {}
+    }
+    options.cameras = args.cameras.unwrap_or(options.cameras);
+    options.frames = args.frames.unwrap_or(options.frames);
+    Ok(options)
+}
