@@ -8,4 +8,5 @@ mod render;
 mod repo;
 mod scene;
 mod synth;
+mod train;
 mod twin;

@@ -27,7 +27,7 @@ pub struct Planes {
 
 /// Gaussians that share their kernels: static or dynamic, one SH degree, one set of buffers.
 pub struct Group {
-    /// Flat index of the first, a multiple of [`CULL_BLOCK`].
+    /// Flat index of the first, a multiple of 128, the workgroup of the cull.
     pub first: u32,
     /// Number of Gaussians.
     pub n: u32,

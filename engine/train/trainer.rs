@@ -14,7 +14,7 @@ use crate::stage::{
 };
 use std::sync::Arc;
 
-/// Opacity logits, log-scales and the rest, with their moments, on the device.
+/// A scene being trained: its Gaussians with their moments, on the device.
 pub struct Trainer {
     gpu: Arc<Gpu>,
     constants: Constants,
@@ -29,6 +29,8 @@ pub struct Trainer {
     work: Option<Workspace>,
     loss: Photometric,
     n_bad: Buf<u32>,
+    // Gaussians that cannot be drawn, counted once per step; density control removes them.
+    n_undrawable: Buf<u32>,
     room: Room,
 }
 
@@ -87,6 +89,7 @@ impl Trainer {
         Ok(Trainer {
             loss: Photometric::new(&gpu, 1)?,
             n_bad: gpu.upload("bad gradients", &[0u32])?,
+            n_undrawable: gpu.upload("undrawable Gaussians", &[0u32])?,
             gpu,
             constants,
             config,
@@ -236,7 +239,7 @@ impl Trainer {
                 }
             }
             rec.group(None);
-            self.scene.record_bounds(&mut rec, self.constants.alpha_min, &self.n_bad);
+            self.scene.record_bounds(&mut rec, self.constants.alpha_min, &self.n_undrawable);
         }
         rec
     }

@@ -74,3 +74,12 @@ pub fn options() -> Options {
         poison: true,
     }
 }
+
+/// Whether the slow lane runs (`IVV_TEST_SLOW`); says so where it does not.
+pub fn is_slow_lane() -> bool {
+    let is_set = std::env::var_os("IVV_TEST_SLOW").is_some_and(|value| value != "0");
+    if !is_set {
+        eprintln!("skipped: IVV_TEST_SLOW is not set");
+    }
+    is_set
+}

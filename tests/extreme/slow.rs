@@ -1,6 +1,6 @@
 //! The slow lane: pictures of the sizes that real rigs have (N18). `IVV_TEST_SLOW=1` runs it.
 
-use crate::common::device::gpu;
+use crate::common::device::{gpu, is_slow_lane};
 use crate::common::frames::{Tolerance, compare, render};
 use crate::common::one::{One, at_pixel, camera, round, scene_of};
 use crate::common::random::Random;
@@ -8,18 +8,9 @@ use ivv::Constants;
 use ivv::scene::View;
 use ivv::twin::render_f64;
 
-/// Whether the slow lane runs; says so where it does not.
-fn slow() -> bool {
-    let slow = std::env::var_os("IVV_TEST_SLOW").is_some_and(|value| value != "0");
-    if !slow {
-        eprintln!("skipped: IVV_TEST_SLOW is not set");
-    }
-    slow
-}
-
 #[test]
 fn slow_n18_pictures_of_sixteen_and_twenty_three_megapixels_are_those_of_float64() {
-    if !slow() {
+    if !is_slow_lane() {
         return;
     }
     for (width, height) in [(5312, 2988), (5568, 4176)] {

@@ -2,5 +2,6 @@
 
 mod golden;
 mod invariants;
+mod large;
 mod long_lists;
 mod overflow;

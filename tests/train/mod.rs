@@ -1,0 +1,139 @@
+//! Training as a whole, on a synthetic capture of its own making.
+
+use crate::common::device::gpu;
+use ivv::Constants;
+use ivv::scene::capture::Capture;
+use ivv::scene::{Motion, Splats};
+use ivv::stage::{Outputs, Renderer};
+use ivv::synth::{Options, Preset, write_capture};
+use ivv::train::{Config, Trainer, from_points, permutation, random_points, rates, scores};
+use std::path::PathBuf;
+
+/// A tiny capture, removed at the end.
+struct Tiny {
+    folder: PathBuf,
+    capture: Capture,
+}
+
+impl Tiny {
+    fn new(name: &str) -> Self {
+        let folder = std::env::temp_dir().join(format!("ivv-train-{name}-{}", std::process::id()));
+        let options = Options { frames: 4, ..Preset::Tiny.options(7) };
+        write_capture(&folder, &options, 2, &mut |_, _| {}).unwrap();
+        let capture = Capture::open(&folder).unwrap();
+        Tiny { folder, capture }
+    }
+}
+
+impl Drop for Tiny {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_dir_all(&self.folder);
+    }
+}
+
+/// Trains `steps` steps; returns the Gaussians and the mean loss of the first and the last ten steps.
+fn train(capture: &Capture, config: &Config, splats: &Splats, steps: u64) -> (Splats, f64, f64) {
+    let gpu = gpu();
+    let frames = capture.training_frames();
+    let (extent, dt) = (capture.extent().radius, 1.0 / f64::from(capture.n_frames));
+    let mut trainer =
+        Trainer::new(gpu.clone(), splats, Constants::default(), config.clone(), steps, extent, dt).unwrap();
+    let mut losses = Vec::new();
+    for step in 0..steps {
+        let epoch = step / frames.len() as u64;
+        let (camera, frame) = frames[permutation(frames.len(), &[config.seed, epoch])[step as usize % frames.len()]];
+        let picture = capture.picture(camera, frame).unwrap();
+        let report = trainer.train(&capture.view(camera, frame).unwrap(), &picture).unwrap();
+        assert!(report.loss.is_finite() && report.bad_gradients == 0 && report.visible > 0, "{report:?}");
+        losses.push(report.loss);
+        trainer.control_density().unwrap();
+    }
+    let mean = |part: &[f64]| part.iter().sum::<f64>() / part.len() as f64;
+    (trainer.splats().unwrap(), mean(&losses[..10]), mean(&losses[losses.len() - 10..]))
+}
+
+/// All bits of a scene.
+fn bits(splats: &Splats) -> Vec<u32> {
+    let motion: &[f32] = bytemuck::cast_slice(&splats.motion);
+    let all = splats.position.as_flattened().iter().chain(splats.rotation.as_flattened());
+    let all = all.chain(splats.scale.as_flattened()).chain(&splats.opacity).chain(splats.sh.as_flattened());
+    all.chain(motion).map(|x| x.to_bits()).collect()
+}
+
+#[test]
+fn training_halves_the_loss_of_a_dynamic_capture_and_improves_views_it_has_not_seen() {
+    let tiny = Tiny::new("learns");
+    let config = Config { sh_degree: 1, ..Config::default() };
+    let begin = from_points(&tiny.capture.points, &tiny.capture, &config);
+    assert!(begin.len() > 50 && begin.n_static == 0);
+    let (end, first, last) = train(&tiny.capture, &config, &begin, 250);
+    assert!(last < 0.5 * first, "loss {first:.3} at first, {last:.3} at last");
+    assert!(end.len() > begin.len(), "density control adds Gaussians");
+    let gpu = gpu();
+    let mean_psnr = |splats: &Splats| {
+        let mut renderer = Renderer::new(gpu.clone(), splats, Constants::default()).unwrap();
+        let test = tiny.capture.test_frames();
+        assert!(!test.is_empty());
+        let score = |(camera, frame): &(usize, u32)| {
+            let (rendered, _) = renderer.render(&tiny.capture.view(*camera, *frame).unwrap(), Outputs::Color).unwrap();
+            scores(&gpu, &rendered, &tiny.capture.picture(*camera, *frame).unwrap()).unwrap().psnr
+        };
+        test.iter().map(score).sum::<f64>() / test.len() as f64
+    };
+    let (before, after) = (mean_psnr(&begin), mean_psnr(&end));
+    assert!(after > before + 3.0, "PSNR {before:.2} dB before, {after:.2} dB after");
+}
+
+#[test]
+fn two_runs_of_the_same_command_give_the_same_bits_and_another_seed_does_not() {
+    let tiny = Tiny::new("repeats");
+    let config = Config { sh_degree: 1, random_points: 300, ..Config::default() };
+    let begin = from_points(&random_points(&tiny.capture, &config), &tiny.capture, &config);
+    assert_eq!(begin.len(), 300);
+    let run = |seed| bits(&train(&tiny.capture, &Config { seed, ..config.clone() }, &begin, 60).0);
+    let first = run(1);
+    assert!(!first.is_empty() && first == run(1), "the same seed gives other bits");
+    assert_ne!(first, run(2));
+}
+
+#[test]
+fn gaussians_never_exceed_the_budget() {
+    let tiny = Tiny::new("budget");
+    let config = Config { sh_degree: 0, max_gaussians: 230, ..Config::default() };
+    let begin = from_points(&tiny.capture.points[..200], &tiny.capture, &config);
+    let (end, ..) = train(&tiny.capture, &config, &begin, 80);
+    assert!(end.len() > 200 && end.len() <= 230, "{} Gaussians", end.len());
+}
+
+#[test]
+fn tau_stays_above_half_a_frame() {
+    let tiny = Tiny::new("tau");
+    // A rate that would carry log tau far down within a few steps.
+    let config = Config { sh_degree: 0, lr_t_scale: 1.0, ..Config::default() };
+    let begin = from_points(&tiny.capture.points, &tiny.capture, &config);
+    let (end, ..) = train(&tiny.capture, &config, &begin, 30);
+    let floor = (0.5 / f64::from(tiny.capture.n_frames)).ln() as f32;
+    let lowest = end.motion.iter().map(|m| m.t_scale).fold(f32::INFINITY, f32::min);
+    assert_eq!(lowest, floor, "some Gaussian reaches the floor and none passes it");
+}
+
+#[test]
+fn a_static_clip_trains_static_gaussians_without_temporal_parameters() {
+    let tiny = Tiny::new("static");
+    let mut still = tiny.capture.clone();
+    still.n_frames = 1;
+    still.cameras.iter_mut().for_each(|camera| camera.shots.retain(|shot| shot.frame == 0));
+    let config = Config { sh_degree: 1, ..Config::default() };
+    let begin = from_points(&still.points, &still, &config);
+    let (end, first, last) = train(&still, &config, &begin, 40);
+    assert!(last < first && end.n_static == end.len() && end.motion == Vec::<Motion>::new());
+}
+
+#[test]
+fn rates_decay_exponentially_and_bands_join_one_by_one() {
+    let config = Config::default();
+    let (begin, end) = (rates(&config, 1, 1000, 2.0), rates(&config, 1001, 1000, 2.0));
+    assert!((begin.position - 3.2e-4).abs() < 1e-12 && (end.position - 3.2e-6).abs() < 1e-12);
+    let active = |step| rates(&config, step, 1000, 1.0).sh.iter().filter(|rate| **rate > 0.0).count();
+    assert_eq!([active(1), active(34), active(35), active(68), active(102), active(1000)], [1, 1, 2, 3, 4, 4]);
+}
