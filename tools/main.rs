@@ -69,13 +69,13 @@ fn main() -> ExitCode {
     }
 }
 
-/// What [`run`](render::run) returns when Ctrl-C or SIGTERM ended it.
+/// What a verb returns when Ctrl-C or SIGTERM ended it; says what is left.
 #[derive(Debug)]
-struct Interrupted;
+struct Interrupted(&'static str);
 
 impl std::fmt::Display for Interrupted {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "interrupted; the files written so far are complete")
+        write!(f, "interrupted; {}", self.0)
     }
 }
 

@@ -131,7 +131,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let mut reports = Vec::new();
     for view in &views {
         if stop.load(Ordering::Relaxed) {
-            return Err(Interrupted.into());
+            return Err(Interrupted("the files written so far are complete").into());
         }
         if args.profile && reports.is_empty() {
             // Kernels are compiled at their first dispatch, and lists grow to their size.

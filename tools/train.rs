@@ -7,13 +7,13 @@ use ivv::gpu::{Gpu, Options};
 use ivv::scene::capture::{Capture, CaptureSettings, FrameCache};
 use ivv::scene::{write_atomic, write_ply};
 use ivv::stage::{Outputs, Renderer};
-use ivv::train::{Config, Scores, Trainer, from_points, permutation, psnr, random_points, scores};
+use ivv::train::{Checkpoint, Config, Scores, Trainer, from_points, permutation, random_points, scores};
 use ivv::vk::DeviceChoice;
 use std::io::{IsTerminal, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// Options of `ivv train`.
 #[derive(clap::Args)]
@@ -53,6 +53,12 @@ pub struct Args {
     /// Cameras to test on, by name, separated by commas; the capture's own choice without it.
     #[arg(long, value_delimiter = ',')]
     test_cameras: Option<Vec<String>>,
+    /// Goes on from the newest checkpoint of the run folder, with its settings.
+    #[arg(long)]
+    resume: bool,
+    /// Steps between two checkpoints; a tenth of the run without it.
+    #[arg(long)]
+    checkpoint_every: Option<u64>,
     /// Also score the test views after these steps, separated by commas.
     #[arg(long, value_delimiter = ',')]
     eval_at: Vec<u64>,
@@ -86,10 +92,15 @@ struct Evaluation {
 pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let start = Instant::now();
     let constants = args.constants.checked()?;
-    let config = config(args)?;
     let stop = Arc::new(AtomicBool::new(false));
     let flag = stop.clone();
     ctrlc::set_handler(move || flag.store(true, Ordering::Relaxed)).context("no handler for Ctrl-C")?;
+    let checkpoints = args.output.join("checkpoints");
+    let resumed = if args.resume { Checkpoint::newest(&checkpoints)? } else { None };
+    let config = match &resumed {
+        Some(checkpoint) => checkpoint.config.clone(),
+        None => config(args)?,
+    };
     let settings = CaptureSettings { test_cameras: args.test_cameras.clone(), ..CaptureSettings::default() };
     let capture = Capture::open_with(&args.capture, &settings)?;
     let (training, test) = (capture.training_frames(), capture.test_frames());
@@ -97,11 +108,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         return Err(ivv::Error::data(&args.capture, "", "has no training image", "see `ivv check`").into());
     }
     let total = if config.steps > 0 { config.steps } else { u64::from(config.epochs) * training.len() as u64 };
-    let points = if capture.points.is_empty() { random_points(&capture, &config) } else { capture.points.clone() };
-    let splats = from_points(&points, &capture, &config);
-    std::fs::create_dir_all(&args.output).map_err(|e| {
-        ivv::Error::data(&args.output, "", format!("cannot be made: {e}"), "choose another folder with -o")
-    })?;
+    make_folder(&args.output)?;
     write_json(&args.output.join("config.json"), &config)?;
     let choice = DeviceChoice {
         device: args.device.clone(),
@@ -109,30 +116,38 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         ..DeviceChoice::default()
     };
     let gpu = Arc::new(Gpu::open(&Options { device: choice, ..Options::default() })?);
-    let origin = if capture.points.is_empty() { "random" } else { "of the capture" };
     eprintln!("device: {} ({})", gpu.caps().name, gpu.chosen_because());
+    let (extent, dt) = (capture.extent().radius, 1.0 / f64::from(capture.n_frames.max(1)));
+    let mut trainer = match &resumed {
+        Some(checkpoint) => Trainer::resume(gpu.clone(), checkpoint, constants, extent, dt)?,
+        None => {
+            let random = capture.points.is_empty().then(|| random_points(&capture, &config));
+            let splats = from_points(random.as_deref().unwrap_or(&capture.points), &capture, &config);
+            Trainer::new(gpu.clone(), &splats, constants, config.clone(), total, extent, dt)?
+        }
+    };
     eprintln!(
-        "{} training images, {} test images, {} points {origin}, {total} steps, SH degree {}",
+        "{} training images, {} test images, {} Gaussians{}, steps {} to {total}, SH degree {}",
         training.len(),
         test.len(),
-        splats.len(),
+        trainer.n_gaussians(),
+        if resumed.is_none() && capture.points.is_empty() { " at random places" } else { "" },
+        trainer.step() + 1,
         config.sh_degree
     );
 
     let order: Vec<(usize, u32)> = (0..total.div_ceil(training.len() as u64))
         .flat_map(|epoch| permutation(training.len(), &[config.seed, epoch]).into_iter().map(|i| training[i]))
         .take(total as usize)
+        .skip(trainer.step() as usize)
         .collect();
     let mut cache = FrameCache::new(&capture, order.iter().copied(), args.cache_bytes, 2)?;
-    let extent = capture.extent().radius;
-    let dt = 1.0 / f64::from(capture.n_frames.max(1));
-    let mut trainer = Trainer::new(gpu.clone(), &splats, constants, config.clone(), total, extent, dt)?;
-    drop(splats);
-    let mut log = Vec::new();
+    let mut log = Log::new(&args.output.join("train.jsonl"), trainer.step())?;
+    let checkpoint_every = args.checkpoint_every.unwrap_or(total / 10).max(1);
+    let n_steps = order.len();
     let mut evaluations = Vec::new();
     let mut seconds_stepping = 0.0;
     let mut profile = Vec::new();
-    let mut last_shown = Instant::now();
     for (camera, frame) in order {
         let picture = cache.next_picture().context("the order of images ended early")??;
         let view = capture.view(camera, frame)?;
@@ -145,57 +160,61 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         } else {
             trainer.train(&view, &picture)?
         };
-        let counts = trainer.control_density()?;
+        let density = trainer.control_density()?;
         seconds_stepping += begun.elapsed().as_secs_f64();
         if report.step.is_multiple_of(args.log_every) || is_last {
-            let line = serde_json::json!({
-                "seconds": seconds_stepping, "report": report, "density": counts, "psnr_l1": psnr(report.l1 * report.l1),
-                "waited_for_images_s": cache.stats().waited.as_secs_f64(),
-            });
-            serde_json::to_writer(&mut log, &line)?;
-            log.push(b'\n');
+            let waited = cache.stats().waited.as_secs_f64();
+            log.push(&serde_json::json!({
+                "seconds": seconds_stepping, "waited_for_images_s": waited, "report": report, "density": density,
+            }))?;
         }
-        if last_shown.elapsed().as_millis() > 200 || is_last || report.step == 1 {
-            last_shown = Instant::now();
-            show(&report, total, seconds_stepping);
-        }
+        log.show(&report, total, seconds_stepping);
         if args.eval_at.contains(&report.step) && !is_last {
             let evaluation = evaluate(&gpu, &trainer, &capture, &test, args, &config, None)?;
             eprintln!("\nafter {} steps: PSNR {:.2} dB, SSIM {:.4}", report.step, evaluation.psnr, evaluation.ssim);
             evaluations.push(evaluation);
         }
-        if stop.load(Ordering::Relaxed) {
-            finish(args, &trainer, &log)?;
-            return Err(Interrupted.into());
+        let is_stopped = stop.load(Ordering::Relaxed);
+        if report.step.is_multiple_of(checkpoint_every) || is_last || is_stopped {
+            trainer.checkpoint()?.write(&checkpoints)?;
+            log.write()?;
+        }
+        if is_stopped {
+            return Err(Interrupted("a checkpoint was written; go on with --resume").into());
         }
     }
-    finish(args, &trainer, &log)?;
+    write_ply(&args.output.join("scene.ply"), &trainer.splats()?)?;
     let evaluation = evaluate(&gpu, &trainer, &capture, &test, args, &config, Some(&args.output.join("renders")))?;
     let (mean_psnr, mean_ssim) = (evaluation.psnr, evaluation.ssim);
     evaluations.push(evaluation);
     write_json(&args.output.join("eval.json"), &evaluations)?;
+    let seconds_per_step = seconds_stepping / n_steps.max(1) as f64;
     let totals = serde_json::json!({
         "device": gpu.caps(), "steps": trainer.step(), "gaussians": trainer.n_gaussians(),
         "seconds": start.elapsed().as_secs_f64(), "seconds_stepping": seconds_stepping,
-        "seconds_per_step": seconds_stepping / total as f64, "peak_bytes": gpu.device().memory().1,
+        "seconds_per_step": seconds_per_step, "peak_bytes": gpu.device().memory().1,
         "waited_for_images_s": cache.stats().waited.as_secs_f64(),
     });
     write_json(&args.output.join("train.json"), &totals)?;
     if json {
         println!("{}", serde_json::to_string_pretty(&totals)?);
-    } else {
-        println!(
-            "{} test images: PSNR {mean_psnr:.2} dB, SSIM {mean_ssim:.4}; {} Gaussians, {:.3} s a step; {}",
-            test.len(),
-            trainer.n_gaussians(),
-            seconds_stepping / total as f64,
-            args.output.display()
-        );
-        for time in &profile {
-            println!("{:<40} {:>9.3} ms", time.label, time.ns / 1e6);
-        }
+        return Ok(());
+    }
+    println!(
+        "{} test images: PSNR {mean_psnr:.2} dB, SSIM {mean_ssim:.4}; {} Gaussians, {seconds_per_step:.3} s a step; {}",
+        test.len(),
+        trainer.n_gaussians(),
+        args.output.display()
+    );
+    for time in &profile {
+        println!("{:<40} {:>9.3} ms", time.label, time.ns / 1e6);
     }
     Ok(())
+}
+
+fn make_folder(folder: &Path) -> ivv::Result<()> {
+    std::fs::create_dir_all(folder)
+        .map_err(|e| ivv::Error::data(folder, "", format!("cannot be made: {e}"), "choose another folder with -o"))
 }
 
 /// The settings: defaults, then the file, then each `--set`, then the flags.
@@ -243,9 +262,7 @@ fn evaluate(
         let scores = scores(gpu, &rendered, &picture)?;
         if let Some(folder) = folder {
             let folder = folder.join(&capture.cameras[camera].name);
-            std::fs::create_dir_all(&folder).map_err(|e| {
-                ivv::Error::data(&folder, "", format!("cannot be made: {e}"), "choose another folder with -o")
-            })?;
+            make_folder(&folder)?;
             rendered.write_png(&folder.join(format!("{frame:05}.png")))?;
         }
         views.push(ViewScores { view: view.name, scores });
@@ -254,36 +271,66 @@ fn evaluate(
     Ok(Evaluation { step: trainer.step(), psnr: mean(|s| s.psnr), ssim: mean(|s| s.ssim), views })
 }
 
-/// Writes the log and the scene.
-fn finish(args: &Args, trainer: &Trainer, log: &[u8]) -> anyhow::Result<()> {
-    write_atomic(&args.output.join("train.jsonl"), |to| to.write_all(log))?;
-    write_ply(&args.output.join("scene.ply"), &trainer.splats()?)?;
-    Ok(())
-}
-
 fn write_json(path: &Path, value: &impl serde::Serialize) -> anyhow::Result<()> {
     let text = serde_json::to_vec_pretty(value)?;
     Ok(write_atomic(path, |to| to.write_all(&text))?)
 }
 
-/// One line of progress.
-fn show(report: &ivv::train::StepReport, total: u64, seconds: f64) {
-    let rate = report.step as f64 / seconds.max(1e-9);
-    let line = format!(
-        "step {}/{total}, {rate:.1} it/s, {:.0} s left, loss {:.4}, {} Gaussians, {} visible, {} intersections",
-        report.step,
-        (total - report.step) as f64 / rate,
-        report.loss,
-        report.gaussians,
-        report.visible,
-        report.intersections
-    );
-    let mut out = std::io::stderr().lock();
-    // A closed standard error must not end the work.
-    let _ = if out.is_terminal() {
-        write!(out, "\r\x1b[2K{line}{}", if report.step == total { "\n" } else { "" })
-    } else {
-        writeln!(out, "{line}")
-    };
-    let _ = out.flush();
+/// train.jsonl, and progress on standard error.
+struct Log {
+    file: PathBuf,
+    lines: Vec<u8>,
+    last_shown: Option<Instant>,
+}
+
+impl Log {
+    /// Keeps the lines of an earlier run of the folder up to `step`.
+    fn new(file: &Path, step: u64) -> anyhow::Result<Self> {
+        let mut log = Log { file: file.to_owned(), lines: Vec::new(), last_shown: None };
+        let old = if step > 0 { std::fs::read_to_string(file).unwrap_or_default() } else { String::new() };
+        for line in old.lines().filter_map(|line| serde_json::from_str::<serde_json::Value>(line).ok()) {
+            if line["report"]["step"].as_u64().is_some_and(|at| at <= step) {
+                log.push(&line)?;
+            }
+        }
+        Ok(log)
+    }
+
+    fn push(&mut self, line: &serde_json::Value) -> anyhow::Result<()> {
+        serde_json::to_writer(&mut self.lines, line)?;
+        self.lines.push(b'\n');
+        Ok(())
+    }
+
+    fn write(&self) -> ivv::Result<()> {
+        write_atomic(&self.file, |to| to.write_all(&self.lines))
+    }
+
+    /// One line of progress, at most five a second on a terminal and one in five seconds elsewhere.
+    fn show(&mut self, report: &ivv::train::StepReport, total: u64, seconds: f64) {
+        let mut out = std::io::stderr().lock();
+        let pause = Duration::from_millis(if out.is_terminal() { 200 } else { 5000 });
+        let is_last = report.step == total;
+        if !is_last && self.last_shown.is_some_and(|at| at.elapsed() < pause) {
+            return;
+        }
+        self.last_shown = Some(Instant::now());
+        let rate = report.step as f64 / seconds.max(1e-9);
+        let line = format!(
+            "step {}/{total}, {rate:.1} it/s, {:.0} s left, loss {:.4}, {} Gaussians, {} visible, {} intersections",
+            report.step,
+            (total - report.step) as f64 / rate,
+            report.loss,
+            report.gaussians,
+            report.visible,
+            report.intersections
+        );
+        // A closed standard error must not end the work.
+        let _ = if out.is_terminal() {
+            write!(out, "\r\x1b[2K{line}{}", if is_last { "\n" } else { "" })
+        } else {
+            writeln!(out, "{line}")
+        };
+        let _ = out.flush();
+    }
 }

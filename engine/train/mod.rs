@@ -1,5 +1,6 @@
 //! Training: Gaussians fitted to the images of a capture, one image a step (SPEC 4 and 6).
 
+mod checkpoint;
 mod config;
 mod density;
 mod init;
@@ -8,6 +9,7 @@ mod random;
 mod schedule;
 mod trainer;
 
+pub use checkpoint::Checkpoint;
 pub use config::{Config, Density};
 pub use init::{from_points, random_points};
 pub use metrics::{Scores, psnr, scores};

@@ -1,5 +1,6 @@
 //! The device side of training: forward, loss, backward and Adam in one recording, one image a step.
 
+use super::checkpoint::Checkpoint;
 use super::config::Config;
 use super::density::{self, Counts};
 use super::schedule::{Rates, rates};
@@ -32,6 +33,8 @@ pub struct Trainer {
     // Gaussians that cannot be drawn, counted once per step; density control removes them.
     n_undrawable: Buf<u32>,
     room: Room,
+    // Density statistics of a checkpoint, until there are buffers for them.
+    resumed_stats: Option<Vec<[f32; 2]>>,
 }
 
 /// First and second moments of a group.
@@ -101,7 +104,62 @@ impl Trainer {
             moments,
             work: None,
             room,
+            resumed_stats: None,
         })
+    }
+
+    /// Goes on from `checkpoint`; the steps that follow give the bits that they would have given without it.
+    ///
+    /// # Errors
+    /// As [`Trainer::new`].
+    pub fn resume(gpu: Arc<Gpu>, checkpoint: &Checkpoint, constants: Constants, extent: f64, dt: f64) -> Result<Self> {
+        let Checkpoint { step, total, config, origin, params, first, second, stats } = checkpoint;
+        let mut trainer = Self::new(gpu, params, constants, config.clone(), *total, extent, dt)?;
+        trainer.scene.origin = *origin;
+        trainer.moments = upload_moments(&trainer.gpu, &trainer.scene, first, second)?;
+        trainer.step = *step;
+        trainer.resumed_stats = Some(stats.clone());
+        Ok(trainer)
+    }
+
+    /// Everything that [`Trainer::resume`] needs.
+    ///
+    /// # Errors
+    /// [`Error::DeviceLost`].
+    pub fn checkpoint(&self) -> Result<Checkpoint> {
+        let (first, second) = self.download_moments()?;
+        Ok(Checkpoint {
+            step: self.step,
+            total: self.total,
+            config: self.config.clone(),
+            origin: self.scene.origin,
+            params: self.scene.download(&self.gpu, self.scene.groups.iter().map(|g| &g.params))?,
+            first,
+            second,
+            stats: self.stats()?,
+        })
+    }
+
+    /// First and second moments, by parameter.
+    fn download_moments(&self) -> Result<(Splats, Splats)> {
+        let download =
+            |planes: fn(&GroupMoments) -> &Planes| self.scene.download(&self.gpu, self.moments.iter().map(planes));
+        Ok((download(|m| &m.first)?, download(|m| &m.second)?))
+    }
+
+    /// Density statistics, per Gaussian.
+    fn stats(&self) -> Result<Vec<[f32; 2]>> {
+        if let Some(stats) = &self.resumed_stats {
+            return Ok(stats.clone());
+        }
+        let Some(backward) = self.work.as_ref().and_then(|work| work.backward.as_ref()) else {
+            return Ok(vec![[0.0; 2]; self.scene.n as usize]);
+        };
+        let mut stats = Vec::with_capacity(self.scene.n as usize);
+        for (group, buffer) in self.scene.groups.iter().zip(&backward.stats) {
+            stats.extend_from_slice(&self.gpu.read(buffer)?[..group.n as usize]);
+        }
+        Ok(stats)
     }
 
     /// Steps done.
@@ -159,10 +217,13 @@ impl Trainer {
         loop {
             let work = match self.work.take() {
                 Some(work) if work.room == self.room => work,
-                // The old buffers go before the new ones come.
+                // The old buffers go before the new ones come; the statistics in them stay.
                 old => {
-                    drop(old);
-                    Workspace::new(&self.gpu, &self.scene, self.room)?
+                    self.work = old;
+                    let stats = self.stats()?;
+                    self.work = None;
+                    self.resumed_stats = None;
+                    self.new_workspace(&stats)?
                 }
             };
             self.gpu.write(&work.view, &[params])?;
@@ -209,6 +270,17 @@ impl Trainer {
         }
     }
 
+    /// A workspace for the room at hand that goes on from `stats`.
+    fn new_workspace(&self, stats: &[[f32; 2]]) -> Result<Workspace> {
+        let work = Workspace::new(&self.gpu, &self.scene, self.room)?;
+        if let Some(backward) = &work.backward {
+            for (group, buffer) in self.scene.groups.iter().zip(&backward.stats) {
+                self.gpu.write(buffer, &stats[group.start..group.start + group.n as usize])?;
+            }
+        }
+        Ok(work)
+    }
+
     fn record(
         &self,
         work: &Workspace,
@@ -252,20 +324,14 @@ impl Trainer {
         let density = &self.config.density;
         let resets = self.step.is_multiple_of(density.reset_every) && self.step < self.total / 2;
         let due = density.is_due(self.step, self.total);
-        let Some(work) = self.work.take() else { return Ok(None) };
-        let Some(backward) = work.backward.as_ref().filter(|_| due || resets) else {
-            self.work = Some(work);
+        if !due && !resets {
             return Ok(None);
-        };
-        let mut stats = Vec::new();
-        for (group, buffer) in self.scene.groups.iter().zip(&backward.stats) {
-            stats.extend_from_slice(&self.gpu.read(buffer)?[..group.n as usize]);
         }
-        let download =
-            |planes: &dyn Fn(&GroupMoments) -> &Planes| self.scene.download(&self.gpu, self.moments.iter().map(planes));
-        let (first, second) = (download(&|m| &m.first)?, download(&|m| &m.second)?);
+        let stats = self.stats()?;
+        let (first, second) = self.download_moments()?;
         let splats = self.splats()?;
-        drop(work);
+        self.work = None;
+        self.resumed_stats = None;
         let (mut grown, origins, counts) = density::round(&splats, &stats, &self.config, self.step, self.extent);
         if grown.is_empty() {
             return Err(Error::NonFinite { what: "every Gaussian was pruned; the scene".to_owned(), count: 0 });

@@ -6,7 +6,7 @@ use ivv::scene::capture::Capture;
 use ivv::scene::{Motion, Splats};
 use ivv::stage::{Outputs, Renderer};
 use ivv::synth::{Options, Preset, write_capture};
-use ivv::train::{Config, Trainer, from_points, permutation, random_points, rates, scores};
+use ivv::train::{Checkpoint, Config, Trainer, from_points, permutation, random_points, rates, scores};
 use std::path::PathBuf;
 
 /// A tiny capture, removed at the end.
@@ -136,4 +136,71 @@ fn rates_decay_exponentially_and_bands_join_one_by_one() {
     assert!((begin.position - 3.2e-4).abs() < 1e-12 && (end.position - 3.2e-6).abs() < 1e-12);
     let active = |step| rates(&config, step, 1000, 1.0).sh.iter().filter(|rate| **rate > 0.0).count();
     assert_eq!([active(1), active(34), active(35), active(68), active(102), active(1000)], [1, 1, 2, 3, 4, 4]);
+}
+
+/// Steps `trainer` through the run's order up to step `until`.
+fn drive(trainer: &mut Trainer, capture: &Capture, seed: u64, until: u64) {
+    let frames = capture.training_frames();
+    while trainer.step() < until {
+        let (epoch, at) = (trainer.step() / frames.len() as u64, trainer.step() as usize % frames.len());
+        let (camera, frame) = frames[permutation(frames.len(), &[seed, epoch])[at]];
+        let picture = capture.picture(camera, frame).unwrap();
+        trainer.train(&capture.view(camera, frame).unwrap(), &picture).unwrap();
+        trainer.control_density().unwrap();
+    }
+}
+
+#[test]
+fn a_run_that_was_killed_and_resumed_gives_the_bits_of_one_that_was_not() {
+    let tiny = Tiny::new("resume");
+    let gpu = gpu();
+    let config = Config { sh_degree: 1, ..Config::default() };
+    let begin = from_points(&tiny.capture.points, &tiny.capture, &config);
+    let (extent, dt) = (tiny.capture.extent().radius, 1.0 / f64::from(tiny.capture.n_frames));
+    let new = || Trainer::new(gpu.clone(), &begin, Constants::default(), config.clone(), 60, extent, dt).unwrap();
+    let mut whole = new();
+    drive(&mut whole, &tiny.capture, config.seed, 60);
+    // Between two rounds of density control, whose statistics must survive.
+    let mut first_half = new();
+    drive(&mut first_half, &tiny.capture, config.seed, 23);
+    let folder = tiny.folder.join("checkpoints");
+    first_half.checkpoint().unwrap().write(&folder).unwrap();
+    drop(first_half);
+    let checkpoint = Checkpoint::newest(&folder).unwrap().unwrap();
+    assert_eq!(checkpoint.step, 23);
+    assert!(checkpoint.stats.iter().any(|s| s[1] > 0.0), "there is something to lose");
+    let mut second_half = Trainer::resume(gpu.clone(), &checkpoint, Constants::default(), extent, dt).unwrap();
+    drive(&mut second_half, &tiny.capture, config.seed, 60);
+    assert!(whole.n_gaussians() as usize > begin.len());
+    assert_eq!(bits(&whole.splats().unwrap()), bits(&second_half.splats().unwrap()));
+}
+
+#[test]
+fn a_damaged_checkpoint_is_told_apart_and_the_one_before_serves() {
+    let tiny = Tiny::new("damage");
+    let gpu = gpu();
+    let config = Config { sh_degree: 0, ..Config::default() };
+    let begin = from_points(&tiny.capture.points[..20], &tiny.capture, &config);
+    let mut trainer = Trainer::new(gpu.clone(), &begin, Constants::default(), config.clone(), 100, 1.0, 0.25).unwrap();
+    let folder = tiny.folder.join("checkpoints");
+    for step in 1..=5 {
+        drive(&mut trainer, &tiny.capture, config.seed, step);
+        trainer.checkpoint().unwrap().write(&folder).unwrap();
+    }
+    let kept = std::fs::read_dir(&folder).unwrap().count();
+    assert_eq!(kept, 3, "the last three are kept");
+    let newest = Checkpoint::file(&folder, 5);
+    let good = std::fs::read(&newest).unwrap();
+    assert_eq!(Checkpoint::read(&newest).unwrap(), trainer.checkpoint().unwrap());
+    for at in (0..good.len()).step_by(good.len() / 97) {
+        let mut flipped = good.clone();
+        flipped[at] ^= 0x10;
+        for bad in [&flipped[..], &good[..at]] {
+            std::fs::write(&newest, bad).unwrap();
+            let fault = Checkpoint::read(&newest).unwrap_err();
+            assert_eq!(fault.exit_code(), 3, "byte {at}: {fault}");
+        }
+        std::fs::write(&newest, &good[..at]).unwrap();
+        assert_eq!(Checkpoint::newest(&folder).unwrap().unwrap().step, 4, "cut at {at}");
+    }
 }

@@ -1,0 +1,225 @@
+//! Checkpoints: everything that makes a run go on bit for bit, in one file of hashed sections.
+//!
+//! Magic, length and hash of the header, header (JSON: version, step, settings, sections with length and hash), then the sections:
+//! little-endian f32, one after the other. Written under a temporary name, synced and renamed.
+
+use super::config::Config;
+use crate::error::{Error, Result};
+use crate::scene::{Splats, write_atomic};
+use std::path::{Path, PathBuf};
+
+const MAGIC: &[u8; 8] = b"IVVCKPT1";
+/// Longest header that is believed, bytes.
+const MAX_HEADER: usize = 1 << 20;
+/// Checkpoints kept in a folder.
+const KEEP: usize = 3;
+const REMEDY: &str = "delete it to go on from the one before";
+
+/// A run between two steps.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Checkpoint {
+    /// Steps done.
+    pub step: u64,
+    /// Steps of the whole run.
+    pub total: u64,
+    /// The run's settings.
+    pub config: Config,
+    /// Added to the positions of `params` in the capture's units.
+    pub origin: [f64; 3],
+    /// The parameters, positions relative to `origin`.
+    pub params: Splats,
+    /// First moments of Adam, by parameter.
+    pub first: Splats,
+    /// Second moments of Adam, by parameter.
+    pub second: Splats,
+    /// Density statistics: sum of gradient norms and frames, per Gaussian.
+    pub stats: Vec<[f32; 2]>,
+}
+
+#[derive(serde::Serialize, serde::Deserialize)]
+struct Header {
+    step: u64,
+    total: u64,
+    config: Config,
+    origin: [f64; 3],
+    n_static: usize,
+    sh_degree: u32,
+    sections: Vec<Section>,
+}
+
+#[derive(serde::Serialize, serde::Deserialize)]
+struct Section {
+    name: String,
+    /// Numbers.
+    len: usize,
+    hash: u64,
+}
+
+/// The arrays of a set of parameters, by name.
+fn arrays(splats: &Splats) -> [(&'static str, &[f32]); 6] {
+    [
+        ("position", splats.position.as_flattened()),
+        ("rotation", splats.rotation.as_flattened()),
+        ("scale", splats.scale.as_flattened()),
+        ("opacity", &splats.opacity),
+        ("sh", splats.sh.as_flattened()),
+        ("motion", bytemuck::cast_slice(&splats.motion)),
+    ]
+}
+
+/// FNV-1a over 32-bit words.
+fn hash(words: impl Iterator<Item = u32>) -> u64 {
+    words.fold(0xcbf2_9ce4_8422_2325, |h, word| (h ^ u64::from(word)).wrapping_mul(0x0100_0000_01b3))
+}
+
+fn hash_values(values: &[f32]) -> u64 {
+    hash(values.iter().map(|x| x.to_bits()))
+}
+
+fn hash_bytes(bytes: &[u8]) -> u64 {
+    hash(bytes.iter().map(|b| u32::from(*b)))
+}
+
+impl Checkpoint {
+    /// The file of `step` in `folder`.
+    pub fn file(folder: &Path, step: u64) -> PathBuf {
+        folder.join(format!("{step:08}.ckpt"))
+    }
+
+    fn sections(&self) -> Vec<(String, &[f32])> {
+        let mut all = Vec::new();
+        for (set, splats) in [("params", &self.params), ("first", &self.first), ("second", &self.second)] {
+            all.extend(arrays(splats).map(|(name, values)| (format!("{set}.{name}"), values)));
+        }
+        all.push(("stats".to_owned(), self.stats.as_flattened()));
+        all
+    }
+
+    /// Writes the checkpoint into `folder` and removes all but the newest three there.
+    ///
+    /// # Errors
+    /// [`Error::Data`] naming the file that cannot be written; older checkpoints are then untouched.
+    pub fn write(&self, folder: &Path) -> Result<()> {
+        let file = Self::file(folder, self.step);
+        std::fs::create_dir_all(folder).map_err(|e| {
+            Error::data(folder, "", format!("cannot be made: {e}"), "free space or choose another folder")
+        })?;
+        let sections = self.sections();
+        let told =
+            |(name, values): &(String, &[f32])| Section { name: name.clone(), len: values.len(), hash: hash_values(values) };
+        let header = Header {
+            step: self.step,
+            total: self.total,
+            config: self.config.clone(),
+            origin: self.origin,
+            n_static: self.params.n_static,
+            sh_degree: self.params.sh_degree,
+            sections: sections.iter().map(told).collect(),
+        };
+        write_atomic(&file, |to| {
+            let header = serde_json::to_vec(&header)?;
+            to.write_all(MAGIC)?;
+            to.write_all(&(header.len() as u64).to_le_bytes())?;
+            to.write_all(&hash_bytes(&header).to_le_bytes())?;
+            to.write_all(&header)?;
+            for (_, values) in &sections {
+                for part in values.chunks(1 << 16) {
+                    to.write_all(&part.iter().flat_map(|x| x.to_le_bytes()).collect::<Vec<u8>>())?;
+                }
+            }
+            Ok(())
+        })?;
+        let mut all = list(folder);
+        let n_old = all.len().saturating_sub(KEEP);
+        for old in all.drain(..n_old) {
+            if let Err(e) = std::fs::remove_file(&old) {
+                tracing::warn!("{}: cannot be removed: {e}", old.display());
+            }
+        }
+        Ok(())
+    }
+
+    /// Reads a checkpoint and verifies every hash.
+    ///
+    /// # Errors
+    /// [`Error::Data`] naming the section that is cut, changed or missing.
+    pub fn read(file: &Path) -> Result<Self> {
+        let fault = |place: &str, reason: String| Error::data(file, place, reason, REMEDY);
+        let bytes = std::fs::read(file).map_err(|e| fault("", format!("cannot be read: {e}")))?;
+        let Some((head, rest)) = bytes.split_at_checked(24).filter(|(head, _)| head.starts_with(MAGIC)) else {
+            return Err(fault("", "is no checkpoint of this version".to_owned()));
+        };
+        let number = |at: usize| head[at..at + 8].iter().rev().fold(0u64, |n, byte| n << 8 | u64::from(*byte));
+        let length = usize::try_from(number(8)).ok().filter(|n| *n <= MAX_HEADER);
+        let Some((header, mut rest)) = length.and_then(|n| rest.split_at_checked(n)) else {
+            return Err(fault("header", "is cut".to_owned()));
+        };
+        if hash_bytes(header) != number(16) {
+            return Err(fault("header", "its hash differs".to_owned()));
+        }
+        let header: Header = serde_json::from_slice(header).map_err(|e| fault("header", e.to_string()))?;
+        let mut values = std::collections::BTreeMap::new();
+        for section in &header.sections {
+            let cut = section.len.checked_mul(4).and_then(|n| rest.split_at_checked(n));
+            let Some((data, tail)) = cut else { return Err(fault(&section.name, "is cut".to_owned())) };
+            let data: Vec<f32> = data.as_chunks().0.iter().map(|b| f32::from_le_bytes(*b)).collect();
+            if hash_values(&data) != section.hash {
+                return Err(fault(&section.name, "its hash differs".to_owned()));
+            }
+            values.insert(section.name.clone(), data);
+            rest = tail;
+        }
+        let mut take = |name: &str| values.remove(name).ok_or_else(|| fault(name, "is missing".to_owned()));
+        let mut set = |set: &str| -> Result<Splats> {
+            let mut array = |name: &str| take(&format!("{set}.{name}"));
+            let splats = Splats {
+                n_static: header.n_static,
+                position: array("position")?.as_chunks().0.to_vec(),
+                rotation: array("rotation")?.as_chunks().0.to_vec(),
+                scale: array("scale")?.as_chunks().0.to_vec(),
+                opacity: array("opacity")?,
+                sh: array("sh")?.as_chunks().0.to_vec(),
+                motion: bytemuck::allocation::pod_collect_to_vec(&array("motion")?),
+                ..Splats::new(header.sh_degree.min(3))
+            };
+            let source_row = (0..splats.len() as u32).collect();
+            let splats = Splats { source_row, ..splats };
+            splats.check().map_err(|reason| fault(set, reason))?;
+            Ok(splats)
+        };
+        let (params, first, second) = (set("params")?, set("first")?, set("second")?);
+        let stats = take("stats")?.as_chunks().0.to_vec();
+        if [first.len(), second.len(), stats.len()] != [params.len(); 3] {
+            return Err(fault("sections", "are of different numbers of Gaussians".to_owned()));
+        }
+        let Header { step, total, config, origin, .. } = header;
+        Ok(Checkpoint { step, total, config, origin, params, first, second, stats })
+    }
+
+    /// The newest checkpoint of `folder` that can be read, with a warning for each newer one that cannot; none when there
+    /// is no file.
+    ///
+    /// # Errors
+    /// The newest one's fault, when none can be read.
+    pub fn newest(folder: &Path) -> Result<Option<Self>> {
+        let mut newest_fault = None;
+        for file in list(folder).iter().rev() {
+            match Self::read(file) {
+                Ok(checkpoint) => return Ok(Some(checkpoint)),
+                Err(fault) => {
+                    tracing::warn!("{fault}");
+                    newest_fault.get_or_insert(fault);
+                }
+            }
+        }
+        newest_fault.map_or(Ok(None), Err)
+    }
+}
+
+/// The checkpoints of `folder`, oldest first.
+fn list(folder: &Path) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
+    let mut all: Vec<PathBuf> = entries.filter(|path| path.extension().is_some_and(|e| e == "ckpt")).collect();
+    all.sort();
+    all
+}
