@@ -105,8 +105,11 @@ impl Checkpoint {
             Error::data(folder, "", format!("cannot be made: {e}"), "free space or choose another folder")
         })?;
         let sections = self.sections();
-        let told =
-            |(name, values): &(String, &[f32])| Section { name: name.clone(), len: values.len(), hash: hash_values(values) };
+        let told = |(name, values): &(String, &[f32])| Section {
+            name: name.clone(),
+            len: values.len(),
+            hash: hash_values(values),
+        };
         let header = Header {
             step: self.step,
             total: self.total,
