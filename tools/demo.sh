@@ -9,10 +9,10 @@ fi
 out=$(realpath -m "${1:-out}")
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 [ $# -gt 0 ] || out=$PWD/out
-export PATH="${CARGO_HOME:-$HOME/.cargo}/bin:$PATH"
-export CARGO_TARGET_DIR="${CARGO_TARGET_DIR:-${XDG_CACHE_HOME:-$HOME/.cache}/ivv/target}"
+source tools/env.sh
 
 tools/setup.sh run
+own_the_target_folder
 cargo build --release --locked
 "$CARGO_TARGET_DIR/release/ivv" render --scene assets/demo/scene.ply --cameras assets/demo/cameras.json \
     -o "$out" --format png,exr

@@ -3,9 +3,7 @@
 # the cache folder; needs the shader compiler (tools/setup.sh shaders).
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
-export PATH="${CARGO_HOME:-$HOME/.cargo}/bin:$PATH"
-cache=${XDG_CACHE_HOME:-$HOME/.cache}/ivv
-export CARGO_TARGET_DIR="${CARGO_TARGET_DIR:-$cache/target}"
+source tools/env.sh
 copy=$cache/mutant
 log=$cache/mutant.log
 
@@ -32,6 +30,7 @@ while IFS='|' read -r name file expression tests; do
     git ls-files -z | xargs -0 cp --parents -t "$copy"
     # The tests that need the data beside the project find it from the copy too.
     ln -sfn "$PWD/../shared" "$cache/shared"
+    (cd "$copy" && own_the_target_folder)
     sed -i "$expression" "$copy/shaders-glsl/$file"
     if cmp -s "shaders-glsl/$file" "$copy/shaders-glsl/$file"; then
         printf 'FAILED: %s: the expression changes nothing\n' "$name"
@@ -49,5 +48,6 @@ while IFS='|' read -r name file expression tests; do
     fi
 done <<<"$mutants"
 rm -rf "$copy" "$cache/shared"
+own_the_target_folder
 printf 'mutants: %d passed, %d failed\n' $passed $failed
 [ $failed -eq 0 ]

@@ -6,9 +6,7 @@
 # ARGS go to cargo test.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
-export PATH="${CARGO_HOME:-$HOME/.cargo}/bin:$PATH"
-cache=${XDG_CACHE_HOME:-$HOME/.cache}/ivv
-export CARGO_TARGET_DIR="${CARGO_TARGET_DIR:-$cache/target}"
+source tools/env.sh
 
 slow=no
 if [ "${1:-}" = --slow ]; then
@@ -78,6 +76,7 @@ EOT
 }
 
 tools/setup.sh test
+own_the_target_folder
 cargo test --locked --no-run
 if [ $slow = no ]; then
     lane "default device" tests

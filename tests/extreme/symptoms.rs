@@ -19,7 +19,8 @@ fn check(name: &str, all: &[One]) {
 #[test]
 fn the_colour_of_a_gaussian_at_any_distance_follows_its_direction() {
     // |mu - centre|^2 overflows past 1.8e19: every band but the first vanishes.
-    for z in [1e10, 1e18, 1e19, 3e19, 1e25, 1e37f32] {
+    // Further out 1 / z is denormal, which drivers may flush.
+    for z in [1e10, 1e18, 1e19, 3e19, 1e25, 1e30f32] {
         let mut one = round([0.0, 0.0, z], f64::from(z) * 0.1, 0.9, [0.5; 3]);
         one.sh = vec![[0.2; 3], [0.1; 3], [0.4, -0.3, 0.2], [0.1; 3]];
         check(&format!("z = {z:e}"), &[one]);

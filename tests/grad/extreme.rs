@@ -165,6 +165,11 @@ fn n11_gradients_at_any_distance_in_time_are_the_truths_and_zero_past_the_cut() 
                 }
                 n_gone += 1;
             } else {
+                // The gradient of log tau goes with u^2: for u = 1e-20 it is denormal, which drivers may flush to zero. The
+                // rest is then that of u = 0.
+                if u > 0.0 && u < 1e-15 && flat(&found, "t_scale").iter().all(|x| *x == 0.0) {
+                    continue;
+                }
                 // exp is good to 3 + 2|x| ULP (A.1): of log tau, and of u^2, which doubles the error of u.
                 if let Err(fault) = check_adjoint(&splats, &view, &cotangents, 1e-4, if u == 0.0 { 8 } else { 9 }) {
                     faults.push(format!("{case}: {fault}"));

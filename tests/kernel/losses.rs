@@ -167,7 +167,8 @@ fn n20_a_picture_equal_to_the_truth_has_loss_0_and_exactly_no_cotangent() {
     for size in SIZES {
         for (kind, level) in levels.into_iter().enumerate() {
             let mask = |x, y| if kind == 3 && (x + y) % 5 == 2 { 0 } else { 255 };
-            let image = |x, y| [f32::from(level(x, y)) / 255.0; 3];
+            // As the device decodes it: a product is rounded alike everywhere, a division need not be.
+            let image = |x, y| [f32::from(level(x, y)) * (1.0 / 255.0); 3];
             let pair = Pair::new(size, image, |x, y| word([level(x, y); 3], mask(x, y)));
             let found = pair.on_device();
             assert!((found.ssim - 1.0).abs() <= 2e-5 && found.l1 == 0.0, "{size:?}: {} {}", found.ssim, found.l1);
