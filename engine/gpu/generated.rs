@@ -2853,6 +2853,8 @@ pub mod project_bwd_static_sh0 {
         pub d_sh3: &'a Buf<[f32; 4]>,
         /// ReadWrites.
         pub stats: &'a Buf<[f32; 2]>,
+        /// Reads.
+        pub frame_status: &'a Buf<super::Status>,
     }
     impl Kernel for Args<'_> {
         type Push = Push;
@@ -2883,6 +2885,7 @@ pub mod project_bwd_static_sh0 {
                 BindingInfo { name: "d_sh2", kind: BindingKind::Storage, access: Access::Write },
                 BindingInfo { name: "d_sh3", kind: BindingKind::Storage, access: Access::Write },
                 BindingInfo { name: "stats", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
             ],
         };
         fn slices(&self) -> Vec<Slice> {
@@ -2907,6 +2910,7 @@ pub mod project_bwd_static_sh0 {
                 self.d_sh2.slice(),
                 self.d_sh3.slice(),
                 self.stats.slice(),
+                self.frame_status.slice(),
             ]
         }
     }
@@ -2971,6 +2975,8 @@ pub mod project_bwd_static_sh1 {
         pub d_sh3: &'a Buf<[f32; 4]>,
         /// ReadWrites.
         pub stats: &'a Buf<[f32; 2]>,
+        /// Reads.
+        pub frame_status: &'a Buf<super::Status>,
     }
     impl Kernel for Args<'_> {
         type Push = Push;
@@ -3001,6 +3007,7 @@ pub mod project_bwd_static_sh1 {
                 BindingInfo { name: "d_sh2", kind: BindingKind::Storage, access: Access::Write },
                 BindingInfo { name: "d_sh3", kind: BindingKind::Storage, access: Access::Write },
                 BindingInfo { name: "stats", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
             ],
         };
         fn slices(&self) -> Vec<Slice> {
@@ -3025,6 +3032,7 @@ pub mod project_bwd_static_sh1 {
                 self.d_sh2.slice(),
                 self.d_sh3.slice(),
                 self.stats.slice(),
+                self.frame_status.slice(),
             ]
         }
     }
@@ -3089,6 +3097,8 @@ pub mod project_bwd_static_sh2 {
         pub d_sh3: &'a Buf<[f32; 4]>,
         /// ReadWrites.
         pub stats: &'a Buf<[f32; 2]>,
+        /// Reads.
+        pub frame_status: &'a Buf<super::Status>,
     }
     impl Kernel for Args<'_> {
         type Push = Push;
@@ -3119,6 +3129,7 @@ pub mod project_bwd_static_sh2 {
                 BindingInfo { name: "d_sh2", kind: BindingKind::Storage, access: Access::Write },
                 BindingInfo { name: "d_sh3", kind: BindingKind::Storage, access: Access::Write },
                 BindingInfo { name: "stats", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
             ],
         };
         fn slices(&self) -> Vec<Slice> {
@@ -3143,6 +3154,7 @@ pub mod project_bwd_static_sh2 {
                 self.d_sh2.slice(),
                 self.d_sh3.slice(),
                 self.stats.slice(),
+                self.frame_status.slice(),
             ]
         }
     }
@@ -3207,6 +3219,8 @@ pub mod project_bwd_static_sh3 {
         pub d_sh3: &'a Buf<[f32; 4]>,
         /// ReadWrites.
         pub stats: &'a Buf<[f32; 2]>,
+        /// Reads.
+        pub frame_status: &'a Buf<super::Status>,
     }
     impl Kernel for Args<'_> {
         type Push = Push;
@@ -3237,6 +3251,7 @@ pub mod project_bwd_static_sh3 {
                 BindingInfo { name: "d_sh2", kind: BindingKind::Storage, access: Access::Write },
                 BindingInfo { name: "d_sh3", kind: BindingKind::Storage, access: Access::Write },
                 BindingInfo { name: "stats", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
             ],
         };
         fn slices(&self) -> Vec<Slice> {
@@ -3261,6 +3276,7 @@ pub mod project_bwd_static_sh3 {
                 self.d_sh2.slice(),
                 self.d_sh3.slice(),
                 self.stats.slice(),
+                self.frame_status.slice(),
             ]
         }
     }
@@ -3325,6 +3341,8 @@ pub mod project_bwd_dynamic_sh0 {
         pub d_sh3: &'a Buf<[f32; 4]>,
         /// ReadWrites.
         pub stats: &'a Buf<[f32; 2]>,
+        /// Reads.
+        pub frame_status: &'a Buf<super::Status>,
     }
     impl Kernel for Args<'_> {
         type Push = Push;
@@ -3355,6 +3373,7 @@ pub mod project_bwd_dynamic_sh0 {
                 BindingInfo { name: "d_sh2", kind: BindingKind::Storage, access: Access::Write },
                 BindingInfo { name: "d_sh3", kind: BindingKind::Storage, access: Access::Write },
                 BindingInfo { name: "stats", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
             ],
         };
         fn slices(&self) -> Vec<Slice> {
@@ -3379,6 +3398,7 @@ pub mod project_bwd_dynamic_sh0 {
                 self.d_sh2.slice(),
                 self.d_sh3.slice(),
                 self.stats.slice(),
+                self.frame_status.slice(),
             ]
         }
     }
@@ -3443,6 +3463,8 @@ pub mod project_bwd_dynamic_sh1 {
         pub d_sh3: &'a Buf<[f32; 4]>,
         /// ReadWrites.
         pub stats: &'a Buf<[f32; 2]>,
+        /// Reads.
+        pub frame_status: &'a Buf<super::Status>,
     }
     impl Kernel for Args<'_> {
         type Push = Push;
@@ -3473,6 +3495,7 @@ pub mod project_bwd_dynamic_sh1 {
                 BindingInfo { name: "d_sh2", kind: BindingKind::Storage, access: Access::Write },
                 BindingInfo { name: "d_sh3", kind: BindingKind::Storage, access: Access::Write },
                 BindingInfo { name: "stats", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
             ],
         };
         fn slices(&self) -> Vec<Slice> {
@@ -3497,6 +3520,7 @@ pub mod project_bwd_dynamic_sh1 {
                 self.d_sh2.slice(),
                 self.d_sh3.slice(),
                 self.stats.slice(),
+                self.frame_status.slice(),
             ]
         }
     }
@@ -3561,6 +3585,8 @@ pub mod project_bwd_dynamic_sh2 {
         pub d_sh3: &'a Buf<[f32; 4]>,
         /// ReadWrites.
         pub stats: &'a Buf<[f32; 2]>,
+        /// Reads.
+        pub frame_status: &'a Buf<super::Status>,
     }
     impl Kernel for Args<'_> {
         type Push = Push;
@@ -3591,6 +3617,7 @@ pub mod project_bwd_dynamic_sh2 {
                 BindingInfo { name: "d_sh2", kind: BindingKind::Storage, access: Access::Write },
                 BindingInfo { name: "d_sh3", kind: BindingKind::Storage, access: Access::Write },
                 BindingInfo { name: "stats", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
             ],
         };
         fn slices(&self) -> Vec<Slice> {
@@ -3615,6 +3642,7 @@ pub mod project_bwd_dynamic_sh2 {
                 self.d_sh2.slice(),
                 self.d_sh3.slice(),
                 self.stats.slice(),
+                self.frame_status.slice(),
             ]
         }
     }
@@ -3679,6 +3707,8 @@ pub mod project_bwd_dynamic_sh3 {
         pub d_sh3: &'a Buf<[f32; 4]>,
         /// ReadWrites.
         pub stats: &'a Buf<[f32; 2]>,
+        /// Reads.
+        pub frame_status: &'a Buf<super::Status>,
     }
     impl Kernel for Args<'_> {
         type Push = Push;
@@ -3709,6 +3739,7 @@ pub mod project_bwd_dynamic_sh3 {
                 BindingInfo { name: "d_sh2", kind: BindingKind::Storage, access: Access::Write },
                 BindingInfo { name: "d_sh3", kind: BindingKind::Storage, access: Access::Write },
                 BindingInfo { name: "stats", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
             ],
         };
         fn slices(&self) -> Vec<Slice> {
@@ -3733,6 +3764,7 @@ pub mod project_bwd_dynamic_sh3 {
                 self.d_sh2.slice(),
                 self.d_sh3.slice(),
                 self.stats.slice(),
+                self.frame_status.slice(),
             ]
         }
     }

@@ -8,7 +8,8 @@ use super::scene::{Planes, SceneBuffers};
 use super::tiles::{Lists, Tiles};
 use crate::error::Result;
 use crate::gpu::generated::{
-    self as g, ViewParams, blend_bwd_color_p4, blend_bwd_color_p8, blend_bwd_p4, blend_bwd_p8, project_bwd_static_sh0,
+    self as g, Status, ViewParams, blend_bwd_color_p4, blend_bwd_color_p8, blend_bwd_p4, blend_bwd_p8,
+    project_bwd_static_sh0,
 };
 use crate::gpu::{Buf, Gpu, Grid, Kernel, KernelInfo, Recording};
 
@@ -100,6 +101,7 @@ impl Backward {
         lists: &Lists,
         blend: &Blend,
         view: &Buf<ViewParams>,
+        status: &Buf<Status>,
         n_tiles: u32,
         rounds: u32,
     ) {
@@ -164,6 +166,7 @@ impl Backward {
                 d_sh2: d_band(1),
                 d_sh3: d_band(2),
                 stats,
+                frame_status: status,
             };
             rec.pass_variant(
                 kernel_of(group.params.motion.is_some(), group.degree()),

@@ -127,9 +127,9 @@ impl Workspace {
 
     /// Appends the backward pass of the forward pass recorded just before, if the workspace has one.
     pub fn record_backward(&self, rec: &mut Recording, scene: &SceneBuffers, lists: &Lists, n_tiles: u32, rounds: u32) {
-        let Workspace { cull, projected, tiles, blend, view, .. } = self;
+        let Workspace { cull, projected, tiles, blend, view, status, .. } = self;
         if let Some(backward) = &self.backward {
-            backward.record(rec, scene, cull, projected, tiles, lists, blend, view, n_tiles, rounds);
+            backward.record(rec, scene, cull, projected, tiles, lists, blend, view, status, n_tiles, rounds);
         }
     }
 }

@@ -162,6 +162,11 @@ impl Trainer {
         Ok(stats)
     }
 
+    /// Begins with room for so few intersections; the first step that needs more is replayed.
+    pub fn limit_intersections(&mut self, n: u32) {
+        self.room.intersections = n.max(1);
+    }
+
     /// Steps done.
     pub fn step(&self) -> u64 {
         self.step

@@ -42,6 +42,7 @@ layout(set = 0, binding = 16) restrict writeonly buffer DSh1 { vec4 d_sh1[]; };
 layout(set = 0, binding = 17) restrict writeonly buffer DSh2 { vec4 d_sh2[]; };
 layout(set = 0, binding = 18) restrict writeonly buffer DSh3 { vec4 d_sh3[]; };
 layout(set = 0, binding = 19) restrict buffer Stats { vec2 stats[]; };
+layout(set = 0, binding = 20) restrict readonly buffer FrameStatus { Status status; };
 
 // Writes the gradients of the bands above the first, and returns that of the unit direction.
 vec3 d_bands(uint i, vec3 dir, vec3 g) {
@@ -80,7 +81,8 @@ vec3 d_bands(uint i, vec3 dir, vec3 g) {
 void main() {
     const uvec2 range = ranges[pc.group];
     const uint at = range.x + linear_thread(gl_WorkGroupSize.x);
-    if (at >= range.y) return;
+    // A frame that will be replayed leaves no trace, not in the statistics either.
+    if (at >= range.y || status.failed != 0u) return;
     const uint i = active_id[at] - pc.first;
 
     vec2 sum[6] = vec2[6](vec2(0.0), vec2(0.0), vec2(0.0), vec2(0.0), vec2(0.0), vec2(0.0));

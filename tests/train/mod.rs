@@ -204,3 +204,24 @@ fn a_damaged_checkpoint_is_told_apart_and_the_one_before_serves() {
         assert_eq!(Checkpoint::newest(&folder).unwrap().unwrap().step, 4, "cut at {at}");
     }
 }
+
+#[test]
+fn a_step_that_is_replayed_with_more_room_leaves_the_bits_of_one_that_is_not() {
+    let tiny = Tiny::new("replay");
+    let gpu = gpu();
+    let config = Config { sh_degree: 0, ..Config::default() };
+    let begin = from_points(&tiny.capture.points, &tiny.capture, &config);
+    let run = |room: Option<u32>| {
+        let (extent, dt) = (tiny.capture.extent().radius, 1.0 / f64::from(tiny.capture.n_frames));
+        let mut trainer =
+            Trainer::new(gpu.clone(), &begin, Constants::default(), config.clone(), 100, extent, dt).unwrap();
+        if let Some(n) = room {
+            trainer.limit_intersections(n);
+        }
+        drive(&mut trainer, &tiny.capture, config.seed, 4);
+        trainer.checkpoint().unwrap()
+    };
+    let (roomy, replayed) = (run(None), run(Some(1)));
+    assert!(roomy.stats.iter().any(|s| s[1] > 0.0));
+    assert_eq!(roomy, replayed);
+}
