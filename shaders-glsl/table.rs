@@ -51,6 +51,10 @@ const SH2: (&str, &str) = ("SH_DEGREE", "2");
 const SH3: (&str, &str) = ("SH_DEGREE", "3");
 const FULL: (&str, &str) = ("FULL", "1");
 const TRAIN: (&str, &str) = ("TRAIN", "1");
+const FLOAT: (&str, &str) = ("ACCUMULATE", "1");
+const FIXED: (&str, &str) = ("ACCUMULATE", "2");
+const SWAP: (&str, &str) = ("ACCUMULATE", "3");
+const ADAM: (&str, &str) = ("ADAM", "1");
 const P4: (&str, &str) = ("PIXELS", "4");
 const P8: (&str, &str) = ("PIXELS", "8");
 
@@ -96,6 +100,19 @@ pub const KERNELS: &[Spec] = &[
     spec("blend_bwd_p8", "blend/blend_bwd.comp", &[FULL, P8], "jvp", Count::Intersections, 730.0),
     spec("blend_bwd_color_p4", "blend/blend_bwd.comp", &[P4], "jvp", Count::Intersections, 730.0),
     spec("blend_bwd_color_p8", "blend/blend_bwd.comp", &[P8], "jvp", Count::Intersections, 730.0),
+    spec("blend_bwd_float_p4", "blend/blend_bwd.comp", &[FULL, FLOAT, P4], "jvp", Count::Intersections, 1000.0),
+    spec("blend_bwd_float_p8", "blend/blend_bwd.comp", &[FULL, FLOAT, P8], "jvp", Count::Intersections, 1000.0),
+    spec("blend_bwd_float_color_p4", "blend/blend_bwd.comp", &[FLOAT, P4], "jvp", Count::Intersections, 1000.0),
+    spec("blend_bwd_float_color_p8", "blend/blend_bwd.comp", &[FLOAT, P8], "jvp", Count::Intersections, 1000.0),
+    spec("blend_bwd_fixed_p4", "blend/blend_bwd.comp", &[FULL, FIXED, P4], "jvp", Count::Intersections, 1000.0),
+    spec("blend_bwd_fixed_p8", "blend/blend_bwd.comp", &[FULL, FIXED, P8], "jvp", Count::Intersections, 1000.0),
+    spec("blend_bwd_fixed_color_p4", "blend/blend_bwd.comp", &[FIXED, P4], "jvp", Count::Intersections, 1000.0),
+    spec("blend_bwd_fixed_color_p8", "blend/blend_bwd.comp", &[FIXED, P8], "jvp", Count::Intersections, 1000.0),
+    spec("blend_bwd_swap_p4", "blend/blend_bwd.comp", &[FULL, SWAP, P4], "jvp", Count::Intersections, 1000.0),
+    spec("blend_bwd_swap_p8", "blend/blend_bwd.comp", &[FULL, SWAP, P8], "jvp", Count::Intersections, 1000.0),
+    spec("blend_bwd_swap_color_p4", "blend/blend_bwd.comp", &[SWAP, P4], "jvp", Count::Intersections, 1000.0),
+    spec("blend_bwd_swap_color_p8", "blend/blend_bwd.comp", &[SWAP, P8], "jvp", Count::Intersections, 1000.0),
+    spec("fixed_sums", "blend/fixed_sums.comp", &[], "jvp", Count::Active, 40.0),
     spec("project_bwd_static_sh0", "project/project_bwd.comp", &[SH0], "jvp", Count::Active, 320.0),
     spec("project_bwd_static_sh1", "project/project_bwd.comp", &[SH1], "jvp", Count::Active, 320.0),
     spec("project_bwd_static_sh2", "project/project_bwd.comp", &[SH2], "jvp", Count::Active, 320.0),
@@ -104,10 +121,22 @@ pub const KERNELS: &[Spec] = &[
     spec("project_bwd_dynamic_sh1", "project/project_bwd.comp", &[D, SH1], "jvp", Count::Active, 320.0),
     spec("project_bwd_dynamic_sh2", "project/project_bwd.comp", &[D, SH2], "jvp", Count::Active, 320.0),
     spec("project_bwd_dynamic_sh3", "project/project_bwd.comp", &[D, SH3], "jvp", Count::Active, 320.0),
+    spec("project_bwd_adam_static_sh0", "project/project_bwd.comp", &[SH0, ADAM], "adam", Count::Active, 850.0),
+    spec("project_bwd_adam_static_sh1", "project/project_bwd.comp", &[SH1, ADAM], "adam", Count::Active, 850.0),
+    spec("project_bwd_adam_static_sh2", "project/project_bwd.comp", &[SH2, ADAM], "adam", Count::Active, 850.0),
+    spec("project_bwd_adam_static_sh3", "project/project_bwd.comp", &[SH3, ADAM], "adam", Count::Active, 850.0),
+    spec("project_bwd_adam_dynamic_sh0", "project/project_bwd.comp", &[D, SH0, ADAM], "adam", Count::Active, 850.0),
+    spec("project_bwd_adam_dynamic_sh1", "project/project_bwd.comp", &[D, SH1, ADAM], "adam", Count::Active, 850.0),
+    spec("project_bwd_adam_dynamic_sh2", "project/project_bwd.comp", &[D, SH2, ADAM], "adam", Count::Active, 850.0),
+    spec("project_bwd_adam_dynamic_sh3", "project/project_bwd.comp", &[D, SH3, ADAM], "adam", Count::Active, 850.0),
+    spec("camera_sum", "project/camera_sum.comp", &[], "jvp", Count::Active, 5.0),
+    spec("camera_total", "project/camera_total.comp", &[], "jvp", Count::Dispatches, 1000.0),
+    spec("background_sum", "blend/background_sum.comp", &[], "jvp", Count::Pixels, 5.0),
     spec("ssim_rows", "loss/ssim_rows.comp", &[], "ssim", Count::Pixels, 128.0),
     spec("ssim_columns", "loss/ssim_columns.comp", &[], "ssim", Count::Pixels, 243.0),
     spec("ssim_bwd_rows", "loss/ssim_bwd_rows.comp", &[], "ssim", Count::Pixels, 90.0),
     spec("ssim_bwd_columns", "loss/ssim_bwd_columns.comp", &[], "ssim", Count::Pixels, 90.0),
     spec("loss_sum", "loss/loss_sum.comp", &[], "ssim", Count::Dispatches, 1000.0),
-    spec("adam", "adam/adam.comp", &[], "adam", Count::Gaussians, 33.0),
+    spec("adam_idle", "adam/adam_idle.comp", &[], "adam", Count::Gaussians, 90.0),
+    spec("adam_catch_up", "adam/adam_catch_up.comp", &[], "adam", Count::Active, 100.0),
 ];

@@ -153,29 +153,32 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         let view = capture.view(camera, frame)?;
         let begun = Instant::now();
         let is_last = trainer.step() + 1 == total;
-        let report = if args.profile && is_last {
-            let (report, times) = trainer.profile(&view, &picture)?;
-            profile = times;
-            report
+        if args.profile && is_last {
+            profile = trainer.profile(&view, &picture)?;
         } else {
-            trainer.train(&view, &picture)?
-        };
-        let density = trainer.control_density()?;
-        seconds_stepping += begun.elapsed().as_secs_f64();
-        if report.step.is_multiple_of(args.log_every) || is_last {
-            let waited = cache.stats().waited.as_secs_f64();
-            log.push(&serde_json::json!({
-                "seconds": seconds_stepping, "waited_for_images_s": waited, "report": report, "density": density,
-            }))?;
+            trainer.train(&view, &picture)?;
         }
-        log.show(&report, total, seconds_stepping);
-        if args.eval_at.contains(&report.step) && !is_last {
-            let evaluation = evaluate(&gpu, &trainer, &capture, &test, args, &config, None)?;
-            eprintln!("\nafter {} steps: PSNR {:.2} dB, SSIM {:.4}", report.step, evaluation.psnr, evaluation.ssim);
+        if is_last {
+            trainer.finish()?;
+        }
+        seconds_stepping += begun.elapsed().as_secs_f64();
+        for report in trainer.take_reports() {
+            if report.step.is_multiple_of(args.log_every) || report.step == total {
+                let waited = cache.stats().waited.as_secs_f64();
+                log.push(&serde_json::json!({
+                    "seconds": seconds_stepping, "waited_for_images_s": waited, "report": report,
+                }))?;
+            }
+            log.show(&report, total, seconds_stepping);
+        }
+        let step = trainer.step();
+        if args.eval_at.contains(&step) && !is_last {
+            let evaluation = evaluate(&gpu, &mut trainer, &capture, &test, args, &config, None)?;
+            eprintln!("\nafter {} steps: PSNR {:.2} dB, SSIM {:.4}", step, evaluation.psnr, evaluation.ssim);
             evaluations.push(evaluation);
         }
         let is_stopped = stop.load(Ordering::Relaxed);
-        if report.step.is_multiple_of(checkpoint_every) || is_last || is_stopped {
+        if step.is_multiple_of(checkpoint_every) || is_last || is_stopped {
             trainer.checkpoint()?.write(&checkpoints)?;
             log.write()?;
         }
@@ -184,7 +187,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         }
     }
     write_ply(&args.output.join("scene.ply"), &trainer.splats()?)?;
-    let evaluation = evaluate(&gpu, &trainer, &capture, &test, args, &config, Some(&args.output.join("renders")))?;
+    let evaluation = evaluate(&gpu, &mut trainer, &capture, &test, args, &config, Some(&args.output.join("renders")))?;
     let (mean_psnr, mean_ssim) = (evaluation.psnr, evaluation.ssim);
     evaluations.push(evaluation);
     write_json(&args.output.join("eval.json"), &evaluations)?;
@@ -246,7 +249,7 @@ fn config(args: &Args) -> anyhow::Result<Config> {
 /// Renders and scores the test views; writes the pictures below `folder`.
 fn evaluate(
     gpu: &Arc<Gpu>,
-    trainer: &Trainer,
+    trainer: &mut Trainer,
     capture: &Capture,
     test: &[(usize, u32)],
     args: &Args,

@@ -3,7 +3,7 @@
 use anyhow::ensure;
 use ivv::gpu::{Gpu, Options};
 use ivv::scene::{Frame, Splats, Tensor, View, read_scene, read_tensors, read_views, write_tensors};
-use ivv::stage::{Gradients, Renderer};
+use ivv::stage::{Accumulation, Gradients, Renderer};
 use ivv::vk::DeviceChoice;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -21,14 +21,38 @@ pub struct Args {
     /// Cotangents of the outputs: safetensors with any of color, alpha, depth, inverse_depth, flow.
     #[arg(long)]
     cotangents: PathBuf,
-    /// The gradients, safetensors: one tensor per parameter group in the units of the file, and time_offset per frame.
+    /// The gradients, safetensors: one tensor per parameter group in the units of the file, time_offset per frame,
+    /// background, and camera_rotation (radians about the camera's axes) and camera_translation (along them).
     #[arg(short, long)]
     output: PathBuf,
+    /// How gradients are added up.
+    #[arg(long, value_enum, default_value = "slots")]
+    accumulation: Mode,
     #[command(flatten)]
     constants: crate::render::ConstantArgs,
     /// The device: an index or part of a name from `ivv devices`.
     #[arg(long)]
     device: Option<String>,
+}
+
+/// [`Accumulation`] as an option.
+#[derive(Clone, Copy, clap::ValueEnum)]
+enum Mode {
+    Slots,
+    FloatAtomics,
+    FixedPoint,
+    CompareExchange,
+}
+
+impl From<Mode> for Accumulation {
+    fn from(mode: Mode) -> Self {
+        match mode {
+            Mode::Slots => Accumulation::Slots,
+            Mode::FloatAtomics => Accumulation::FloatAtomics,
+            Mode::FixedPoint => Accumulation::FixedPoint,
+            Mode::CompareExchange => Accumulation::CompareExchange,
+        }
+    }
 }
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
@@ -47,6 +71,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let gpu = Arc::new(Gpu::open(&Options { device: choice, ..Options::default() })?);
     eprintln!("device: {} ({})", gpu.caps().name, gpu.chosen_because());
     let mut renderer = Renderer::new(gpu, &splats, constants)?;
+    renderer.accumulate(args.accumulation.into())?;
     let (gradients, report) = renderer.vjp(view, &cotangents)?;
     if gradients.n_bad > 0 {
         let what = format!("the gradient of view `{}`", view.name);
@@ -133,6 +158,9 @@ fn write_gradients(path: &Path, gradients: &Gradients, splats: &Splats) -> ivv::
             ("t_center", &[n], &t_center),
             ("t_scale", &[n], &t_scale),
             ("time_offset", &[1], &[gradients.time_offset as f32]),
+            ("background", &[3], &gradients.background.map(|x| x as f32)),
+            ("camera_rotation", &[3], &gradients.camera_rotation.map(|x| x as f32)),
+            ("camera_translation", &[3], &gradients.camera_translation.map(|x| x as f32)),
         ],
     )
 }

@@ -2,6 +2,48 @@
 
 use bytemuck::{Pod, Zeroable};
 
+/// `AdamParams` of the shaders.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct AdamParams {
+    /// `rates0` of the shader.
+    pub rates0: [f32; 4],
+    /// `rates1` of the shader.
+    pub rates1: [f32; 4],
+    /// `rates2` of the shader.
+    pub rates2: [f32; 4],
+    /// `beta1` of the shader.
+    pub beta1: f32,
+    /// `beta2` of the shader.
+    pub beta2: f32,
+    /// `inverse_c2` of the shader.
+    pub inverse_c2: f32,
+    /// `eps` of the shader.
+    pub eps: f32,
+    /// `lowest_t_scale` of the shader.
+    pub lowest_t_scale: f32,
+    /// `opacity_reg` of the shader.
+    pub opacity_reg: f32,
+    /// `scale_reg` of the shader.
+    pub scale_reg: f32,
+    /// `step` of the shader.
+    pub step: f32,
+}
+const _: () = {
+    assert!(size_of::<AdamParams>() == 80);
+    assert!(std::mem::offset_of!(AdamParams, rates0) == 0);
+    assert!(std::mem::offset_of!(AdamParams, rates1) == 16);
+    assert!(std::mem::offset_of!(AdamParams, rates2) == 32);
+    assert!(std::mem::offset_of!(AdamParams, beta1) == 48);
+    assert!(std::mem::offset_of!(AdamParams, beta2) == 52);
+    assert!(std::mem::offset_of!(AdamParams, inverse_c2) == 56);
+    assert!(std::mem::offset_of!(AdamParams, eps) == 60);
+    assert!(std::mem::offset_of!(AdamParams, lowest_t_scale) == 64);
+    assert!(std::mem::offset_of!(AdamParams, opacity_reg) == 68);
+    assert!(std::mem::offset_of!(AdamParams, scale_reg) == 72);
+    assert!(std::mem::offset_of!(AdamParams, step) == 76);
+};
+
 /// `Status` of the shaders.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
@@ -2430,15 +2472,15 @@ pub mod blend_fwd_train_color_p8 {
     }
 }
 
-/// carries the cotangents of a picture back to the splats, one slot per intersection.
+/// carries the cotangents of a picture back to the splats, in one of four modes of accumulation.
 pub mod blend_bwd_p4 {
     use super::super::kernel::*;
     /// `Push` of the shaders.
     #[repr(C)]
     #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
     pub struct Push {
-        /// `n_tiles` of the shader.
-        pub n_tiles: u32,
+        /// `n_work` of the shader.
+        pub n_work: u32,
         /// `stride` of the shader.
         pub stride: u32,
         /// `block` of the shader.
@@ -2447,14 +2489,17 @@ pub mod blend_bwd_p4 {
         pub segment: u32,
         /// `first_round` of the shader.
         pub first_round: u32,
+        /// `scale` of the shader.
+        pub scale: f32,
     }
     const _: () = {
-        assert!(size_of::<Push>() == 20);
-        assert!(std::mem::offset_of!(Push, n_tiles) == 0);
+        assert!(size_of::<Push>() == 24);
+        assert!(std::mem::offset_of!(Push, n_work) == 0);
         assert!(std::mem::offset_of!(Push, stride) == 4);
         assert!(std::mem::offset_of!(Push, block) == 8);
         assert!(std::mem::offset_of!(Push, segment) == 12);
         assert!(std::mem::offset_of!(Push, first_round) == 16);
+        assert!(std::mem::offset_of!(Push, scale) == 20);
     };
     /// The kernel's buffers.
     pub struct Args<'a> {
@@ -2521,15 +2566,15 @@ pub mod blend_bwd_p4 {
     }
 }
 
-/// carries the cotangents of a picture back to the splats, one slot per intersection.
+/// carries the cotangents of a picture back to the splats, in one of four modes of accumulation.
 pub mod blend_bwd_p8 {
     use super::super::kernel::*;
     /// `Push` of the shaders.
     #[repr(C)]
     #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
     pub struct Push {
-        /// `n_tiles` of the shader.
-        pub n_tiles: u32,
+        /// `n_work` of the shader.
+        pub n_work: u32,
         /// `stride` of the shader.
         pub stride: u32,
         /// `block` of the shader.
@@ -2538,14 +2583,17 @@ pub mod blend_bwd_p8 {
         pub segment: u32,
         /// `first_round` of the shader.
         pub first_round: u32,
+        /// `scale` of the shader.
+        pub scale: f32,
     }
     const _: () = {
-        assert!(size_of::<Push>() == 20);
-        assert!(std::mem::offset_of!(Push, n_tiles) == 0);
+        assert!(size_of::<Push>() == 24);
+        assert!(std::mem::offset_of!(Push, n_work) == 0);
         assert!(std::mem::offset_of!(Push, stride) == 4);
         assert!(std::mem::offset_of!(Push, block) == 8);
         assert!(std::mem::offset_of!(Push, segment) == 12);
         assert!(std::mem::offset_of!(Push, first_round) == 16);
+        assert!(std::mem::offset_of!(Push, scale) == 20);
     };
     /// The kernel's buffers.
     pub struct Args<'a> {
@@ -2612,15 +2660,15 @@ pub mod blend_bwd_p8 {
     }
 }
 
-/// carries the cotangents of a picture back to the splats, one slot per intersection.
+/// carries the cotangents of a picture back to the splats, in one of four modes of accumulation.
 pub mod blend_bwd_color_p4 {
     use super::super::kernel::*;
     /// `Push` of the shaders.
     #[repr(C)]
     #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
     pub struct Push {
-        /// `n_tiles` of the shader.
-        pub n_tiles: u32,
+        /// `n_work` of the shader.
+        pub n_work: u32,
         /// `stride` of the shader.
         pub stride: u32,
         /// `block` of the shader.
@@ -2629,14 +2677,17 @@ pub mod blend_bwd_color_p4 {
         pub segment: u32,
         /// `first_round` of the shader.
         pub first_round: u32,
+        /// `scale` of the shader.
+        pub scale: f32,
     }
     const _: () = {
-        assert!(size_of::<Push>() == 20);
-        assert!(std::mem::offset_of!(Push, n_tiles) == 0);
+        assert!(size_of::<Push>() == 24);
+        assert!(std::mem::offset_of!(Push, n_work) == 0);
         assert!(std::mem::offset_of!(Push, stride) == 4);
         assert!(std::mem::offset_of!(Push, block) == 8);
         assert!(std::mem::offset_of!(Push, segment) == 12);
         assert!(std::mem::offset_of!(Push, first_round) == 16);
+        assert!(std::mem::offset_of!(Push, scale) == 20);
     };
     /// The kernel's buffers.
     pub struct Args<'a> {
@@ -2703,15 +2754,15 @@ pub mod blend_bwd_color_p4 {
     }
 }
 
-/// carries the cotangents of a picture back to the splats, one slot per intersection.
+/// carries the cotangents of a picture back to the splats, in one of four modes of accumulation.
 pub mod blend_bwd_color_p8 {
     use super::super::kernel::*;
     /// `Push` of the shaders.
     #[repr(C)]
     #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
     pub struct Push {
-        /// `n_tiles` of the shader.
-        pub n_tiles: u32,
+        /// `n_work` of the shader.
+        pub n_work: u32,
         /// `stride` of the shader.
         pub stride: u32,
         /// `block` of the shader.
@@ -2720,14 +2771,17 @@ pub mod blend_bwd_color_p8 {
         pub segment: u32,
         /// `first_round` of the shader.
         pub first_round: u32,
+        /// `scale` of the shader.
+        pub scale: f32,
     }
     const _: () = {
-        assert!(size_of::<Push>() == 20);
-        assert!(std::mem::offset_of!(Push, n_tiles) == 0);
+        assert!(size_of::<Push>() == 24);
+        assert!(std::mem::offset_of!(Push, n_work) == 0);
         assert!(std::mem::offset_of!(Push, stride) == 4);
         assert!(std::mem::offset_of!(Push, block) == 8);
         assert!(std::mem::offset_of!(Push, segment) == 12);
         assert!(std::mem::offset_of!(Push, first_round) == 16);
+        assert!(std::mem::offset_of!(Push, scale) == 20);
     };
     /// The kernel's buffers.
     pub struct Args<'a> {
@@ -2794,7 +2848,1178 @@ pub mod blend_bwd_color_p8 {
     }
 }
 
-/// sums each active Gaussian's slots and carries them back to its parameters.
+/// carries the cotangents of a picture back to the splats, in one of four modes of accumulation.
+pub mod blend_bwd_float_p4 {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `n_work` of the shader.
+        pub n_work: u32,
+        /// `stride` of the shader.
+        pub stride: u32,
+        /// `block` of the shader.
+        pub block: u32,
+        /// `segment` of the shader.
+        pub segment: u32,
+        /// `first_round` of the shader.
+        pub first_round: u32,
+        /// `scale` of the shader.
+        pub scale: f32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 24);
+        assert!(std::mem::offset_of!(Push, n_work) == 0);
+        assert!(std::mem::offset_of!(Push, stride) == 4);
+        assert!(std::mem::offset_of!(Push, block) == 8);
+        assert!(std::mem::offset_of!(Push, segment) == 12);
+        assert!(std::mem::offset_of!(Push, first_round) == 16);
+        assert!(std::mem::offset_of!(Push, scale) == 20);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub view: &'a Buf<super::ViewParams>,
+        /// Reads.
+        pub tile_order: &'a Buf<u32>,
+        /// Reads.
+        pub tile_first: &'a Buf<u32>,
+        /// Reads.
+        pub splat_ids: &'a Buf<u32>,
+        /// Reads.
+        pub slots: &'a Buf<u32>,
+        /// Reads.
+        pub splats: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub tail: &'a Buf<[u32; 2]>,
+        /// Reads.
+        pub d_image0: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub carry: &'a Buf<[f32; 2]>,
+        /// ReadWrites.
+        pub d_slots: &'a Buf<f32>,
+        /// Reads.
+        pub d_image1: &'a Buf<[f32; 4]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "blend_bwd_float_p4",
+            local: 64,
+            subgroups: true,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/blend_bwd_float_p4.spv"),
+            bindings: &[
+                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+                BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "slots", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_image0", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "carry", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "d_image1", kind: BindingKind::Storage, access: Access::Read },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![
+                self.view.slice(),
+                self.tile_order.slice(),
+                self.tile_first.slice(),
+                self.splat_ids.slice(),
+                self.slots.slice(),
+                self.splats.slice(),
+                self.tail.slice(),
+                self.d_image0.slice(),
+                self.carry.slice(),
+                self.d_slots.slice(),
+                self.d_image1.slice(),
+            ]
+        }
+    }
+}
+
+/// carries the cotangents of a picture back to the splats, in one of four modes of accumulation.
+pub mod blend_bwd_float_p8 {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `n_work` of the shader.
+        pub n_work: u32,
+        /// `stride` of the shader.
+        pub stride: u32,
+        /// `block` of the shader.
+        pub block: u32,
+        /// `segment` of the shader.
+        pub segment: u32,
+        /// `first_round` of the shader.
+        pub first_round: u32,
+        /// `scale` of the shader.
+        pub scale: f32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 24);
+        assert!(std::mem::offset_of!(Push, n_work) == 0);
+        assert!(std::mem::offset_of!(Push, stride) == 4);
+        assert!(std::mem::offset_of!(Push, block) == 8);
+        assert!(std::mem::offset_of!(Push, segment) == 12);
+        assert!(std::mem::offset_of!(Push, first_round) == 16);
+        assert!(std::mem::offset_of!(Push, scale) == 20);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub view: &'a Buf<super::ViewParams>,
+        /// Reads.
+        pub tile_order: &'a Buf<u32>,
+        /// Reads.
+        pub tile_first: &'a Buf<u32>,
+        /// Reads.
+        pub splat_ids: &'a Buf<u32>,
+        /// Reads.
+        pub slots: &'a Buf<u32>,
+        /// Reads.
+        pub splats: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub tail: &'a Buf<[u32; 2]>,
+        /// Reads.
+        pub d_image0: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub carry: &'a Buf<[f32; 2]>,
+        /// ReadWrites.
+        pub d_slots: &'a Buf<f32>,
+        /// Reads.
+        pub d_image1: &'a Buf<[f32; 4]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "blend_bwd_float_p8",
+            local: 64,
+            subgroups: true,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/blend_bwd_float_p8.spv"),
+            bindings: &[
+                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+                BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "slots", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_image0", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "carry", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "d_image1", kind: BindingKind::Storage, access: Access::Read },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![
+                self.view.slice(),
+                self.tile_order.slice(),
+                self.tile_first.slice(),
+                self.splat_ids.slice(),
+                self.slots.slice(),
+                self.splats.slice(),
+                self.tail.slice(),
+                self.d_image0.slice(),
+                self.carry.slice(),
+                self.d_slots.slice(),
+                self.d_image1.slice(),
+            ]
+        }
+    }
+}
+
+/// carries the cotangents of a picture back to the splats, in one of four modes of accumulation.
+pub mod blend_bwd_float_color_p4 {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `n_work` of the shader.
+        pub n_work: u32,
+        /// `stride` of the shader.
+        pub stride: u32,
+        /// `block` of the shader.
+        pub block: u32,
+        /// `segment` of the shader.
+        pub segment: u32,
+        /// `first_round` of the shader.
+        pub first_round: u32,
+        /// `scale` of the shader.
+        pub scale: f32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 24);
+        assert!(std::mem::offset_of!(Push, n_work) == 0);
+        assert!(std::mem::offset_of!(Push, stride) == 4);
+        assert!(std::mem::offset_of!(Push, block) == 8);
+        assert!(std::mem::offset_of!(Push, segment) == 12);
+        assert!(std::mem::offset_of!(Push, first_round) == 16);
+        assert!(std::mem::offset_of!(Push, scale) == 20);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub view: &'a Buf<super::ViewParams>,
+        /// Reads.
+        pub tile_order: &'a Buf<u32>,
+        /// Reads.
+        pub tile_first: &'a Buf<u32>,
+        /// Reads.
+        pub splat_ids: &'a Buf<u32>,
+        /// Reads.
+        pub slots: &'a Buf<u32>,
+        /// Reads.
+        pub splats: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub tail: &'a Buf<[u32; 2]>,
+        /// Reads.
+        pub d_image0: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub carry: &'a Buf<[f32; 2]>,
+        /// ReadWrites.
+        pub d_slots: &'a Buf<f32>,
+        /// Reads.
+        pub d_image1: &'a Buf<[f32; 4]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "blend_bwd_float_color_p4",
+            local: 64,
+            subgroups: true,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/blend_bwd_float_color_p4.spv"),
+            bindings: &[
+                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+                BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "slots", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_image0", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "carry", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "d_image1", kind: BindingKind::Storage, access: Access::Read },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![
+                self.view.slice(),
+                self.tile_order.slice(),
+                self.tile_first.slice(),
+                self.splat_ids.slice(),
+                self.slots.slice(),
+                self.splats.slice(),
+                self.tail.slice(),
+                self.d_image0.slice(),
+                self.carry.slice(),
+                self.d_slots.slice(),
+                self.d_image1.slice(),
+            ]
+        }
+    }
+}
+
+/// carries the cotangents of a picture back to the splats, in one of four modes of accumulation.
+pub mod blend_bwd_float_color_p8 {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `n_work` of the shader.
+        pub n_work: u32,
+        /// `stride` of the shader.
+        pub stride: u32,
+        /// `block` of the shader.
+        pub block: u32,
+        /// `segment` of the shader.
+        pub segment: u32,
+        /// `first_round` of the shader.
+        pub first_round: u32,
+        /// `scale` of the shader.
+        pub scale: f32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 24);
+        assert!(std::mem::offset_of!(Push, n_work) == 0);
+        assert!(std::mem::offset_of!(Push, stride) == 4);
+        assert!(std::mem::offset_of!(Push, block) == 8);
+        assert!(std::mem::offset_of!(Push, segment) == 12);
+        assert!(std::mem::offset_of!(Push, first_round) == 16);
+        assert!(std::mem::offset_of!(Push, scale) == 20);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub view: &'a Buf<super::ViewParams>,
+        /// Reads.
+        pub tile_order: &'a Buf<u32>,
+        /// Reads.
+        pub tile_first: &'a Buf<u32>,
+        /// Reads.
+        pub splat_ids: &'a Buf<u32>,
+        /// Reads.
+        pub slots: &'a Buf<u32>,
+        /// Reads.
+        pub splats: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub tail: &'a Buf<[u32; 2]>,
+        /// Reads.
+        pub d_image0: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub carry: &'a Buf<[f32; 2]>,
+        /// ReadWrites.
+        pub d_slots: &'a Buf<f32>,
+        /// Reads.
+        pub d_image1: &'a Buf<[f32; 4]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "blend_bwd_float_color_p8",
+            local: 64,
+            subgroups: true,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/blend_bwd_float_color_p8.spv"),
+            bindings: &[
+                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+                BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "slots", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_image0", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "carry", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "d_image1", kind: BindingKind::Storage, access: Access::Read },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![
+                self.view.slice(),
+                self.tile_order.slice(),
+                self.tile_first.slice(),
+                self.splat_ids.slice(),
+                self.slots.slice(),
+                self.splats.slice(),
+                self.tail.slice(),
+                self.d_image0.slice(),
+                self.carry.slice(),
+                self.d_slots.slice(),
+                self.d_image1.slice(),
+            ]
+        }
+    }
+}
+
+/// carries the cotangents of a picture back to the splats, in one of four modes of accumulation.
+pub mod blend_bwd_fixed_p4 {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `n_work` of the shader.
+        pub n_work: u32,
+        /// `stride` of the shader.
+        pub stride: u32,
+        /// `block` of the shader.
+        pub block: u32,
+        /// `segment` of the shader.
+        pub segment: u32,
+        /// `first_round` of the shader.
+        pub first_round: u32,
+        /// `scale` of the shader.
+        pub scale: f32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 24);
+        assert!(std::mem::offset_of!(Push, n_work) == 0);
+        assert!(std::mem::offset_of!(Push, stride) == 4);
+        assert!(std::mem::offset_of!(Push, block) == 8);
+        assert!(std::mem::offset_of!(Push, segment) == 12);
+        assert!(std::mem::offset_of!(Push, first_round) == 16);
+        assert!(std::mem::offset_of!(Push, scale) == 20);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub view: &'a Buf<super::ViewParams>,
+        /// Reads.
+        pub tile_order: &'a Buf<u32>,
+        /// Reads.
+        pub tile_first: &'a Buf<u32>,
+        /// Reads.
+        pub splat_ids: &'a Buf<u32>,
+        /// Reads.
+        pub slots: &'a Buf<u32>,
+        /// Reads.
+        pub splats: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub tail: &'a Buf<[u32; 2]>,
+        /// Reads.
+        pub d_image0: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub carry: &'a Buf<[f32; 2]>,
+        /// ReadWrites.
+        pub d_slots: &'a Buf<u32>,
+        /// Reads.
+        pub d_image1: &'a Buf<[f32; 4]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "blend_bwd_fixed_p4",
+            local: 64,
+            subgroups: true,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/blend_bwd_fixed_p4.spv"),
+            bindings: &[
+                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+                BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "slots", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_image0", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "carry", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "d_image1", kind: BindingKind::Storage, access: Access::Read },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![
+                self.view.slice(),
+                self.tile_order.slice(),
+                self.tile_first.slice(),
+                self.splat_ids.slice(),
+                self.slots.slice(),
+                self.splats.slice(),
+                self.tail.slice(),
+                self.d_image0.slice(),
+                self.carry.slice(),
+                self.d_slots.slice(),
+                self.d_image1.slice(),
+            ]
+        }
+    }
+}
+
+/// carries the cotangents of a picture back to the splats, in one of four modes of accumulation.
+pub mod blend_bwd_fixed_p8 {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `n_work` of the shader.
+        pub n_work: u32,
+        /// `stride` of the shader.
+        pub stride: u32,
+        /// `block` of the shader.
+        pub block: u32,
+        /// `segment` of the shader.
+        pub segment: u32,
+        /// `first_round` of the shader.
+        pub first_round: u32,
+        /// `scale` of the shader.
+        pub scale: f32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 24);
+        assert!(std::mem::offset_of!(Push, n_work) == 0);
+        assert!(std::mem::offset_of!(Push, stride) == 4);
+        assert!(std::mem::offset_of!(Push, block) == 8);
+        assert!(std::mem::offset_of!(Push, segment) == 12);
+        assert!(std::mem::offset_of!(Push, first_round) == 16);
+        assert!(std::mem::offset_of!(Push, scale) == 20);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub view: &'a Buf<super::ViewParams>,
+        /// Reads.
+        pub tile_order: &'a Buf<u32>,
+        /// Reads.
+        pub tile_first: &'a Buf<u32>,
+        /// Reads.
+        pub splat_ids: &'a Buf<u32>,
+        /// Reads.
+        pub slots: &'a Buf<u32>,
+        /// Reads.
+        pub splats: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub tail: &'a Buf<[u32; 2]>,
+        /// Reads.
+        pub d_image0: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub carry: &'a Buf<[f32; 2]>,
+        /// ReadWrites.
+        pub d_slots: &'a Buf<u32>,
+        /// Reads.
+        pub d_image1: &'a Buf<[f32; 4]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "blend_bwd_fixed_p8",
+            local: 64,
+            subgroups: true,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/blend_bwd_fixed_p8.spv"),
+            bindings: &[
+                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+                BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "slots", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_image0", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "carry", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "d_image1", kind: BindingKind::Storage, access: Access::Read },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![
+                self.view.slice(),
+                self.tile_order.slice(),
+                self.tile_first.slice(),
+                self.splat_ids.slice(),
+                self.slots.slice(),
+                self.splats.slice(),
+                self.tail.slice(),
+                self.d_image0.slice(),
+                self.carry.slice(),
+                self.d_slots.slice(),
+                self.d_image1.slice(),
+            ]
+        }
+    }
+}
+
+/// carries the cotangents of a picture back to the splats, in one of four modes of accumulation.
+pub mod blend_bwd_fixed_color_p4 {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `n_work` of the shader.
+        pub n_work: u32,
+        /// `stride` of the shader.
+        pub stride: u32,
+        /// `block` of the shader.
+        pub block: u32,
+        /// `segment` of the shader.
+        pub segment: u32,
+        /// `first_round` of the shader.
+        pub first_round: u32,
+        /// `scale` of the shader.
+        pub scale: f32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 24);
+        assert!(std::mem::offset_of!(Push, n_work) == 0);
+        assert!(std::mem::offset_of!(Push, stride) == 4);
+        assert!(std::mem::offset_of!(Push, block) == 8);
+        assert!(std::mem::offset_of!(Push, segment) == 12);
+        assert!(std::mem::offset_of!(Push, first_round) == 16);
+        assert!(std::mem::offset_of!(Push, scale) == 20);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub view: &'a Buf<super::ViewParams>,
+        /// Reads.
+        pub tile_order: &'a Buf<u32>,
+        /// Reads.
+        pub tile_first: &'a Buf<u32>,
+        /// Reads.
+        pub splat_ids: &'a Buf<u32>,
+        /// Reads.
+        pub slots: &'a Buf<u32>,
+        /// Reads.
+        pub splats: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub tail: &'a Buf<[u32; 2]>,
+        /// Reads.
+        pub d_image0: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub carry: &'a Buf<[f32; 2]>,
+        /// ReadWrites.
+        pub d_slots: &'a Buf<u32>,
+        /// Reads.
+        pub d_image1: &'a Buf<[f32; 4]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "blend_bwd_fixed_color_p4",
+            local: 64,
+            subgroups: true,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/blend_bwd_fixed_color_p4.spv"),
+            bindings: &[
+                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+                BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "slots", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_image0", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "carry", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "d_image1", kind: BindingKind::Storage, access: Access::Read },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![
+                self.view.slice(),
+                self.tile_order.slice(),
+                self.tile_first.slice(),
+                self.splat_ids.slice(),
+                self.slots.slice(),
+                self.splats.slice(),
+                self.tail.slice(),
+                self.d_image0.slice(),
+                self.carry.slice(),
+                self.d_slots.slice(),
+                self.d_image1.slice(),
+            ]
+        }
+    }
+}
+
+/// carries the cotangents of a picture back to the splats, in one of four modes of accumulation.
+pub mod blend_bwd_fixed_color_p8 {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `n_work` of the shader.
+        pub n_work: u32,
+        /// `stride` of the shader.
+        pub stride: u32,
+        /// `block` of the shader.
+        pub block: u32,
+        /// `segment` of the shader.
+        pub segment: u32,
+        /// `first_round` of the shader.
+        pub first_round: u32,
+        /// `scale` of the shader.
+        pub scale: f32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 24);
+        assert!(std::mem::offset_of!(Push, n_work) == 0);
+        assert!(std::mem::offset_of!(Push, stride) == 4);
+        assert!(std::mem::offset_of!(Push, block) == 8);
+        assert!(std::mem::offset_of!(Push, segment) == 12);
+        assert!(std::mem::offset_of!(Push, first_round) == 16);
+        assert!(std::mem::offset_of!(Push, scale) == 20);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub view: &'a Buf<super::ViewParams>,
+        /// Reads.
+        pub tile_order: &'a Buf<u32>,
+        /// Reads.
+        pub tile_first: &'a Buf<u32>,
+        /// Reads.
+        pub splat_ids: &'a Buf<u32>,
+        /// Reads.
+        pub slots: &'a Buf<u32>,
+        /// Reads.
+        pub splats: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub tail: &'a Buf<[u32; 2]>,
+        /// Reads.
+        pub d_image0: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub carry: &'a Buf<[f32; 2]>,
+        /// ReadWrites.
+        pub d_slots: &'a Buf<u32>,
+        /// Reads.
+        pub d_image1: &'a Buf<[f32; 4]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "blend_bwd_fixed_color_p8",
+            local: 64,
+            subgroups: true,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/blend_bwd_fixed_color_p8.spv"),
+            bindings: &[
+                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+                BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "slots", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_image0", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "carry", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "d_image1", kind: BindingKind::Storage, access: Access::Read },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![
+                self.view.slice(),
+                self.tile_order.slice(),
+                self.tile_first.slice(),
+                self.splat_ids.slice(),
+                self.slots.slice(),
+                self.splats.slice(),
+                self.tail.slice(),
+                self.d_image0.slice(),
+                self.carry.slice(),
+                self.d_slots.slice(),
+                self.d_image1.slice(),
+            ]
+        }
+    }
+}
+
+/// carries the cotangents of a picture back to the splats, in one of four modes of accumulation.
+pub mod blend_bwd_swap_p4 {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `n_work` of the shader.
+        pub n_work: u32,
+        /// `stride` of the shader.
+        pub stride: u32,
+        /// `block` of the shader.
+        pub block: u32,
+        /// `segment` of the shader.
+        pub segment: u32,
+        /// `first_round` of the shader.
+        pub first_round: u32,
+        /// `scale` of the shader.
+        pub scale: f32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 24);
+        assert!(std::mem::offset_of!(Push, n_work) == 0);
+        assert!(std::mem::offset_of!(Push, stride) == 4);
+        assert!(std::mem::offset_of!(Push, block) == 8);
+        assert!(std::mem::offset_of!(Push, segment) == 12);
+        assert!(std::mem::offset_of!(Push, first_round) == 16);
+        assert!(std::mem::offset_of!(Push, scale) == 20);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub view: &'a Buf<super::ViewParams>,
+        /// Reads.
+        pub tile_order: &'a Buf<u32>,
+        /// Reads.
+        pub tile_first: &'a Buf<u32>,
+        /// Reads.
+        pub splat_ids: &'a Buf<u32>,
+        /// Reads.
+        pub slots: &'a Buf<u32>,
+        /// Reads.
+        pub splats: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub tail: &'a Buf<[u32; 2]>,
+        /// Reads.
+        pub d_image0: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub carry: &'a Buf<[f32; 2]>,
+        /// ReadWrites.
+        pub d_slots: &'a Buf<u32>,
+        /// Reads.
+        pub d_image1: &'a Buf<[f32; 4]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "blend_bwd_swap_p4",
+            local: 64,
+            subgroups: true,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/blend_bwd_swap_p4.spv"),
+            bindings: &[
+                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+                BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "slots", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_image0", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "carry", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "d_image1", kind: BindingKind::Storage, access: Access::Read },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![
+                self.view.slice(),
+                self.tile_order.slice(),
+                self.tile_first.slice(),
+                self.splat_ids.slice(),
+                self.slots.slice(),
+                self.splats.slice(),
+                self.tail.slice(),
+                self.d_image0.slice(),
+                self.carry.slice(),
+                self.d_slots.slice(),
+                self.d_image1.slice(),
+            ]
+        }
+    }
+}
+
+/// carries the cotangents of a picture back to the splats, in one of four modes of accumulation.
+pub mod blend_bwd_swap_p8 {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `n_work` of the shader.
+        pub n_work: u32,
+        /// `stride` of the shader.
+        pub stride: u32,
+        /// `block` of the shader.
+        pub block: u32,
+        /// `segment` of the shader.
+        pub segment: u32,
+        /// `first_round` of the shader.
+        pub first_round: u32,
+        /// `scale` of the shader.
+        pub scale: f32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 24);
+        assert!(std::mem::offset_of!(Push, n_work) == 0);
+        assert!(std::mem::offset_of!(Push, stride) == 4);
+        assert!(std::mem::offset_of!(Push, block) == 8);
+        assert!(std::mem::offset_of!(Push, segment) == 12);
+        assert!(std::mem::offset_of!(Push, first_round) == 16);
+        assert!(std::mem::offset_of!(Push, scale) == 20);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub view: &'a Buf<super::ViewParams>,
+        /// Reads.
+        pub tile_order: &'a Buf<u32>,
+        /// Reads.
+        pub tile_first: &'a Buf<u32>,
+        /// Reads.
+        pub splat_ids: &'a Buf<u32>,
+        /// Reads.
+        pub slots: &'a Buf<u32>,
+        /// Reads.
+        pub splats: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub tail: &'a Buf<[u32; 2]>,
+        /// Reads.
+        pub d_image0: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub carry: &'a Buf<[f32; 2]>,
+        /// ReadWrites.
+        pub d_slots: &'a Buf<u32>,
+        /// Reads.
+        pub d_image1: &'a Buf<[f32; 4]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "blend_bwd_swap_p8",
+            local: 64,
+            subgroups: true,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/blend_bwd_swap_p8.spv"),
+            bindings: &[
+                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+                BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "slots", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_image0", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "carry", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "d_image1", kind: BindingKind::Storage, access: Access::Read },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![
+                self.view.slice(),
+                self.tile_order.slice(),
+                self.tile_first.slice(),
+                self.splat_ids.slice(),
+                self.slots.slice(),
+                self.splats.slice(),
+                self.tail.slice(),
+                self.d_image0.slice(),
+                self.carry.slice(),
+                self.d_slots.slice(),
+                self.d_image1.slice(),
+            ]
+        }
+    }
+}
+
+/// carries the cotangents of a picture back to the splats, in one of four modes of accumulation.
+pub mod blend_bwd_swap_color_p4 {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `n_work` of the shader.
+        pub n_work: u32,
+        /// `stride` of the shader.
+        pub stride: u32,
+        /// `block` of the shader.
+        pub block: u32,
+        /// `segment` of the shader.
+        pub segment: u32,
+        /// `first_round` of the shader.
+        pub first_round: u32,
+        /// `scale` of the shader.
+        pub scale: f32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 24);
+        assert!(std::mem::offset_of!(Push, n_work) == 0);
+        assert!(std::mem::offset_of!(Push, stride) == 4);
+        assert!(std::mem::offset_of!(Push, block) == 8);
+        assert!(std::mem::offset_of!(Push, segment) == 12);
+        assert!(std::mem::offset_of!(Push, first_round) == 16);
+        assert!(std::mem::offset_of!(Push, scale) == 20);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub view: &'a Buf<super::ViewParams>,
+        /// Reads.
+        pub tile_order: &'a Buf<u32>,
+        /// Reads.
+        pub tile_first: &'a Buf<u32>,
+        /// Reads.
+        pub splat_ids: &'a Buf<u32>,
+        /// Reads.
+        pub slots: &'a Buf<u32>,
+        /// Reads.
+        pub splats: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub tail: &'a Buf<[u32; 2]>,
+        /// Reads.
+        pub d_image0: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub carry: &'a Buf<[f32; 2]>,
+        /// ReadWrites.
+        pub d_slots: &'a Buf<u32>,
+        /// Reads.
+        pub d_image1: &'a Buf<[f32; 4]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "blend_bwd_swap_color_p4",
+            local: 64,
+            subgroups: true,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/blend_bwd_swap_color_p4.spv"),
+            bindings: &[
+                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+                BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "slots", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_image0", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "carry", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "d_image1", kind: BindingKind::Storage, access: Access::Read },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![
+                self.view.slice(),
+                self.tile_order.slice(),
+                self.tile_first.slice(),
+                self.splat_ids.slice(),
+                self.slots.slice(),
+                self.splats.slice(),
+                self.tail.slice(),
+                self.d_image0.slice(),
+                self.carry.slice(),
+                self.d_slots.slice(),
+                self.d_image1.slice(),
+            ]
+        }
+    }
+}
+
+/// carries the cotangents of a picture back to the splats, in one of four modes of accumulation.
+pub mod blend_bwd_swap_color_p8 {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `n_work` of the shader.
+        pub n_work: u32,
+        /// `stride` of the shader.
+        pub stride: u32,
+        /// `block` of the shader.
+        pub block: u32,
+        /// `segment` of the shader.
+        pub segment: u32,
+        /// `first_round` of the shader.
+        pub first_round: u32,
+        /// `scale` of the shader.
+        pub scale: f32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 24);
+        assert!(std::mem::offset_of!(Push, n_work) == 0);
+        assert!(std::mem::offset_of!(Push, stride) == 4);
+        assert!(std::mem::offset_of!(Push, block) == 8);
+        assert!(std::mem::offset_of!(Push, segment) == 12);
+        assert!(std::mem::offset_of!(Push, first_round) == 16);
+        assert!(std::mem::offset_of!(Push, scale) == 20);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub view: &'a Buf<super::ViewParams>,
+        /// Reads.
+        pub tile_order: &'a Buf<u32>,
+        /// Reads.
+        pub tile_first: &'a Buf<u32>,
+        /// Reads.
+        pub splat_ids: &'a Buf<u32>,
+        /// Reads.
+        pub slots: &'a Buf<u32>,
+        /// Reads.
+        pub splats: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub tail: &'a Buf<[u32; 2]>,
+        /// Reads.
+        pub d_image0: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub carry: &'a Buf<[f32; 2]>,
+        /// ReadWrites.
+        pub d_slots: &'a Buf<u32>,
+        /// Reads.
+        pub d_image1: &'a Buf<[f32; 4]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "blend_bwd_swap_color_p8",
+            local: 64,
+            subgroups: true,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/blend_bwd_swap_color_p8.spv"),
+            bindings: &[
+                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+                BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "slots", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_image0", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "carry", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "d_image1", kind: BindingKind::Storage, access: Access::Read },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![
+                self.view.slice(),
+                self.tile_order.slice(),
+                self.tile_first.slice(),
+                self.splat_ids.slice(),
+                self.slots.slice(),
+                self.splats.slice(),
+                self.tail.slice(),
+                self.d_image0.slice(),
+                self.carry.slice(),
+                self.d_slots.slice(),
+                self.d_image1.slice(),
+            ]
+        }
+    }
+}
+
+/// turns sums in fixed point into floats.
+pub mod fixed_sums {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `inverse_scale` of the shader.
+        pub inverse_scale: f32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 4);
+        assert!(std::mem::offset_of!(Push, inverse_scale) == 0);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub count: &'a Buf<u32>,
+        /// Reads.
+        pub words: &'a Buf<u32>,
+        /// Writes.
+        pub d_slots: &'a Buf<[f32; 2]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "fixed_sums",
+            local: 64,
+            subgroups: false,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/fixed_sums.spv"),
+            bindings: &[
+                BindingInfo { name: "count", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "words", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Write },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![self.count.slice(), self.words.slice(), self.d_slots.slice()]
+        }
+    }
+}
+
+/// carries each active Gaussian's sums back to its parameters; with ADAM it moves them there and then.
 pub mod project_bwd_static_sh0 {
     use super::super::kernel::*;
     /// `Push` of the shaders.
@@ -2805,11 +4030,17 @@ pub mod project_bwd_static_sh0 {
         pub group: u32,
         /// `first` of the shader.
         pub first: u32,
+        /// `is_summed` of the shader.
+        pub is_summed: u32,
+        /// `wants_camera` of the shader.
+        pub wants_camera: u32,
     }
     const _: () = {
-        assert!(size_of::<Push>() == 8);
+        assert!(size_of::<Push>() == 16);
         assert!(std::mem::offset_of!(Push, group) == 0);
         assert!(std::mem::offset_of!(Push, first) == 4);
+        assert!(std::mem::offset_of!(Push, is_summed) == 8);
+        assert!(std::mem::offset_of!(Push, wants_camera) == 12);
     };
     /// The kernel's buffers.
     pub struct Args<'a> {
@@ -2829,12 +4060,12 @@ pub mod project_bwd_static_sh0 {
         pub slot_first: &'a Buf<u32>,
         /// Reads.
         pub d_slots: &'a Buf<[f32; 2]>,
-        /// Writes.
-        pub d_geometry: &'a Buf<[f32; 4]>,
-        /// Writes.
-        pub d_sh0: &'a Buf<[f32; 4]>,
         /// ReadWrites.
         pub n_bad: &'a Buf<u32>,
+        /// Reads.
+        pub frame_status: &'a Buf<super::Status>,
+        /// Writes.
+        pub d_camera: &'a Buf<[f32; 4]>,
         /// Reads.
         pub motion: &'a Buf<[f32; 4]>,
         /// Reads.
@@ -2844,6 +4075,10 @@ pub mod project_bwd_static_sh0 {
         /// Reads.
         pub sh3: &'a Buf<[f32; 4]>,
         /// Writes.
+        pub d_geometry: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub d_sh0: &'a Buf<[f32; 4]>,
+        /// Writes.
         pub d_motion: &'a Buf<[f32; 4]>,
         /// Writes.
         pub d_sh1: &'a Buf<[f32; 4]>,
@@ -2851,10 +4086,6 @@ pub mod project_bwd_static_sh0 {
         pub d_sh2: &'a Buf<[f32; 4]>,
         /// Writes.
         pub d_sh3: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub stats: &'a Buf<[f32; 2]>,
-        /// Reads.
-        pub frame_status: &'a Buf<super::Status>,
     }
     impl Kernel for Args<'_> {
         type Push = Push;
@@ -2873,19 +4104,19 @@ pub mod project_bwd_static_sh0 {
                 BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
                 BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Read },
                 BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "d_geometry", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "d_sh0", kind: BindingKind::Storage, access: Access::Write },
                 BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_camera", kind: BindingKind::Storage, access: Access::Write },
                 BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
                 BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
                 BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
                 BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_geometry", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "d_sh0", kind: BindingKind::Storage, access: Access::Write },
                 BindingInfo { name: "d_motion", kind: BindingKind::Storage, access: Access::Write },
                 BindingInfo { name: "d_sh1", kind: BindingKind::Storage, access: Access::Write },
                 BindingInfo { name: "d_sh2", kind: BindingKind::Storage, access: Access::Write },
                 BindingInfo { name: "d_sh3", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "stats", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
             ],
         };
         fn slices(&self) -> Vec<Slice> {
@@ -2898,25 +4129,25 @@ pub mod project_bwd_static_sh0 {
                 self.tile_counts.slice(),
                 self.slot_first.slice(),
                 self.d_slots.slice(),
-                self.d_geometry.slice(),
-                self.d_sh0.slice(),
                 self.n_bad.slice(),
+                self.frame_status.slice(),
+                self.d_camera.slice(),
                 self.motion.slice(),
                 self.sh1.slice(),
                 self.sh2.slice(),
                 self.sh3.slice(),
+                self.d_geometry.slice(),
+                self.d_sh0.slice(),
                 self.d_motion.slice(),
                 self.d_sh1.slice(),
                 self.d_sh2.slice(),
                 self.d_sh3.slice(),
-                self.stats.slice(),
-                self.frame_status.slice(),
             ]
         }
     }
 }
 
-/// sums each active Gaussian's slots and carries them back to its parameters.
+/// carries each active Gaussian's sums back to its parameters; with ADAM it moves them there and then.
 pub mod project_bwd_static_sh1 {
     use super::super::kernel::*;
     /// `Push` of the shaders.
@@ -2927,11 +4158,17 @@ pub mod project_bwd_static_sh1 {
         pub group: u32,
         /// `first` of the shader.
         pub first: u32,
+        /// `is_summed` of the shader.
+        pub is_summed: u32,
+        /// `wants_camera` of the shader.
+        pub wants_camera: u32,
     }
     const _: () = {
-        assert!(size_of::<Push>() == 8);
+        assert!(size_of::<Push>() == 16);
         assert!(std::mem::offset_of!(Push, group) == 0);
         assert!(std::mem::offset_of!(Push, first) == 4);
+        assert!(std::mem::offset_of!(Push, is_summed) == 8);
+        assert!(std::mem::offset_of!(Push, wants_camera) == 12);
     };
     /// The kernel's buffers.
     pub struct Args<'a> {
@@ -2951,12 +4188,12 @@ pub mod project_bwd_static_sh1 {
         pub slot_first: &'a Buf<u32>,
         /// Reads.
         pub d_slots: &'a Buf<[f32; 2]>,
-        /// Writes.
-        pub d_geometry: &'a Buf<[f32; 4]>,
-        /// Writes.
-        pub d_sh0: &'a Buf<[f32; 4]>,
         /// ReadWrites.
         pub n_bad: &'a Buf<u32>,
+        /// Reads.
+        pub frame_status: &'a Buf<super::Status>,
+        /// Writes.
+        pub d_camera: &'a Buf<[f32; 4]>,
         /// Reads.
         pub motion: &'a Buf<[f32; 4]>,
         /// Reads.
@@ -2966,6 +4203,10 @@ pub mod project_bwd_static_sh1 {
         /// Reads.
         pub sh3: &'a Buf<[f32; 4]>,
         /// Writes.
+        pub d_geometry: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub d_sh0: &'a Buf<[f32; 4]>,
+        /// Writes.
         pub d_motion: &'a Buf<[f32; 4]>,
         /// Writes.
         pub d_sh1: &'a Buf<[f32; 4]>,
@@ -2973,10 +4214,6 @@ pub mod project_bwd_static_sh1 {
         pub d_sh2: &'a Buf<[f32; 4]>,
         /// Writes.
         pub d_sh3: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub stats: &'a Buf<[f32; 2]>,
-        /// Reads.
-        pub frame_status: &'a Buf<super::Status>,
     }
     impl Kernel for Args<'_> {
         type Push = Push;
@@ -2995,19 +4232,19 @@ pub mod project_bwd_static_sh1 {
                 BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
                 BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Read },
                 BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "d_geometry", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "d_sh0", kind: BindingKind::Storage, access: Access::Write },
                 BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_camera", kind: BindingKind::Storage, access: Access::Write },
                 BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
                 BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
                 BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
                 BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_geometry", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "d_sh0", kind: BindingKind::Storage, access: Access::Write },
                 BindingInfo { name: "d_motion", kind: BindingKind::Storage, access: Access::Write },
                 BindingInfo { name: "d_sh1", kind: BindingKind::Storage, access: Access::Write },
                 BindingInfo { name: "d_sh2", kind: BindingKind::Storage, access: Access::Write },
                 BindingInfo { name: "d_sh3", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "stats", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
             ],
         };
         fn slices(&self) -> Vec<Slice> {
@@ -3020,25 +4257,25 @@ pub mod project_bwd_static_sh1 {
                 self.tile_counts.slice(),
                 self.slot_first.slice(),
                 self.d_slots.slice(),
-                self.d_geometry.slice(),
-                self.d_sh0.slice(),
                 self.n_bad.slice(),
+                self.frame_status.slice(),
+                self.d_camera.slice(),
                 self.motion.slice(),
                 self.sh1.slice(),
                 self.sh2.slice(),
                 self.sh3.slice(),
+                self.d_geometry.slice(),
+                self.d_sh0.slice(),
                 self.d_motion.slice(),
                 self.d_sh1.slice(),
                 self.d_sh2.slice(),
                 self.d_sh3.slice(),
-                self.stats.slice(),
-                self.frame_status.slice(),
             ]
         }
     }
 }
 
-/// sums each active Gaussian's slots and carries them back to its parameters.
+/// carries each active Gaussian's sums back to its parameters; with ADAM it moves them there and then.
 pub mod project_bwd_static_sh2 {
     use super::super::kernel::*;
     /// `Push` of the shaders.
@@ -3049,11 +4286,17 @@ pub mod project_bwd_static_sh2 {
         pub group: u32,
         /// `first` of the shader.
         pub first: u32,
+        /// `is_summed` of the shader.
+        pub is_summed: u32,
+        /// `wants_camera` of the shader.
+        pub wants_camera: u32,
     }
     const _: () = {
-        assert!(size_of::<Push>() == 8);
+        assert!(size_of::<Push>() == 16);
         assert!(std::mem::offset_of!(Push, group) == 0);
         assert!(std::mem::offset_of!(Push, first) == 4);
+        assert!(std::mem::offset_of!(Push, is_summed) == 8);
+        assert!(std::mem::offset_of!(Push, wants_camera) == 12);
     };
     /// The kernel's buffers.
     pub struct Args<'a> {
@@ -3073,12 +4316,12 @@ pub mod project_bwd_static_sh2 {
         pub slot_first: &'a Buf<u32>,
         /// Reads.
         pub d_slots: &'a Buf<[f32; 2]>,
-        /// Writes.
-        pub d_geometry: &'a Buf<[f32; 4]>,
-        /// Writes.
-        pub d_sh0: &'a Buf<[f32; 4]>,
         /// ReadWrites.
         pub n_bad: &'a Buf<u32>,
+        /// Reads.
+        pub frame_status: &'a Buf<super::Status>,
+        /// Writes.
+        pub d_camera: &'a Buf<[f32; 4]>,
         /// Reads.
         pub motion: &'a Buf<[f32; 4]>,
         /// Reads.
@@ -3088,6 +4331,10 @@ pub mod project_bwd_static_sh2 {
         /// Reads.
         pub sh3: &'a Buf<[f32; 4]>,
         /// Writes.
+        pub d_geometry: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub d_sh0: &'a Buf<[f32; 4]>,
+        /// Writes.
         pub d_motion: &'a Buf<[f32; 4]>,
         /// Writes.
         pub d_sh1: &'a Buf<[f32; 4]>,
@@ -3095,10 +4342,6 @@ pub mod project_bwd_static_sh2 {
         pub d_sh2: &'a Buf<[f32; 4]>,
         /// Writes.
         pub d_sh3: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub stats: &'a Buf<[f32; 2]>,
-        /// Reads.
-        pub frame_status: &'a Buf<super::Status>,
     }
     impl Kernel for Args<'_> {
         type Push = Push;
@@ -3117,19 +4360,19 @@ pub mod project_bwd_static_sh2 {
                 BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
                 BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Read },
                 BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "d_geometry", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "d_sh0", kind: BindingKind::Storage, access: Access::Write },
                 BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_camera", kind: BindingKind::Storage, access: Access::Write },
                 BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
                 BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
                 BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
                 BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_geometry", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "d_sh0", kind: BindingKind::Storage, access: Access::Write },
                 BindingInfo { name: "d_motion", kind: BindingKind::Storage, access: Access::Write },
                 BindingInfo { name: "d_sh1", kind: BindingKind::Storage, access: Access::Write },
                 BindingInfo { name: "d_sh2", kind: BindingKind::Storage, access: Access::Write },
                 BindingInfo { name: "d_sh3", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "stats", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
             ],
         };
         fn slices(&self) -> Vec<Slice> {
@@ -3142,25 +4385,25 @@ pub mod project_bwd_static_sh2 {
                 self.tile_counts.slice(),
                 self.slot_first.slice(),
                 self.d_slots.slice(),
-                self.d_geometry.slice(),
-                self.d_sh0.slice(),
                 self.n_bad.slice(),
+                self.frame_status.slice(),
+                self.d_camera.slice(),
                 self.motion.slice(),
                 self.sh1.slice(),
                 self.sh2.slice(),
                 self.sh3.slice(),
+                self.d_geometry.slice(),
+                self.d_sh0.slice(),
                 self.d_motion.slice(),
                 self.d_sh1.slice(),
                 self.d_sh2.slice(),
                 self.d_sh3.slice(),
-                self.stats.slice(),
-                self.frame_status.slice(),
             ]
         }
     }
 }
 
-/// sums each active Gaussian's slots and carries them back to its parameters.
+/// carries each active Gaussian's sums back to its parameters; with ADAM it moves them there and then.
 pub mod project_bwd_static_sh3 {
     use super::super::kernel::*;
     /// `Push` of the shaders.
@@ -3171,11 +4414,17 @@ pub mod project_bwd_static_sh3 {
         pub group: u32,
         /// `first` of the shader.
         pub first: u32,
+        /// `is_summed` of the shader.
+        pub is_summed: u32,
+        /// `wants_camera` of the shader.
+        pub wants_camera: u32,
     }
     const _: () = {
-        assert!(size_of::<Push>() == 8);
+        assert!(size_of::<Push>() == 16);
         assert!(std::mem::offset_of!(Push, group) == 0);
         assert!(std::mem::offset_of!(Push, first) == 4);
+        assert!(std::mem::offset_of!(Push, is_summed) == 8);
+        assert!(std::mem::offset_of!(Push, wants_camera) == 12);
     };
     /// The kernel's buffers.
     pub struct Args<'a> {
@@ -3195,12 +4444,12 @@ pub mod project_bwd_static_sh3 {
         pub slot_first: &'a Buf<u32>,
         /// Reads.
         pub d_slots: &'a Buf<[f32; 2]>,
-        /// Writes.
-        pub d_geometry: &'a Buf<[f32; 4]>,
-        /// Writes.
-        pub d_sh0: &'a Buf<[f32; 4]>,
         /// ReadWrites.
         pub n_bad: &'a Buf<u32>,
+        /// Reads.
+        pub frame_status: &'a Buf<super::Status>,
+        /// Writes.
+        pub d_camera: &'a Buf<[f32; 4]>,
         /// Reads.
         pub motion: &'a Buf<[f32; 4]>,
         /// Reads.
@@ -3210,6 +4459,10 @@ pub mod project_bwd_static_sh3 {
         /// Reads.
         pub sh3: &'a Buf<[f32; 4]>,
         /// Writes.
+        pub d_geometry: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub d_sh0: &'a Buf<[f32; 4]>,
+        /// Writes.
         pub d_motion: &'a Buf<[f32; 4]>,
         /// Writes.
         pub d_sh1: &'a Buf<[f32; 4]>,
@@ -3217,10 +4470,6 @@ pub mod project_bwd_static_sh3 {
         pub d_sh2: &'a Buf<[f32; 4]>,
         /// Writes.
         pub d_sh3: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub stats: &'a Buf<[f32; 2]>,
-        /// Reads.
-        pub frame_status: &'a Buf<super::Status>,
     }
     impl Kernel for Args<'_> {
         type Push = Push;
@@ -3239,19 +4488,19 @@ pub mod project_bwd_static_sh3 {
                 BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
                 BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Read },
                 BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "d_geometry", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "d_sh0", kind: BindingKind::Storage, access: Access::Write },
                 BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_camera", kind: BindingKind::Storage, access: Access::Write },
                 BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
                 BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
                 BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
                 BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_geometry", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "d_sh0", kind: BindingKind::Storage, access: Access::Write },
                 BindingInfo { name: "d_motion", kind: BindingKind::Storage, access: Access::Write },
                 BindingInfo { name: "d_sh1", kind: BindingKind::Storage, access: Access::Write },
                 BindingInfo { name: "d_sh2", kind: BindingKind::Storage, access: Access::Write },
                 BindingInfo { name: "d_sh3", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "stats", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
             ],
         };
         fn slices(&self) -> Vec<Slice> {
@@ -3264,25 +4513,25 @@ pub mod project_bwd_static_sh3 {
                 self.tile_counts.slice(),
                 self.slot_first.slice(),
                 self.d_slots.slice(),
-                self.d_geometry.slice(),
-                self.d_sh0.slice(),
                 self.n_bad.slice(),
+                self.frame_status.slice(),
+                self.d_camera.slice(),
                 self.motion.slice(),
                 self.sh1.slice(),
                 self.sh2.slice(),
                 self.sh3.slice(),
+                self.d_geometry.slice(),
+                self.d_sh0.slice(),
                 self.d_motion.slice(),
                 self.d_sh1.slice(),
                 self.d_sh2.slice(),
                 self.d_sh3.slice(),
-                self.stats.slice(),
-                self.frame_status.slice(),
             ]
         }
     }
 }
 
-/// sums each active Gaussian's slots and carries them back to its parameters.
+/// carries each active Gaussian's sums back to its parameters; with ADAM it moves them there and then.
 pub mod project_bwd_dynamic_sh0 {
     use super::super::kernel::*;
     /// `Push` of the shaders.
@@ -3293,11 +4542,17 @@ pub mod project_bwd_dynamic_sh0 {
         pub group: u32,
         /// `first` of the shader.
         pub first: u32,
+        /// `is_summed` of the shader.
+        pub is_summed: u32,
+        /// `wants_camera` of the shader.
+        pub wants_camera: u32,
     }
     const _: () = {
-        assert!(size_of::<Push>() == 8);
+        assert!(size_of::<Push>() == 16);
         assert!(std::mem::offset_of!(Push, group) == 0);
         assert!(std::mem::offset_of!(Push, first) == 4);
+        assert!(std::mem::offset_of!(Push, is_summed) == 8);
+        assert!(std::mem::offset_of!(Push, wants_camera) == 12);
     };
     /// The kernel's buffers.
     pub struct Args<'a> {
@@ -3317,12 +4572,12 @@ pub mod project_bwd_dynamic_sh0 {
         pub slot_first: &'a Buf<u32>,
         /// Reads.
         pub d_slots: &'a Buf<[f32; 2]>,
-        /// Writes.
-        pub d_geometry: &'a Buf<[f32; 4]>,
-        /// Writes.
-        pub d_sh0: &'a Buf<[f32; 4]>,
         /// ReadWrites.
         pub n_bad: &'a Buf<u32>,
+        /// Reads.
+        pub frame_status: &'a Buf<super::Status>,
+        /// Writes.
+        pub d_camera: &'a Buf<[f32; 4]>,
         /// Reads.
         pub motion: &'a Buf<[f32; 4]>,
         /// Reads.
@@ -3332,6 +4587,10 @@ pub mod project_bwd_dynamic_sh0 {
         /// Reads.
         pub sh3: &'a Buf<[f32; 4]>,
         /// Writes.
+        pub d_geometry: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub d_sh0: &'a Buf<[f32; 4]>,
+        /// Writes.
         pub d_motion: &'a Buf<[f32; 4]>,
         /// Writes.
         pub d_sh1: &'a Buf<[f32; 4]>,
@@ -3339,10 +4598,6 @@ pub mod project_bwd_dynamic_sh0 {
         pub d_sh2: &'a Buf<[f32; 4]>,
         /// Writes.
         pub d_sh3: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub stats: &'a Buf<[f32; 2]>,
-        /// Reads.
-        pub frame_status: &'a Buf<super::Status>,
     }
     impl Kernel for Args<'_> {
         type Push = Push;
@@ -3361,19 +4616,19 @@ pub mod project_bwd_dynamic_sh0 {
                 BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
                 BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Read },
                 BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "d_geometry", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "d_sh0", kind: BindingKind::Storage, access: Access::Write },
                 BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_camera", kind: BindingKind::Storage, access: Access::Write },
                 BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
                 BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
                 BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
                 BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_geometry", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "d_sh0", kind: BindingKind::Storage, access: Access::Write },
                 BindingInfo { name: "d_motion", kind: BindingKind::Storage, access: Access::Write },
                 BindingInfo { name: "d_sh1", kind: BindingKind::Storage, access: Access::Write },
                 BindingInfo { name: "d_sh2", kind: BindingKind::Storage, access: Access::Write },
                 BindingInfo { name: "d_sh3", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "stats", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
             ],
         };
         fn slices(&self) -> Vec<Slice> {
@@ -3386,25 +4641,25 @@ pub mod project_bwd_dynamic_sh0 {
                 self.tile_counts.slice(),
                 self.slot_first.slice(),
                 self.d_slots.slice(),
-                self.d_geometry.slice(),
-                self.d_sh0.slice(),
                 self.n_bad.slice(),
+                self.frame_status.slice(),
+                self.d_camera.slice(),
                 self.motion.slice(),
                 self.sh1.slice(),
                 self.sh2.slice(),
                 self.sh3.slice(),
+                self.d_geometry.slice(),
+                self.d_sh0.slice(),
                 self.d_motion.slice(),
                 self.d_sh1.slice(),
                 self.d_sh2.slice(),
                 self.d_sh3.slice(),
-                self.stats.slice(),
-                self.frame_status.slice(),
             ]
         }
     }
 }
 
-/// sums each active Gaussian's slots and carries them back to its parameters.
+/// carries each active Gaussian's sums back to its parameters; with ADAM it moves them there and then.
 pub mod project_bwd_dynamic_sh1 {
     use super::super::kernel::*;
     /// `Push` of the shaders.
@@ -3415,11 +4670,17 @@ pub mod project_bwd_dynamic_sh1 {
         pub group: u32,
         /// `first` of the shader.
         pub first: u32,
+        /// `is_summed` of the shader.
+        pub is_summed: u32,
+        /// `wants_camera` of the shader.
+        pub wants_camera: u32,
     }
     const _: () = {
-        assert!(size_of::<Push>() == 8);
+        assert!(size_of::<Push>() == 16);
         assert!(std::mem::offset_of!(Push, group) == 0);
         assert!(std::mem::offset_of!(Push, first) == 4);
+        assert!(std::mem::offset_of!(Push, is_summed) == 8);
+        assert!(std::mem::offset_of!(Push, wants_camera) == 12);
     };
     /// The kernel's buffers.
     pub struct Args<'a> {
@@ -3439,12 +4700,12 @@ pub mod project_bwd_dynamic_sh1 {
         pub slot_first: &'a Buf<u32>,
         /// Reads.
         pub d_slots: &'a Buf<[f32; 2]>,
-        /// Writes.
-        pub d_geometry: &'a Buf<[f32; 4]>,
-        /// Writes.
-        pub d_sh0: &'a Buf<[f32; 4]>,
         /// ReadWrites.
         pub n_bad: &'a Buf<u32>,
+        /// Reads.
+        pub frame_status: &'a Buf<super::Status>,
+        /// Writes.
+        pub d_camera: &'a Buf<[f32; 4]>,
         /// Reads.
         pub motion: &'a Buf<[f32; 4]>,
         /// Reads.
@@ -3454,6 +4715,10 @@ pub mod project_bwd_dynamic_sh1 {
         /// Reads.
         pub sh3: &'a Buf<[f32; 4]>,
         /// Writes.
+        pub d_geometry: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub d_sh0: &'a Buf<[f32; 4]>,
+        /// Writes.
         pub d_motion: &'a Buf<[f32; 4]>,
         /// Writes.
         pub d_sh1: &'a Buf<[f32; 4]>,
@@ -3461,10 +4726,6 @@ pub mod project_bwd_dynamic_sh1 {
         pub d_sh2: &'a Buf<[f32; 4]>,
         /// Writes.
         pub d_sh3: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub stats: &'a Buf<[f32; 2]>,
-        /// Reads.
-        pub frame_status: &'a Buf<super::Status>,
     }
     impl Kernel for Args<'_> {
         type Push = Push;
@@ -3483,19 +4744,19 @@ pub mod project_bwd_dynamic_sh1 {
                 BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
                 BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Read },
                 BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "d_geometry", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "d_sh0", kind: BindingKind::Storage, access: Access::Write },
                 BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_camera", kind: BindingKind::Storage, access: Access::Write },
                 BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
                 BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
                 BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
                 BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_geometry", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "d_sh0", kind: BindingKind::Storage, access: Access::Write },
                 BindingInfo { name: "d_motion", kind: BindingKind::Storage, access: Access::Write },
                 BindingInfo { name: "d_sh1", kind: BindingKind::Storage, access: Access::Write },
                 BindingInfo { name: "d_sh2", kind: BindingKind::Storage, access: Access::Write },
                 BindingInfo { name: "d_sh3", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "stats", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
             ],
         };
         fn slices(&self) -> Vec<Slice> {
@@ -3508,25 +4769,25 @@ pub mod project_bwd_dynamic_sh1 {
                 self.tile_counts.slice(),
                 self.slot_first.slice(),
                 self.d_slots.slice(),
-                self.d_geometry.slice(),
-                self.d_sh0.slice(),
                 self.n_bad.slice(),
+                self.frame_status.slice(),
+                self.d_camera.slice(),
                 self.motion.slice(),
                 self.sh1.slice(),
                 self.sh2.slice(),
                 self.sh3.slice(),
+                self.d_geometry.slice(),
+                self.d_sh0.slice(),
                 self.d_motion.slice(),
                 self.d_sh1.slice(),
                 self.d_sh2.slice(),
                 self.d_sh3.slice(),
-                self.stats.slice(),
-                self.frame_status.slice(),
             ]
         }
     }
 }
 
-/// sums each active Gaussian's slots and carries them back to its parameters.
+/// carries each active Gaussian's sums back to its parameters; with ADAM it moves them there and then.
 pub mod project_bwd_dynamic_sh2 {
     use super::super::kernel::*;
     /// `Push` of the shaders.
@@ -3537,11 +4798,17 @@ pub mod project_bwd_dynamic_sh2 {
         pub group: u32,
         /// `first` of the shader.
         pub first: u32,
+        /// `is_summed` of the shader.
+        pub is_summed: u32,
+        /// `wants_camera` of the shader.
+        pub wants_camera: u32,
     }
     const _: () = {
-        assert!(size_of::<Push>() == 8);
+        assert!(size_of::<Push>() == 16);
         assert!(std::mem::offset_of!(Push, group) == 0);
         assert!(std::mem::offset_of!(Push, first) == 4);
+        assert!(std::mem::offset_of!(Push, is_summed) == 8);
+        assert!(std::mem::offset_of!(Push, wants_camera) == 12);
     };
     /// The kernel's buffers.
     pub struct Args<'a> {
@@ -3561,12 +4828,12 @@ pub mod project_bwd_dynamic_sh2 {
         pub slot_first: &'a Buf<u32>,
         /// Reads.
         pub d_slots: &'a Buf<[f32; 2]>,
-        /// Writes.
-        pub d_geometry: &'a Buf<[f32; 4]>,
-        /// Writes.
-        pub d_sh0: &'a Buf<[f32; 4]>,
         /// ReadWrites.
         pub n_bad: &'a Buf<u32>,
+        /// Reads.
+        pub frame_status: &'a Buf<super::Status>,
+        /// Writes.
+        pub d_camera: &'a Buf<[f32; 4]>,
         /// Reads.
         pub motion: &'a Buf<[f32; 4]>,
         /// Reads.
@@ -3576,6 +4843,10 @@ pub mod project_bwd_dynamic_sh2 {
         /// Reads.
         pub sh3: &'a Buf<[f32; 4]>,
         /// Writes.
+        pub d_geometry: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub d_sh0: &'a Buf<[f32; 4]>,
+        /// Writes.
         pub d_motion: &'a Buf<[f32; 4]>,
         /// Writes.
         pub d_sh1: &'a Buf<[f32; 4]>,
@@ -3583,10 +4854,6 @@ pub mod project_bwd_dynamic_sh2 {
         pub d_sh2: &'a Buf<[f32; 4]>,
         /// Writes.
         pub d_sh3: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub stats: &'a Buf<[f32; 2]>,
-        /// Reads.
-        pub frame_status: &'a Buf<super::Status>,
     }
     impl Kernel for Args<'_> {
         type Push = Push;
@@ -3605,19 +4872,19 @@ pub mod project_bwd_dynamic_sh2 {
                 BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
                 BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Read },
                 BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "d_geometry", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "d_sh0", kind: BindingKind::Storage, access: Access::Write },
                 BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_camera", kind: BindingKind::Storage, access: Access::Write },
                 BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
                 BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
                 BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
                 BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_geometry", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "d_sh0", kind: BindingKind::Storage, access: Access::Write },
                 BindingInfo { name: "d_motion", kind: BindingKind::Storage, access: Access::Write },
                 BindingInfo { name: "d_sh1", kind: BindingKind::Storage, access: Access::Write },
                 BindingInfo { name: "d_sh2", kind: BindingKind::Storage, access: Access::Write },
                 BindingInfo { name: "d_sh3", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "stats", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
             ],
         };
         fn slices(&self) -> Vec<Slice> {
@@ -3630,25 +4897,25 @@ pub mod project_bwd_dynamic_sh2 {
                 self.tile_counts.slice(),
                 self.slot_first.slice(),
                 self.d_slots.slice(),
-                self.d_geometry.slice(),
-                self.d_sh0.slice(),
                 self.n_bad.slice(),
+                self.frame_status.slice(),
+                self.d_camera.slice(),
                 self.motion.slice(),
                 self.sh1.slice(),
                 self.sh2.slice(),
                 self.sh3.slice(),
+                self.d_geometry.slice(),
+                self.d_sh0.slice(),
                 self.d_motion.slice(),
                 self.d_sh1.slice(),
                 self.d_sh2.slice(),
                 self.d_sh3.slice(),
-                self.stats.slice(),
-                self.frame_status.slice(),
             ]
         }
     }
 }
 
-/// sums each active Gaussian's slots and carries them back to its parameters.
+/// carries each active Gaussian's sums back to its parameters; with ADAM it moves them there and then.
 pub mod project_bwd_dynamic_sh3 {
     use super::super::kernel::*;
     /// `Push` of the shaders.
@@ -3659,11 +4926,17 @@ pub mod project_bwd_dynamic_sh3 {
         pub group: u32,
         /// `first` of the shader.
         pub first: u32,
+        /// `is_summed` of the shader.
+        pub is_summed: u32,
+        /// `wants_camera` of the shader.
+        pub wants_camera: u32,
     }
     const _: () = {
-        assert!(size_of::<Push>() == 8);
+        assert!(size_of::<Push>() == 16);
         assert!(std::mem::offset_of!(Push, group) == 0);
         assert!(std::mem::offset_of!(Push, first) == 4);
+        assert!(std::mem::offset_of!(Push, is_summed) == 8);
+        assert!(std::mem::offset_of!(Push, wants_camera) == 12);
     };
     /// The kernel's buffers.
     pub struct Args<'a> {
@@ -3683,12 +4956,12 @@ pub mod project_bwd_dynamic_sh3 {
         pub slot_first: &'a Buf<u32>,
         /// Reads.
         pub d_slots: &'a Buf<[f32; 2]>,
-        /// Writes.
-        pub d_geometry: &'a Buf<[f32; 4]>,
-        /// Writes.
-        pub d_sh0: &'a Buf<[f32; 4]>,
         /// ReadWrites.
         pub n_bad: &'a Buf<u32>,
+        /// Reads.
+        pub frame_status: &'a Buf<super::Status>,
+        /// Writes.
+        pub d_camera: &'a Buf<[f32; 4]>,
         /// Reads.
         pub motion: &'a Buf<[f32; 4]>,
         /// Reads.
@@ -3698,6 +4971,10 @@ pub mod project_bwd_dynamic_sh3 {
         /// Reads.
         pub sh3: &'a Buf<[f32; 4]>,
         /// Writes.
+        pub d_geometry: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub d_sh0: &'a Buf<[f32; 4]>,
+        /// Writes.
         pub d_motion: &'a Buf<[f32; 4]>,
         /// Writes.
         pub d_sh1: &'a Buf<[f32; 4]>,
@@ -3705,10 +4982,6 @@ pub mod project_bwd_dynamic_sh3 {
         pub d_sh2: &'a Buf<[f32; 4]>,
         /// Writes.
         pub d_sh3: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub stats: &'a Buf<[f32; 2]>,
-        /// Reads.
-        pub frame_status: &'a Buf<super::Status>,
     }
     impl Kernel for Args<'_> {
         type Push = Push;
@@ -3727,19 +5000,19 @@ pub mod project_bwd_dynamic_sh3 {
                 BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
                 BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Read },
                 BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "d_geometry", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "d_sh0", kind: BindingKind::Storage, access: Access::Write },
                 BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_camera", kind: BindingKind::Storage, access: Access::Write },
                 BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
                 BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
                 BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
                 BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_geometry", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "d_sh0", kind: BindingKind::Storage, access: Access::Write },
                 BindingInfo { name: "d_motion", kind: BindingKind::Storage, access: Access::Write },
                 BindingInfo { name: "d_sh1", kind: BindingKind::Storage, access: Access::Write },
                 BindingInfo { name: "d_sh2", kind: BindingKind::Storage, access: Access::Write },
                 BindingInfo { name: "d_sh3", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "stats", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
             ],
         };
         fn slices(&self) -> Vec<Slice> {
@@ -3752,20 +5025,1248 @@ pub mod project_bwd_dynamic_sh3 {
                 self.tile_counts.slice(),
                 self.slot_first.slice(),
                 self.d_slots.slice(),
-                self.d_geometry.slice(),
-                self.d_sh0.slice(),
                 self.n_bad.slice(),
+                self.frame_status.slice(),
+                self.d_camera.slice(),
                 self.motion.slice(),
                 self.sh1.slice(),
                 self.sh2.slice(),
                 self.sh3.slice(),
+                self.d_geometry.slice(),
+                self.d_sh0.slice(),
                 self.d_motion.slice(),
                 self.d_sh1.slice(),
                 self.d_sh2.slice(),
                 self.d_sh3.slice(),
-                self.stats.slice(),
-                self.frame_status.slice(),
             ]
+        }
+    }
+}
+
+/// carries each active Gaussian's sums back to its parameters; with ADAM it moves them there and then.
+pub mod project_bwd_adam_static_sh0 {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `group` of the shader.
+        pub group: u32,
+        /// `first` of the shader.
+        pub first: u32,
+        /// `is_summed` of the shader.
+        pub is_summed: u32,
+        /// `wants_camera` of the shader.
+        pub wants_camera: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 16);
+        assert!(std::mem::offset_of!(Push, group) == 0);
+        assert!(std::mem::offset_of!(Push, first) == 4);
+        assert!(std::mem::offset_of!(Push, is_summed) == 8);
+        assert!(std::mem::offset_of!(Push, wants_camera) == 12);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub view: &'a Buf<super::ViewParams>,
+        /// Reads.
+        pub ranges: &'a Buf<[u32; 2]>,
+        /// Reads.
+        pub active_id: &'a Buf<u32>,
+        /// ReadWrites.
+        pub geometry: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub splats: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub tile_counts: &'a Buf<u32>,
+        /// Reads.
+        pub slot_first: &'a Buf<u32>,
+        /// Reads.
+        pub d_slots: &'a Buf<[f32; 2]>,
+        /// ReadWrites.
+        pub n_bad: &'a Buf<u32>,
+        /// Reads.
+        pub frame_status: &'a Buf<super::Status>,
+        /// Writes.
+        pub d_camera: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub sh0: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub motion: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub sh1: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub sh2: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub sh3: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub moments_geometry: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub moments_sh0: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub moments_motion: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub moments_sh1: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub moments_sh2: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub moments_sh3: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub state: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub adam: &'a Buf<super::AdamParams>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "project_bwd_adam_static_sh0",
+            local: 64,
+            subgroups: false,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/project_bwd_adam_static_sh0.spv"),
+            bindings: &[
+                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+                BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_camera", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "moments_geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "moments_sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "moments_motion", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "moments_sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "moments_sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "moments_sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "state", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "adam", kind: BindingKind::Uniform, access: Access::Read },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![
+                self.view.slice(),
+                self.ranges.slice(),
+                self.active_id.slice(),
+                self.geometry.slice(),
+                self.splats.slice(),
+                self.tile_counts.slice(),
+                self.slot_first.slice(),
+                self.d_slots.slice(),
+                self.n_bad.slice(),
+                self.frame_status.slice(),
+                self.d_camera.slice(),
+                self.sh0.slice(),
+                self.motion.slice(),
+                self.sh1.slice(),
+                self.sh2.slice(),
+                self.sh3.slice(),
+                self.moments_geometry.slice(),
+                self.moments_sh0.slice(),
+                self.moments_motion.slice(),
+                self.moments_sh1.slice(),
+                self.moments_sh2.slice(),
+                self.moments_sh3.slice(),
+                self.state.slice(),
+                self.adam.slice(),
+            ]
+        }
+    }
+}
+
+/// carries each active Gaussian's sums back to its parameters; with ADAM it moves them there and then.
+pub mod project_bwd_adam_static_sh1 {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `group` of the shader.
+        pub group: u32,
+        /// `first` of the shader.
+        pub first: u32,
+        /// `is_summed` of the shader.
+        pub is_summed: u32,
+        /// `wants_camera` of the shader.
+        pub wants_camera: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 16);
+        assert!(std::mem::offset_of!(Push, group) == 0);
+        assert!(std::mem::offset_of!(Push, first) == 4);
+        assert!(std::mem::offset_of!(Push, is_summed) == 8);
+        assert!(std::mem::offset_of!(Push, wants_camera) == 12);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub view: &'a Buf<super::ViewParams>,
+        /// Reads.
+        pub ranges: &'a Buf<[u32; 2]>,
+        /// Reads.
+        pub active_id: &'a Buf<u32>,
+        /// ReadWrites.
+        pub geometry: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub splats: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub tile_counts: &'a Buf<u32>,
+        /// Reads.
+        pub slot_first: &'a Buf<u32>,
+        /// Reads.
+        pub d_slots: &'a Buf<[f32; 2]>,
+        /// ReadWrites.
+        pub n_bad: &'a Buf<u32>,
+        /// Reads.
+        pub frame_status: &'a Buf<super::Status>,
+        /// Writes.
+        pub d_camera: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub sh0: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub motion: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub sh1: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub sh2: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub sh3: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub moments_geometry: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub moments_sh0: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub moments_motion: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub moments_sh1: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub moments_sh2: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub moments_sh3: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub state: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub adam: &'a Buf<super::AdamParams>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "project_bwd_adam_static_sh1",
+            local: 64,
+            subgroups: false,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/project_bwd_adam_static_sh1.spv"),
+            bindings: &[
+                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+                BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_camera", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "moments_geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "moments_sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "moments_motion", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "moments_sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "moments_sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "moments_sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "state", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "adam", kind: BindingKind::Uniform, access: Access::Read },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![
+                self.view.slice(),
+                self.ranges.slice(),
+                self.active_id.slice(),
+                self.geometry.slice(),
+                self.splats.slice(),
+                self.tile_counts.slice(),
+                self.slot_first.slice(),
+                self.d_slots.slice(),
+                self.n_bad.slice(),
+                self.frame_status.slice(),
+                self.d_camera.slice(),
+                self.sh0.slice(),
+                self.motion.slice(),
+                self.sh1.slice(),
+                self.sh2.slice(),
+                self.sh3.slice(),
+                self.moments_geometry.slice(),
+                self.moments_sh0.slice(),
+                self.moments_motion.slice(),
+                self.moments_sh1.slice(),
+                self.moments_sh2.slice(),
+                self.moments_sh3.slice(),
+                self.state.slice(),
+                self.adam.slice(),
+            ]
+        }
+    }
+}
+
+/// carries each active Gaussian's sums back to its parameters; with ADAM it moves them there and then.
+pub mod project_bwd_adam_static_sh2 {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `group` of the shader.
+        pub group: u32,
+        /// `first` of the shader.
+        pub first: u32,
+        /// `is_summed` of the shader.
+        pub is_summed: u32,
+        /// `wants_camera` of the shader.
+        pub wants_camera: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 16);
+        assert!(std::mem::offset_of!(Push, group) == 0);
+        assert!(std::mem::offset_of!(Push, first) == 4);
+        assert!(std::mem::offset_of!(Push, is_summed) == 8);
+        assert!(std::mem::offset_of!(Push, wants_camera) == 12);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub view: &'a Buf<super::ViewParams>,
+        /// Reads.
+        pub ranges: &'a Buf<[u32; 2]>,
+        /// Reads.
+        pub active_id: &'a Buf<u32>,
+        /// ReadWrites.
+        pub geometry: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub splats: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub tile_counts: &'a Buf<u32>,
+        /// Reads.
+        pub slot_first: &'a Buf<u32>,
+        /// Reads.
+        pub d_slots: &'a Buf<[f32; 2]>,
+        /// ReadWrites.
+        pub n_bad: &'a Buf<u32>,
+        /// Reads.
+        pub frame_status: &'a Buf<super::Status>,
+        /// Writes.
+        pub d_camera: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub sh0: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub motion: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub sh1: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub sh2: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub sh3: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub moments_geometry: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub moments_sh0: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub moments_motion: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub moments_sh1: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub moments_sh2: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub moments_sh3: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub state: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub adam: &'a Buf<super::AdamParams>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "project_bwd_adam_static_sh2",
+            local: 64,
+            subgroups: false,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/project_bwd_adam_static_sh2.spv"),
+            bindings: &[
+                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+                BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_camera", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "moments_geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "moments_sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "moments_motion", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "moments_sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "moments_sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "moments_sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "state", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "adam", kind: BindingKind::Uniform, access: Access::Read },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![
+                self.view.slice(),
+                self.ranges.slice(),
+                self.active_id.slice(),
+                self.geometry.slice(),
+                self.splats.slice(),
+                self.tile_counts.slice(),
+                self.slot_first.slice(),
+                self.d_slots.slice(),
+                self.n_bad.slice(),
+                self.frame_status.slice(),
+                self.d_camera.slice(),
+                self.sh0.slice(),
+                self.motion.slice(),
+                self.sh1.slice(),
+                self.sh2.slice(),
+                self.sh3.slice(),
+                self.moments_geometry.slice(),
+                self.moments_sh0.slice(),
+                self.moments_motion.slice(),
+                self.moments_sh1.slice(),
+                self.moments_sh2.slice(),
+                self.moments_sh3.slice(),
+                self.state.slice(),
+                self.adam.slice(),
+            ]
+        }
+    }
+}
+
+/// carries each active Gaussian's sums back to its parameters; with ADAM it moves them there and then.
+pub mod project_bwd_adam_static_sh3 {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `group` of the shader.
+        pub group: u32,
+        /// `first` of the shader.
+        pub first: u32,
+        /// `is_summed` of the shader.
+        pub is_summed: u32,
+        /// `wants_camera` of the shader.
+        pub wants_camera: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 16);
+        assert!(std::mem::offset_of!(Push, group) == 0);
+        assert!(std::mem::offset_of!(Push, first) == 4);
+        assert!(std::mem::offset_of!(Push, is_summed) == 8);
+        assert!(std::mem::offset_of!(Push, wants_camera) == 12);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub view: &'a Buf<super::ViewParams>,
+        /// Reads.
+        pub ranges: &'a Buf<[u32; 2]>,
+        /// Reads.
+        pub active_id: &'a Buf<u32>,
+        /// ReadWrites.
+        pub geometry: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub splats: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub tile_counts: &'a Buf<u32>,
+        /// Reads.
+        pub slot_first: &'a Buf<u32>,
+        /// Reads.
+        pub d_slots: &'a Buf<[f32; 2]>,
+        /// ReadWrites.
+        pub n_bad: &'a Buf<u32>,
+        /// Reads.
+        pub frame_status: &'a Buf<super::Status>,
+        /// Writes.
+        pub d_camera: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub sh0: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub motion: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub sh1: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub sh2: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub sh3: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub moments_geometry: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub moments_sh0: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub moments_motion: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub moments_sh1: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub moments_sh2: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub moments_sh3: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub state: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub adam: &'a Buf<super::AdamParams>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "project_bwd_adam_static_sh3",
+            local: 64,
+            subgroups: false,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/project_bwd_adam_static_sh3.spv"),
+            bindings: &[
+                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+                BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_camera", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "moments_geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "moments_sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "moments_motion", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "moments_sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "moments_sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "moments_sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "state", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "adam", kind: BindingKind::Uniform, access: Access::Read },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![
+                self.view.slice(),
+                self.ranges.slice(),
+                self.active_id.slice(),
+                self.geometry.slice(),
+                self.splats.slice(),
+                self.tile_counts.slice(),
+                self.slot_first.slice(),
+                self.d_slots.slice(),
+                self.n_bad.slice(),
+                self.frame_status.slice(),
+                self.d_camera.slice(),
+                self.sh0.slice(),
+                self.motion.slice(),
+                self.sh1.slice(),
+                self.sh2.slice(),
+                self.sh3.slice(),
+                self.moments_geometry.slice(),
+                self.moments_sh0.slice(),
+                self.moments_motion.slice(),
+                self.moments_sh1.slice(),
+                self.moments_sh2.slice(),
+                self.moments_sh3.slice(),
+                self.state.slice(),
+                self.adam.slice(),
+            ]
+        }
+    }
+}
+
+/// carries each active Gaussian's sums back to its parameters; with ADAM it moves them there and then.
+pub mod project_bwd_adam_dynamic_sh0 {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `group` of the shader.
+        pub group: u32,
+        /// `first` of the shader.
+        pub first: u32,
+        /// `is_summed` of the shader.
+        pub is_summed: u32,
+        /// `wants_camera` of the shader.
+        pub wants_camera: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 16);
+        assert!(std::mem::offset_of!(Push, group) == 0);
+        assert!(std::mem::offset_of!(Push, first) == 4);
+        assert!(std::mem::offset_of!(Push, is_summed) == 8);
+        assert!(std::mem::offset_of!(Push, wants_camera) == 12);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub view: &'a Buf<super::ViewParams>,
+        /// Reads.
+        pub ranges: &'a Buf<[u32; 2]>,
+        /// Reads.
+        pub active_id: &'a Buf<u32>,
+        /// ReadWrites.
+        pub geometry: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub splats: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub tile_counts: &'a Buf<u32>,
+        /// Reads.
+        pub slot_first: &'a Buf<u32>,
+        /// Reads.
+        pub d_slots: &'a Buf<[f32; 2]>,
+        /// ReadWrites.
+        pub n_bad: &'a Buf<u32>,
+        /// Reads.
+        pub frame_status: &'a Buf<super::Status>,
+        /// Writes.
+        pub d_camera: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub sh0: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub motion: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub sh1: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub sh2: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub sh3: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub moments_geometry: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub moments_sh0: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub moments_motion: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub moments_sh1: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub moments_sh2: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub moments_sh3: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub state: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub adam: &'a Buf<super::AdamParams>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "project_bwd_adam_dynamic_sh0",
+            local: 64,
+            subgroups: false,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/project_bwd_adam_dynamic_sh0.spv"),
+            bindings: &[
+                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+                BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_camera", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "moments_geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "moments_sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "moments_motion", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "moments_sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "moments_sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "moments_sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "state", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "adam", kind: BindingKind::Uniform, access: Access::Read },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![
+                self.view.slice(),
+                self.ranges.slice(),
+                self.active_id.slice(),
+                self.geometry.slice(),
+                self.splats.slice(),
+                self.tile_counts.slice(),
+                self.slot_first.slice(),
+                self.d_slots.slice(),
+                self.n_bad.slice(),
+                self.frame_status.slice(),
+                self.d_camera.slice(),
+                self.sh0.slice(),
+                self.motion.slice(),
+                self.sh1.slice(),
+                self.sh2.slice(),
+                self.sh3.slice(),
+                self.moments_geometry.slice(),
+                self.moments_sh0.slice(),
+                self.moments_motion.slice(),
+                self.moments_sh1.slice(),
+                self.moments_sh2.slice(),
+                self.moments_sh3.slice(),
+                self.state.slice(),
+                self.adam.slice(),
+            ]
+        }
+    }
+}
+
+/// carries each active Gaussian's sums back to its parameters; with ADAM it moves them there and then.
+pub mod project_bwd_adam_dynamic_sh1 {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `group` of the shader.
+        pub group: u32,
+        /// `first` of the shader.
+        pub first: u32,
+        /// `is_summed` of the shader.
+        pub is_summed: u32,
+        /// `wants_camera` of the shader.
+        pub wants_camera: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 16);
+        assert!(std::mem::offset_of!(Push, group) == 0);
+        assert!(std::mem::offset_of!(Push, first) == 4);
+        assert!(std::mem::offset_of!(Push, is_summed) == 8);
+        assert!(std::mem::offset_of!(Push, wants_camera) == 12);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub view: &'a Buf<super::ViewParams>,
+        /// Reads.
+        pub ranges: &'a Buf<[u32; 2]>,
+        /// Reads.
+        pub active_id: &'a Buf<u32>,
+        /// ReadWrites.
+        pub geometry: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub splats: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub tile_counts: &'a Buf<u32>,
+        /// Reads.
+        pub slot_first: &'a Buf<u32>,
+        /// Reads.
+        pub d_slots: &'a Buf<[f32; 2]>,
+        /// ReadWrites.
+        pub n_bad: &'a Buf<u32>,
+        /// Reads.
+        pub frame_status: &'a Buf<super::Status>,
+        /// Writes.
+        pub d_camera: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub sh0: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub motion: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub sh1: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub sh2: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub sh3: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub moments_geometry: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub moments_sh0: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub moments_motion: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub moments_sh1: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub moments_sh2: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub moments_sh3: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub state: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub adam: &'a Buf<super::AdamParams>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "project_bwd_adam_dynamic_sh1",
+            local: 64,
+            subgroups: false,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/project_bwd_adam_dynamic_sh1.spv"),
+            bindings: &[
+                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+                BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_camera", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "moments_geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "moments_sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "moments_motion", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "moments_sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "moments_sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "moments_sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "state", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "adam", kind: BindingKind::Uniform, access: Access::Read },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![
+                self.view.slice(),
+                self.ranges.slice(),
+                self.active_id.slice(),
+                self.geometry.slice(),
+                self.splats.slice(),
+                self.tile_counts.slice(),
+                self.slot_first.slice(),
+                self.d_slots.slice(),
+                self.n_bad.slice(),
+                self.frame_status.slice(),
+                self.d_camera.slice(),
+                self.sh0.slice(),
+                self.motion.slice(),
+                self.sh1.slice(),
+                self.sh2.slice(),
+                self.sh3.slice(),
+                self.moments_geometry.slice(),
+                self.moments_sh0.slice(),
+                self.moments_motion.slice(),
+                self.moments_sh1.slice(),
+                self.moments_sh2.slice(),
+                self.moments_sh3.slice(),
+                self.state.slice(),
+                self.adam.slice(),
+            ]
+        }
+    }
+}
+
+/// carries each active Gaussian's sums back to its parameters; with ADAM it moves them there and then.
+pub mod project_bwd_adam_dynamic_sh2 {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `group` of the shader.
+        pub group: u32,
+        /// `first` of the shader.
+        pub first: u32,
+        /// `is_summed` of the shader.
+        pub is_summed: u32,
+        /// `wants_camera` of the shader.
+        pub wants_camera: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 16);
+        assert!(std::mem::offset_of!(Push, group) == 0);
+        assert!(std::mem::offset_of!(Push, first) == 4);
+        assert!(std::mem::offset_of!(Push, is_summed) == 8);
+        assert!(std::mem::offset_of!(Push, wants_camera) == 12);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub view: &'a Buf<super::ViewParams>,
+        /// Reads.
+        pub ranges: &'a Buf<[u32; 2]>,
+        /// Reads.
+        pub active_id: &'a Buf<u32>,
+        /// ReadWrites.
+        pub geometry: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub splats: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub tile_counts: &'a Buf<u32>,
+        /// Reads.
+        pub slot_first: &'a Buf<u32>,
+        /// Reads.
+        pub d_slots: &'a Buf<[f32; 2]>,
+        /// ReadWrites.
+        pub n_bad: &'a Buf<u32>,
+        /// Reads.
+        pub frame_status: &'a Buf<super::Status>,
+        /// Writes.
+        pub d_camera: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub sh0: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub motion: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub sh1: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub sh2: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub sh3: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub moments_geometry: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub moments_sh0: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub moments_motion: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub moments_sh1: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub moments_sh2: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub moments_sh3: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub state: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub adam: &'a Buf<super::AdamParams>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "project_bwd_adam_dynamic_sh2",
+            local: 64,
+            subgroups: false,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/project_bwd_adam_dynamic_sh2.spv"),
+            bindings: &[
+                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+                BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_camera", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "moments_geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "moments_sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "moments_motion", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "moments_sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "moments_sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "moments_sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "state", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "adam", kind: BindingKind::Uniform, access: Access::Read },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![
+                self.view.slice(),
+                self.ranges.slice(),
+                self.active_id.slice(),
+                self.geometry.slice(),
+                self.splats.slice(),
+                self.tile_counts.slice(),
+                self.slot_first.slice(),
+                self.d_slots.slice(),
+                self.n_bad.slice(),
+                self.frame_status.slice(),
+                self.d_camera.slice(),
+                self.sh0.slice(),
+                self.motion.slice(),
+                self.sh1.slice(),
+                self.sh2.slice(),
+                self.sh3.slice(),
+                self.moments_geometry.slice(),
+                self.moments_sh0.slice(),
+                self.moments_motion.slice(),
+                self.moments_sh1.slice(),
+                self.moments_sh2.slice(),
+                self.moments_sh3.slice(),
+                self.state.slice(),
+                self.adam.slice(),
+            ]
+        }
+    }
+}
+
+/// carries each active Gaussian's sums back to its parameters; with ADAM it moves them there and then.
+pub mod project_bwd_adam_dynamic_sh3 {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `group` of the shader.
+        pub group: u32,
+        /// `first` of the shader.
+        pub first: u32,
+        /// `is_summed` of the shader.
+        pub is_summed: u32,
+        /// `wants_camera` of the shader.
+        pub wants_camera: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 16);
+        assert!(std::mem::offset_of!(Push, group) == 0);
+        assert!(std::mem::offset_of!(Push, first) == 4);
+        assert!(std::mem::offset_of!(Push, is_summed) == 8);
+        assert!(std::mem::offset_of!(Push, wants_camera) == 12);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub view: &'a Buf<super::ViewParams>,
+        /// Reads.
+        pub ranges: &'a Buf<[u32; 2]>,
+        /// Reads.
+        pub active_id: &'a Buf<u32>,
+        /// ReadWrites.
+        pub geometry: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub splats: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub tile_counts: &'a Buf<u32>,
+        /// Reads.
+        pub slot_first: &'a Buf<u32>,
+        /// Reads.
+        pub d_slots: &'a Buf<[f32; 2]>,
+        /// ReadWrites.
+        pub n_bad: &'a Buf<u32>,
+        /// Reads.
+        pub frame_status: &'a Buf<super::Status>,
+        /// Writes.
+        pub d_camera: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub sh0: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub motion: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub sh1: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub sh2: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub sh3: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub moments_geometry: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub moments_sh0: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub moments_motion: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub moments_sh1: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub moments_sh2: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub moments_sh3: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub state: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub adam: &'a Buf<super::AdamParams>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "project_bwd_adam_dynamic_sh3",
+            local: 64,
+            subgroups: false,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/project_bwd_adam_dynamic_sh3.spv"),
+            bindings: &[
+                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+                BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_camera", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "moments_geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "moments_sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "moments_motion", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "moments_sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "moments_sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "moments_sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "state", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "adam", kind: BindingKind::Uniform, access: Access::Read },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![
+                self.view.slice(),
+                self.ranges.slice(),
+                self.active_id.slice(),
+                self.geometry.slice(),
+                self.splats.slice(),
+                self.tile_counts.slice(),
+                self.slot_first.slice(),
+                self.d_slots.slice(),
+                self.n_bad.slice(),
+                self.frame_status.slice(),
+                self.d_camera.slice(),
+                self.sh0.slice(),
+                self.motion.slice(),
+                self.sh1.slice(),
+                self.sh2.slice(),
+                self.sh3.slice(),
+                self.moments_geometry.slice(),
+                self.moments_sh0.slice(),
+                self.moments_motion.slice(),
+                self.moments_sh1.slice(),
+                self.moments_sh2.slice(),
+                self.moments_sh3.slice(),
+                self.state.slice(),
+                self.adam.slice(),
+            ]
+        }
+    }
+}
+
+/// adds the active Gaussians' gradients of the camera.
+pub mod camera_sum {
+    use super::super::kernel::*;
+    /// This kernel takes no push constants.
+    pub type Push = ();
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub count: &'a Buf<u32>,
+        /// Reads.
+        pub d_camera: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub partials: &'a Buf<[f32; 4]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "camera_sum",
+            local: 64,
+            subgroups: false,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/camera_sum.spv"),
+            bindings: &[
+                BindingInfo { name: "count", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_camera", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "partials", kind: BindingKind::Storage, access: Access::Write },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![self.count.slice(), self.d_camera.slice(), self.partials.slice()]
+        }
+    }
+}
+
+/// adds the workgroups' gradients of camera and background.
+pub mod camera_total {
+    use super::super::kernel::*;
+    /// This kernel takes no push constants.
+    pub type Push = ();
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub partials: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub total: &'a Buf<[f32; 4]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "camera_total",
+            local: 64,
+            subgroups: false,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/camera_total.spv"),
+            bindings: &[
+                BindingInfo { name: "partials", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "total", kind: BindingKind::Storage, access: Access::Write },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![self.partials.slice(), self.total.slice()]
+        }
+    }
+}
+
+/// adds the pixels' gradients of the background.
+pub mod background_sum {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `n` of the shader.
+        pub n: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 4);
+        assert!(std::mem::offset_of!(Push, n) == 0);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub tail: &'a Buf<[u32; 2]>,
+        /// Reads.
+        pub d_image0: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub partials: &'a Buf<[f32; 4]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "background_sum",
+            local: 64,
+            subgroups: false,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/background_sum.spv"),
+            bindings: &[
+                BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_image0", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "partials", kind: BindingKind::Storage, access: Access::Write },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![self.tail.slice(), self.d_image0.slice(), self.partials.slice()]
         }
     }
 }
@@ -3844,7 +6345,7 @@ pub mod ssim_columns {
         /// Writes.
         pub partials: &'a Buf<[f32; 4]>,
         /// Writes.
-        pub sums: &'a Buf<[f32; 2]>,
+        pub sums: &'a Buf<[f32; 4]>,
     }
     impl Kernel for Args<'_> {
         type Push = Push;
@@ -3966,7 +6467,7 @@ pub mod ssim_bwd_columns {
     }
 }
 
-/// adds the workgroups' sums of 1 - SSIM and absolute error.
+/// adds the workgroups' sums of 1 - SSIM, absolute and squared error.
 pub mod loss_sum {
     use super::super::kernel::*;
     /// `Push` of the shaders.
@@ -3983,9 +6484,9 @@ pub mod loss_sum {
     /// The kernel's buffers.
     pub struct Args<'a> {
         /// Reads.
-        pub sums: &'a Buf<[f32; 2]>,
+        pub sums: &'a Buf<[f32; 4]>,
         /// Writes.
-        pub loss: &'a Buf<[f32; 2]>,
+        pub loss: &'a Buf<[f32; 4]>,
     }
     impl Kernel for Args<'_> {
         type Push = Push;
@@ -4006,81 +6507,163 @@ pub mod loss_sum {
     }
 }
 
-/// one Adam step on a parameter group in blocks of planes.
-pub mod adam {
+/// one step of dense Adam on one buffer of the Gaussians that the frame did not see.
+pub mod adam_idle {
     use super::super::kernel::*;
     /// `Push` of the shaders.
     #[repr(C)]
     #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
     pub struct Push {
-        /// `rates` of the shader.
-        pub rates: [[f32; 4]; 6],
         /// `n` of the shader.
         pub n: u32,
+        /// `first` of the shader.
+        pub first: u32,
+        /// `kind` of the shader.
+        pub kind: u32,
         /// `planes` of the shader.
         pub planes: u32,
-        /// `beta1` of the shader.
-        pub beta1: f32,
-        /// `beta2` of the shader.
-        pub beta2: f32,
-        /// `inverse_c2` of the shader.
-        pub inverse_c2: f32,
-        /// `eps` of the shader.
-        pub eps: f32,
-        /// `lowest` of the shader.
-        pub lowest: f32,
     }
     const _: () = {
-        assert!(size_of::<Push>() == 124);
-        assert!(std::mem::offset_of!(Push, rates) == 0);
-        assert!(std::mem::offset_of!(Push, n) == 96);
-        assert!(std::mem::offset_of!(Push, planes) == 100);
-        assert!(std::mem::offset_of!(Push, beta1) == 104);
-        assert!(std::mem::offset_of!(Push, beta2) == 108);
-        assert!(std::mem::offset_of!(Push, inverse_c2) == 112);
-        assert!(std::mem::offset_of!(Push, eps) == 116);
-        assert!(std::mem::offset_of!(Push, lowest) == 120);
+        assert!(size_of::<Push>() == 16);
+        assert!(std::mem::offset_of!(Push, n) == 0);
+        assert!(std::mem::offset_of!(Push, first) == 4);
+        assert!(std::mem::offset_of!(Push, kind) == 8);
+        assert!(std::mem::offset_of!(Push, planes) == 12);
     };
     /// The kernel's buffers.
     pub struct Args<'a> {
         /// Reads.
         pub frame_status: &'a Buf<super::Status>,
         /// Reads.
-        pub gradient: &'a Buf<[f32; 4]>,
+        pub adam: &'a Buf<super::AdamParams>,
+        /// Reads.
+        pub bits: &'a Buf<u32>,
         /// ReadWrites.
         pub parameter: &'a Buf<[f32; 4]>,
         /// ReadWrites.
-        pub moment1: &'a Buf<[f32; 4]>,
+        pub moments: &'a Buf<[f32; 4]>,
         /// ReadWrites.
-        pub moment2: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub n_bad: &'a Buf<u32>,
+        pub state: &'a Buf<[f32; 4]>,
     }
     impl Kernel for Args<'_> {
         type Push = Push;
         const INFO: &'static KernelInfo = &KernelInfo {
-            name: "adam",
+            name: "adam_idle",
             local: 64,
             subgroups: false,
             push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/adam.spv"),
+            spirv: include_bytes!("../../shaders-glsl/spv/adam_idle.spv"),
             bindings: &[
                 BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "gradient", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "adam", kind: BindingKind::Uniform, access: Access::Read },
+                BindingInfo { name: "bits", kind: BindingKind::Storage, access: Access::Read },
                 BindingInfo { name: "parameter", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "moment1", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "moment2", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "moments", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "state", kind: BindingKind::Storage, access: Access::ReadWrite },
             ],
         };
         fn slices(&self) -> Vec<Slice> {
             vec![
                 self.frame_status.slice(),
-                self.gradient.slice(),
+                self.adam.slice(),
+                self.bits.slice(),
                 self.parameter.slice(),
-                self.moment1.slice(),
-                self.moment2.slice(),
-                self.n_bad.slice(),
+                self.moments.slice(),
+                self.state.slice(),
+            ]
+        }
+    }
+}
+
+/// gives one buffer of the Gaussians in view the steps of dense Adam that they missed while they were not.
+pub mod adam_catch_up {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `group` of the shader.
+        pub group: u32,
+        /// `first` of the shader.
+        pub first: u32,
+        /// `n` of the shader.
+        pub n: u32,
+        /// `all` of the shader.
+        pub all: u32,
+        /// `kind` of the shader.
+        pub kind: u32,
+        /// `planes` of the shader.
+        pub planes: u32,
+        /// `until` of the shader.
+        pub until: u32,
+        /// `is_last` of the shader.
+        pub is_last: u32,
+        /// `log2_beta1` of the shader.
+        pub log2_beta1: f32,
+        /// `log2_beta2` of the shader.
+        pub log2_beta2: f32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 40);
+        assert!(std::mem::offset_of!(Push, group) == 0);
+        assert!(std::mem::offset_of!(Push, first) == 4);
+        assert!(std::mem::offset_of!(Push, n) == 8);
+        assert!(std::mem::offset_of!(Push, all) == 12);
+        assert!(std::mem::offset_of!(Push, kind) == 16);
+        assert!(std::mem::offset_of!(Push, planes) == 20);
+        assert!(std::mem::offset_of!(Push, until) == 24);
+        assert!(std::mem::offset_of!(Push, is_last) == 28);
+        assert!(std::mem::offset_of!(Push, log2_beta1) == 32);
+        assert!(std::mem::offset_of!(Push, log2_beta2) == 36);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub frame_status: &'a Buf<super::Status>,
+        /// Reads.
+        pub adam: &'a Buf<super::AdamParams>,
+        /// Reads.
+        pub ranges: &'a Buf<[u32; 2]>,
+        /// Reads.
+        pub active_id: &'a Buf<u32>,
+        /// Reads.
+        pub sums: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub parameter: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub moments: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub state: &'a Buf<[f32; 4]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "adam_catch_up",
+            local: 64,
+            subgroups: false,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/adam_catch_up.spv"),
+            bindings: &[
+                BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "adam", kind: BindingKind::Uniform, access: Access::Read },
+                BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "sums", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "parameter", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "moments", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "state", kind: BindingKind::Storage, access: Access::ReadWrite },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![
+                self.frame_status.slice(),
+                self.adam.slice(),
+                self.ranges.slice(),
+                self.active_id.slice(),
+                self.sums.slice(),
+                self.parameter.slice(),
+                self.moments.slice(),
+                self.state.slice(),
             ]
         }
     }

@@ -121,6 +121,12 @@ impl<T: Pod> Buf<T> {
         false
     }
 
+    /// The same bytes as items of another type, which must divide them.
+    pub fn cast<U: Pod>(&self) -> Buf<U> {
+        assert!(self.slice.size.is_multiple_of(size_of::<U>() as u64) || self.slice.size < size_of::<U>() as u64);
+        Buf { slice: self.slice(), item: PhantomData }
+    }
+
     /// `len` items from `first` on, as a buffer of their own. Bindings need an aligned start; copies and indirect
     /// arguments do not.
     pub fn range(&self, first: usize, len: usize) -> Buf<T> {

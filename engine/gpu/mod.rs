@@ -10,4 +10,4 @@ pub mod table;
 
 pub use kernel::{Buf, Kernel, KernelInfo, Slice};
 pub use record::{Grid, Pass, Recording, Work};
-pub use run::{Gpu, Options, PassTime};
+pub use run::{Gpu, Options, PassTime, Running};

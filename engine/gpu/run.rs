@@ -30,6 +30,19 @@ pub struct PassTime {
     pub ns: f64,
 }
 
+/// A recording that the device works on. Dropping it waits.
+pub struct Running(crate::vk::Submission);
+
+impl Running {
+    /// Waits for its end.
+    ///
+    /// # Errors
+    /// [`Error::DeviceLost`] with the last pass that began.
+    pub fn wait(self) -> Result<()> {
+        self.0.wait().map(drop)
+    }
+}
+
 /// An open device with its compiled kernels.
 pub struct Gpu {
     device: Arc<Device>,
@@ -145,9 +158,36 @@ impl Gpu {
         Ok(items)
     }
 
+    /// Bytes that a recording may copy from: `items`, visible to the device at once.
+    pub fn stage<T: Pod>(&self, name: &str, items: &[T]) -> Result<Slice> {
+        let bytes: &[u8] = bytemuck::cast_slice(items);
+        let mut buffer = Buffer::new(&self.device, name, bytes.len() as u64, Location::Upload)?;
+        let mapped = buffer.bytes_mut().ok_or_else(|| unmapped(name))?;
+        mapped[..bytes.len()].copy_from_slice(bytes);
+        Ok(Slice { buffer: Arc::new(buffer), offset: 0, size: bytes.len() as u64 })
+    }
+
+    /// Room for `len` items that a recording may copy to; read them with [`Gpu::peek`] once it has ended.
+    pub fn readback<T: Pod>(&self, name: &str, len: usize) -> Result<Slice> {
+        let size = (len * size_of::<T>()) as u64;
+        let buffer = Buffer::new(&self.device, name, size, Location::Readback)?;
+        Ok(Slice { buffer: Arc::new(buffer), offset: 0, size })
+    }
+
+    /// The items of a [`Gpu::readback`] slice, after the submission that wrote them has ended.
+    pub fn peek<T: Pod>(&self, slice: &Slice) -> Result<Vec<T>> {
+        let bytes = slice.buffer.bytes().ok_or_else(|| unmapped(slice.buffer.name()))?;
+        Ok(bytemuck::pod_collect_to_vec(&bytes[slice.offset as usize..(slice.offset + slice.size) as usize]))
+    }
+
+    /// Hands `recording` to the device and does not wait; it begins when all that was handed over before has ended.
+    pub fn start(&self, recording: &Recording) -> Result<Running> {
+        self.submit(recording, false).map(Running)
+    }
+
     /// Runs `recording` and waits for its end.
     pub fn run(&self, recording: &Recording) -> Result<()> {
-        self.submit(recording, false)?.wait().map(drop)
+        self.start(recording)?.wait()
     }
 
     /// Runs `recording`, waits, and returns the time of each pass; none where the device has no timestamps.
@@ -164,6 +204,8 @@ impl Gpu {
             .map(|pass| if let Work::Dispatch { slices, .. } = &pass.work { slices.len() } else { 0 })
             .sum();
         let mut commands = Commands::new(&self.device, passes.len(), n_bindings, timestamps)?;
+        // An earlier recording may still be running.
+        commands.barrier();
         for (pass, barrier) in passes.iter().zip(recording.barriers()) {
             if barrier {
                 commands.barrier();

@@ -1,7 +1,10 @@
-//! Adam on the device, one group of parameters at a time; rates and bias corrections come from the host.
+//! Adam on the device: moments, rates and the passes beside the projection's adjoint, which takes the steps of what the
+//! frame saw.
 
+use super::cull::{ARGS_FIRST_GROUP, Cull, indirect};
+use super::scene::{Planes, SceneBuffers};
 use crate::error::Result;
-use crate::gpu::generated::{Status, adam};
+use crate::gpu::generated::{AdamParams, Status, adam_catch_up, adam_idle};
 use crate::gpu::{Buf, Gpu, Grid, Recording};
 
 /// Exponential decay of the first moment (SPEC 6).
@@ -11,58 +14,258 @@ pub const BETA2: f64 = 0.999;
 /// Keeps a step finite where no gradient has been (SPEC 6).
 pub const EPS: f32 = 1e-15;
 
-/// Moments of one parameter buffer.
-pub struct Moments {
-    /// Mean of the gradients, in the parameters' layout.
-    pub first: Buf<[f32; 4]>,
-    /// Mean of their squares.
-    pub second: Buf<[f32; 4]>,
+/// Which Gaussians take a step.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum AdamMode {
+    /// All of them: those that were not seen go on along what is left of their first moment. The reference.
+    #[default]
+    Dense,
+    /// Those in view; before that they catch up with the steps that they missed. As dense, but for the rounding and for
+    /// Gaussians that would have drifted into view unseen.
+    Lazy,
+    /// Those in view, as if there had been no other steps.
+    Sparse,
 }
 
-impl Moments {
-    /// Zeros for `parameter`.
-    pub fn new(gpu: &Gpu, parameter: &Buf<[f32; 4]>) -> Result<Self> {
-        let zeros = vec![[0.0; 4]; parameter.len()];
-        Ok(Moments { first: gpu.upload("adam m", &zeros)?, second: gpu.upload("adam v", &zeros)? })
+/// One number per kind of parameter, such as its learning rate.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Rates {
+    /// Scene units.
+    pub position: f64,
+    /// Of the logits.
+    pub opacity: f64,
+    /// Of the quaternions.
+    pub rotation: f64,
+    /// Of the log-scales.
+    pub scale: f64,
+    /// Of log tau.
+    pub t_scale: f64,
+    /// Scene units per unit of time.
+    pub velocity: f64,
+    /// Normalised time.
+    pub t_center: f64,
+    /// Of SH bands 0 to 3; 0 for a band that is not active yet.
+    pub sh: [f64; 4],
+}
+
+impl Rates {
+    /// In the order of `AdamParams`, each times `factor`.
+    fn rows(&self, factor: f64) -> [[f32; 4]; 3] {
+        let Rates { position, opacity, rotation, scale, t_scale, velocity, t_center, sh } = *self;
+        [
+            [position, opacity, rotation, scale],
+            [t_scale, velocity, t_center, sh[0]],
+            [sh[1], sh[2], sh[3], 0.0],
+        ]
+        .map(|row| row.map(|x| (x * factor) as f32))
+    }
+}
+
+/// What a step does beside its rates.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct StepSettings {
+    /// Floor of log tau.
+    pub lowest_t_scale: f64,
+    /// Weight of the mean opacity in the loss.
+    pub opacity_reg: f64,
+    /// Weight of the mean standard deviation in the loss, per scene unit.
+    pub scale_reg: f64,
+}
+
+/// 1 - beta^step, of the decay that f32 holds: 1 - 0.999 is off by 1e-5 otherwise.
+fn correction(beta: f64, step: u64) -> f64 {
+    1.0 - f64::from(beta as f32).powf(step as f64)
+}
+
+/// The numbers of step `step` (from 1) for `n` Gaussians.
+pub fn adam_params(rates: &Rates, settings: &StepSettings, step: u64, n: u32) -> AdamParams {
+    let [rates0, rates1, rates2] = rates.rows(1.0 / correction(BETA1, step));
+    let n = f64::from(n.max(1));
+    AdamParams {
+        rates0,
+        rates1,
+        rates2,
+        beta1: BETA1 as f32,
+        beta2: BETA2 as f32,
+        inverse_c2: (1.0 / correction(BETA2, step)) as f32,
+        eps: EPS,
+        lowest_t_scale: settings.lowest_t_scale as f32,
+        opacity_reg: (settings.opacity_reg / n) as f32,
+        scale_reg: (settings.scale_reg / (3.0 * n)) as f32,
+        step: step as f32,
+    }
+}
+
+/// For every step s from 0 to `total` the endless sum over j of lr sqrt(c2) / c1 (b1 / sqrt(b2))^j of step s + j, by kind of
+/// parameter: what a Gaussian last updated at s still has to go, in units of m / sqrt(v). Three rows a step.
+pub fn lazy_sums(rates: impl Fn(u64) -> Rates, total: u64) -> Vec<[f32; 4]> {
+    let (beta1, beta2) = (f64::from(BETA1 as f32), f64::from(BETA2 as f32));
+    let r = beta1 / beta2.sqrt();
+    // 300 steps on, what is left is 1e-13.
+    let mut sum = [0.0; 12];
+    let mut rows = vec![[0.0; 4]; 3 * (total as usize + 1)];
+    for s in (0..=total + 300).rev() {
+        if s <= total {
+            let row: [f32; 12] = sum.map(|x| x as f32);
+            rows[3 * s as usize..3 * s as usize + 3].copy_from_slice(row.as_chunks().0);
+        }
+        if s == 0 {
+            break;
+        }
+        let weight = correction(BETA2, s).sqrt() / correction(BETA1, s);
+        let Rates { position, opacity, rotation, scale, t_scale, velocity, t_center, sh } = rates(s);
+        let of = [position, opacity, rotation, scale, t_scale, velocity, t_center, sh[0], sh[1], sh[2], sh[3], 0.0];
+        sum.iter_mut().zip(of).for_each(|(sum, rate)| *sum = r * (*sum + weight * rate));
+    }
+    rows
+}
+
+/// Moments and state of every Gaussian, and the numbers of the step at hand.
+pub struct Optimiser {
+    /// First and second moments, by group, in twice the planes of the parameters: 2p the first, 2p + 1 the second of
+    /// plane p.
+    pub moments: Vec<Planes>,
+    /// Per Gaussian, by group: sum of the norms of the projected centre's gradient, in half pictures; frames it was seen
+    /// in; what rounding has lost of t_center; step of the last update.
+    pub state: Vec<Buf<[f32; 4]>>,
+    /// The step at hand.
+    pub params: Buf<AdamParams>,
+    /// Gaussians whose gradient was not finite and moved nothing, since the start.
+    pub n_bad: Buf<u32>,
+    /// Which Gaussians take a step.
+    pub mode: AdamMode,
+    // See `lazy_sums`; for `AdamMode::Lazy` only.
+    sums: Buf<[f32; 4]>,
+}
+
+/// Buffers of a group in the order of their numbers in `adam.glsl`, with the planes of each.
+fn numbered<'a>(params: &'a Planes, moments: &'a Planes) -> Vec<(u32, u32, &'a Buf<[f32; 4]>, &'a Buf<[f32; 4]>)> {
+    let mut all = vec![(0, 3, &params.geometry, &moments.geometry), (1, 1, &params.sh0, &moments.sh0)];
+    if let (Some(motion), Some(moments)) = (&params.motion, &moments.motion) {
+        all.push((2, 1, motion, moments));
+    }
+    for (b, (band, moments)) in params.bands.iter().zip(&moments.bands).enumerate() {
+        all.push((3 + b as u32, super::scene::BAND_PLANES[b] as u32, band, moments));
+    }
+    all
+}
+
+impl Optimiser {
+    /// An optimiser of `scene` that goes on from `moments` and `state`; `sums` is [`lazy_sums`] of the run, for
+    /// [`AdamMode::Lazy`] only.
+    ///
+    /// # Errors
+    /// `OutOfMemory` naming the buffer that does not fit.
+    pub fn new(
+        gpu: &Gpu,
+        moments: Vec<Planes>,
+        state: Vec<Buf<[f32; 4]>>,
+        mode: AdamMode,
+        sums: &[[f32; 4]],
+    ) -> Result<Self> {
+        Ok(Optimiser {
+            moments,
+            state,
+            params: gpu.alloc("adam parameters", 1)?,
+            n_bad: gpu.upload("bad gradients", &[0u32])?,
+            mode,
+            sums: gpu.upload("adam sums", sums)?,
+        })
     }
 
-    /// Appends step number `step` (from 1) on `parameter`. `rates` are the learning rates of each plane's components, at
-    /// most six planes; `lowest` is the floor of the last plane's last component, if its rate is not 0; `n_bad` counts the vec4 whose gradient is not finite.
-    #[expect(clippy::too_many_arguments, reason = "a buffer each")]
-    pub fn record(
+    /// Appends the steps of the Gaussians that the frame did not see, for [`AdamMode::Dense`]; goes after the backward pass.
+    pub fn record_idle(&self, rec: &mut Recording, scene: &SceneBuffers, cull: &Cull, status: &Buf<Status>) {
+        if self.mode != AdamMode::Dense {
+            return;
+        }
+        rec.stage("adam");
+        for (index, group) in scene.groups.iter().enumerate() {
+            rec.group(Some(index));
+            for (kind, planes, parameter, moments) in numbered(&group.params, &self.moments[index]) {
+                let (adam, bits, state) = (&self.params, &cull.bits, &self.state[index]);
+                rec.pass(
+                    adam_idle::Args { frame_status: status, adam, bits, parameter, moments, state },
+                    adam_idle::Push { n: group.n, first: group.first, kind, planes },
+                    Grid::Threads(group.n.next_multiple_of(32) * planes),
+                );
+            }
+        }
+        rec.group(None);
+    }
+
+    /// Appends the steps that the Gaussians in view missed up to step `until`, for [`AdamMode::Lazy`]; goes between culling
+    /// and projection.
+    pub fn record_catch_up(
         &self,
         rec: &mut Recording,
-        parameter: &Buf<[f32; 4]>,
-        gradient: &Buf<[f32; 4]>,
-        rates: &[[f32; 4]],
-        lowest: f32,
-        step: u64,
+        scene: &SceneBuffers,
+        cull: &Cull,
         status: &Buf<Status>,
-        n_bad: &Buf<u32>,
+        until: u64,
     ) {
-        // Of the decay that f32 holds: 1 - 0.999 is off by 1e-5 otherwise.
-        let correction = |beta: f64| 1.0 - f64::from(beta as f32).powf(step as f64);
-        let mut push = adam::Push {
-            n: parameter.len() as u32,
-            planes: rates.len() as u32,
-            beta1: BETA1 as f32,
-            beta2: BETA2 as f32,
-            inverse_c2: (1.0 / correction(BETA2)) as f32,
-            eps: EPS,
-            lowest,
-            ..adam::Push::default()
-        };
-        for (to, from) in push.rates.iter_mut().zip(rates) {
-            *to = from.map(|rate| (f64::from(rate) / correction(BETA1)) as f32);
+        if self.mode == AdamMode::Lazy {
+            self.record_steps(rec, scene, &cull.ranges, &cull.active_id, status, until, |index, _| {
+                (0, indirect(&cull.args, ARGS_FIRST_GROUP + index))
+            });
         }
-        let args = adam::Args {
-            frame_status: status,
-            gradient,
-            parameter,
-            moment1: &self.first,
-            moment2: &self.second,
-            n_bad,
-        };
-        rec.pass(args, push, Grid::Threads(push.n));
+    }
+
+    /// Appends the steps that any Gaussian missed up to step `until`, for [`AdamMode::Lazy`].
+    pub fn record_catch_up_all(&self, rec: &mut Recording, scene: &SceneBuffers, status: &Buf<Status>, until: u64) {
+        if self.mode == AdamMode::Lazy {
+            // The ranges and the list are not read.
+            let (ranges, ids) = (self.n_bad.cast(), &self.n_bad);
+            self.record_steps(rec, scene, &ranges, ids, status, until, |_, n| (1, Grid::Threads(n)));
+        }
+    }
+
+    #[expect(clippy::too_many_arguments, reason = "a buffer each")]
+    fn record_steps(
+        &self,
+        rec: &mut Recording,
+        scene: &SceneBuffers,
+        ranges: &Buf<[u32; 2]>,
+        active_id: &Buf<u32>,
+        status: &Buf<Status>,
+        until: u64,
+        of: impl Fn(usize, u32) -> (u32, Grid),
+    ) {
+        rec.stage("adam");
+        for (index, group) in scene.groups.iter().enumerate() {
+            rec.group(Some(index));
+            let (all, grid) = of(index, group.n);
+            let buffers = numbered(&group.params, &self.moments[index]);
+            let n_buffers = buffers.len();
+            for (at, (kind, planes, parameter, moments)) in buffers.into_iter().enumerate() {
+                let (adam, sums, state) = (&self.params, &self.sums, &self.state[index]);
+                rec.pass(
+                    adam_catch_up::Args {
+                        frame_status: status,
+                        adam,
+                        ranges,
+                        active_id,
+                        sums,
+                        parameter,
+                        moments,
+                        state,
+                    },
+                    adam_catch_up::Push {
+                        group: index as u32,
+                        first: group.first,
+                        n: group.n,
+                        all,
+                        kind,
+                        planes,
+                        until: until as u32,
+                        is_last: u32::from(at + 1 == n_buffers),
+                        log2_beta1: f64::from(BETA1 as f32).log2() as f32,
+                        log2_beta2: f64::from(BETA2 as f32).log2() as f32,
+                    },
+                    grid.clone(),
+                );
+            }
+        }
+        rec.group(None);
     }
 }

@@ -1,20 +1,92 @@
-//! From cotangents of a picture to gradients of the parameters: the blend's adjoint into slots, then the projection's.
+//! From cotangents of a picture to gradients of the parameters: the blend's adjoint, then the projection's, which either
+//! writes gradients or moves the parameters at once.
 
-use super::blend::{Blend, Outputs, SEGMENT, coprime_stride};
-use super::cull::{ARGS_FIRST_GROUP, Cull, indirect};
+use super::adam::Optimiser;
+use super::blend::{Blend, Outputs, Purpose, SEGMENT, coprime_stride};
+use super::cull::{ARGS_FIRST_GROUP, ARGS_THREADS, Cull, indirect};
 use super::params::TILE;
 use super::project::Projected;
 use super::scene::{Planes, SceneBuffers};
 use super::tiles::{Lists, Tiles};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::gpu::generated::{
-    self as g, Status, ViewParams, blend_bwd_color_p4, blend_bwd_color_p8, blend_bwd_p4, blend_bwd_p8,
-    project_bwd_static_sh0,
+    self as g, Status, ViewParams, background_sum, blend_bwd_p4, camera_sum, camera_total, fixed_sums,
+    project_bwd_adam_static_sh0, project_bwd_static_sh0,
 };
 use crate::gpu::{Buf, Gpu, Grid, Kernel, KernelInfo, Recording};
 
 /// vec2 per slot: the twelve sums that one intersection gives its splat.
 pub const SLOT_PAIRS: usize = 6;
+/// Words per active Gaussian in fixed point, `FIXED_WORDS` of the shaders.
+const FIXED_WORDS: usize = 26;
+/// Workgroups that add up the camera's gradient.
+const CAMERA_GROUPS: u32 = 64;
+
+/// How the gradients of a splat's intersections are added up.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Accumulation {
+    /// One slot per intersection, added in order: the same bits in every run. 48 bytes an intersection.
+    #[default]
+    Slots,
+    /// Atomic additions of floats: the last bits vary from run to run. The device must have them.
+    FloatAtomics,
+    /// Atomic additions of 64-bit integers in two words: the same bits in every run, on every device.
+    FixedPoint,
+    /// Compare and exchange: as float atomics, for devices without them.
+    CompareExchange,
+}
+
+impl Accumulation {
+    /// All of them.
+    pub const ALL: [Accumulation; 4] = [
+        Accumulation::Slots,
+        Accumulation::FloatAtomics,
+        Accumulation::FixedPoint,
+        Accumulation::CompareExchange,
+    ];
+
+    /// Whether `gpu` can.
+    ///
+    /// # Errors
+    /// [`Error::NoDevice`] with the remedy.
+    pub fn check(self, gpu: &Gpu) -> Result<()> {
+        if self == Accumulation::FloatAtomics && !gpu.caps().float_atomics {
+            return Err(Error::NoDevice {
+                reason: format!("{} has no float atomics, which accumulation `float_atomics` needs", gpu.caps().name),
+                remedy: "choose accumulation slots, fixed_point or compare_exchange".to_owned(),
+            });
+        }
+        Ok(())
+    }
+
+    /// Entries of a list that one round of the backward kernel walks, `SEGMENT` of its variant.
+    fn segment(self) -> u32 {
+        if self == Accumulation::CompareExchange { 8_192 } else { SEGMENT }
+    }
+
+    fn kernel(self, outputs: Outputs, pixels_per_lane: u32) -> &'static KernelInfo {
+        use Accumulation::{CompareExchange, FixedPoint, FloatAtomics, Slots};
+        match (self, outputs, pixels_per_lane) {
+            (Slots, Outputs::All, 4) => blend_bwd_p4::Args::INFO,
+            (Slots, Outputs::All, _) => g::blend_bwd_p8::Args::INFO,
+            (Slots, Outputs::Color, 4) => g::blend_bwd_color_p4::Args::INFO,
+            (Slots, Outputs::Color, _) => g::blend_bwd_color_p8::Args::INFO,
+            (FloatAtomics, Outputs::All, 4) => g::blend_bwd_float_p4::Args::INFO,
+            (FloatAtomics, Outputs::All, _) => g::blend_bwd_float_p8::Args::INFO,
+            (FloatAtomics, Outputs::Color, 4) => g::blend_bwd_float_color_p4::Args::INFO,
+            (FloatAtomics, Outputs::Color, _) => g::blend_bwd_float_color_p8::Args::INFO,
+            (FixedPoint, Outputs::All, 4) => g::blend_bwd_fixed_p4::Args::INFO,
+            (FixedPoint, Outputs::All, _) => g::blend_bwd_fixed_p8::Args::INFO,
+            (FixedPoint, Outputs::Color, 4) => g::blend_bwd_fixed_color_p4::Args::INFO,
+            (FixedPoint, Outputs::Color, _) => g::blend_bwd_fixed_color_p8::Args::INFO,
+            (CompareExchange, Outputs::All, 4) => g::blend_bwd_swap_p4::Args::INFO,
+            (CompareExchange, Outputs::All, _) => g::blend_bwd_swap_p8::Args::INFO,
+            (CompareExchange, Outputs::Color, 4) => g::blend_bwd_swap_color_p4::Args::INFO,
+            (CompareExchange, Outputs::Color, _) => g::blend_bwd_swap_color_p8::Args::INFO,
+        }
+    }
+}
 
 /// Buffers of the backward pass.
 pub struct Backward {
@@ -22,21 +94,36 @@ pub struct Backward {
     pub d_image0: Buf<[f32; 4]>,
     /// Cotangents of depth, inverse depth and flow; absent for [`Outputs::Color`].
     pub d_image1: Option<Buf<[f32; 4]>>,
-    /// Gradients, by group.
+    /// Gradients, by group; for [`Purpose::Gradient`] only.
     pub gradients: Vec<Planes>,
-    /// Per Gaussian: sum of the norms of the projected centre's gradient, in half pictures, and the frames it was seen in.
-    /// Grows from frame to frame; density control reads and clears it.
-    pub stats: Vec<Buf<[f32; 2]>>,
     /// Gaussians whose gradient was not finite.
     pub n_bad: Buf<u32>,
+    /// Gradient of the camera, three vec4: rotation about its own axes, time; translation along them; background. See
+    /// [`super::Gradients`] for the units.
+    pub d_camera: Buf<[f32; 4]>,
     carry: Buf<[f32; 2]>,
+    // Slots, or one slot per active Gaussian; words of fixed point beside them.
     d_slots: Buf<[f32; 2]>,
-    kernel: &'static KernelInfo,
+    words: Option<Buf<u32>>,
+    d_camera_each: Buf<[f32; 4]>,
+    camera_partials: Buf<[f32; 4]>,
+    accumulation: Accumulation,
+    // Of the fixed point, a power of two.
+    scale: f32,
+    outputs: Outputs,
     blocks_per_tile: u32,
 }
 
-/// The kernel of a population and a degree.
-fn kernel_of(dynamic: bool, degree: usize) -> &'static KernelInfo {
+/// What the backward pass ends in.
+pub enum Target<'a> {
+    /// Gradients of the parameters and the camera, in the backward pass's own buffers.
+    Gradients,
+    /// A step of the optimiser.
+    Step(&'a Optimiser),
+}
+
+/// The kernel of a population and a degree that writes gradients.
+fn gradient_kernel(dynamic: bool, degree: usize) -> &'static KernelInfo {
     match (dynamic, degree) {
         (false, 0) => g::project_bwd_static_sh0::Args::INFO,
         (false, 1) => g::project_bwd_static_sh1::Args::INFO,
@@ -49,47 +136,61 @@ fn kernel_of(dynamic: bool, degree: usize) -> &'static KernelInfo {
     }
 }
 
+/// The kernel of a population and a degree that moves the parameters.
+fn adam_kernel(dynamic: bool, degree: usize) -> &'static KernelInfo {
+    match (dynamic, degree) {
+        (false, 0) => g::project_bwd_adam_static_sh0::Args::INFO,
+        (false, 1) => g::project_bwd_adam_static_sh1::Args::INFO,
+        (false, 2) => g::project_bwd_adam_static_sh2::Args::INFO,
+        (false, _) => g::project_bwd_adam_static_sh3::Args::INFO,
+        (true, 0) => g::project_bwd_adam_dynamic_sh0::Args::INFO,
+        (true, 1) => g::project_bwd_adam_dynamic_sh1::Args::INFO,
+        (true, 2) => g::project_bwd_adam_dynamic_sh2::Args::INFO,
+        (true, _) => g::project_bwd_adam_dynamic_sh3::Args::INFO,
+    }
+}
+
 impl Backward {
-    /// Buffers for pictures of up to `pixels` pixels and `intersections` slots, blended as `blend` does.
-    pub fn new(
-        gpu: &Gpu,
-        scene: &SceneBuffers,
-        blend: &Blend,
-        pixels: usize,
-        intersections: u32,
-        outputs: Outputs,
-    ) -> Result<Self> {
-        let kernel = match (outputs, blend.pixels_per_lane()) {
-            (Outputs::All, 4) => blend_bwd_p4::Args::INFO,
-            (Outputs::All, _) => blend_bwd_p8::Args::INFO,
-            (Outputs::Color, 4) => blend_bwd_color_p4::Args::INFO,
-            (Outputs::Color, _) => blend_bwd_color_p8::Args::INFO,
-        };
+    /// Buffers for pictures within `room`, blended as `blend` does.
+    pub fn new(gpu: &Gpu, scene: &SceneBuffers, blend: &Blend, room: &super::Room) -> Result<Self> {
+        let super::Room { active, intersections, pixels, outputs, purpose, accumulation, .. } = *room;
+        let n_slots = if accumulation == Accumulation::Slots { intersections } else { active };
+        let gradients = if purpose == Purpose::Gradient { &scene.groups[..] } else { &[] };
+        let n_camera = if purpose == Purpose::Gradient { 2 * active as usize } else { 1 };
         Ok(Backward {
             d_image0: gpu.alloc("d image color", pixels)?,
             d_image1: match outputs {
                 Outputs::Color => None,
                 Outputs::All => Some(gpu.alloc("d image depth flow", pixels)?),
             },
-            gradients: scene
-                .groups
+            gradients: gradients
                 .iter()
                 .map(|group| Planes::like(gpu, &group.params, "gradients"))
                 .collect::<Result<_>>()?,
-            stats: scene
-                .groups
-                .iter()
-                .map(|group| gpu.upload("density statistics", &vec![[0.0; 2]; group.n as usize]))
-                .collect::<Result<_>>()?,
             n_bad: gpu.alloc("bad gradients", 1)?,
+            d_camera: gpu.alloc("d camera", 3)?,
             carry: gpu.alloc("blend carry", pixels)?,
-            d_slots: gpu.alloc("d slots", SLOT_PAIRS * intersections as usize)?,
-            kernel,
+            d_slots: gpu.alloc("d slots", SLOT_PAIRS * n_slots as usize)?,
+            words: match accumulation {
+                Accumulation::FixedPoint => Some(gpu.alloc("d words", FIXED_WORDS * active as usize)?),
+                _ => None,
+            },
+            d_camera_each: gpu.alloc("d camera of each", n_camera)?,
+            camera_partials: gpu.alloc("d camera partials", 3 * CAMERA_GROUPS as usize)?,
+            accumulation,
+            // Terms stay below 2^54: below 2^22 in units of a cotangent. Those of a loss are those of a mean over three
+            // channels.
+            scale: match purpose {
+                Purpose::Training => (32.0 + (3.0 * pixels as f64).log2().floor()).exp2() as f32,
+                _ => 32f32.exp2(),
+            },
+            outputs,
             blocks_per_tile: TILE * TILE / (gpu.caps().subgroup_size * blend.pixels_per_lane()),
         })
     }
 
-    /// Appends the backward pass of a frame whose forward pass was recorded for training with the same arguments.
+    /// Appends the backward pass of a frame whose forward pass was recorded for it with the same arguments.
+    /// `n_pixels` are those of the strip.
     #[expect(clippy::too_many_arguments, reason = "each names a stage of the frame")]
     pub fn record(
         &self,
@@ -103,79 +204,176 @@ impl Backward {
         view: &Buf<ViewParams>,
         status: &Buf<Status>,
         n_tiles: u32,
+        n_pixels: u32,
+        rounds: u32,
+        target: &Target,
+    ) {
+        self.record_blend(rec, cull, projected, tiles, lists, blend, view, n_tiles, rounds);
+        let wants_camera = matches!(target, Target::Gradients);
+        match target {
+            Target::Gradients => rec.stage("project bwd"),
+            Target::Step(_) => rec.stage("project bwd adam"),
+        }
+        rec.fill(self.n_bad.slice(), 0);
+        for (index, group) in scene.groups.iter().enumerate() {
+            rec.group(Some(index));
+            let (dynamic, degree) = (group.params.motion.is_some(), group.degree());
+            let grid = indirect(&cull.args, ARGS_FIRST_GROUP + index);
+            let is_summed = u32::from(self.accumulation != Accumulation::Slots);
+            let push = project_bwd_static_sh0::Push {
+                group: index as u32,
+                first: group.first,
+                is_summed,
+                wants_camera: u32::from(wants_camera),
+            };
+            let band = |b: usize| group.params.bands.get(b).unwrap_or(&group.params.sh0);
+            match target {
+                Target::Gradients => {
+                    let d = &self.gradients[index];
+                    let d_band = |b: usize| d.bands.get(b).unwrap_or(&d.sh0);
+                    for buffer in d.buffers() {
+                        rec.fill(buffer.slice(), 0);
+                    }
+                    let args = project_bwd_static_sh0::Args {
+                        view,
+                        ranges: &cull.ranges,
+                        active_id: &cull.active_id,
+                        geometry: &group.params.geometry,
+                        splats: &projected.splats,
+                        tile_counts: &projected.tile_counts,
+                        slot_first: &tiles.slot_first,
+                        d_slots: &self.d_slots,
+                        n_bad: &self.n_bad,
+                        frame_status: status,
+                        d_camera: &self.d_camera_each,
+                        motion: group.params.motion.as_ref().unwrap_or(&group.params.sh0),
+                        sh1: band(0),
+                        sh2: band(1),
+                        sh3: band(2),
+                        d_geometry: &d.geometry,
+                        d_sh0: &d.sh0,
+                        d_motion: d.motion.as_ref().unwrap_or(&d.sh0),
+                        d_sh1: d_band(0),
+                        d_sh2: d_band(1),
+                        d_sh3: d_band(2),
+                    };
+                    rec.pass_variant(gradient_kernel(dynamic, degree), args, push, grid);
+                }
+                Target::Step(optimiser) => {
+                    let moments = &optimiser.moments[index];
+                    let m_band = |b: usize| moments.bands.get(b).unwrap_or(&moments.sh0);
+                    let args = project_bwd_adam_static_sh0::Args {
+                        view,
+                        ranges: &cull.ranges,
+                        active_id: &cull.active_id,
+                        geometry: &group.params.geometry,
+                        splats: &projected.splats,
+                        tile_counts: &projected.tile_counts,
+                        slot_first: &tiles.slot_first,
+                        d_slots: &self.d_slots,
+                        n_bad: &optimiser.n_bad,
+                        frame_status: status,
+                        d_camera: &self.d_camera_each,
+                        sh0: &group.params.sh0,
+                        motion: group.params.motion.as_ref().unwrap_or(&group.params.sh0),
+                        sh1: band(0),
+                        sh2: band(1),
+                        sh3: band(2),
+                        moments_geometry: &moments.geometry,
+                        moments_sh0: &moments.sh0,
+                        moments_motion: moments.motion.as_ref().unwrap_or(&moments.sh0),
+                        moments_sh1: m_band(0),
+                        moments_sh2: m_band(1),
+                        moments_sh3: m_band(2),
+                        state: &optimiser.state[index],
+                        adam: &optimiser.params,
+                    };
+                    let push = project_bwd_adam_static_sh0::Push {
+                        group: push.group,
+                        first: push.first,
+                        is_summed,
+                        wants_camera: push.wants_camera,
+                    };
+                    rec.pass_variant(adam_kernel(dynamic, degree), args, push, grid);
+                }
+            }
+        }
+        rec.group(None);
+        if let (true, Some(tail)) = (wants_camera, &blend.tail) {
+            rec.stage("camera bwd");
+            let (d_camera, partials) = (&self.d_camera_each, &self.camera_partials);
+            rec.pass(
+                camera_sum::Args { count: &cull.n_active, d_camera, partials },
+                (),
+                Grid::Groups(CAMERA_GROUPS),
+            );
+            rec.pass(
+                background_sum::Args { tail, d_image0: &self.d_image0, partials },
+                background_sum::Push { n: n_pixels },
+                Grid::Groups(CAMERA_GROUPS),
+            );
+            rec.pass(camera_total::Args { partials, total: &self.d_camera }, (), Grid::Groups(1));
+        }
+    }
+
+    #[expect(clippy::too_many_arguments, reason = "each names a stage of the frame")]
+    fn record_blend(
+        &self,
+        rec: &mut Recording,
+        cull: &Cull,
+        projected: &Projected,
+        tiles: &Tiles,
+        lists: &Lists,
+        blend: &Blend,
+        view: &Buf<ViewParams>,
+        n_tiles: u32,
         rounds: u32,
     ) {
-        let (Some(slots), Some(tail)) = (&lists.slots, &blend.tail) else {
-            unreachable!("the forward pass was recorded for training");
-        };
+        let Some(tail) = &blend.tail else { unreachable!("the forward pass was recorded for a backward pass") };
         rec.stage("blend bwd");
-        rec.fill(self.d_slots.slice(), 0);
-        let subgroups_per_group = self.kernel.local / blend.subgroup_size();
+        let kernel = self.accumulation.kernel(self.outputs, blend.pixels_per_lane());
+        let words = self.words.as_ref().map(Buf::cast);
+        let sums = words.as_ref().unwrap_or(&self.d_slots);
+        rec.fill(sums.slice(), 0);
+        let subgroups_per_group = kernel.local / blend.subgroup_size();
+        let is_slots = self.accumulation == Accumulation::Slots;
+        let (n_work, n_dispatches) =
+            if is_slots { (n_tiles, self.blocks_per_tile) } else { (n_tiles * self.blocks_per_tile, 1) };
+        let scale = self.scale;
+        let rounds = rounds * (SEGMENT / self.accumulation.segment());
         for round in 0..rounds {
-            for block in 0..self.blocks_per_tile {
+            for block in 0..n_dispatches {
                 let args = blend_bwd_p4::Args {
                     view,
                     tile_order: &tiles.tile_order,
                     tile_first: &tiles.tile_first,
                     splat_ids: &lists.splat_ids,
-                    slots,
+                    slots: lists.slots.as_ref().unwrap_or(&lists.splat_ids),
                     splats: &projected.splats,
                     tail,
                     d_image0: &self.d_image0,
                     carry: &self.carry,
-                    d_slots: &self.d_slots,
+                    d_slots: sums,
                     d_image1: self.d_image1.as_ref().unwrap_or(&self.d_image0),
                 };
                 let push = blend_bwd_p4::Push {
-                    n_tiles,
-                    stride: if blend.deals() { coprime_stride(n_tiles) } else { 1 },
+                    n_work,
+                    stride: if blend.deals() { coprime_stride(n_work) } else { 1 },
                     block,
                     segment: rounds - 1 - round,
                     first_round: u32::from(round == 0),
+                    scale,
                 };
-                rec.pass_variant(self.kernel, args, push, Grid::Groups(n_tiles.div_ceil(subgroups_per_group)));
+                rec.pass_variant(kernel, args, push, Grid::Groups(n_work.div_ceil(subgroups_per_group)));
             }
         }
-        rec.stage("project bwd");
-        rec.fill(self.n_bad.slice(), 0);
-        for (index, ((group, d), stats)) in scene.groups.iter().zip(&self.gradients).zip(&self.stats).enumerate() {
-            for buffer in d.buffers() {
-                rec.fill(buffer.slice(), 0);
-            }
-            rec.group(Some(index));
-            let band = |b: usize| group.params.bands.get(b).unwrap_or(&group.params.sh0);
-            let d_band = |b: usize| d.bands.get(b).unwrap_or(&d.sh0);
-            let args = project_bwd_static_sh0::Args {
-                view,
-                ranges: &cull.ranges,
-                active_id: &cull.active_id,
-                geometry: &group.params.geometry,
-                splats: &projected.splats,
-                tile_counts: &projected.tile_counts,
-                slot_first: &tiles.slot_first,
-                d_slots: &self.d_slots,
-                d_geometry: &d.geometry,
-                d_sh0: &d.sh0,
-                n_bad: &self.n_bad,
-                motion: group.params.motion.as_ref().unwrap_or(&group.params.sh0),
-                sh1: band(0),
-                sh2: band(1),
-                sh3: band(2),
-                d_motion: d.motion.as_ref().unwrap_or(&d.sh0),
-                d_sh1: d_band(0),
-                d_sh2: d_band(1),
-                d_sh3: d_band(2),
-                stats,
-                frame_status: status,
-            };
-            rec.pass_variant(
-                kernel_of(group.params.motion.is_some(), group.degree()),
-                args,
-                project_bwd_static_sh0::Push { group: index as u32, first: group.first },
-                indirect(&cull.args, ARGS_FIRST_GROUP + index),
+        if let Some(words) = &self.words {
+            rec.pass(
+                fixed_sums::Args { count: &cull.n_active, words, d_slots: &self.d_slots },
+                fixed_sums::Push { inverse_scale: 1.0 / scale },
+                indirect(&cull.args, ARGS_THREADS),
             );
         }
-        rec.group(None);
     }
 }
 

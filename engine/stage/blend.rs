@@ -28,8 +28,10 @@ pub enum Outputs {
 pub enum Purpose {
     /// No: a picture is all that is wanted.
     Picture,
-    /// Yes: lists keep slots, and every pixel its final transmittance and last entry.
+    /// Yes, for its gradients: every pixel keeps its final transmittance and last entry.
     Gradient,
+    /// Yes, for a step of the optimiser.
+    Training,
 }
 
 /// Images and shape of the blend kernel.
@@ -38,7 +40,7 @@ pub struct Blend {
     pub image0: Buf<[f32; 4]>,
     /// Depth, inverse depth and flow; absent for [`Outputs::Color`].
     pub image1: Option<Buf<[f32; 4]>>,
-    /// Final transmittance (its bits) and number of the last entry added, per pixel; for [`Purpose::Gradient`] only.
+    /// Final transmittance (its bits) and number of the last entry added, per pixel; unless for [`Purpose::Picture`].
     pub tail: Option<Buf<[u32; 2]>>,
     kernel: &'static KernelInfo,
     subgroup_size: u32,
@@ -58,10 +60,10 @@ impl Blend {
             (Purpose::Picture, Outputs::All, _) => blend_fwd_p8::Args::INFO,
             (Purpose::Picture, Outputs::Color, 4) => blend_fwd_color_p4::Args::INFO,
             (Purpose::Picture, Outputs::Color, _) => blend_fwd_color_p8::Args::INFO,
-            (Purpose::Gradient, Outputs::All, 4) => blend_fwd_train_p4::Args::INFO,
-            (Purpose::Gradient, Outputs::All, _) => blend_fwd_train_p8::Args::INFO,
-            (Purpose::Gradient, Outputs::Color, 4) => blend_fwd_train_color_p4::Args::INFO,
-            (Purpose::Gradient, Outputs::Color, _) => blend_fwd_train_color_p8::Args::INFO,
+            (_, Outputs::All, 4) => blend_fwd_train_p4::Args::INFO,
+            (_, Outputs::All, _) => blend_fwd_train_p8::Args::INFO,
+            (_, Outputs::Color, 4) => blend_fwd_train_color_p4::Args::INFO,
+            (_, Outputs::Color, _) => blend_fwd_train_color_p8::Args::INFO,
         };
         Ok(Blend {
             image0: gpu.alloc("image color", pixels)?,
@@ -71,7 +73,7 @@ impl Blend {
             },
             tail: match purpose {
                 Purpose::Picture => None,
-                Purpose::Gradient => Some(gpu.alloc("image tail", pixels)?),
+                Purpose::Gradient | Purpose::Training => Some(gpu.alloc("image tail", pixels)?),
             },
             kernel,
             subgroup_size: caps.subgroup_size,

@@ -20,7 +20,8 @@ pub(super) fn indirect(args: &Buf<[u32; 4]>, at: usize) -> Grid {
 
 /// Scratch and result of culling.
 pub struct Cull {
-    bits: Buf<u32>,
+    /// One bit per flat index: whether the Gaussian is active.
+    pub bits: Buf<u32>,
     offsets: Buf<u32>,
     n_blocks: Buf<u32>,
     scan: Scan,

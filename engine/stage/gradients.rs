@@ -9,15 +9,24 @@ pub struct Gradients {
     pub params: Splats,
     /// Of the camera's time offset, per frame.
     pub time_offset: f64,
+    /// Of a turn of the camera, radians about its own axes: x_camera becomes exp(turn) x_camera.
+    pub camera_rotation: [f64; 3],
+    /// Of a shift of the world along the camera's axes, scene units: x_camera becomes x_camera + shift.
+    pub camera_translation: [f64; 3],
+    /// Of the background's colour.
+    pub background: [f64; 3],
     /// Gaussians whose gradient was not finite and is given as zero.
     pub n_bad: u32,
 }
 
 impl Gradients {
     /// Adds the gradients of one strip, for a frame step of `dt`.
-    pub(super) fn add(&mut self, strip: Splats, n_bad: u32, dt: f64) {
-        // A later camera clock and an earlier t_center are the same to a Gaussian.
-        self.time_offset -= strip.motion.iter().map(|m| f64::from(m.t_center)).sum::<f64>() * dt;
+    pub(super) fn add(&mut self, strip: Splats, camera: &[[f32; 4]], n_bad: u32, dt: f64) {
+        let sums = [&mut self.camera_rotation, &mut self.camera_translation, &mut self.background];
+        for (sum, part) in sums.into_iter().zip(camera) {
+            sum.iter_mut().zip(part).for_each(|(sum, x)| *sum += f64::from(*x));
+        }
+        self.time_offset += camera.first().map_or(0.0, |turn| f64::from(turn[3])) * dt;
         self.n_bad += n_bad;
         if self.params.is_empty() {
             self.params = strip;

@@ -16,12 +16,12 @@ pub const SSIM_WEIGHT: f32 = 0.2;
 pub struct Photometric {
     /// The training image: RGB and the mask in the top byte, 8 bits each, row-major.
     pub truth: Buf<u32>,
-    /// Sums over pixels and channels: 1 - SSIM, absolute error. See [`Photometric::values`].
-    pub sums: Buf<[f32; 2]>,
+    /// Sums over pixels and channels: 1 - SSIM, absolute error, squared error. See [`Photometric::values`].
+    pub sums: Buf<[f32; 4]>,
     moments: Buf<[f32; 4]>,
     partials: Buf<[f32; 4]>,
     filtered: Buf<[f32; 4]>,
-    group_sums: Buf<[f32; 2]>,
+    group_sums: Buf<[f32; 4]>,
 }
 
 impl Photometric {
@@ -74,10 +74,10 @@ impl Photometric {
         rec.pass(loss_sum::Args { sums: group_sums, loss: sums }, loss_sum::Push { n }, Grid::Groups(1));
     }
 
-    /// SSIM and mean absolute error over the visible pixels, from the sums. Hidden pixels equal the truth, so they add to
-    /// 1 - SSIM only where a visible neighbour differs.
-    pub fn values(sums: [f32; 2], n_visible: u32) -> (f64, f64) {
-        let n = 3.0 * f64::from(n_visible);
-        (1.0 - f64::from(sums[0]) / n, f64::from(sums[1]) / n)
+    /// SSIM, mean absolute and mean squared error over the visible pixels, from the sums. Hidden pixels equal the truth, so
+    /// they add to 1 - SSIM only where a visible neighbour differs.
+    pub fn values(sums: [f32; 4], n_visible: u32) -> [f64; 3] {
+        let [structure, absolute, squared, _] = sums.map(|sum| f64::from(sum) / (3.0 * f64::from(n_visible)));
+        [1.0 - structure, absolute, squared]
     }
 }

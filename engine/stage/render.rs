@@ -1,12 +1,12 @@
 //! The renderer: one frame from a view, in strips where a device's bindings are shorter than the picture, replayed with
 //! more room where it overflows.
 
-use super::backward::Backward;
+use super::backward::{Accumulation, Backward, Target};
 use super::blend::{Blend, Outputs, Purpose};
 use super::gradients::Gradients;
 use super::params::{Strip, TILE, view_params};
 use super::scene::SceneBuffers;
-use super::workspace::{Room, Verdict, Workspace, max_active, max_intersections};
+use super::workspace::{Room, Verdict, Workspace, max_active};
 use crate::error::{Error, Result};
 use crate::gpu::generated::Status;
 use crate::gpu::table::{Count, KERNELS};
@@ -70,15 +70,16 @@ impl Renderer {
     /// # Errors
     /// [`Error::OutOfMemory`] naming the buffer that does not fit.
     pub fn new(gpu: Arc<Gpu>, splats: &Splats, constants: Constants) -> Result<Self> {
-        let scene = SceneBuffers::upload(&gpu, splats, constants.alpha_min)?;
+        let scene = SceneBuffers::upload(&gpu, splats, constants.alpha_min, Purpose::Picture)?;
         let active = scene.n.clamp(1, max_active(&gpu));
         let room = Room {
             active,
-            intersections: active.saturating_mul(2).clamp(1 << 16, max_intersections(&gpu, Purpose::Picture)),
+            intersections: active.saturating_mul(2).max(1 << 16),
             tiles: 1,
             pixels: 1,
             outputs: Outputs::Color,
             purpose: Purpose::Picture,
+            accumulation: Accumulation::default(),
         };
         Ok(Renderer { gpu, scene, constants, work: None, room })
     }
@@ -111,6 +112,16 @@ impl Renderer {
         self.render_with(view, outputs, true)
     }
 
+    /// Adds gradients up in another way from now on.
+    ///
+    /// # Errors
+    /// [`Error::NoDevice`] when the device cannot.
+    pub fn accumulate(&mut self, accumulation: Accumulation) -> Result<()> {
+        accumulation.check(&self.gpu)?;
+        self.room.accumulation = accumulation;
+        Ok(())
+    }
+
     /// Gradients of sum(cotangent * output) of `view`, where `cotangents` holds the cotangents of a frame.
     ///
     /// # Errors
@@ -122,7 +133,7 @@ impl Renderer {
             let Some(backward) = &work.backward else { return Ok(()) };
             let strip = scene.download(&gpu, backward.gradients.iter())?;
             let n_bad = gpu.read(&backward.n_bad)?.first().copied().unwrap_or(0);
-            gradients.add(strip, n_bad, view.flow_dt);
+            gradients.add(strip, &gpu.read(&backward.d_camera)?, n_bad, view.flow_dt);
             Ok(())
         })?;
         Ok((gradients, report))
@@ -202,26 +213,20 @@ impl Renderer {
         self.room.pixels = self.room.pixels.max((view.width * strip.n_rows) as usize);
         self.room.outputs = outputs;
         self.room.purpose = if cotangents.is_some() { Purpose::Gradient } else { Purpose::Picture };
-        let limit = max_intersections(&self.gpu, self.room.purpose);
+        let limit = self.room.max_intersections(&self.gpu);
         self.room.intersections = self.room.intersections.min(limit);
         let params = view_params(view, &self.constants, self.scene.origin, strip);
         let mut rounds = 1;
         loop {
-            let work = match self.work.take() {
-                Some(work) if work.room == self.room => work,
-                // The old buffers go before the new ones come.
-                old => {
-                    drop(old);
-                    Workspace::new(&self.gpu, &self.scene, self.room)?
-                }
-            };
+            let work = Workspace::fit(&mut self.work, &self.gpu, &self.scene, self.room)?;
             self.gpu.write(&work.view, &[params])?;
             if let (Some(cotangents), Some(backward)) = (cotangents, &work.backward) {
                 write_cotangents(&self.gpu, backward, cotangents, view, strip)?;
             }
             let mut rec = Recording::new();
-            let lists = work.record_forward(&mut rec, &self.scene, n_tiles, rounds);
-            work.record_backward(&mut rec, &self.scene, &lists, n_tiles, rounds);
+            let lists = work.record_forward(&mut rec, &self.scene, n_tiles, rounds, |_| ());
+            let n_pixels = view.width * strip.n_rows;
+            work.record_backward(&mut rec, &self.scene, &lists, n_tiles, n_pixels, rounds, &Target::Gradients);
             let times = if timed {
                 self.gpu.run_timed(&rec)?
             } else {
@@ -230,7 +235,6 @@ impl Renderer {
             };
             let status = self.gpu.read(&work.status)?.first().copied().unwrap_or_default();
             let verdict = work.verdict(&self.gpu, &status, rounds);
-            self.work = Some(work);
             match verdict {
                 Verdict::Complete => {}
                 Verdict::Replay(room, new_rounds) => {

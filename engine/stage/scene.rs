@@ -1,6 +1,7 @@
 //! A scene on the device: groups of Gaussians of one population and one SH degree, each short enough for the device's
 //! bindings.
 
+use super::blend::Purpose;
 use crate::error::{Error, Result};
 use crate::gpu::generated::{bound_dynamic, bound_static};
 use crate::gpu::{Buf, Gpu, Grid, Recording};
@@ -11,7 +12,7 @@ const PLANE_BLOCK: usize = 32;
 /// Gaussians per workgroup of the cull; groups begin at multiples of it in the flat index.
 pub const CULL_BLOCK: u32 = 128;
 /// vec4 planes of bands 1 to 3.
-const BAND_PLANES: [usize; 3] = [3, 4, 6];
+pub(super) const BAND_PLANES: [usize; 3] = [3, 4, 6];
 
 /// Numbers per Gaussian in the layout of the parameters: the parameters themselves, their gradients, their moments.
 pub struct Planes {
@@ -62,13 +63,9 @@ impl SceneBuffers {
     ///
     /// # Errors
     /// [`Error::OutOfMemory`] naming the buffer.
-    pub fn upload(gpu: &Gpu, splats: &Splats, alpha_min: f32) -> Result<Self> {
+    pub fn upload(gpu: &Gpu, splats: &Splats, alpha_min: f32, purpose: Purpose) -> Result<Self> {
         let origin = far_origin(splats);
-        let degree = splats.sh_degree as usize;
-        // The longest binding of a group is that of its widest plane set.
-        let widest = BAND_PLANES.iter().take(degree).copied().chain([3]).max().unwrap_or(3);
-        let limit =
-            (gpu.caps().max_binding_bytes / (16 * widest as u64)) as usize / CULL_BLOCK as usize * CULL_BLOCK as usize;
+        let limit = group_limit(gpu, splats.sh_degree as usize, purpose);
         let (mut groups, mut first) = (Vec::new(), 0u32);
         for (range, dynamic) in [(0..splats.n_static, false), (splats.n_static..splats.len(), true)] {
             for start in range.clone().step_by(limit) {
@@ -113,6 +110,21 @@ impl SceneBuffers {
 
     /// Reads numbers in the parameters' layout back into the scene's order; one [`Planes`] per group.
     pub fn download<'a>(&self, gpu: &Gpu, planes: impl Iterator<Item = &'a Planes>) -> Result<Splats> {
+        let arrays = planes.map(|planes| Arrays::read(gpu, planes)).collect::<Result<Vec<_>>>()?;
+        Ok(self.assemble(&arrays))
+    }
+
+    /// Reads moments back: the first and the second, in the scene's order.
+    pub fn download_moments(&self, gpu: &Gpu, moments: &[Planes]) -> Result<(Splats, Splats)> {
+        let arrays = moments.iter().map(|planes| Arrays::read(gpu, planes)).collect::<Result<Vec<_>>>()?;
+        let part = |second: usize| -> Vec<Arrays> {
+            let groups = self.groups.iter().zip(&arrays);
+            groups.map(|(group, arrays)| arrays.map(|planes, from| every_other(from, planes, group.n as usize, second))).collect()
+        };
+        Ok((self.assemble(&part(0)), self.assemble(&part(1))))
+    }
+
+    fn assemble(&self, arrays: &[Arrays]) -> Splats {
         let degree = self.groups.first().map_or(0, Group::degree);
         let (n, k) = (self.n as usize, self.n_coefficients());
         let n_static = self.groups.iter().filter(|g| g.params.motion.is_none()).map(|g| g.n as usize).sum();
@@ -127,17 +139,55 @@ impl SceneBuffers {
             source_row: (0..n as u32).collect(),
             ..Splats::new(degree as u32)
         };
-        for (group, planes) in self.groups.iter().zip(planes) {
-            planes.read_into(gpu, &mut out, group.start, group.n as usize)?;
+        for (group, arrays) in self.groups.iter().zip(arrays) {
+            arrays.write_into(&mut out, group.start, group.n as usize);
         }
-        Ok(out)
+        out
     }
+}
+
+/// The most Gaussians of a degree whose longest binding the device can see: that of the widest set of planes, and of its
+/// moments for [`Purpose::Training`]. A multiple of the workgroup of the cull.
+pub fn group_limit(gpu: &Gpu, degree: usize, purpose: Purpose) -> usize {
+    let widest = BAND_PLANES.iter().take(degree).copied().chain([3]).max().unwrap_or(3);
+    let planes = if purpose == Purpose::Training { 2 * widest } else { widest };
+    (gpu.caps().max_binding_bytes / (16 * planes as u64)) as usize / CULL_BLOCK as usize * CULL_BLOCK as usize
+}
+
+/// [`Planes`] on the host.
+struct Arrays {
+    geometry: Vec<[f32; 4]>,
+    sh0: Vec<[f32; 4]>,
+    bands: Vec<Vec<[f32; 4]>>,
+    motion: Option<Vec<[f32; 4]>>,
 }
 
 impl Planes {
     /// The values of Gaussians `start..start + n` of `splats`, positions relative to `origin`.
     pub fn upload(gpu: &Gpu, splats: &Splats, start: usize, n: usize, origin: [f64; 3]) -> Result<Self> {
-        upload_planes(gpu, splats, origin, start, n)
+        Arrays::of(splats, origin, start, n).upload(gpu)
+    }
+
+    /// Moments of Gaussians `start..start + n`: twice the planes of the parameters, all in blocks; plane 2p is `first`'s
+    /// plane p, 2p + 1 `second`'s.
+    pub fn upload_moments(gpu: &Gpu, first: &Splats, second: &Splats, start: usize, n: usize) -> Result<Self> {
+        let second = Arrays::of(second, [0.0; 3], start, n);
+        let both = |planes: usize, first: &[[f32; 4]], second: &[[f32; 4]]| {
+            let mut out = vec![[0.0; 4]; 2 * planes * n.next_multiple_of(PLANE_BLOCK)];
+            for (i, p) in (0..n).flat_map(|i| (0..planes).map(move |p| (i, p))) {
+                out[plane_of(i, 2 * planes, 2 * p)] = first[plane_of(i, planes, p)];
+                out[plane_of(i, 2 * planes, 2 * p + 1)] = second[plane_of(i, planes, p)];
+            }
+            out
+        };
+        let Arrays { geometry, sh0, bands, motion } = Arrays::of(first, [0.0; 3], start, n);
+        Arrays {
+            geometry: both(3, &geometry, &second.geometry),
+            sh0: both(1, &sh0, &second.sh0),
+            bands: (0..bands.len()).map(|b| both(BAND_PLANES[b], &bands[b], &second.bands[b])).collect(),
+            motion: motion.zip(second.motion.as_ref()).map(|(first, second)| both(1, &first, second)),
+        }
+        .upload(gpu)
     }
 
     /// Buffers of the same shape with undefined contents.
@@ -151,37 +201,83 @@ impl Planes {
         })
     }
 
+    /// Zeros for the moments of `params`, `n` Gaussians, laid out as [`Planes::upload_moments`] does.
+    pub fn moments(gpu: &Gpu, params: &Planes, n: usize) -> Result<Self> {
+        let zeros = |planes: usize| gpu.upload("moments", &vec![[0.0; 4]; 2 * planes * n.next_multiple_of(PLANE_BLOCK)]);
+        Ok(Planes {
+            geometry: zeros(3)?,
+            sh0: zeros(1)?,
+            bands: BAND_PLANES[..params.bands.len()].iter().map(|planes| zeros(*planes)).collect::<Result<_>>()?,
+            motion: params.motion.as_ref().map(|_| zeros(1)).transpose()?,
+        })
+    }
+
     /// All buffers, in the same order for planes of one shape.
     pub fn buffers(&self) -> impl Iterator<Item = &Buf<[f32; 4]>> {
         [&self.geometry, &self.sh0].into_iter().chain(&self.bands).chain(&self.motion)
     }
+}
 
-    fn read_into(&self, gpu: &Gpu, out: &mut Splats, start: usize, n: usize) -> Result<()> {
+/// The planes of first (`second` = 0) or second (1) moments among `moments`, in the layout of the parameters.
+fn every_other(moments: &[[f32; 4]], planes: usize, n: usize, second: usize) -> Vec<[f32; 4]> {
+    let mut out = vec![[0.0; 4]; planes * n.next_multiple_of(PLANE_BLOCK)];
+    for (i, p) in (0..n).flat_map(|i| (0..planes).map(move |p| (i, p))) {
+        out[plane_of(i, planes, p)] = moments[plane_of(i, 2 * planes, 2 * p + second)];
+    }
+    out
+}
+
+impl Arrays {
+    fn read(gpu: &Gpu, planes: &Planes) -> Result<Self> {
+        Ok(Arrays {
+            geometry: gpu.read(&planes.geometry)?,
+            sh0: gpu.read(&planes.sh0)?,
+            bands: planes.bands.iter().map(|band| gpu.read(band)).collect::<Result<_>>()?,
+            motion: planes.motion.as_ref().map(|motion| gpu.read(motion)).transpose()?,
+        })
+    }
+
+    fn upload(&self, gpu: &Gpu) -> Result<Planes> {
+        let band = |(b, data): (usize, &Vec<[f32; 4]>)| gpu.upload(&format!("sh{}", b + 1), data);
+        Ok(Planes {
+            geometry: gpu.upload("geometry", &self.geometry)?,
+            sh0: gpu.upload("sh0", &self.sh0)?,
+            bands: self.bands.iter().enumerate().map(band).collect::<Result<_>>()?,
+            motion: self.motion.as_ref().map(|m| gpu.upload("motion", m)).transpose()?,
+        })
+    }
+
+    /// Each array through `f`, which is told its planes in the layout of the parameters.
+    fn map(&self, f: impl Fn(usize, &[[f32; 4]]) -> Vec<[f32; 4]>) -> Arrays {
+        Arrays {
+            geometry: f(3, &self.geometry),
+            sh0: f(1, &self.sh0),
+            bands: self.bands.iter().enumerate().map(|(b, data)| f(BAND_PLANES[b], data)).collect(),
+            motion: self.motion.as_ref().map(|data| f(1, data)),
+        }
+    }
+
+    fn write_into(&self, out: &mut Splats, start: usize, n: usize) {
         let k = out.n_coefficients();
-        let geometry = gpu.read(&self.geometry)?;
-        let sh0 = gpu.read(&self.sh0)?;
-        let bands = self.bands.iter().map(|band| gpu.read(band)).collect::<Result<Vec<_>>>()?;
-        let motion = self.motion.as_ref().map(|motion| gpu.read(motion)).transpose()?;
         for i in 0..n {
             let at = start + i;
-            let [a, q, s] = [0, 1, 2].map(|plane| geometry[plane_of(i, 3, plane)]);
+            let [a, q, s] = [0, 1, 2].map(|plane| self.geometry[plane_of(i, 3, plane)]);
             out.position[at] = [a[0], a[1], a[2]];
             out.opacity[at] = a[3];
             out.rotation[at] = q;
             out.scale[at] = [s[0], s[1], s[2]];
-            out.sh[at * k] = [sh0[i][0], sh0[i][1], sh0[i][2]];
-            for (band, data) in bands.iter().enumerate().map(|(b, data)| (b + 1, data)) {
+            out.sh[at * k] = [self.sh0[i][0], self.sh0[i][1], self.sh0[i][2]];
+            for (band, data) in self.bands.iter().enumerate().map(|(b, data)| (b + 1, data)) {
                 let float = |f: usize| data[plane_of(i, BAND_PLANES[band - 1], f / 4)][f % 4];
                 for c in 0..2 * band + 1 {
                     out.sh[at * k + band * band + c] = [float(3 * c), float(3 * c + 1), float(3 * c + 2)];
                 }
             }
-            if let Some(motion) = &motion {
+            if let Some(motion) = &self.motion {
                 let m = motion[i];
                 out.motion[at - out.n_static] = Motion { velocity: [m[0], m[1], m[2]], t_center: m[3], t_scale: s[3] };
             }
         }
-        Ok(())
     }
 }
 
@@ -246,7 +342,9 @@ fn upload_group(
     })
 }
 
-fn upload_planes(gpu: &Gpu, splats: &Splats, origin: [f64; 3], start: usize, n: usize) -> Result<Planes> {
+impl Arrays {
+    /// The values of Gaussians `start..start + n` of `splats`, positions relative to `origin`.
+    fn of(splats: &Splats, origin: [f64; 3], start: usize, n: usize) -> Self {
     let dynamic = start >= splats.n_static;
     let motion_of = |i: usize| splats.motion[start + i - splats.n_static];
     let geometry = planes(n, |i| {
@@ -272,7 +370,7 @@ fn upload_planes(gpu: &Gpu, splats: &Splats, origin: [f64; 3], start: usize, n: 
             2 => planes::<4>(n, |i| std::array::from_fn(|p| vec4(i, 2, p))),
             _ => planes::<6>(n, |i| std::array::from_fn(|p| vec4(i, 3, p))),
         };
-        bands.push(gpu.upload(&format!("sh{band}"), &data)?);
+        bands.push(data);
     }
     let motion: Option<Vec<[f32; 4]>> = dynamic.then(|| {
         (0..n)
@@ -282,12 +380,8 @@ fn upload_planes(gpu: &Gpu, splats: &Splats, origin: [f64; 3], start: usize, n: 
             })
             .collect()
     });
-    Ok(Planes {
-        geometry: gpu.upload("geometry", &geometry)?,
-        sh0: gpu.upload("sh0", &sh0)?,
-        bands,
-        motion: motion.map(|m| gpu.upload("motion", &m)).transpose()?,
-    })
+    Arrays { geometry, sh0, bands, motion }
+    }
 }
 
 /// Where to put the origin: zero, unless the scene lies so far away that f32 would lose its detail there.

@@ -1,6 +1,5 @@
 //! Intersections of Gaussians and tiles: placed in depth order, sorted by tile, listed per tile.
 
-use super::blend::Purpose;
 use super::cull::{ARGS_SCAN, ARGS_SORT, ARGS_SORT_SCAN, ARGS_THREADS, Cull, indirect};
 use super::project::Projected;
 use super::scan::Scan;
@@ -55,8 +54,8 @@ pub struct Tiles {
 }
 
 impl Tiles {
-    /// Room for `active` Gaussians, `intersections` pairs and `tiles` tiles.
-    pub fn new(gpu: &Gpu, active: u32, intersections: u32, tiles: u32, purpose: Purpose) -> Result<Self> {
+    /// Room for `active` Gaussians, `intersections` pairs and `tiles` tiles; with a slot per pair or without.
+    pub fn new(gpu: &Gpu, active: u32, intersections: u32, tiles: u32, has_slots: bool) -> Result<Self> {
         let (n, i, t) = (active as usize, intersections as usize, tiles as usize);
         Ok(Tiles {
             depth_sort: Sort::new(gpu, n)?,
@@ -68,13 +67,11 @@ impl Tiles {
             emit_args: gpu.alloc("emit args", 1)?,
             tile_keys: gpu.alloc("tile keys", i)?,
             splat_ids: gpu.alloc("tile splats", i)?,
-            slots: match purpose {
-                Purpose::Picture => None,
-                Purpose::Gradient => {
-                    Some(Slots { slots: gpu.alloc("slots", i)?, sorted_ids: gpu.alloc("sorted splats", i)? })
-                }
+            slots: match has_slots {
+                false => None,
+                true => Some(Slots { slots: gpu.alloc("slots", i)?, sorted_ids: gpu.alloc("sorted splats", i)? }),
             },
-            slot_first: gpu.alloc("slot first", if purpose == Purpose::Gradient { n } else { 1 })?,
+            slot_first: gpu.alloc("slot first", if has_slots { n } else { 1 })?,
             buckets: gpu.alloc("tile buckets", BUCKETS)?,
             cursors: gpu.alloc("tile cursors", BUCKETS)?,
             tile_first: gpu.alloc("tile first", t)?,

@@ -1,6 +1,6 @@
 //! The buffers of all stages of a frame, and their passes in order.
 
-use super::backward::{Backward, SLOT_PAIRS};
+use super::backward::{Accumulation, Backward, SLOT_PAIRS, Target};
 use super::blend::{Blend, Outputs, Purpose, SEGMENT};
 use super::cull::Cull;
 use super::project::{Projected, SPLAT_PLANES};
@@ -30,6 +30,21 @@ pub struct Room {
     pub outputs: Outputs,
     /// Whether a backward pass follows.
     pub purpose: Purpose,
+    /// How gradients are added up.
+    pub accumulation: Accumulation,
+}
+
+impl Room {
+    /// Whether each intersection has a slot for its gradient.
+    fn has_slots(&self) -> bool {
+        self.purpose != Purpose::Picture && self.accumulation == Accumulation::Slots
+    }
+
+    /// Intersections whose lists, and slots where there are any, fit one binding.
+    pub(super) fn max_intersections(&self, gpu: &Gpu) -> u32 {
+        let bytes = if self.has_slots() { 8 * SLOT_PAIRS as u64 } else { 4 };
+        (gpu.caps().max_binding_bytes / bytes).min(u64::from(u32::MAX - 1)) as u32
+    }
 }
 
 /// The buffers of all stages of a frame.
@@ -48,7 +63,7 @@ pub struct Workspace {
     pub tiles: Tiles,
     /// Blending and its pictures.
     pub blend: Blend,
-    /// The backward pass; for [`Purpose::Gradient`] only.
+    /// The backward pass; unless for [`Purpose::Picture`].
     pub backward: Option<Backward>,
 }
 
@@ -80,27 +95,50 @@ impl Workspace {
         Ok(Workspace {
             room,
             view: gpu.alloc("view", 1)?,
-            status: gpu.alloc("status", 1)?,
+            status: gpu.upload("status", &[Status::default()])?,
             cull: Cull::new(gpu, scene, room.active)?,
             projected: Projected::new(gpu, room.active)?,
-            tiles: Tiles::new(gpu, room.active, room.intersections, room.tiles, room.purpose)?,
+            tiles: Tiles::new(gpu, room.active, room.intersections, room.tiles, room.has_slots())?,
             backward: match room.purpose {
                 Purpose::Picture => None,
-                Purpose::Gradient => {
-                    let (pixels, slots) = (room.pixels, room.intersections);
-                    Some(Backward::new(gpu, scene, &blend, pixels, slots, room.outputs)?)
-                }
+                Purpose::Gradient | Purpose::Training => Some(Backward::new(gpu, scene, &blend, &room)?),
             },
             blend,
         })
     }
 
-    /// Appends the forward pass of the view that was uploaded: all stages of one strip.
-    pub fn record_forward(&self, rec: &mut Recording, scene: &SceneBuffers, n_tiles: u32, rounds: u32) -> Lists {
+    /// The workspace in `place`, replaced by a new one when it was made for another room; the old one's buffers go first.
+    ///
+    /// # Errors
+    /// As [`Workspace::new`].
+    pub fn fit<'a>(place: &'a mut Option<Workspace>, gpu: &Gpu, scene: &SceneBuffers, room: Room) -> Result<&'a Self> {
+        if place.as_ref().is_none_or(|work| work.room != room) {
+            *place = None;
+        }
+        Ok(match place {
+            Some(work) => work,
+            None => place.insert(Workspace::new(gpu, scene, room)?),
+        })
+    }
+
+    /// Appends the forward pass of the view that was uploaded: all stages of one strip. A training step begins with the
+    /// failure of the one before, if that failed: steps are handed over ahead, and none may be taken out of order.
+    /// `seen` may append passes on the Gaussians in view, before they are projected.
+    pub fn record_forward(
+        &self,
+        rec: &mut Recording,
+        scene: &SceneBuffers,
+        n_tiles: u32,
+        rounds: u32,
+        seen: impl FnOnce(&mut Recording),
+    ) -> Lists {
         let (view, status) = (&self.view, &self.status);
         rec.stage("cull");
-        rec.fill(status.slice(), 0);
+        let n_words = size_of::<Status>() / 4;
+        let first = usize::from(self.room.purpose == Purpose::Training);
+        rec.fill(status.cast::<u32>().range(first, n_words - first).slice(), 0);
         self.cull.record(rec, scene, view, status);
+        seen(rec);
         self.projected.record(rec, scene, &self.cull, view, status);
         let lists = self.tiles.record(rec, &self.cull, &self.projected, view, status, n_tiles, rounds * SEGMENT);
         self.blend.record(rec, &self.tiles, &lists, &self.projected, view, n_tiles, rounds);
@@ -109,7 +147,7 @@ impl Workspace {
 
     /// What is to be done about a frame of `rounds` rounds that ended with `status`.
     pub fn verdict(&self, gpu: &Gpu, status: &Status, rounds: u32) -> Verdict {
-        let limit = max_intersections(gpu, self.room.purpose);
+        let limit = self.room.max_intersections(gpu);
         if status.failed & FAILED_ACTIVE != 0 {
             let (needed, limit) = (status.n_active, status.capacity_active);
             Verdict::TooMuch { what: "active Gaussians", needed, limit }
@@ -126,10 +164,22 @@ impl Workspace {
     }
 
     /// Appends the backward pass of the forward pass recorded just before, if the workspace has one.
-    pub fn record_backward(&self, rec: &mut Recording, scene: &SceneBuffers, lists: &Lists, n_tiles: u32, rounds: u32) {
+    #[expect(clippy::too_many_arguments, reason = "the forward pass's, and the target")]
+    pub fn record_backward(
+        &self,
+        rec: &mut Recording,
+        scene: &SceneBuffers,
+        lists: &Lists,
+        n_tiles: u32,
+        n_pixels: u32,
+        rounds: u32,
+        target: &Target,
+    ) {
         let Workspace { cull, projected, tiles, blend, view, status, .. } = self;
         if let Some(backward) = &self.backward {
-            backward.record(rec, scene, cull, projected, tiles, lists, blend, view, status, n_tiles, rounds);
+            backward.record(
+                rec, scene, cull, projected, tiles, lists, blend, view, status, n_tiles, n_pixels, rounds, target,
+            );
         }
     }
 }
@@ -138,13 +188,4 @@ impl Workspace {
 pub(super) fn max_active(gpu: &Gpu) -> u32 {
     let limit = gpu.caps().max_binding_bytes / (16 * SPLAT_PLANES as u64);
     limit.min(u64::from(u32::MAX / 2)) as u32
-}
-
-/// Intersections whose lists, and slots where there are any, fit one binding.
-pub(super) fn max_intersections(gpu: &Gpu, purpose: Purpose) -> u32 {
-    let bytes = match purpose {
-        Purpose::Picture => 4,
-        Purpose::Gradient => 8 * SLOT_PAIRS as u64,
-    };
-    (gpu.caps().max_binding_bytes / bytes).min(u64::from(u32::MAX - 1)) as u32
 }

@@ -8,7 +8,7 @@ use crate::error::{Error, Result};
 use crate::scene::{Splats, write_atomic};
 use std::path::{Path, PathBuf};
 
-const MAGIC: &[u8; 8] = b"IVVCKPT1";
+const MAGIC: &[u8; 8] = b"IVVCKPT2";
 /// Longest header that is believed, bytes.
 const MAX_HEADER: usize = 1 << 20;
 /// Checkpoints kept in a folder.
@@ -32,8 +32,8 @@ pub struct Checkpoint {
     pub first: Splats,
     /// Second moments of Adam, by parameter.
     pub second: Splats,
-    /// Density statistics: sum of gradient norms and frames, per Gaussian.
-    pub stats: Vec<[f32; 2]>,
+    /// State of every Gaussian, see [`crate::stage::Optimiser::state`].
+    pub state: Vec<[f32; 4]>,
 }
 
 #[derive(serde::Serialize, serde::Deserialize)]
@@ -91,7 +91,7 @@ impl Checkpoint {
         for (set, splats) in [("params", &self.params), ("first", &self.first), ("second", &self.second)] {
             all.extend(arrays(splats).map(|(name, values)| (format!("{set}.{name}"), values)));
         }
-        all.push(("stats".to_owned(), self.stats.as_flattened()));
+        all.push(("state".to_owned(), self.state.as_flattened()));
         all
     }
 
@@ -191,12 +191,12 @@ impl Checkpoint {
             Ok(splats)
         };
         let (params, first, second) = (set("params")?, set("first")?, set("second")?);
-        let stats = take("stats")?.as_chunks().0.to_vec();
-        if [first.len(), second.len(), stats.len()] != [params.len(); 3] {
+        let state = take("state")?.as_chunks().0.to_vec();
+        if [first.len(), second.len(), state.len()] != [params.len(); 3] {
             return Err(fault("sections", "are of different numbers of Gaussians".to_owned()));
         }
         let Header { step, total, config, origin, .. } = header;
-        Ok(Checkpoint { step, total, config, origin, params, first, second, stats })
+        Ok(Checkpoint { step, total, config, origin, params, first, second, state })
     }
 
     /// The newest checkpoint of `folder` that can be read, with a warning for each newer one that cannot; none when there

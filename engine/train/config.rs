@@ -1,5 +1,7 @@
 //! All numbers of a training run, with their defaults (SPEC 6).
 
+use crate::stage::{Accumulation, AdamMode};
+
 /// A training run. Everything but the capture; two runs with equal settings on one machine give equal bits.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -18,26 +20,12 @@ pub struct Config {
     pub random_points: usize,
     /// Colour behind the scene.
     pub background: [f32; 3],
-    /// Learning rate of positions at the start, in units of the scene's extent.
-    pub lr_position: f64,
-    /// The same at the end; exponential in between.
-    pub lr_position_end: f64,
-    /// Learning rate of the constant band.
-    pub lr_sh0: f64,
-    /// Learning rate of the higher bands.
-    pub lr_sh_rest: f64,
-    /// Learning rate of opacity logits.
-    pub lr_opacity: f64,
-    /// Learning rate of log-scales.
-    pub lr_scale: f64,
-    /// Learning rate of quaternions.
-    pub lr_rotation: f64,
-    /// Learning rate of velocities, scene units per unit of time.
-    pub lr_velocity: f64,
-    /// Learning rate of times of peak visibility.
-    pub lr_t_center: f64,
-    /// Learning rate of log tau.
-    pub lr_t_scale: f64,
+    /// Learning rates.
+    pub lr: LearningRates,
+    /// Which Gaussians take a step: `dense` (all; the reference), `lazy` (those in view catch up first), `sparse`.
+    pub adam: AdamMode,
+    /// How gradients are added up: `slots`, `fixed_point`, `float_atomics`, `compare_exchange`.
+    pub accumulation: Accumulation,
     /// Where Gaussians are added and removed.
     pub density: Density,
 }
@@ -71,6 +59,64 @@ pub struct Density {
     pub reset_to: f32,
 }
 
+/// A learning rate that goes from `start` to `end` exponentially over the run.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Rate {
+    /// At the first step.
+    pub start: f64,
+    /// At the end of the run.
+    pub end: f64,
+}
+
+impl Rate {
+    /// The rate when `done`, from 0 to 1, of the run is done.
+    pub fn at(&self, done: f64) -> f64 {
+        if self.start == self.end { self.start } else { self.start * (self.end / self.start).powf(done) }
+    }
+}
+
+/// Learning rates by kind of parameter.
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct LearningRates {
+    /// Of positions, in units of the scene's extent.
+    pub position: Rate,
+    /// Of the constant band.
+    pub sh0: Rate,
+    /// Of the higher bands.
+    pub sh_rest: Rate,
+    /// Of opacity logits.
+    pub opacity: Rate,
+    /// Of log-scales.
+    pub scale: Rate,
+    /// Of quaternions.
+    pub rotation: Rate,
+    /// Of velocities, scene units per unit of time.
+    pub velocity: Rate,
+    /// Of times of peak visibility.
+    pub t_center: Rate,
+    /// Of log tau.
+    pub t_scale: Rate,
+}
+
+impl Default for LearningRates {
+    fn default() -> Self {
+        let constant = |rate: f64| Rate { start: rate, end: rate };
+        LearningRates {
+            position: Rate { start: 1.6e-4, end: 1.6e-6 },
+            sh0: constant(2.5e-3),
+            sh_rest: constant(1.25e-4),
+            opacity: constant(2.5e-2),
+            scale: constant(5e-3),
+            rotation: constant(1e-3),
+            velocity: constant(2e-3),
+            t_center: constant(1e-5),
+            t_scale: constant(3e-2),
+        }
+    }
+}
+
 impl Default for Config {
     fn default() -> Self {
         Config {
@@ -81,16 +127,9 @@ impl Default for Config {
             max_gaussians: 500_000,
             random_points: 20_000,
             background: [0.0; 3],
-            lr_position: 1.6e-4,
-            lr_position_end: 1.6e-6,
-            lr_sh0: 2.5e-3,
-            lr_sh_rest: 1.25e-4,
-            lr_opacity: 2.5e-2,
-            lr_scale: 5e-3,
-            lr_rotation: 1e-3,
-            lr_velocity: 2e-3,
-            lr_t_center: 1e-5,
-            lr_t_scale: 3e-2,
+            lr: LearningRates::default(),
+            adam: AdamMode::default(),
+            accumulation: Accumulation::default(),
             density: Density::default(),
         }
     }

@@ -44,6 +44,6 @@ pub fn scores(gpu: &Gpu, frame: &Frame, picture: &Picture) -> Result<Scores> {
     loss.record(&mut rec, &image, &d_image, [picture.width, picture.height], n_visible);
     gpu.run(&rec)?;
     let sums = gpu.read(&loss.sums)?.first().copied().unwrap_or_default();
-    let (ssim, l1) = Photometric::values(sums, n_visible);
+    let [ssim, l1, _] = Photometric::values(sums, n_visible);
     Ok(Scores { psnr: psnr(squares / (3.0 * f64::from(n_visible))), ssim, l1 })
 }

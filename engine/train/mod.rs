@@ -14,5 +14,5 @@ pub use config::{Config, Density};
 pub use init::{from_points, random_points};
 pub use metrics::{Scores, psnr, scores};
 pub use random::{Random, permutation};
-pub use schedule::{Rates, rates};
+pub use schedule::rates;
 pub use trainer::{StepReport, Trainer};

@@ -1,19 +1,28 @@
 //! The device side of training: forward, loss, backward and Adam in one recording, one image a step.
+//!
+//! A step is handed to the device before the one before has ended, and the host waits for none but the oldest. A step
+//! whose lists do not fit leaves a mark that stops those after it; all are then run again in order with more room.
 
 use super::checkpoint::Checkpoint;
 use super::config::Config;
 use super::density::{self, Counts};
-use super::schedule::{Rates, rates};
+use super::metrics::psnr;
+use super::schedule::rates;
 use crate::error::{Error, Result};
-use crate::gpu::{Buf, Gpu, PassTime, Recording};
+use crate::gpu::generated::{AdamParams, Status, ViewParams};
+use crate::gpu::{Buf, Gpu, PassTime, Recording, Running, Slice};
 use crate::scene::capture::Picture;
 use crate::scene::{Splats, View};
 use crate::settings::Constants;
 use crate::stage::{
-    Moments, Outputs, Photometric, Planes, Purpose, Room, SSIM_WEIGHT, SceneBuffers, Strip, Verdict, Workspace,
-    view_params,
+    AdamMode, Optimiser, Outputs, Photometric, Planes, Purpose, Room, SSIM_WEIGHT, SceneBuffers, StepSettings, Strip,
+    Target, Verdict, Workspace, adam_params, lazy_sums, view_params,
 };
+use std::collections::VecDeque;
 use std::sync::Arc;
+
+/// Steps that the device has at a time: it works on one while the host prepares the next.
+const IN_FLIGHT: usize = 2;
 
 /// A scene being trained: its Gaussians with their moments, on the device.
 pub struct Trainer {
@@ -24,23 +33,44 @@ pub struct Trainer {
     extent: f64,
     /// Normalised time between two frames.
     dt: f64,
+    // Steps handed over.
     step: u64,
+    // The step after which density control ran last, or was found not to be due.
+    controlled: u64,
     scene: SceneBuffers,
-    moments: Vec<GroupMoments>,
+    optimiser: Optimiser,
     work: Option<Workspace>,
     loss: Photometric,
-    n_bad: Buf<u32>,
     // Gaussians that cannot be drawn, counted once per step; density control removes them.
     n_undrawable: Buf<u32>,
     room: Room,
-    // Density statistics of a checkpoint, until there are buffers for them.
-    resumed_stats: Option<Vec<[f32; 2]>>,
+    // Rounds of the blend that the longest list so far needed.
+    rounds: u32,
+    in_flight: VecDeque<Step>,
+    reports: Vec<StepReport>,
 }
 
-/// First and second moments of a group.
-struct GroupMoments {
-    first: Planes,
-    second: Planes,
+/// What a step needs, kept until it has ended well.
+struct Inputs {
+    step: u64,
+    view: View,
+    size: [u32; 2],
+    n_visible: u32,
+    truth: Slice,
+}
+
+/// Where a step leaves its numbers.
+struct Results {
+    status: Slice,
+    sums: Slice,
+    n_bad: Slice,
+}
+
+/// A step on the device.
+struct Step {
+    inputs: Inputs,
+    running: Running,
+    results: Results,
 }
 
 /// What one step did.
@@ -54,21 +84,28 @@ pub struct StepReport {
     pub l1: f64,
     /// Structural similarity.
     pub ssim: f64,
+    /// Peak signal-to-noise ratio of the training image, dB.
+    pub psnr: f64,
     /// Gaussians.
     pub gaussians: u32,
+    /// Gaussians in the view's time and frustum.
+    pub active: u32,
     /// Gaussians that touch the picture.
     pub visible: u32,
     /// Pairs of a Gaussian and a tile.
     pub intersections: u32,
     /// Gradients that were not finite and changed nothing, since the start.
     pub bad_gradients: u32,
+    /// The round of density control after the step, if there was one.
+    pub density: Option<Counts>,
 }
 
 impl Trainer {
     /// Uploads `splats` for a run of `total` steps in a scene of radius `extent`, `dt` between frames.
     ///
     /// # Errors
-    /// [`Error::OutOfMemory`] naming the buffer that does not fit.
+    /// [`Error::OutOfMemory`] naming the buffer that does not fit; [`Error::NoDevice`] when the device cannot do what the
+    /// settings ask for.
     pub fn new(
         gpu: Arc<Gpu>,
         splats: &Splats,
@@ -78,20 +115,27 @@ impl Trainer {
         extent: f64,
         dt: f64,
     ) -> Result<Self> {
-        let scene = SceneBuffers::upload(&gpu, splats, constants.alpha_min)?;
+        config.accumulation.check(&gpu)?;
+        let scene = SceneBuffers::upload(&gpu, splats, constants.alpha_min, Purpose::Training)?;
         let zeros = zeros_like(splats);
-        let moments = upload_moments(&gpu, &scene, &zeros, &zeros)?;
+        let state = vec![[0.0; 4]; splats.len()];
+        let sums = match config.adam {
+            AdamMode::Lazy => lazy_sums(|step| rates(&config, step, total, extent), total),
+            AdamMode::Dense | AdamMode::Sparse => vec![[0.0; 4]],
+        };
+        let (moments, state) = upload_state(&gpu, &scene, &zeros, &zeros, &state)?;
+        let optimiser = Optimiser::new(&gpu, moments, state, config.adam, &sums)?;
         let room = Room {
             active: scene.n.max(1),
             intersections: scene.n.saturating_mul(4).max(1 << 14),
             tiles: 1,
             pixels: 1,
             outputs: Outputs::Color,
-            purpose: Purpose::Gradient,
+            purpose: Purpose::Training,
+            accumulation: config.accumulation,
         };
         Ok(Trainer {
             loss: Photometric::new(&gpu, 1)?,
-            n_bad: gpu.upload("bad gradients", &[0u32])?,
             n_undrawable: gpu.upload("undrawable Gaussians", &[0u32])?,
             gpu,
             constants,
@@ -100,11 +144,14 @@ impl Trainer {
             extent,
             dt,
             step: 0,
+            controlled: 0,
             scene,
-            moments,
+            optimiser,
             work: None,
             room,
-            resumed_stats: None,
+            rounds: 1,
+            in_flight: VecDeque::new(),
+            reports: Vec::new(),
         })
     }
 
@@ -113,21 +160,22 @@ impl Trainer {
     /// # Errors
     /// As [`Trainer::new`].
     pub fn resume(gpu: Arc<Gpu>, checkpoint: &Checkpoint, constants: Constants, extent: f64, dt: f64) -> Result<Self> {
-        let Checkpoint { step, total, config, origin, params, first, second, stats } = checkpoint;
+        let Checkpoint { step, total, config, origin, params, first, second, state } = checkpoint;
         let mut trainer = Self::new(gpu, params, constants, config.clone(), *total, extent, dt)?;
         trainer.scene.origin = *origin;
-        trainer.moments = upload_moments(&trainer.gpu, &trainer.scene, first, second)?;
-        trainer.step = *step;
-        trainer.resumed_stats = Some(stats.clone());
+        let (moments, state) = upload_state(&trainer.gpu, &trainer.scene, first, second, state)?;
+        (trainer.optimiser.moments, trainer.optimiser.state) = (moments, state);
+        (trainer.step, trainer.controlled) = (*step, *step);
         Ok(trainer)
     }
 
-    /// Everything that [`Trainer::resume`] needs.
+    /// Everything that [`Trainer::resume`] needs, after the steps that were handed over and the density control due.
     ///
     /// # Errors
-    /// [`Error::DeviceLost`].
-    pub fn checkpoint(&self) -> Result<Checkpoint> {
-        let (first, second) = self.download_moments()?;
+    /// As [`Trainer::train`].
+    pub fn checkpoint(&mut self) -> Result<Checkpoint> {
+        self.finish()?;
+        let (first, second) = self.scene.download_moments(&self.gpu, &self.optimiser.moments)?;
         Ok(Checkpoint {
             step: self.step,
             total: self.total,
@@ -136,38 +184,25 @@ impl Trainer {
             params: self.scene.download(&self.gpu, self.scene.groups.iter().map(|g| &g.params))?,
             first,
             second,
-            stats: self.stats()?,
+            state: self.state()?,
         })
     }
 
-    /// First and second moments, by parameter.
-    fn download_moments(&self) -> Result<(Splats, Splats)> {
-        let download =
-            |planes: fn(&GroupMoments) -> &Planes| self.scene.download(&self.gpu, self.moments.iter().map(planes));
-        Ok((download(|m| &m.first)?, download(|m| &m.second)?))
+    /// State of every Gaussian, see [`Optimiser::state`].
+    fn state(&self) -> Result<Vec<[f32; 4]>> {
+        let mut all = Vec::with_capacity(self.scene.n as usize);
+        for (group, buffer) in self.scene.groups.iter().zip(&self.optimiser.state) {
+            all.extend_from_slice(&self.gpu.read(buffer)?[..group.n as usize]);
+        }
+        Ok(all)
     }
 
-    /// Density statistics, per Gaussian.
-    fn stats(&self) -> Result<Vec<[f32; 2]>> {
-        if let Some(stats) = &self.resumed_stats {
-            return Ok(stats.clone());
-        }
-        let Some(backward) = self.work.as_ref().and_then(|work| work.backward.as_ref()) else {
-            return Ok(vec![[0.0; 2]; self.scene.n as usize]);
-        };
-        let mut stats = Vec::with_capacity(self.scene.n as usize);
-        for (group, buffer) in self.scene.groups.iter().zip(&backward.stats) {
-            stats.extend_from_slice(&self.gpu.read(buffer)?[..group.n as usize]);
-        }
-        Ok(stats)
-    }
-
-    /// Begins with room for so few intersections; the first step that needs more is replayed.
+    /// Begins with room for so few intersections; the first step that needs more is run again.
     pub fn limit_intersections(&mut self, n: u32) {
         self.room.intersections = n.max(1);
     }
 
-    /// Steps done.
+    /// Steps handed over.
     pub fn step(&self) -> u64 {
         self.step
     }
@@ -177,9 +212,13 @@ impl Trainer {
         self.scene.n
     }
 
-    /// The Gaussians as they are now, in the units of the capture.
-    pub fn splats(&self) -> Result<Splats> {
-        let mut splats = self.scene.download(&self.gpu, self.scene.groups.iter().map(|g| &g.params))?;
+    /// The Gaussians after the steps that were handed over and the density control due, in the units of the capture.
+    ///
+    /// # Errors
+    /// As [`Trainer::train`].
+    pub fn splats(&mut self) -> Result<Splats> {
+        self.finish()?;
+        let mut splats = self.download_current()?;
         let origin = self.scene.origin;
         for p in &mut splats.position {
             *p = std::array::from_fn(|k| (f64::from(p[k]) + origin[k]) as f32);
@@ -187,156 +226,247 @@ impl Trainer {
         Ok(splats)
     }
 
-    /// One step on `picture`, seen by `view`: nothing moves when it fails.
-    ///
-    /// # Errors
-    /// [`Error::OutOfMemory`] when the picture's lists do not fit the device, [`Error::DeviceLost`].
-    pub fn train(&mut self, view: &View, picture: &Picture) -> Result<StepReport> {
-        self.train_with(view, picture, false).map(|(report, _)| report)
+    /// The parameters, caught up with the steps that lazy Adam still owes. On a copy: when the run is looked at must not
+    /// change its bits.
+    fn download_current(&self) -> Result<Splats> {
+        let splats = self.scene.download(&self.gpu, self.scene.groups.iter().map(|g| &g.params))?;
+        if self.config.adam != AdamMode::Lazy {
+            return Ok(splats);
+        }
+        let (first, second) = self.scene.download_moments(&self.gpu, &self.optimiser.moments)?;
+        let scene = SceneBuffers::upload(&self.gpu, &splats, self.constants.alpha_min, Purpose::Training)?;
+        let (moments, state) = upload_state(&self.gpu, &scene, &first, &second, &self.state()?)?;
+        let sums = lazy_sums(|step| rates(&self.config, step, self.total, self.extent), self.total);
+        let copy = Optimiser::new(&self.gpu, moments, state, AdamMode::Lazy, &sums)?;
+        self.gpu.write(&copy.params, &[self.adam_params(self.step.max(1))])?;
+        let mut rec = Recording::new();
+        copy.record_catch_up_all(&mut rec, &scene, &self.gpu.upload("status", &[Status::default()])?, self.step);
+        self.gpu.run(&rec)?;
+        scene.download(&self.gpu, scene.groups.iter().map(|g| &g.params))
     }
 
-    /// As [`Trainer::train`], with the time of every pass.
+    fn adam_params(&self, step: u64) -> AdamParams {
+        let settings = StepSettings {
+            // tau stays above half a frame.
+            lowest_t_scale: (0.5 * self.dt).ln(),
+            ..StepSettings::default()
+        };
+        adam_params(&rates(&self.config, step, self.total, self.extent), &settings, step, self.scene.n)
+    }
+
+    /// Hands over one step on `picture`, seen by `view`, after the density control due. Reports of the steps that have
+    /// ended meanwhile come from [`Trainer::take_reports`].
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`] when a picture's lists do not fit the device, [`Error::DeviceLost`]; nothing moves then.
+    pub fn train(&mut self, view: &View, picture: &Picture) -> Result<()> {
+        self.control_density()?;
+        let inputs = self.inputs(view, picture)?;
+        self.start(inputs)?;
+        while self.in_flight.len() >= IN_FLIGHT {
+            self.end_oldest()?;
+        }
+        Ok(())
+    }
+
+    /// As [`Trainer::train`], but waits for the end and gives the time of every pass.
     ///
     /// # Errors
     /// As [`Trainer::train`].
-    pub fn profile(&mut self, view: &View, picture: &Picture) -> Result<(StepReport, Vec<PassTime>)> {
-        self.train_with(view, picture, true)
+    pub fn profile(&mut self, view: &View, picture: &Picture) -> Result<Vec<PassTime>> {
+        self.finish()?;
+        let inputs = self.inputs(view, picture)?;
+        let mut times = Vec::new();
+        self.run_alone(inputs, |gpu, rec| {
+            times = gpu.run_timed(rec)?;
+            Ok(())
+        })?;
+        Ok(times)
     }
 
-    fn train_with(&mut self, view: &View, picture: &Picture, timed: bool) -> Result<(StepReport, Vec<PassTime>)> {
+    /// Waits for all steps that were handed over, and runs the density control due.
+    ///
+    /// # Errors
+    /// As [`Trainer::train`].
+    pub fn finish(&mut self) -> Result<()> {
+        while !self.in_flight.is_empty() {
+            self.end_oldest()?;
+        }
+        self.control_density()
+    }
+
+    /// Reports of the steps that have ended since the last call, in order.
+    pub fn take_reports(&mut self) -> Vec<StepReport> {
+        std::mem::take(&mut self.reports)
+    }
+
+    fn inputs(&self, view: &View, picture: &Picture) -> Result<Inputs> {
+        let n_visible = picture.pixels.iter().filter(|word| **word >> 24 != 0).count().max(1) as u32;
+        Ok(Inputs {
+            step: self.step + 1,
+            view: View { background: self.config.background, ..view.clone() },
+            size: [picture.width, picture.height],
+            n_visible,
+            truth: self.gpu.stage("staged truth", &picture.pixels)?,
+        })
+    }
+
+    /// Hands a step to the device.
+    fn start(&mut self, inputs: Inputs) -> Result<()> {
+        let (rec, results) = self.record(&inputs)?;
+        let running = self.gpu.start(&rec)?;
+        self.step = inputs.step;
+        self.in_flight.push_back(Step { inputs, running, results });
+        Ok(())
+    }
+
+    /// Waits for the oldest step. When its lists did not fit, it and those behind it, which have done nothing, start anew.
+    fn end_oldest(&mut self) -> Result<()> {
+        let Some(Step { inputs, running, results }) = self.in_flight.pop_front() else { return Ok(()) };
+        running.wait()?;
+        if self.end(&inputs, &results)? {
+            return Ok(());
+        }
+        let mut behind = Vec::new();
+        for step in std::mem::take(&mut self.in_flight) {
+            step.running.wait()?;
+            behind.push(step.inputs);
+        }
+        self.run_alone(inputs, |gpu, rec| gpu.run(rec))?;
+        behind.into_iter().try_for_each(|inputs| self.start(inputs))
+    }
+
+    /// Runs a step that no other is behind, until it fits.
+    fn run_alone(&mut self, inputs: Inputs, mut run: impl FnMut(&Gpu, &Recording) -> Result<()>) -> Result<()> {
+        self.step = inputs.step - 1;
+        loop {
+            let (rec, results) = self.record(&inputs)?;
+            run(&self.gpu, &rec)?;
+            if self.end(&inputs, &results)? {
+                self.step = inputs.step;
+                return Ok(());
+            }
+        }
+    }
+
+    /// Reads what a step that has ended left. `false` when it moved nothing and needs the room that is there now.
+    fn end(&mut self, inputs: &Inputs, results: &Results) -> Result<bool> {
+        let status: Status = self.gpu.peek(&results.status)?.first().copied().unwrap_or_default();
+        let Some(work) = &self.work else { return Ok(false) };
+        match work.verdict(&self.gpu, &status, self.rounds) {
+            Verdict::Complete => {}
+            Verdict::Replay(room, rounds) => {
+                self.gpu.write(&work.status, &[Status::default()])?;
+                (self.room, self.rounds) = (room, rounds);
+                return Ok(false);
+            }
+            Verdict::TooMuch { what, needed, limit } => {
+                self.in_flight.clear();
+                self.step = inputs.step - 1;
+                return Err(Error::OutOfMemory {
+                    what: format!("training view `{}`: {what}", inputs.view.name),
+                    needed: u64::from(needed),
+                    limit: u64::from(limit),
+                    remedy: "train on smaller pictures, lower --max-gaussians, or choose another device".to_owned(),
+                });
+            }
+        }
+        let sums = self.gpu.peek(&results.sums)?.first().copied().unwrap_or_default();
+        let [ssim, l1, squared] = Photometric::values(sums, inputs.n_visible);
+        let weight = f64::from(SSIM_WEIGHT);
+        self.reports.push(StepReport {
+            step: inputs.step,
+            loss: (1.0 - weight) * l1 + weight * (1.0 - ssim),
+            l1,
+            ssim,
+            psnr: psnr(squared),
+            gaussians: self.scene.n,
+            active: status.n_active,
+            visible: status.n_visible,
+            intersections: status.n_intersections,
+            bad_gradients: self.gpu.peek(&results.n_bad)?.first().copied().unwrap_or(0),
+            density: None,
+        });
+        Ok(true)
+    }
+
+    /// The passes of a step, and where its numbers will be.
+    fn record(&mut self, inputs: &Inputs) -> Result<(Recording, Results)> {
+        let Inputs { step, view, size, n_visible, truth } = inputs;
         let strip = Strip::whole(view);
         let (tiles_x, tiles_y) = strip.tiles(view);
         let n_tiles = tiles_x * tiles_y;
-        let n_pixels = picture.pixels.len();
-        self.room.tiles = self.room.tiles.max(n_tiles);
-        if self.room.pixels < n_pixels {
-            self.room.pixels = n_pixels;
-            self.loss = Photometric::new(&self.gpu, n_pixels)?;
-        }
-        let n_visible = picture.pixels.iter().filter(|word| **word >> 24 != 0).count().max(1) as u32;
-        self.gpu.write(&self.loss.truth, &picture.pixels)?;
-        let background = View { background: self.config.background, ..view.clone() };
-        let params = view_params(&background, &self.constants, self.scene.origin, strip);
-        let rates = rates(&self.config, self.step + 1, self.total, self.extent);
-        let mut rounds = 1;
-        loop {
-            let work = match self.work.take() {
-                Some(work) if work.room == self.room => work,
-                // The old buffers go before the new ones come; the statistics in them stay.
-                old => {
-                    self.work = old;
-                    let stats = self.stats()?;
-                    self.work = None;
-                    self.resumed_stats = None;
-                    self.new_workspace(&stats)?
-                }
-            };
-            self.gpu.write(&work.view, &[params])?;
-            let rec = self.record(&work, [view.width, view.height], n_tiles, rounds, n_visible, &rates);
-            let times = if timed {
-                self.gpu.run_timed(&rec)?
-            } else {
-                self.gpu.run(&rec)?;
-                Vec::new()
-            };
-            let status = self.gpu.read(&work.status)?.first().copied().unwrap_or_default();
-            let verdict = work.verdict(&self.gpu, &status, rounds);
-            self.work = Some(work);
-            match verdict {
-                Verdict::Complete => {}
-                Verdict::Replay(room, new_rounds) => {
-                    (self.room, rounds) = (room, new_rounds);
-                    continue;
-                }
-                Verdict::TooMuch { what, needed, limit } => {
-                    return Err(Error::OutOfMemory {
-                        what: format!("training view `{}`: {what}", view.name),
-                        needed: u64::from(needed),
-                        limit: u64::from(limit),
-                        remedy: "train on smaller pictures, lower --max-gaussians, or choose another device".to_owned(),
-                    });
-                }
-            }
-            self.step += 1;
-            let sums = self.gpu.read(&self.loss.sums)?.first().copied().unwrap_or_default();
-            let (ssim, l1) = Photometric::values(sums, n_visible);
-            let weight = f64::from(SSIM_WEIGHT);
-            let report = StepReport {
-                step: self.step,
-                loss: (1.0 - weight) * l1 + weight * (1.0 - ssim),
-                l1,
-                ssim,
-                gaussians: self.scene.n,
-                visible: status.n_visible,
-                intersections: status.n_intersections,
-                bad_gradients: self.gpu.read(&self.n_bad)?.first().copied().unwrap_or(0),
-            };
-            return Ok((report, times));
-        }
-    }
-
-    /// A workspace for the room at hand that goes on from `stats`.
-    fn new_workspace(&self, stats: &[[f32; 2]]) -> Result<Workspace> {
-        let work = Workspace::new(&self.gpu, &self.scene, self.room)?;
-        if let Some(backward) = &work.backward {
-            for (group, buffer) in self.scene.groups.iter().zip(&backward.stats) {
-                self.gpu.write(buffer, &stats[group.start..group.start + group.n as usize])?;
+        let n_pixels = size[0] * size[1];
+        let room =
+            Room { tiles: self.room.tiles.max(n_tiles), pixels: self.room.pixels.max(n_pixels as usize), ..self.room };
+        if room.pixels > self.room.pixels || self.work.as_ref().is_some_and(|work| work.room != room) {
+            // A failure stays in the workspace that it happened in.
+            while !self.in_flight.is_empty() {
+                self.end_oldest()?;
             }
         }
-        Ok(work)
-    }
-
-    fn record(
-        &self,
-        work: &Workspace,
-        size: [u32; 2],
-        n_tiles: u32,
-        rounds: u32,
-        n_visible: u32,
-        rates: &Rates,
-    ) -> Recording {
+        if room.pixels > self.room.pixels {
+            self.loss = Photometric::new(&self.gpu, room.pixels)?;
+        }
+        self.room = Room { tiles: room.tiles, pixels: room.pixels, ..self.room };
+        let params: ViewParams = view_params(view, &self.constants, self.scene.origin, strip);
+        let adam = self.adam_params(*step);
+        let (gpu, scene, optimiser, rounds) = (&self.gpu, &self.scene, &self.optimiser, self.rounds);
+        let work = Workspace::fit(&mut self.work, gpu, scene, self.room)?;
         let mut rec = Recording::new();
-        let lists = work.record_forward(&mut rec, &self.scene, n_tiles, rounds);
+        rec.stage("upload");
+        let n_truth = n_pixels as usize;
+        rec.copy(truth.clone(), self.loss.truth.range(0, n_truth).slice());
+        rec.copy(gpu.stage("staged view", &[params])?, work.view.slice());
+        rec.copy(gpu.stage("staged adam parameters", &[adam])?, optimiser.params.slice());
+        let status = &work.status;
+        let lists = work.record_forward(&mut rec, scene, n_tiles, rounds, |rec| {
+            optimiser.record_catch_up(rec, scene, &work.cull, status, step - 1);
+        });
         if let Some(backward) = &work.backward {
-            self.loss.record(&mut rec, &work.blend.image0, &backward.d_image0, size, n_visible);
-            work.record_backward(&mut rec, &self.scene, &lists, n_tiles, rounds);
-            rec.stage("adam");
-            for (index, (group, moments)) in self.scene.groups.iter().zip(&self.moments).enumerate() {
-                rec.group(Some(index));
-                // tau stays above half a frame.
-                let lowest = (0.5 * self.dt).ln() as f32;
-                let plane_rates = plane_rates(rates, group.degree(), group.params.motion.is_some());
-                let buffers = group.params.buffers().zip(backward.gradients[index].buffers());
-                let moments = moments.first.buffers().zip(moments.second.buffers());
-                for (((parameter, gradient), (first, second)), rates) in buffers.zip(moments).zip(plane_rates) {
-                    let lowest = if rates.len() == 3 { lowest } else { f32::MIN };
-                    let moments = Moments { first: first.clone(), second: second.clone() };
-                    let step = self.step + 1;
-                    moments.record(&mut rec, parameter, gradient, &rates, lowest, step, &work.status, &self.n_bad);
-                }
-            }
-            rec.group(None);
-            self.scene.record_bounds(&mut rec, self.constants.alpha_min, &self.n_undrawable);
+            self.loss.record(&mut rec, &work.blend.image0, &backward.d_image0, *size, *n_visible);
+            work.record_backward(&mut rec, scene, &lists, n_tiles, n_pixels, rounds, &Target::Step(optimiser));
+            optimiser.record_idle(&mut rec, scene, &work.cull, status);
+            scene.record_bounds(&mut rec, self.constants.alpha_min, &self.n_undrawable);
         }
-        rec
+        rec.stage("report");
+        let results = Results {
+            status: gpu.readback::<Status>("status of a step", 1)?,
+            sums: gpu.readback::<[f32; 4]>("loss of a step", 1)?,
+            n_bad: gpu.readback::<u32>("bad gradients of a step", 1)?,
+        };
+        rec.copy(status.slice(), results.status.clone());
+        rec.copy(self.loss.sums.slice(), results.sums.clone());
+        rec.copy(optimiser.n_bad.slice(), results.n_bad.clone());
+        Ok((rec, results))
     }
 
-    /// One round of density control, if it is due after the step done last.
-    ///
-    /// # Errors
-    /// [`Error::OutOfMemory`] naming the buffer that does not fit.
-    pub fn control_density(&mut self) -> Result<Option<Counts>> {
-        let density = &self.config.density;
+    /// The density control due after the step handed over last, once.
+    fn control_density(&mut self) -> Result<()> {
+        let density = self.config.density.clone();
         let resets = self.step.is_multiple_of(density.reset_every) && self.step < self.total / 2;
-        let due = density.is_due(self.step, self.total);
-        if !due && !resets {
-            return Ok(None);
+        let due = self.step > 0 && (density.is_due(self.step, self.total) || resets);
+        if self.controlled == self.step || !due {
+            return Ok(());
         }
-        let stats = self.stats()?;
-        let (first, second) = self.download_moments()?;
-        let splats = self.splats()?;
+        while !self.in_flight.is_empty() {
+            self.end_oldest()?;
+        }
+        self.controlled = self.step;
+        let mut rec = Recording::new();
+        if let Some(work) = &self.work {
+            self.optimiser.record_catch_up_all(&mut rec, &self.scene, &work.status, self.step);
+        }
+        self.gpu.run(&rec)?;
+        let state = self.state()?;
+        let stats: Vec<[f32; 2]> = state.iter().map(|s| [s[0], s[1]]).collect();
+        let (first, second) = self.scene.download_moments(&self.gpu, &self.optimiser.moments)?;
+        let mut splats = self.scene.download(&self.gpu, self.scene.groups.iter().map(|g| &g.params))?;
+        let origin = self.scene.origin;
+        for p in &mut splats.position {
+            *p = std::array::from_fn(|k| (f64::from(p[k]) + origin[k]) as f32);
+        }
         self.work = None;
-        self.resumed_stats = None;
         let (mut grown, origins, counts) = density::round(&splats, &stats, &self.config, self.step, self.extent);
         if grown.is_empty() {
             return Err(Error::NonFinite { what: "every Gaussian was pruned; the scene".to_owned(), count: 0 });
@@ -345,12 +475,21 @@ impl Trainer {
             let ceiling = (density.reset_to / (1.0 - density.reset_to)).ln();
             grown.opacity.iter_mut().for_each(|o| *o = o.min(ceiling));
         }
+        let n_static = grown.n_static;
         let (first, second) =
-            (density::inherit(&first, &origins, grown.n_static), density::inherit(&second, &origins, grown.n_static));
-        self.scene = SceneBuffers::upload(&self.gpu, &grown, self.constants.alpha_min)?;
-        self.moments = upload_moments(&self.gpu, &self.scene, &first, &second)?;
+            (density::inherit(&first, &origins, n_static), density::inherit(&second, &origins, n_static));
+        let state: Vec<[f32; 4]> = origins
+            .iter()
+            .map(|o| if o.is_old { [0.0, 0.0, state[o.from][2], state[o.from][3]] } else { [0.0, 0.0, 0.0, self.step as f32] })
+            .collect();
+        self.scene = SceneBuffers::upload(&self.gpu, &grown, self.constants.alpha_min, Purpose::Training)?;
+        let (moments, state) = upload_state(&self.gpu, &self.scene, &first, &second, &state)?;
+        (self.optimiser.moments, self.optimiser.state) = (moments, state);
         self.room.active = self.scene.n.max(1);
-        Ok(Some(counts))
+        if let Some(report) = self.reports.last_mut() {
+            report.density = Some(counts);
+        }
+        Ok(())
     }
 }
 
@@ -370,31 +509,16 @@ fn zeros_like(splats: &Splats) -> Splats {
     }
 }
 
-fn upload_moments(gpu: &Gpu, scene: &SceneBuffers, first: &Splats, second: &Splats) -> Result<Vec<GroupMoments>> {
-    let upload = |from: &Splats, start: usize, n: u32| Planes::upload(gpu, from, start, n as usize, [0.0; 3]);
-    scene
-        .groups
-        .iter()
-        .map(|g| Ok(GroupMoments { first: upload(first, g.start, g.n)?, second: upload(second, g.start, g.n)? }))
-        .collect()
-}
-
-/// Learning rates of each buffer of [`Planes::buffers`], by plane and component.
-fn plane_rates(rates: &Rates, degree: usize, dynamic: bool) -> Vec<Vec<[f32; 4]>> {
-    let r = |x: f64| x as f32;
-    let (p, s) = (r(rates.position), r(rates.scale));
-    let t_scale = if dynamic { r(rates.t_scale) } else { 0.0 };
-    let sh = rates.sh.map(r);
-    let mut all = vec![
-        vec![[p, p, p, r(rates.opacity)], [r(rates.rotation); 4], [s, s, s, t_scale]],
-        vec![[sh[0], sh[0], sh[0], 0.0]],
-    ];
-    for (band, planes) in [(1, 3), (2, 4), (3, 6)].into_iter().take(degree) {
-        all.push(vec![[sh[band]; 4]; planes]);
-    }
-    if dynamic {
-        let v = r(rates.velocity);
-        all.push(vec![[v, v, v, r(rates.t_center)]]);
-    }
-    all
+/// Moments and state in the order of the scene's Gaussians, by group.
+fn upload_state(
+    gpu: &Gpu,
+    scene: &SceneBuffers,
+    first: &Splats,
+    second: &Splats,
+    state: &[[f32; 4]],
+) -> Result<(Vec<Planes>, Vec<Buf<[f32; 4]>>)> {
+    let groups = || scene.groups.iter();
+    let moments = groups().map(|g| Planes::upload_moments(gpu, first, second, g.start, g.n as usize));
+    let state = groups().map(|g| gpu.upload("state", &state[g.start..g.start + g.n as usize]));
+    Ok((moments.collect::<Result<_>>()?, state.collect::<Result<_>>()?))
 }

@@ -322,6 +322,11 @@ impl Device {
         if caps.subgroup_pinned {
             extensions.push(ext::subgroup_size_control::NAME.as_ptr());
         }
+        let mut atomics =
+            vk::PhysicalDeviceShaderAtomicFloatFeaturesEXT::default().shader_buffer_float32_atomic_add(true);
+        if caps.float_atomics {
+            extensions.push(ext::shader_atomic_float::NAME.as_ptr());
+        }
         let priorities = [1.0];
         let queues =
             [vk::DeviceQueueCreateInfo::default().queue_family_index(queue_family).queue_priorities(&priorities)];
@@ -335,6 +340,9 @@ impl Device {
             .push_next(&mut v12);
         if caps.subgroup_pinned {
             info = info.push_next(&mut size_control);
+        }
+        if caps.float_atomics {
+            info = info.push_next(&mut atomics);
         }
         // SAFETY: `physical` comes from this instance, and all that `info` points to lives until the call returns.
         let raw = unsafe { instance.raw.create_device(physical, &info, None) }.map_err(|e| Error::NoDevice {

@@ -1,12 +1,16 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-// Purpose   carries the cotangents of a picture back to the splats, one slot per intersection.
+// Purpose   carries the cotangents of a picture back to the splats, in one of four modes of accumulation.
 // Equation  with q = g . c over all channels: dL/dalpha = T q - (S + g_T T_N) / (1 - alpha), S <- S + w q, back to front.
-// Grid      one subgroup per tile, for one of the tile's blocks; the blocks come one dispatch after another, so that each
-//           slot has one writer at a time: plain sums in a fixed order, the same bits in every run.
+// Grid      slots (no ACCUMULATE): one subgroup per tile, for one of the tile's blocks; the blocks come one dispatch after
+//           another, so that each slot has one writer at a time: plain sums in a fixed order, the same bits in every run.
+//           Otherwise one subgroup per block of a tile, all at once: 1 float atomics (the order, and so the last bits, vary
+//           from run to run), 2 fixed point in 64 bits (the same bits in any order), 3 compare-exchange (as 1, on devices
+//           without float atomics).
 // Reads     the forward pass's lists, final T and last entry; cotangents: d_image0 (colour, alpha), d_image1 (depth,
 //           inverse depth, flow; FULL only). SEGMENT entries a round, the last entries first; T and S stay in `carry`.
 // Writes    slots, 6 vec2 each, added to what earlier blocks left:
-//           (h u u, h u w) (h w w, h u) (h w, opacity) (r, g) (b, z) (flow), h = dL/dpower, (u, w) = M d.
+//           (h u u, h u w) (h w w, h u) (h w, opacity) (r, g) (b, z) (flow), h = dL/dpower, (u, w) = M d;
+//           with ACCUMULATE the same twelve per active Gaussian (fixed point: FIXED_WORDS, see fixed.glsl).
 // Numerics  one scalar S instead of a colour per pixel. 1 / (1 - alpha) <= 100 for alpha_max = 0.99. Moments in whitened
 //           coordinates stay accurate for needles. A clamped alpha has no derivative.
 #version 460
@@ -18,13 +22,25 @@
 #include "grid.glsl"
 #include "splat.glsl"
 #include "block.glsl"
+#if ACCUMULATE == 1
+#extension GL_EXT_shader_atomic_float : require
+#elif ACCUMULATE == 2
+#include "finite.glsl"
+#include "fixed.glsl"
+#endif
 
 layout(local_size_x = 64) in;
 
+#if ACCUMULATE == 3
+// Every try is an iteration, and lavapipe grants an invocation 65,535.
+const uint SEGMENT = 8192u;
+#else
 const uint SEGMENT = 32768u;
+#endif
 const float LN_2 = 0.6931471805599453;
 
-layout(push_constant) uniform Push { uint n_tiles; uint stride; uint block; uint segment; uint first_round; } pc;
+// n_work: tiles, or blocks of all tiles with ACCUMULATE. scale: of the fixed point.
+layout(push_constant) uniform Push { uint n_work; uint stride; uint block; uint segment; uint first_round; float scale; } pc;
 layout(set = 0, binding = 0) uniform View { ViewParams view; };
 layout(set = 0, binding = 1) restrict readonly buffer TileOrder { uint tile_order[]; };
 layout(set = 0, binding = 2) restrict readonly buffer TileFirst { uint tile_first[]; };
@@ -34,9 +50,42 @@ layout(set = 0, binding = 5) restrict readonly buffer Splats { vec4 splats[]; };
 layout(set = 0, binding = 6) restrict readonly buffer Tail { uvec2 tail[]; };
 layout(set = 0, binding = 7) restrict readonly buffer DImage0 { vec4 d_image0[]; };
 layout(set = 0, binding = 8) restrict buffer Carry { vec2 carry[]; };
+#if ACCUMULATE == 1
+layout(set = 0, binding = 9) restrict buffer DSlots { float d_slots[]; };
+#elif ACCUMULATE >= 2
+layout(set = 0, binding = 9) restrict buffer DSlots { uint d_slots[]; };
+#else
 layout(set = 0, binding = 9) restrict buffer DSlots { vec2 d_slots[]; };
+#endif
 // Bound to d_image0 where not FULL, and not read.
 layout(set = 0, binding = 10) restrict readonly buffer DImage1 { vec4 d_image1[]; };
+
+// Adds x to sum c of active Gaussian `id`.
+#if ACCUMULATE == 1
+void accumulate(uint id, uint c, float x) { atomicAdd(d_slots[12u * id + c], x); }
+#elif ACCUMULATE == 2
+void accumulate(uint id, uint c, float x) {
+    uvec2 word;
+    if (!to_fixed(x * pc.scale, word)) {
+        atomicOr(d_slots[FIXED_WORDS * id + FIXED_POISON], 1u);
+        return;
+    }
+    // The carries of the low word add up to the same number in any order.
+    const uint at = FIXED_WORDS * id + 2u * c;
+    const uint old = atomicAdd(d_slots[at], word.x);
+    atomicAdd(d_slots[at + 1u], word.y + uint(old + word.x < old));
+}
+#elif ACCUMULATE == 3
+void accumulate(uint id, uint c, float x) {
+    const uint at = 12u * id + c;
+    uint seen = d_slots[at];
+    uint expected;
+    do {
+        expected = seen;
+        seen = atomicCompSwap(d_slots[at], expected, floatBitsToUint(uintBitsToFloat(expected) + x));
+    } while (seen != expected);
+}
+#endif
 
 // One step of the transposing reduction: halves the values of each lane, doubles the lanes that each is summed over.
 #define HALVE(n, m)                                                        \
@@ -52,9 +101,15 @@ void main() {
     const uint n_lanes = gl_SubgroupSize;
     const BlockShape shape = block_shape();
     const uint slot = linear_group() * (64u / n_lanes) + gl_SubgroupID;
-    if (slot >= pc.n_tiles) return;
-    const uint tile = tile_order[(slot * pc.stride) % pc.n_tiles];
+    if (slot >= pc.n_work) return;
+    const uint dealt = (slot * pc.stride) % pc.n_work;
+#if ACCUMULATE > 0
+    const uint tile = tile_order[dealt / shape.per_tile];
+    const uvec2 first = block_first(view, shape, tile, dealt % shape.per_tile);
+#else
+    const uint tile = tile_order[dealt];
     const uvec2 first = block_first(view, shape, tile, pc.block);
+#endif
     const uint x = first.x + lane % shape.columns;
     const uint y = first.y + lane / shape.columns;
     const vec2 corner = vec2(float(first.x), float(view.first_row + first.y)) + 0.5;
@@ -101,7 +156,11 @@ void main() {
         const bool valid = begin + lane < end;
         const uint e = end - 1u - (valid ? lane : 0u);
         const uint id = splat_ids[e];
+#if ACCUMULATE > 0
+        const uint slot_e = id;
+#else
         const uint slot_e = slots[e];
+#endif
         const vec4 s0 = splats[SPLAT_PLANES * id];
         const vec4 s1 = splats[SPLAT_PLANES * id + 1u];
         const vec4 s2 = splats[SPLAT_PLANES * id + 2u];
@@ -178,6 +237,13 @@ void main() {
                 }
                 if (n_lanes >= 32u) v[0] += subgroupShuffleXor(v[0], 16u);
                 if (n_lanes >= 64u) v[0] += subgroupShuffleXor(v[0], 32u);
+#if ACCUMULATE > 0
+                if (lane < 16u) {
+                    for (uint k = 0u; k < max(16u / n_lanes, 1u); ++k) {
+                        if (c + k < 12u && v[k] != 0.0) accumulate(out_slot, c + k, v[k]);
+                    }
+                }
+#else
                 if (c < 12u && lane < 16u) {
                     const uint at = 6u * out_slot + c / 2u;
                     if (n_lanes >= 16u) {
@@ -187,6 +253,7 @@ void main() {
                         if (n_lanes == 4u) d_slots[at + 1u] += vec2(v[2], v[3]);
                     }
                 }
+#endif
             } while (word != 0u);
         }
         end -= min(n_lanes, end - begin);

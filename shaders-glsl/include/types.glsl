@@ -34,6 +34,21 @@ struct Status {
     uint capacity_intersections;
 };
 
+// One step of Adam: what the host computes in double precision.
+struct AdamParams {
+    vec4 rates0;           // lr / c1 of position, opacity, rotation, scale
+    vec4 rates1;           // of t_scale, velocity, t_center, constant band
+    vec4 rates2;           // of bands 1 to 3; 0 for a band that is not active yet
+    float beta1;
+    float beta2;
+    float inverse_c2;
+    float eps;
+    float lowest_t_scale;  // floor of log tau
+    float opacity_reg;     // weight of the sum of the opacities in the loss
+    float scale_reg;       // weight of the sum of the standard deviations, per scene unit
+    float step;            // number of the step, from 1
+};
+
 const uint FAILED_ACTIVE = 1u;
 const uint FAILED_INTERSECTIONS = 2u;
 const uint FAILED_LIST = 4u;

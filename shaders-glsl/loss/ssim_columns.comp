@@ -17,9 +17,9 @@ layout(set = 0, binding = 0) restrict readonly buffer Moments { vec4 moments[]; 
 layout(set = 0, binding = 1) restrict readonly buffer Image { vec4 image[]; };
 layout(set = 0, binding = 2) restrict readonly buffer Truth { uint truth[]; };
 layout(set = 0, binding = 3) restrict writeonly buffer Partials { vec4 partials[]; };
-layout(set = 0, binding = 4) restrict writeonly buffer Sums { vec2 sums[]; };
+layout(set = 0, binding = 4) restrict writeonly buffer Sums { vec4 sums[]; };
 
-shared vec2 sh_sums[64];
+shared vec4 sh_sums[64];
 
 void main() {
     const uint runs = div_ceil(pc.height, RUN);
@@ -52,7 +52,7 @@ void main() {
             }
         }
     }
-    vec2 own = vec2(0.0);
+    vec4 own = vec4(0.0);
     for (uint k = 0u; k < RUN; ++k) {
         if (valid && first + k < pc.height) {
             const uint pixel = (first + k) * pc.width + column;
@@ -82,13 +82,13 @@ void main() {
             partials[3u * pixel + 2u] = vec4(d_exy.z, 0.0, 0.0, 0.0);
             const vec4 y = unpack_truth(truth[pixel]);
             const vec3 error = abs(visible_color(image[pixel].xyz, y) - y.xyz);
-            own += vec2((1.0 - s.x) + (1.0 - s.y) + (1.0 - s.z), error.x + error.y + error.z);
+            own += vec4((1.0 - s.x) + (1.0 - s.y) + (1.0 - s.z), error.x + error.y + error.z, dot(error, error), 0.0);
         }
     }
     sh_sums[gl_LocalInvocationIndex] = own;
     barrier();
     if (gl_LocalInvocationIndex == 0u && linear_group() < div_ceil(runs * pc.width, 64u)) {
-        vec2 sum = vec2(0.0);
+        vec4 sum = vec4(0.0);
         for (uint k = 0u; k < 64u; ++k) sum += sh_sums[k];
         sums[linear_group()] = sum;
     }

@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-// Purpose   sums each active Gaussian's slots and carries them back to its parameters.
+// Purpose   carries each active Gaussian's sums back to its parameters; with ADAM it moves them there and then.
 // Equation  the adjoint of project.comp: dL/dC = -M^T H M with H the whitened moments, then through V = J R Rot(q) diag(s).
 // Grid      one thread per active Gaussian of the group.
-// Reads     slots of the blend, in order: plain sums, the same bits in every run.
+// Reads     slots of the blend, added in order, or sums that were accumulated (`is_summed`).
 // Writes    gradients in the layout of the parameters, by group-local index; others keep the zeros they were cleared to.
-// Numerics  clamps have zero derivative outside; a gradient that is not finite is written as zero and counted.
+//           ADAM: parameters, moments and state (density statistics, t_center's residual, step). d_camera, if asked for:
+//           (rotation of the camera about its own axes, time) and (translation along them, 0) of each active Gaussian.
+// Numerics  clamps have zero derivative outside; a gradient that is not finite is written as zero, or moves nothing, and is
+//           counted. Nothing moves when the frame failed.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "types.glsl"
@@ -17,65 +20,123 @@
 #include "rotation.glsl"
 #include "conic.glsl"
 #include "splat.glsl"
+#ifdef ADAM
+#include "adam.glsl"
+#endif
 
 layout(local_size_x = 64) in;
 
-layout(push_constant) uniform Push { uint group; uint first; } pc;
+layout(push_constant) uniform Push { uint group; uint first; uint is_summed; uint wants_camera; } pc;
 layout(set = 0, binding = 0) uniform View { ViewParams view; };
 layout(set = 0, binding = 1) restrict readonly buffer Ranges { uvec2 ranges[]; };
 layout(set = 0, binding = 2) restrict readonly buffer ActiveId { uint active_id[]; };
-layout(set = 0, binding = 3) restrict readonly buffer Geometry { vec4 geometry[]; };
 layout(set = 0, binding = 4) restrict readonly buffer Splats { vec4 splats[]; };
 layout(set = 0, binding = 5) restrict readonly buffer TileCounts { uint tile_counts[]; };
 layout(set = 0, binding = 6) restrict readonly buffer SlotFirst { uint slot_first[]; };
 layout(set = 0, binding = 7) restrict readonly buffer DSlots { vec2 d_slots[]; };
-layout(set = 0, binding = 8) restrict writeonly buffer DGeometry { vec4 d_geometry[]; };
-layout(set = 0, binding = 9) restrict writeonly buffer DSh0 { vec4 d_sh0[]; };
-layout(set = 0, binding = 10) restrict buffer NBad { uint n_bad[]; };
+layout(set = 0, binding = 8) restrict buffer NBad { uint n_bad[]; };
+layout(set = 0, binding = 9) restrict readonly buffer FrameStatus { Status status; };
+layout(set = 0, binding = 10) restrict writeonly buffer DCamera { vec4 d_camera[]; };
 // One interface for all variants: what a variant does not need is bound to something else and not touched.
+#ifdef ADAM
+layout(set = 0, binding = 3) restrict buffer Geometry { vec4 geometry[]; };
+layout(set = 0, binding = 11) restrict buffer Sh0 { vec4 sh0[]; };
+layout(set = 0, binding = 12) restrict buffer Motion { vec4 motion[]; };
+layout(set = 0, binding = 13) restrict buffer Sh1 { vec4 sh1[]; };
+layout(set = 0, binding = 14) restrict buffer Sh2 { vec4 sh2[]; };
+layout(set = 0, binding = 15) restrict buffer Sh3 { vec4 sh3[]; };
+layout(set = 0, binding = 16) restrict buffer MomentsGeometry { vec4 moments_geometry[]; };
+layout(set = 0, binding = 17) restrict buffer MomentsSh0 { vec4 moments_sh0[]; };
+layout(set = 0, binding = 18) restrict buffer MomentsMotion { vec4 moments_motion[]; };
+layout(set = 0, binding = 19) restrict buffer MomentsSh1 { vec4 moments_sh1[]; };
+layout(set = 0, binding = 20) restrict buffer MomentsSh2 { vec4 moments_sh2[]; };
+layout(set = 0, binding = 21) restrict buffer MomentsSh3 { vec4 moments_sh3[]; };
+layout(set = 0, binding = 22) restrict buffer State { vec4 state[]; };
+layout(set = 0, binding = 23) uniform Adam { AdamParams adam; };
+
+// Moves plane `p` of `params` (at `at`) along gradient g.
+#define PUT(params, moments, at, kind, planes, p, g) {                                     \
+        const uint place = at;                                                             \
+        const uint first = plane_index(i, 2u * planes, 2u * p);                            \
+        const vec4 x = params[place];                                                      \
+        vec4 m = moments[first];                                                           \
+        vec4 v = moments[first + 32u];                                                     \
+        const vec4 rate = plane_rates(adam.rates0, adam.rates1, adam.rates2, kind, p);     \
+        const vec4 change = adam_change(adam, rate, g + regulariser(adam, kind, p, x), m, v); \
+        params[place] = moved(adam, kind, p, x, change, residual);                         \
+        moments[first] = m;                                                                \
+        moments[first + 32u] = v;                                                          \
+    }
+#define PUT_GEOMETRY(p, g) PUT(geometry, moments_geometry, plane_index(i, 3u, p), GEOMETRY, 3u, p, g)
+#define PUT_SH0(g) PUT(sh0, moments_sh0, i, SH_0_BUFFER, 1u, 0u, g)
+#define PUT_MOTION(g) PUT(motion, moments_motion, i, MOTION, 1u, 0u, g)
+#define PUT_SH1(p, g) PUT(sh1, moments_sh1, plane_index(i, 3u, p), SH_1_BUFFER, 3u, p, g)
+#define PUT_SH2(p, g) PUT(sh2, moments_sh2, plane_index(i, 4u, p), SH_1_BUFFER + 1u, 4u, p, g)
+#define PUT_SH3(p, g) PUT(sh3, moments_sh3, plane_index(i, 6u, p), SH_1_BUFFER + 2u, 6u, p, g)
+#else
+layout(set = 0, binding = 3) restrict readonly buffer Geometry { vec4 geometry[]; };
 layout(set = 0, binding = 11) restrict readonly buffer Motion { vec4 motion[]; };
 layout(set = 0, binding = 12) restrict readonly buffer Sh1 { vec4 sh1[]; };
 layout(set = 0, binding = 13) restrict readonly buffer Sh2 { vec4 sh2[]; };
 layout(set = 0, binding = 14) restrict readonly buffer Sh3 { vec4 sh3[]; };
-layout(set = 0, binding = 15) restrict writeonly buffer DMotion { vec4 d_motion[]; };
-layout(set = 0, binding = 16) restrict writeonly buffer DSh1 { vec4 d_sh1[]; };
-layout(set = 0, binding = 17) restrict writeonly buffer DSh2 { vec4 d_sh2[]; };
-layout(set = 0, binding = 18) restrict writeonly buffer DSh3 { vec4 d_sh3[]; };
-layout(set = 0, binding = 19) restrict buffer Stats { vec2 stats[]; };
-layout(set = 0, binding = 20) restrict readonly buffer FrameStatus { Status status; };
+layout(set = 0, binding = 15) restrict writeonly buffer DGeometry { vec4 d_geometry[]; };
+layout(set = 0, binding = 16) restrict writeonly buffer DSh0 { vec4 d_sh0[]; };
+layout(set = 0, binding = 17) restrict writeonly buffer DMotion { vec4 d_motion[]; };
+layout(set = 0, binding = 18) restrict writeonly buffer DSh1 { vec4 d_sh1[]; };
+layout(set = 0, binding = 19) restrict writeonly buffer DSh2 { vec4 d_sh2[]; };
+layout(set = 0, binding = 20) restrict writeonly buffer DSh3 { vec4 d_sh3[]; };
 
-// Writes the gradients of the bands above the first, and returns that of the unit direction.
+#define PUT_GEOMETRY(p, g) d_geometry[plane_index(i, 3u, p)] = g;
+#define PUT_SH0(g) d_sh0[i] = g;
+#define PUT_MOTION(g) d_motion[i] = g;
+#define PUT_SH1(p, g) d_sh1[plane_index(i, 3u, p)] = g;
+#define PUT_SH2(p, g) d_sh2[plane_index(i, 4u, p)] = g;
+#define PUT_SH3(p, g) d_sh3[plane_index(i, 6u, p)] = g;
+#endif
+
+// The gradient of the unit direction through the bands above the first.
 vec3 d_bands(uint i, vec3 dir, vec3 g) {
     vec3 d_dir = vec3(0.0);
 #if SH_DEGREE >= 1
     const uint b1 = plane_index(i, 3u, 0u);
     d_dir += sh_band1_d_dir(sh1[b1], sh1[b1 + 32u], sh1[b1 + 64u], g);
-    const vec3 p0 = -SH_1 * dir.y * g, p1 = SH_1 * dir.z * g, p2 = -SH_1 * dir.x * g;
-    d_sh1[b1] = vec4(p0, p1.x);
-    d_sh1[b1 + 32u] = vec4(p1.yz, p2.xy);
-    d_sh1[b1 + 64u] = vec4(p2.z, 0.0, 0.0, 0.0);
 #endif
 #if SH_DEGREE >= 2
     const uint b2 = plane_index(i, 4u, 0u);
     d_dir += sh_band2_d_dir(sh2[b2], sh2[b2 + 32u], sh2[b2 + 64u], sh2[b2 + 96u], dir, g);
-    const float[5] y2 = sh_basis2(dir);
-    d_sh2[b2] = vec4(y2[0] * g, y2[1] * g.x);
-    d_sh2[b2 + 32u] = vec4(y2[1] * g.yz, y2[2] * g.xy);
-    d_sh2[b2 + 64u] = vec4(y2[2] * g.z, y2[3] * g);
-    d_sh2[b2 + 96u] = vec4(y2[4] * g, 0.0);
 #endif
 #if SH_DEGREE >= 3
     const uint b3 = plane_index(i, 6u, 0u);
     d_dir += sh_band3_d_dir(sh3[b3], sh3[b3 + 32u], sh3[b3 + 64u], sh3[b3 + 96u], sh3[b3 + 128u], sh3[b3 + 160u], dir, g);
-    const float[7] y3 = sh_basis3(dir);
-    d_sh3[b3] = vec4(y3[0] * g, y3[1] * g.x);
-    d_sh3[b3 + 32u] = vec4(y3[1] * g.yz, y3[2] * g.xy);
-    d_sh3[b3 + 64u] = vec4(y3[2] * g.z, y3[3] * g);
-    d_sh3[b3 + 96u] = vec4(y3[4] * g, y3[5] * g.x);
-    d_sh3[b3 + 128u] = vec4(y3[5] * g.yz, y3[6] * g.xy);
-    d_sh3[b3 + 160u] = vec4(y3[6] * g.z, 0.0, 0.0, 0.0);
 #endif
     return d_dir;
+}
+
+// Gives the bands above the first their gradients.
+void put_bands(uint i, vec3 dir, vec3 g) {
+    float residual = 0.0;
+#if SH_DEGREE >= 1
+    const vec3 p0 = -SH_1 * dir.y * g, p1 = SH_1 * dir.z * g, p2 = -SH_1 * dir.x * g;
+    PUT_SH1(0u, vec4(p0, p1.x))
+    PUT_SH1(1u, vec4(p1.yz, p2.xy))
+    PUT_SH1(2u, vec4(p2.z, 0.0, 0.0, 0.0))
+#endif
+#if SH_DEGREE >= 2
+    const float[5] y2 = sh_basis2(dir);
+    PUT_SH2(0u, vec4(y2[0] * g, y2[1] * g.x))
+    PUT_SH2(1u, vec4(y2[1] * g.yz, y2[2] * g.xy))
+    PUT_SH2(2u, vec4(y2[2] * g.z, y2[3] * g))
+    PUT_SH2(3u, vec4(y2[4] * g, 0.0))
+#endif
+#if SH_DEGREE >= 3
+    const float[7] y3 = sh_basis3(dir);
+    PUT_SH3(0u, vec4(y3[0] * g, y3[1] * g.x))
+    PUT_SH3(1u, vec4(y3[1] * g.yz, y3[2] * g.xy))
+    PUT_SH3(2u, vec4(y3[2] * g.z, y3[3] * g))
+    PUT_SH3(3u, vec4(y3[4] * g, y3[5] * g.x))
+    PUT_SH3(4u, vec4(y3[5] * g.yz, y3[6] * g.xy))
+    PUT_SH3(5u, vec4(y3[6] * g.z, 0.0, 0.0, 0.0))
+#endif
 }
 
 void main() {
@@ -86,8 +147,9 @@ void main() {
     const uint i = active_id[at] - pc.first;
 
     vec2 sum[6] = vec2[6](vec2(0.0), vec2(0.0), vec2(0.0), vec2(0.0), vec2(0.0), vec2(0.0));
-    const uint begin = 6u * slot_first[at];
-    const uint n_slots = tile_counts[at];
+    const uint n_tiles = tile_counts[at];
+    const uint begin = 6u * (pc.is_summed != 0u ? at : slot_first[at]);
+    const uint n_slots = pc.is_summed != 0u ? min(n_tiles, 1u) : n_tiles;
     for (uint k = 0u; k < n_slots; ++k) {
         for (uint c = 0u; c < 6u; ++c) sum[c] += d_slots[begin + 6u * k + c];
     }
@@ -96,8 +158,6 @@ void main() {
     const vec4 s2 = splats[SPLAT_PLANES * at + 2u];
     const vec4 m = vec4(s0.zw, s1.xy);
     const vec2 d_xy = -2.0 * vec2(m.x * sum[1].y + m.z * sum[2].x, m.y * sum[1].y + m.w * sum[2].x);
-    // In units of half a picture, as 3DGS's threshold for density control has it.
-    if (n_slots > 0u) stats[i] += vec2(length(d_xy * 0.5 * vec2(float(view.width), float(view.height))), 1.0);
     const float d_opacity_t = sum[2].y;
     // The colour's clamp at 0 has no derivative below.
     const vec3 d_color = vec3(sum[3], sum[4].x) * vec3(greaterThan(s2.xyz, vec3(0.0)));
@@ -179,15 +239,40 @@ void main() {
     d_scale_t.w = 2.0 * u * u * d_exponent;
 #endif
     const bool good = finite4(d_mean_opacity) && finite4(d_q) && finite4(d_scale_t) && finite4(d_v) && finite3(d_color);
-    if (!good) {
-        atomicAdd(n_bad[0], 1u);
-        d_bands(i, vec3(0.0), vec3(0.0));
-    }
-    d_geometry[plane_index(i, 3u, 0u)] = good ? d_mean_opacity : vec4(0.0);
-    d_geometry[plane_index(i, 3u, 1u)] = good ? d_q : vec4(0.0);
-    d_geometry[plane_index(i, 3u, 2u)] = good ? d_scale_t : vec4(0.0);
-    d_sh0[i] = good ? vec4(SH_0 * d_color, 0.0) : vec4(0.0);
+    if (!good) atomicAdd(n_bad[0], 1u);
+    if (pc.wants_camera != 0u) {
+        const vec3 d_row0 = f_z.x * d_a0;
+        const vec3 d_row1 = f_z.y * d_a1;
+        const vec3 d_row2 = -f_z.x * uv_j.x * d_a0 - f_z.y * uv_j.y * d_a1;
+        vec3 d_turn = cross(p, d_p)
+            + vec3(dot(d_row2, view.row1.xyz) - dot(d_row1, view.row2.xyz),
+                dot(d_row0, view.row2.xyz) - dot(d_row2, view.row0.xyz),
+                dot(d_row1, view.row0.xyz) - dot(d_row0, view.row1.xyz));
 #ifdef DYNAMIC
-    d_motion[i] = good ? d_v : vec4(0.0);
+        d_turn += cross(v_cam, d_v_cam);
+#endif
+        // Centre and camera enter by their difference alone, so a shift of the camera is one of all centres.
+        d_camera[2u * at] = good ? vec4(d_turn, -d_v.w) : vec4(0.0);
+        d_camera[2u * at + 1u] = good ? vec4(rotate_to_camera(view, d_mean), 0.0) : vec4(0.0);
+    }
+#ifdef ADAM
+    if (!good) return;
+    vec4 own = state[i];
+    float residual = own.z;
+    // In units of half a picture, as 3DGS's threshold for density control has it.
+    const float pull = length(d_xy * 0.5 * vec2(float(view.width), float(view.height)));
+    if (n_tiles > 0u) own.xy += vec2(pull, 1.0);
+#endif
+    PUT_GEOMETRY(0u, good ? d_mean_opacity : vec4(0.0))
+    PUT_GEOMETRY(1u, good ? d_q : vec4(0.0))
+    PUT_GEOMETRY(2u, good ? d_scale_t : vec4(0.0))
+    PUT_SH0(good ? vec4(SH_0 * d_color, 0.0) : vec4(0.0))
+#ifdef DYNAMIC
+    PUT_MOTION(good ? d_v : vec4(0.0))
+#endif
+    put_bands(i, dir, good ? d_color : vec3(0.0));
+#ifdef ADAM
+    own.zw = vec2(residual, adam.step);
+    state[i] = own;
 #endif
 }
