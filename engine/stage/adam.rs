@@ -53,12 +53,8 @@ impl Rates {
     /// In the order of `AdamParams`, each times `factor`.
     fn rows(&self, factor: f64) -> [[f32; 4]; 3] {
         let Rates { position, opacity, rotation, scale, t_scale, velocity, t_center, sh } = *self;
-        [
-            [position, opacity, rotation, scale],
-            [t_scale, velocity, t_center, sh[0]],
-            [sh[1], sh[2], sh[3], 0.0],
-        ]
-        .map(|row| row.map(|x| (x * factor) as f32))
+        [[position, opacity, rotation, scale], [t_scale, velocity, t_center, sh[0]], [sh[1], sh[2], sh[3], 0.0]]
+            .map(|row| row.map(|x| (x * factor) as f32))
     }
 }
 

@@ -39,12 +39,8 @@ pub enum Accumulation {
 
 impl Accumulation {
     /// All of them.
-    pub const ALL: [Accumulation; 4] = [
-        Accumulation::Slots,
-        Accumulation::FloatAtomics,
-        Accumulation::FixedPoint,
-        Accumulation::CompareExchange,
-    ];
+    pub const ALL: [Accumulation; 4] =
+        [Accumulation::Slots, Accumulation::FloatAtomics, Accumulation::FixedPoint, Accumulation::CompareExchange];
 
     /// Whether `gpu` can.
     ///
@@ -302,11 +298,7 @@ impl Backward {
         if let (true, Some(tail)) = (wants_camera, &blend.tail) {
             rec.stage("camera bwd");
             let (d_camera, partials) = (&self.d_camera_each, &self.camera_partials);
-            rec.pass(
-                camera_sum::Args { count: &cull.n_active, d_camera, partials },
-                (),
-                Grid::Groups(CAMERA_GROUPS),
-            );
+            rec.pass(camera_sum::Args { count: &cull.n_active, d_camera, partials }, (), Grid::Groups(CAMERA_GROUPS));
             rec.pass(
                 background_sum::Args { tail, d_image0: &self.d_image0, partials },
                 background_sum::Push { n: n_pixels },

@@ -119,7 +119,9 @@ impl SceneBuffers {
         let arrays = moments.iter().map(|planes| Arrays::read(gpu, planes)).collect::<Result<Vec<_>>>()?;
         let part = |second: usize| -> Vec<Arrays> {
             let groups = self.groups.iter().zip(&arrays);
-            groups.map(|(group, arrays)| arrays.map(|planes, from| every_other(from, planes, group.n as usize, second))).collect()
+            groups
+                .map(|(group, arrays)| arrays.map(|planes, from| every_other(from, planes, group.n as usize, second)))
+                .collect()
         };
         Ok((self.assemble(&part(0)), self.assemble(&part(1))))
     }
@@ -203,7 +205,8 @@ impl Planes {
 
     /// Zeros for the moments of `params`, `n` Gaussians, laid out as [`Planes::upload_moments`] does.
     pub fn moments(gpu: &Gpu, params: &Planes, n: usize) -> Result<Self> {
-        let zeros = |planes: usize| gpu.upload("moments", &vec![[0.0; 4]; 2 * planes * n.next_multiple_of(PLANE_BLOCK)]);
+        let zeros =
+            |planes: usize| gpu.upload("moments", &vec![[0.0; 4]; 2 * planes * n.next_multiple_of(PLANE_BLOCK)]);
         Ok(Planes {
             geometry: zeros(3)?,
             sh0: zeros(1)?,
@@ -345,42 +348,42 @@ fn upload_group(
 impl Arrays {
     /// The values of Gaussians `start..start + n` of `splats`, positions relative to `origin`.
     fn of(splats: &Splats, origin: [f64; 3], start: usize, n: usize) -> Self {
-    let dynamic = start >= splats.n_static;
-    let motion_of = |i: usize| splats.motion[start + i - splats.n_static];
-    let geometry = planes(n, |i| {
-        let g = start + i;
-        let p: [f32; 3] = std::array::from_fn(|k| (f64::from(splats.position[g][k]) - origin[k]) as f32);
-        let s = splats.scale[g];
-        let t_scale = if dynamic { motion_of(i).t_scale } else { 0.0 };
-        [[p[0], p[1], p[2], splats.opacity[g]], splats.rotation[g], [s[0], s[1], s[2], t_scale]]
-    });
-    let k = splats.n_coefficients();
-    let coefficient = |i: usize, c: usize| splats.sh[(start + i) * k + c];
-    let sh0: Vec<[f32; 4]> = (0..n).map(|i| coefficient(i, 0)).map(|[r, g, b]| [r, g, b, 0.0]).collect();
-    // Band l holds coefficients l^2 .. (l+1)^2, their colours one after the other.
-    let float = |i: usize, band: usize, f: usize| {
-        let c = f / 3;
-        if c < 2 * band + 1 { coefficient(i, band * band + c)[f % 3] } else { 0.0 }
-    };
-    let vec4 = |i: usize, band: usize, p: usize| std::array::from_fn(|j| float(i, band, 4 * p + j));
-    let mut bands = Vec::new();
-    for band in 1..=splats.sh_degree as usize {
-        let data = match band {
-            1 => planes::<3>(n, |i| std::array::from_fn(|p| vec4(i, 1, p))),
-            2 => planes::<4>(n, |i| std::array::from_fn(|p| vec4(i, 2, p))),
-            _ => planes::<6>(n, |i| std::array::from_fn(|p| vec4(i, 3, p))),
+        let dynamic = start >= splats.n_static;
+        let motion_of = |i: usize| splats.motion[start + i - splats.n_static];
+        let geometry = planes(n, |i| {
+            let g = start + i;
+            let p: [f32; 3] = std::array::from_fn(|k| (f64::from(splats.position[g][k]) - origin[k]) as f32);
+            let s = splats.scale[g];
+            let t_scale = if dynamic { motion_of(i).t_scale } else { 0.0 };
+            [[p[0], p[1], p[2], splats.opacity[g]], splats.rotation[g], [s[0], s[1], s[2], t_scale]]
+        });
+        let k = splats.n_coefficients();
+        let coefficient = |i: usize, c: usize| splats.sh[(start + i) * k + c];
+        let sh0: Vec<[f32; 4]> = (0..n).map(|i| coefficient(i, 0)).map(|[r, g, b]| [r, g, b, 0.0]).collect();
+        // Band l holds coefficients l^2 .. (l+1)^2, their colours one after the other.
+        let float = |i: usize, band: usize, f: usize| {
+            let c = f / 3;
+            if c < 2 * band + 1 { coefficient(i, band * band + c)[f % 3] } else { 0.0 }
         };
-        bands.push(data);
-    }
-    let motion: Option<Vec<[f32; 4]>> = dynamic.then(|| {
-        (0..n)
-            .map(|i| {
-                let m = motion_of(i);
-                [m.velocity[0], m.velocity[1], m.velocity[2], m.t_center]
-            })
-            .collect()
-    });
-    Arrays { geometry, sh0, bands, motion }
+        let vec4 = |i: usize, band: usize, p: usize| std::array::from_fn(|j| float(i, band, 4 * p + j));
+        let mut bands = Vec::new();
+        for band in 1..=splats.sh_degree as usize {
+            let data = match band {
+                1 => planes::<3>(n, |i| std::array::from_fn(|p| vec4(i, 1, p))),
+                2 => planes::<4>(n, |i| std::array::from_fn(|p| vec4(i, 2, p))),
+                _ => planes::<6>(n, |i| std::array::from_fn(|p| vec4(i, 3, p))),
+            };
+            bands.push(data);
+        }
+        let motion: Option<Vec<[f32; 4]>> = dynamic.then(|| {
+            (0..n)
+                .map(|i| {
+                    let m = motion_of(i);
+                    [m.velocity[0], m.velocity[1], m.velocity[2], m.t_center]
+                })
+                .collect()
+        });
+        Arrays { geometry, sh0, bands, motion }
     }
 }
 

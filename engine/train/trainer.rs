@@ -480,7 +480,13 @@ impl Trainer {
             (density::inherit(&first, &origins, n_static), density::inherit(&second, &origins, n_static));
         let state: Vec<[f32; 4]> = origins
             .iter()
-            .map(|o| if o.is_old { [0.0, 0.0, state[o.from][2], state[o.from][3]] } else { [0.0, 0.0, 0.0, self.step as f32] })
+            .map(|o| {
+                if o.is_old {
+                    [0.0, 0.0, state[o.from][2], state[o.from][3]]
+                } else {
+                    [0.0, 0.0, 0.0, self.step as f32]
+                }
+            })
             .collect();
         self.scene = SceneBuffers::upload(&self.gpu, &grown, self.constants.alpha_min, Purpose::Training)?;
         let (moments, state) = upload_state(&self.gpu, &self.scene, &first, &second, &state)?;

@@ -47,7 +47,7 @@ impl Rig {
     /// Room for every Gaussian of the scene.
     pub fn new(splats: &Splats, view: &View) -> Rig {
         let gpu = gpu();
-        let scene = SceneBuffers::upload(&gpu, splats, Constants::default().alpha_min).unwrap();
+        let scene = SceneBuffers::upload(&gpu, splats, Constants::default().alpha_min, Purpose::Picture).unwrap();
         let capacity = splats.len().max(1) as u32;
         Rig::with(gpu, scene, view, capacity)
     }
@@ -113,8 +113,7 @@ impl Rig {
         let (tiles_x, tiles_y) = Strip::whole(view).tiles(view);
         let n_tiles = tiles_x * tiles_y;
         let active = self.project();
-        let tiles =
-            Tiles::new(&self.gpu, active.ids.len().max(1) as u32, INTERSECTIONS, n_tiles, Purpose::Picture).unwrap();
+        let tiles = Tiles::new(&self.gpu, active.ids.len().max(1) as u32, INTERSECTIONS, n_tiles, false).unwrap();
         let mut rec = Recording::new();
         let lists = tiles.record(&mut rec, &self.cull, &self.projected, &self.view, &self.status, n_tiles, u32::MAX);
         self.gpu.run(&rec).unwrap();
@@ -132,7 +131,7 @@ impl Rig {
         let (n_tiles, n_pixels) = (tiles_x * tiles_y, (view.width * strip.n_rows) as usize);
         let params = view_params(view, &Constants::default(), self.scene.origin, strip);
         self.gpu.write(&self.view, &[params]).unwrap();
-        let tiles = Tiles::new(&self.gpu, self.scene.n.max(1), INTERSECTIONS, n_tiles, Purpose::Picture).unwrap();
+        let tiles = Tiles::new(&self.gpu, self.scene.n.max(1), INTERSECTIONS, n_tiles, false).unwrap();
         let blend = Blend::new(&self.gpu, n_pixels, Outputs::All, Purpose::Picture).unwrap();
         let mut rec = Recording::new();
         rec.fill(self.status.slice(), 0);

@@ -1,6 +1,8 @@
 //! Gradients of the device.
 
+mod accumulation;
 mod adjoint;
+mod camera;
 mod check;
 mod extreme;
 mod golden;

@@ -134,7 +134,10 @@ fn workgroups_are_literal_and_hold_whole_subgroups_of_4_to_64() {
 fn no_shader_has_more_than_24_bindings() {
     for shader in shaders() {
         let code = without_comments(&source(&shader));
-        let n_bindings = code.matches("binding = ").count();
+        // Variants of a shader declare their own: the highest place counts.
+        let places =
+            code.split("binding = ").skip(1).map(|rest| rest.split(')').next().unwrap().parse::<usize>().unwrap());
+        let n_bindings = places.max().map_or(0, |last| last + 1);
         assert!((2..=24).contains(&n_bindings), "{shader}: {n_bindings} bindings");
     }
 }

@@ -6,7 +6,9 @@ use ivv::scene::capture::Capture;
 use ivv::scene::{Motion, Splats};
 use ivv::stage::{Outputs, Renderer};
 use ivv::synth::{Options, Preset, write_capture};
-use ivv::train::{Checkpoint, Config, Trainer, from_points, permutation, random_points, rates, scores};
+use ivv::train::{
+    Checkpoint, Config, LearningRates, Rate, Trainer, from_points, permutation, random_points, rates, scores,
+};
 use std::path::PathBuf;
 
 /// A tiny capture, removed at the end.
@@ -43,10 +45,14 @@ fn train(capture: &Capture, config: &Config, splats: &Splats, steps: u64) -> (Sp
         let epoch = step / frames.len() as u64;
         let (camera, frame) = frames[permutation(frames.len(), &[config.seed, epoch])[step as usize % frames.len()]];
         let picture = capture.picture(camera, frame).unwrap();
-        let report = trainer.train(&capture.view(camera, frame).unwrap(), &picture).unwrap();
+        trainer.train(&capture.view(camera, frame).unwrap(), &picture).unwrap();
+    }
+    trainer.finish().unwrap();
+    let reports = trainer.take_reports();
+    assert!(reports.iter().map(|report| report.step).eq(1..=steps), "one report a step, in order");
+    for report in reports {
         assert!(report.loss.is_finite() && report.bad_gradients == 0 && report.visible > 0, "{report:?}");
         losses.push(report.loss);
-        trainer.control_density().unwrap();
     }
     let mean = |part: &[f64]| part.iter().sum::<f64>() / part.len() as f64;
     (trainer.splats().unwrap(), mean(&losses[..10]), mean(&losses[losses.len() - 10..]))
@@ -109,7 +115,8 @@ fn gaussians_never_exceed_the_budget() {
 fn tau_stays_above_half_a_frame() {
     let tiny = Tiny::new("tau");
     // A rate that would carry log tau far down within a few steps.
-    let config = Config { sh_degree: 0, lr_t_scale: 1.0, ..Config::default() };
+    let lr = LearningRates { t_scale: Rate { start: 1.0, end: 1.0 }, ..LearningRates::default() };
+    let config = Config { sh_degree: 0, lr, ..Config::default() };
     let begin = from_points(&tiny.capture.points, &tiny.capture, &config);
     let (end, ..) = train(&tiny.capture, &config, &begin, 30);
     let floor = (0.5 / f64::from(tiny.capture.n_frames)).ln() as f32;
@@ -146,7 +153,6 @@ fn drive(trainer: &mut Trainer, capture: &Capture, seed: u64, until: u64) {
         let (camera, frame) = frames[permutation(frames.len(), &[seed, epoch])[at]];
         let picture = capture.picture(camera, frame).unwrap();
         trainer.train(&capture.view(camera, frame).unwrap(), &picture).unwrap();
-        trainer.control_density().unwrap();
     }
 }
 
@@ -168,7 +174,7 @@ fn a_run_that_was_killed_and_resumed_gives_the_bits_of_one_that_was_not() {
     drop(first_half);
     let checkpoint = Checkpoint::newest(&folder).unwrap().unwrap();
     assert_eq!(checkpoint.step, 23);
-    assert!(checkpoint.stats.iter().any(|s| s[1] > 0.0), "there is something to lose");
+    assert!(checkpoint.state.iter().any(|s| s[1] > 0.0), "there is something to lose");
     let mut second_half = Trainer::resume(gpu.clone(), &checkpoint, Constants::default(), extent, dt).unwrap();
     drive(&mut second_half, &tiny.capture, config.seed, 60);
     assert!(whole.n_gaussians() as usize > begin.len());
@@ -222,6 +228,6 @@ fn a_step_that_is_replayed_with_more_room_leaves_the_bits_of_one_that_is_not() {
         trainer.checkpoint().unwrap()
     };
     let (roomy, replayed) = (run(None), run(Some(1)));
-    assert!(roomy.stats.iter().any(|s| s[1] > 0.0));
+    assert!(roomy.state.iter().any(|s| s[1] > 0.0));
     assert_eq!(roomy, replayed);
 }

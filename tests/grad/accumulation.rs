@@ -1,0 +1,63 @@
+//! The four ways of adding gradients up.
+
+use super::check::{bits, cotangents, dot, flat};
+use crate::common::device::gpu;
+use crate::common::random::{scene, view};
+use ivv::Constants;
+use ivv::scene::Splats;
+use ivv::stage::{Accumulation, Gradients, Renderer};
+
+fn gradients(splats: &Splats, mode: Accumulation) -> Option<Gradients> {
+    let (gpu, view) = (gpu(), view());
+    let mut renderer = Renderer::new(gpu.clone(), splats, Constants::default()).unwrap();
+    if let Err(reason) = renderer.accumulate(mode) {
+        eprintln!("skipped: {reason}");
+        return None;
+    }
+    let (found, report) = renderer.vjp(&view, &cotangents(3, &view, |_| false)).unwrap();
+    assert!(report.intersections > 0);
+    Some(found)
+}
+
+#[test]
+fn all_ways_agree() {
+    let splats = scene(8, 300, 1);
+    let slots = gradients(&splats, Accumulation::Slots).unwrap();
+    for mode in Accumulation::ALL {
+        let Some(found) = gradients(&splats, mode) else { continue };
+        assert_eq!(found.n_bad, 0, "{mode:?}");
+        for name in ["position", "rotation", "scale", "opacity", "sh", "velocity", "t_center", "t_scale"] {
+            let (a, b) = (flat(&found, name), flat(&slots, name));
+            let difference: Vec<f64> = a.iter().zip(&b).map(|(a, b)| a - b).collect();
+            let norm = dot(&b, &b).sqrt();
+            let error = dot(&difference, &difference).sqrt() / norm;
+            assert!(norm > 0.0 && error <= 2e-6, "{mode:?}: {name} differs by {error:e}");
+        }
+    }
+}
+
+#[test]
+fn slots_and_fixed_point_give_the_same_bits_in_every_run() {
+    let splats = scene(9, 400, 0);
+    for mode in [Accumulation::Slots, Accumulation::FixedPoint] {
+        let first = bits(&gradients(&splats, mode).unwrap());
+        assert!(first.iter().any(|x| *x != 0));
+        for _ in 0..3 {
+            assert_eq!(first, bits(&gradients(&splats, mode).unwrap()), "{mode:?}");
+        }
+    }
+}
+
+#[test]
+fn a_cotangent_beyond_the_fixed_point_s_range_is_counted_and_never_wraps() {
+    let (gpu, view) = (gpu(), view());
+    let splats = scene(10, 60, 0);
+    for size in [1e9f32, 1e30, f32::INFINITY, f32::NAN] {
+        let mut huge = cotangents(4, &view, |_| true);
+        huge.color[(28 * view.width + 40) as usize] = [size, 0.0, 0.0];
+        let mut renderer = Renderer::new(gpu.clone(), &splats, Constants::default()).unwrap();
+        renderer.accumulate(Accumulation::FixedPoint).unwrap();
+        let (found, _) = renderer.vjp(&view, &huge).unwrap();
+        assert!(found.n_bad > 0 && super::check::is_finite(&found), "{size:e}");
+    }
+}
