@@ -355,7 +355,7 @@ pub mod cull_dynamic {
     }
 }
 
-/// lists the marked Gaussians in index order.
+/// lists the marked Gaussians in index order, and the others if asked for.
 pub mod compact {
     use super::super::kernel::*;
     /// `Push` of the shaders.
@@ -366,11 +366,14 @@ pub mod compact {
         pub n: u32,
         /// `capacity` of the shader.
         pub capacity: u32,
+        /// `wants_idle` of the shader.
+        pub wants_idle: u32,
     }
     const _: () = {
-        assert!(size_of::<Push>() == 8);
+        assert!(size_of::<Push>() == 12);
         assert!(std::mem::offset_of!(Push, n) == 0);
         assert!(std::mem::offset_of!(Push, capacity) == 4);
+        assert!(std::mem::offset_of!(Push, wants_idle) == 8);
     };
     /// The kernel's buffers.
     pub struct Args<'a> {
@@ -380,6 +383,8 @@ pub mod compact {
         pub offsets: &'a Buf<u32>,
         /// Writes.
         pub active_id: &'a Buf<u32>,
+        /// Writes.
+        pub idle_id: &'a Buf<u32>,
     }
     impl Kernel for Args<'_> {
         type Push = Push;
@@ -393,10 +398,11 @@ pub mod compact {
                 BindingInfo { name: "bits", kind: BindingKind::Storage, access: Access::Read },
                 BindingInfo { name: "offsets", kind: BindingKind::Storage, access: Access::Read },
                 BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "idle_id", kind: BindingKind::Storage, access: Access::Write },
             ],
         };
         fn slices(&self) -> Vec<Slice> {
-            vec![self.bits.slice(), self.offsets.slice(), self.active_id.slice()]
+            vec![self.bits.slice(), self.offsets.slice(), self.active_id.slice(), self.idle_id.slice()]
         }
     }
 }
@@ -412,11 +418,14 @@ pub mod prepare_active {
         pub n_groups: u32,
         /// `capacity` of the shader.
         pub capacity: u32,
+        /// `n_blocks` of the shader.
+        pub n_blocks: u32,
     }
     const _: () = {
-        assert!(size_of::<Push>() == 8);
+        assert!(size_of::<Push>() == 12);
         assert!(std::mem::offset_of!(Push, n_groups) == 0);
         assert!(std::mem::offset_of!(Push, capacity) == 4);
+        assert!(std::mem::offset_of!(Push, n_blocks) == 8);
     };
     /// The kernel's buffers.
     pub struct Args<'a> {
@@ -6514,6 +6523,8 @@ pub mod adam_idle {
     #[repr(C)]
     #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
     pub struct Push {
+        /// `group` of the shader.
+        pub group: u32,
         /// `n` of the shader.
         pub n: u32,
         /// `first` of the shader.
@@ -6524,11 +6535,12 @@ pub mod adam_idle {
         pub planes: u32,
     }
     const _: () = {
-        assert!(size_of::<Push>() == 16);
-        assert!(std::mem::offset_of!(Push, n) == 0);
-        assert!(std::mem::offset_of!(Push, first) == 4);
-        assert!(std::mem::offset_of!(Push, kind) == 8);
-        assert!(std::mem::offset_of!(Push, planes) == 12);
+        assert!(size_of::<Push>() == 20);
+        assert!(std::mem::offset_of!(Push, group) == 0);
+        assert!(std::mem::offset_of!(Push, n) == 4);
+        assert!(std::mem::offset_of!(Push, first) == 8);
+        assert!(std::mem::offset_of!(Push, kind) == 12);
+        assert!(std::mem::offset_of!(Push, planes) == 16);
     };
     /// The kernel's buffers.
     pub struct Args<'a> {
@@ -6537,7 +6549,9 @@ pub mod adam_idle {
         /// Reads.
         pub adam: &'a Buf<super::AdamParams>,
         /// Reads.
-        pub bits: &'a Buf<u32>,
+        pub ranges: &'a Buf<[u32; 2]>,
+        /// Reads.
+        pub idle_id: &'a Buf<u32>,
         /// ReadWrites.
         pub parameter: &'a Buf<[f32; 4]>,
         /// ReadWrites.
@@ -6556,7 +6570,8 @@ pub mod adam_idle {
             bindings: &[
                 BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
                 BindingInfo { name: "adam", kind: BindingKind::Uniform, access: Access::Read },
-                BindingInfo { name: "bits", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "idle_id", kind: BindingKind::Storage, access: Access::Read },
                 BindingInfo { name: "parameter", kind: BindingKind::Storage, access: Access::ReadWrite },
                 BindingInfo { name: "moments", kind: BindingKind::Storage, access: Access::ReadWrite },
                 BindingInfo { name: "state", kind: BindingKind::Storage, access: Access::ReadWrite },
@@ -6566,7 +6581,8 @@ pub mod adam_idle {
             vec![
                 self.frame_status.slice(),
                 self.adam.slice(),
-                self.bits.slice(),
+                self.ranges.slice(),
+                self.idle_id.slice(),
                 self.parameter.slice(),
                 self.moments.slice(),
                 self.state.slice(),

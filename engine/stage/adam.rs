@@ -179,11 +179,12 @@ impl Optimiser {
         for (index, group) in scene.groups.iter().enumerate() {
             rec.group(Some(index));
             for (kind, planes, parameter, moments) in numbered(&group.params, &self.moments[index]) {
-                let (adam, bits, state) = (&self.params, &cull.bits, &self.state[index]);
+                let Cull { ranges, idle_id, args, .. } = cull;
+                let (adam, state) = (&self.params, &self.state[index]);
                 rec.pass(
-                    adam_idle::Args { frame_status: status, adam, bits, parameter, moments, state },
-                    adam_idle::Push { n: group.n, first: group.first, kind, planes },
-                    Grid::Threads(group.n.next_multiple_of(32) * planes),
+                    adam_idle::Args { frame_status: status, adam, ranges, idle_id, parameter, moments, state },
+                    adam_idle::Push { group: index as u32, n: group.n, first: group.first, kind, planes },
+                    indirect(args, ARGS_FIRST_GROUP + scene.groups.len() + index),
                 );
             }
         }

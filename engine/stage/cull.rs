@@ -20,14 +20,16 @@ pub(super) fn indirect(args: &Buf<[u32; 4]>, at: usize) -> Grid {
 
 /// Scratch and result of culling.
 pub struct Cull {
-    /// One bit per flat index: whether the Gaussian is active.
-    pub bits: Buf<u32>,
+    bits: Buf<u32>,
     offsets: Buf<u32>,
     n_blocks: Buf<u32>,
     scan: Scan,
     /// Flat indices of the active Gaussians, ascending.
     pub active_id: Buf<u32>,
-    /// How many there are; 0 when they exceed the capacity.
+    /// Flat indices of the others, ascending, those past the end of a group among them; for training only.
+    pub idle_id: Buf<u32>,
+    wants_idle: bool,
+    /// How many are active; 0 when they exceed the capacity.
     pub n_active: Buf<u32>,
     /// Range of each group in `active_id`.
     pub ranges: Buf<[u32; 2]>,
@@ -39,8 +41,8 @@ pub struct Cull {
 }
 
 impl Cull {
-    /// Scratch for `scene` with room for `capacity` active Gaussians.
-    pub fn new(gpu: &Gpu, scene: &SceneBuffers, capacity: u32) -> Result<Self> {
+    /// Scratch for `scene` with room for `capacity` active Gaussians; `wants_idle` lists the others too.
+    pub fn new(gpu: &Gpu, scene: &SceneBuffers, capacity: u32, wants_idle: bool) -> Result<Self> {
         let n_blocks = scene.n_flat / CULL_BLOCK;
         Ok(Cull {
             bits: gpu.alloc("cull bits", scene.n_flat as usize / 32)?,
@@ -48,9 +50,11 @@ impl Cull {
             n_blocks: gpu.upload("cull blocks", &[n_blocks])?,
             scan: Scan::new(gpu, n_blocks as usize)?,
             active_id: gpu.alloc("active ids", capacity as usize)?,
+            idle_id: gpu.alloc("idle ids", if wants_idle { scene.n_flat as usize } else { 1 })?,
+            wants_idle,
             n_active: gpu.alloc("active count", 1)?,
             ranges: gpu.alloc("group ranges", scene.groups.len())?,
-            args: gpu.alloc("active args", ARGS_FIRST_GROUP + scene.groups.len())?,
+            args: gpu.alloc("active args", ARGS_FIRST_GROUP + 2 * scene.groups.len())?,
             n_digits: gpu.alloc("active digits", 1)?,
             capacity,
         })
@@ -74,8 +78,8 @@ impl Cull {
         let blocks = Grid::Groups((scene.n_flat / CULL_BLOCK).div_ceil(SCAN_BLOCK as u32));
         self.scan.record(rec, &self.n_blocks, &self.offsets, &self.n_active, blocks);
         rec.pass(
-            compact::Args { bits, offsets: &self.offsets, active_id: &self.active_id },
-            compact::Push { n: scene.n_flat, capacity: self.capacity },
+            compact::Args { bits, offsets: &self.offsets, active_id: &self.active_id, idle_id: &self.idle_id },
+            compact::Push { n: scene.n_flat, capacity: self.capacity, wants_idle: u32::from(self.wants_idle) },
             Grid::Threads(scene.n_flat),
         );
         rec.pass(
@@ -88,7 +92,11 @@ impl Cull {
                 n_digits: &self.n_digits,
                 frame_status: status,
             },
-            prepare_active::Push { n_groups: scene.groups.len() as u32, capacity: self.capacity },
+            prepare_active::Push {
+                n_groups: scene.groups.len() as u32,
+                capacity: self.capacity,
+                n_blocks: scene.n_flat / CULL_BLOCK,
+            },
             Grid::Groups(1),
         );
     }

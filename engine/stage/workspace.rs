@@ -96,7 +96,7 @@ impl Workspace {
             room,
             view: gpu.alloc("view", 1)?,
             status: gpu.upload("status", &[Status::default()])?,
-            cull: Cull::new(gpu, scene, room.active)?,
+            cull: Cull::new(gpu, scene, room.active, room.purpose == Purpose::Training)?,
             projected: Projected::new(gpu, room.active)?,
             tiles: Tiles::new(gpu, room.active, room.intersections, room.tiles, room.has_slots())?,
             backward: match room.purpose {

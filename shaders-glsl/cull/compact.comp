@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-// Purpose   lists the marked Gaussians in index order.
+// Purpose   lists the marked Gaussians in index order, and the others if asked for.
 // Equation  none (stream compaction: rank = scanned count of the group + bits below).
 // Grid      one thread per flat index.
 // Numerics  integers only; nothing is written past the capacity.
@@ -9,10 +9,11 @@
 
 layout(local_size_x = 128) in;
 
-layout(push_constant) uniform Push { uint n; uint capacity; } pc;
+layout(push_constant) uniform Push { uint n; uint capacity; uint wants_idle; } pc;
 layout(set = 0, binding = 0) restrict readonly buffer Bits { uint bits[]; };
 layout(set = 0, binding = 1) restrict readonly buffer Offsets { uint offsets[]; };
 layout(set = 0, binding = 2) restrict writeonly buffer ActiveId { uint active_id[]; };
+layout(set = 0, binding = 3) restrict writeonly buffer IdleId { uint idle_id[]; };
 
 void main() {
     const uint i = linear_thread(gl_WorkGroupSize.x);
@@ -25,5 +26,7 @@ void main() {
     }
     const uint mask = bits[word];
     rank += bitCount(mask & ((1u << (i & 31u)) - 1u));
-    if (((mask >> (i & 31u)) & 1u) != 0u && rank < pc.capacity) active_id[rank] = i;
+    const bool marked = ((mask >> (i & 31u)) & 1u) != 0u;
+    if (marked && rank < pc.capacity) active_id[rank] = i;
+    if (!marked && pc.wants_idle != 0u) idle_id[i - rank] = i;
 }

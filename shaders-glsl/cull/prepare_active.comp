@@ -2,7 +2,8 @@
 // Purpose   turns the number of active Gaussians into grids, and finds each group's range in the active list.
 // Equation  none.
 // Grid      one workgroup; one thread per group.
-// Writes    args: ARGS_* below, then one per group; ranges: [first, last) per group.
+// Writes    args: ARGS_* below, then one per group for its active Gaussians and one per group for the others; ranges:
+//           [first, last) per group.
 // Numerics  integers only; when the active list overflows, every grid is empty and `failed` says so.
 #version 460
 #extension GL_GOOGLE_include_directive : require
@@ -12,7 +13,7 @@
 
 layout(local_size_x = 64) in;
 
-layout(push_constant) uniform Push { uint n_groups; uint capacity; } pc;
+layout(push_constant) uniform Push { uint n_groups; uint capacity; uint n_blocks; } pc;
 layout(set = 0, binding = 0) restrict buffer NActive { uint n_active[]; };
 layout(set = 0, binding = 1) restrict readonly buffer Offsets { uint offsets[]; };
 layout(set = 0, binding = 2) restrict readonly buffer GroupFirst { uint group_first[]; };
@@ -31,6 +32,8 @@ void main() {
         const uint last = g + 1u < pc.n_groups ? offsets[group_first[g + 1u]] : n;
         ranges[g] = fits ? uvec2(first, last) : uvec2(0u);
         args[ARGS_FIRST_GROUP + g] = fold(fits ? div_ceil(last - first, 64u) : 0u);
+        const uint blocks = (g + 1u < pc.n_groups ? group_first[g + 1u] : pc.n_blocks) - group_first[g];
+        args[ARGS_FIRST_GROUP + pc.n_groups + g] = fold(fits ? div_ceil(blocks * 128u - (last - first), 64u) : 0u);
     }
     if (gl_LocalInvocationIndex == 0u) {
         status.n_active = n;

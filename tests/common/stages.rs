@@ -56,7 +56,7 @@ impl Rig {
     pub fn with(gpu: Watched, scene: SceneBuffers, view: &View, capacity: u32) -> Rig {
         let params = view_params(view, &Constants::default(), scene.origin, Strip::whole(view));
         Rig {
-            cull: Cull::new(&gpu, &scene, capacity).unwrap(),
+            cull: Cull::new(&gpu, &scene, capacity, false).unwrap(),
             projected: Projected::new(&gpu, capacity).unwrap(),
             view: gpu.upload("view", &[params]).unwrap(),
             status: gpu.upload("status", &[Status::default()]).unwrap(),

@@ -343,9 +343,12 @@ fn t_center_moves_by_steps_that_are_far_below_its_last_bit() {
     scene.first.motion.iter_mut().for_each(|m| m.t_center = 1.0);
     scene.second.motion.iter_mut().for_each(|m| m.t_center = 1.0);
     let (buffers, optimiser) = scene.upload(&gpu, AdamMode::Dense, &[[0.0; 4]]);
-    let bits = vec![0u32; buffers.n_flat as usize / 32];
-    let mut cull = ivv::stage::Cull::new(&gpu, &buffers, 10).unwrap();
-    cull.bits = gpu.upload("cull bits", &bits).unwrap();
+    // Seen by a camera that looks away.
+    let cull = ivv::stage::Cull::new(&gpu, &buffers, 10, true).unwrap();
+    let mut away = view();
+    away.world_to_camera[2][3] = -1e3;
+    let away = view_params(&away, &Constants::default(), buffers.origin, Strip::whole(&away));
+    let away = gpu.upload("view", &[away]).unwrap();
     let status = gpu.upload("status", &[Status::default()]).unwrap();
     let rate = 1e-9;
     let mut params = adam_params(&Rates { t_center: rate, ..Rates::default() }, &StepSettings::default(), 1_000_000, 1);
@@ -354,6 +357,7 @@ fn t_center_moves_by_steps_that_are_far_below_its_last_bit() {
     gpu.write(&optimiser.params, &[params]).unwrap();
     for _ in 0..1000 {
         let mut rec = Recording::new();
+        cull.record(&mut rec, &buffers, &away, &status);
         optimiser.record_idle(&mut rec, &buffers, &cull, &status);
         gpu.run(&rec).unwrap();
     }

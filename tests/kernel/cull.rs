@@ -101,7 +101,9 @@ fn the_active_list_of_any_mix_of_sizes_is_the_list_of_the_marked_ones_in_order()
         assert_eq!(rig.gpu.read(&rig.cull.n_digits).unwrap(), [n_digits], "{what}");
         let grids = [n_active.div_ceil(64), n_active.div_ceil(1024), n_active.div_ceil(2048), n_digits.div_ceil(1024)];
         let groups = ranges.iter().map(|[first, last]| (last - first).div_ceil(64));
-        let args: Vec<[u32; 4]> = grids.into_iter().chain(groups).map(folded).collect();
+        let blocks = [n_static, n_dynamic].into_iter().filter(|n| *n > 0).map(|n| (n as u32).next_multiple_of(BLOCK));
+        let idle = blocks.zip(&ranges).map(|(n, [first, last])| (n - (last - first)).div_ceil(64));
+        let args: Vec<[u32; 4]> = grids.into_iter().chain(groups).chain(idle).map(folded).collect();
         assert_eq!(rig.gpu.read(&rig.cull.args).unwrap(), args, "{what}");
     }
 }
@@ -187,11 +189,16 @@ fn compaction_works_around_the_limit_of_65535_workgroups() {
             .collect();
         let ids = gpu.upload("ids", &vec![GUARD; marked.len() + 4]).unwrap();
         let (bits, offsets) = (gpu.upload("bits", &bits).unwrap(), gpu.upload("offsets", &offsets).unwrap());
-        let args = compact::Args { bits: &bits, offsets: &offsets, active_id: &ids };
+        let others = gpu.upload("others", &vec![GUARD; n as usize - marked.len() + 4]).unwrap();
+        let args = compact::Args { bits: &bits, offsets: &offsets, active_id: &ids, idle_id: &others };
+        let push = compact::Push { n, capacity: marked.len() as u32 + 4, wants_idle: 1 };
         let mut rec = Recording::new();
-        rec.pass(args, compact::Push { n, capacity: marked.len() as u32 + 4 }, Grid::Threads(n));
+        rec.pass(args, push, Grid::Threads(n));
         gpu.run(&rec).unwrap();
         let found = gpu.read(&ids).unwrap();
         assert_eq!((&found[..marked.len()], &found[marked.len()..]), (&marked[..], &[GUARD; 4][..]), "{n} places");
+        let others = gpu.read(&others).unwrap();
+        let expected = (0..n).filter(|i| marked.binary_search(i).is_err()).chain([GUARD; 4]);
+        assert!(others.into_iter().eq(expected), "the others of {n} places");
     }
 }
