@@ -1,5 +1,7 @@
 //! Training as a whole, on a synthetic capture of its own making.
 
+mod density;
+
 use crate::common::device::gpu;
 use ivv::Constants;
 use ivv::scene::capture::Capture;
