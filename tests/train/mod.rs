@@ -189,7 +189,9 @@ fn a_damaged_checkpoint_is_told_apart_and_the_one_before_serves() {
     let gpu = gpu();
     let config = Config { sh_degree: 0, ..Config::default() };
     let begin = from_points(&tiny.capture.points[..20], &tiny.capture, &config);
-    let mut trainer = Trainer::new(gpu.clone(), &begin, Constants::default(), config.clone(), 100, tiny.capture.extent(), 0.25).unwrap();
+    let mut trainer =
+        Trainer::new(gpu.clone(), &begin, Constants::default(), config.clone(), 100, tiny.capture.extent(), 0.25)
+            .unwrap();
     let folder = tiny.folder.join("checkpoints");
     for step in 1..=5 {
         drive(&mut trainer, &tiny.capture, config.seed, step);
