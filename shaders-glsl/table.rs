@@ -139,4 +139,13 @@ pub const KERNELS: &[Spec] = &[
     spec("loss_sum", "loss/loss_sum.comp", &[], "ssim", Count::Dispatches, 1000.0),
     spec("adam_idle", "adam/adam_idle.comp", &[], "adam", Count::Gaussians, 90.0),
     spec("adam_catch_up", "adam/adam_catch_up.comp", &[], "adam", Count::Active, 100.0),
+    spec("density_classify_static", "density/density_classify.comp", &[], "density", Count::Gaussians, 40.0),
+    spec("density_classify_dynamic", "density/density_classify.comp", &[D], "density", Count::Gaussians, 50.0),
+    spec("density_choose", "density/density_choose.comp", &[], "density", Count::Gaussians, 10.0),
+    spec("density_list", "density/density_list.comp", &[], "density", Count::Gaussians, 15.0),
+    spec("density_sample", "density/density_sample.comp", &[], "density", Count::Gaussians, 120.0),
+    spec("density_relocate", "density/density_relocate.comp", &[], "density", Count::Gaussians, 20.0),
+    spec("density_gather", "density/density_gather.comp", &[], "density", Count::Gaussians, 60.0),
+    spec("density_children", "density/density_children.comp", &[], "density", Count::Gaussians, 120.0),
+    spec("mcmc_noise", "density/mcmc_noise.comp", &[], "density", Count::Gaussians, 80.0),
 ];

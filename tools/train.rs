@@ -117,7 +117,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     };
     let gpu = Arc::new(Gpu::open(&Options { device: choice, ..Options::default() })?);
     eprintln!("device: {} ({})", gpu.caps().name, gpu.chosen_because());
-    let (extent, dt) = (capture.extent().radius, 1.0 / f64::from(capture.n_frames.max(1)));
+    let (extent, dt) = (capture.extent(), 1.0 / f64::from(capture.n_frames.max(1)));
     let mut trainer = match &resumed {
         Some(checkpoint) => Trainer::resume(gpu.clone(), checkpoint, constants, extent, dt)?,
         None => {

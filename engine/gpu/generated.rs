@@ -6684,3 +6684,605 @@ pub mod adam_catch_up {
         }
     }
 }
+
+/// decides for each Gaussian of a group whether it is kept, how hard it is pulled and where it is stored.
+pub mod density_classify_static {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `center` of the shader.
+        pub center: [f32; 4],
+        /// `n` of the shader.
+        pub n: u32,
+        /// `first` of the shader.
+        pub first: u32,
+        /// `n_frames` of the shader.
+        pub n_frames: u32,
+        /// `weight` of the shader.
+        pub weight: u32,
+        /// `prune_opacity` of the shader.
+        pub prune_opacity: f32,
+        /// `largest` of the shader.
+        pub largest: f32,
+        /// `split_above` of the shader.
+        pub split_above: f32,
+        /// `gradient` of the shader.
+        pub gradient: f32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 48);
+        assert!(std::mem::offset_of!(Push, center) == 0);
+        assert!(std::mem::offset_of!(Push, n) == 16);
+        assert!(std::mem::offset_of!(Push, first) == 20);
+        assert!(std::mem::offset_of!(Push, n_frames) == 24);
+        assert!(std::mem::offset_of!(Push, weight) == 28);
+        assert!(std::mem::offset_of!(Push, prune_opacity) == 32);
+        assert!(std::mem::offset_of!(Push, largest) == 36);
+        assert!(std::mem::offset_of!(Push, split_above) == 40);
+        assert!(std::mem::offset_of!(Push, gradient) == 44);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub geometry: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub state: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub flags: &'a Buf<u32>,
+        /// Writes.
+        pub scores: &'a Buf<u32>,
+        /// Writes.
+        pub identity: &'a Buf<u32>,
+        /// Writes.
+        pub entries: &'a Buf<u32>,
+        /// Writes.
+        pub codes: &'a Buf<u32>,
+        /// ReadWrites.
+        pub counters: &'a Buf<u32>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "density_classify_static",
+            local: 128,
+            subgroups: true,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/density_classify_static.spv"),
+            bindings: &[
+                BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "state", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "flags", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "scores", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "identity", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "entries", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "codes", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "counters", kind: BindingKind::Storage, access: Access::ReadWrite },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![
+                self.geometry.slice(),
+                self.state.slice(),
+                self.flags.slice(),
+                self.scores.slice(),
+                self.identity.slice(),
+                self.entries.slice(),
+                self.codes.slice(),
+                self.counters.slice(),
+            ]
+        }
+    }
+}
+
+/// decides for each Gaussian of a group whether it is kept, how hard it is pulled and where it is stored.
+pub mod density_classify_dynamic {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `center` of the shader.
+        pub center: [f32; 4],
+        /// `n` of the shader.
+        pub n: u32,
+        /// `first` of the shader.
+        pub first: u32,
+        /// `n_frames` of the shader.
+        pub n_frames: u32,
+        /// `weight` of the shader.
+        pub weight: u32,
+        /// `prune_opacity` of the shader.
+        pub prune_opacity: f32,
+        /// `largest` of the shader.
+        pub largest: f32,
+        /// `split_above` of the shader.
+        pub split_above: f32,
+        /// `gradient` of the shader.
+        pub gradient: f32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 48);
+        assert!(std::mem::offset_of!(Push, center) == 0);
+        assert!(std::mem::offset_of!(Push, n) == 16);
+        assert!(std::mem::offset_of!(Push, first) == 20);
+        assert!(std::mem::offset_of!(Push, n_frames) == 24);
+        assert!(std::mem::offset_of!(Push, weight) == 28);
+        assert!(std::mem::offset_of!(Push, prune_opacity) == 32);
+        assert!(std::mem::offset_of!(Push, largest) == 36);
+        assert!(std::mem::offset_of!(Push, split_above) == 40);
+        assert!(std::mem::offset_of!(Push, gradient) == 44);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub geometry: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub state: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub flags: &'a Buf<u32>,
+        /// Writes.
+        pub scores: &'a Buf<u32>,
+        /// Writes.
+        pub identity: &'a Buf<u32>,
+        /// Writes.
+        pub entries: &'a Buf<u32>,
+        /// Writes.
+        pub codes: &'a Buf<u32>,
+        /// ReadWrites.
+        pub counters: &'a Buf<u32>,
+        /// Reads.
+        pub motion: &'a Buf<[f32; 4]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "density_classify_dynamic",
+            local: 128,
+            subgroups: true,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/density_classify_dynamic.spv"),
+            bindings: &[
+                BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "state", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "flags", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "scores", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "identity", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "entries", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "codes", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "counters", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![
+                self.geometry.slice(),
+                self.state.slice(),
+                self.flags.slice(),
+                self.scores.slice(),
+                self.identity.slice(),
+                self.entries.slice(),
+                self.codes.slice(),
+                self.counters.slice(),
+                self.motion.slice(),
+            ]
+        }
+    }
+}
+
+/// lets the Gaussians that are pulled hardest grow, as many as the budget allows.
+pub mod density_choose {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `n` of the shader.
+        pub n: u32,
+        /// `max_gaussians` of the shader.
+        pub max_gaussians: u32,
+        /// `growth` of the shader.
+        pub growth: f32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 12);
+        assert!(std::mem::offset_of!(Push, n) == 0);
+        assert!(std::mem::offset_of!(Push, max_gaussians) == 4);
+        assert!(std::mem::offset_of!(Push, growth) == 8);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub keys: &'a Buf<u32>,
+        /// Reads.
+        pub order: &'a Buf<u32>,
+        /// Reads.
+        pub counters: &'a Buf<u32>,
+        /// ReadWrites.
+        pub flags: &'a Buf<u32>,
+        /// Writes.
+        pub entries: &'a Buf<u32>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "density_choose",
+            local: 64,
+            subgroups: false,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/density_choose.spv"),
+            bindings: &[
+                BindingInfo { name: "keys", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "order", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "counters", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "flags", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "entries", kind: BindingKind::Storage, access: Access::Write },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![self.keys.slice(), self.order.slice(), self.counters.slice(), self.flags.slice(), self.entries.slice()]
+        }
+    }
+}
+
+/// lists where each new Gaussian comes from: who is kept, the copy of a clone, the halves of a split.
+pub mod density_list {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `n` of the shader.
+        pub n: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 4);
+        assert!(std::mem::offset_of!(Push, n) == 0);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub flags: &'a Buf<u32>,
+        /// Reads.
+        pub offsets: &'a Buf<u32>,
+        /// Reads.
+        pub codes: &'a Buf<u32>,
+        /// Writes.
+        pub sources: &'a Buf<u32>,
+        /// Writes.
+        pub source_codes: &'a Buf<u32>,
+        /// ReadWrites.
+        pub counters: &'a Buf<u32>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "density_list",
+            local: 128,
+            subgroups: true,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/density_list.spv"),
+            bindings: &[
+                BindingInfo { name: "flags", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "offsets", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "codes", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "sources", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "source_codes", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "counters", kind: BindingKind::Storage, access: Access::ReadWrite },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![
+                self.flags.slice(),
+                self.offsets.slice(),
+                self.codes.slice(),
+                self.sources.slice(),
+                self.source_codes.slice(),
+                self.counters.slice(),
+            ]
+        }
+    }
+}
+
+/// draws for every dead and every new Gaussian a living one whose place it takes, with odds like its opacity.
+pub mod density_sample {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `n` of the shader.
+        pub n: u32,
+        /// `n_new` of the shader.
+        pub n_new: u32,
+        /// `key` of the shader.
+        pub key: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 12);
+        assert!(std::mem::offset_of!(Push, n) == 0);
+        assert!(std::mem::offset_of!(Push, n_new) == 4);
+        assert!(std::mem::offset_of!(Push, key) == 8);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub flags: &'a Buf<u32>,
+        /// Reads.
+        pub before: &'a Buf<u32>,
+        /// Reads.
+        pub total: &'a Buf<u32>,
+        /// Writes.
+        pub targets: &'a Buf<u32>,
+        /// ReadWrites.
+        pub copies: &'a Buf<u32>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "density_sample",
+            local: 64,
+            subgroups: false,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/density_sample.spv"),
+            bindings: &[
+                BindingInfo { name: "flags", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "before", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "total", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "targets", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "copies", kind: BindingKind::Storage, access: Access::ReadWrite },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![self.flags.slice(), self.before.slice(), self.total.slice(), self.targets.slice(), self.copies.slice()]
+        }
+    }
+}
+
+/// lists where each new Gaussian comes from when the dead are relocated: the living stay, the dead and the new
+pub mod density_relocate {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `n` of the shader.
+        pub n: u32,
+        /// `n_new` of the shader.
+        pub n_new: u32,
+        /// `n_old` of the shader.
+        pub n_old: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 12);
+        assert!(std::mem::offset_of!(Push, n) == 0);
+        assert!(std::mem::offset_of!(Push, n_new) == 4);
+        assert!(std::mem::offset_of!(Push, n_old) == 8);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub flags: &'a Buf<u32>,
+        /// Reads.
+        pub offsets: &'a Buf<u32>,
+        /// Reads.
+        pub codes: &'a Buf<u32>,
+        /// Reads.
+        pub targets: &'a Buf<u32>,
+        /// Reads.
+        pub copies: &'a Buf<u32>,
+        /// Writes.
+        pub sources: &'a Buf<u32>,
+        /// Writes.
+        pub source_codes: &'a Buf<u32>,
+        /// ReadWrites.
+        pub counters: &'a Buf<u32>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "density_relocate",
+            local: 128,
+            subgroups: true,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/density_relocate.spv"),
+            bindings: &[
+                BindingInfo { name: "flags", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "offsets", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "codes", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "targets", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "copies", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "sources", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "source_codes", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "counters", kind: BindingKind::Storage, access: Access::ReadWrite },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![
+                self.flags.slice(),
+                self.offsets.slice(),
+                self.codes.slice(),
+                self.targets.slice(),
+                self.copies.slice(),
+                self.sources.slice(),
+                self.source_codes.slice(),
+                self.counters.slice(),
+            ]
+        }
+    }
+}
+
+/// carries numbers of an old group of Gaussians to a new one, in the order of the list of sources.
+pub mod density_gather {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `as_it_was` of the shader.
+        pub as_it_was: [f32; 4],
+        /// `child` of the shader.
+        pub child: [f32; 4],
+        /// `size` of the shader.
+        pub size: u32,
+        /// `planes` of the shader.
+        pub planes: u32,
+        /// `n` of the shader.
+        pub n: u32,
+        /// `start` of the shader.
+        pub start: u32,
+        /// `old_first` of the shader.
+        pub old_first: u32,
+        /// `old_n` of the shader.
+        pub old_n: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 56);
+        assert!(std::mem::offset_of!(Push, as_it_was) == 0);
+        assert!(std::mem::offset_of!(Push, child) == 16);
+        assert!(std::mem::offset_of!(Push, size) == 32);
+        assert!(std::mem::offset_of!(Push, planes) == 36);
+        assert!(std::mem::offset_of!(Push, n) == 40);
+        assert!(std::mem::offset_of!(Push, start) == 44);
+        assert!(std::mem::offset_of!(Push, old_first) == 48);
+        assert!(std::mem::offset_of!(Push, old_n) == 52);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub sources: &'a Buf<u32>,
+        /// Reads.
+        pub old: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub gathered: &'a Buf<[f32; 4]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "density_gather",
+            local: 64,
+            subgroups: false,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/density_gather.spv"),
+            bindings: &[
+                BindingInfo { name: "sources", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "old", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "gathered", kind: BindingKind::Storage, access: Access::Write },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![self.sources.slice(), self.old.slice(), self.gathered.slice()]
+        }
+    }
+}
+
+/// writes the geometry of a new group of Gaussians: those that stay, clones, halves of splits, and copies that
+pub mod density_children {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `n` of the shader.
+        pub n: u32,
+        /// `start` of the shader.
+        pub start: u32,
+        /// `old_first` of the shader.
+        pub old_first: u32,
+        /// `old_n` of the shader.
+        pub old_n: u32,
+        /// `key` of the shader.
+        pub key: u32,
+        /// `ceiling` of the shader.
+        pub ceiling: f32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 24);
+        assert!(std::mem::offset_of!(Push, n) == 0);
+        assert!(std::mem::offset_of!(Push, start) == 4);
+        assert!(std::mem::offset_of!(Push, old_first) == 8);
+        assert!(std::mem::offset_of!(Push, old_n) == 12);
+        assert!(std::mem::offset_of!(Push, key) == 16);
+        assert!(std::mem::offset_of!(Push, ceiling) == 20);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub sources: &'a Buf<u32>,
+        /// Reads.
+        pub copies: &'a Buf<u32>,
+        /// Reads.
+        pub old: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub geometry: &'a Buf<[f32; 4]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "density_children",
+            local: 64,
+            subgroups: false,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/density_children.spv"),
+            bindings: &[
+                BindingInfo { name: "sources", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "copies", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "old", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Write },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![self.sources.slice(), self.copies.slice(), self.old.slice(), self.geometry.slice()]
+        }
+    }
+}
+
+/// lets faint Gaussians wander: adds noise of their own shape to their positions after each step.
+pub mod mcmc_noise {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `n` of the shader.
+        pub n: u32,
+        /// `first` of the shader.
+        pub first: u32,
+        /// `key` of the shader.
+        pub key: u32,
+        /// `rate` of the shader.
+        pub rate: f32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 16);
+        assert!(std::mem::offset_of!(Push, n) == 0);
+        assert!(std::mem::offset_of!(Push, first) == 4);
+        assert!(std::mem::offset_of!(Push, key) == 8);
+        assert!(std::mem::offset_of!(Push, rate) == 12);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub frame_status: &'a Buf<super::Status>,
+        /// ReadWrites.
+        pub geometry: &'a Buf<[f32; 4]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "mcmc_noise",
+            local: 64,
+            subgroups: false,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/mcmc_noise.spv"),
+            bindings: &[
+                BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![self.frame_status.slice(), self.geometry.slice()]
+        }
+    }
+}

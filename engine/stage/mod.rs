@@ -5,6 +5,7 @@ mod adam;
 mod backward;
 mod blend;
 mod cull;
+mod density;
 mod gradients;
 mod losses;
 mod params;
@@ -20,6 +21,7 @@ pub use adam::{AdamMode, BETA1, BETA2, EPS, Optimiser, Rates, StepSettings, adam
 pub use backward::{Accumulation, Backward, SLOT_PAIRS, Target};
 pub use blend::{Blend, Outputs, Purpose};
 pub use cull::Cull;
+pub use density::{Choice, Counts, DensityRound, Grown, record_mcmc_noise};
 pub use gradients::Gradients;
 pub use losses::{Photometric, SSIM_WEIGHT};
 pub use params::{Strip, view_params};

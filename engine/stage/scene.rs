@@ -52,6 +52,8 @@ pub struct SceneBuffers {
     pub n: u32,
     /// First cull workgroup of each group.
     pub group_first: Buf<u32>,
+    /// Most Gaussians of a group, a multiple of `CULL_BLOCK`.
+    pub group_limit: usize,
     /// Subtracted from every position, and from the cameras; zero unless the scene is far from its origin.
     pub origin: [f64; 3],
     /// Gaussians with a non-finite parameter or no rotation: never drawn.
@@ -64,37 +66,41 @@ impl SceneBuffers {
     /// # Errors
     /// [`Error::OutOfMemory`] naming the buffer.
     pub fn upload(gpu: &Gpu, splats: &Splats, alpha_min: f32, purpose: Purpose) -> Result<Self> {
+        Self::upload_in_groups(gpu, splats, alpha_min, group_limit(gpu, splats.sh_degree as usize, purpose))
+    }
+
+    /// As [`SceneBuffers::upload`] in groups of at most `limit` Gaussians, a multiple of 128.
+    ///
+    /// # Errors
+    /// As [`SceneBuffers::upload`].
+    pub fn upload_in_groups(gpu: &Gpu, splats: &Splats, alpha_min: f32, limit: usize) -> Result<Self> {
         let origin = far_origin(splats);
-        let limit = group_limit(gpu, splats.sh_degree as usize, purpose);
-        let (mut groups, mut first) = (Vec::new(), 0u32);
-        for (range, dynamic) in [(0..splats.n_static, false), (splats.n_static..splats.len(), true)] {
-            for start in range.clone().step_by(limit) {
-                let n = limit.min(range.end - start);
-                groups.push(upload_group(gpu, splats, origin, start, n, first, dynamic)?);
-                let flat = (n as u64).next_multiple_of(u64::from(CULL_BLOCK));
-                first = u32::try_from(u64::from(first) + flat).map_err(|_| Error::OutOfMemory {
-                    what: "the scene (Gaussians)".to_owned(),
-                    needed: splats.len() as u64,
-                    limit: u64::from(u32::MAX),
-                    remedy: "split the scene".to_owned(),
-                })?;
-            }
-        }
-        let group_first: Vec<u32> = groups.iter().map(|g| g.first / CULL_BLOCK).collect();
+        let (groups, n_flat) = cut(splats.n_static, splats.len(), limit, |slot| {
+            Group::new(gpu, slot, Planes::upload(gpu, splats, slot.start, slot.n, origin)?)
+        })?;
         let n_bad = gpu.upload("bad Gaussians", &[0u32])?;
-        let mut scene = SceneBuffers {
-            group_first: gpu.upload("group starts", &group_first)?,
-            groups,
-            n_flat: first,
-            n: splats.len() as u32,
-            origin,
-            n_bad: 0,
-        };
+        let mut scene = Self::from_groups(gpu, groups, n_flat, limit, origin)?;
         let mut rec = Recording::new();
         scene.record_bounds(&mut rec, alpha_min, &n_bad);
         gpu.run(&rec)?;
         scene.n_bad = gpu.read(&n_bad)?.first().copied().unwrap_or(0);
         Ok(scene)
+    }
+
+    /// Groups with undefined contents for `n` Gaussians, the first `n_static` of them static, in the shape of `other`.
+    pub(super) fn reshaped(gpu: &Gpu, other: &SceneBuffers, n_static: usize, n: usize) -> Result<Self> {
+        let degree = other.groups.first().map_or(0, Group::degree);
+        let (groups, n_flat) = cut(n_static, n, other.group_limit, |slot| {
+            Group::new(gpu, slot, Planes::alloc(gpu, "parameters", slot.n, degree, slot.dynamic, 1)?)
+        })?;
+        Self::from_groups(gpu, groups, n_flat, other.group_limit, other.origin)
+    }
+
+    fn from_groups(gpu: &Gpu, groups: Vec<Group>, n_flat: u32, group_limit: usize, origin: [f64; 3]) -> Result<Self> {
+        let group_first: Vec<u32> = groups.iter().map(|g| g.first / CULL_BLOCK).collect();
+        let n = groups.iter().map(|g| g.n).sum();
+        let group_first = gpu.upload("group starts", &group_first)?;
+        Ok(SceneBuffers { groups, n_flat, n, group_first, group_limit, origin, n_bad: 0 })
     }
 
     /// Appends the derivation of what culling reads; due whenever the parameters have changed. `n_bad` grows by the
@@ -203,16 +209,29 @@ impl Planes {
         })
     }
 
-    /// Zeros for the moments of `params`, `n` Gaussians, laid out as [`Planes::upload_moments`] does.
-    pub fn moments(gpu: &Gpu, params: &Planes, n: usize) -> Result<Self> {
-        let zeros =
-            |planes: usize| gpu.upload("moments", &vec![[0.0; 4]; 2 * planes * n.next_multiple_of(PLANE_BLOCK)]);
+    /// Undefined moments of `params`, `n` Gaussians, laid out as [`Planes::upload_moments`] does.
+    pub(super) fn moments(gpu: &Gpu, params: &Planes, n: usize) -> Result<Self> {
+        Self::alloc(gpu, "moments", n, params.bands.len(), params.motion.is_some(), 2)
+    }
+
+    /// Undefined numbers for `n` Gaussians, with `times` the planes of the parameters.
+    fn alloc(gpu: &Gpu, name: &str, n: usize, degree: usize, dynamic: bool, times: usize) -> Result<Self> {
+        // A single plane is flat; its last block is as long as there are items.
+        let buffer = |planes: usize| match planes * times {
+            1 => gpu.alloc(name, n),
+            planes => gpu.alloc(name, n.next_multiple_of(PLANE_BLOCK) * planes),
+        };
         Ok(Planes {
-            geometry: zeros(3)?,
-            sh0: zeros(1)?,
-            bands: BAND_PLANES[..params.bands.len()].iter().map(|planes| zeros(*planes)).collect::<Result<_>>()?,
-            motion: params.motion.as_ref().map(|_| zeros(1)).transpose()?,
+            geometry: buffer(3)?,
+            sh0: buffer(1)?,
+            bands: BAND_PLANES.iter().take(degree).map(|planes| buffer(*planes)).collect::<Result<_>>()?,
+            motion: if dynamic { Some(buffer(1)?) } else { None },
         })
+    }
+
+    /// vec4 planes of each of [`Planes::buffers`] of parameters.
+    pub(super) fn plane_counts(&self) -> impl Iterator<Item = usize> {
+        [3, 1].into_iter().chain(BAND_PLANES.into_iter().take(self.bands.len())).chain(self.motion.as_ref().map(|_| 1))
     }
 
     /// All buffers, in the same order for planes of one shape.
@@ -293,6 +312,17 @@ impl SceneBuffers {
 }
 
 impl Group {
+    fn new(gpu: &Gpu, slot: &Slot, params: Planes) -> Result<Self> {
+        Ok(Group {
+            first: slot.first,
+            n: slot.n as u32,
+            start: slot.start,
+            params,
+            bound: gpu.alloc("bound", slot.n)?,
+            window: if slot.dynamic { Some(gpu.alloc("window", slot.n)?) } else { None },
+        })
+    }
+
     /// SH degree.
     pub fn degree(&self) -> usize {
         self.params.bands.len()
@@ -326,23 +356,34 @@ fn planes<const P: usize>(n: usize, value: impl Fn(usize) -> [[f32; 4]; P]) -> V
     out
 }
 
-fn upload_group(
-    gpu: &Gpu,
-    splats: &Splats,
-    origin: [f64; 3],
+/// Where a group lies.
+struct Slot {
+    /// Index of its first Gaussian in the scene's order.
     start: usize,
     n: usize,
+    /// Flat index of the first.
     first: u32,
     dynamic: bool,
-) -> Result<Group> {
-    Ok(Group {
-        first,
-        n: n as u32,
-        start,
-        params: Planes::upload(gpu, splats, start, n, origin)?,
-        bound: gpu.alloc("bound", n)?,
-        window: if dynamic { Some(gpu.alloc("window", n)?) } else { None },
-    })
+}
+
+/// Cuts `n` Gaussians, the first `n_static` of them static, into groups of at most `limit`. Returns what `group` makes of
+/// each, and the length of the flat index.
+fn cut(n_static: usize, n: usize, limit: usize, group: impl Fn(&Slot) -> Result<Group>) -> Result<(Vec<Group>, u32)> {
+    let (mut groups, mut first) = (Vec::new(), 0u32);
+    for (range, dynamic) in [(0..n_static, false), (n_static..n, true)] {
+        for start in range.clone().step_by(limit) {
+            let slot = Slot { start, n: limit.min(range.end - start), first, dynamic };
+            let flat = (slot.n as u64).next_multiple_of(u64::from(CULL_BLOCK));
+            groups.push(group(&slot)?);
+            first = u32::try_from(u64::from(first) + flat).map_err(|_| Error::OutOfMemory {
+                what: "the scene (Gaussians)".to_owned(),
+                needed: n as u64,
+                limit: u64::from(u32::MAX),
+                remedy: "split the scene".to_owned(),
+            })?;
+        }
+    }
+    Ok((groups, first))
 }
 
 impl Arrays {

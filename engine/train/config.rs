@@ -30,10 +30,22 @@ pub struct Config {
     pub density: Density,
 }
 
-/// Adaptive density control, as 3DGS has it (SPEC 6), over the training times.
+/// How Gaussians are added and removed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Strategy {
+    /// 3DGS: clones and splits those that are pulled, removes the faint and the huge, resets opacities.
+    Adc,
+    /// 3DGS-MCMC (Kheradmand et al. 2024): the faint become copies of others, and wander until then.
+    Mcmc,
+}
+
+/// Density control (SPEC 6), over the training times.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Density {
+    /// How Gaussians are added and removed.
+    pub strategy: Strategy,
     /// First step, as a fraction of the run, and at most [`Density::first_step`].
     pub start: f64,
     /// First step at the latest.
@@ -42,21 +54,29 @@ pub struct Density {
     pub stop: f64,
     /// Steps between two rounds, at most; shorter runs have at least ten rounds.
     pub every: u64,
-    /// Mean norm of the projected centre's gradient, in half pictures, above which a Gaussian grows.
+    /// `adc`: mean norm of the projected centre's gradient, in half pictures, above which a Gaussian grows.
     pub gradient: f32,
-    /// A round adds at most this fraction of the Gaussians, those that are pulled hardest: in short runs, far from
-    /// convergence, almost all are.
+    /// `adc`: a round adds at most this fraction of the Gaussians, those that are pulled hardest: in short runs, far
+    /// from convergence, almost all are.
     pub growth: f64,
-    /// Standard deviation, in units of the extent, above which a Gaussian is split and below which it is cloned.
+    /// `adc`: standard deviation, in units of the extent, above which a Gaussian is split and below which it is cloned.
     pub split_above: f32,
-    /// Base opacity below which a Gaussian is removed.
+    /// Opacity, the largest over the training times, below which a Gaussian is removed (`adc`) or relocated (`mcmc`).
     pub prune_opacity: f32,
-    /// Standard deviation, in units of the extent, above which a Gaussian is removed.
+    /// `adc`: standard deviation, in units of the extent, above which a Gaussian is removed.
     pub prune_scale: f32,
-    /// Steps between two resets of the opacities.
+    /// `adc`: steps between two resets of the opacities.
     pub reset_every: u64,
     /// Opacity that a reset leaves at most; far enough above alpha_min that small Gaussians keep a gradient.
     pub reset_to: f32,
+    /// `mcmc`: a round adds this fraction of the Gaussians, until there are [`Config::max_gaussians`].
+    pub mcmc_growth: f64,
+    /// `mcmc`: size of the noise, in units of the positions' learning rate.
+    pub mcmc_noise: f64,
+    /// `mcmc`: weight of the mean opacity in the loss.
+    pub opacity_reg: f64,
+    /// `mcmc`: weight of the mean standard deviation in the loss, per scene unit.
+    pub scale_reg: f64,
 }
 
 /// A learning rate that goes from `start` to `end` exponentially over the run.
@@ -138,6 +158,7 @@ impl Default for Config {
 impl Default for Density {
     fn default() -> Self {
         Density {
+            strategy: Strategy::Adc,
             start: 0.1,
             first_step: 500,
             stop: 0.5,
@@ -149,6 +170,10 @@ impl Default for Density {
             prune_scale: 0.5,
             reset_every: 3000,
             reset_to: 0.05,
+            mcmc_growth: 0.05,
+            mcmc_noise: 5e5,
+            opacity_reg: 0.01,
+            scale_reg: 0.01,
         }
     }
 }

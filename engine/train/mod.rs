@@ -10,7 +10,8 @@ mod schedule;
 mod trainer;
 
 pub use checkpoint::Checkpoint;
-pub use config::{Config, Density, LearningRates, Rate};
+pub use config::{Config, Density, LearningRates, Rate, Strategy};
+pub use density::{density_round, noise, regularisers};
 pub use init::{from_points, random_points};
 pub use metrics::{Scores, psnr, scores};
 pub use random::{Random, permutation};

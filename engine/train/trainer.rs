@@ -5,18 +5,18 @@
 
 use super::checkpoint::Checkpoint;
 use super::config::Config;
-use super::density::{self, Counts};
+use super::density::{density_round, noise, regularisers};
 use super::metrics::psnr;
 use super::schedule::rates;
 use crate::error::{Error, Result};
 use crate::gpu::generated::{AdamParams, Status, ViewParams};
 use crate::gpu::{Buf, Gpu, PassTime, Recording, Running, Slice};
-use crate::scene::capture::Picture;
+use crate::scene::capture::{Extent, Picture};
 use crate::scene::{Splats, View};
 use crate::settings::Constants;
 use crate::stage::{
-    AdamMode, Optimiser, Outputs, Photometric, Planes, Purpose, Room, SSIM_WEIGHT, SceneBuffers, StepSettings, Strip,
-    Target, Verdict, Workspace, adam_params, lazy_sums, view_params,
+    AdamMode, Counts, Optimiser, Outputs, Photometric, Planes, Purpose, Room, SSIM_WEIGHT, SceneBuffers, StepSettings,
+    Strip, Target, Verdict, Workspace, adam_params, lazy_sums, record_mcmc_noise, view_params,
 };
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -30,7 +30,7 @@ pub struct Trainer {
     constants: Constants,
     config: Config,
     total: u64,
-    extent: f64,
+    extent: Extent,
     /// Normalised time between two frames.
     dt: f64,
     // Steps handed over.
@@ -101,7 +101,7 @@ pub struct StepReport {
 }
 
 impl Trainer {
-    /// Uploads `splats` for a run of `total` steps in a scene of radius `extent`, `dt` between frames.
+    /// Uploads `splats` for a run of `total` steps in a scene of size `extent`, `dt` between frames.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`] naming the buffer that does not fit; [`Error::NoDevice`] when the device cannot do what the
@@ -112,7 +112,7 @@ impl Trainer {
         constants: Constants,
         config: Config,
         total: u64,
-        extent: f64,
+        extent: Extent,
         dt: f64,
     ) -> Result<Self> {
         config.accumulation.check(&gpu)?;
@@ -120,7 +120,7 @@ impl Trainer {
         let zeros = zeros_like(splats);
         let state = vec![[0.0; 4]; splats.len()];
         let sums = match config.adam {
-            AdamMode::Lazy => lazy_sums(|step| rates(&config, step, total, extent), total),
+            AdamMode::Lazy => lazy_sums(|step| rates(&config, step, total, extent.radius), total),
             AdamMode::Dense | AdamMode::Sparse => vec![[0.0; 4]],
         };
         let (moments, state) = upload_state(&gpu, &scene, &zeros, &zeros, &state)?;
@@ -159,7 +159,13 @@ impl Trainer {
     ///
     /// # Errors
     /// As [`Trainer::new`].
-    pub fn resume(gpu: Arc<Gpu>, checkpoint: &Checkpoint, constants: Constants, extent: f64, dt: f64) -> Result<Self> {
+    pub fn resume(
+        gpu: Arc<Gpu>,
+        checkpoint: &Checkpoint,
+        constants: Constants,
+        extent: Extent,
+        dt: f64,
+    ) -> Result<Self> {
         let Checkpoint { step, total, config, origin, params, first, second, state } = checkpoint;
         let mut trainer = Self::new(gpu, params, constants, config.clone(), *total, extent, dt)?;
         trainer.scene.origin = *origin;
@@ -236,7 +242,7 @@ impl Trainer {
         let (first, second) = self.scene.download_moments(&self.gpu, &self.optimiser.moments)?;
         let scene = SceneBuffers::upload(&self.gpu, &splats, self.constants.alpha_min, Purpose::Training)?;
         let (moments, state) = upload_state(&self.gpu, &scene, &first, &second, &self.state()?)?;
-        let sums = lazy_sums(|step| rates(&self.config, step, self.total, self.extent), self.total);
+        let sums = lazy_sums(|step| rates(&self.config, step, self.total, self.extent.radius), self.total);
         let copy = Optimiser::new(&self.gpu, moments, state, AdamMode::Lazy, &sums)?;
         self.gpu.write(&copy.params, &[self.adam_params(self.step.max(1))])?;
         let mut rec = Recording::new();
@@ -249,9 +255,9 @@ impl Trainer {
         let settings = StepSettings {
             // tau stays above half a frame.
             lowest_t_scale: (0.5 * self.dt).ln(),
-            ..StepSettings::default()
+            ..regularisers(&self.config)
         };
-        adam_params(&rates(&self.config, step, self.total, self.extent), &settings, step, self.scene.n)
+        adam_params(&rates(&self.config, step, self.total, self.extent.radius), &settings, step, self.scene.n)
     }
 
     /// Hands over one step on `picture`, seen by `view`, after the density control due. Reports of the steps that have
@@ -427,6 +433,9 @@ impl Trainer {
             self.loss.record(&mut rec, &work.blend.image0, &backward.d_image0, *size, *n_visible);
             work.record_backward(&mut rec, scene, &lists, n_tiles, n_pixels, rounds, &Target::Step(optimiser));
             optimiser.record_idle(&mut rec, scene, &work.cull, status);
+            if let Some((rate, key)) = noise(&self.config, *step, self.total, self.extent.radius) {
+                record_mcmc_noise(&mut rec, scene, status, rate, key);
+            }
             scene.record_bounds(&mut rec, self.constants.alpha_min, &self.n_undrawable);
         }
         rec.stage("report");
@@ -443,57 +452,25 @@ impl Trainer {
 
     /// The density control due after the step handed over last, once.
     fn control_density(&mut self) -> Result<()> {
-        let density = self.config.density.clone();
-        let resets = self.step.is_multiple_of(density.reset_every) && self.step < self.total / 2;
-        let due = self.step > 0 && (density.is_due(self.step, self.total) || resets);
-        if self.controlled == self.step || !due {
-            return Ok(());
-        }
+        let n_frames = (1.0 / self.dt).round() as u32;
+        let round = density_round(&self.config, self.step, self.total, &self.extent, self.scene.origin, n_frames);
+        let (Some(round), false) = (round, self.controlled == self.step) else { return Ok(()) };
         while !self.in_flight.is_empty() {
             self.end_oldest()?;
         }
         self.controlled = self.step;
         let mut rec = Recording::new();
-        if let Some(work) = &self.work {
+        if let Some(work) = self.work.take() {
             self.optimiser.record_catch_up_all(&mut rec, &self.scene, &work.status, self.step);
         }
         self.gpu.run(&rec)?;
-        let state = self.state()?;
-        let stats: Vec<[f32; 2]> = state.iter().map(|s| [s[0], s[1]]).collect();
-        let (first, second) = self.scene.download_moments(&self.gpu, &self.optimiser.moments)?;
-        let mut splats = self.scene.download(&self.gpu, self.scene.groups.iter().map(|g| &g.params))?;
-        let origin = self.scene.origin;
-        for p in &mut splats.position {
-            *p = std::array::from_fn(|k| (f64::from(p[k]) + origin[k]) as f32);
-        }
-        self.work = None;
-        let (mut grown, origins, counts) = density::round(&splats, &stats, &self.config, self.step, self.extent);
-        if grown.is_empty() {
-            return Err(Error::NonFinite { what: "every Gaussian was pruned; the scene".to_owned(), count: 0 });
-        }
-        if resets {
-            let ceiling = (density.reset_to / (1.0 - density.reset_to)).ln();
-            grown.opacity.iter_mut().for_each(|o| *o = o.min(ceiling));
-        }
-        let n_static = grown.n_static;
-        let (first, second) =
-            (density::inherit(&first, &origins, n_static), density::inherit(&second, &origins, n_static));
-        let state: Vec<[f32; 4]> = origins
-            .iter()
-            .map(|o| {
-                if o.is_old {
-                    [0.0, 0.0, state[o.from][2], state[o.from][3]]
-                } else {
-                    [0.0, 0.0, 0.0, self.step as f32]
-                }
-            })
-            .collect();
-        self.scene = SceneBuffers::upload(&self.gpu, &grown, self.constants.alpha_min, Purpose::Training)?;
-        let (moments, state) = upload_state(&self.gpu, &self.scene, &first, &second, &state)?;
-        (self.optimiser.moments, self.optimiser.state) = (moments, state);
+        let (moments, state) = (&self.optimiser.moments, &self.optimiser.state);
+        let grown = round.run(&self.gpu, &self.scene, moments, state, self.constants.alpha_min)?;
+        self.scene = grown.scene;
+        (self.optimiser.moments, self.optimiser.state) = (grown.moments, grown.state);
         self.room.active = self.scene.n.max(1);
         if let Some(report) = self.reports.last_mut() {
-            report.density = Some(counts);
+            report.density = Some(grown.counts);
         }
         Ok(())
     }

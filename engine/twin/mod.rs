@@ -6,6 +6,7 @@
 mod adam;
 mod blend;
 mod cull;
+mod density;
 mod dual;
 mod input;
 mod jvp;
@@ -21,6 +22,7 @@ mod tiles;
 pub use adam::Adam;
 pub use blend::{Outputs, render, render_f64};
 pub use cull::visible;
+pub use density::{Density, Descendant, Descent, Kind, normals, random_bits, shared_opacity};
 pub use dual::Dual;
 pub use input::{Camera, Gaussian, Params, Rules, Temporal};
 pub use jvp::{Tangent, jvp, jvp_of};

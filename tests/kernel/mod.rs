@@ -3,6 +3,7 @@
 mod adam;
 mod blend;
 mod cull;
+mod density;
 mod losses;
 mod project;
 mod scan;

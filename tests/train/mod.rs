@@ -1,5 +1,7 @@
 //! Training as a whole, on a synthetic capture of its own making.
 
+mod density;
+
 use crate::common::device::gpu;
 use ivv::Constants;
 use ivv::scene::capture::Capture;
@@ -37,7 +39,7 @@ impl Drop for Tiny {
 fn train(capture: &Capture, config: &Config, splats: &Splats, steps: u64) -> (Splats, f64, f64) {
     let gpu = gpu();
     let frames = capture.training_frames();
-    let (extent, dt) = (capture.extent().radius, 1.0 / f64::from(capture.n_frames));
+    let (extent, dt) = (capture.extent(), 1.0 / f64::from(capture.n_frames));
     let mut trainer =
         Trainer::new(gpu.clone(), splats, Constants::default(), config.clone(), steps, extent, dt).unwrap();
     let mut losses = Vec::new();
@@ -162,7 +164,7 @@ fn a_run_that_was_killed_and_resumed_gives_the_bits_of_one_that_was_not() {
     let gpu = gpu();
     let config = Config { sh_degree: 1, ..Config::default() };
     let begin = from_points(&tiny.capture.points, &tiny.capture, &config);
-    let (extent, dt) = (tiny.capture.extent().radius, 1.0 / f64::from(tiny.capture.n_frames));
+    let (extent, dt) = (tiny.capture.extent(), 1.0 / f64::from(tiny.capture.n_frames));
     let new = || Trainer::new(gpu.clone(), &begin, Constants::default(), config.clone(), 60, extent, dt).unwrap();
     let mut whole = new();
     drive(&mut whole, &tiny.capture, config.seed, 60);
@@ -187,7 +189,9 @@ fn a_damaged_checkpoint_is_told_apart_and_the_one_before_serves() {
     let gpu = gpu();
     let config = Config { sh_degree: 0, ..Config::default() };
     let begin = from_points(&tiny.capture.points[..20], &tiny.capture, &config);
-    let mut trainer = Trainer::new(gpu.clone(), &begin, Constants::default(), config.clone(), 100, 1.0, 0.25).unwrap();
+    let mut trainer =
+        Trainer::new(gpu.clone(), &begin, Constants::default(), config.clone(), 100, tiny.capture.extent(), 0.25)
+            .unwrap();
     let folder = tiny.folder.join("checkpoints");
     for step in 1..=5 {
         drive(&mut trainer, &tiny.capture, config.seed, step);
@@ -218,7 +222,7 @@ fn a_step_that_is_replayed_with_more_room_leaves_the_bits_of_one_that_is_not() {
     let config = Config { sh_degree: 0, ..Config::default() };
     let begin = from_points(&tiny.capture.points, &tiny.capture, &config);
     let run = |room: Option<u32>| {
-        let (extent, dt) = (tiny.capture.extent().radius, 1.0 / f64::from(tiny.capture.n_frames));
+        let (extent, dt) = (tiny.capture.extent(), 1.0 / f64::from(tiny.capture.n_frames));
         let mut trainer =
             Trainer::new(gpu.clone(), &begin, Constants::default(), config.clone(), 100, extent, dt).unwrap();
         if let Some(n) = room {

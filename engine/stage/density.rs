@@ -1,0 +1,425 @@
+//! Density control (SPEC 6): which Gaussians go, which grow and where each is stored, decided and carried out on the device.
+
+use super::scan::{SCAN_BLOCK, Scan};
+use super::scene::{Group, Planes, SceneBuffers};
+use super::sort::{SORT_BLOCK, Sort, SortGrids};
+use crate::error::{Error, Result};
+use crate::gpu::generated::{
+    Status, density_children, density_choose, density_classify_dynamic, density_classify_static, density_gather,
+    density_list, density_relocate, density_sample, mcmc_noise,
+};
+use crate::gpu::{Buf, Gpu, Grid, Recording};
+
+/// Flat indices leave two bits of a source word for its kind, `SOURCE_BITS` of the shaders.
+const MAX_FLAT: u32 = 1 << 30;
+/// Weight of opacity 1 among those that are drawn, while the sum of all fits 32 bits.
+const WEIGHT: u32 = 1023;
+/// Log of the largest standard deviation whose square f32 holds.
+const LARGEST: f32 = 44.0;
+
+/// Places in the counters, `N_*` of the shaders.
+const N_LISTED: usize = 0;
+const N_KEPT: usize = 1;
+const N_STATIC: usize = 2;
+const N_CLONED: usize = 3;
+const N_SPLIT: usize = 4;
+const N_COUNTERS: usize = 5;
+
+/// How Gaussians are chosen.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Choice {
+    /// 3DGS: those whose projected centre is pulled grow, the hardest pulled first; faint and huge ones go.
+    Pulled {
+        /// Mean norm of the gradient, in half pictures, above which a Gaussian grows.
+        gradient: f32,
+        /// Standard deviation, scene units, above which it splits and below which it is cloned.
+        split_above: f32,
+        /// Standard deviation, scene units, above which a Gaussian goes.
+        prune_scale: f32,
+    },
+    /// 3DGS-MCMC (Kheradmand et al. 2024): the dead, and new ones, become copies of living ones drawn by opacity.
+    Drawn,
+}
+
+/// A round of density control.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DensityRound {
+    /// How Gaussians are chosen.
+    pub choice: Choice,
+    /// Frames of the clip, at times f / F.
+    pub n_frames: u32,
+    /// Middle of the captured space, relative to the scene's origin.
+    pub center: [f32; 3],
+    /// Its size, scene units.
+    pub extent: f32,
+    /// Opacity, the largest over the training times, below which a Gaussian goes or is dead.
+    pub prune_opacity: f32,
+    /// Opacity logit that none exceeds afterwards; `f32::MAX` leaves all.
+    pub opacity_ceiling: f32,
+    /// Gaussians never exceed this.
+    pub max_gaussians: u32,
+    /// A round adds at most this fraction of the Gaussians.
+    pub growth: f32,
+    /// Key of the random numbers.
+    pub key: u32,
+}
+
+/// What a round did.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+pub struct Counts {
+    /// Gaussians cloned; of drawn ones, those added.
+    pub cloned: u32,
+    /// Gaussians split in two.
+    pub split: u32,
+    /// Gaussians removed.
+    pub pruned: u32,
+    /// Dead Gaussians that became copies of living ones.
+    pub relocated: u32,
+}
+
+/// A scene after a round, with its moments and state by group, as in [`super::Optimiser`].
+pub struct Grown {
+    /// The Gaussians.
+    pub scene: SceneBuffers,
+    /// Their moments.
+    pub moments: Vec<Planes>,
+    /// Their state.
+    pub state: Vec<Buf<[f32; 4]>>,
+    /// What the round did.
+    pub counts: Counts,
+}
+
+/// A scene before it.
+#[derive(Clone, Copy)]
+struct Before<'a> {
+    scene: &'a SceneBuffers,
+    moments: &'a [Planes],
+    state: &'a [Buf<[f32; 4]>],
+}
+
+/// Scratch of a round, by flat index unless said otherwise.
+struct Scratch {
+    flags: Buf<u32>,
+    scores: Buf<u32>,
+    identity: Buf<u32>,
+    entries: Buf<u32>,
+    codes: Buf<u32>,
+    copies: Buf<u32>,
+    counters: Buf<u32>,
+    n_flat: Buf<u32>,
+    scan: Scan,
+    /// By place in the list.
+    sources: Buf<u32>,
+    source_codes: Buf<u32>,
+}
+
+impl DensityRound {
+    /// One round on `scene`, with the moments and the state of [`super::Optimiser`]. The Gaussians come out by population,
+    /// time and place (Morton's order); whatever is not as it was has moments zero, and all statistics begin anew.
+    ///
+    /// # Errors
+    /// [`Error::NonFinite`] when no Gaussian is left, [`Error::OutOfMemory`] naming the buffer that does not fit.
+    pub fn run(
+        &self,
+        gpu: &Gpu,
+        scene: &SceneBuffers,
+        moments: &[Planes],
+        state: &[Buf<[f32; 4]>],
+        alpha_min: f32,
+    ) -> Result<Grown> {
+        let old = Before { scene, moments, state };
+        if scene.n_flat >= MAX_FLAT {
+            return Err(Error::OutOfMemory {
+                what: "density control (Gaussians)".to_owned(),
+                needed: u64::from(scene.n),
+                limit: u64::from(MAX_FLAT),
+                remedy: "lower --max-gaussians".to_owned(),
+            });
+        }
+        if scene.n == 0 {
+            return Err(nothing_left());
+        }
+        let most_new = self.most_new(scene.n);
+        let scratch = Scratch::new(gpu, scene, most_new)?;
+        let mut rec = Recording::new();
+        rec.stage("density");
+        rec.fill(scratch.counters.slice(), 0);
+        rec.fill(scratch.copies.slice(), 0);
+        self.record_classify(&mut rec, &scratch, old);
+        match self.choice {
+            Choice::Pulled { .. } => self.record_pulled(gpu, &mut rec, &scratch)?,
+            Choice::Drawn => self.record_drawn(gpu, &mut rec, &scratch, scene.n, most_new)?,
+        }
+        gpu.run(&rec)?;
+        let counters = gpu.read(&scratch.counters)?;
+        let [n_kept, n_cloned, n_split] = [N_KEPT, N_CLONED, N_SPLIT].map(|at| counters[at]);
+        if n_kept == 0 {
+            return Err(nothing_left());
+        }
+        let n_gone = scene.n - n_kept;
+        let (n_new, counts) = match self.choice {
+            Choice::Pulled { .. } => (0, Counts { cloned: n_cloned, split: n_split, pruned: n_gone, relocated: 0 }),
+            Choice::Drawn => (most_new, Counts { cloned: most_new, split: 0, pruned: 0, relocated: n_gone }),
+        };
+        let n = (counters[N_LISTED] + n_new) as usize;
+        let sources = scratch.sorted_sources(gpu, n)?;
+        let scene = SceneBuffers::reshaped(gpu, scene, counters[N_STATIC] as usize, n)?;
+        self.carry(gpu, old, scene, &scratch, &sources, counts, alpha_min)
+    }
+
+    /// The Gaussians that a round adds to `n` at most; exactly, where they are drawn.
+    fn most_new(&self, n: u32) -> u32 {
+        let growth = (self.growth * n as f32).ceil() as u32;
+        match self.choice {
+            Choice::Pulled { .. } => growth.min(self.max_gaussians),
+            Choice::Drawn => growth.min(self.max_gaussians.saturating_sub(n)),
+        }
+    }
+
+    fn record_classify(&self, rec: &mut Recording, scratch: &Scratch, old: Before) {
+        let n_flat = old.scene.n_flat;
+        let [x, y, z] = self.center;
+        let (weight, largest, split_above, gradient) = match self.choice {
+            Choice::Pulled { gradient, split_above, prune_scale } => {
+                (0, prune_scale.ln().min(LARGEST), split_above.ln(), gradient)
+            }
+            Choice::Drawn => (WEIGHT.min(u32::MAX / n_flat.max(1) - 1), LARGEST, f32::MAX, f32::MAX),
+        };
+        let Scratch { flags, scores, identity, entries, codes, counters, .. } = scratch;
+        for (index, (group, state)) in old.scene.groups.iter().zip(old.state).enumerate() {
+            rec.group(Some(index));
+            let push = density_classify_static::Push {
+                center: [x, y, z, 1.0 / self.extent],
+                n: group.n,
+                first: group.first,
+                n_frames: self.n_frames,
+                weight,
+                prune_opacity: self.prune_opacity,
+                largest,
+                split_above,
+                gradient,
+            };
+            let (geometry, grid) = (&group.params.geometry, Grid::Threads(group.n));
+            if let Some(motion) = &group.params.motion {
+                let push = bytemuck::cast(push);
+                let args = density_classify_dynamic::Args {
+                    geometry,
+                    state,
+                    flags,
+                    scores,
+                    identity,
+                    entries,
+                    codes,
+                    counters,
+                    motion,
+                };
+                rec.pass(args, push, grid);
+            } else {
+                let args = density_classify_static::Args {
+                    geometry,
+                    state,
+                    flags,
+                    scores,
+                    identity,
+                    entries,
+                    codes,
+                    counters,
+                };
+                rec.pass(args, push, grid);
+            }
+        }
+        rec.group(None);
+    }
+
+    /// The hardest pulled grow: sorted by pull, as many as the budget allows.
+    fn record_pulled(&self, gpu: &Gpu, rec: &mut Recording, scratch: &Scratch) -> Result<()> {
+        let Scratch { flags, scores, identity, entries, codes, counters, sources, source_codes, .. } = scratch;
+        let n = flags.len();
+        let (keys, order) = record_sort(gpu, rec, &scratch.n_flat, n, (scores, identity))?;
+        let args = density_choose::Args { keys: &keys, order: &order, counters, flags, entries };
+        let push = density_choose::Push { n: n as u32, max_gaussians: self.max_gaussians, growth: self.growth };
+        rec.pass(args, push, Grid::Threads(n as u32));
+        scratch.record_scan(rec, entries, counters);
+        let args = density_list::Args { flags, offsets: entries, codes, sources, source_codes, counters };
+        rec.pass(args, density_list::Push { n: n as u32 }, Grid::Threads(n as u32));
+        Ok(())
+    }
+
+    /// The dead and `n_new` more become copies of living ones.
+    fn record_drawn(&self, gpu: &Gpu, rec: &mut Recording, scratch: &Scratch, n_old: u32, n_new: u32) -> Result<()> {
+        let Scratch { flags, scores, entries, codes, copies, counters, sources, source_codes, .. } = scratch;
+        let n = flags.len() as u32;
+        let total = &gpu.alloc("density weight", 1)?;
+        let targets = &gpu.alloc("density targets", (n + n_new) as usize)?;
+        let grid = Grid::Threads(n + n_new);
+        scratch.record_scan(rec, scores, total);
+        let args = density_sample::Args { flags, before: scores, total, targets, copies };
+        rec.pass(args, density_sample::Push { n, n_new, key: self.key }, grid.clone());
+        scratch.record_scan(rec, entries, counters);
+        let args =
+            density_relocate::Args { flags, offsets: entries, codes, targets, copies, sources, source_codes, counters };
+        rec.pass(args, density_relocate::Push { n, n_new, n_old }, grid);
+        Ok(())
+    }
+
+    /// Fills `scene` and new moments and state from `old`, in the order of `sources`.
+    #[expect(clippy::too_many_arguments, reason = "the two ends of a transport")]
+    fn carry(
+        &self,
+        gpu: &Gpu,
+        old: Before,
+        scene: SceneBuffers,
+        scratch: &Scratch,
+        sources: &Buf<u32>,
+        counts: Counts,
+        alpha_min: f32,
+    ) -> Result<Grown> {
+        let groups = || scene.groups.iter();
+        let moments = groups().map(|g| Planes::moments(gpu, &g.params, g.n as usize)).collect::<Result<Vec<_>>>()?;
+        let state = groups().map(|g| gpu.alloc("state", g.n as usize)).collect::<Result<Vec<_>>>()?;
+        let mut rec = Recording::new();
+        rec.stage("density");
+        for (index, group) in scene.groups.iter().enumerate() {
+            rec.group(Some(index));
+            for (from, source) in old.scene.groups.iter().enumerate() {
+                if source.params.motion.is_some() != group.params.motion.is_some() {
+                    continue;
+                }
+                let args = density_children::Args {
+                    sources,
+                    copies: &scratch.copies,
+                    old: &source.params.geometry,
+                    geometry: &group.params.geometry,
+                };
+                let push = density_children::Push {
+                    n: group.n,
+                    start: group.start as u32,
+                    old_first: source.first,
+                    old_n: source.n,
+                    key: self.key,
+                    ceiling: self.opacity_ceiling,
+                };
+                rec.pass(args, push, Grid::Threads(group.n.next_multiple_of(32)));
+                let way = Way { sources, old: source, new: group };
+                let params = source.params.buffers().zip(group.params.buffers()).zip(group.params.plane_counts());
+                for ((old, new), planes) in params.skip(1) {
+                    way.record(&mut rec, old, new, planes, [1.0; 4], [1.0; 4]);
+                }
+                let pairs = old.moments[from].buffers().zip(moments[index].buffers());
+                for ((old, new), planes) in pairs.zip(group.params.plane_counts()) {
+                    way.record(&mut rec, old, new, 2 * planes, [1.0; 4], [0.0; 4]);
+                }
+                // The statistics begin anew; a child has no residual.
+                way.record(&mut rec, &old.state[from], &state[index], 1, [0.0, 0.0, 1.0, 1.0], [0.0, 0.0, 0.0, 1.0]);
+            }
+        }
+        // Whatever could not be drawn was pruned or relocated.
+        scene.record_bounds(&mut rec, alpha_min, &gpu.upload("undrawable Gaussians", &[0])?);
+        gpu.run(&rec)?;
+        Ok(Grown { scene, moments, state, counts })
+    }
+}
+
+fn nothing_left() -> Error {
+    Error::NonFinite { what: "every Gaussian was pruned; the scene".to_owned(), count: 0 }
+}
+
+/// From an old group to a new one.
+struct Way<'a> {
+    sources: &'a Buf<u32>,
+    old: &'a Group,
+    new: &'a Group,
+}
+
+impl Way<'_> {
+    /// Appends the transport of one buffer; the masks say which components stay of a Gaussian that is as it was, and of
+    /// any other.
+    fn record(
+        &self,
+        rec: &mut Recording,
+        old: &Buf<[f32; 4]>,
+        gathered: &Buf<[f32; 4]>,
+        planes: usize,
+        as_it_was: [f32; 4],
+        child: [f32; 4],
+    ) {
+        let push = density_gather::Push {
+            as_it_was,
+            child,
+            size: gathered.len() as u32,
+            planes: planes as u32,
+            n: self.new.n,
+            start: self.new.start as u32,
+            old_first: self.old.first,
+            old_n: self.old.n,
+        };
+        rec.pass(density_gather::Args { sources: self.sources, old, gathered }, push, Grid::Threads(push.size));
+    }
+}
+
+impl Scratch {
+    /// For `scene` and `most_new` Gaussians more.
+    fn new(gpu: &Gpu, scene: &SceneBuffers, most_new: u32) -> Result<Self> {
+        let n = scene.n_flat as usize;
+        let listed = scene.n as usize + most_new as usize;
+        Ok(Scratch {
+            flags: gpu.alloc("density flags", n)?,
+            scores: gpu.alloc("density scores", n)?,
+            identity: gpu.alloc("density identity", n)?,
+            entries: gpu.alloc("density entries", n)?,
+            codes: gpu.alloc("density codes", n)?,
+            copies: gpu.alloc("density copies", n)?,
+            counters: gpu.alloc("density counters", N_COUNTERS)?,
+            n_flat: gpu.upload("density length", &[scene.n_flat])?,
+            scan: Scan::new(gpu, n)?,
+            sources: gpu.alloc("density sources", listed)?,
+            source_codes: gpu.alloc("density source codes", listed)?,
+        })
+    }
+
+    /// Appends the scan of `values`; the sum goes to `total[0]`.
+    fn record_scan(&self, rec: &mut Recording, values: &Buf<u32>, total: &Buf<u32>) {
+        let blocks = Grid::Groups(values.len().div_ceil(SCAN_BLOCK) as u32);
+        self.scan.record(rec, &self.n_flat, values, total, blocks);
+    }
+
+    /// The first `n` sources in the order of their codes.
+    fn sorted_sources(&self, gpu: &Gpu, n: usize) -> Result<Buf<u32>> {
+        let count = gpu.upload("density listed", &[n as u32])?;
+        let mut rec = Recording::new();
+        rec.stage("density");
+        let (_, sources) = record_sort(gpu, &mut rec, &count, n, (&self.source_codes, &self.sources))?;
+        gpu.run(&rec)?;
+        Ok(sources)
+    }
+}
+
+/// Appends the sort of `n` pairs, which is also what `count` says, by all bits of their keys.
+fn record_sort(
+    gpu: &Gpu,
+    rec: &mut Recording,
+    count: &Buf<u32>,
+    n: usize,
+    pairs: (&Buf<u32>, &Buf<u32>),
+) -> Result<(Buf<u32>, Buf<u32>)> {
+    let n_blocks = n.div_ceil(SORT_BLOCK);
+    let n_digits = 256 * n_blocks;
+    let grids =
+        SortGrids { blocks: Grid::Groups(n_blocks as u32), digits: Grid::Groups(n_digits.div_ceil(SCAN_BLOCK) as u32) };
+    let n_digits = gpu.upload("density digits", &[n_digits as u32])?;
+    Ok(Sort::new(gpu, n)?.record(rec, count, &n_digits, pairs, 4, &grids))
+}
+
+/// Appends the noise of 3DGS-MCMC after a step: faint Gaussians of `scene` wander by `rate` (the learning rate of
+/// positions, scene units, times the noise's) times their covariance. Nothing moves when `status` says that the step
+/// failed. The bounds are due afterwards.
+pub fn record_mcmc_noise(rec: &mut Recording, scene: &SceneBuffers, status: &Buf<Status>, rate: f32, key: u32) {
+    rec.stage("noise");
+    for (index, group) in scene.groups.iter().enumerate() {
+        rec.group(Some(index));
+        let args = mcmc_noise::Args { frame_status: status, geometry: &group.params.geometry };
+        let push = mcmc_noise::Push { n: group.n, first: group.first, key, rate };
+        rec.pass(args, push, Grid::Threads(group.n));
+    }
+    rec.group(None);
+}

@@ -1,0 +1,529 @@
+//! Density control on the device against its twin: the same lists, the same parameters, on scenes of both populations in
+//! groups of any length.
+
+use crate::common::device::{Watched, gpu};
+use crate::common::one::{One, camera, logit, round, scene_of};
+use crate::common::random::Random;
+use ivv::Constants;
+use ivv::gpu::generated::Status;
+use ivv::gpu::{Buf, Recording};
+use ivv::scene::{Motion, Splats};
+use ivv::stage::{Choice, Counts, DensityRound, Grown, Outputs, Planes, Renderer, SceneBuffers, record_mcmc_noise};
+use ivv::twin::{Density, Descent, Kind, normals, shared_opacity};
+
+const PULLED: Choice = Choice::Pulled { gradient: 2e-4, split_above: 0.03, prune_scale: 1.5 };
+
+const ROUND: DensityRound = DensityRound {
+    choice: PULLED,
+    n_frames: 5,
+    center: [0.5, -0.25, 1.0],
+    extent: 3.0,
+    prune_opacity: 0.005,
+    opacity_ceiling: f32::MAX,
+    max_gaussians: 100_000,
+    growth: 0.15,
+    key: 0x1234_5678,
+};
+
+const DRAWN: DensityRound = DensityRound { choice: Choice::Drawn, growth: 0.05, ..ROUND };
+
+/// A scene with statistics, the moments that training would have, and its place on the device.
+struct Case {
+    splats: Splats,
+    /// (sum of gradient norms, frames seen, residual of t_center, step of the last update) of each Gaussian.
+    state: Vec<[f32; 4]>,
+    scene: SceneBuffers,
+    state_buffers: Vec<Buf<[f32; 4]>>,
+    planes: Vec<Planes>,
+    /// What is in `planes`, by group and buffer.
+    moments: Vec<Vec<Vec<[f32; 4]>>>,
+    gpu: Watched,
+}
+
+/// What a round leaves, read back.
+struct After {
+    splats: Splats,
+    grown: Grown,
+}
+
+/// Place of plane `p` of item `i` among `planes`, as `plane_index` of the shaders has it.
+fn plane_index(i: usize, planes: usize, p: usize) -> usize {
+    (i / 32 * planes + p) * 32 + i % 32
+}
+
+impl Case {
+    fn new(splats: Splats, state: Vec<[f32; 4]>, group_limit: usize) -> Case {
+        let gpu = gpu();
+        let mut random = Random::new(9);
+        let alpha_min = Constants::default().alpha_min;
+        let scene = SceneBuffers::upload_in_groups(&gpu, &splats, alpha_min, group_limit).unwrap();
+        let of_groups = |g: &ivv::stage::Group| gpu.upload("state", &state[g.start..g.start + g.n as usize]).unwrap();
+        let state_buffers = scene.groups.iter().map(of_groups).collect();
+        let (mut planes, mut moments) = (Vec::new(), Vec::new());
+        for group in &scene.groups {
+            // Of any contents; then numbers that no other place has.
+            let of_group = Planes::upload_moments(&gpu, &splats, &splats, group.start, group.n as usize).unwrap();
+            let fill = |buffer: &Buf<[f32; 4]>| {
+                let data: Vec<[f32; 4]> = (0..buffer.len()).map(|_| random.vector(0.5, 1.0)).collect();
+                gpu.write(buffer, &data).unwrap();
+                data
+            };
+            moments.push(of_group.buffers().map(fill).collect());
+            planes.push(of_group);
+        }
+        Case { splats, state, scene, state_buffers, planes, moments, gpu }
+    }
+
+    fn run(&self, round: &DensityRound) -> ivv::Result<After> {
+        let alpha_min = Constants::default().alpha_min;
+        let grown = round.run(&self.gpu, &self.scene, &self.planes, &self.state_buffers, alpha_min)?;
+        let splats = grown.scene.download(&self.gpu, grown.scene.groups.iter().map(|g| &g.params)).unwrap();
+        Ok(After { splats, grown })
+    }
+
+    /// The index of each Gaussian on the device.
+    fn flat(&self) -> Vec<u32> {
+        self.scene.groups.iter().flat_map(|g| g.first..g.first + g.n).collect()
+    }
+
+    fn twin(&self, round: &DensityRound) -> Descent {
+        let flat = self.flat();
+        let twin = self.twin_of(round, &flat);
+        match round.choice {
+            Choice::Pulled { gradient, split_above, prune_scale } => {
+                let stats: Vec<[f32; 2]> = self.state.iter().map(|s| [s[0], s[1]]).collect();
+                twin.pulled(&stats, gradient, split_above, prune_scale)
+            }
+            Choice::Drawn => twin.drawn(),
+        }
+    }
+
+    fn twin_of<'a>(&'a self, round: &DensityRound, flat: &'a [u32]) -> Density<'a> {
+        Density {
+            splats: &self.splats,
+            flat,
+            n_flat: self.scene.n_flat,
+            n_frames: round.n_frames,
+            center: round.center,
+            extent: round.extent,
+            prune_opacity: round.prune_opacity,
+            max_gaussians: round.max_gaussians as usize,
+            growth: round.growth,
+            key: round.key,
+        }
+    }
+
+    /// One round, every number of which must be the twin's.
+    fn check(&self, round: &DensityRound) -> (After, Descent) {
+        let (after, twin) = (self.run(round).unwrap(), self.twin(round));
+        let flat = self.flat();
+        let density = self.twin_of(round, &flat);
+        let n_static = twin.descendants.iter().filter(|d| d.from < self.splats.n_static).count();
+        assert_eq!((after.splats.len(), after.splats.n_static), (twin.descendants.len(), n_static));
+        let codes: Vec<u32> = twin.descendants.iter().map(|d| density.code(d.from)).collect();
+        assert!(codes.is_sorted());
+        let k = self.splats.n_coefficients();
+        for (i, d) in twin.descendants.iter().enumerate() {
+            let (new, old) = (&after.splats, &self.splats);
+            // The first coefficient is a Gaussian's name.
+            assert_eq!(new.sh[i * k..(i + 1) * k], old.sh[d.from * k..(d.from + 1) * k], "{i}: {d:?}");
+            assert_eq!(new.rotation[i], old.rotation[d.from]);
+            if let Some(at) = i.checked_sub(new.n_static) {
+                assert_eq!(new.motion[at], old.motion[d.from - old.n_static], "children inherit v, t_center, t_scale");
+            }
+            let found = (new.position[i], new.scale[i], new.opacity[i]);
+            if d.kind == Kind::AsItWas {
+                let opacity = old.opacity[d.from].min(round.opacity_ceiling);
+                assert_eq!(found, (old.position[d.from], old.scale[d.from], opacity));
+            }
+            let (position, scale, opacity) = density.child(*d, &twin.copies, f64::from(round.opacity_ceiling));
+            let size = f64::from(old.scale[d.from].iter().copied().fold(f32::MIN, f32::max)).exp();
+            for k in 0..3 {
+                let error = (f64::from(found.0[k]) - position[k]).abs();
+                assert!(error <= 2e-5 * size + 1e-6 * position[k].abs(), "{i}: {d:?}, {found:?}, {position:?}");
+                assert!((f64::from(found.1[k]) - scale[k]).abs() < 4e-6 * (1.0 + scale[k].abs()), "{i}: {d:?}");
+            }
+            assert!((f64::from(found.2) - opacity).abs() < 4e-6 * (1.0 + opacity.abs()), "{i}: {d:?} {opacity}");
+        }
+        self.check_moments(&after, &twin);
+        (after, twin)
+    }
+
+    /// Moments and state of what is as it was are kept, all others are zero.
+    fn check_moments(&self, after: &After, twin: &Descent) {
+        let old = &self.scene.groups;
+        for (at, group) in after.grown.scene.groups.iter().enumerate() {
+            assert!(group.n as usize <= self.scene.group_limit);
+            let buffers: Vec<Vec<[f32; 4]>> =
+                after.grown.moments[at].buffers().map(|b| self.gpu.read(b).unwrap()).collect();
+            let state = self.gpu.read(&after.grown.state[at]).unwrap();
+            for i in 0..group.n as usize {
+                let d = twin.descendants[group.start + i];
+                let from = old.iter().rposition(|g| g.start <= d.from).unwrap();
+                let local = d.from - old[from].start;
+                for ((new, old), planes) in buffers.iter().zip(&self.moments[from]).zip(planes_of(&self.splats, d.from))
+                {
+                    for p in 0..planes {
+                        let kept = d.kind == Kind::AsItWas;
+                        let expected = if kept { old[plane_index(local, planes, p)] } else { [0.0; 4] };
+                        assert_eq!(new[plane_index(i, planes, p)], expected, "{d:?}");
+                    }
+                }
+                let [_, _, residual, last] = self.state[d.from];
+                let residual = if d.kind == Kind::AsItWas { residual } else { 0.0 };
+                assert_eq!(state[i], [0.0, 0.0, residual, last], "{d:?}");
+            }
+            // The padding of the last block is defined.
+            let padded = buffers[0].len() / 6;
+            let padding = (group.n as usize..padded).flat_map(|i| (0..6).map(move |p| plane_index(i, 6, p)));
+            assert!(padding.into_iter().all(|at| buffers[0][at] == [0.0; 4]));
+        }
+    }
+}
+
+/// Planes of each buffer of moments.
+fn planes_of(splats: &Splats, i: usize) -> Vec<usize> {
+    let bands = [6, 8, 12].into_iter().take(splats.sh_degree as usize);
+    let motion = (i >= splats.n_static).then_some(2);
+    [6, 2].into_iter().chain(bands).chain(motion).collect()
+}
+
+/// A number whose floor does not hang on rounding.
+fn half(random: &mut Random, n: u64) -> f64 {
+    (random.bits() % n) as f64 + 0.5
+}
+
+/// A scene of all that matters to density control: every place, time, size, brightness and pull, none within rounding of
+/// a threshold; a few Gaussians are broken.
+fn scene(seed: u64, n_static: usize, n_dynamic: usize, sh_degree: u32) -> (Splats, Vec<[f32; 4]>) {
+    let mut random = Random::new(seed);
+    let mut splats = Splats { n_static, ..Splats::new(sh_degree) };
+    let mut state = Vec::new();
+    for i in 0..n_static + n_dynamic {
+        let mut weight = 1.0;
+        if i >= n_static {
+            let t_center = half(&mut random, 62) / 62.0;
+            let t_scale = random.pick(&[-3.0, -1.5, -1.2, 0.0, f64::INFINITY]);
+            let frame = (t_center * 5.0).round().min(4.0);
+            weight = (-((frame / 5.0 - t_center) / t_scale.exp()).powi(2)).exp();
+            let velocity = random.vector(-1.0, 1.0);
+            splats.motion.push(Motion { velocity, t_center: t_center as f32, t_scale: t_scale as f32 });
+        }
+        splats.position.push(std::array::from_fn(|k| {
+            let s = half(&mut random, 256) / 128.0 - 1.0;
+            (f64::from(ROUND.center[k]) + f64::from(ROUND.extent) * s / (1.0 - s.abs())) as f32
+        }));
+        splats.rotation.push(random.vector(-1.0, 1.0));
+        let size = random.pick(&[0.001, 0.02, 0.04, 0.3, 1.0, 2.0]);
+        splats.scale.push([0.9 * size, size, 0.2 * size].map(|s| s.ln() as f32));
+        // Some are dead; the brightest that the window allows.
+        let steps = random.pick(&[8.0, 100.0, 900.0]) as u64;
+        let opacity = (half(&mut random, steps) / 1023.0).min(0.98 * weight);
+        splats.opacity.push(logit(opacity / weight));
+        splats.sh.push([i as f32, 0.25, 0.5]);
+        splats.sh.extend((1..splats.n_coefficients()).map(|_| random.vector::<3>(-0.5, 0.5)));
+        splats.source_row.push(i as u32);
+        let pull = random.pick(&[0.0, 1e-4, 3e-4, 6e-4, 1e-2]) as f32;
+        let frames = random.pick(&[0.0, 1.0, 4.0]) as f32;
+        state.push([pull * frames, frames, random.uniform(-1e-8, 1e-8) as f32, (random.bits() % 1000) as f32]);
+        match random.bits() % 40 {
+            0 => splats.position[i][1] = f32::NAN,
+            1 => splats.opacity[i] = f32::NAN,
+            2 => splats.rotation[i] = [0.0; 4],
+            3 => splats.scale[i][2] = f32::INFINITY,
+            4 if i >= n_static => splats.motion[i - n_static].velocity[0] = f32::INFINITY,
+            5 if i >= n_static => splats.motion[i - n_static].t_center = f32::NAN,
+            _ => {}
+        }
+    }
+    (splats, state)
+}
+
+/// Static and dynamic Gaussians, and the most of a group.
+const SIZES: [(usize, usize, usize); 9] = [
+    (1, 1, 128),
+    (0, 127, 128),
+    (128, 0, 128),
+    (129, 1, 128),
+    (1, 129, 256),
+    (1000, 0, 384),
+    (0, 1000, 2048),
+    (700, 900, 256),
+    (3000, 2500, 1 << 20),
+];
+
+#[test]
+fn the_hardest_pulled_grow_and_the_faint_go_as_in_the_twin() {
+    let mut totals = [0; 3];
+    for (seed, (n_static, n_dynamic, limit)) in SIZES.into_iter().enumerate() {
+        // Without broken or faint ones in the smallest, so that someone is left.
+        let (mut splats, state) = scene(seed as u64, n_static, n_dynamic, seed as u32 % 4);
+        if n_static + n_dynamic < 3 {
+            splats.opacity.fill(1.0);
+            splats.scale.fill([-4.0; 3]);
+        }
+        let case = Case::new(splats, state, limit);
+        let (after, twin) = case.check(&ROUND);
+        let [cloned, split, pruned] = twin.counts.map(|n| n as u32);
+        assert_eq!(after.grown.counts, Counts { cloned, split, pruned, relocated: 0 });
+        totals = std::array::from_fn(|k| totals[k] + twin.counts[k]);
+    }
+    assert!(totals.iter().all(|n| *n > 100), "{totals:?}");
+}
+
+#[test]
+fn the_dead_are_relocated_as_in_the_twin_and_a_round_adds_five_in_a_hundred() {
+    let mut copied = 0;
+    for (seed, (n_static, n_dynamic, limit)) in SIZES.into_iter().enumerate() {
+        let (mut splats, state) = scene(seed as u64, n_static, n_dynamic, seed as u32 % 4);
+        if n_static + n_dynamic < 3 {
+            splats.opacity.fill(1.0);
+        }
+        let case = Case::new(splats, state, limit);
+        let (after, twin) = case.check(&DRAWN);
+        let n = n_static + n_dynamic;
+        assert_eq!(after.splats.len(), n + n.div_ceil(20));
+        let [cloned, _, relocated] = twin.counts.map(|n| n as u32);
+        assert_eq!(after.grown.counts, Counts { cloned, split: 0, pruned: 0, relocated });
+        copied += relocated;
+        assert_eq!(twin.copies.iter().sum::<u32>(), relocated + cloned);
+        // At the budget, relocation keeps the number.
+        let full = DensityRound { max_gaussians: n as u32, ..DRAWN };
+        assert_eq!(case.check(&full).0.splats.len(), n);
+    }
+    assert!(copied > 500, "{copied}");
+}
+
+#[test]
+fn two_rounds_on_the_same_scene_give_the_same_bits_and_another_key_does_not() {
+    let (splats, state) = scene(3, 700, 900, 1);
+    let case = Case::new(splats, state, 256);
+    for round in [ROUND, DRAWN] {
+        let bits = |key: u32| {
+            let splats = case.run(&DensityRound { key, ..round }).unwrap().splats;
+            let numbers = splats.position.as_flattened().iter().chain(&splats.opacity);
+            numbers.map(|x| x.to_bits()).collect::<Vec<_>>()
+        };
+        let first = bits(1);
+        assert!(first == bits(1) && first != bits(2));
+    }
+}
+
+#[test]
+fn the_budget_is_never_exceeded_and_growth_0_adds_none() {
+    let (splats, state) = scene(4, 300, 300, 0);
+    let n = splats.len() as u32;
+    let case = Case::new(splats, state, 128);
+    let kept = n - case.check(&ROUND).0.grown.counts.pruned;
+    for growth in [0.0, 0.1, 1.0, 100.0] {
+        for max_gaussians in [0, 1, kept - 1, kept, kept + 1, kept + 5, n, 100_000] {
+            let round = DensityRound { growth, max_gaussians, ..ROUND };
+            let (after, _) = case.check(&round);
+            let Counts { cloned, split, .. } = after.grown.counts;
+            assert_eq!(after.splats.len() as u32, kept + cloned + split);
+            assert!(after.splats.len() as u32 <= max_gaussians.max(kept) && (growth > 0.0 || cloned + split == 0));
+        }
+    }
+    // Unlimited, all that are pulled grow.
+    let all = case.check(&DensityRound { growth: 1.0, ..ROUND }).0;
+    assert!(all.grown.counts.cloned > 20 && all.grown.counts.split > 20, "{:?}", all.grown.counts);
+    for max_gaussians in [0, n - 1, n, n + 1, n + 1000] {
+        let after = case.check(&DensityRound { max_gaussians, ..DRAWN }).0;
+        assert_eq!(after.splats.len() as u32, n.max(max_gaussians).min(n + n.div_ceil(20)));
+    }
+}
+
+#[test]
+fn a_population_may_die_out_and_a_scene_may_not() {
+    for static_goes in [false, true] {
+        let (mut splats, state) = scene(5, 200, 200, 1);
+        let gone = if static_goes { 0..200 } else { 200..400 };
+        splats.opacity[gone].fill(-20.0);
+        let case = Case::new(splats, state.clone(), 128);
+        let (after, _) = case.check(&ROUND);
+        let n = after.splats.len();
+        assert!(n > 50 && after.splats.n_static == if static_goes { 0 } else { n });
+        case.check(&DRAWN);
+    }
+    let (mut splats, state) = scene(5, 200, 200, 1);
+    splats.opacity.fill(-20.0);
+    let case = Case::new(splats, state, 128);
+    for round in [ROUND, DRAWN] {
+        let fault = case.run(&round).err().expect("nothing is left");
+        assert!(matches!(fault, ivv::Error::NonFinite { .. }), "{fault}");
+    }
+    let empty = Case::new(Splats::new(0), Vec::new(), 128);
+    assert!(empty.run(&ROUND).is_err());
+}
+
+#[test]
+fn a_gaussian_that_shows_only_between_two_frames_goes() {
+    // Bright at 0.3, between the frames at 0.2 and 0.4.
+    let with = |t_center: f32, t_scale: f32| One {
+        motion: Some(Motion { velocity: [0.0; 3], t_center, t_scale }),
+        ..round([0.0, 0.0, 4.0], 0.1, 0.9, [0.5; 3])
+    };
+    // 0.9 exp(-(0.1 / tau)^2) is 0.005 at tau = 0.0439. The clip has no frame at 1, nor before 0.
+    let all = [(0.3, 0.043), (0.3, 0.045), (0.2, 0.01), (0.96, 0.05), (0.88, 0.05), (-0.2, 0.05), (-0.1, 0.05)];
+    let splats = scene_of(&all.map(|(t_center, tau): (f32, f32)| with(t_center, tau.ln())));
+    let case = Case::new(splats, vec![[0.0; 4]; all.len()], 128);
+    let after = case.check(&ROUND).0;
+    let mut left: Vec<f32> = after.splats.motion.iter().map(|m| m.t_center).collect();
+    left.sort_by(f32::total_cmp);
+    assert_eq!(left, [-0.1, 0.2, 0.3, 0.88]);
+    assert!(after.splats.motion.iter().all(|m| m.t_scale != 0.043f32.ln()));
+}
+
+#[test]
+fn the_opacity_ceiling_holds_for_all() {
+    let (splats, state) = scene(6, 200, 200, 0);
+    let case = Case::new(splats, state, 128);
+    for round in [ROUND, DRAWN] {
+        let after = case.check(&DensityRound { opacity_ceiling: -2.0, ..round }).0;
+        assert_eq!(after.splats.opacity.iter().copied().fold(f32::MIN, f32::max), -2.0);
+    }
+}
+
+/// `n` static Gaussians at one place, the first of opacity logit `x`, the others dead.
+fn one_and_the_dead(x: f32, n: usize) -> Splats {
+    let mut splats = scene_of(&vec![round([0.1, 0.05, 3.0], 0.3, 0.5, [0.9, 0.4, 0.1]); n]);
+    splats.opacity.fill(-30.0);
+    splats.opacity[0] = x;
+    splats
+}
+
+#[test]
+fn n_copies_share_opacity_and_size_as_the_double_sum_tells() {
+    let mut worst = 0.0f64;
+    for x in [-5.2f32, -3.0, -1.0, 0.0, 1.0, 3.0, 6.0, 10.0] {
+        for n in [2, 3, 4, 7, 20, 51] {
+            let case = Case::new(one_and_the_dead(x, n), vec![[0.0; 4]; n], 128);
+            let after = case.run(&DensityRound { max_gaussians: 0, ..DRAWN }).unwrap().splats;
+            let (opacity, factor) = shared_opacity(f64::from(x), n as u32);
+            for i in 0..n {
+                let scale = f64::from(after.scale[i][0]) - f64::from(case.splats.scale[0][0]) - factor.ln();
+                let logit = (f64::from(after.opacity[i]) - opacity) / (1.0 + opacity.abs());
+                worst = worst.max(scale.abs()).max(logit.abs());
+            }
+            // 1 - (1 - o')^n is the old opacity.
+            let one = 1.0 / (1.0 + (-f64::from(after.opacity[0])).exp());
+            let (together, before) = (1.0 - (1.0 - one).powi(n as i32), 1.0 / (1.0 + (-f64::from(x)).exp()));
+            assert!((together - before).abs() < 1e-6, "{together} for {before}");
+        }
+    }
+    assert!(worst > 0.0 && worst < 2e-6, "{worst:e}");
+}
+
+#[test]
+fn the_picture_stays_when_a_gaussian_becomes_many() {
+    let gpu = gpu();
+    let view = camera(96, 80);
+    let render = |splats: &Splats| {
+        let mut renderer = Renderer::new(gpu.clone(), splats, Constants::default()).unwrap();
+        renderer.render(&view, Outputs::Color).unwrap().0.color
+    };
+    for n in [2, 10] {
+        let case = Case::new(one_and_the_dead(1.0, n), vec![[0.0; 4]; n], 128);
+        let after = case.run(&DensityRound { max_gaussians: 0, ..DRAWN }).unwrap().splats;
+        // What the copies would show at the old size and opacity.
+        let mut naive = after.clone();
+        naive.scale.fill(case.splats.scale[0]);
+        naive.opacity.fill(case.splats.opacity[0]);
+        let before = render(&case.splats);
+        let error = |splats: &Splats| {
+            let found = render(splats);
+            let sum: f64 =
+                found.iter().zip(&before).flat_map(|(a, b)| (0..3).map(|k| f64::from((a[k] - b[k]).abs()))).sum();
+            sum / (3 * before.len()) as f64
+        };
+        let (shared, naive) = (error(&after), error(&naive));
+        assert!(shared < 0.01 && shared < 0.25 * naive, "{n} copies: {shared:.4}, naively {naive:.4}");
+    }
+}
+
+#[test]
+fn the_dead_draw_the_living_as_often_as_their_opacity_says() {
+    // 20 living ones of opacities 0.05 to 1, 40,000 dead.
+    let opacities: Vec<f64> = (1..=20).map(|k| f64::from(k) * 0.049).collect();
+    let mut splats = one_and_the_dead(0.0, 40_020);
+    for (i, opacity) in opacities.iter().enumerate() {
+        // Among the dead, not before them.
+        splats.opacity[i * 2000 + 7] = logit(*opacity);
+        splats.sh[i * 2000 + 7] = [i as f32; 3];
+    }
+    splats.opacity[0] = -30.0;
+    let case = Case::new(splats, vec![[0.0; 4]; 40_020], 1024);
+    let after = case.run(&DensityRound { max_gaussians: 0, ..DRAWN }).unwrap();
+    assert_eq!(after.grown.counts.relocated, 40_000);
+    let mut found = [0.0f64; 20];
+    after.splats.sh.iter().for_each(|sh| found[sh[0] as usize] += 1.0);
+    let all: f64 = opacities.iter().sum();
+    let chi_square: f64 = opacities
+        .iter()
+        .zip(found)
+        .map(|(opacity, found)| {
+            let expected = 40_000.0 * opacity / all;
+            (found - 1.0 - expected).powi(2) / expected
+        })
+        .sum();
+    // 19 degrees of freedom: 43.8 is passed once in a thousand keys, 6.8 is not reached as often.
+    assert!((5.0..43.8).contains(&chi_square), "{chi_square}");
+}
+
+#[test]
+fn random_numbers_are_normal_and_independent() {
+    let n = 200_000;
+    let all: Vec<[f64; 3]> = (0..n).map(|i| normals(77, i, 0)).collect();
+    let mean = |f: &dyn Fn(&[f64; 3]) -> f64| all.iter().map(f).sum::<f64>() / f64::from(n);
+    for k in 0..3 {
+        let moments = [1, 2, 3, 4].map(|p| mean(&|x| x[k].powi(p)));
+        let expected = [0.0, 1.0, 0.0, 3.0];
+        assert!(moments.iter().zip(expected).all(|(a, b)| (a - b).abs() < 0.05), "{moments:?}");
+        assert!(mean(&|x| x[k] * x[(k + 1) % 3]).abs() < 0.01);
+    }
+}
+
+#[test]
+fn noise_moves_the_faint_along_their_covariance_and_nothing_when_the_step_failed() {
+    let (mut splats, _) = scene(8, 200, 200, 0);
+    for i in 0..400 {
+        // Opacities around the gate at 0.005, and bright ones.
+        splats.opacity[i] = [-9.0, -5.3, -4.0, 2.0][i % 4];
+    }
+    let gpu = gpu();
+    let scene = SceneBuffers::upload_in_groups(&gpu, &splats, Constants::default().alpha_min, 128).unwrap();
+    let run = |failed: u32| {
+        let status = gpu.upload("status", &[Status { failed, ..Status::default() }]).unwrap();
+        let mut rec = Recording::new();
+        record_mcmc_noise(&mut rec, &scene, &status, 50.0, 31);
+        gpu.run(&rec).unwrap();
+        scene.download(&gpu, scene.groups.iter().map(|g| &g.params)).unwrap()
+    };
+    let bits = |splats: &Splats| splats.position.as_flattened().iter().map(|x| x.to_bits()).collect::<Vec<_>>();
+    assert_eq!(bits(&run(1)), bits(&splats));
+    let found = run(0);
+    let flat: Vec<u32> = scene.groups.iter().flat_map(|g| g.first..g.first + g.n).collect();
+    let mut n_moved = 0;
+    for (i, flat) in flat.into_iter().enumerate() {
+        let deviations = splats.scale[i].map(|s| f64::from(s).exp());
+        let [w, x, y, z] = splats.rotation[i].map(f64::from);
+        let broken = deviations.iter().any(|s| !s.is_finite()) || splats.position[i].iter().any(|x| x.is_nan());
+        if broken || [w, x, y, z] == [0.0; 4] {
+            assert_eq!(found.position[i].map(f32::to_bits), splats.position[i].map(f32::to_bits));
+            continue;
+        }
+        let turn = glam::DQuat::from_xyzw(x, y, z, w).normalize();
+        let normal = glam::DVec3::from_array(normals(31, flat, 0));
+        let variances = glam::DVec3::from_array(deviations.map(|s| s * s));
+        let opacity = 1.0 / (1.0 + (-f64::from(splats.opacity[i])).exp());
+        let gate = 1.0 / (1.0 + (-100.0 * ((1.0 - opacity) - 0.995)).exp());
+        let step = (turn * (variances * (turn.inverse() * normal))) * 50.0 * gate;
+        for k in 0..3 {
+            let (before, after) = (f64::from(splats.position[i][k]), f64::from(found.position[i][k]));
+            let allowed = 1e-6 * before.abs() + 5e-5 * step.length();
+            assert!((after - before - step[k]).abs() <= allowed, "{i}: {after} for {before} + {}", step[k]);
+        }
+        n_moved += usize::from(step.length() > 1e-3);
+    }
+    assert!(n_moved > 100, "{n_moved}");
+}

@@ -1,0 +1,124 @@
+//! Density control in a run: when rounds are due, and what training with either strategy leaves.
+
+use super::Tiny;
+use crate::common::device::gpu;
+use ivv::Constants;
+use ivv::scene::Splats;
+use ivv::scene::capture::{Capture, Extent};
+use ivv::stage::{AdamMode, Choice};
+use ivv::train::{
+    Checkpoint, Config, Density, StepReport, Strategy, Trainer, density_round, from_points, noise, permutation,
+    regularisers,
+};
+
+#[test]
+fn the_settings_of_density_control_make_its_rounds() {
+    let extent = Extent { center: [100.0, 2.0, 3.0], radius: 4.0 };
+    let round = |config: &Config, step| density_round(config, step, 10_000, &extent, [90.0, 0.0, 0.0], 7);
+    let adc = Config::default();
+    assert_eq!(round(&adc, 550), None);
+    let first = round(&adc, 600).unwrap();
+    assert_eq!(first.choice, Choice::Pulled { gradient: 2e-4, split_above: 0.04, prune_scale: 2.0 });
+    assert_eq!((first.center, first.extent, first.n_frames, first.growth), ([10.0, 2.0, 3.0], 4.0, 7, 0.15));
+    assert_ne!(first.key, round(&adc, 700).unwrap().key);
+    // Opacity 0.05 from the reset on step 3000; MCMC has none.
+    let ceiling = |config: &Config, step| round(config, step).unwrap().opacity_ceiling;
+    assert!((ceiling(&adc, 3000) + 2.944_439).abs() < 1e-5 && ceiling(&adc, 2900) == f32::MAX);
+    let mcmc = Config { density: Density { strategy: Strategy::Mcmc, ..Density::default() }, ..Config::default() };
+    assert_eq!(ceiling(&mcmc, 3000), f32::MAX);
+    let drawn = round(&mcmc, 600).unwrap();
+    assert_eq!((drawn.choice, drawn.growth), (Choice::Drawn, 0.05));
+    // A reset between two rounds adds nothing.
+    let often = Config { density: Density { reset_every: 50, ..Density::default() }, ..Config::default() };
+    assert_eq!((round(&often, 650).unwrap().growth, round(&often, 6000)), (0.0, None));
+
+    let (rate, key) = noise(&mcmc, 1, 1000, 2.0).unwrap();
+    assert!((rate - 160.0).abs() < 1e-3 && key != noise(&mcmc, 2, 1000, 2.0).unwrap().1);
+    assert_eq!(noise(&adc, 1, 1000, 2.0), None);
+    let weights = |config| [regularisers(config).opacity_reg, regularisers(config).scale_reg];
+    assert_eq!((weights(&adc), weights(&mcmc)), ([0.0; 2], [0.01; 2]));
+}
+
+fn with(strategy: Strategy) -> Config {
+    Config { sh_degree: 1, density: Density { strategy, ..Density::default() }, ..Config::default() }
+}
+
+fn trainer(capture: &Capture, config: &Config, splats: &Splats, total: u64) -> Trainer {
+    let dt = 1.0 / f64::from(capture.n_frames);
+    Trainer::new(gpu().clone(), splats, Constants::default(), config.clone(), total, capture.extent(), dt).unwrap()
+}
+
+/// Steps `trainer` through the run's order up to step `until`.
+fn drive(trainer: &mut Trainer, capture: &Capture, seed: u64, until: u64) -> Vec<StepReport> {
+    let frames = capture.training_frames();
+    while trainer.step() < until {
+        let (epoch, at) = (trainer.step() / frames.len() as u64, trainer.step() as usize % frames.len());
+        let (camera, frame) = frames[permutation(frames.len(), &[seed, epoch])[at]];
+        trainer.train(&capture.view(camera, frame).unwrap(), &capture.picture(camera, frame).unwrap()).unwrap();
+    }
+    trainer.finish().unwrap();
+    trainer.take_reports()
+}
+
+#[test]
+fn both_strategies_learn_grow_and_obey_the_budget() {
+    let tiny = Tiny::new("strategies");
+    for strategy in [Strategy::Adc, Strategy::Mcmc] {
+        let config = Config { max_gaussians: 200, ..with(strategy) };
+        let begin = from_points(&tiny.capture.points[..150], &tiny.capture, &config);
+        let mut trainer = trainer(&tiny.capture, &config, &begin, 200);
+        let reports = drive(&mut trainer, &tiny.capture, config.seed, 200);
+        let mean = |part: &[StepReport]| part.iter().map(|r| r.loss).sum::<f64>() / part.len() as f64;
+        let (first, last) = (mean(&reports[..10]), mean(&reports[190..]));
+        assert!(last < 0.7 * first, "{strategy:?}: loss {first:.3} at first, {last:.3} at last");
+        assert!(reports.iter().all(|r| r.gaussians <= 200 && r.bad_gradients == 0));
+        assert!(reports.last().unwrap().gaussians > 150);
+        let rounds: Vec<_> = reports.iter().filter_map(|r| r.density).collect();
+        assert!(rounds.len() >= 8, "{} rounds", rounds.len());
+        let sum = |f: fn(&ivv::stage::Counts) -> u32| rounds.iter().map(f).sum::<u32>();
+        let (cloned, split, pruned) = (sum(|c| c.cloned), sum(|c| c.split), sum(|c| c.pruned));
+        assert_eq!(trainer.n_gaussians(), 150 + cloned + split - pruned);
+        if strategy == Strategy::Mcmc {
+            assert_eq!((trainer.n_gaussians(), split, pruned), (200, 0, 0));
+        }
+    }
+}
+
+#[test]
+fn a_run_with_mcmc_that_was_killed_and_resumed_gives_the_bits_of_one_that_was_not() {
+    let tiny = Tiny::new("mcmc-resume");
+    for adam in [AdamMode::Dense, AdamMode::Lazy, AdamMode::Sparse] {
+        let config = Config { adam, ..with(Strategy::Mcmc) };
+        let begin = from_points(&tiny.capture.points[..150], &tiny.capture, &config);
+        let mut whole = trainer(&tiny.capture, &config, &begin, 60);
+        drive(&mut whole, &tiny.capture, config.seed, 60);
+        let mut half = trainer(&tiny.capture, &config, &begin, 60);
+        drive(&mut half, &tiny.capture, config.seed, 23);
+        let folder = tiny.folder.join(format!("checkpoints-{adam:?}"));
+        half.checkpoint().unwrap().write(&folder).unwrap();
+        let checkpoint = Checkpoint::newest(&folder).unwrap().unwrap();
+        let dt = 1.0 / f64::from(tiny.capture.n_frames);
+        let extent = tiny.capture.extent();
+        let mut half = Trainer::resume(gpu().clone(), &checkpoint, Constants::default(), extent, dt).unwrap();
+        drive(&mut half, &tiny.capture, config.seed, 60);
+        assert!(whole.n_gaussians() > 150);
+        assert_eq!(whole.checkpoint().unwrap(), half.checkpoint().unwrap(), "{adam:?}");
+    }
+}
+
+#[test]
+fn the_opacities_are_reset_when_it_is_time() {
+    let tiny = Tiny::new("reset");
+    let density = Density { reset_every: 12, reset_to: 0.05, ..Density::default() };
+    let config = Config { density, ..with(Strategy::Adc) };
+    let begin = from_points(&tiny.capture.points[..150], &tiny.capture, &config);
+    let mut trainer = trainer(&tiny.capture, &config, &begin, 40);
+    let brightest = |trainer: &mut Trainer| {
+        let splats = trainer.splats().unwrap();
+        splats.opacity.iter().copied().fold(f32::MIN, f32::max)
+    };
+    drive(&mut trainer, &tiny.capture, config.seed, 11);
+    assert!(brightest(&mut trainer) > -2.0);
+    drive(&mut trainer, &tiny.capture, config.seed, 12);
+    assert!((brightest(&mut trainer) + 2.944_439).abs() < 1e-5);
+}
