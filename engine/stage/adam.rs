@@ -117,6 +117,9 @@ pub fn lazy_sums(rates: impl Fn(u64) -> Rates, total: u64) -> Vec<[f32; 4]> {
     rows
 }
 
+/// State of every Gaussian of a group, see [`Optimiser::state`].
+pub type State = Buf<[f32; 4]>;
+
 /// Moments and state of every Gaussian, and the numbers of the step at hand.
 pub struct Optimiser {
     /// First and second moments, by group, in twice the planes of the parameters: 2p the first, 2p + 1 the second of
@@ -135,8 +138,11 @@ pub struct Optimiser {
     sums: Buf<[f32; 4]>,
 }
 
-/// Buffers of a group in the order of their numbers in `adam.glsl`, with the planes of each.
-fn numbered<'a>(params: &'a Planes, moments: &'a Planes) -> Vec<(u32, u32, &'a Buf<[f32; 4]>, &'a Buf<[f32; 4]>)> {
+/// A buffer of a group: its number in `adam.glsl`, its planes, its parameters and their moments.
+type Numbered<'a> = (u32, u32, &'a Buf<[f32; 4]>, &'a Buf<[f32; 4]>);
+
+/// The buffers of a group in the order of their numbers.
+fn numbered<'a>(params: &'a Planes, moments: &'a Planes) -> Vec<Numbered<'a>> {
     let mut all = vec![(0, 3, &params.geometry, &moments.geometry), (1, 1, &params.sh0, &moments.sh0)];
     if let (Some(motion), Some(moments)) = (&params.motion, &moments.motion) {
         all.push((2, 1, motion, moments));

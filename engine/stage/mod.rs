@@ -17,7 +17,7 @@ mod sort;
 mod tiles;
 mod workspace;
 
-pub use adam::{AdamMode, BETA1, BETA2, EPS, Optimiser, Rates, StepSettings, adam_params, lazy_sums};
+pub use adam::{AdamMode, BETA1, BETA2, EPS, Optimiser, Rates, State, StepSettings, adam_params, lazy_sums};
 pub use backward::{Accumulation, Backward, SLOT_PAIRS, Target};
 pub use blend::{Blend, Outputs, Purpose};
 pub use cull::Cull;

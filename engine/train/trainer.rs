@@ -15,8 +15,8 @@ use crate::scene::capture::{Extent, Picture};
 use crate::scene::{Splats, View};
 use crate::settings::Constants;
 use crate::stage::{
-    AdamMode, Counts, Optimiser, Outputs, Photometric, Planes, Purpose, Room, SSIM_WEIGHT, SceneBuffers, StepSettings,
-    Strip, Target, Verdict, Workspace, adam_params, lazy_sums, record_mcmc_noise, view_params,
+    AdamMode, Counts, Optimiser, Outputs, Photometric, Planes, Purpose, Room, SSIM_WEIGHT, SceneBuffers, State,
+    StepSettings, Strip, Target, Verdict, Workspace, adam_params, lazy_sums, record_mcmc_noise, view_params,
 };
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -499,7 +499,7 @@ fn upload_state(
     first: &Splats,
     second: &Splats,
     state: &[[f32; 4]],
-) -> Result<(Vec<Planes>, Vec<Buf<[f32; 4]>>)> {
+) -> Result<(Vec<Planes>, Vec<State>)> {
     let groups = || scene.groups.iter();
     let moments = groups().map(|g| Planes::upload_moments(gpu, first, second, g.start, g.n as usize));
     let state = groups().map(|g| gpu.upload("state", &state[g.start..g.start + g.n as usize]));
