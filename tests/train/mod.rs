@@ -1,6 +1,7 @@
 //! Training as a whole, on a synthetic capture of its own making.
 
 mod density;
+mod extreme;
 
 use crate::common::device::gpu;
 use ivv::Constants;
