@@ -44,6 +44,9 @@ pub struct Args {
     /// Frames, instead of the preset's.
     #[arg(long)]
     frames: Option<u32>,
+    /// Pixels of an image across and down, WIDTHxHEIGHT, instead of the preset's.
+    #[arg(long, value_parser = size)]
+    size: Option<(u32, u32)>,
 }
 
 pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
@@ -95,5 +98,13 @@ fn options(args: &Args) -> anyhow::Result<Options> {
     }
     options.cameras = args.cameras.unwrap_or(options.cameras);
     options.frames = args.frames.unwrap_or(options.frames);
+    (options.width, options.height) = args.size.unwrap_or((options.width, options.height));
     Ok(options)
+}
+
+/// WIDTHxHEIGHT.
+fn size(text: &str) -> Result<(u32, u32), String> {
+    let number = |text: &str| text.parse::<u32>().map_err(|e| format!("{text}: {e}"));
+    let (width, height) = text.split_once('x').ok_or("WIDTHxHEIGHT is needed, as 128x96")?;
+    Ok((number(width)?, number(height)?))
 }
