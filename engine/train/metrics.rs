@@ -13,7 +13,7 @@ use std::time::Instant;
 pub const METRICS: [(&str, &str); 3] = [
     ("psnr", "-10 log10 of the mean squared error, dB, over the three channels of the pixels that count"),
     ("ssim", "as 3DGS: 11 x 11 Gaussian window, sigma 1.5, zero padding, C1 = 0.01^2, C2 = 0.03^2"),
-    ("l1", "mean absolute error over the same"),
+    ("l1", "mean absolute error over the same values as PSNR"),
 ];
 
 /// What holds for all of [`METRICS`].

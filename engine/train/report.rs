@@ -230,7 +230,8 @@ impl Report<'_> {
         }
         writeln!(page, "</table></div>")?;
         let rows = ["version", "revision"].map(|key| (key, &self.totals[key]));
-        let device = ["name", "driver", "api", "subgroup_size"].map(|key| (key, &self.totals["device"][key]));
+        let device = [("device", "name"), ("driver", "driver"), ("Vulkan", "api"), ("subgroups of", "subgroup_size")];
+        let device = device.map(|(what, key)| (what, &self.totals["device"][key]));
         let told = rows.into_iter().chain(device).filter(|(_, value)| !value.is_null());
         let told: Vec<String> =
             told.map(|(key, v)| format!("{key} {}", v.as_str().unwrap_or(&v.to_string()))).collect();

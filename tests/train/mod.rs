@@ -1,5 +1,9 @@
 //! Training as a whole, on a synthetic capture of its own making.
 
+mod report;
+mod run;
+mod scores;
+
 use crate::common::device::gpu;
 use ivv::Constants;
 use ivv::scene::capture::Capture;
