@@ -136,9 +136,9 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
 fn print(scores: &SceneScores) {
     let Evaluation { views, mean, .. } = &scores.evaluation;
     let width = views.iter().map(|v| v.view.chars().count()).fold(4, usize::max);
-    println!("{:<width$} {:>9} {:>8} {:>8}", "view", "PSNR, dB", "SSIM", "L1");
+    println!("{:<width$} {:>9} {:>9} {:>8} {:>8}", "view", "PSNR, dB", "aligned", "SSIM", "L1");
     for (view, s) in views.iter().map(|v| (v.view.as_str(), &v.scores)).chain([("mean", mean)]) {
-        println!("{view:<width$} {:>9.3} {:>8.4} {:>8.5}", s.psnr, s.ssim, s.l1);
+        println!("{view:<width$} {:>9.3} {:>9.3} {:>8.4} {:>8.5}", s.psnr, s.psnr_aligned, s.ssim, s.l1);
     }
     for (name, definition) in &scores.metrics {
         println!("{name}: {definition}");

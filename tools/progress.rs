@@ -11,11 +11,13 @@ const BAR: usize = 24;
 struct Screen {
     terminal: bool,
     last: Option<Instant>,
+    /// Whether the cursor stands behind an unfinished line.
+    open: bool,
 }
 
 impl Screen {
     fn new() -> Self {
-        Screen { terminal: std::io::stderr().is_terminal(), last: None }
+        Screen { terminal: std::io::stderr().is_terminal(), last: None, open: false }
     }
 
     /// Whether at least that long has passed since the last line, by the kind of the screen.
@@ -32,7 +34,8 @@ impl Screen {
         let _ = if self.terminal {
             let filled = (done * BAR as u64 / total.max(1)) as usize;
             let (full, empty) = ("█".repeat(filled.min(BAR)), "░".repeat(BAR.saturating_sub(filled)));
-            let end = if done == total { "\n" } else { "" };
+            self.open = done != total;
+            let end = if self.open { "" } else { "\n" };
             // Without wrapping, so that a narrow terminal cuts the line and still rewrites it.
             write!(out, "\r\x1b[2K\x1b[?7l{full}{empty} {text}\x1b[?7h{end}")
         } else {
@@ -43,8 +46,18 @@ impl Screen {
 
     /// A line that stays.
     fn say(&mut self, text: &str) {
-        let clear = if self.terminal { "\r\x1b[2K" } else { "" };
+        let clear = if self.open { "\r\x1b[2K" } else { "" };
+        self.open = false;
         eprintln!("{clear}{text}");
+    }
+}
+
+impl Drop for Screen {
+    /// Work that ends early leaves its last line.
+    fn drop(&mut self) {
+        if self.open {
+            eprintln!();
+        }
     }
 }
 

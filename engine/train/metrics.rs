@@ -1,5 +1,6 @@
 //! How well pictures match their truth.
 
+use super::align::aligned_mse;
 use crate::error::{Error, Result};
 use crate::gpu::{Gpu, Recording};
 use crate::scene::capture::{Capture, Picture};
@@ -10,21 +11,24 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 /// What the scores mean, by name; written beside every set of them.
-pub const METRICS: [(&str, &str); 3] = [
+pub const METRICS: [(&str, &str); 4] = [
     ("psnr", "-10 log10 of the mean squared error, dB, over the three channels of the pixels that count"),
+    ("psnr_aligned", "PSNR after the affine map of colours, one for each view, that brings it closest to the image"),
     ("ssim", "as 3DGS: 11 x 11 Gaussian window, sigma 1.5, zero padding, C1 = 0.01^2, C2 = 0.03^2"),
     ("l1", "mean absolute error over the same values as PSNR"),
 ];
 
 /// What holds for all of [`METRICS`].
 pub const METRICS_OF: &str = "the rendered colour, clamped to [0, 1], not rounded to 8 bits, against the 8-bit image; \
-                              no crop, no alignment of colours; means are over views";
+                              no crop; means are over views";
 
 /// Scores of one view, or means over several.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Scores {
     /// Peak signal-to-noise ratio of the clamped colour, dB, over visible pixels.
     pub psnr: f64,
+    /// The same after the affine map of colours that brings the view closest to the image, dB.
+    pub psnr_aligned: f64,
     /// Structural similarity of the clamped colour (SPEC 4's window, zero padding).
     pub ssim: f64,
     /// Mean absolute error.
@@ -63,7 +67,12 @@ impl Evaluation {
     /// The evaluation of `views` after `step` steps; none when there is no view.
     pub fn new(step: u64, views: Vec<ViewScores>) -> Option<Self> {
         let mean = |score: fn(&Scores) -> f64| views.iter().map(|v| score(&v.scores)).sum::<f64>() / views.len() as f64;
-        let mean = Scores { psnr: mean(|s| s.psnr), ssim: mean(|s| s.ssim), l1: mean(|s| s.l1) };
+        let mean = Scores {
+            psnr: mean(|s| s.psnr),
+            psnr_aligned: mean(|s| s.psnr_aligned),
+            ssim: mean(|s| s.ssim),
+            l1: mean(|s| s.l1),
+        };
         (!views.is_empty()).then_some(Evaluation { step, mean, views })
     }
 
@@ -196,16 +205,13 @@ pub fn psnr(mse: f64) -> f64 {
 /// Scores of `frame` against `picture`, of the same size.
 pub fn scores(gpu: &Gpu, frame: &Frame, picture: &Picture) -> Result<Scores> {
     let clamped: Vec<[f32; 3]> = frame.color.iter().map(|c| c.map(|x| x.clamp(0.0, 1.0))).collect();
-    let (mut squares, mut n_visible) = (0.0, 0u32);
-    for (color, word) in clamped.iter().zip(&picture.pixels) {
+    let visible = clamped.iter().zip(&picture.pixels).filter_map(|(color, word)| {
         let [r, g, b, mask] = word.to_le_bytes();
-        if mask > 0 {
-            n_visible += 1;
-            let truth = [r, g, b].map(|c| f64::from(c) / 255.0);
-            squares += color.iter().zip(truth).map(|(a, b)| (f64::from(*a) - b).powi(2)).sum::<f64>();
-        }
-    }
-    let n_visible = n_visible.max(1);
+        (mask > 0).then(|| (color.map(f64::from), [r, g, b].map(|c| f64::from(c) / 255.0)))
+    });
+    let visible: Vec<([f64; 3], [f64; 3])> = visible.collect();
+    let squares: f64 = visible.iter().flat_map(|(a, b)| (0..3).map(|c| (a[c] - b[c]).powi(2))).sum();
+    let n_visible = visible.len().max(1) as u32;
     let image: Vec<[f32; 4]> = clamped.iter().map(|[r, g, b]| [*r, *g, *b, 1.0]).collect();
     let image = gpu.upload("scored image", &image)?;
     let d_image = gpu.alloc("scored cotangent", clamped.len())?;
@@ -216,5 +222,7 @@ pub fn scores(gpu: &Gpu, frame: &Frame, picture: &Picture) -> Result<Scores> {
     gpu.run(&rec)?;
     let sums = gpu.read(&loss.sums)?.first().copied().unwrap_or_default();
     let (ssim, l1) = Photometric::values(sums, n_visible);
-    Ok(Scores { psnr: psnr(squares / (3.0 * f64::from(n_visible))), ssim, l1 })
+    // A picture that is hidden as a whole has no error.
+    let psnr_aligned = if visible.is_empty() { psnr(0.0) } else { psnr(aligned_mse(&visible)) };
+    Ok(Scores { psnr: psnr(squares / (3.0 * f64::from(n_visible))), psnr_aligned, ssim, l1 })
 }

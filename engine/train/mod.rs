@@ -1,5 +1,6 @@
 //! Training: Gaussians fitted to the images of a capture, one image a step (SPEC 4 and 6).
 
+mod align;
 mod checkpoint;
 mod config;
 mod density;

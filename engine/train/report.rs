@@ -77,7 +77,7 @@ impl Report<'_> {
         self.settings(&mut page)?;
         writeln!(page, "<footer>")?;
         for (metric, definition) in self.scores.iter().flat_map(|scores| &scores.metrics) {
-            writeln!(page, "<p>{}: {}.</p>", metric.to_uppercase(), escape(definition))?;
+            writeln!(page, "<p>{}: {}.</p>", metric.to_uppercase().replace('_', " "), escape(definition))?;
         }
         writeln!(page, "<p>Scores are of {METRICS_OF}.</p>\n</footer>\n</body>\n</html>")?;
         Ok(page)
@@ -100,7 +100,7 @@ impl Report<'_> {
         match self.scores {
             Some(s) => {
                 let mean = &s.evaluation.mean;
-                let of = format!("mean of {} test images", s.evaluation.views.len());
+                let of = format!("{} test images; {:.2} aligned", s.evaluation.views.len(), mean.psnr_aligned);
                 tiles.push(("PSNR", format!("{:.2} dB", mean.psnr), of));
                 tiles.push(("SSIM", format!("{:.4}", mean.ssim), format!("L1 {:.4}", mean.l1)));
                 tiles.push(("Gaussians", s.gaussians.to_string(), format!("{} of them dynamic", s.dynamic_gaussians)));
@@ -172,9 +172,10 @@ impl Report<'_> {
         writeln!(page, "</div>")?;
         let rows = scores.evaluation.views.iter().map(|v| (v.view.as_str(), &v.scores));
         let rows = rows.chain([("mean", &scores.evaluation.mean)]).map(|(view, s)| {
-            vec![view.to_owned(), format!("{:.3}", s.psnr), format!("{:.4}", s.ssim), format!("{:.5}", s.l1)]
+            let [psnr, aligned] = [s.psnr, s.psnr_aligned].map(|psnr| format!("{psnr:.3}"));
+            vec![view.to_owned(), psnr, aligned, format!("{:.4}", s.ssim), format!("{:.5}", s.l1)]
         });
-        details(page, "Scores of every view", ["view", "PSNR, dB", "SSIM", "L1"].as_slice(), rows)?;
+        details(page, "Scores of every view", &["view", "PSNR, dB", "aligned", "SSIM", "L1"], rows)?;
         writeln!(page, "</section>").map_err(Into::into)
     }
 

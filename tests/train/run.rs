@@ -42,9 +42,9 @@ fn lines(folder: &Path, kind: &str) -> Vec<Value> {
     all.filter(|line| line["kind"] == kind).collect()
 }
 
-/// (view, PSNR, SSIM, L1) of every view.
-fn scores(evaluation: &Value) -> Vec<(String, [f64; 3])> {
-    let of = |view: &Value| ["psnr", "ssim", "l1"].map(|key| view[key].as_f64().unwrap());
+/// (view, scores) of every view.
+fn scores(evaluation: &Value) -> Vec<(String, [f64; 4])> {
+    let of = |view: &Value| ["psnr", "psnr_aligned", "ssim", "l1"].map(|key| view[key].as_f64().unwrap());
     let views = evaluation["views"].as_array().unwrap();
     views.iter().map(|view| (view["view"].as_str().unwrap().to_owned(), of(view))).collect()
 }
@@ -64,6 +64,7 @@ fn a_run_is_scored_again_from_its_folder_alone() {
     let views = scores(&trained);
     assert_eq!(views.iter().map(|(name, _)| name.clone()).collect::<Vec<_>>(), names);
     let mean = views.iter().map(|(_, s)| s[0]).sum::<f64>() / views.len() as f64;
+    assert!(views.iter().all(|(_, [psnr, aligned, ssim, l1])| aligned > psnr && *ssim < 1.0 && *l1 > 0.0));
     assert!((trained["psnr"].as_f64().unwrap() - mean).abs() < 1e-9 && mean > 5.0);
     assert_eq!((&trained["rounded_to_8_bits"], &trained["step"]), (&Value::Bool(false), &Value::from(50)));
     let scene = read_ply(&run.join("scene.ply")).unwrap();
