@@ -4,6 +4,7 @@ mod check;
 mod demo;
 mod device;
 mod devices;
+mod due;
 mod eval;
 mod export;
 mod files;

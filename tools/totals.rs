@@ -2,7 +2,8 @@
 
 use crate::profile::{TimedPass, mean, total};
 use ivv::gpu::Gpu;
-use ivv::train::{Kind, Log, Run, Trainer};
+use ivv::scene::Splats;
+use ivv::train::{Kind, Log, Run};
 use serde_json::{Value, json};
 
 /// Of a line of the profile in train.jsonl.
@@ -30,8 +31,15 @@ pub struct Seconds {
 }
 
 /// Everything that is the same whatever the scores.
-pub fn totals(gpu: &Gpu, trainer: &Trainer, run: &Run, log: &Log, seconds: &Seconds) -> anyhow::Result<Value> {
-    let summary = trainer.splats()?.summary();
+pub fn totals(
+    gpu: &Gpu,
+    steps_done: u64,
+    splats: &Splats,
+    run: &Run,
+    log: &Log,
+    seconds: &Seconds,
+) -> anyhow::Result<Value> {
+    let summary = splats.summary();
     let lines = log.lines(Kind::Profile).map(|line| serde_json::from_value::<ProfiledStep>(line.clone()));
     let mut profiled: Vec<ProfiledStep> = lines.collect::<Result<_, _>>()?;
     let steps: Vec<u64> = profiled.iter().map(|p| p.step).collect();
@@ -44,7 +52,7 @@ pub fn totals(gpu: &Gpu, trainer: &Trainer, run: &Run, log: &Log, seconds: &Seco
         "revision": option_env!("IVV_REVISION").filter(|revision| !revision.is_empty()),
         "device": gpu.caps(),
         "capture": { "path": run.capture, "held": run.held },
-        "steps": trainer.step(),
+        "steps": steps_done,
         "gaussians": summary.n,
         "dynamic_gaussians": summary.n_dynamic,
         "sh_degree": summary.sh_degree,

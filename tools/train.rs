@@ -1,6 +1,7 @@
 //! `ivv train`.
 
 use crate::device::DeviceArgs;
+use crate::due::{Due, DueArgs};
 use crate::eval::Scorer;
 use crate::files::{make_folder, write_json};
 use crate::interrupt::{Interrupted, Stop};
@@ -19,8 +20,6 @@ use ivv::train::{
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// Steps whose passes are timed.
-const PROFILED: u64 = 5;
 /// Side of a tile, pixels.
 const TILE: u32 = 16;
 
@@ -50,18 +49,8 @@ pub struct Args {
     /// Begins anew in a folder that holds a run, whose checkpoints are removed.
     #[arg(long, conflicts_with = "resume")]
     overwrite: bool,
-    /// Steps between two checkpoints; a tenth of the run without it.
-    #[arg(long)]
-    checkpoint_every: Option<u64>,
-    /// Steps between two evaluations of some test images; a tenth of the run without it, 0 for none.
-    #[arg(long)]
-    eval_every: Option<u64>,
-    /// Evaluations after these steps too, separated by commas.
-    #[arg(long, value_delimiter = ',')]
-    eval_at: Vec<u64>,
-    /// Test images of such an evaluation, evenly spread over all of them; the end of the run takes all.
-    #[arg(long, default_value_t = 16)]
-    eval_images: usize,
+    #[command(flatten)]
+    due: DueArgs,
     /// Print the mean time of every pass of a step.
     #[arg(long)]
     profile: bool,
@@ -91,7 +80,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     run.write(&args.output)?;
     let gpu = args.device.open()?;
     let (extent, dt) = (capture.extent().radius, 1.0 / f64::from(capture.n_frames.max(1)));
-    let mut trainer = match &resumed {
+    let trainer = match &resumed {
         Some(checkpoint) => Trainer::resume(gpu.clone(), checkpoint, run.constants, extent, dt)?,
         None => {
             Checkpoint::remove_all(&checkpoints)?;
@@ -110,108 +99,156 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         before + 1,
         config.sh_degree
     );
-
     let order: Vec<(usize, u32)> = (0..total.div_ceil(training.len() as u64))
         .flat_map(|epoch| permutation(training.len(), &[config.seed, epoch]).into_iter().map(|i| training[i]))
         .take(total as usize)
         .skip(before as usize)
         .collect();
-    let mut cache = FrameCache::new(&capture, order.iter().copied(), args.cache_bytes, 2)?;
-    let scorer = Scorer { gpu: &gpu, capture: &capture, run: &run, config: &config };
-    let some_test = spread(&test, args.eval_images);
-    let mut log = Log::open(&args.output, before);
-    let seconds_before = log.series(Kind::Step, "seconds").last().map_or(0.0, |[_, seconds]| *seconds);
-    let due = Due::new(args, total);
-    let mut progress = Steps::new(total, before);
-    let mut seconds = 0.0;
-    for (camera, frame) in order {
-        let picture = cache.next_picture().context("the order of images ended early")??;
-        let view = capture.view(camera, frame)?;
-        let begun = Instant::now();
-        let (report, times) = if due.profile(trainer.step() + 1) {
-            trainer.profile(&view, &picture)?
-        } else {
-            (trainer.train(&view, &picture)?, Vec::new())
-        };
-        let density = trainer.control_density()?;
-        seconds += begun.elapsed().as_secs_f64();
-
-        let step = trainer.step();
-        if !times.is_empty() {
-            log.push(Kind::Profile, &profiled(&scorer, &report, &times, &view))?;
-        }
-        let is_stopped = stop.is_asked();
-        let scored =
-            if due.evaluation(step) && !is_stopped { scorer.some(&trainer.splats()?, &some_test, step)? } else { None };
-        if let Some(Evaluation { mean, views, .. }) = &scored {
-            progress.scored(step, mean.psnr, mean.ssim, views.len());
-            log.push(Kind::Evaluation, &scored)?;
-        }
-        let best = Checkpoint::best(&checkpoints).map(|(_, psnr)| psnr);
-        let new_best = scored.as_ref().map(|s| s.mean.psnr).filter(|psnr| best.is_none_or(|best| *psnr > best));
-        let saves = due.checkpoint(step) || new_best.is_some() || is_stopped;
-        if saves || report.step.is_multiple_of(args.log_every) {
-            let mut line = serde_json::to_value(&report)?;
-            line["seconds"] = (seconds_before + seconds).into();
-            line["waited_for_images_s"] = cache.stats().waited.as_secs_f64().into();
-            line["density"] = serde_json::to_value(density)?;
-            log.push(Kind::Step, &line)?;
-        }
-        progress.show(&report, seconds);
-        if saves {
-            trainer.checkpoint()?.write(&checkpoints)?;
-            log.write()?;
-        }
-        if let Some(psnr) = new_best {
-            Checkpoint::keep_best(&checkpoints, step, psnr)?;
-        }
-        if is_stopped {
-            return Err(Interrupted("a checkpoint was written; go on with --resume").into());
-        }
-    }
-
-    let splats = trainer.splats()?;
-    let scene = args.output.join("scene.ply");
-    write_ply(&scene, &splats)?;
-    let seconds_stepping = seconds_before + seconds;
-    let seconds = Seconds {
-        seconds: start.elapsed().as_secs_f64(),
-        seconds_stepping,
-        seconds_per_step: seconds_stepping / trainer.step().max(1) as f64,
-        waited_for_images_s: cache.stats().waited.as_secs_f64(),
+    let log = Log::open(&args.output, before);
+    let mut session = Session {
+        args,
+        scorer: Scorer { gpu: &gpu, capture: &capture, run: &run, config: &config },
+        trainer,
+        checkpoints,
+        some_test: spread(&test, args.due.eval_images),
+        due: Due::new(&args.due, total),
+        progress: Steps::new(total, before),
+        start,
+        seconds: 0.0,
+        seconds_before: log.series(Kind::Step, "seconds").last().map_or(0.0, |[_, seconds]| *seconds),
+        waited: 0.0,
+        log,
     };
-    let totals = totals(&gpu, &trainer, &run, &log, &seconds)?;
-    write_json(&args.output.join("train.json"), &totals)?;
-    let (scores, examples) = scorer.all(&splats, &scene, trainer.step(), &args.output)?;
-    if let Some(scores) = &scores {
-        // The last point of the curve: the same images as those before it.
-        let is_some = |name: &str, at: u32| some_test.iter().any(|(c, f)| capture.cameras[*c].name == name && *f == at);
-        if let Some(some) = scores.evaluation.of(is_some) {
-            log.push(Kind::Evaluation, &some)?;
-            Checkpoint::keep_best(&checkpoints, some.step, some.mean.psnr)?;
+    session.train(&order, &stop)?;
+    session.finish(json)
+}
+
+/// A run under way.
+struct Session<'a> {
+    args: &'a Args,
+    scorer: Scorer<'a>,
+    trainer: Trainer,
+    checkpoints: PathBuf,
+    /// What is scored during the run.
+    some_test: Vec<(usize, u32)>,
+    due: Due<'a>,
+    progress: Steps,
+    log: Log,
+    start: Instant,
+    /// Of stepping, in this process and in those before it.
+    seconds: f64,
+    seconds_before: f64,
+    /// Seconds in which steps waited for images.
+    waited: f64,
+}
+
+impl Session<'_> {
+    /// Steps through `order`.
+    fn train(&mut self, order: &[(usize, u32)], stop: &Stop) -> anyhow::Result<()> {
+        let mut cache = FrameCache::new(self.scorer.capture, order.iter().copied(), self.args.cache_bytes, 2)?;
+        for &(camera, frame) in order {
+            let picture = cache.next_picture().context("the order of images ended early")??;
+            let view = self.scorer.capture.view(camera, frame)?;
+            let begun = Instant::now();
+            let (report, times) = if self.due.profile(self.trainer.step() + 1) {
+                self.trainer.profile(&view, &picture)?
+            } else {
+                (self.trainer.train(&view, &picture)?, Vec::new())
+            };
+            let density = self.trainer.control_density()?;
+            self.seconds += begun.elapsed().as_secs_f64();
+            self.waited = cache.stats().waited.as_secs_f64();
+            if !times.is_empty() {
+                self.log.push(Kind::Profile, &profiled(&self.scorer, &report, &times, &view))?;
+            }
+            self.note(&report, serde_json::to_value(density)?)?;
+
+            let step = self.trainer.step();
+            let is_stopped = stop.is_asked();
+            let best = if is_stopped { None } else { self.evaluate(step)? };
+            if self.due.checkpoint(step) || best.is_some() || is_stopped {
+                self.trainer.checkpoint()?.write(&self.checkpoints)?;
+                self.log.write()?;
+            }
+            if let Some(psnr) = best {
+                Checkpoint::keep_best(&self.checkpoints, step, psnr)?;
+            }
+            if is_stopped {
+                return Err(Interrupted("a checkpoint was written; go on with --resume").into());
+            }
         }
+        Ok(())
     }
-    log.write()?;
-    let report = scorer.report(scores.as_ref(), &examples, &args.output, &args.output)?;
-    if json {
-        println!("{}", serde_json::to_string_pretty(&totals)?);
-        return Ok(());
+
+    /// Shows what a step did, and logs it where that is due.
+    fn note(&mut self, report: &StepReport, density: serde_json::Value) -> anyhow::Result<()> {
+        self.progress.show(report, self.seconds);
+        if self.due.checkpoint(report.step) || report.step.is_multiple_of(self.args.log_every) {
+            let mut line = serde_json::to_value(report)?;
+            line["seconds"] = (self.seconds_before + self.seconds).into();
+            line["waited_for_images_s"] = self.waited.into();
+            line["density"] = density;
+            self.log.push(Kind::Step, &line)?;
+        }
+        Ok(())
     }
-    let quality = scores.as_ref().map_or("no test images".to_owned(), |scores| {
-        let Evaluation { mean, views, .. } = &scores.evaluation;
-        format!("{} test images: PSNR {:.2} dB, SSIM {:.4}", views.len(), mean.psnr, mean.ssim)
-    });
-    println!(
-        "{quality}; {} Gaussians, {:.3} s a step; {}",
-        trainer.n_gaussians(),
-        seconds.seconds_per_step,
-        report.display()
-    );
-    if args.profile {
-        let passes = totals["profile"]["passes"].clone();
-        profile::print(&serde_json::from_value::<Vec<TimedPass>>(passes)?, "step");
+
+    /// Scores some test views where that is due; returns their PSNR when it is the best so far.
+    fn evaluate(&mut self, step: u64) -> anyhow::Result<Option<f64>> {
+        if !self.due.evaluation(step) {
+            return Ok(None);
+        }
+        let scored = self.scorer.some(&self.trainer.splats()?, &self.some_test, step)?;
+        let Some(Evaluation { mean, views, .. }) = &scored else { return Ok(None) };
+        self.progress.scored(step, mean.psnr, mean.ssim, views.len());
+        self.log.push(Kind::Evaluation, &scored)?;
+        let best = Checkpoint::best(&self.checkpoints);
+        Ok(best.is_none_or(|(_, psnr)| mean.psnr > psnr).then_some(mean.psnr))
     }
-    Ok(())
+
+    /// Writes the scene, the totals, all scores and the report.
+    fn finish(mut self, json: bool) -> anyhow::Result<()> {
+        let (output, trainer) = (&self.args.output, &self.trainer);
+        let (splats, scene) = (trainer.splats()?, output.join("scene.ply"));
+        write_ply(&scene, &splats)?;
+        let seconds_stepping = self.seconds_before + self.seconds;
+        let seconds = Seconds {
+            seconds: self.start.elapsed().as_secs_f64(),
+            seconds_stepping,
+            seconds_per_step: seconds_stepping / trainer.step().max(1) as f64,
+            waited_for_images_s: self.waited,
+        };
+        let Scorer { gpu, run, capture, .. } = self.scorer;
+        let totals = totals(gpu, trainer.step(), &splats, run, &self.log, &seconds)?;
+        write_json(&output.join("train.json"), &totals)?;
+        let (scores, examples) = self.scorer.all(&splats, &scene, trainer.step(), output)?;
+        if let Some(scores) = &scores {
+            // The last point of the curve: the same images as those before it.
+            let some = self.some_test.iter().map(|(camera, frame)| (capture.cameras[*camera].name.as_str(), *frame));
+            let some: Vec<(&str, u32)> = some.collect();
+            if let Some(some) = scores.evaluation.of(|camera, frame| some.contains(&(camera, frame))) {
+                self.log.push(Kind::Evaluation, &some)?;
+                Checkpoint::keep_best(&self.checkpoints, some.step, some.mean.psnr)?;
+            }
+        }
+        self.log.write()?;
+        let report = self.scorer.report(scores.as_ref(), &examples, output, output)?;
+        if json {
+            println!("{}", serde_json::to_string_pretty(&totals)?);
+            return Ok(());
+        }
+        let quality = scores.as_ref().map_or("no test images".to_owned(), |scores| {
+            let Evaluation { mean, views, .. } = &scores.evaluation;
+            format!("{} test images: PSNR {:.2} dB, SSIM {:.4}", views.len(), mean.psnr, mean.ssim)
+        });
+        let (n, step) = (splats.len(), seconds.seconds_per_step);
+        println!("{quality}; {n} Gaussians, {step:.3} s a step; {}", report.display());
+        if self.args.profile {
+            let passes = totals["profile"]["passes"].clone();
+            profile::print(&serde_json::from_value::<Vec<TimedPass>>(passes)?, "step");
+        }
+        Ok(())
+    }
 }
 
 /// The checkpoint to go on from.
@@ -249,39 +286,4 @@ fn profiled(scorer: &Scorer, report: &StepReport, times: &[PassTime], view: &Vie
     let passes = profile::of_step(times, report, n_tiles);
     let passes = passes.iter().map(|pass| TimedPass::new(pass, scorer.gpu.caps())).collect();
     ProfiledStep { step: report.step, passes, bytes_by_buffer: scorer.gpu.device().memory().0 }
-}
-
-/// What is due after which step.
-struct Due<'a> {
-    total: u64,
-    eval_every: u64,
-    eval_at: &'a [u64],
-    checkpoint_every: u64,
-}
-
-impl<'a> Due<'a> {
-    fn new(args: &'a Args, total: u64) -> Self {
-        let tenth = (total / 10).max(1);
-        Due {
-            total,
-            eval_every: args.eval_every.unwrap_or(tenth),
-            eval_at: &args.eval_at,
-            checkpoint_every: args.checkpoint_every.unwrap_or(tenth).max(1),
-        }
-    }
-
-    /// The last step has an evaluation of its own, of all test images.
-    fn evaluation(&self, step: u64) -> bool {
-        let is_periodic = self.eval_every > 0 && step.is_multiple_of(self.eval_every);
-        step != self.total && (is_periodic || self.eval_at.contains(&step))
-    }
-
-    fn checkpoint(&self, step: u64) -> bool {
-        step == self.total || step.is_multiple_of(self.checkpoint_every)
-    }
-
-    /// In the middle of each fifth of the run.
-    fn profile(&self, step: u64) -> bool {
-        (0..PROFILED).any(|k| step == ((2 * k + 1) * self.total / (2 * PROFILED)).max(1))
-    }
 }

@@ -1,8 +1,8 @@
 //! Checkpoints: everything that makes a run go on bit for bit, in one file of hashed sections.
 //!
-//! Magic, length and hash of the header, header (JSON: version, step, settings, sections with length and hash), then the sections:
-//! little-endian f32, one after the other. Written under a temporary name, synced and renamed. A folder holds the last three
-//! and the best by the PSNR of test views, whose name tells its score: `best-00000300-24.9312dB.ckpt`.
+//! Magic, length and hash of the header, header (JSON: version, step, settings, sections with length and hash), then the
+//! sections: little-endian f32, one after the other. Written under a temporary name, synced and renamed. A folder holds
+//! the last three and the best by the PSNR of test views, whose name tells its score: `best-00000300-24.9312dB.ckpt`.
 
 use super::config::Config;
 use crate::error::{Error, Result};

@@ -88,7 +88,8 @@ impl Report<'_> {
         let [width, height] = held.largest_image;
         writeln!(
             page,
-            "<p class=\"note\">{}: {} cameras, {} frames, {} training and {} test images of up to {width} x {height}, {} points</p>",
+            "<p class=\"note\">{}: {} cameras, {} frames, {} training and {} test images of up to {width} x {height}, \
+             {} points</p>",
             escape(&self.run.capture.display().to_string()),
             held.cameras,
             held.frames,
@@ -149,7 +150,9 @@ impl Report<'_> {
         let stops: Vec<String> = RAMP.iter().map(|[r, g, b]| format!("rgb({r},{g},{b})")).collect();
         writeln!(
             page,
-            "<p class=\"ramp\">Absolute error, mean of the channels, x {GAIN}: 0 <i style=\"background: linear-gradient(to right, {})\"></i> {} and above; grey where the mask hides the image.</p>\n<div class=\"views\">",
+            "<p class=\"ramp\">Absolute error, mean of the channels, x {GAIN}: 0 \
+             <i style=\"background: linear-gradient(to right, {})\"></i> {} and above; grey where the mask hides the \
+             image.</p>\n<div class=\"views\">",
             stops.join(", "),
             1.0 / GAIN
         )?;
@@ -158,7 +161,8 @@ impl Report<'_> {
             let why = if example.why.is_empty() { String::new() } else { format!(", the {}", example.why) };
             writeln!(
                 page,
-                "<figure class=\"view\"><figcaption>{view}{why} <span>PSNR {psnr:.2} dB, SSIM {ssim:.4}</span></figcaption>"
+                "<figure class=\"view\"><figcaption>{view}{why} \
+                 <span>PSNR {psnr:.2} dB, SSIM {ssim:.4}</span></figcaption>"
             )?;
             // Magnified pixels stay pixels.
             let small = if example.truth.width < 300 { " small" } else { "" };
@@ -260,7 +264,8 @@ fn details(
     let heads: String = heads.iter().enumerate().map(|(k, head)| format!("<th{}>{head}</th>", class(k))).collect();
     writeln!(
         page,
-        "<details><summary>{title}</summary>\n<div class=\"scroll\"><table>\n<tr>{heads}</tr>\n{body}</table></div></details>"
+        "<details><summary>{title}</summary>\n<div class=\"scroll\"><table>\n<tr>{heads}</tr>\n\
+         {body}</table></div></details>"
     )
 }
 

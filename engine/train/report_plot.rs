@@ -51,7 +51,8 @@ impl Plot<'_> {
                 let (cx, cy) = (bounds.x(*x), bounds.y(*y));
                 let _ = writeln!(
                     svg,
-                    "<circle class=\"mark s{index}\" cx=\"{cx:.1}\" cy=\"{cy:.1}\" r=\"4\"><title>step {x}: {y:.4}</title></circle>"
+                    "<circle class=\"mark s{index}\" cx=\"{cx:.1}\" cy=\"{cy:.1}\" r=\"4\">\
+                     <title>step {x}: {y:.4}</title></circle>"
                 );
             }
         }
@@ -59,7 +60,9 @@ impl Plot<'_> {
         let keys = keys.map(|(index, (name, _))| format!(" <span class=\"key s{index}\">{}</span>", escape(name)));
         let [w, h] = SIZE;
         format!(
-            "<figure><figcaption>{title}{}</figcaption>\n<svg id=\"{}\" viewBox=\"0 0 {w} {h}\" role=\"img\" aria-label=\"{title} over steps\">\n{svg}</svg></figure>\n",
+            "<figure><figcaption>{title}{}</figcaption>\n\
+             <svg id=\"{}\" viewBox=\"0 0 {w} {h}\" role=\"img\" aria-label=\"{title} over steps\">\n\
+             {svg}</svg></figure>\n",
             keys.collect::<String>(),
             self.id
         )
@@ -174,7 +177,8 @@ pub(super) fn bars(id: &str, title: &str, rows: &[Bar]) -> String {
     let (w, h) = (left + width + 190.0, BAR * rows.len() as f64);
     let title = escape(title);
     format!(
-        "<figure class=\"stages\"><figcaption>{title}</figcaption>\n<svg id=\"{id}\" viewBox=\"0 0 {w} {h}\" role=\"img\" aria-label=\"{title}\">\n{svg}</svg></figure>\n"
+        "<figure class=\"stages\"><figcaption>{title}</figcaption>\n\
+         <svg id=\"{id}\" viewBox=\"0 0 {w} {h}\" role=\"img\" aria-label=\"{title}\">\n{svg}</svg></figure>\n"
     )
 }
 
