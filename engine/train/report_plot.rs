@@ -142,7 +142,7 @@ pub(super) struct Bar {
 pub(super) fn bars(id: &str, title: &str, rows: &[Bar]) -> String {
     let longest = rows.iter().flat_map(|row| [row.ms, row.limit_ms.unwrap_or(0.0)]).fold(1e-9, f64::max);
     let total: f64 = rows.iter().map(|row| row.ms).sum();
-    let (left, width) = (100.0, 190.0);
+    let (left, width) = (130.0, 190.0);
     let mut svg = String::new();
     for (index, row) in rows.iter().enumerate() {
         let top = BAR * index as f64;
