@@ -12,9 +12,7 @@ pub struct Args {
 }
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
-    std::fs::create_dir_all(&args.output).map_err(|e| {
-        ivv::Error::data(&args.output, "", format!("cannot be made: {e}"), "choose another folder with -o")
-    })?;
+    crate::files::make_folder(&args.output)?;
     let (splats, views) = demo();
     write_ply(&args.output.join("scene.ply"), &splats)?;
     write_views(&args.output.join("cameras.json"), &views)?;

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Sets up, builds, and renders the scene that the project ships, from 8 views, to PNG and EXR.
-#   tools/demo.sh [OUT]      default: ./out
+# Sets up, builds, makes a small synthetic capture, trains on it and scores it on cameras that training has not seen.
+#   tools/demo.sh [OUT]      default: ./out; the capture goes to OUT/capture, the run to OUT/run
 set -euo pipefail
 if [ $# -gt 1 ] || [[ ${1:-} == -* ]]; then
     echo "usage: tools/demo.sh [OUT]" >&2
@@ -14,7 +14,18 @@ source tools/env.sh
 tools/setup.sh run
 own_the_target_folder
 cargo build --release --locked
-"$CARGO_TARGET_DIR/release/ivv" render --scene assets/demo/scene.ply --cameras assets/demo/cameras.json \
-    -o "$out" --format png,exr
-printf '\nthe demo scene, 8 views, in %s:\n' "$out"
-ls -1 "$out"
+ivv=$CARGO_TARGET_DIR/release/ivv
+"$ivv" synth -o "$out/capture" --preset small
+# A short run of few images: more growth a round than the default, up to a number that a CPU renders quickly.
+"$ivv" train "$out/capture" -o "$out/run" --overwrite --epochs 30 \
+    --set density.growth=0.5 --max-gaussians 10000
+cat <<EOT
+
+The report, for any browser: $out/run/report.html
+The scene: $out/run/scene.ply; the test views: $out/run/renders
+
+With a capture of your own (images and a COLMAP model in sparse/0; \`ivv check\` names other formats and every fault):
+  $ivv check CAPTURE
+  $ivv train CAPTURE -o RUN
+  $ivv export RUN -o scene.spz
+EOT

@@ -6,6 +6,9 @@
 export PATH="${CARGO_HOME:-$HOME/.cargo}/bin:$PATH"
 cache=${XDG_CACHE_HOME:-$HOME/.cache}/ivv
 export CARGO_TARGET_DIR="${CARGO_TARGET_DIR:-$cache/target}"
+# What ivv tells of itself in train.json; empty outside of git.
+IVV_REVISION=$(git describe --always --abbrev=12 --dirty 2>/dev/null || true)
+export IVV_REVISION
 
 own_the_target_folder() {
     local stamp=$CARGO_TARGET_DIR/checkout

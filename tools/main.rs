@@ -2,11 +2,20 @@
 
 mod check;
 mod demo;
+mod device;
 mod devices;
+mod due;
+mod eval;
+mod export;
+mod files;
 mod inspect;
+mod interrupt;
+mod profile;
 mod progress;
 mod render;
+mod settings;
 mod synth;
+mod totals;
 mod train;
 mod vjp;
 
@@ -39,6 +48,10 @@ enum Verb {
     Render(render::Args),
     /// Fits Gaussians to the images of a capture.
     Train(train::Args),
+    /// Scores the test views of a run again, from its folder alone, and writes its report.
+    Eval(eval::Args),
+    /// Writes a scene in another format, or as it is at one time.
+    Export(export::Args),
     /// Gradients of sum(cotangent * output) of a view, by parameter group.
     Vjp(vjp::Args),
     /// Writes the scene that the project ships in assets/demo.
@@ -56,6 +69,8 @@ fn main() -> ExitCode {
         Verb::Inspect(args) => inspect::run(args, cli.json),
         Verb::Render(args) => render::run(args, cli.json),
         Verb::Train(args) => train::run(args, cli.json),
+        Verb::Eval(args) => eval::run(args, cli.json),
+        Verb::Export(args) => export::run(args, cli.json),
         Verb::Vjp(args) => vjp::run(args),
         Verb::Demo(args) => demo::run(args),
         Verb::Synth(args) => synth::run(args, cli.json),
@@ -69,21 +84,9 @@ fn main() -> ExitCode {
     }
 }
 
-/// What a verb returns when Ctrl-C or SIGTERM ended it; says what is left.
-#[derive(Debug)]
-struct Interrupted(&'static str);
-
-impl std::fmt::Display for Interrupted {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "interrupted; {}", self.0)
-    }
-}
-
-impl std::error::Error for Interrupted {}
-
 /// SPEC 10: the engine's own errors know theirs; an interruption is 130; anything else is the fault of what was asked.
 fn exit_code(error: &anyhow::Error) -> u8 {
-    if error.downcast_ref::<Interrupted>().is_some() {
+    if error.downcast_ref::<interrupt::Interrupted>().is_some() {
         return 130;
     }
     if error.downcast_ref::<check::Faulty>().is_some() {

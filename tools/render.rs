@@ -1,20 +1,15 @@
 //! `ivv render`.
 
-use crate::Interrupted;
+use crate::device::DeviceArgs;
+use crate::files::make_folder;
+use crate::interrupt::{Interrupted, Stop};
+use crate::profile::{self, TimedPass};
 use crate::progress::Progress;
-use anyhow::Context;
 use ivv::Constants;
-use ivv::gpu::{Gpu, Options};
 use ivv::scene::{Frame, View, read_scene, read_views};
-use ivv::stage::{FrameReport, Outputs, PassReport, Renderer};
-use ivv::vk::{Caps, DeviceChoice, DeviceKind};
+use ivv::stage::{FrameReport, Outputs, Renderer};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
-
-/// Cost of a dispatch with its barrier on lavapipe, nanoseconds (research, kernels.md 1.2).
-const DISPATCH_NS: f64 = 14_000.0;
 
 /// Options of `ivv render`.
 #[derive(clap::Args)]
@@ -34,9 +29,8 @@ pub struct Args {
     /// Print the time of every pass, its share and its fraction of the ideal-limit model.
     #[arg(long)]
     profile: bool,
-    /// The device: an index or part of a name from `ivv devices`.
-    #[arg(long)]
-    device: Option<String>,
+    #[command(flatten)]
+    device: DeviceArgs,
     #[command(flatten)]
     constants: ConstantArgs,
 }
@@ -108,21 +102,11 @@ struct ViewReport {
 
 pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let constants = args.constants.checked()?;
-    let stop = Arc::new(AtomicBool::new(false));
-    let flag = stop.clone();
-    ctrlc::set_handler(move || flag.store(true, Ordering::Relaxed)).context("no handler for Ctrl-C")?;
+    let stop = Stop::listen()?;
     let views = read_views(&args.cameras)?;
     let splats = read_scene(&args.scene)?;
-    std::fs::create_dir_all(&args.output).map_err(|e| {
-        ivv::Error::data(&args.output, "", format!("cannot be made: {e}"), "choose another folder with -o")
-    })?;
-    let choice = DeviceChoice {
-        device: args.device.clone(),
-        pipeline_cache: cache_folder().map(|folder| folder.join("pipelines.bin")),
-        ..DeviceChoice::default()
-    };
-    let gpu = Arc::new(Gpu::open(&Options { device: choice, ..Options::default() })?);
-    eprintln!("device: {} ({})", gpu.caps().name, gpu.chosen_because());
+    make_folder(&args.output)?;
+    let gpu = args.device.open()?;
     let mut renderer = Renderer::new(gpu.clone(), &splats, constants)?;
     drop(splats);
 
@@ -130,7 +114,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let mut progress = Progress::new("view", views.len());
     let mut reports = Vec::new();
     for view in &views {
-        if stop.load(Ordering::Relaxed) {
+        if stop.is_asked() {
             return Err(Interrupted("the files written so far are complete").into());
         }
         if args.profile && reports.is_empty() {
@@ -164,16 +148,27 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     if bad > 0 {
         eprintln!("ivv: {bad} Gaussians have parameters that are not finite; they were not drawn");
     }
-    let profile = args.profile.then(|| merge(&reports));
+    let caps = gpu.caps();
+    let passes = reports.iter().flat_map(|r| &r.frame.passes).map(|pass| TimedPass::new(pass, caps));
+    let profile = args.profile.then(|| profile::mean(passes, reports.len()));
     let peak_bytes = gpu.device().memory().1;
     if json {
-        let caps = gpu.caps();
         let report = serde_json::json!({
             "device": caps, "constants": constants, "views": reports, "profile": profile, "peak_bytes": peak_bytes,
         });
         println!("{}", serde_json::to_string_pretty(&report)?);
-    } else if let Some(profile) = &profile {
-        print_profile(profile, gpu.caps(), &reports);
+    } else if let Some(passes) = &profile {
+        let mean = |f: fn(&FrameReport) -> u64| {
+            reports.iter().map(|r| f(&r.frame)).sum::<u64>() as f64 / reports.len().max(1) as f64
+        };
+        println!(
+            "per view: {:.0} active, {:.0} visible, {:.0} intersections, {:.0} tiles",
+            mean(|f| f.active),
+            mean(|f| f.visible),
+            mean(|f| f.intersections),
+            mean(|f| f.tiles)
+        );
+        profile::print(passes, "view");
         println!("peak of device buffers: {:.1} MiB", peak_bytes as f64 / f64::from(1 << 20));
     }
     Ok(())
@@ -188,66 +183,4 @@ fn check_finite(frame: &Frame, view: &View) -> ivv::Result<()> {
         return Err(ivv::Error::NonFinite { what: format!("view `{}`", view.name), count });
     }
     Ok(())
-}
-
-/// `$XDG_CACHE_HOME/ivv` or `~/.cache/ivv`.
-pub fn cache_folder() -> Option<PathBuf> {
-    let cache = std::env::var_os("XDG_CACHE_HOME").map(PathBuf::from);
-    cache.or_else(|| Some(PathBuf::from(std::env::var_os("HOME")?).join(".cache"))).map(|c| c.join("ivv"))
-}
-
-/// The profiles of all views, added up by label.
-fn merge(reports: &[ViewReport]) -> Vec<PassReport> {
-    let mut sum: Vec<PassReport> = Vec::new();
-    for pass in reports.iter().flat_map(|r| &r.frame.passes) {
-        match sum.iter_mut().find(|line| line.label == pass.label) {
-            Some(line) => {
-                line.dispatches += pass.dispatches;
-                line.ns += pass.ns;
-                line.units += pass.units;
-                line.limit_ns += pass.limit_ns;
-            }
-            None => sum.push(pass.clone()),
-        }
-    }
-    sum
-}
-
-fn print_profile(profile: &[PassReport], caps: &Caps, reports: &[ViewReport]) {
-    let total: f64 = profile.iter().map(|line| line.ns).sum();
-    let views = reports.len().max(1) as f64;
-    let mean = |f: fn(&FrameReport) -> u64| reports.iter().map(|r| f(&r.frame)).sum::<u64>() as f64 / views;
-    println!(
-        "per view: {:.0} active, {:.0} visible, {:.0} intersections, {:.0} tiles",
-        mean(|f| f.active),
-        mean(|f| f.visible),
-        mean(|f| f.intersections),
-        mean(|f| f.tiles)
-    );
-    // The unit costs are lavapipe's; for other devices there is no measured model yet, and none is printed.
-    let cores = (caps.kind == DeviceKind::Cpu).then(cpu_threads);
-    let limit_of = |line: &PassReport, cores: f64| line.limit_ns / cores + DISPATCH_NS * line.dispatches as f64;
-    println!("{:<40} {:>6} {:>10} {:>7} {:>12} {:>9}", "pass", "calls", "ms/view", "share", "units/view", "of limit");
-    let row = |label: &str, calls: u64, ns: f64, units: u64, limit: Option<f64>| {
-        let of_limit = limit.map_or("-".to_owned(), |limit| format!("{:.0} %", 100.0 * limit / ns.max(1.0)));
-        println!(
-            "{label:<40} {:>6} {:>10.3} {:>6.1}% {:>12.0} {of_limit:>9}",
-            calls as f64 / views,
-            ns / 1e6 / views,
-            100.0 * ns / total,
-            units as f64 / views,
-        );
-    };
-    for line in profile {
-        row(&line.label, line.dispatches, line.ns, line.units, cores.map(|c| limit_of(line, c)));
-    }
-    let calls = profile.iter().map(|line| line.dispatches).sum();
-    let limit = cores.map(|c| profile.iter().map(|line| limit_of(line, c)).sum());
-    row("frame", calls, total, 0, limit);
-}
-
-/// Threads that a CPU driver works with.
-fn cpu_threads() -> f64 {
-    let asked = std::env::var("LP_NUM_THREADS").ok().and_then(|n| n.parse::<usize>().ok()).filter(|n| *n > 0);
-    asked.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, std::num::NonZero::get)) as f64
 }

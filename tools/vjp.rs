@@ -1,13 +1,11 @@
 //! `ivv vjp`.
 
+use crate::device::DeviceArgs;
 use anyhow::ensure;
-use ivv::gpu::{Gpu, Options};
 use ivv::scene::{Frame, Splats, Tensor, View, read_scene, read_tensors, read_views, write_tensors};
 use ivv::stage::{Accumulation, Gradients, Renderer};
-use ivv::vk::DeviceChoice;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 /// Options of `ivv vjp`.
 #[derive(clap::Args)]
@@ -30,9 +28,8 @@ pub struct Args {
     accumulation: Mode,
     #[command(flatten)]
     constants: crate::render::ConstantArgs,
-    /// The device: an index or part of a name from `ivv devices`.
-    #[arg(long)]
-    device: Option<String>,
+    #[command(flatten)]
+    device: DeviceArgs,
 }
 
 /// [`Accumulation`] as an option.
@@ -63,14 +60,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     };
     let cotangents = cotangents(args, view)?;
     let splats = read_scene(&args.scene)?;
-    let choice = DeviceChoice {
-        device: args.device.clone(),
-        pipeline_cache: crate::render::cache_folder().map(|folder| folder.join("pipelines.bin")),
-        ..DeviceChoice::default()
-    };
-    let gpu = Arc::new(Gpu::open(&Options { device: choice, ..Options::default() })?);
-    eprintln!("device: {} ({})", gpu.caps().name, gpu.chosen_because());
-    let mut renderer = Renderer::new(gpu, &splats, constants)?;
+    let mut renderer = Renderer::new(args.device.open()?, &splats, constants)?;
     renderer.accumulate(args.accumulation.into())?;
     let (gradients, report) = renderer.vjp(view, &cotangents)?;
     if gradients.n_bad > 0 {

@@ -1,4 +1,4 @@
-//! What the quantised formats have in common: from their bytes to raw parameters (SPEC 2).
+//! What the quantised formats have in common: from their bytes to raw parameters (SPEC 2), and back.
 
 /// Y_0 of the real spherical harmonics, 1 / (2 sqrt(pi)): a colour is `0.5 + SH_C0 * f_dc`.
 pub(super) const SH_C0: f64 = 0.282_094_791_773_878_14;
@@ -8,6 +8,16 @@ pub(super) const SH_C0: f64 = 0.282_094_791_773_878_14;
 pub(super) fn logit_of_byte(byte: u8) -> f32 {
     let p = (f64::from(byte) / 255.0).clamp(0.5 / 255.0, 254.5 / 255.0);
     (p / (1.0 - p)).ln() as f32
+}
+
+/// The opacity of a logit as a byte of 255.
+pub(super) fn byte_of_logit(logit: f32) -> u8 {
+    level(1.0 / (1.0 + (-f64::from(logit)).exp()))
+}
+
+/// The nearest of 256 levels of a value in [0, 1]; beyond it, the nearest end.
+pub(super) fn level(value: f64) -> u8 {
+    (255.0 * value).round() as u8
 }
 
 /// The degree-0 coefficient of a colour in [0, 1].

@@ -1,5 +1,6 @@
 //! Scenes, views and pictures on the host, and the files they come from and go to (SPEC 9).
 
+mod at;
 pub mod capture;
 mod compressed_ply;
 mod decode;
@@ -14,6 +15,7 @@ mod sog;
 mod splat;
 mod splats;
 mod spz;
+mod spz_write;
 mod summary;
 mod tensors;
 mod view;
@@ -24,9 +26,10 @@ pub use frame::Frame;
 pub use import::read_scene;
 pub use ply::{read_ply, write_ply};
 pub use sog::read_sog;
-pub use splat::read_splat;
+pub use splat::{read_splat, write_splat};
 pub use splats::{Motion, Splats};
 pub use spz::read_spz;
+pub use spz_write::write_spz;
 pub use summary::{Bounds, DeviceBytes, Quantiles, Summary};
 pub use tensors::{Tensor, read_tensors, write_tensors};
 pub use view::{View, read_views, write_views};

@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use super::decode::{dc_of_color, logit_of_byte};
-use super::file::read_bytes;
+use super::decode::{SH_C0, byte_of_logit, dc_of_color, level, logit_of_byte};
+use super::file::{read_bytes, write_atomic};
 use super::splats::Splats;
 use crate::error::{Error, Result};
 
@@ -37,4 +37,31 @@ pub fn read_splat(path: &Path) -> Result<Splats> {
         splats.rotation.push(std::array::from_fn(|k| (f32::from(row[28 + k]) - 128.0) / 128.0));
     }
     Ok(splats)
+}
+
+/// Writes static Gaussians as a `.splat` file, in the order of `source_row`; what depends on the direction is lost.
+/// Gaussians with a parameter that is not finite, which are never drawn, are left out.
+///
+/// Largest errors of what is read back: none of positions; scales by rounding; colours 1/510, within [0, 1]; opacities
+/// 1/510; rotations 1/128 in an entry of the unit quaternion.
+///
+/// # Errors
+/// [`Error::Data`] when there is no Gaussian, one is dynamic, or the file cannot be written.
+pub fn write_splat(path: &Path, splats: &Splats) -> Result<()> {
+    let rows = splats.static_rows(path)?;
+    if rows.is_empty() {
+        return Err(Error::data(path, "", "there is no Gaussian to write", "a .splat needs at least one"));
+    }
+    let k = splats.n_coefficients();
+    write_atomic(path, |to| {
+        for &i in &rows {
+            let scale = splats.scale[i].map(f32::exp);
+            splats.position[i].iter().chain(&scale).try_for_each(|x| to.write_all(&x.to_le_bytes()))?;
+            let [r, g, b] = splats.sh[i * k].map(|dc| level(0.5 + SH_C0 * f64::from(dc)));
+            to.write_all(&[r, g, b, byte_of_logit(splats.opacity[i])])?;
+            let norm = splats.rotation[i].iter().map(|v| v * v).sum::<f32>().sqrt().max(f32::MIN_POSITIVE);
+            to.write_all(&splats.rotation[i].map(|v| (v / norm * 128.0 + 128.0).round() as u8))?;
+        }
+        Ok(())
+    })
 }

@@ -1,5 +1,9 @@
 //! Gaussians on the host, as parameter groups.
 
+use std::path::Path;
+
+use crate::error::{Error, Result};
+
 /// The temporal parameters of one dynamic Gaussian (SPEC 2).
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
@@ -84,6 +88,23 @@ impl Splats {
             Some((name, length, expected)) => Err(format!("{name} has {length} entries, it should have {expected}")),
             None => Ok(()),
         }
+    }
+
+    /// The Gaussians in the order of their rows, for the writer of a format that holds static ones only; those with a
+    /// parameter that is not finite are left out.
+    ///
+    /// # Errors
+    /// [`Error::Data`] naming `path` when one is dynamic or the arrays disagree.
+    pub(super) fn static_rows(&self, path: &Path) -> Result<Vec<usize>> {
+        let remedy = "this is a fault of the program that made the scene";
+        self.check().map_err(|reason| Error::data(path, "", reason, remedy))?;
+        if !self.motion.is_empty() {
+            let reason = format!("this format cannot hold the {} dynamic Gaussians of the scene", self.motion.len());
+            return Err(Error::data(path, "", reason, "export it as PLY, or as it is at one time (--time)"));
+        }
+        let mut rows: Vec<usize> = (0..self.len()).filter(|&i| self.is_finite(i)).collect();
+        rows.sort_by_key(|&i| self.source_row[i]);
+        Ok(rows)
     }
 
     /// Appends the Gaussians of `dynamic`, which has the same degree and no static ones.

@@ -28,7 +28,7 @@ const MAX_GZIP_RATIO: u64 = 1032;
 /// The window that every zstd decoder must support; a stream may name this much even when it holds less.
 const ZSTD_WINDOW: u64 = 8 << 20;
 /// The stored colour is `0.5 + 0.15 * f_dc`, wider than [0, 1] on purpose.
-const COLOR_SCALE: f64 = 0.15;
+pub(super) const COLOR_SCALE: f64 = 0.15;
 const REMEDY: &str = "the file is damaged: copy or export it again";
 
 /// What the first 16 bytes say.
@@ -216,7 +216,8 @@ fn decode(path: &Path, header: &Header, payload: &[u8]) -> Result<Splats> {
 
 /// Signs of the coefficients 1 to 15 under y -> -y, z -> -z: that of y^a z^b is (-1)^(a + b).
 /// Basis: y, z, x; xy, yz, 2zz-xx-yy, xz, xx-yy; y(3xx-yy), xyz, y(4zz-..), z(2zz-..), x(4zz-..), z(xx-yy), x(xx-3yy).
-const SH_SIGNS: [f32; 15] = [-1.0, -1.0, 1.0, -1.0, 1.0, 1.0, -1.0, 1.0, -1.0, 1.0, -1.0, -1.0, 1.0, -1.0, 1.0];
+pub(super) const SH_SIGNS: [f32; 15] =
+    [-1.0, -1.0, 1.0, -1.0, 1.0, 1.0, -1.0, 1.0, -1.0, 1.0, -1.0, -1.0, 1.0, -1.0, 1.0];
 
 /// (x, y, z, w) of SPZ's axes to (w, x, y, z) of PLY's: half a turn about x, which keeps x and w.
 fn turn([x, y, z, w]: [f64; 4]) -> [f32; 4] {

@@ -1,7 +1,8 @@
 //! Checkpoints: everything that makes a run go on bit for bit, in one file of hashed sections.
 //!
-//! Magic, length and hash of the header, header (JSON: version, step, settings, sections with length and hash), then the sections:
-//! little-endian f32, one after the other. Written under a temporary name, synced and renamed.
+//! Magic, length and hash of the header, header (JSON: version, step, settings, sections with length and hash), then the
+//! sections: little-endian f32, one after the other. Written under a temporary name, synced and renamed. A folder holds
+//! the last three and the best by the PSNR of test views, whose name tells its score: `best-00000300-24.9312dB.ckpt`.
 
 use super::config::Config;
 use crate::error::{Error, Result};
@@ -95,7 +96,7 @@ impl Checkpoint {
         all
     }
 
-    /// Writes the checkpoint into `folder` and removes all but the newest three there.
+    /// Writes the checkpoint into `folder` and removes all but the newest three and the best there.
     ///
     /// # Errors
     /// [`Error::Data`] naming the file that cannot be written; older checkpoints are then untouched.
@@ -133,13 +134,53 @@ impl Checkpoint {
             Ok(())
         })?;
         let mut all = list(folder);
-        let n_old = all.len().saturating_sub(KEEP);
-        for old in all.drain(..n_old) {
-            if let Err(e) = std::fs::remove_file(&old) {
-                tracing::warn!("{}: cannot be removed: {e}", old.display());
-            }
-        }
+        all.retain(|kept| kept.psnr.is_none());
+        all.iter().rev().skip(KEEP).for_each(|old| remove(&old.file));
         Ok(())
+    }
+
+    /// Whether `folder` holds a checkpoint, readable or not.
+    pub fn any_in(folder: &Path) -> bool {
+        !list(folder).is_empty()
+    }
+
+    /// Removes every checkpoint of `folder`.
+    ///
+    /// # Errors
+    /// [`Error::Data`] naming one that stays.
+    pub fn remove_all(folder: &Path) -> Result<()> {
+        list(folder).into_iter().try_for_each(|kept| {
+            let fault = |e| Error::data(&kept.file, "", format!("cannot be removed: {e}"), "check its permissions");
+            std::fs::remove_file(&kept.file).map_err(fault)
+        })
+    }
+
+    /// Step and PSNR of the best checkpoint of `folder`.
+    pub fn best(folder: &Path) -> Option<(u64, f64)> {
+        let scored = list(folder).into_iter().filter_map(|kept| Some((kept.step, kept.psnr?)));
+        scored.max_by(|a, b| a.1.total_cmp(&b.1))
+    }
+
+    /// Keeps the checkpoint of `step` in `folder`, whose test views have a mean of `psnr` dB, as the best one if it is;
+    /// the best one before it goes. Says whether it is.
+    ///
+    /// # Errors
+    /// [`Error::Data`] when there is no such checkpoint or it cannot be kept.
+    pub fn keep_best(folder: &Path, step: u64, psnr: f64) -> Result<bool> {
+        if !psnr.is_finite() || Self::best(folder).is_some_and(|(_, best)| best >= psnr) {
+            return Ok(false);
+        }
+        let file = Self::file(folder, step);
+        let best = folder.join(format!("best-{step:08}-{psnr:.4}dB.ckpt"));
+        // One file under two names costs no space; a copy serves where the file system has no such thing.
+        let linked = std::fs::hard_link(&file, &best);
+        if linked.is_err() {
+            let bytes = std::fs::read(&file)
+                .map_err(|e| Error::data(&file, "", format!("cannot be read: {e}"), "check the folder"))?;
+            write_atomic(&best, |to| to.write_all(&bytes))?;
+        }
+        list(folder).iter().filter(|kept| kept.psnr.is_some() && kept.file != best).for_each(|old| remove(&old.file));
+        Ok(true)
     }
 
     /// Reads a checkpoint and verifies every hash.
@@ -206,8 +247,8 @@ impl Checkpoint {
     /// The newest one's fault, when none can be read.
     pub fn newest(folder: &Path) -> Result<Option<Self>> {
         let mut newest_fault = None;
-        for file in list(folder).iter().rev() {
-            match Self::read(file) {
+        for Kept { file, .. } in list(folder).into_iter().rev() {
+            match Self::read(&file) {
                 Ok(checkpoint) => return Ok(Some(checkpoint)),
                 Err(fault) => {
                     tracing::warn!("{fault}");
@@ -219,10 +260,36 @@ impl Checkpoint {
     }
 }
 
-/// The checkpoints of `folder`, oldest first.
-fn list(folder: &Path) -> Vec<PathBuf> {
+/// A file of a folder of checkpoints, as its name tells.
+struct Kept {
+    step: u64,
+    /// Of a best one.
+    psnr: Option<f64>,
+    file: PathBuf,
+}
+
+/// The checkpoints of `folder`, oldest first; of one step, the best one first.
+fn list(folder: &Path) -> Vec<Kept> {
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
-    let mut all: Vec<PathBuf> = entries.filter(|path| path.extension().is_some_and(|e| e == "ckpt")).collect();
-    all.sort();
+    let mut all: Vec<Kept> = entries
+        .filter_map(|file| {
+            let stem = file.file_name()?.to_str()?.strip_suffix(".ckpt")?;
+            let (step, psnr) = match stem.strip_prefix("best-") {
+                Some(best) => {
+                    let (step, psnr) = best.split_once('-')?;
+                    (step, Some(psnr.strip_suffix("dB")?.parse().ok()?))
+                }
+                None => (stem, None),
+            };
+            Some(Kept { step: step.parse().ok()?, psnr, file })
+        })
+        .collect();
+    all.sort_by_key(|kept| (kept.step, kept.psnr.is_none()));
     all
+}
+
+fn remove(old: &Path) {
+    if let Err(e) = std::fs::remove_file(old) {
+        tracing::warn!("{}: cannot be removed: {e}", old.display());
+    }
 }

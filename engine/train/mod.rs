@@ -1,11 +1,17 @@
 //! Training: Gaussians fitted to the images of a capture, one image a step (SPEC 4 and 6).
 
+mod align;
 mod checkpoint;
 mod config;
 mod density;
 mod init;
+mod log;
 mod metrics;
 mod random;
+mod report;
+mod report_picture;
+mod report_plot;
+mod run;
 mod schedule;
 mod trainer;
 
@@ -13,7 +19,10 @@ pub use checkpoint::Checkpoint;
 pub use config::{Config, Density, LearningRates, Rate, Strategy};
 pub use density::{density_round, noise, regularisers};
 pub use init::{from_points, random_points};
-pub use metrics::{Scores, psnr, scores};
+pub use log::{Kind, Log};
+pub use metrics::{Evaluation, METRICS, METRICS_OF, SceneScores, Scores, ViewScores, evaluate, psnr, scores, spread};
 pub use random::{Random, permutation};
+pub use report::{Example, Report};
+pub use run::{CaptureSummary, Run};
 pub use schedule::rates;
 pub use trainer::{StepReport, Trainer};

@@ -1,6 +1,7 @@
 //! Scenes, cameras and pictures: what is written is read back, and no damaged file gets past the readers.
 
 mod demo;
+mod export;
 mod formats;
 mod pictures;
 mod ply;

@@ -2,6 +2,9 @@
 
 mod density;
 mod extreme;
+mod report;
+mod run;
+mod scores;
 
 use crate::common::device::gpu;
 use ivv::Constants;

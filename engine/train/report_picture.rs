@@ -1,0 +1,88 @@
+//! Pictures of the report: truth, rendering and error map as inline PNG.
+
+use crate::scene::Frame;
+use crate::scene::capture::Picture;
+use image::{ExtendedColorType, ImageEncoder, ImageError, codecs::png::PngEncoder};
+
+/// Longest row of a picture in the report, pixels; larger pictures are averaged over squares.
+const MAX_WIDTH: u32 = 480;
+/// The error map's colours run from an error of 0 to 1 / GAIN.
+pub(super) const GAIN: f32 = 4.0;
+/// Colours of the error map at equal distances, dark to bright.
+pub(super) const RAMP: [[f32; 3]; 5] =
+    [[0.0, 0.0, 0.0], [66.0, 10.0, 104.0], [188.0, 55.0, 84.0], [249.0, 142.0, 9.0], [252.0, 255.0, 164.0]];
+/// Where the mask hides a pixel.
+const HIDDEN: [f32; 3] = [128.0; 3];
+
+/// The colour of a mean absolute error.
+fn heat(error: f32) -> [f32; 3] {
+    // NaN becomes the brightest.
+    let at = if error * GAIN < 1.0 { error * GAIN } else { 1.0 } * (RAMP.len() - 1) as f32;
+    let low = (at as usize).min(RAMP.len() - 2);
+    let t = at - low as f32;
+    std::array::from_fn(|c| RAMP[low][c] * (1.0 - t) + RAMP[low + 1][c] * t)
+}
+
+/// Truth, rendering and error map, each as the URL of an inline PNG. The two are of one size.
+pub(super) fn triple(truth: &Picture, render: &Frame) -> Result<[String; 3], ImageError> {
+    let size = [truth.width, truth.height];
+    let shown: Vec<[f32; 3]> = render.color.iter().map(|c| c.map(|x| 255.0 * x.clamp(0.0, 1.0))).collect();
+    let real: Vec<[f32; 3]> = truth
+        .pixels
+        .iter()
+        .map(|word| {
+            let [r, g, b, _] = word.to_le_bytes();
+            [r, g, b].map(f32::from)
+        })
+        .collect();
+    let error = |((a, b), word): ((&[f32; 3], &[f32; 3]), &u32)| {
+        let mean = (0..3).map(|c| (a[c] - b[c]).abs()).sum::<f32>() / (3.0 * 255.0);
+        if word >> 24 == 0 { HIDDEN } else { heat(mean) }
+    };
+    let errors: Vec<[f32; 3]> = shown.iter().zip(&real).zip(&truth.pixels).map(error).collect();
+    Ok([url(&real, size)?, url(&shown, size)?, url(&errors, size)?])
+}
+
+/// Levels of 0 to 255 as an inline PNG, at most [`MAX_WIDTH`] pixels wide.
+fn url(pixels: &[[f32; 3]], [width, height]: [u32; 2]) -> Result<String, ImageError> {
+    let side = width.div_ceil(MAX_WIDTH).max(1);
+    let (w, h) = (width.div_ceil(side), height.div_ceil(side));
+    let mut bytes = Vec::with_capacity(3 * (w * h) as usize);
+    for (y, x) in (0..h).flat_map(|y| (0..w).map(move |x| (y, x))) {
+        let rows = y * side..height.min((y + 1) * side);
+        let columns = x * side..width.min((x + 1) * side);
+        let n = (rows.len() * columns.len()) as f32;
+        let square = rows.flat_map(|row| columns.clone().map(move |column| (row * width + column) as usize));
+        let sum = square.fold([0.0; 3], |sum: [f32; 3], at| std::array::from_fn(|c| sum[c] + pixels[at][c]));
+        bytes.extend(sum.map(|c| (c / n).round() as u8));
+    }
+    let mut png = Vec::new();
+    PngEncoder::new(&mut png).write_image(&bytes, w, h, ExtendedColorType::Rgb8)?;
+    Ok(format!("data:image/png;base64,{}", base64(&png)))
+}
+
+/// RFC 4648.
+fn base64(bytes: &[u8]) -> String {
+    const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    let mut text = String::with_capacity(bytes.len().div_ceil(3) * 4);
+    for part in bytes.chunks(3) {
+        let word = part.iter().fold(0u32, |word, byte| word << 8 | u32::from(*byte)) << (8 * (3 - part.len()));
+        for digit in 0..4 {
+            let is_filled = digit <= part.len();
+            text.push(if is_filled { DIGITS[(word >> (18 - 6 * digit) & 63) as usize] as char } else { '=' });
+        }
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::base64;
+
+    #[test]
+    fn base64_is_that_of_rfc_4648() {
+        for (bytes, text) in [("", ""), ("f", "Zg=="), ("fo", "Zm8="), ("foo", "Zm9v"), ("foobar", "Zm9vYmFy")] {
+            assert_eq!(base64(bytes.as_bytes()), text);
+        }
+    }
+}

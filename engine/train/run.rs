@@ -1,0 +1,123 @@
+//! What a run folder holds beside its settings: all that is needed to score its scene again.
+
+use crate::error::{Error, Result};
+use crate::scene::capture::{Capture, CaptureSettings};
+use crate::scene::write_atomic;
+use crate::settings::Constants;
+use std::path::{Path, PathBuf};
+
+/// Where a run's images come from and how they are rendered: `run.json` of its folder.
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Run {
+    /// Folder of the capture, absolute.
+    pub capture: PathBuf,
+    /// Names of the cameras that are kept for testing.
+    pub test_cameras: Vec<String>,
+    /// Rendering constants.
+    pub constants: Constants,
+    /// What the capture held, to tell it from another.
+    pub held: CaptureSummary,
+}
+
+/// What a capture holds.
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CaptureSummary {
+    /// Cameras, with the test cameras.
+    pub cameras: usize,
+    /// Frames of the clip.
+    pub frames: u32,
+    /// Frames per second.
+    pub fps: f64,
+    /// Images that are trained on.
+    pub training_images: usize,
+    /// Images of the test cameras.
+    pub test_images: usize,
+    /// Images with a mask.
+    pub masks: usize,
+    /// Largest width and largest height, pixels.
+    pub largest_image: [u32; 2],
+    /// Sparse points.
+    pub points: usize,
+}
+
+impl CaptureSummary {
+    /// Counts what `capture` holds.
+    pub fn new(capture: &Capture) -> Self {
+        let shots = capture.cameras.iter().flat_map(|camera| &camera.shots);
+        let largest = |side: fn(&crate::scene::capture::Camera) -> u32| capture.cameras.iter().map(side).max();
+        CaptureSummary {
+            cameras: capture.cameras.len(),
+            frames: capture.n_frames,
+            fps: capture.fps,
+            training_images: capture.training_frames().len(),
+            test_images: capture.test_frames().len(),
+            masks: shots.filter(|shot| shot.mask.is_some()).count(),
+            largest_image: [largest(|c| c.width).unwrap_or(0), largest(|c| c.height).unwrap_or(0)],
+            points: capture.points.len(),
+        }
+    }
+}
+
+impl Run {
+    /// The run on `capture` with `constants`.
+    ///
+    /// # Errors
+    /// [`Error::Data`] when the capture's path cannot be made absolute.
+    pub fn new(capture: &Capture, constants: Constants) -> Result<Self> {
+        let absolute = std::path::absolute(&capture.path)
+            .map_err(|e| Error::data(&capture.path, "", format!("has no absolute path: {e}"), "give another path"))?;
+        let tests = capture.cameras.iter().filter(|camera| camera.is_test);
+        Ok(Run {
+            capture: absolute,
+            test_cameras: tests.map(|camera| camera.name.clone()).collect(),
+            constants,
+            held: CaptureSummary::new(capture),
+        })
+    }
+
+    /// `run.json` of `folder`.
+    pub fn file(folder: &Path) -> PathBuf {
+        folder.join("run.json")
+    }
+
+    /// Reads `run.json` of `folder`.
+    ///
+    /// # Errors
+    /// [`Error::Data`] when it is absent or not what [`Run::write`] writes.
+    pub fn read(folder: &Path) -> Result<Self> {
+        let file = Self::file(folder);
+        let fault = |reason: String| Error::data(&file, "", reason, "give the folder of a run of `ivv train`");
+        let text = std::fs::read(&file).map_err(|e| fault(format!("cannot be read: {e}")))?;
+        serde_json::from_slice(&text).map_err(|e| fault(e.to_string()))
+    }
+
+    /// Writes `run.json` into `folder`.
+    ///
+    /// # Errors
+    /// [`Error::Data`] when it cannot be written.
+    pub fn write(&self, folder: &Path) -> Result<()> {
+        write_atomic(&Self::file(folder), |to| Ok(serde_json::to_writer_pretty(to, self)?))
+    }
+
+    /// Opens the capture, at `moved_to` where it is not where it was, with the run's test cameras.
+    ///
+    /// # Errors
+    /// Those of the capture; [`Error::Data`] when it does not hold what it held.
+    pub fn open_capture(&self, moved_to: Option<&Path>) -> Result<Capture> {
+        let path = moved_to.unwrap_or(&self.capture);
+        if !path.is_dir() {
+            let remedy = "say where the capture is now with --capture";
+            return Err(Error::data(path, "", "is no folder", remedy));
+        }
+        let settings = CaptureSettings { test_cameras: Some(self.test_cameras.clone()), ..CaptureSettings::default() };
+        let capture = Capture::open_with(path, &settings)?;
+        let holds = CaptureSummary::new(&capture);
+        if holds != self.held {
+            let reason = format!("holds {holds:?}, the run's held {:?}", self.held);
+            return Err(Error::data(path, "", reason, "give the run's own capture with --capture, or train again"));
+        }
+        Ok(capture)
+    }
+}

@@ -1,0 +1,170 @@
+//! Exported scenes: what is written is read back within the errors that the writers state.
+
+use super::{Folder, fault, sample};
+use crate::common::device::gpu;
+use crate::common::random;
+use ivv::Constants;
+use ivv::scene::{Motion, Splats, read_ply, read_scene, write_ply, write_splat, write_spz};
+use ivv::stage::{Outputs, Renderer};
+
+/// Static Gaussians of degree `sh_degree` with harmonics that SPZ can hold, rows in another order than the arrays.
+fn exportable(sh_degree: u32, n: usize) -> Splats {
+    let mut splats = sample(sh_degree, n, 0);
+    let k = splats.n_coefficients();
+    for (at, coefficient) in splats.sh.iter_mut().enumerate().filter(|(at, _)| at % k != 0) {
+        *coefficient = coefficient.map(|c| c * 0.38 - 0.004 * (at % 7) as f32);
+    }
+    splats.source_row.reverse();
+    splats
+}
+
+/// Largest differences of what `splats` and `read`, whose rows are in order, say of the same Gaussians.
+struct Errors {
+    position: f32,
+    scale: f32,
+    rotation: f32,
+    opacity: f32,
+    dc: f32,
+    rest: f32,
+}
+
+fn errors(splats: &Splats, read: &Splats) -> Errors {
+    assert_eq!((read.len(), read.n_static), (splats.len(), splats.len()));
+    let mut e = Errors { position: 0.0, scale: 0.0, rotation: 0.0, opacity: 0.0, dc: 0.0, rest: 0.0 };
+    let sigmoid = |o: f32| 1.0 / (1.0 + (-o).exp());
+    let unit = |q: [f32; 4]| q.map(|v| v / q.iter().map(|v| v * v).sum::<f32>().sqrt());
+    let worse = |e: &mut f32, a: &[f32], b: &[f32]| {
+        *e = a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(*e, f32::max);
+    };
+    let k = [splats.n_coefficients(), read.n_coefficients()];
+    for i in 0..splats.len() {
+        let row = splats.source_row[i] as usize;
+        worse(&mut e.position, &splats.position[i], &read.position[row]);
+        worse(&mut e.scale, &splats.scale[i], &read.scale[row]);
+        worse(&mut e.opacity, &[sigmoid(splats.opacity[i])], &[sigmoid(read.opacity[row])]);
+        worse(&mut e.dc, &splats.sh[i * k[0]], &read.sh[row * k[1]]);
+        // q and -q are one rotation.
+        let (a, b) = (unit(splats.rotation[i]), unit(read.rotation[row]));
+        let sign = if a.iter().zip(b).map(|(a, b)| a * b).sum::<f32>() < 0.0 { -1.0 } else { 1.0 };
+        worse(&mut e.rotation, &a, &b.map(|v| sign * v));
+        if k[0] == k[1] {
+            let rest = |s: &Splats, i: usize| s.sh[i * k[0] + 1..(i + 1) * k[0]].as_flattened().to_vec();
+            worse(&mut e.rest, &rest(splats, i), &rest(read, row));
+        }
+    }
+    e
+}
+
+#[test]
+fn an_spz_holds_every_degree_within_the_errors_it_states() {
+    let folder = Folder::new("write-spz");
+    for sh_degree in 0..=3 {
+        let splats = exportable(sh_degree, 200);
+        let path = folder.file("a.spz");
+        write_spz(&path, &splats).unwrap();
+        let read = read_scene(&path).unwrap();
+        assert_eq!(read.sh_degree, sh_degree);
+        let e = errors(&splats, &read);
+        // The largest coordinate is below 4.
+        assert!(e.position > 0.0 && e.position <= 4.0 * 2f32.powi(-24) * 1.01, "position {}", e.position);
+        assert!(e.scale > 0.0 && e.scale <= 1.0 / 32.0 + 1e-6, "scale {}", e.scale);
+        assert!(e.rotation > 0.0 && e.rotation <= 0.003, "rotation {}", e.rotation);
+        assert!(e.opacity <= 1.0 / 510.0 + 1e-6, "opacity {}", e.opacity);
+        assert!(e.dc > 0.0 && e.dc <= 1.0 / 76.5 + 1e-6, "dc {}", e.dc);
+        assert!(e.rest <= 1.0 / 256.0 + 1e-6 && (e.rest > 0.0) == (sh_degree > 0), "rest {}", e.rest);
+        let again = folder.file("b.spz");
+        write_spz(&again, &read).unwrap();
+        assert_eq!(read_scene(&again).unwrap().position, read.position, "what was read is written without loss");
+    }
+}
+
+#[test]
+fn a_splat_file_holds_degree_0_within_the_errors_it_states() {
+    let folder = Folder::new("write-splat");
+    let mut splats = exportable(2, 200);
+    // Colours within [0, 1].
+    splats.sh.iter_mut().for_each(|c| *c = c.map(|c| 0.6 * c));
+    let path = folder.file("a.splat");
+    write_splat(&path, &splats).unwrap();
+    let read = read_scene(&path).unwrap();
+    assert_eq!(read.sh_degree, 0);
+    let e = errors(&splats, &read);
+    assert_eq!(e.position, 0.0);
+    assert!(e.scale < 1e-5 && e.opacity <= 1.0 / 510.0 + 1e-6, "scale {}, opacity {}", e.scale, e.opacity);
+    assert!(e.dc > 0.0 && 0.2821 * e.dc <= 1.0 / 510.0 + 1e-4, "dc {}", e.dc);
+    assert!(e.rotation > 0.0 && e.rotation <= 0.012, "rotation {}", e.rotation);
+}
+
+#[test]
+fn what_a_format_cannot_hold_is_refused_or_left_out() {
+    let folder = Folder::new("write-refused");
+    let dynamic = sample(1, 3, 2);
+    for (name, write) in [("a.spz", write_spz as fn(&_, &_) -> _), ("a.splat", write_splat)] {
+        let path = folder.file(name);
+        assert!(fault(write(&path, &dynamic), &path).contains("2 dynamic Gaussians"));
+        assert!(!path.exists());
+        let mut broken = exportable(1, 4);
+        broken.position[1] = [0.0, f32::NAN, 0.0];
+        write(&path, &broken).unwrap();
+        assert_eq!(read_scene(&path).unwrap().len(), 3, "{name}");
+    }
+    let mut far = exportable(0, 2);
+    far.position[0][2] = 9e6;
+    let path = folder.file("far.spz");
+    assert!(fault(write_spz(&path, &far), &path).contains("9000000"));
+    far.position[0][2] = 8e6;
+    write_spz(&path, &far).unwrap();
+    assert!(read_scene(&path).unwrap().position.iter().any(|p| p[2] == 8e6));
+}
+
+#[test]
+fn a_snapshot_is_the_scene_at_its_time() {
+    let folder = Folder::new("snapshot");
+    let mut splats = sample(1, 2, 3);
+    let motion = |velocity, t_center, t_scale| Motion { velocity, t_center, t_scale };
+    splats.motion[0] = motion([2.0, -4.0, 1.0], 0.5, 0.25_f32.ln());
+    splats.motion[1] = motion([1.0, 0.0, 0.0], 0.25, f32::INFINITY);
+    // Gone long before.
+    splats.motion[2] = motion([0.0; 3], -3.0, 0.1_f32.ln());
+    splats.opacity = vec![0.5, 20.0, 1.5, 40.0, 3.0];
+    let still = splats.at(0.75, 1.0 / 255.0);
+    still.check().unwrap();
+    assert_eq!((still.len(), still.n_static), (4, 4));
+    let of = |i: usize| {
+        let rows: Vec<u32> = splats.source_row[..4].to_vec();
+        rows.iter().filter(|row| **row < splats.source_row[i]).count()
+    };
+    let p = splats.position[2];
+    assert_eq!(still.position[of(2)], [p[0] + 0.5, p[1] - 1.0, p[2] + 0.25]);
+    let expected = 1.0 / (1.0 + (-1.5_f64).exp()) * (-1.0_f64).exp();
+    let found = 1.0 / (1.0 + (-f64::from(still.opacity[of(2)])).exp());
+    assert!((found - expected).abs() < 1e-7, "{found} for {expected}");
+    // No fading, no change: not even of a logit whose sigmoid is 1.
+    assert_eq!((still.opacity[of(3)], still.opacity[of(1)]), (40.0, 20.0));
+    assert_eq!(still.position[of(3)][0], splats.position[3][0] + 0.5);
+    let path = folder.file("at.ply");
+    write_ply(&path, &still).unwrap();
+    assert_eq!(read_ply(&path).unwrap(), still);
+    assert!(!String::from_utf8_lossy(&std::fs::read(&path).unwrap()).contains("velocity"), "a plain 3DGS PLY");
+}
+
+#[test]
+fn a_snapshot_renders_as_the_scene_does_at_its_time() {
+    let gpu = gpu();
+    let splats = random::scene(11, 300, 2);
+    let view = random::view();
+    let time = view.time + view.time_offset * view.flow_dt;
+    let render = |splats: &Splats| {
+        let mut renderer = Renderer::new(gpu.clone(), splats, Constants::default()).unwrap();
+        renderer.render(&view, Outputs::Color).unwrap().0.color
+    };
+    let still = splats.at(time, Constants::default().alpha_min);
+    assert!(still.len() < splats.len(), "something is not visible then");
+    let (moving, still) = (render(&splats), render(&still));
+    let largest =
+        moving.as_flattened().iter().zip(still.as_flattened()).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+    // Rounding alone, but for a pixel where it carries a Gaussian over alpha_min.
+    assert!(largest < 1.0 / 200.0, "{largest}");
+    let mean = moving.as_flattened().iter().zip(still.as_flattened()).map(|(a, b)| (a - b).abs()).sum::<f32>();
+    assert!(mean / (3 * moving.len()) as f32 <= 1e-6, "{}", mean / (3 * moving.len()) as f32);
+}

@@ -1,0 +1,215 @@
+//! Run folders through the command line: trained, scored again from what they hold, exported.
+
+use super::Tiny;
+use super::report::{assert_self_contained, assert_well_formed, plot};
+use ivv::scene::{read_ply, read_scene};
+use serde_json::Value;
+use std::path::Path;
+use std::process::Output;
+
+/// Runs `ivv` on the device of this lane.
+fn ivv(arguments: &[&str]) -> Output {
+    let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_ivv"));
+    command.args(arguments);
+    if let (Ok(device), true) = (std::env::var("IVV_TEST_DEVICE"), ["train", "eval"].contains(&arguments[0])) {
+        command.args(["--device", &device]);
+    }
+    command.output().unwrap()
+}
+
+fn works(arguments: &[&str]) -> String {
+    let output = ivv(arguments);
+    let told = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.success(), "{arguments:?}: {told}");
+    String::from_utf8(output.stdout).unwrap()
+}
+
+/// What is told on standard error by a command that ends with `code`.
+fn fails(arguments: &[&str], code: i32) -> String {
+    let output = ivv(arguments);
+    let told = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(code), "{arguments:?}: {told}");
+    told
+}
+
+fn json(file: &Path) -> Value {
+    serde_json::from_slice(&std::fs::read(file).unwrap()).unwrap()
+}
+
+fn lines(folder: &Path, kind: &str) -> Vec<Value> {
+    let text = std::fs::read_to_string(folder.join("train.jsonl")).unwrap();
+    let all = text.lines().map(|line| serde_json::from_str::<Value>(line).unwrap());
+    all.filter(|line| line["kind"] == kind).collect()
+}
+
+/// (view, scores) of every view.
+fn scores(evaluation: &Value) -> Vec<(String, [f64; 4])> {
+    let of = |view: &Value| ["psnr", "psnr_aligned", "ssim", "l1"].map(|key| view[key].as_f64().unwrap());
+    let views = evaluation["views"].as_array().unwrap();
+    views.iter().map(|view| (view["view"].as_str().unwrap().to_owned(), of(view))).collect()
+}
+
+#[test]
+fn a_run_is_scored_again_from_its_folder_alone() {
+    let tiny = Tiny::new("run");
+    let (capture, run) = (tiny.folder.to_str().unwrap(), tiny.folder.join("run"));
+    let path = run.to_str().unwrap();
+    let train = ["train", capture, "-o", path, "--steps", "50", "--sh-degree", "1", "--eval-every", "20"];
+    works(&[&train[..], &["--eval-at", "35,50", "--eval-images", "3", "--log-every", "5"]].concat());
+
+    let trained = json(&run.join("eval.json"));
+    let test = tiny.capture.test_frames();
+    let names: Vec<String> = test.iter().map(|&(c, f)| tiny.capture.view(c, f).unwrap().name).collect();
+    assert!(names.len() > 3);
+    let views = scores(&trained);
+    assert_eq!(views.iter().map(|(name, _)| name.clone()).collect::<Vec<_>>(), names);
+    let mean = views.iter().map(|(_, s)| s[0]).sum::<f64>() / views.len() as f64;
+    assert!(views.iter().all(|(_, [psnr, aligned, ssim, l1])| aligned > psnr && *ssim < 1.0 && *l1 > 0.0));
+    assert!((trained["psnr"].as_f64().unwrap() - mean).abs() < 1e-9 && mean > 5.0);
+    assert_eq!((&trained["rounded_to_8_bits"], &trained["step"]), (&Value::Bool(false), &Value::from(50)));
+    let scene = read_ply(&run.join("scene.ply")).unwrap();
+    let size = std::fs::metadata(run.join("scene.ply")).unwrap().len();
+    let bytes = trained["bytes"].as_u64().unwrap();
+    assert!(bytes < size && bytes + 3000 > size, "{bytes} bytes without the header of {size}");
+    assert_eq!(trained["gaussians"], scene.len());
+
+    // The curve: always the same three images, the last of them out of all.
+    let curve = lines(&run, "evaluation");
+    assert_eq!(curve.iter().map(|line| line["step"].as_u64().unwrap()).collect::<Vec<_>>(), [20, 35, 40, 50]);
+    let curve_views: Vec<Vec<String>> =
+        curve.iter().map(|line| scores(line).into_iter().map(|(name, _)| name).collect()).collect();
+    assert!(curve_views.iter().all(|views| views.len() == 3 && *views == curve_views[0]));
+    let of_all = |name: &String| views.iter().find(|(other, _)| other == name).unwrap().1[0];
+    let last = curve_views[0].iter().map(of_all).sum::<f64>() / 3.0;
+    assert!((curve[3]["psnr"].as_f64().unwrap() - last).abs() < 1e-9);
+    let best = curve.iter().max_by(|a, b| a["psnr"].as_f64().unwrap().total_cmp(&b["psnr"].as_f64().unwrap())).unwrap();
+    let best = format!("best-{:08}-{:.4}dB.ckpt", best["step"].as_u64().unwrap(), best["psnr"].as_f64().unwrap());
+    assert!(run.join("checkpoints").join(&best).is_file(), "{best}");
+    assert_eq!(std::fs::read_dir(run.join("checkpoints")).unwrap().count(), 4, "the last three and the best");
+
+    check_totals(&run);
+    check_report(&run, &names);
+
+    // Another scene goes elsewhere; the run's own scores stay.
+    let snapshot = tiny.folder.join("at.ply");
+    works(&["export", path, "-o", snapshot.to_str().unwrap(), "--time", "0.5"]);
+    works(&["eval", path, "--scene", snapshot.to_str().unwrap()]);
+    let other = json(&run.join("eval/at/eval.json"));
+    assert!(other["psnr"].as_f64().unwrap() > 5.0 && scores(&other) != views);
+    assert_eq!(json(&run.join("eval.json")), trained);
+
+    // The folder alone: moved, its results removed, the capture where it was.
+    let moved = std::env::temp_dir().join(format!("ivv-train-moved-{}", std::process::id()));
+    std::fs::rename(&run, &moved).unwrap();
+    ["eval.json", "report.html"].iter().for_each(|file| std::fs::remove_file(moved.join(file)).unwrap());
+    std::fs::remove_dir_all(moved.join("renders")).unwrap();
+    let told: Value = serde_json::from_str(&works(&["eval", moved.to_str().unwrap(), "--json"])).unwrap();
+    assert_eq!(scores(&told), views, "the same numbers to the last digit");
+    assert_eq!(json(&moved.join("eval.json")), told);
+    for &(camera, frame) in &test {
+        let render = moved.join("renders").join(&tiny.capture.cameras[camera].name).join(format!("{frame:05}.png"));
+        let size = image::image_dimensions(render).unwrap();
+        assert_eq!(size, (tiny.capture.cameras[camera].width, tiny.capture.cameras[camera].height));
+    }
+    check_report(&moved, &names);
+    capture_that_moved(&tiny, &moved);
+    std::fs::remove_dir_all(&moved).unwrap();
+}
+
+fn capture_that_moved(tiny: &Tiny, run: &Path) {
+    let (path, elsewhere) = (run.to_str().unwrap(), tiny.folder.with_extension("elsewhere"));
+    std::fs::rename(&tiny.folder, &elsewhere).unwrap();
+    let told = fails(&["eval", path], 3);
+    assert!(told.contains("is no folder") && told.contains("--capture"), "{told}");
+    let table = works(&["eval", path, "--capture", elsewhere.to_str().unwrap()]);
+    assert!(table.contains("mean") && table.contains("frames per second") && table.contains("SH degree 1"), "{table}");
+    // One image fewer is another capture.
+    let (camera, frame) = tiny.capture.training_frames()[0];
+    let manifest = elsewhere.join("capture.toml");
+    let text = std::fs::read_to_string(&manifest).unwrap();
+    std::fs::write(&manifest, text.replace("frames = 4", "frames = 3")).unwrap();
+    let told = fails(&["eval", path, "--capture", elsewhere.to_str().unwrap()], 3);
+    assert!(told.contains("run's held"), "{told} ({camera}, {frame})");
+    std::fs::rename(&elsewhere, &tiny.folder).unwrap();
+}
+
+fn check_totals(run: &Path) {
+    let totals = json(&run.join("train.json"));
+    assert_eq!((&totals["steps"], &totals["capture"]["held"]["frames"]), (&Value::from(50), &Value::from(4)));
+    assert!(totals["device"]["driver"].is_string() && totals["peak_bytes"].as_u64().unwrap() > 10_000);
+    assert!(totals["seconds_per_step"].as_f64().unwrap() > 0.0);
+    let steps = lines(run, "step");
+    assert!(steps.len() >= 10 && steps.iter().all(|line| line["loss"].is_number() && line["seconds"].is_number()));
+    let profiled: Vec<u64> = lines(run, "profile").iter().map(|line| line["step"].as_u64().unwrap()).collect();
+    if totals["device"]["timestamp_ns"].as_f64() == Some(0.0) {
+        eprintln!("skipped: the device has no timestamps");
+        return;
+    }
+    assert_eq!(profiled, [5, 15, 25, 35, 45]);
+    let passes = totals["profile"]["passes"].as_array().unwrap();
+    let sum: f64 = passes.iter().map(|pass| pass["ms"].as_f64().unwrap()).sum();
+    assert!((totals["profile"]["ms"].as_f64().unwrap() - sum).abs() < 1e-6 * sum && sum > 0.0);
+    for stage in ["cull", "project", "depth sort", "tile sort", "blend", "loss", "blend bwd", "project bwd", "adam"] {
+        let has = |pass: &Value| pass["label"].as_str().unwrap().starts_with(&format!("{stage}/"));
+        assert!(passes.iter().any(has), "{stage}");
+    }
+    let is_cpu = totals["device"]["kind"] == "cpu";
+    assert!(passes.iter().all(|pass| pass["limit_ms"].is_number() == is_cpu), "the model is of a CPU driver");
+    assert!(totals["bytes_by_buffer"].as_object().unwrap().values().map(|n| n.as_u64().unwrap()).sum::<u64>() > 10_000);
+}
+
+fn check_report(run: &Path, views: &[String]) {
+    let html = std::fs::read_to_string(run.join("report.html")).unwrap();
+    assert_well_formed(&html);
+    assert_self_contained(&html);
+    assert!(views.iter().all(|view| html.contains(&format!("<td>{view}</td>"))), "every view has a row");
+    assert_eq!(html.matches("data:image/png").count(), 3 * views.len().min(8));
+    assert_eq!(plot(&html, "plot-psnr").matches("<circle").count(), lines(run, "evaluation").len());
+    assert!(["worst", "median", "best"].iter().all(|why| html.contains(&format!("the {why}"))));
+}
+
+#[test]
+fn a_folder_with_a_run_is_not_trained_over_unless_asked_and_an_ended_run_resumes_to_itself() {
+    let tiny = Tiny::new("again");
+    let run = tiny.folder.join("run");
+    let train = ["train", tiny.folder.to_str().unwrap(), "-o", run.to_str().unwrap(), "--steps", "12"];
+    works(&[&train[..], &["--sh-degree", "0", "--eval-every", "0"]].concat());
+    let (scene, evaluations) = (std::fs::read(run.join("scene.ply")).unwrap(), lines(&run, "evaluation"));
+    assert_eq!(evaluations.len(), 1, "the end is always scored");
+    let told = fails(&train, 3);
+    assert!(told.contains("--resume") && told.contains("--overwrite"), "{told}");
+    works(&[&train[..], &["--resume"]].concat());
+    assert_eq!(std::fs::read(run.join("scene.ply")).unwrap(), scene);
+    assert_eq!(lines(&run, "evaluation").len(), 1);
+    let config = json(&run.join("config.json"));
+    assert_eq!(config["sh_degree"], 0, "as the checkpoint says");
+    works(&[&train[..], &["--overwrite", "--sh-degree", "1"]].concat());
+    assert_ne!(std::fs::read(run.join("scene.ply")).unwrap(), scene);
+}
+
+#[test]
+fn a_run_and_a_scene_are_exported_in_every_format() {
+    let tiny = Tiny::new("export");
+    let file = |name: &str| tiny.folder.join(name).to_str().unwrap().to_owned();
+    let (splats, _) = ivv::scene::demo();
+    let run = tiny.folder.join("run");
+    std::fs::create_dir(&run).unwrap();
+    std::fs::write(run.join("run.json"), "{}").unwrap();
+    ivv::scene::write_ply(&run.join("scene.ply"), &splats).unwrap();
+    works(&["export", run.to_str().unwrap(), "-o", &file("whole.ply")]);
+    assert_eq!(std::fs::read(file("whole.ply")).unwrap(), std::fs::read(run.join("scene.ply")).unwrap());
+    let still = splats.at(0.25, 0.5);
+    assert!(!still.is_empty() && still.len() < splats.len());
+    for (name, arguments) in [("a.ply", &[][..]), ("a.spz", &[]), ("a.splat", &[]), ("a.bin", &["--format", "spz"])] {
+        let scene = run.join("scene.ply");
+        let whole = ["export", scene.to_str().unwrap(), "-o", &file(name), "--time", "0.25", "--min-opacity", "0.5"];
+        let told = works(&[&whole[..], arguments].concat());
+        assert!(told.contains(&format!("{} of {}", still.len(), splats.len())), "{told}");
+        let read = read_scene(Path::new(&file(name))).unwrap();
+        assert_eq!((read.len(), read.n_static), (still.len(), still.len()), "{name}");
+    }
+    assert_eq!(read_ply(Path::new(&file("a.ply"))).unwrap(), still);
+    let told = fails(&["export", run.to_str().unwrap(), "-o", &file("b.spz")], 3);
+    assert!(told.contains("dynamic") && told.contains("--time"), "{told}");
+    assert!(fails(&["export", run.to_str().unwrap(), "-o", &file("b.obj")], 3).contains("--format"));
+}

@@ -1,0 +1,119 @@
+//! Evaluations, the log and the best checkpoint.
+
+use super::Tiny;
+use crate::common::device::gpu;
+use ivv::train::{
+    Checkpoint, Config, Evaluation, Kind, Log, Scores, Trainer, ViewScores, evaluate, from_points, psnr, spread,
+};
+use ivv::{Constants, stage::Renderer};
+use serde_json::json;
+
+fn view(name: &str, psnr: f64) -> ViewScores {
+    let scores = Scores { psnr, psnr_aligned: psnr + 1.0, ssim: 0.5, l1: 0.1 };
+    ViewScores { view: name.to_owned(), camera: name.to_owned(), frame: 0, scores, render_ms: psnr }
+}
+
+#[test]
+fn an_evaluation_is_the_mean_of_its_views_and_of_none_there_is_none() {
+    let views: Vec<ViewScores> = [20.0, 30.0, 25.0].into_iter().zip(["a", "b", "c"]).map(|(p, n)| view(n, p)).collect();
+    let all = Evaluation::new(7, views).unwrap();
+    assert_eq!((all.step, all.mean.psnr, all.mean.ssim), (7, 25.0, 0.5));
+    assert_eq!(all.of(|camera, _| camera != "b").unwrap().mean.psnr, 22.5);
+    assert_eq!(all.of(|_, frame| frame > 0), None);
+    assert_eq!(all.frames_per_second(), 40.0, "of the median time");
+    assert!(psnr(f64::NAN).is_nan() && psnr(0.0) == 120.0 && psnr(0.01) == 20.0);
+}
+
+#[test]
+fn examples_are_the_extremes_and_an_even_spread() {
+    let scores = [5.0, 9.0, 1.0, 4.0, 3.0, 2.0, 8.0, 7.0, 6.0, 0.0, 10.0];
+    let all = Evaluation::new(1, scores.iter().map(|p| view("v", *p)).collect()).unwrap();
+    let chosen = all.examples(8);
+    assert_eq!(chosen.len(), 8);
+    assert!(chosen.is_sorted() && chosen.windows(2).all(|pair| pair[0].0 < pair[1].0), "by frame, each once");
+    for expected in [(9, "worst"), (0, "median"), (10, "best")] {
+        assert!(chosen.contains(&expected), "{expected:?} of {chosen:?}");
+    }
+    let few = Evaluation::new(1, vec![view("v", 1.0), view("w", 2.0)]).unwrap();
+    assert_eq!(few.examples(8), [(0, "worst"), (1, "best")]);
+    let frames: Vec<(usize, u32)> = (0..100).map(|i| (i, 0)).collect();
+    let some: Vec<usize> = spread(&frames, 4).into_iter().map(|f| f.0).collect();
+    assert_eq!(some, [12, 37, 62, 87]);
+    assert_eq!((spread(&frames[..3], 16).len(), spread(&[], 16).len()), (3, 0));
+}
+
+#[test]
+fn a_picture_that_is_not_finite_has_no_score() {
+    let tiny = Tiny::new("not-finite");
+    let gpu = gpu();
+    let config = Config { sh_degree: 0, ..Config::default() };
+    let splats = from_points(&tiny.capture.points, &tiny.capture, &config);
+    let mut renderer = Renderer::new(gpu.clone(), &splats, Constants::default()).unwrap();
+    let frames = tiny.capture.test_frames();
+    let mut score = |background| evaluate(&mut renderer, &tiny.capture, background, &frames, 1, |_, _, _| Ok(()));
+    assert!(score([0.0; 3]).unwrap().unwrap().mean.psnr > 5.0);
+    assert_eq!(score([f32::NAN, 0.0, 0.0]).unwrap_err().exit_code(), 6);
+}
+
+#[test]
+fn a_log_keeps_what_was_done_before_a_resumption_and_says_each_thing_once() {
+    let tiny = Tiny::new("log");
+    let mut log = Log::open(&tiny.folder, 0);
+    for step in [10, 20, 30] {
+        log.push(Kind::Step, &json!({ "step": step, "loss": 1.0 / f64::from(step) })).unwrap();
+    }
+    log.push(Kind::Evaluation, &json!({ "step": 30, "psnr": 20.5 })).unwrap();
+    assert_eq!(log.push(Kind::Step, &json!({ "loss": 1.0 })).unwrap_err().exit_code(), 3);
+    log.write().unwrap();
+    std::fs::OpenOptions::new()
+        .append(true)
+        .open(tiny.folder.join("train.jsonl"))
+        .and_then(|mut file| std::io::Write::write_all(&mut file, b"{\"step\": 31, \"ki"))
+        .unwrap();
+    let mut resumed = Log::open(&tiny.folder, 30);
+    assert_eq!(resumed, log, "the cut line is dropped");
+    resumed.push(Kind::Evaluation, &json!({ "step": 30, "psnr": 21.0 })).unwrap();
+    assert_eq!(resumed.series(Kind::Evaluation, "psnr"), [[30.0, 21.0]]);
+    assert_eq!(resumed.series(Kind::Step, "loss").len(), 3);
+    assert_eq!(Log::open(&tiny.folder, 20).series(Kind::Step, "loss"), [[10.0, 0.1], [20.0, 0.05]]);
+    assert_eq!(Log::open(&tiny.folder, 0).lines(Kind::Step).count(), 0);
+}
+
+#[test]
+fn the_best_checkpoint_outlives_the_last_three() {
+    let tiny = Tiny::new("best");
+    let gpu = gpu();
+    let config = Config { sh_degree: 0, ..Config::default() };
+    let splats = from_points(&tiny.capture.points[..20], &tiny.capture, &config);
+    let extent = tiny.capture.extent();
+    let mut trainer = Trainer::new(gpu.clone(), &splats, Constants::default(), config, 100, extent, 0.25).unwrap();
+    let folder = tiny.folder.join("checkpoints");
+    assert_eq!((Checkpoint::best(&folder), Checkpoint::any_in(&folder)), (None, false));
+    let mut checkpoint = trainer.checkpoint().unwrap();
+    let psnrs = [18.0, 21.5, 21.25, 21.5, f64::NAN, 20.0];
+    let mut kept = Vec::new();
+    for (step, psnr) in (1..).zip(psnrs) {
+        checkpoint.step = step;
+        checkpoint.write(&folder).unwrap();
+        kept.push(Checkpoint::keep_best(&folder, step, psnr).unwrap());
+    }
+    assert_eq!(kept, [true, true, false, false, false, false]);
+    let names = || {
+        let mut names: Vec<String> = std::fs::read_dir(&folder)
+            .unwrap()
+            .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+            .collect();
+        names.sort();
+        names
+    };
+    let expected = ["00000004.ckpt", "00000005.ckpt", "00000006.ckpt", "best-00000002-21.5000dB.ckpt"];
+    assert_eq!(names(), expected);
+    assert_eq!(Checkpoint::best(&folder), Some((2, 21.5)));
+    assert_eq!(Checkpoint::read(&folder.join(expected[3])).unwrap().step, 2);
+    assert_eq!(Checkpoint::newest(&folder).unwrap().unwrap().step, 6);
+    // When every later one is damaged, the best one serves.
+    expected[..3].iter().for_each(|name| std::fs::write(folder.join(name), b"cut").unwrap());
+    assert_eq!(Checkpoint::newest(&folder).unwrap().unwrap().step, 2);
+    Checkpoint::remove_all(&folder).unwrap();
+    assert_eq!(names(), Vec::<String>::new());
+}

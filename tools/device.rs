@@ -1,0 +1,34 @@
+//! The device that a verb works on.
+
+use ivv::gpu::{Gpu, Options};
+use ivv::vk::DeviceChoice;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+/// Which device.
+#[derive(clap::Args)]
+pub struct DeviceArgs {
+    /// The device: an index or part of a name from `ivv devices`.
+    #[arg(long)]
+    device: Option<String>,
+}
+
+impl DeviceArgs {
+    /// Opens the device and says which it is and why.
+    pub fn open(&self) -> ivv::Result<Arc<Gpu>> {
+        let choice = DeviceChoice {
+            device: self.device.clone(),
+            pipeline_cache: cache_folder().map(|folder| folder.join("pipelines.bin")),
+            ..DeviceChoice::default()
+        };
+        let gpu = Arc::new(Gpu::open(&Options { device: choice, ..Options::default() })?);
+        eprintln!("device: {} ({})", gpu.caps().name, gpu.chosen_because());
+        Ok(gpu)
+    }
+}
+
+/// `$XDG_CACHE_HOME/ivv` or `~/.cache/ivv`.
+fn cache_folder() -> Option<PathBuf> {
+    let cache = std::env::var_os("XDG_CACHE_HOME").map(PathBuf::from);
+    cache.or_else(|| Some(PathBuf::from(std::env::var_os("HOME")?).join(".cache"))).map(|c| c.join("ivv"))
+}

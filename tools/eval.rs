@@ -1,0 +1,151 @@
+//! `ivv eval`, and the scoring that `ivv train` shares with it.
+
+use crate::device::DeviceArgs;
+use crate::files::{make_folder, read_json, write_json};
+use ivv::gpu::Gpu;
+use ivv::scene::capture::Capture;
+use ivv::scene::{Frame, Splats, View, read_scene};
+use ivv::stage::{Outputs, Renderer};
+use ivv::train::{Config, Evaluation, Example, Log, METRICS_OF, Report, Run, SceneScores, evaluate};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Test views that a report shows at most.
+const EXAMPLES: usize = 8;
+
+/// Options of `ivv eval`.
+#[derive(clap::Args)]
+pub struct Args {
+    /// The folder of a run of `ivv train`.
+    run: PathBuf,
+    /// Another scene in the run's place; its scores go to RUN/eval/NAME.
+    #[arg(long)]
+    scene: Option<PathBuf>,
+    /// The capture, where it is not where it was when the run was made.
+    #[arg(long)]
+    capture: Option<PathBuf>,
+    #[command(flatten)]
+    device: DeviceArgs,
+}
+
+/// Everything about a run that its scores depend on, but for the scene.
+pub struct Scorer<'a> {
+    pub gpu: &'a Arc<Gpu>,
+    pub capture: &'a Capture,
+    pub run: &'a Run,
+    pub config: &'a Config,
+}
+
+impl Scorer<'_> {
+    /// Scores `splats` on `frames`; none when there is no frame.
+    pub fn some(&self, splats: &Splats, frames: &[(usize, u32)], step: u64) -> ivv::Result<Option<Evaluation>> {
+        let mut renderer = Renderer::new(self.gpu.clone(), splats, self.run.constants)?;
+        evaluate(&mut renderer, self.capture, self.config.background, frames, step, |_, _, _| Ok(()))
+    }
+
+    /// Scores `splats`, which `scene` holds, on all test views; writes eval.json and the renders into `output`. Returns
+    /// the scores and some views for the report; none when there is no test view.
+    pub fn all(
+        &self,
+        splats: &Splats,
+        scene: &Path,
+        step: u64,
+        output: &Path,
+    ) -> ivv::Result<(Option<SceneScores>, Vec<Example>)> {
+        let mut renderer = Renderer::new(self.gpu.clone(), splats, self.run.constants)?;
+        let frames = self.capture.test_frames();
+        let write = |camera: usize, frame: u32, rendered: &Frame| {
+            let folder = output.join("renders").join(&self.capture.cameras[camera].name);
+            make_folder(&folder)?;
+            rendered.write_png(&folder.join(format!("{frame:05}.png")))
+        };
+        let background = self.config.background;
+        let evaluation = evaluate(&mut renderer, self.capture, background, &frames, step, write)?;
+        let Some(evaluation) = evaluation else { return Ok((None, Vec::new())) };
+        let scores = SceneScores::new(scene, splats, &self.gpu.caps().name, evaluation);
+        write_json(&output.join("eval.json"), &scores)?;
+        let mut examples = Vec::new();
+        for (index, why) in scores.evaluation.examples(EXAMPLES) {
+            let ((camera, frame), scored) = (frames[index], &scores.evaluation.views[index]);
+            let view = View { background, ..self.capture.view(camera, frame)? };
+            let (render, _) = renderer.render(&view, Outputs::Color)?;
+            let truth = self.capture.picture(camera, frame)?;
+            examples.push(Example { view: view.name, why, scores: scored.scores, truth, render });
+        }
+        Ok((Some(scores), examples))
+    }
+
+    /// Writes the report into `output`, with what `run_folder` tells of the training; returns its path.
+    pub fn report(
+        &self,
+        scores: Option<&SceneScores>,
+        examples: &[Example],
+        run_folder: &Path,
+        output: &Path,
+    ) -> ivv::Result<PathBuf> {
+        let path = std::path::absolute(output).unwrap_or_else(|_| output.to_owned());
+        let name = path.file_name().map_or("run".into(), |name| name.to_string_lossy());
+        let totals = totals(run_folder);
+        let log = Log::open(run_folder, u64::MAX);
+        let Scorer { run, config, .. } = self;
+        let file = output.join("report.html");
+        Report { name: &name, run, config, totals: &totals, log: &log, scores, examples }.write(&file)?;
+        Ok(file)
+    }
+}
+
+/// `train.json` of a run; null where it is absent: a run that was copied without it still has scores.
+fn totals(run_folder: &Path) -> serde_json::Value {
+    read_json(&run_folder.join("train.json"), "").unwrap_or_default()
+}
+
+pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
+    let run = Run::read(&args.run)?;
+    let config: Config = read_json(&args.run.join("config.json"), "give the folder of a run of `ivv train`")?;
+    let capture = run.open_capture(args.capture.as_deref())?;
+    let own_scene = args.run.join("scene.ply");
+    if args.scene.is_none() && !own_scene.is_file() {
+        let remedy = "end the run with `ivv train --resume`, or give a scene with --scene";
+        return Err(ivv::Error::data(&own_scene, "", "is absent: the run has not ended", remedy).into());
+    }
+    let scene = args.scene.as_ref().unwrap_or(&own_scene);
+    let splats = read_scene(scene)?;
+    let output = match args.scene.as_ref().and_then(|scene| scene.file_stem()) {
+        Some(name) => args.run.join("eval").join(name),
+        None => args.run.clone(),
+    };
+    make_folder(&output)?;
+    let gpu = args.device.open()?;
+    let scorer = Scorer { gpu: &gpu, capture: &capture, run: &run, config: &config };
+    let step = totals(&args.run)["steps"].as_u64().unwrap_or(0);
+    let (scores, examples) = scorer.all(&splats, scene, step, &output)?;
+    let Some(scores) = scores else {
+        let remedy = "train again with --test-cameras";
+        return Err(ivv::Error::data(&Run::file(&args.run), "test_cameras", "names none with an image", remedy).into());
+    };
+    let report = scorer.report(Some(&scores), &examples, &args.run, &output)?;
+    if json {
+        println!("{}", serde_json::to_string_pretty(&scores)?);
+        return Ok(());
+    }
+    print(&scores);
+    println!("{}", report.display());
+    Ok(())
+}
+
+fn print(scores: &SceneScores) {
+    let Evaluation { views, mean, .. } = &scores.evaluation;
+    let width = views.iter().map(|v| v.view.chars().count()).fold(4, usize::max);
+    println!("{:<width$} {:>9} {:>9} {:>8} {:>8}", "view", "PSNR, dB", "aligned", "SSIM", "L1");
+    for (view, s) in views.iter().map(|v| (v.view.as_str(), &v.scores)).chain([("mean", mean)]) {
+        println!("{view:<width$} {:>9.3} {:>9.3} {:>8.4} {:>8.5}", s.psnr, s.psnr_aligned, s.ssim, s.l1);
+    }
+    for (name, definition) in &scores.metrics {
+        println!("{name}: {definition}");
+    }
+    println!("of {METRICS_OF}");
+    println!(
+        "{} Gaussians of SH degree {}, {} bytes; {:.1} frames per second on {}",
+        scores.gaussians, scores.sh_degree, scores.bytes, scores.frames_per_second, scores.device
+    );
+}

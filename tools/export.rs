@@ -1,0 +1,85 @@
+//! `ivv export`.
+
+use ivv::scene::{Splats, read_scene, write_ply, write_splat, write_spz};
+use std::path::{Path, PathBuf};
+
+/// Options of `ivv export`.
+#[derive(clap::Args)]
+pub struct Args {
+    /// The folder of a run, whose scene.ply is taken, or a scene file.
+    scene: PathBuf,
+    /// The file to write.
+    #[arg(short, long)]
+    output: PathBuf,
+    /// Its format; by its ending without this. ply: 3DGS's, with the motion of dynamic Gaussians; spz: Niantic's,
+    /// version 3; splat: antimatter15's, without view dependence.
+    #[arg(long)]
+    format: Option<Format>,
+    /// The scene as it is at this normalised time, 0 to 1: static Gaussians that every viewer shows.
+    #[arg(long)]
+    time: Option<f64>,
+    /// With --time: Gaussians that are less opaque then are left out.
+    #[arg(long, requires = "time", default_value_t = ivv::Constants::default().alpha_min)]
+    min_opacity: f32,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum Format {
+    Ply,
+    Spz,
+    Splat,
+}
+
+pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
+    let format = match args.format {
+        Some(format) => format,
+        None => by_ending(&args.output)?,
+    };
+    let source = if args.scene.join("run.json").is_file() { args.scene.join("scene.ply") } else { args.scene.clone() };
+    let mut splats = read_scene(&source)?;
+    let n_read = splats.len();
+    if let Some(time) = args.time {
+        anyhow::ensure!(time.is_finite(), "--time must be a finite number");
+        anyhow::ensure!((0.0..=1.0).contains(&args.min_opacity), "--min-opacity must lie between 0 and 1");
+        splats = splats.at(time, args.min_opacity);
+    }
+    let write: fn(&Path, &Splats) -> ivv::Result<()> = match format {
+        Format::Ply => write_ply,
+        Format::Spz => write_spz,
+        Format::Splat => write_splat,
+    };
+    write(&args.output, &splats)?;
+    let bytes = std::fs::metadata(&args.output).map_or(0, |m| m.len());
+    if json {
+        println!(
+            "{}",
+            serde_json::json!({
+                "path": args.output, "gaussians": splats.len(), "dynamic_gaussians": splats.motion.len(),
+                "sh_degree": splats.sh_degree, "bytes": bytes,
+            })
+        );
+        return Ok(());
+    }
+    println!(
+        "{}: {} of {n_read} Gaussians, {} of them dynamic, {bytes} bytes",
+        args.output.display(),
+        splats.len(),
+        splats.motion.len()
+    );
+    Ok(())
+}
+
+fn by_ending(file: &Path) -> ivv::Result<Format> {
+    let ending = file.extension().map(|ending| ending.to_ascii_lowercase());
+    match ending.as_ref().and_then(|ending| ending.to_str()) {
+        Some("ply") => Ok(Format::Ply),
+        Some("spz") => Ok(Format::Spz),
+        Some("splat") => Ok(Format::Splat),
+        _ => Err(ivv::Error::data(
+            file,
+            "",
+            "its ending names no format",
+            "end it in .ply, .spz or .splat, or give --format",
+        )),
+    }
+}

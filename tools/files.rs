@@ -1,0 +1,22 @@
+//! Folders and JSON files of the verbs.
+
+use ivv::scene::write_atomic;
+use std::path::Path;
+
+/// Makes `folder` and those above it.
+pub fn make_folder(folder: &Path) -> ivv::Result<()> {
+    std::fs::create_dir_all(folder)
+        .map_err(|e| ivv::Error::data(folder, "", format!("cannot be made: {e}"), "choose another folder with -o"))
+}
+
+/// Writes `value` as JSON for a reader.
+pub fn write_json(file: &Path, value: &impl serde::Serialize) -> ivv::Result<()> {
+    write_atomic(file, |to| Ok(serde_json::to_writer_pretty(to, value)?))
+}
+
+/// Reads JSON.
+pub fn read_json<T: serde::de::DeserializeOwned>(file: &Path, remedy: &str) -> ivv::Result<T> {
+    let fault = |reason: String| ivv::Error::data(file, "", reason, remedy);
+    let text = std::fs::read(file).map_err(|e| fault(format!("cannot be read: {e}")))?;
+    serde_json::from_slice(&text).map_err(|e| fault(e.to_string()))
+}

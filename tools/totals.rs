@@ -1,0 +1,74 @@
+//! `train.json`: what a run came to.
+
+use crate::profile::{TimedPass, mean, total};
+use ivv::gpu::Gpu;
+use ivv::scene::Splats;
+use ivv::train::{Kind, Log, Run};
+use serde_json::{Value, json};
+
+/// Of a line of the profile in train.jsonl.
+#[derive(serde::Serialize, serde::Deserialize)]
+pub struct ProfiledStep {
+    /// The step.
+    pub step: u64,
+    /// Its passes, by label.
+    pub passes: Vec<TimedPass>,
+    /// Bytes of device buffers, by their name.
+    pub bytes_by_buffer: std::collections::BTreeMap<String, u64>,
+}
+
+/// Seconds of a run.
+#[derive(serde::Serialize)]
+pub struct Seconds {
+    /// Since this process began.
+    pub seconds: f64,
+    /// In steps and density control, over all processes of the run.
+    pub seconds_stepping: f64,
+    /// The same over the number of steps.
+    pub seconds_per_step: f64,
+    /// In which steps had to wait for images.
+    pub waited_for_images_s: f64,
+}
+
+/// Everything that is the same whatever the scores.
+pub fn totals(
+    gpu: &Gpu,
+    steps_done: u64,
+    splats: &Splats,
+    run: &Run,
+    log: &Log,
+    seconds: &Seconds,
+) -> anyhow::Result<Value> {
+    let summary = splats.summary();
+    let lines = log.lines(Kind::Profile).map(|line| serde_json::from_value::<ProfiledStep>(line.clone()));
+    let mut profiled: Vec<ProfiledStep> = lines.collect::<Result<_, _>>()?;
+    let steps: Vec<u64> = profiled.iter().map(|p| p.step).collect();
+    let bytes_by_buffer = profiled.last_mut().map(|p| std::mem::take(&mut p.bytes_by_buffer));
+    let passes = mean(profiled.into_iter().flat_map(|p| p.passes), steps.len());
+    let sum = total(&passes, "step");
+    let mut value = json!({
+        "version": env!("CARGO_PKG_VERSION"),
+        // Set by the project's scripts when they build.
+        "revision": option_env!("IVV_REVISION").filter(|revision| !revision.is_empty()),
+        "device": gpu.caps(),
+        "capture": { "path": run.capture, "held": run.held },
+        "steps": steps_done,
+        "gaussians": summary.n,
+        "dynamic_gaussians": summary.n_dynamic,
+        "sh_degree": summary.sh_degree,
+        "scene_bytes": summary.ply_bytes,
+        "peak_bytes": gpu.device().memory().1,
+        "bytes_by_buffer": bytes_by_buffer,
+        "profile": {
+            "steps": steps,
+            "ms": sum.as_ref().map(|sum| sum.ms),
+            "limit_ms": sum.as_ref().and_then(|sum| sum.limit_ms),
+            "of_limit": sum.as_ref().and_then(|sum| sum.of_limit),
+            "passes": passes,
+        },
+    });
+    if let (Value::Object(all), Value::Object(times)) = (&mut value, serde_json::to_value(seconds)?) {
+        all.extend(times);
+    }
+    Ok(value)
+}
