@@ -7,7 +7,7 @@ use ivv::gpu::{Gpu, Options};
 use ivv::scene::capture::{Capture, CaptureSettings, FrameCache};
 use ivv::scene::{write_atomic, write_ply};
 use ivv::stage::{Outputs, Renderer};
-use ivv::train::{Checkpoint, Config, Scores, Trainer, from_points, permutation, random_points, scores};
+use ivv::train::{Checkpoint, Config, Scores, Trainer, begin, permutation, scores};
 use ivv::vk::DeviceChoice;
 use std::io::{IsTerminal, Write};
 use std::path::{Path, PathBuf};
@@ -103,6 +103,8 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     };
     let settings = CaptureSettings { test_cameras: args.test_cameras.clone(), ..CaptureSettings::default() };
     let capture = Capture::open_with(&args.capture, &settings)?;
+    let world = capture.normalisation();
+    let capture = capture.transformed(&world);
     let (training, test) = (capture.training_frames(), capture.test_frames());
     if training.is_empty() {
         return Err(ivv::Error::data(&args.capture, "", "has no training image", "see `ivv check`").into());
@@ -121,17 +123,18 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let mut trainer = match &resumed {
         Some(checkpoint) => Trainer::resume(gpu.clone(), checkpoint, constants, extent, dt)?,
         None => {
-            let random = capture.points.is_empty().then(|| random_points(&capture, &config));
-            let splats = from_points(random.as_deref().unwrap_or(&capture.points), &capture, &config);
-            Trainer::new(gpu.clone(), &splats, constants, config.clone(), total, extent, dt)?
+            let t0 = Instant::now();
+            let beginning = begin(&capture, &config, &mut |_, _| {})?;
+            eprintln!("init {:?} {} {:?}", beginning.from, beginning.because, t0.elapsed());
+            if let Ok(p) = std::env::var("IVV_DUMP") { write_ply(Path::new(&p), &beginning.splats)?; return Ok(()); }
+            Trainer::new(gpu.clone(), &beginning.splats, constants, config.clone(), total, extent, dt)?
         }
     };
     eprintln!(
-        "{} training images, {} test images, {} Gaussians{}, steps {} to {total}, SH degree {}",
+        "{} training images, {} test images, {} Gaussians, steps {} to {total}, SH degree {}",
         training.len(),
         test.len(),
         trainer.n_gaussians(),
-        if resumed.is_none() && capture.points.is_empty() { " at random places" } else { "" },
         trainer.step() + 1,
         config.sh_degree
     );

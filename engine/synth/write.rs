@@ -6,7 +6,7 @@ use super::points::points;
 use super::rig::{Camera, rig};
 use super::room::room;
 use super::truth::truth;
-use super::work::in_parallel;
+use crate::parallel::in_parallel;
 use super::world::World;
 use super::{colmap, files, priors, sound};
 use crate::error::{Error, Result};

@@ -14,8 +14,13 @@ pub struct Config {
     pub sh_degree: u32,
     /// Gaussians never exceed this.
     pub max_gaussians: usize,
-    /// Points to begin with where the capture has none.
-    pub random_points: usize,
+    /// Where the first Gaussians come from.
+    pub init: Init,
+    /// Gaussians to begin with where they do not come from points; of those that a hull gives, half.
+    pub init_points: usize,
+    pub init_tau: f64,
+    pub init_tau_stride: f64,
+    pub init_opacity: f64,
     /// Colour behind the scene.
     pub background: [f32; 3],
     /// Learning rate of positions at the start, in units of the scene's extent.
@@ -40,6 +45,22 @@ pub struct Config {
     pub lr_t_scale: f64,
     /// Where Gaussians are added and removed.
     pub density: Density,
+}
+
+/// Where the first Gaussians come from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Init {
+    /// `Points` where the capture has some, else `Hull` where it says what moves, else `Frustum`.
+    Auto,
+    /// The capture's points.
+    Points,
+    /// The visual hull of what moves, frame by frame, and the rest as `Frustum`.
+    Hull,
+    /// Surfaces on which the cameras' pictures agree.
+    Frustum,
+    /// Grey points in the ball that the cameras are in.
+    Random,
 }
 
 /// Adaptive density control, as 3DGS has it (SPEC 6), over the training times.
@@ -79,7 +100,11 @@ impl Default for Config {
             seed: 42,
             sh_degree: 3,
             max_gaussians: 500_000,
-            random_points: 20_000,
+            init: Init::Auto,
+            init_points: 20_000,
+            init_tau: 2.0,
+            init_tau_stride: 1.0,
+            init_opacity: 0.1,
             background: [0.0; 3],
             lr_position: 1.6e-4,
             lr_position_end: 1.6e-6,

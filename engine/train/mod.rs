@@ -10,8 +10,8 @@ mod schedule;
 mod trainer;
 
 pub use checkpoint::Checkpoint;
-pub use config::{Config, Density};
-pub use init::{from_points, random_points};
+pub use config::{Config, Density, Init};
+pub use init::{Beginning, begin, from_points, random_points};
 pub use metrics::{Scores, psnr, scores};
 pub use random::{Random, permutation};
 pub use schedule::{Rates, rates};

@@ -1,7 +1,7 @@
-//! Gaussians to begin with.
+//! Gaussians at points: of a reconstruction, at random, or found by the other modules here.
 
-use super::config::Config;
-use super::random::Random;
+use crate::train::config::Config;
+use crate::train::random::Random;
 use crate::scene::capture::{Capture, Point};
 use crate::scene::{Motion, Splats};
 use std::collections::HashMap;
@@ -9,39 +9,70 @@ use std::collections::HashMap;
 /// Value of the constant spherical harmonic.
 const SH_0: f64 = 0.282_094_791_773_878_14;
 /// Opacity to begin with (SPEC 5).
-const OPACITY: f64 = 0.1;
+pub(super) const OPACITY: f64 = 0.1;
 
 /// One isotropic Gaussian per point: size from the mean distance to the 3 nearest neighbours, opacity 0.1, colour to
 /// degree 0. In a clip of several frames all are dynamic, at rest, and visible throughout.
 pub fn from_points(points: &[Point], capture: &Capture, config: &Config) -> Splats {
-    let positions: Vec<[f64; 3]> = points.iter().map(|p| p.position).collect();
-    let radius = capture.extent().radius;
-    let distances = neighbour_distances(&positions, radius);
     let mut splats = Splats::new(config.sh_degree);
-    let n = points.len();
-    let is_dynamic = capture.n_frames > 1;
-    splats.n_static = if is_dynamic { 0 } else { n };
-    let logit = (OPACITY / (1.0 - OPACITY)).ln() as f32;
-    for (point, distance) in points.iter().zip(distances) {
-        splats.position.push(point.position.map(|x| x as f32));
+    let motion = (capture.n_frames > 1).then_some(THROUGHOUT);
+    let colors = points.iter().map(|point| point.color.map(|c| f32::from(c) / 255.0));
+    let found: Vec<Found> = points.iter().zip(colors).map(|(point, color)| Found { position: point.position, color }).collect();
+    append(&mut splats, &found, capture.extent().radius, OPACITY, motion, &[]);
+    splats
+}
+
+/// At rest and visible throughout the clip.
+pub(super) const THROUGHOUT: Motion = Motion { velocity: [0.0; 3], t_center: 0.5, t_scale: 0.0 };
+
+/// Where a Gaussian is to begin.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Found {
+    /// World.
+    pub position: [f64; 3],
+    /// In [0, 1].
+    pub color: [f32; 3],
+}
+
+/// Appends a Gaussian for each of `found`, static ones without `motion`; all static ones come first. `radius` bounds their
+/// sizes.
+pub(super) fn append(splats: &mut Splats, found: &[Found], radius: f64, opacity: f64, motion: Option<Motion>, lenses: &[[f64; 3]]) {
+    let positions: Vec<[f64; 3]> = found.iter().map(|f| f.position).collect();
+    let logit = (opacity / (1.0 - opacity)).ln() as f32;
+    let f: f64 = std::env::var("IVV_F").map_or(1.0, |s| s.parse().unwrap());
+    let cap: f64 = std::env::var("IVV_CAP").map_or(0.1, |s| s.parse().unwrap());
+    for (Found { position, color }, distance) in found.iter().zip(neighbour_distances(&positions, radius)) {
+        let lens = |c: &[f64; 3]| (0..3).map(|k| (c[k] - position[k]).powi(2)).sum::<f64>().sqrt();
+        let distance = (f * distance).min(cap * lenses.iter().map(lens).fold(f64::INFINITY, f64::min));
+        splats.source_row.push(splats.len() as u32);
+        splats.position.push(position.map(|x| x as f32));
         splats.rotation.push([1.0, 0.0, 0.0, 0.0]);
         splats.scale.push([distance.max(1e-7 * radius).ln() as f32; 3]);
         splats.opacity.push(logit);
-        splats.sh.push(point.color.map(|c| ((f64::from(c) / 255.0 - 0.5) / SH_0) as f32));
-        splats.sh.resize(splats.sh.len() + splats.n_coefficients() - 1, [0.0; 3]);
-        if is_dynamic {
-            splats.motion.push(Motion { velocity: [0.0; 3], t_center: 0.5, t_scale: 0.0 });
-        }
+        splats.sh.push(color.map(|c| ((f64::from(c) - 0.5) / SH_0) as f32));
+        splats.sh.resize(splats.len() * splats.n_coefficients(), [0.0; 3]);
+        splats.motion.extend(motion);
+        splats.n_static += usize::from(motion.is_none());
     }
-    splats.source_row = (0..n as u32).collect();
-    splats
+}
+
+/// The median of each channel; `None` of no colours.
+pub(super) fn median_color(mut colors: Vec<[f32; 3]>) -> Option<[f32; 3]> {
+    let middle = colors.len() / 2;
+    if colors.is_empty() {
+        return None;
+    }
+    Some([0, 1, 2].map(|channel| {
+        colors.sort_unstable_by(|a, b| a[channel].total_cmp(&b[channel]));
+        colors[middle][channel]
+    }))
 }
 
 /// Grey points, uniform in the ball that the capture's cameras look at.
 pub fn random_points(capture: &Capture, config: &Config) -> Vec<Point> {
     let extent = capture.extent();
     let random = Random::new(&[config.seed, 0x0070_6f69_6e74]);
-    (0..config.random_points as u64)
+    (0..config.init_points as u64)
         .map(|i| {
             let direction: [f64; 3] = std::array::from_fn(|k| random.normal(4 * i + k as u64));
             let length = direction.iter().map(|x| x * x).sum::<f64>().sqrt().max(1e-9);
