@@ -24,6 +24,13 @@ impl Similarity {
         Similarity { origin: self.origin.map(|x| -self.scale * x), scale: 1.0 / self.scale }
     }
 
+    /// Whether single precision has digits enough for positions in the old world: its rounding there stays below 1e-4 new
+    /// units.
+    pub fn is_exact_in_f32(&self) -> bool {
+        let farthest = self.origin.iter().fold(0.0, |most: f64, x| most.max(x.abs()));
+        0.5 * f64::from(f32::EPSILON) * farthest * self.scale < 1e-4
+    }
+
     /// A point in the new world.
     pub fn point(&self, at: [f64; 3]) -> [f64; 3] {
         std::array::from_fn(|k| self.scale * (at[k] - self.origin[k]))

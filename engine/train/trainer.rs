@@ -7,7 +7,7 @@ use super::schedule::{Rates, rates};
 use crate::error::{Error, Result};
 use crate::gpu::{Buf, Gpu, PassTime, Recording};
 use crate::scene::capture::Picture;
-use crate::scene::{Splats, View};
+use crate::scene::{Similarity, Splats, View};
 use crate::settings::Constants;
 use crate::stage::{
     Moments, Outputs, Photometric, Planes, Purpose, Room, SSIM_WEIGHT, SceneBuffers, Strip, Verdict, Workspace,
@@ -113,7 +113,7 @@ impl Trainer {
     /// # Errors
     /// As [`Trainer::new`].
     pub fn resume(gpu: Arc<Gpu>, checkpoint: &Checkpoint, constants: Constants, extent: f64, dt: f64) -> Result<Self> {
-        let Checkpoint { step, total, config, origin, params, first, second, stats } = checkpoint;
+        let Checkpoint { step, total, config, origin, params, first, second, stats, .. } = checkpoint;
         let mut trainer = Self::new(gpu, params, constants, config.clone(), *total, extent, dt)?;
         trainer.scene.origin = *origin;
         trainer.moments = upload_moments(&trainer.gpu, &trainer.scene, first, second)?;
@@ -122,7 +122,7 @@ impl Trainer {
         Ok(trainer)
     }
 
-    /// Everything that [`Trainer::resume`] needs.
+    /// Everything that [`Trainer::resume`] needs; its `world` is the caller's to set.
     ///
     /// # Errors
     /// [`Error::DeviceLost`].
@@ -132,6 +132,7 @@ impl Trainer {
             step: self.step,
             total: self.total,
             config: self.config.clone(),
+            world: Similarity::default(),
             origin: self.scene.origin,
             params: self.scene.download(&self.gpu, self.scene.groups.iter().map(|g| &g.params))?,
             first,
@@ -177,7 +178,7 @@ impl Trainer {
         self.scene.n
     }
 
-    /// The Gaussians as they are now, in the units of the capture.
+    /// The Gaussians as they are now, in the frame of the views it is trained on.
     pub fn splats(&self) -> Result<Splats> {
         let mut splats = self.scene.download(&self.gpu, self.scene.groups.iter().map(|g| &g.params))?;
         let origin = self.scene.origin;
