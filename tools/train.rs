@@ -7,7 +7,7 @@ use ivv::gpu::{Gpu, Options};
 use ivv::scene::capture::{Capture, CaptureSettings, FrameCache};
 use ivv::scene::{write_atomic, write_ply};
 use ivv::stage::{Outputs, Renderer};
-use ivv::train::{Checkpoint, Config, Scores, Trainer, begin, permutation, scores};
+use ivv::train::{Checkpoint, Config, Scores, Trainer, initialise, permutation, scores};
 use ivv::vk::DeviceChoice;
 use std::io::{IsTerminal, Write};
 use std::path::{Path, PathBuf};
@@ -123,11 +123,10 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let mut trainer = match &resumed {
         Some(checkpoint) => Trainer::resume(gpu.clone(), checkpoint, constants, extent, dt)?,
         None => {
-            let t0 = Instant::now();
-            let beginning = begin(&capture, &config, &mut |_, _| {})?;
-            eprintln!("init {:?} {} {:?}", beginning.from, beginning.because, t0.elapsed());
-            if let Ok(p) = std::env::var("IVV_DUMP") { write_ply(Path::new(&p), &beginning.splats)?; return Ok(()); }
-            Trainer::new(gpu.clone(), &beginning.splats, constants, config.clone(), total, extent, dt)?
+            let initial = initialise(&capture, &config, &mut |_, _| {})?;
+            eprintln!("initialised from {initial}; {:?}", start.elapsed());
+            if let Ok(p) = std::env::var("IVV_DUMP") { write_ply(Path::new(&p), &initial.splats)?; return Ok(()); }
+            Trainer::new(gpu.clone(), &initial.splats, constants, config.clone(), total, extent, dt)?
         }
     };
     eprintln!(

@@ -16,11 +16,14 @@ pub struct Config {
     pub max_gaussians: usize,
     /// Where the first Gaussians come from.
     pub init: Init,
-    /// Gaussians to begin with where they do not come from points; of those that a hull gives, half.
+    /// Gaussians to begin with where they do not come from points; of a hull those that stand still.
     pub init_points: usize,
-    pub init_tau: f64,
-    pub init_tau_stride: f64,
+    /// Gaussians from the hull of one frame.
+    pub init_moving_points: usize,
+    /// Opacity of Gaussians that begin on surfaces found in the pictures.
     pub init_opacity: f64,
+    /// Tau of Gaussians from hulls, in times between two hulls.
+    pub init_tau: f64,
     /// Colour behind the scene.
     pub background: [f32; 3],
     /// Learning rate of positions at the start, in units of the scene's extent.
@@ -63,6 +66,19 @@ pub enum Init {
     Random,
 }
 
+impl Init {
+    /// Its name among the settings.
+    pub fn name(self) -> &'static str {
+        match self {
+            Init::Auto => "auto",
+            Init::Points => "points",
+            Init::Hull => "hull",
+            Init::Frustum => "frustum",
+            Init::Random => "random",
+        }
+    }
+}
+
 /// Adaptive density control, as 3DGS has it (SPEC 6), over the training times.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -102,9 +118,9 @@ impl Default for Config {
             max_gaussians: 500_000,
             init: Init::Auto,
             init_points: 20_000,
-            init_tau: 2.0,
-            init_tau_stride: 1.0,
-            init_opacity: 0.1,
+            init_moving_points: 1000,
+            init_opacity: 0.5,
+            init_tau: 1.0,
             background: [0.0; 3],
             lr_position: 1.6e-4,
             lr_position_end: 1.6e-6,

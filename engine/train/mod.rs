@@ -12,7 +12,7 @@ mod trainer;
 
 pub use checkpoint::Checkpoint;
 pub use config::{Config, Density, Init};
-pub use init::{Beginning, begin, from_points, random_points};
+pub use init::{Initial, from_points, initialise, random_points};
 pub use metrics::{Scores, psnr, scores};
 pub use plan::{BoundBy, Class, INTERSECTIONS_PER_GAUSSIAN, Limits, Need, Plan, Workload};
 pub use random::{Random, permutation};

@@ -98,6 +98,11 @@ impl Eye {
         }
     }
 
+    /// Depth of a point; negative behind the camera.
+    pub fn depth(&self, world: Vec3) -> f32 {
+        self.axis().dot(world - self.center)
+    }
+
     /// Place in the picture, pixels, and depth; `None` behind the camera.
     pub fn project(&self, world: Vec3) -> Option<(Vec2, f32)> {
         let at = self.rotation * (world - self.center);

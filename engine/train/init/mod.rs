@@ -1,73 +1,100 @@
-//! Gaussians to begin with: from a capture's points, or from its cameras and pictures alone.
+//! Initialisation: the first Gaussians, from a capture's points or, without any, from its cameras and pictures alone.
+//!
+//! - What stands still: each camera sweeps its rays for the depth at which its neighbours show the same (`sweep`); depths
+//!   that another camera confirms become points (`agree`).
+//! - What moves, where foreground masks tell: the visual hull's surface at evenly spaced frames (`hull`).
+//!
+//! Colours are medians over the cameras that see a point, because each has its own exposure.
 
+mod agree;
 mod eye;
 mod hull;
+mod lens;
 mod points;
 mod sweep;
 
 pub use points::{from_points, random_points};
 
 use super::config::{Config, Init};
-use super::random::permutation;
 use crate::error::{Error, Result};
 use crate::parallel::in_parallel;
-use crate::scene::capture::{Camera, Capture, Point, Pose, TRAINING_RADIUS};
+use crate::scene::capture::{Capture, Point};
 use crate::scene::{Motion, Splats};
 use eye::{Eye, Seen};
-use glam::{Mat3, Vec3};
-use hull::Cube;
+use lens::Lenses;
 use points::Found;
-use std::collections::HashMap;
+use std::fmt;
 
 /// Longest side of the pictures that silhouettes are taken from, pixels.
 const HULL_SIDE: usize = 320;
-/// Longest side of the pictures that depths are swept in, pixels.
+/// Longest side of the pictures that are swept, pixels.
 const SWEEP_SIDE: usize = 128;
-/// Cameras that take part, evenly chosen.
+/// Training cameras that take part, evenly chosen.
 const MOST_CAMERAS: usize = 32;
-/// Pixels that are decoded for hulls; at least four frames are.
-/// Purposes of random numbers.
-const STILL: u64 = 0x7374_696c_6c00;
-const MOVING: u64 = 0x6d6f_7669_6e67;
+/// Pixels that are decoded for hulls, but of four frames at least.
 const HULL_PIXELS: u64 = 1 << 28;
+/// Standard deviation of a Gaussian in units of the distance to its neighbours: they just overlap on a surface.
+const SIZE: f64 = 0.7;
+/// Key of the random choice among a hull's points.
+const HULL_KEY: u64 = 0x6875_6c6c;
+/// Points that are this many times farther from their neighbours than half of all points are dropped: what many cameras
+/// agree on does not come alone.
+const LONELY: f64 = 2.5;
 
-/// The first Gaussians and how they came about.
+/// The first Gaussians, and how they came about.
 #[derive(Clone, Debug)]
-pub struct Beginning {
+pub struct Initial {
     /// The Gaussians.
     pub splats: Splats,
     /// Where they come from; never [`Init::Auto`].
     pub from: Init,
-    /// Why, and what was looked at.
-    pub because: String,
+    /// Why.
+    pub because: &'static str,
+    /// Frames whose hulls were taken.
+    pub n_hulls: usize,
 }
 
-/// Makes the first Gaussians of `capture`, which is in the frame of training, as `config.init` says. `progress` is called
-/// as (pieces done, pieces in all).
+impl fmt::Display for Initial {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Initial { splats, from, because, n_hulls } = self;
+        let (n_static, n_dynamic) = (splats.n_static, splats.len() - splats.n_static);
+        write!(f, "{} ({because}): {n_static} static and {n_dynamic} dynamic Gaussians", from.name())?;
+        if *n_hulls > 0 { write!(f, ", hulls of {n_hulls} frames") } else { Ok(()) }
+    }
+}
+
+/// Makes the first Gaussians of `capture`, which is in the frame of training, as `config.init` says. Where nothing is found
+/// they are at random places. `progress` is called as (pieces done, pieces in all).
 ///
 /// # Errors
-/// [`Error::Data`] when the capture has not what `config.init` asks for, or an image does not decode.
-pub fn begin(capture: &Capture, config: &Config, progress: &mut dyn FnMut(usize, usize)) -> Result<Beginning> {
+/// [`Error::Data`] when the capture has not what `config.init` asks for, or when an image does not decode.
+pub fn initialise(capture: &Capture, config: &Config, progress: &mut dyn FnMut(usize, usize)) -> Result<Initial> {
     let lacks = |what: &str| {
-        let remedy = "choose another `init`: auto, points, hull, frustum or random";
+        let remedy = "set it to one of auto, points, hull, frustum and random";
         Err(Error::data(&capture.path, "setting `init`", format!("the capture has no {what}"), remedy))
     };
-    let from = match config.init {
-        Init::Auto if !capture.points.is_empty() => Init::Points,
-        Init::Auto if has_foreground(capture) => Init::Hull,
-        Init::Auto => Init::Frustum,
-        Init::Points if capture.points.is_empty() => return lacks("points"),
-        Init::Hull if !has_foreground(capture) => return lacks("foreground masks"),
-        asked => asked,
+    let (has_points, has_foreground) = (!capture.points.is_empty(), has_foreground(capture));
+    let (from, because) = match config.init {
+        Init::Auto if has_points => (Init::Points, "the capture has points"),
+        Init::Auto if has_foreground => (Init::Hull, "no points, but foreground masks"),
+        Init::Auto => (Init::Frustum, "no points, no foreground masks"),
+        Init::Points if !has_points => return lacks("points"),
+        Init::Hull if !has_foreground => return lacks("foreground masks"),
+        asked => (asked, "asked for"),
     };
-    let at = |points: &[Point], because: &str| {
-        let splats = from_points(points, capture, config);
-        Ok(Beginning { splats, from, because: because.to_owned() })
+    let at = |points: &[Point], from: Init, because: &'static str| {
+        Ok(Initial { splats: from_points(points, capture, config), from, because, n_hulls: 0 })
     };
     match from {
-        Init::Points => at(&capture.points, "the capture has points"),
-        Init::Random => at(&random_points(capture, config), "asked for"),
-        _ => from_pictures(capture, config, from, progress),
+        Init::Points => at(&capture.points, from, because),
+        Init::Random => at(&random_points(capture, config), from, because),
+        Init::Auto | Init::Hull | Init::Frustum => {
+            let (splats, n_hulls) = from_pictures(capture, config, from == Init::Hull, progress)?;
+            if splats.is_empty() {
+                return at(&random_points(capture, config), Init::Random, "no surface was found");
+            }
+            Ok(Initial { splats, from, because, n_hulls })
+        }
     }
 }
 
@@ -76,129 +103,100 @@ fn has_foreground(capture: &Capture) -> bool {
     training.flat_map(|camera| &camera.shots).any(|shot| shot.foreground.is_some())
 }
 
+/// The Gaussians, and the number of hulls that were taken.
 fn from_pictures(
     capture: &Capture,
     config: &Config,
-    from: Init,
+    with_hulls: bool,
     progress: &mut dyn FnMut(usize, usize),
-) -> Result<Beginning> {
+) -> Result<(Splats, usize)> {
     let cameras = cameras(capture);
-    let frames = if from == Init::Hull { hull_frames(capture, &cameras) } else { Vec::new() };
+    let hull_frames = if with_hulls { hull_frames(capture, &cameras) } else { Vec::new() };
+    let mut frames: Vec<u32> = hull_frames.iter().copied().chain([capture.reference_frame]).collect();
+    frames.sort_unstable();
+    frames.dedup();
     let threads = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
-    let n_pieces = (frames.len() + 2) * cameras.len();
-    let mut n_done = 0;
+    let (mut n_done, n_pieces) = (0, (frames.len() + 1) * cameras.len());
     let mut done = || {
         n_done += 1;
         progress(n_done, n_pieces);
     };
-    // The pictures of a frame, reduced for hulls and for sweeps.
-    let mut eyes_at = |frame: u32| -> Result<(Vec<Eye>, Vec<Eye>)> {
-        let reduced = |i: usize| {
-            let (camera, own) = cameras[i];
-            let seen = Seen::read(capture, camera, own.unwrap_or(frame))?;
-            Ok((Eye::new(&seen, HULL_SIDE), Eye::new(&seen, SWEEP_SIDE)))
-        };
-        Ok(in_parallel(cameras.len(), threads, reduced, |_| done())?.into_iter().unzip())
-    };
     let radius = capture.extent().radius;
-    let budget = config.init_points;
-    let mut splats = Splats::new(config.sh_degree);
-    let (_, small) = eyes_at(capture.reference_frame)?;
-    let mut still = sweep::sweep(&small, threads, || ())?;
-    let lenses = lenses(capture);
-    still.retain(|found| !lenses.iter().any(|lens| is_before(lens, found.0.position)));
-    let n_found = still.len();
-    let centers: Vec<[f64; 3]> = lenses.iter().map(|m| std::array::from_fn(|k| -(0..3).map(|r| m[r][k] * m[r][3]).sum::<f64>())).collect();
-    let n_still = if from == Init::Hull { budget - budget / 2 } else { budget };
-    let still = thinned(still, n_still);
-    let is_static = from == Init::Hull || capture.n_frames == 1;
-    points::append(&mut splats, &still, radius, config.init_opacity, (!is_static).then_some(points::THROUGHOUT), &centers);
-    let mut cell = 0.0;
-    for &frame in &frames {
-        let (eyes, _) = eyes_at(frame)?;
-        let key = [config.seed, MOVING, u64::from(frame)];
-        let (moving, side) = hull::surface(&eyes, cube(&small), budget / 2 / frames.len(), &key);
-        cell = side;
-        let stride = capture.n_frames as f64 / frames.len() as f64;
-        let n_frames = f64::from(capture.n_frames);
-        let tau = config.init_tau.max(config.init_tau_stride * stride) / n_frames;
-        let motion = Motion { velocity: [0.0; 3], t_center: frame as f32 / n_frames as f32, t_scale: tau.ln() as f32 };
-        points::append(&mut splats, &moving, radius, config.init_opacity, Some(motion), &centers);
-    }
-    let because = format!("{n_found} found, {} still, {} moving in {} frames, cell {cell}", still.len(), splats.len() - still.len(), frames.len());
-    Ok(Beginning { splats, from, because })
-}
-
-/// At most `most` of `found`, evenly spread: the one that most cameras confirm in each cell of a grid, whose cells grow with
-/// the distance from the middle of the cameras.
-fn thinned(found: Vec<(Found, usize)>, most: usize) -> Vec<Found> {
-    let best = |side: f64| {
-        let mut cells: HashMap<[i64; 4], usize> = HashMap::new();
-        for (index, (Found { position, .. }, n)) in found.iter().enumerate() {
-            let distance = position.iter().map(|x| x * x).sum::<f64>().sqrt();
-            let shell = (distance / TRAINING_RADIUS).log2().ceil().max(0.0);
-            let [x, y, z] = position.map(|x| (x / (side * shell.exp2())).floor() as i64);
-            let held = cells.entry([x, y, z, shell as i64]).or_insert(index);
-            if found[*held].1 < *n {
-                *held = index;
-            }
+    let lenses = Lenses::new(capture);
+    let (mut still, mut moving) = (Vec::new(), Vec::new());
+    for frame in frames {
+        let is_reference = frame == capture.reference_frame;
+        let seen = in_parallel(
+            cameras.len(),
+            threads,
+            |i| match shown(capture, cameras[i], frame, is_reference) {
+                Some(shown) => Seen::read(capture, cameras[i], shown).map(Some),
+                None => Ok(None),
+            },
+            |_| done(),
+        )?;
+        let eyes = |longest: usize| seen.iter().flatten().map(|seen| Eye::new(seen, longest)).collect::<Vec<_>>();
+        if is_reference {
+            let eyes = eyes(SWEEP_SIDE);
+            let depths = sweep::sweep(&eyes, threads, &mut done)?;
+            let mut agreed = agree::agree(&eyes, &depths);
+            agreed.retain(|point| !lenses.are_veiled_by(&point.found));
+            still = agree::thin(&agreed, config.init_points);
         }
-        let mut kept: Vec<usize> = cells.into_values().collect();
-        kept.sort_unstable();
-        kept
-    };
-    let (mut low, mut high) = (0.0, TRAINING_RADIUS);
-    for _ in 0..12 {
-        let middle = 0.5 * (low + high);
-        if best(middle).len() > most { low = middle } else { high = middle }
+        if hull_frames.contains(&frame) {
+            let key = [config.seed, HULL_KEY, u64::from(frame)];
+            moving.push((frame, hull::surface(&eyes(HULL_SIDE), config.init_moving_points, &key)));
+        }
     }
-    best(high).into_iter().map(|i| found[i].0).collect()
+    let mut splats = Splats::new(config.sh_degree);
+    let mut append = |found: Vec<Found>, motion: Option<Motion>| {
+        let (found, sizes) = settled(found, &lenses, radius);
+        points::append(&mut splats, &found, &sizes, config.init_opacity, motion);
+    };
+    append(still, if with_hulls { None } else { points::throughout(capture) });
+    let n_frames = f64::from(capture.n_frames);
+    let tau = config.init_tau / moving.len().max(1) as f64;
+    for (frame, found) in moving {
+        let t_center = (f64::from(frame) / n_frames) as f32;
+        append(found, Some(Motion { velocity: [0.0; 3], t_center, t_scale: tau.ln() as f32 }));
+    }
+    Ok((splats, hull_frames.len()))
 }
 
-/// The training cameras that take part, each with its own frame where no frame is seen by all of them: a monocular clip.
-fn cameras(capture: &Capture) -> Vec<(usize, Option<u32>)> {
+/// The training cameras that take part.
+fn cameras(capture: &Capture) -> Vec<usize> {
     let training = capture.cameras.iter().enumerate().filter(|(_, camera)| !camera.is_test && !camera.shots.is_empty());
-    let all: Vec<_> = training.map(|(index, camera)| (index, camera.shot(capture.reference_frame).is_none().then(|| camera.shots[0].frame))).collect();
-    let n = all.len();
-    let n_used = n.min(MOST_CAMERAS);
-    (0..n_used).map(|i| all[i * n / n_used]).collect()
+    let all: Vec<usize> = training.map(|(index, _)| index).collect();
+    let n = all.len().min(MOST_CAMERAS);
+    (0..n).map(|i| all[i * all.len() / n]).collect()
 }
 
-fn lenses(capture: &Capture) -> Vec<Pose> {
-    let poses = |camera: &Camera| camera.shots.iter().map(|shot| *camera.pose(shot.frame)).collect::<Vec<_>>();
-    let mut all: Vec<Pose> = capture.cameras.iter().flat_map(|camera| if camera.shots.iter().any(|s| s.world_to_camera.is_some()) { poses(camera) } else { vec![camera.world_to_camera] }).collect();
-    all.dedup();
-    all
-}
-
-/// Whether a point is so near before a lens that a Gaussian there fills the picture.
-fn is_before(world_to_camera: &Pose, at: [f64; 3]) -> bool {
-    let [x, y, z] = [0, 1, 2].map(|row| (0..3).map(|k| world_to_camera[row][k] * at[k]).sum::<f64>() + world_to_camera[row][3]);
-    z > 0.0 && x * x + y * y + z * z < (0.1 * TRAINING_RADIUS).powi(2)
+/// The frame that a camera shows for `frame`: another, if it has none there and `any` will do. In a monocular clip each
+/// has one frame of its own.
+fn shown(capture: &Capture, camera: usize, frame: u32, any: bool) -> Option<u32> {
+    let camera = &capture.cameras[camera];
+    camera.shot(frame).or_else(|| camera.shots.first().filter(|_| any)).map(|shot| shot.frame)
 }
 
 /// The frames whose hulls are taken, evenly spaced.
-fn hull_frames(capture: &Capture, cameras: &[(usize, Option<u32>)]) -> Vec<u32> {
-    let pixels = |i: usize| u64::from(capture.cameras[i].width) * u64::from(capture.cameras[i].height);
-    let per_frame: u64 = cameras.iter().map(|(camera, _)| pixels(*camera)).sum();
-    let n = (HULL_PIXELS / per_frame.max(1)).clamp(4, 1 << 16) as u32;
-    let n = n.min(capture.n_frames);
-    let n = std::env::var("IVV_NF").map_or(n, |s| s.parse().unwrap());
-    (0..n).map(|i| (2 * i + 1) * capture.n_frames / (2 * n)).collect()
+fn hull_frames(capture: &Capture, cameras: &[usize]) -> Vec<u32> {
+    let pixels = |camera: &usize| {
+        let camera = &capture.cameras[*camera];
+        u64::from(camera.width) * u64::from(camera.height)
+    };
+    let per_frame: u64 = cameras.iter().map(pixels).sum();
+    let n = (HULL_PIXELS / per_frame.max(1)).max(4).min(u64::from(capture.n_frames)) as u32;
+    (0..n).map(|i| ((2 * u64::from(i) + 1) * u64::from(capture.n_frames) / (2 * u64::from(n))) as u32).collect()
 }
 
-/// Around the point nearest to all optical axes, as far as the cameras are from it and half again.
-fn cube(eyes: &[Eye]) -> Cube {
-    let (mut across, mut sum) = (Mat3::ZERO, Vec3::ZERO);
-    for eye in eyes {
-        let axis = eye.axis();
-        // Takes out what lies along the axis.
-        let flat = Mat3::IDENTITY - Mat3::from_cols(axis * axis.x, axis * axis.y, axis * axis.z);
-        across += flat;
-        sum += flat * eye.center;
-    }
-    let center = across.inverse() * sum;
-    let mut distances: Vec<f32> = eyes.iter().map(|eye| eye.center.distance(center)).collect();
-    distances.sort_by(f32::total_cmp);
-    Cube { center, half: 1.5 * distances[distances.len() / 2] }
+/// Without the lonely ones, each with the standard deviation of its Gaussian.
+fn settled(found: Vec<Found>, lenses: &Lenses, radius: f64) -> (Vec<Found>, Vec<f64>) {
+    let spacings = points::spacings(&found, radius);
+    // Beyond the cameras points are farther apart.
+    let scale = |found: &Found| found.position.iter().map(|x| x * x).sum::<f64>().sqrt().max(radius);
+    let mut relative: Vec<f64> = found.iter().zip(&spacings).map(|(found, spacing)| spacing / scale(found)).collect();
+    relative.sort_by(f64::total_cmp);
+    let most = LONELY * relative.get(relative.len() / 2).copied().unwrap_or(0.0);
+    let kept = found.into_iter().zip(spacings).filter(|(found, spacing)| *spacing <= most * scale(found));
+    kept.map(|(found, spacing)| (found, (SIZE * spacing).min(lenses.widest(&found)))).unzip()
 }

@@ -11,21 +11,7 @@ const SH_0: f64 = 0.282_094_791_773_878_14;
 /// Opacity to begin with (SPEC 5).
 pub(super) const OPACITY: f64 = 0.1;
 
-/// One isotropic Gaussian per point: size from the mean distance to the 3 nearest neighbours, opacity 0.1, colour to
-/// degree 0. In a clip of several frames all are dynamic, at rest, and visible throughout.
-pub fn from_points(points: &[Point], capture: &Capture, config: &Config) -> Splats {
-    let mut splats = Splats::new(config.sh_degree);
-    let motion = (capture.n_frames > 1).then_some(THROUGHOUT);
-    let colors = points.iter().map(|point| point.color.map(|c| f32::from(c) / 255.0));
-    let found: Vec<Found> = points.iter().zip(colors).map(|(point, color)| Found { position: point.position, color }).collect();
-    append(&mut splats, &found, capture.extent().radius, OPACITY, motion, &[]);
-    splats
-}
-
-/// At rest and visible throughout the clip.
-pub(super) const THROUGHOUT: Motion = Motion { velocity: [0.0; 3], t_center: 0.5, t_scale: 0.0 };
-
-/// Where a Gaussian is to begin.
+/// Where a Gaussian begins.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Found {
     /// World.
@@ -34,20 +20,31 @@ pub(super) struct Found {
     pub color: [f32; 3],
 }
 
-/// Appends a Gaussian for each of `found`, static ones without `motion`; all static ones come first. `radius` bounds their
-/// sizes.
-pub(super) fn append(splats: &mut Splats, found: &[Found], radius: f64, opacity: f64, motion: Option<Motion>, lenses: &[[f64; 3]]) {
-    let positions: Vec<[f64; 3]> = found.iter().map(|f| f.position).collect();
+/// One isotropic Gaussian per point: size from the mean distance to the 3 nearest neighbours, opacity 0.1, colour to
+/// degree 0. In a clip of several frames all are dynamic, at rest, and visible throughout.
+pub fn from_points(points: &[Point], capture: &Capture, config: &Config) -> Splats {
+    let found = |point: &Point| Found { position: point.position, color: point.color.map(|c| f32::from(c) / 255.0) };
+    let found: Vec<Found> = points.iter().map(found).collect();
+    let sizes = spacings(&found, capture.extent().radius);
+    let mut splats = Splats::new(config.sh_degree);
+    append(&mut splats, &found, &sizes, OPACITY, throughout(capture));
+    splats
+}
+
+/// At rest and visible throughout; `None` in a clip of one frame, whose Gaussians are static.
+pub(super) fn throughout(capture: &Capture) -> Option<Motion> {
+    (capture.n_frames > 1).then_some(Motion { velocity: [0.0; 3], t_center: 0.5, t_scale: 0.0 })
+}
+
+/// Appends an isotropic Gaussian for each of `found`, of a standard deviation from `sizes`. Those without `motion` are
+/// static; all of them come before the first that moves.
+pub(super) fn append(splats: &mut Splats, found: &[Found], sizes: &[f64], opacity: f64, motion: Option<Motion>) {
     let logit = (opacity / (1.0 - opacity)).ln() as f32;
-    let f: f64 = std::env::var("IVV_F").map_or(1.0, |s| s.parse().unwrap());
-    let cap: f64 = std::env::var("IVV_CAP").map_or(0.1, |s| s.parse().unwrap());
-    for (Found { position, color }, distance) in found.iter().zip(neighbour_distances(&positions, radius)) {
-        let lens = |c: &[f64; 3]| (0..3).map(|k| (c[k] - position[k]).powi(2)).sum::<f64>().sqrt();
-        let distance = (f * distance).min(cap * lenses.iter().map(lens).fold(f64::INFINITY, f64::min));
+    for (Found { position, color }, size) in found.iter().zip(sizes) {
         splats.source_row.push(splats.len() as u32);
         splats.position.push(position.map(|x| x as f32));
         splats.rotation.push([1.0, 0.0, 0.0, 0.0]);
-        splats.scale.push([distance.max(1e-7 * radius).ln() as f32; 3]);
+        splats.scale.push([size.ln() as f32; 3]);
         splats.opacity.push(logit);
         splats.sh.push(color.map(|c| ((f64::from(c) - 0.5) / SH_0) as f32));
         splats.sh.resize(splats.len() * splats.n_coefficients(), [0.0; 3]);
@@ -84,7 +81,8 @@ pub fn random_points(capture: &Capture, config: &Config) -> Vec<Point> {
 }
 
 /// For each point the mean distance to its 3 nearest neighbours; at most a tenth of `radius`, which a lone point gets.
-fn neighbour_distances(points: &[[f64; 3]], radius: f64) -> Vec<f64> {
+pub(super) fn spacings(found: &[Found], radius: f64) -> Vec<f64> {
+    let points: Vec<[f64; 3]> = found.iter().map(|found| found.position).collect();
     // Cells that would hold about two points each if the points filled the ball evenly.
     let cell = (radius / (points.len() as f64 / 2.0).cbrt()).max(1e-9 * radius.max(1e-9));
     let key = |p: &[f64; 3]| p.map(|x| (x / cell).floor() as i64);
@@ -117,7 +115,7 @@ fn neighbour_distances(points: &[[f64; 3]], radius: f64) -> Vec<f64> {
             }
             let found: Vec<f64> = nearest.iter().filter(|d| d.is_finite()).map(|d| d.sqrt()).collect();
             let mean = found.iter().sum::<f64>() / found.len().max(1) as f64;
-            if found.is_empty() { 0.1 * radius } else { mean.min(0.1 * radius) }
+            if found.is_empty() { 0.1 * radius } else { mean.clamp(1e-7 * radius, 0.1 * radius) }
         })
         .collect()
 }
