@@ -1,13 +1,14 @@
 //! `ivv train`.
 
 use crate::Interrupted;
+use crate::begin;
 use crate::render::{ConstantArgs, cache_folder};
 use anyhow::Context;
 use ivv::gpu::{Gpu, Options};
 use ivv::scene::capture::{Capture, CaptureSettings, FrameCache};
-use ivv::scene::{write_atomic, write_ply};
+use ivv::scene::write_atomic;
 use ivv::stage::{Outputs, Renderer};
-use ivv::train::{Checkpoint, Config, Scores, Trainer, initialise, permutation, scores};
+use ivv::train::{Checkpoint, Config, Scores, Trainer, permutation, scores};
 use ivv::vk::DeviceChoice;
 use std::io::{IsTerminal, Write};
 use std::path::{Path, PathBuf};
@@ -103,7 +104,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     };
     let settings = CaptureSettings { test_cameras: args.test_cameras.clone(), ..CaptureSettings::default() };
     let capture = Capture::open_with(&args.capture, &settings)?;
-    let world = capture.normalisation();
+    let world = resumed.as_ref().map_or_else(|| capture.normalisation(), |checkpoint| checkpoint.world);
     let capture = capture.transformed(&world);
     let (training, test) = (capture.training_frames(), capture.test_frames());
     if training.is_empty() {
@@ -120,14 +121,15 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let gpu = Arc::new(Gpu::open(&Options { device: choice, ..Options::default() })?);
     eprintln!("device: {} ({})", gpu.caps().name, gpu.chosen_because());
     let (extent, dt) = (capture.extent().radius, 1.0 / f64::from(capture.n_frames.max(1)));
+    let splats = match &resumed {
+        Some(checkpoint) => checkpoint.params.clone(),
+        None => begin::first_gaussians(&capture, &config)?,
+    };
+    let plan = begin::plan(&capture, &config, &splats, gpu.caps(), args.cache_bytes);
+    eprintln!("{plan}");
     let mut trainer = match &resumed {
         Some(checkpoint) => Trainer::resume(gpu.clone(), checkpoint, constants, extent, dt)?,
-        None => {
-            let initial = initialise(&capture, &config, &mut |_, _| {})?;
-            eprintln!("initialised from {initial}; {:?}", start.elapsed());
-            if let Ok(p) = std::env::var("IVV_DUMP") { write_ply(Path::new(&p), &initial.splats)?; return Ok(()); }
-            Trainer::new(gpu.clone(), &initial.splats, constants, config.clone(), total, extent, dt)?
-        }
+        None => Trainer::new(gpu.clone(), &splats, constants, config.clone(), total, extent, dt)?,
     };
     eprintln!(
         "{} training images, {} test images, {} Gaussians, steps {} to {total}, SH degree {}",
@@ -178,14 +180,14 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         }
         let is_stopped = stop.load(Ordering::Relaxed);
         if report.step.is_multiple_of(checkpoint_every) || is_last || is_stopped {
-            trainer.checkpoint()?.write(&checkpoints)?;
+            Checkpoint { world, ..trainer.checkpoint()? }.write(&checkpoints)?;
             log.write()?;
         }
         if is_stopped {
             return Err(Interrupted("a checkpoint was written; go on with --resume").into());
         }
     }
-    write_ply(&args.output.join("scene.ply"), &trainer.splats()?)?;
+    begin::write_scene(&args.output.join("scene.ply"), &trainer.splats()?, &world)?;
     let evaluation = evaluate(&gpu, &trainer, &capture, &test, args, &config, Some(&args.output.join("renders")))?;
     let (mean_psnr, mean_ssim) = (evaluation.psnr, evaluation.ssim);
     evaluations.push(evaluation);
@@ -195,7 +197,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         "device": gpu.caps(), "steps": trainer.step(), "gaussians": trainer.n_gaussians(),
         "seconds": start.elapsed().as_secs_f64(), "seconds_stepping": seconds_stepping,
         "seconds_per_step": seconds_per_step, "peak_bytes": gpu.device().memory().1,
-        "waited_for_images_s": cache.stats().waited.as_secs_f64(),
+        "waited_for_images_s": cache.stats().waited.as_secs_f64(), "plan": plan, "world": world,
     });
     write_json(&args.output.join("train.json"), &totals)?;
     if json {

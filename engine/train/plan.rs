@@ -58,14 +58,8 @@ pub enum Class {
 
 impl Class {
     /// All of them, in the order of the table.
-    pub const ALL: [Class; 6] = [
-        Class::Parameters,
-        Class::Moments,
-        Class::Gradients,
-        Class::Active,
-        Class::Intersections,
-        Class::Pixels,
-    ];
+    pub const ALL: [Class; 6] =
+        [Class::Parameters, Class::Moments, Class::Gradients, Class::Active, Class::Intersections, Class::Pixels];
 
     fn label(self) -> &'static str {
         match self {
@@ -251,8 +245,7 @@ impl Plan {
         let bindings = items(work.sh_degree).into_iter().filter(|item| item.bound > 0.0);
         let bounds = bindings.map(|item| (by_binding(&item), BoundBy::Binding(item.name)));
         let all = [(work.max_gaussians, BoundBy::MaxGaussians), (by_memory as u64, BoundBy::Memory)].into_iter();
-        let (most, bound_by) =
-            all.chain(bounds).min_by_key(|(most, _)| *most).unwrap_or((0, BoundBy::MaxGaussians));
+        let (most, bound_by) = all.chain(bounds).min_by_key(|(most, _)| *most).unwrap_or((0, BoundBy::MaxGaussians));
         Plan {
             begin: Need::new(work, work.gaussians),
             full: Need::new(work, most),

@@ -52,7 +52,7 @@ fn place(eye: &Eye, pixel: usize, inverse_depth: f32) -> Vec3 {
 /// The point of a pixel, if another camera's depth confirms it and fewer see through it.
 fn confirm(eyes: &[Eye], depths: &[Depths], i: usize, pixel: usize) -> Option<Agreed> {
     let (eye, inverse) = (&eyes[i], depths[i].inverse[pixel]);
-    if !(inverse > 0.0) {
+    if inverse.is_nan() {
         return None;
     }
     let position = place(eye, pixel, inverse);

@@ -1,9 +1,9 @@
 //! Gaussians at points: of a reconstruction, at random, or found by the other modules here.
 
-use crate::train::config::Config;
-use crate::train::random::Random;
 use crate::scene::capture::{Capture, Point};
 use crate::scene::{Motion, Splats};
+use crate::train::config::Config;
+use crate::train::random::Random;
 use std::collections::HashMap;
 
 /// Value of the constant spherical harmonic.

@@ -52,8 +52,7 @@ fn neighbours(eyes: &[Eye], i: usize) -> Vec<usize> {
     let pixels = (0..6).flat_map(|y| (0..8).map(move |x| (x, y)));
     let pixels = pixels.map(|(x, y)| middle(y, 6, eye.height) * eye.width + middle(x, 8, eye.width));
     let depths: [f32; 12] = std::array::from_fn(|k| 0.1 * TRAINING_RADIUS as f32 * 1.5f32.powi(k as i32));
-    let samples: Vec<Vec3> =
-        pixels.flat_map(|pixel| depths.map(|depth| eye.center + eye.ray(pixel) * depth)).collect();
+    let samples: Vec<Vec3> = pixels.flat_map(|pixel| depths.map(|depth| eye.center + eye.ray(pixel) * depth)).collect();
     let weight = |other: &Eye, at: Vec3| {
         if other.sees(at).is_none() {
             return 0.0;
