@@ -8,6 +8,7 @@
 
 pub mod error;
 pub mod gpu;
+mod parallel;
 pub mod scene;
 pub mod settings;
 pub mod stage;

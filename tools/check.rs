@@ -26,7 +26,7 @@ pub struct Args {
     /// Scales the calibration to the size of the images; a difference is a fault otherwise.
     #[arg(long)]
     rescale: bool,
-    /// Takes the foreground masks of Dynamic3DGaussians as masks.
+    /// Takes the foreground masks of Dynamic3DGaussians as masks too.
     #[arg(long)]
     foreground_masks: bool,
 }
@@ -69,7 +69,8 @@ fn print(report: &Report) {
     println!("cameras: {}, {} of them for testing", report.n_cameras, report.n_test_cameras);
     println!("frames:  {}, {} per second", report.n_frames, report.fps);
     let mib = report.bytes_decoded as f64 / f64::from(1 << 20);
-    println!("images:  {}, {} of them with a mask; {mib:.1} MiB decoded", report.n_images, report.n_masks);
+    let (n, n_masks, n_foregrounds) = (report.n_images, report.n_masks, report.n_foregrounds);
+    println!("images:  {n}, {n_masks} with a mask, {n_foregrounds} with a foreground mask; {mib:.1} MiB decoded");
     println!("points:  {}", report.n_points);
     for note in &report.notes {
         println!("note:    {note}");

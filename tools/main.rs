@@ -1,5 +1,6 @@
 //! `ivv`: the command line. One file per verb; exit codes are SPEC 10's.
 
+mod begin;
 mod check;
 mod demo;
 mod device;

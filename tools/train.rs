@@ -1,5 +1,6 @@
 //! `ivv train`.
 
+use crate::begin;
 use crate::device::DeviceArgs;
 use crate::due::{Due, DueArgs};
 use crate::eval::Scorer;
@@ -12,11 +13,9 @@ use crate::settings::SettingArgs;
 use crate::totals::{ProfiledStep, Seconds, totals};
 use anyhow::Context;
 use ivv::gpu::PassTime;
+use ivv::scene::View;
 use ivv::scene::capture::{Capture, CaptureSettings, FrameCache};
-use ivv::scene::{View, write_ply};
-use ivv::train::{
-    Checkpoint, Evaluation, Kind, Log, Run, StepReport, Trainer, from_points, permutation, random_points, spread,
-};
+use ivv::train::{Checkpoint, Evaluation, Kind, Log, Plan, Run, StepReport, Trainer, permutation, spread};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -80,22 +79,25 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     run.write(&args.output)?;
     let gpu = args.device.open()?;
     let (extent, dt) = (capture.extent(), 1.0 / f64::from(capture.n_frames.max(1)));
+    let splats = match &resumed {
+        Some(checkpoint) => checkpoint.params.clone(),
+        None => begin::first_gaussians(&capture, &config)?,
+    };
+    let plan = begin::plan(&capture, &config, &splats, gpu.caps(), args.cache_bytes);
+    eprintln!("{plan}");
     let trainer = match &resumed {
         Some(checkpoint) => Trainer::resume(gpu.clone(), checkpoint, run.constants, extent, dt)?,
         None => {
             Checkpoint::remove_all(&checkpoints)?;
-            let random = capture.points.is_empty().then(|| random_points(&capture, &config));
-            let splats = from_points(random.as_deref().unwrap_or(&capture.points), &capture, &config);
             Trainer::new(gpu.clone(), &splats, run.constants, config.clone(), total, extent, dt)?
         }
     };
     let before = trainer.step();
     eprintln!(
-        "{} training images, {} test images, {} Gaussians{}, steps {} to {total}, SH degree {}",
+        "{} training images, {} test images, {} Gaussians, steps {} to {total}, SH degree {}",
         training.len(),
         test.len(),
         trainer.n_gaussians(),
-        if resumed.is_none() && capture.points.is_empty() { " at random places" } else { "" },
         before + 1,
         config.sh_degree
     );
@@ -109,6 +111,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         args,
         scorer: Scorer { gpu: &gpu, capture: &capture, run: &run, config: &config },
         trainer,
+        plan,
         checkpoints,
         some_test: spread(&test, args.due.eval_images),
         due: Due::new(&args.due, total),
@@ -128,6 +131,7 @@ struct Session<'a> {
     args: &'a Args,
     scorer: Scorer<'a>,
     trainer: Trainer,
+    plan: Plan,
     checkpoints: PathBuf,
     /// What is scored during the run.
     some_test: Vec<(usize, u32)>,
@@ -171,7 +175,8 @@ impl Session<'_> {
             let is_stopped = stop.is_asked();
             let best = if is_stopped { None } else { self.evaluate(step)? };
             if self.due.checkpoint(step) || best.is_some() || is_stopped {
-                self.trainer.checkpoint()?.write(&self.checkpoints)?;
+                let world = self.scorer.run.world;
+                Checkpoint { world, ..self.trainer.checkpoint()? }.write(&self.checkpoints)?;
                 self.log.write()?;
             }
             if let Some(psnr) = best {
@@ -213,8 +218,11 @@ impl Session<'_> {
     /// Writes the scene, the totals, all scores and the report.
     fn finish(mut self, json: bool) -> anyhow::Result<()> {
         let (output, trainer) = (&self.args.output, &mut self.trainer);
-        let (splats, scene) = (trainer.splats()?, output.join("scene.ply"));
-        write_ply(&scene, &splats)?;
+        let world = self.scorer.run.world;
+        let scene = output.join("scene.ply");
+        let written = begin::write_scene(&scene, &trainer.splats()?, &world)?;
+        // What the file holds is scored.
+        let splats = world.splats(&written);
         let seconds_stepping = self.seconds_before + self.seconds;
         let seconds = Seconds {
             seconds: self.start.elapsed().as_secs_f64(),
@@ -223,7 +231,8 @@ impl Session<'_> {
             waited_for_images_s: self.waited,
         };
         let Scorer { gpu, run, capture, .. } = self.scorer;
-        let totals = totals(gpu, trainer.step(), &splats, run, &self.log, &seconds)?;
+        let mut totals = totals(gpu, trainer.step(), &splats, run, &self.log, &seconds)?;
+        totals["plan"] = serde_json::to_value(&self.plan)?;
         write_json(&output.join("train.json"), &totals)?;
         let (scores, examples) = self.scorer.all(&splats, &scene, trainer.step(), output)?;
         if let Some(scores) = &scores {
@@ -270,7 +279,7 @@ fn newest_checkpoint(args: &Args, folder: &Path) -> ivv::Result<Option<Checkpoin
     Ok(None)
 }
 
-/// The capture, and what run.json says of it; a run that goes on has the cameras and constants that it had.
+/// The capture in the frame of training, and what run.json says of it; a run that goes on has the cameras and constants that it had.
 fn capture(args: &Args, goes_on: bool) -> anyhow::Result<(Capture, Run)> {
     if goes_on {
         let run = Run::read(&args.output)?;
@@ -281,7 +290,7 @@ fn capture(args: &Args, goes_on: bool) -> anyhow::Result<(Capture, Run)> {
     let settings = CaptureSettings { test_cameras: args.test_cameras.clone(), ..CaptureSettings::default() };
     let capture = Capture::open_with(&args.capture, &settings)?;
     let run = Run::new(&capture, constants)?;
-    Ok((capture, run))
+    Ok((capture.transformed(&run.world), run))
 }
 
 /// A line about a step whose passes were timed.

@@ -173,7 +173,7 @@ struct Arrays {
 impl Planes {
     /// The values of Gaussians `start..start + n` of `splats`, positions relative to `origin`.
     pub fn upload(gpu: &Gpu, splats: &Splats, start: usize, n: usize, origin: [f64; 3]) -> Result<Self> {
-        Arrays::of(splats, origin, start, n).upload(gpu)
+        Arrays::of(splats, origin, start, n).upload(gpu, "parameters")
     }
 
     /// Moments of Gaussians `start..start + n`: twice the planes of the parameters, all in blocks; plane 2p is `first`'s
@@ -195,7 +195,7 @@ impl Planes {
             bands: (0..bands.len()).map(|b| both(BAND_PLANES[b], &bands[b], &second.bands[b])).collect(),
             motion: motion.zip(second.motion.as_ref()).map(|(first, second)| both(1, &first, second)),
         }
-        .upload(gpu)
+        .upload(gpu, "moments")
     }
 
     /// Buffers of the same shape with undefined contents.
@@ -259,13 +259,12 @@ impl Arrays {
         })
     }
 
-    fn upload(&self, gpu: &Gpu) -> Result<Planes> {
-        let band = |(b, data): (usize, &Vec<[f32; 4]>)| gpu.upload(&format!("sh{}", b + 1), data);
+    fn upload(&self, gpu: &Gpu, name: &str) -> Result<Planes> {
         Ok(Planes {
-            geometry: gpu.upload("geometry", &self.geometry)?,
-            sh0: gpu.upload("sh0", &self.sh0)?,
-            bands: self.bands.iter().enumerate().map(band).collect::<Result<_>>()?,
-            motion: self.motion.as_ref().map(|m| gpu.upload("motion", m)).transpose()?,
+            geometry: gpu.upload(name, &self.geometry)?,
+            sh0: gpu.upload(name, &self.sh0)?,
+            bands: self.bands.iter().map(|band| gpu.upload(name, band)).collect::<Result<_>>()?,
+            motion: self.motion.as_ref().map(|motion| gpu.upload(name, motion)).transpose()?,
         })
     }
 

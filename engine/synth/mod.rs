@@ -30,7 +30,6 @@ mod shape;
 mod sound;
 mod texture;
 mod truth;
-mod work;
 mod world;
 mod write;
 

@@ -6,7 +6,7 @@
 
 use super::config::Config;
 use crate::error::{Error, Result};
-use crate::scene::{Splats, write_atomic};
+use crate::scene::{Similarity, Splats, write_atomic};
 use std::path::{Path, PathBuf};
 
 const MAGIC: &[u8; 8] = b"IVVCKPT2";
@@ -25,7 +25,9 @@ pub struct Checkpoint {
     pub total: u64,
     /// The run's settings.
     pub config: Config,
-    /// Added to the positions of `params` in the capture's units.
+    /// From the capture to the frame that training computes in.
+    pub world: Similarity,
+    /// Added to the positions of `params` in that frame.
     pub origin: [f64; 3],
     /// The parameters, positions relative to `origin`.
     pub params: Splats,
@@ -42,6 +44,7 @@ struct Header {
     step: u64,
     total: u64,
     config: Config,
+    world: Similarity,
     origin: [f64; 3],
     n_static: usize,
     sh_degree: u32,
@@ -115,6 +118,7 @@ impl Checkpoint {
             step: self.step,
             total: self.total,
             config: self.config.clone(),
+            world: self.world,
             origin: self.origin,
             n_static: self.params.n_static,
             sh_degree: self.params.sh_degree,
@@ -236,8 +240,8 @@ impl Checkpoint {
         if [first.len(), second.len(), state.len()] != [params.len(); 3] {
             return Err(fault("sections", "are of different numbers of Gaussians".to_owned()));
         }
-        let Header { step, total, config, origin, .. } = header;
-        Ok(Checkpoint { step, total, config, origin, params, first, second, state })
+        let Header { step, total, config, world, origin, .. } = header;
+        Ok(Checkpoint { step, total, config, world, origin, params, first, second, state })
     }
 
     /// The newest checkpoint of `folder` that can be read, with a warning for each newer one that cannot; none when there

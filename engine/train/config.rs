@@ -16,8 +16,16 @@ pub struct Config {
     pub sh_degree: u32,
     /// Gaussians never exceed this.
     pub max_gaussians: usize,
-    /// Points to begin with where the capture has none.
-    pub random_points: usize,
+    /// Where the first Gaussians come from.
+    pub init: Init,
+    /// Gaussians to begin with where they do not come from points; of a hull those that stand still.
+    pub init_points: usize,
+    /// Gaussians from the hull of one frame.
+    pub init_moving_points: usize,
+    /// Opacity of Gaussians that begin on surfaces found in the pictures.
+    pub init_opacity: f64,
+    /// Tau of Gaussians from hulls, in times between two hulls.
+    pub init_tau: f64,
     /// Colour behind the scene.
     pub background: [f32; 3],
     /// Learning rates.
@@ -28,6 +36,35 @@ pub struct Config {
     pub accumulation: Accumulation,
     /// Where Gaussians are added and removed.
     pub density: Density,
+}
+
+/// Where the first Gaussians come from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Init {
+    /// `Points` where the capture has some, else `Hull` where it says what moves, else `Frustum`.
+    Auto,
+    /// The capture's points.
+    Points,
+    /// The visual hull of what moves, frame by frame, and the rest as `Frustum`.
+    Hull,
+    /// Surfaces on which the cameras' pictures agree.
+    Frustum,
+    /// Grey points in the ball that the cameras are in.
+    Random,
+}
+
+impl Init {
+    /// Its name among the settings.
+    pub fn name(self) -> &'static str {
+        match self {
+            Init::Auto => "auto",
+            Init::Points => "points",
+            Init::Hull => "hull",
+            Init::Frustum => "frustum",
+            Init::Random => "random",
+        }
+    }
 }
 
 /// How Gaussians are added and removed.
@@ -145,7 +182,11 @@ impl Default for Config {
             seed: 42,
             sh_degree: 3,
             max_gaussians: 500_000,
-            random_points: 20_000,
+            init: Init::Auto,
+            init_points: 20_000,
+            init_moving_points: 1500,
+            init_opacity: 0.5,
+            init_tau: 0.7,
             background: [0.0; 3],
             lr: LearningRates::default(),
             adam: AdamMode::default(),

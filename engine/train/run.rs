@@ -2,7 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::scene::capture::{Capture, CaptureSettings};
-use crate::scene::write_atomic;
+use crate::scene::{Similarity, write_atomic};
 use crate::settings::Constants;
 use std::path::{Path, PathBuf};
 
@@ -14,6 +14,8 @@ pub struct Run {
     pub capture: PathBuf,
     /// Names of the cameras that are kept for testing.
     pub test_cameras: Vec<String>,
+    /// From the capture to the frame that training computes in.
+    pub world: Similarity,
     /// Rendering constants.
     pub constants: Constants,
     /// What the capture held, to tell it from another.
@@ -72,6 +74,7 @@ impl Run {
         Ok(Run {
             capture: absolute,
             test_cameras: tests.map(|camera| camera.name.clone()).collect(),
+            world: capture.normalisation(),
             constants,
             held: CaptureSummary::new(capture),
         })
@@ -101,7 +104,8 @@ impl Run {
         write_atomic(&Self::file(folder), |to| Ok(serde_json::to_writer_pretty(to, self)?))
     }
 
-    /// Opens the capture, at `moved_to` where it is not where it was, with the run's test cameras.
+    /// Opens the capture, at `moved_to` where it is not where it was, with the run's test cameras and in the frame of
+    /// training.
     ///
     /// # Errors
     /// Those of the capture; [`Error::Data`] when it does not hold what it held.
@@ -118,6 +122,6 @@ impl Run {
             let reason = format!("holds {holds:?}, the run's held {:?}", self.held);
             return Err(Error::data(path, "", reason, "give the run's own capture with --capture, or train again"));
         }
-        Ok(capture)
+        Ok(capture.transformed(&self.world))
     }
 }

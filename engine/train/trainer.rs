@@ -12,7 +12,7 @@ use crate::error::{Error, Result};
 use crate::gpu::generated::{AdamParams, Status, ViewParams};
 use crate::gpu::{Buf, Gpu, PassTime, Recording, Running, Slice};
 use crate::scene::capture::{Extent, Picture};
-use crate::scene::{Splats, View};
+use crate::scene::{Similarity, Splats, View};
 use crate::settings::Constants;
 use crate::stage::{
     AdamMode, Counts, Optimiser, Outputs, Photometric, Planes, Purpose, Room, SSIM_WEIGHT, SceneBuffers, State,
@@ -166,7 +166,7 @@ impl Trainer {
         extent: Extent,
         dt: f64,
     ) -> Result<Self> {
-        let Checkpoint { step, total, config, origin, params, first, second, state } = checkpoint;
+        let Checkpoint { step, total, config, origin, params, first, second, state, .. } = checkpoint;
         let mut trainer = Self::new(gpu, params, constants, config.clone(), *total, extent, dt)?;
         trainer.scene.origin = *origin;
         let (moments, state) = upload_state(&trainer.gpu, &trainer.scene, first, second, state)?;
@@ -176,6 +176,7 @@ impl Trainer {
     }
 
     /// Everything that [`Trainer::resume`] needs, after the steps that were handed over and the density control due.
+    /// Its `world` is the caller's to set.
     ///
     /// # Errors
     /// As [`Trainer::train`].
@@ -186,6 +187,7 @@ impl Trainer {
             step: self.step,
             total: self.total,
             config: self.config.clone(),
+            world: Similarity::default(),
             origin: self.scene.origin,
             params: self.scene.download(&self.gpu, self.scene.groups.iter().map(|g| &g.params))?,
             first,
@@ -218,7 +220,7 @@ impl Trainer {
         self.scene.n
     }
 
-    /// The Gaussians after the steps that were handed over and the density control due, in the units of the capture.
+    /// The Gaussians after the steps that were handed over and the density control due, in the frame of the views it is trained on.
     ///
     /// # Errors
     /// As [`Trainer::train`].

@@ -100,10 +100,14 @@ fn a_moving_camera_has_a_pose_at_each_frame() {
 fn foreground_masks_are_used_only_when_asked_for() {
     let folder = Folder::new("dynamic-masks");
     write(&folder, 1);
-    let mask: Vec<u8> = (0..24).map(|i| u8::from(i % 3 == 0)).collect();
+    let mask: Vec<u8> = (0..24).map(|i| if i % 3 == 0 { 130 } else { 0 }).collect();
     folder.write("seg/0/000000.png", encode(&mask, 6, 4, ExtendedColorType::L8));
     let plain = folder.open();
     assert!(plain.cameras[0].shots[0].mask.is_none());
+    // What moves is known all the same, for the first Gaussians.
+    let shots = plain.cameras.iter().map(|camera| camera.shots[0].foreground.is_some());
+    assert_eq!(shots.collect::<Vec<_>>(), [true, false, false]);
+    assert_eq!(folder.check().n_foregrounds, 1);
     let settings = CaptureSettings { foreground_masks: true, ..CaptureSettings::default() };
     let masked = Capture::open_with(&folder.0, &settings).unwrap();
     assert!(masked.cameras[0].shots[0].mask.is_some() && masked.cameras[1].shots[0].mask.is_none());
@@ -112,7 +116,11 @@ fn foreground_masks_are_used_only_when_asked_for() {
         assert_eq!(a & 0x00ff_ffff, b & 0x00ff_ffff);
         assert_eq!((a >> 24, b >> 24), (if i % 3 == 0 { 255 } else { 0 }, 255));
     }
+    let foreground = plain.foreground(0, 0).unwrap().unwrap();
+    assert!(foreground.iter().enumerate().all(|(i, moves)| *moves == (i % 3 == 0)) && foreground.len() == 24);
+    assert_eq!(plain.foreground(2, 0).unwrap(), None);
     folder.write("seg/0/000000.png", encode(&mask, 4, 6, ExtendedColorType::L8));
+    assert!(plain.foreground(0, 0).is_err() && plain.foreground(0, 1).is_err());
     assert_told(&check_capture(&folder.0, &settings), &["seg/0/000000.png: is 4 x 6"]);
 }
 

@@ -13,6 +13,7 @@ fn manifest() -> Manifest {
         reference_frame: 1,
         test_cameras: vec!["side".to_owned()],
         masks: true,
+        foreground: true,
         ..Manifest::default()
     }
 }
@@ -43,6 +44,10 @@ fn write(folder: &Folder, change: impl FnOnce(&mut Model)) {
                 let mask: Vec<u8> = (0..24).map(|i| if i == frame { 0 } else { 200 }).collect();
                 folder.write(&format!("masks/{camera}/{frame:05}.png"), encode(&mask, 6, 4, ExtendedColorType::L8));
             }
+            if *camera == "rig" {
+                let moves: Vec<u8> = (0..24).map(|i| if i > 20 { 255 } else { 0 }).collect();
+                folder.write(&format!("foreground/rig/{frame:05}.png"), encode(&moves, 6, 4, ExtendedColorType::L8));
+            }
         }
     }
 }
@@ -62,7 +67,11 @@ fn a_folder_arrives_with_its_moving_camera_masks_and_test_camera() {
     assert_eq!(rig.pixels[1].to_le_bytes(), [13, 1, 7, 255]);
     assert_eq!(rig.pixels[2].to_le_bytes(), [14, 2, 7, 0]);
     assert!(capture.picture(2, 0).unwrap().pixels.iter().all(|pixel| pixel >> 24 == 255));
-    assert_eq!((folder.check().n_images, folder.check().n_masks), (9, 6));
+    let report = folder.check();
+    assert_eq!((report.n_images, report.n_masks, report.n_foregrounds), (9, 6, 3));
+    let moves = capture.foreground(1, 1).unwrap().unwrap();
+    assert!(moves.iter().enumerate().all(|(i, moves)| *moves == (i > 20)) && moves.len() == 24);
+    assert_eq!(capture.foreground(0, 1).unwrap(), None);
 }
 
 #[test]
@@ -83,12 +92,20 @@ fn every_fault_of_a_folder_is_told() {
     assert_eq!(folder.check().n_faults, 0);
     std::fs::remove_file(folder.0.join("images/rig/00001.png")).unwrap();
     std::fs::remove_file(folder.0.join("masks/front/00002.png")).unwrap();
+    std::fs::remove_file(folder.0.join("foreground/rig/00000.png")).unwrap();
     folder.write("images/side/00000.png", b"");
     folder.write("images/side/00001.png", b"text");
     folder.write("images/side/00002.png", png(4, 6, 0));
-    let says = ["rig/00001.png: is missing", "front/00002.png: is missing", "has 0 bytes", "is 4 x 6", "neither a PNG"];
+    let says = [
+        "rig/00001.png: is missing",
+        "front/00002.png: is missing",
+        "foreground/rig/00000.png",
+        "has 0 bytes",
+        "is 4 x 6",
+        "neither a PNG",
+    ];
     assert_told(&folder.check(), &says);
-    assert_eq!(folder.check().n_faults, 5);
+    assert_eq!(folder.check().n_faults, 6);
 }
 
 #[test]

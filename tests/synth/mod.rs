@@ -67,7 +67,7 @@ fn rgb(path: &Path) -> image::RgbImage {
 }
 
 /// The f32 channels of an OpenEXR image.
-fn exr(path: &Path) -> BTreeMap<String, Vec<f32>> {
+pub fn exr(path: &Path) -> BTreeMap<String, Vec<f32>> {
     use exr::prelude::{FlatSamples, read_first_flat_layer_from_file};
     let image = read_first_flat_layer_from_file(path).unwrap();
     let channels = image.layer_data.channel_data.list.into_iter();
@@ -83,9 +83,9 @@ fn numbers(value: &Value) -> Vec<f64> {
 }
 
 /// A body as truth.json tells of it.
-struct Body {
+pub struct Body {
     name: String,
-    dynamic: bool,
+    pub dynamic: bool,
     shape: Value,
     /// Body to world at each frame and one more; of a body at rest only one.
     poses: Vec<(DMat3, DVec3)>,
@@ -93,20 +93,20 @@ struct Body {
 }
 
 impl Body {
-    fn pose(&self, frame: usize) -> (DMat3, DVec3) {
+    pub fn pose(&self, frame: usize) -> (DMat3, DVec3) {
         if self.dynamic { self.poses[frame] } else { self.poses[0] }
     }
 
-    fn exists(&self, frame: f64) -> bool {
+    pub fn exists(&self, frame: f64) -> bool {
         self.life[0].is_none_or(|from| frame >= from - 1e-9) && self.life[1].is_none_or(|to| frame < to + 1e-9)
     }
 
-    fn local(&self, pose: (DMat3, DVec3), world: DVec3) -> DVec3 {
+    pub fn local(&self, pose: (DMat3, DVec3), world: DVec3) -> DVec3 {
         pose.0.inverse() * (world - pose.1)
     }
 
     /// Distance of a point of the body's frame from its surface.
-    fn distance(&self, local: DVec3) -> f64 {
+    pub fn distance(&self, local: DVec3) -> f64 {
         let number = |key: &str| self.shape[key].as_f64().unwrap();
         match self.shape["kind"].as_str().unwrap() {
             "sphere" => (local.length() - number("radius")).abs(),
@@ -124,7 +124,7 @@ impl Body {
     }
 }
 
-fn bodies(capture: &Path) -> Vec<Body> {
+pub fn bodies(capture: &Path) -> Vec<Body> {
     let truth = json(&capture.join("truth.json"));
     let matrix = |pose: &Value| {
         let rows: Vec<Vec<f64>> = pose.as_array().unwrap().iter().map(numbers).collect();

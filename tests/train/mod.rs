@@ -2,9 +2,12 @@
 
 mod density;
 mod extreme;
+mod init;
+mod plan;
 mod report;
 mod run;
 mod scores;
+mod worlds;
 
 use crate::common::device::gpu;
 use ivv::Constants;
@@ -99,7 +102,7 @@ fn training_halves_the_loss_of_a_dynamic_capture_and_improves_views_it_has_not_s
 #[test]
 fn two_runs_of_the_same_command_give_the_same_bits_and_another_seed_does_not() {
     let tiny = Tiny::new("repeats");
-    let config = Config { sh_degree: 1, random_points: 300, ..Config::default() };
+    let config = Config { sh_degree: 1, init_points: 300, ..Config::default() };
     let begin = from_points(&random_points(&tiny.capture, &config), &tiny.capture, &config);
     assert_eq!(begin.len(), 300);
     let run = |seed| bits(&train(&tiny.capture, &Config { seed, ..config.clone() }, &begin, 60).0);

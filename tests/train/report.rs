@@ -59,7 +59,13 @@ fn run() -> Run {
         points: 9,
     };
     let test_cameras = vec!["cam<1>".to_owned()];
-    Run { capture: "/captures/a & b".into(), test_cameras, constants: Constants::default(), held }
+    Run {
+        capture: "/captures/a & b".into(),
+        test_cameras,
+        world: Default::default(),
+        constants: Constants::default(),
+        held,
+    }
 }
 
 fn scores() -> SceneScores {

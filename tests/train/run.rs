@@ -149,7 +149,9 @@ fn check_totals(run: &Path) {
     let passes = totals["profile"]["passes"].as_array().unwrap();
     let sum: f64 = passes.iter().map(|pass| pass["ms"].as_f64().unwrap()).sum();
     assert!((totals["profile"]["ms"].as_f64().unwrap() - sum).abs() < 1e-6 * sum && sum > 0.0);
-    for stage in ["cull", "project", "depth sort", "tile sort", "blend", "loss", "blend bwd", "project bwd", "adam"] {
+    for stage in
+        ["cull", "project", "depth sort", "tile sort", "blend", "loss", "blend bwd", "project bwd adam", "adam"]
+    {
         let has = |pass: &Value| pass["label"].as_str().unwrap().starts_with(&format!("{stage}/"));
         assert!(passes.iter().any(has), "{stage}");
     }

@@ -289,7 +289,7 @@ impl Posed {
     /// The camera of one image, at frame 0.
     fn camera(&self, name: String, image: &Path) -> Camera {
         let Intrinsics { width, height, fx, fy, cx, cy } = self.intrinsics;
-        let shot = Shot { frame: 0, image: image.to_owned(), mask: None, world_to_camera: None };
+        let shot = Shot { frame: 0, image: image.to_owned(), mask: None, foreground: None, world_to_camera: None };
         Camera { name, width, height, fx, fy, cx, cy, world_to_camera: self.pose, is_test: false, shots: vec![shot] }
     }
 }

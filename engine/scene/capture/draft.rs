@@ -59,6 +59,7 @@ impl Draft {
         for camera in &self.cameras {
             report.n_images += camera.shots.len();
             report.n_masks += camera.shots.iter().filter(|shot| shot.mask.is_some()).count();
+            report.n_foregrounds += camera.shots.iter().filter(|shot| shot.foreground.is_some()).count();
             let pixels = u64::from(camera.width) * u64::from(camera.height);
             report.bytes_decoded += 4 * pixels * camera.shots.len() as u64;
         }
@@ -105,7 +106,7 @@ impl Draft {
             }
             let calibrated = (camera.width, camera.height);
             for shot in &camera.shots {
-                for file in [Some(&shot.image), shot.mask.as_ref()].into_iter().flatten() {
+                for file in [Some(&shot.image), shot.mask.as_ref(), shot.foreground.as_ref()].into_iter().flatten() {
                     match read_size(file) {
                         Ok(size) if size == calibrated => {}
                         Ok((width, height)) => {

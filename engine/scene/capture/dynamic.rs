@@ -95,11 +95,12 @@ impl Found<'_> {
             return Err(format!("has the intrinsic matrix {k:?}, which is no pinhole without skew"));
         }
         let mask = self.path.join("seg").join(name.with_extension("png"));
-        let has_mask = self.settings.foreground_masks && mask.exists();
+        let foreground = mask.exists().then_some(mask);
         let shot = Shot {
             frame: t as u32,
             image: self.path.join("ims").join(name),
-            mask: has_mask.then_some(mask),
+            mask: foreground.clone().filter(|_| self.settings.foreground_masks),
+            foreground,
             world_to_camera: None,
         };
         let new = Camera {

@@ -33,6 +33,9 @@ pub struct Manifest {
     /// `masks/<camera>/<frame:05>.png` exist, for all frames of every camera that has such a folder.
     #[serde(default)]
     pub masks: bool,
+    /// `foreground/<camera>/<frame:05>.png` exist, likewise: what moves is bright in them.
+    #[serde(default)]
+    pub foreground: bool,
     /// `points/<frame:05>.ply` exist.
     #[serde(default)]
     pub points: bool,
@@ -62,7 +65,7 @@ impl Manifest {
         toml::from_str(&text).map_err(|fault| {
             let start = fault.span().map_or(0, |span| span.start);
             let line = text.as_bytes().iter().take(start).filter(|byte| **byte == b'\n').count() + 1;
-            let remedy = "give fps, frames and, where they apply, reference_frame, test_cameras, masks, points, flow, \
+            let remedy = "give fps, frames and, where they apply, reference_frame, test_cameras, masks, foreground, points, flow, \
                           depth and audio";
             Error::data(&path, format!("line {line}"), fault.message().to_owned(), remedy)
         })
@@ -98,6 +101,7 @@ pub(super) fn read(path: &Path, settings: &CaptureSettings, faults: &mut Faults)
     }
     for (name, declared) in [
         ("masks", manifest.masks),
+        ("foreground", manifest.foreground),
         ("points", manifest.points),
         ("flow", manifest.flow),
         ("depth", manifest.depth),
@@ -111,23 +115,21 @@ pub(super) fn read(path: &Path, settings: &CaptureSettings, faults: &mut Faults)
             draft.notes.push(format!("{name}/ is not used: {FILE} does not declare it"));
         }
     }
-    if manifest.masks {
-        draft.cameras.iter_mut().for_each(|camera| add_masks(&path.join("masks").join(&camera.name), camera));
+    for camera in &mut draft.cameras {
+        let file = |folder: &str, frame: u32| path.join(folder).join(&camera.name).join(format!("{frame:05}.png"));
+        // A camera that has a folder of masks has one for every frame.
+        let has = |folder: &str| path.join(folder).join(&camera.name).is_dir();
+        let (has_masks, has_foreground) = (manifest.masks && has("masks"), manifest.foreground && has("foreground"));
+        for shot in &mut camera.shots {
+            shot.mask = has_masks.then(|| file("masks", shot.frame));
+            shot.foreground = has_foreground.then(|| file("foreground", shot.frame));
+        }
     }
     check_test_cameras(&manifest.test_cameras, &draft.cameras, &draft.calibration, faults);
     for camera in &mut draft.cameras {
         camera.is_test = manifest.test_cameras.contains(&camera.name);
     }
     draft
-}
-
-/// A camera that has a folder of masks has one for every frame.
-fn add_masks(folder: &Path, camera: &mut Camera) {
-    if folder.is_dir() {
-        for shot in &mut camera.shots {
-            shot.mask = Some(folder.join(format!("{:05}.png", shot.frame)));
-        }
-    }
 }
 
 /// The images of the model by camera: `<camera>.<ext>` or `<camera>/<frame>.<ext>`. A camera with one of them stands
@@ -163,6 +165,7 @@ fn cameras(path: &Path, file: &Path, images: Vec<Posed>, n_frames: u32, faults: 
             frame,
             image: with_image_extension(&folder.join(format!("{frame:05}"))),
             mask: None,
+            foreground: None,
             world_to_camera: moving.as_ref().and_then(|moving| moving.get(&frame)).map(|&at| posed[at].1.pose),
         });
         let Intrinsics { width, height, fx, fy, cx, cy } = intrinsics;

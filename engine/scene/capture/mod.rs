@@ -26,7 +26,11 @@ use std::path::{Path, PathBuf};
 use self::draft::Draft;
 use self::report::Faults;
 use crate::error::{Error, Result};
-use crate::scene::View;
+use crate::scene::{Similarity, View};
+
+/// [`Extent::radius`] in the frame that training computes in: the geometric middle of SPEC 1's 1 to 10. Rates and limits
+/// in scene units, as those of velocities and the near plane, mean the same in every capture.
+pub const TRAINING_RADIUS: f64 = 3.0;
 
 /// How a capture is read. The default suits every format.
 #[derive(Clone, Debug, PartialEq)]
@@ -43,7 +47,7 @@ pub struct CaptureSettings {
     pub fps: f64,
     /// Leaves out images whose file is absent, with a note, where each is a fault otherwise.
     pub skip_missing: bool,
-    /// Takes the foreground masks of Dynamic3DGaussians (`seg/`) as masks. Off: they label what moves, not what is
+    /// Takes the foreground masks of Dynamic3DGaussians (`seg/`) as masks too. Off: they label what moves, not what is
     /// valid, and a training that ignores what they leave out has no background.
     pub foreground_masks: bool,
     /// Folder of the images of a plain COLMAP project, relative to the capture.
@@ -81,6 +85,8 @@ pub struct Shot {
     pub image: PathBuf,
     /// PNG of the camera's size; pixels of value 0 are to be ignored.
     pub mask: Option<PathBuf>,
+    /// PNG of the camera's size; pixels of at least 128 show what moves. Only the first Gaussians are made from it.
+    pub foreground: Option<PathBuf>,
     /// The pose at this frame when the camera moves.
     pub world_to_camera: Option<Pose>,
 }
@@ -215,9 +221,37 @@ impl Capture {
         picture::decode(&self.source(camera, frame)?)
     }
 
+    /// Whether each pixel of an image, row by row, shows what moves; `None` when nothing says so.
+    ///
+    /// # Errors
+    /// As [`Capture::picture`].
+    pub fn foreground(&self, camera: usize, frame: u32) -> Result<Option<Vec<bool>>> {
+        let source = self.source(camera, frame)?;
+        let shot = self.cameras[camera].shot(frame);
+        shot.and_then(|shot| shot.foreground.as_ref()).map(|path| picture::foreground(path, &source)).transpose()
+    }
+
     /// Where the training cameras are; of all cameras when every one is a test camera.
     pub fn extent(&self) -> Extent {
         draft::extent(&self.cameras, &self.points)
+    }
+
+    /// The shift and scale to the frame that training computes in (SPEC 1): the origin at [`Extent::center`], and
+    /// [`Extent::radius`] [`TRAINING_RADIUS`].
+    pub fn normalisation(&self) -> Similarity {
+        let Extent { center, radius } = self.extent();
+        Similarity { origin: center, scale: TRAINING_RADIUS / radius }
+    }
+
+    /// The capture in another frame: its cameras and points move, its pictures stay the same.
+    pub fn transformed(mut self, to: &Similarity) -> Capture {
+        for camera in &mut self.cameras {
+            camera.world_to_camera = to.pose(&camera.world_to_camera);
+            let poses = camera.shots.iter_mut().filter_map(|shot| shot.world_to_camera.as_mut());
+            poses.for_each(|pose| *pose = to.pose(pose));
+        }
+        self.points.iter_mut().for_each(|point| point.position = to.point(point.position));
+        self
     }
 
     fn frames(&self, is_test: bool) -> Vec<(usize, u32)> {

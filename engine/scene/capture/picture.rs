@@ -63,6 +63,15 @@ pub(super) fn decode_or_fault(source: &Source) -> Result<Picture, Fault> {
     Ok(Picture { width: source.width, height: source.height, pixels })
 }
 
+/// Whether each pixel of a foreground mask for the image of `source` is at least 128.
+///
+/// # Errors
+/// `Error::Data` naming the mask.
+pub(super) fn foreground(path: &Path, source: &Source) -> error::Result<Vec<bool>> {
+    let mask = guarded(path, || pixels_of(path, source))?.into_luma8();
+    Ok(mask.as_raw().iter().map(|level| *level >= 128).collect())
+}
+
 /// Third-party decoders have panicked on damaged images before; here that is a fault of the image.
 fn guarded<T>(path: &Path, work: impl FnOnce() -> Result<T, Fault>) -> Result<T, Fault> {
     let broken = |_| Err(fault(path, "its decoder gave up", BROKEN));

@@ -94,6 +94,8 @@ pub struct Report {
     pub n_images: usize,
     /// Images that have a mask.
     pub n_masks: usize,
+    /// Images of which it is known what moves in them.
+    pub n_foregrounds: usize,
     /// Sparse points.
     pub n_points: usize,
     /// Bytes of all images when decoded, 4 for each pixel.
@@ -117,6 +119,7 @@ impl Report {
             n_test_cameras: 0,
             n_images: 0,
             n_masks: 0,
+            n_foregrounds: 0,
             n_points: 0,
             bytes_decoded: 0,
             notes: Vec::new(),

@@ -187,7 +187,12 @@ impl Frame {
             is_test,
             shots: Vec::new(),
         };
-        Entry { camera, name, shot: Shot { frame: 0, image, mask, world_to_camera: None }, time: self.time }
+        Entry {
+            camera,
+            name,
+            shot: Shot { frame: 0, image, mask, foreground: None, world_to_camera: None },
+            time: self.time,
+        }
     }
 }
 

@@ -6,7 +6,7 @@ use std::sync::mpsc;
 
 /// Does `n` pieces of work on `threads` threads and returns what they give, in their order. `done` is called on this
 /// thread after each, with the number finished so far. After a fault no new piece is begun.
-pub(super) fn in_parallel<T: Send>(
+pub fn in_parallel<T: Send>(
     n: usize,
     threads: usize,
     work: impl Fn(usize) -> Result<T> + Sync,

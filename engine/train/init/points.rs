@@ -1,47 +1,75 @@
-//! Gaussians to begin with.
+//! Gaussians at points: of a reconstruction, at random, or found by the other modules here.
 
-use super::config::Config;
-use super::random::Random;
 use crate::scene::capture::{Capture, Point};
 use crate::scene::{Motion, Splats};
+use crate::train::config::Config;
+use crate::train::random::Random;
 use std::collections::HashMap;
 
 /// Value of the constant spherical harmonic.
 const SH_0: f64 = 0.282_094_791_773_878_14;
 /// Opacity to begin with (SPEC 5).
-const OPACITY: f64 = 0.1;
+pub(super) const OPACITY: f64 = 0.1;
+
+/// Where a Gaussian begins.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Found {
+    /// World.
+    pub position: [f64; 3],
+    /// In [0, 1].
+    pub color: [f32; 3],
+}
 
 /// One isotropic Gaussian per point: size from the mean distance to the 3 nearest neighbours, opacity 0.1, colour to
 /// degree 0. In a clip of several frames all are dynamic, at rest, and visible throughout.
 pub fn from_points(points: &[Point], capture: &Capture, config: &Config) -> Splats {
-    let positions: Vec<[f64; 3]> = points.iter().map(|p| p.position).collect();
-    let radius = capture.extent().radius;
-    let distances = neighbour_distances(&positions, radius);
+    let found = |point: &Point| Found { position: point.position, color: point.color.map(|c| f32::from(c) / 255.0) };
+    let found: Vec<Found> = points.iter().map(found).collect();
+    let sizes = spacings(&found, capture.extent().radius);
     let mut splats = Splats::new(config.sh_degree);
-    let n = points.len();
-    let is_dynamic = capture.n_frames > 1;
-    splats.n_static = if is_dynamic { 0 } else { n };
-    let logit = (OPACITY / (1.0 - OPACITY)).ln() as f32;
-    for (point, distance) in points.iter().zip(distances) {
-        splats.position.push(point.position.map(|x| x as f32));
-        splats.rotation.push([1.0, 0.0, 0.0, 0.0]);
-        splats.scale.push([distance.max(1e-7 * radius).ln() as f32; 3]);
-        splats.opacity.push(logit);
-        splats.sh.push(point.color.map(|c| ((f64::from(c) / 255.0 - 0.5) / SH_0) as f32));
-        splats.sh.resize(splats.sh.len() + splats.n_coefficients() - 1, [0.0; 3]);
-        if is_dynamic {
-            splats.motion.push(Motion { velocity: [0.0; 3], t_center: 0.5, t_scale: 0.0 });
-        }
-    }
-    splats.source_row = (0..n as u32).collect();
+    append(&mut splats, &found, &sizes, OPACITY, throughout(capture));
     splats
+}
+
+/// At rest and visible throughout; `None` in a clip of one frame, whose Gaussians are static.
+pub(super) fn throughout(capture: &Capture) -> Option<Motion> {
+    (capture.n_frames > 1).then_some(Motion { velocity: [0.0; 3], t_center: 0.5, t_scale: 0.0 })
+}
+
+/// Appends an isotropic Gaussian for each of `found`, of a standard deviation from `sizes`. Those without `motion` are
+/// static; all of them come before the first that moves.
+pub(super) fn append(splats: &mut Splats, found: &[Found], sizes: &[f64], opacity: f64, motion: Option<Motion>) {
+    let logit = (opacity / (1.0 - opacity)).ln() as f32;
+    for (Found { position, color }, size) in found.iter().zip(sizes) {
+        splats.source_row.push(splats.len() as u32);
+        splats.position.push(position.map(|x| x as f32));
+        splats.rotation.push([1.0, 0.0, 0.0, 0.0]);
+        splats.scale.push([size.ln() as f32; 3]);
+        splats.opacity.push(logit);
+        splats.sh.push(color.map(|c| ((f64::from(c) - 0.5) / SH_0) as f32));
+        splats.sh.resize(splats.len() * splats.n_coefficients(), [0.0; 3]);
+        splats.motion.extend(motion);
+        splats.n_static += usize::from(motion.is_none());
+    }
+}
+
+/// The median of each channel; `None` of no colours.
+pub(super) fn median_color(mut colors: Vec<[f32; 3]>) -> Option<[f32; 3]> {
+    let middle = colors.len() / 2;
+    if colors.is_empty() {
+        return None;
+    }
+    Some([0, 1, 2].map(|channel| {
+        colors.sort_unstable_by(|a, b| a[channel].total_cmp(&b[channel]));
+        colors[middle][channel]
+    }))
 }
 
 /// Grey points, uniform in the ball that the capture's cameras look at.
 pub fn random_points(capture: &Capture, config: &Config) -> Vec<Point> {
     let extent = capture.extent();
     let random = Random::new(&[config.seed, 0x0070_6f69_6e74]);
-    (0..config.random_points as u64)
+    (0..config.init_points as u64)
         .map(|i| {
             let direction: [f64; 3] = std::array::from_fn(|k| random.normal(4 * i + k as u64));
             let length = direction.iter().map(|x| x * x).sum::<f64>().sqrt().max(1e-9);
@@ -53,7 +81,8 @@ pub fn random_points(capture: &Capture, config: &Config) -> Vec<Point> {
 }
 
 /// For each point the mean distance to its 3 nearest neighbours; at most a tenth of `radius`, which a lone point gets.
-fn neighbour_distances(points: &[[f64; 3]], radius: f64) -> Vec<f64> {
+pub(super) fn spacings(found: &[Found], radius: f64) -> Vec<f64> {
+    let points: Vec<[f64; 3]> = found.iter().map(|found| found.position).collect();
     // Cells that would hold about two points each if the points filled the ball evenly.
     let cell = (radius / (points.len() as f64 / 2.0).cbrt()).max(1e-9 * radius.max(1e-9));
     let key = |p: &[f64; 3]| p.map(|x| (x / cell).floor() as i64);
@@ -86,7 +115,7 @@ fn neighbour_distances(points: &[[f64; 3]], radius: f64) -> Vec<f64> {
             }
             let found: Vec<f64> = nearest.iter().filter(|d| d.is_finite()).map(|d| d.sqrt()).collect();
             let mean = found.iter().sum::<f64>() / found.len().max(1) as f64;
-            if found.is_empty() { 0.1 * radius } else { mean.min(0.1 * radius) }
+            if found.is_empty() { 0.1 * radius } else { mean.clamp(1e-7 * radius, 0.1 * radius) }
         })
         .collect()
 }

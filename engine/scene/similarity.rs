@@ -1,0 +1,61 @@
+//! Where a world's origin is and how long its unit: the frame that training computes in, and the way back.
+
+use super::splats::Splats;
+
+/// A shift and a uniform scale of the world, in f64: `x' = scale (x - origin)`.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct Similarity {
+    /// The point that becomes the origin, in the old units.
+    pub origin: [f64; 3],
+    /// New units per old unit, positive.
+    pub scale: f64,
+}
+
+impl Default for Similarity {
+    /// Everything stays where it is.
+    fn default() -> Self {
+        Similarity { origin: [0.0; 3], scale: 1.0 }
+    }
+}
+
+impl Similarity {
+    /// The way back: `x = x' / scale + origin`.
+    pub fn inverse(&self) -> Self {
+        Similarity { origin: self.origin.map(|x| -self.scale * x), scale: 1.0 / self.scale }
+    }
+
+    /// Whether single precision has digits enough for positions in the old world: its rounding there stays below 1e-4 new
+    /// units.
+    pub fn is_exact_in_f32(&self) -> bool {
+        let farthest = self.origin.iter().fold(0.0, |most: f64, x| most.max(x.abs()));
+        0.5 * f64::from(f32::EPSILON) * farthest * self.scale < 1e-4
+    }
+
+    /// A point in the new world.
+    pub fn point(&self, at: [f64; 3]) -> [f64; 3] {
+        std::array::from_fn(|k| self.scale * (at[k] - self.origin[k]))
+    }
+
+    /// The rows of `world_to_camera` for the new world; the camera's own axes scale with it, so pictures stay the same.
+    pub fn pose(&self, world_to_camera: &[[f64; 4]; 4]) -> [[f64; 4]; 4] {
+        let mut pose = *world_to_camera;
+        for row in &mut pose[..3] {
+            row[3] = self.scale * (row[3] + (0..3).map(|k| row[k] * self.origin[k]).sum::<f64>());
+        }
+        pose
+    }
+
+    /// The Gaussians in the new world: positions, log-scales and velocities change. Rounded to f32 once.
+    pub fn splats(&self, splats: &Splats) -> Splats {
+        let mut moved = splats.clone();
+        for position in &mut moved.position {
+            *position = self.point(position.map(f64::from)).map(|x| x as f32);
+        }
+        let longer = self.scale.ln();
+        moved.scale.as_flattened_mut().iter_mut().for_each(|s| *s = (f64::from(*s) + longer) as f32);
+        for velocity in moved.motion.iter_mut().flat_map(|motion| &mut motion.velocity) {
+            *velocity = (f64::from(*velocity) * self.scale) as f32;
+        }
+        moved
+    }
+}

@@ -1,0 +1,131 @@
+//! Points from the depths of several cameras: what others confirm, and a guess where no one knows.
+
+use super::eye::{Eye, Ground};
+use super::points::{Found, median_color};
+use super::sweep::Depths;
+use crate::scene::capture::TRAINING_RADIUS;
+use glam::Vec3;
+use std::collections::HashMap;
+
+/// Steps of inverse depth that another camera's may be off to confirm.
+const TOLERANCE: f32 = 1.5;
+/// Steps beyond which another camera sees through a point.
+const THROUGH: f32 = 3.0;
+
+/// A point and the cameras that saw it there; 0 where it is guessed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Agreed {
+    pub found: Found,
+    pub n_cameras: usize,
+}
+
+/// The points of all cameras, those that are seen first.
+pub(super) fn agree(eyes: &[Eye], depths: &[Depths]) -> Vec<Agreed> {
+    let mut all = Vec::new();
+    let mut known: Vec<Vec<f32>> = Vec::new();
+    for (i, eye) in eyes.iter().enumerate() {
+        let confirmed: Vec<_> = (0..eye.ground.len()).map(|pixel| confirm(eyes, depths, i, pixel)).collect();
+        let inverse = confirmed.iter().zip(&depths[i].inverse);
+        known.push(inverse.map(|(found, inverse)| if found.is_some() { *inverse } else { f32::NAN }).collect());
+        all.extend(confirmed.into_iter().flatten());
+    }
+    for (i, eye) in eyes.iter().enumerate() {
+        let spread = spread(eye, &known[i]);
+        let is_open = |pixel: &usize| eye.ground[*pixel] == Ground::Still && known[i][*pixel].is_nan();
+        for pixel in (0..eye.ground.len()).filter(is_open).filter(|pixel| spread[*pixel] > 0.0) {
+            let position = place(eye, pixel, spread[pixel]);
+            let is_known =
+                |(other, known): (&Eye, &Vec<f32>)| other.sees(position).is_some_and(|(at, _)| known[at] > 0.0);
+            if !eyes.iter().zip(&known).any(is_known) {
+                let found = Found { position: position.as_dvec3().to_array(), color: eye.color[pixel] };
+                all.push(Agreed { found, n_cameras: 0 });
+            }
+        }
+    }
+    all
+}
+
+fn place(eye: &Eye, pixel: usize, inverse_depth: f32) -> Vec3 {
+    eye.center + eye.ray(pixel) / inverse_depth
+}
+
+/// The point of a pixel, if another camera's depth confirms it and fewer see through it.
+fn confirm(eyes: &[Eye], depths: &[Depths], i: usize, pixel: usize) -> Option<Agreed> {
+    let (eye, inverse) = (&eyes[i], depths[i].inverse[pixel]);
+    if inverse.is_nan() {
+        return None;
+    }
+    let position = place(eye, pixel, inverse);
+    // Each camera's own idea of the point, in pixels of its own.
+    let (mut places, mut colors) = (position, vec![eye.color[pixel]]);
+    let mut n_through = 0;
+    for (j, (other, there)) in eyes.iter().zip(depths).enumerate() {
+        let Some((at, depth)) = other.sees(position).filter(|_| j != i) else { continue };
+        // NaN, where it has no depth, is neither.
+        let nearer = (1.0 / depth - there.inverse[at]) / there.step;
+        if nearer.abs() <= TOLERANCE {
+            colors.push(other.color[at]);
+            places += place(other, at, there.inverse[at]);
+        }
+        n_through += usize::from(nearer > THROUGH);
+    }
+    let n_cameras = colors.len();
+    if n_cameras < 2 || 2 * n_through >= n_cameras {
+        return None;
+    }
+    let position = (places / n_cameras as f32).as_dvec3().to_array();
+    Some(Agreed { found: Found { position, color: median_color(colors)? }, n_cameras })
+}
+
+/// For each pixel the inverse depth of the nearest known one, along rows and columns.
+fn spread(eye: &Eye, known: &[f32]) -> Vec<f32> {
+    let mut all = known.to_vec();
+    let mut edge: Vec<usize> = (0..all.len()).filter(|pixel| all[*pixel] > 0.0).collect();
+    while !edge.is_empty() {
+        let mut next = Vec::new();
+        for pixel in edge {
+            let (column, row) = (pixel % eye.width, pixel / eye.width);
+            let beside = [
+                (column > 0).then(|| pixel - 1),
+                (column + 1 < eye.width).then_some(pixel + 1),
+                (row > 0).then(|| pixel - eye.width),
+                (row + 1 < eye.height).then_some(pixel + eye.width),
+            ];
+            for at in beside.into_iter().flatten() {
+                if all[at].is_nan() {
+                    all[at] = all[pixel];
+                    next.push(at);
+                }
+            }
+        }
+        edge = next;
+    }
+    all
+}
+
+/// At most `most` of the points, evenly spread: of each cell of a grid the one that most cameras saw. The cells are larger
+/// beyond the cameras, where pictures show less.
+pub(super) fn thin(points: &[Agreed], most: usize) -> Vec<Found> {
+    let kept = |side: f64| -> Vec<usize> {
+        let mut cells: HashMap<[i64; 4], usize> = HashMap::new();
+        for (index, point) in points.iter().enumerate() {
+            let position = point.found.position;
+            let distance = position.iter().map(|x| x * x).sum::<f64>().sqrt();
+            let shell = (distance / TRAINING_RADIUS).log2().ceil().max(0.0);
+            let [x, y, z] = position.map(|x| (x / (side * shell.exp2())).floor() as i64);
+            let held = cells.entry([x, y, z, shell as i64]).or_insert(index);
+            if points[*held].n_cameras < point.n_cameras {
+                *held = index;
+            }
+        }
+        let mut kept: Vec<usize> = cells.into_values().collect();
+        kept.sort_unstable();
+        kept
+    };
+    let (mut low, mut high) = (0.0, 2.0 * TRAINING_RADIUS);
+    for _ in 0..12 {
+        let middle = 0.5 * (low + high);
+        if kept(middle).len() > most { low = middle } else { high = middle }
+    }
+    kept(high).into_iter().take(most).map(|index| points[index].found).collect()
+}

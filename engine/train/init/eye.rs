@@ -1,0 +1,134 @@
+//! A training camera at one frame with its picture reduced: what the first Gaussians are made from.
+
+use crate::error::Result;
+use crate::scene::View;
+use crate::scene::capture::{Capture, Picture};
+use glam::{DMat3, DVec3, Mat3, Vec2, Vec3};
+
+/// What is behind a pixel, as far as the capture says.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Ground {
+    /// Excluded by a mask: nothing is known.
+    Unknown,
+    /// Something that stands still; everything where there is no foreground mask.
+    Still,
+    /// Something that moves.
+    Moving,
+}
+
+/// A picture and its foreground mask, decoded.
+pub(super) struct Seen {
+    view: View,
+    picture: Picture,
+    foreground: Option<Vec<bool>>,
+}
+
+impl Seen {
+    /// Decodes the picture of `camera` at `frame`.
+    pub fn read(capture: &Capture, camera: usize, frame: u32) -> Result<Self> {
+        Ok(Seen {
+            view: capture.view(camera, frame)?,
+            picture: capture.picture(camera, frame)?,
+            foreground: capture.foreground(camera, frame)?,
+        })
+    }
+}
+
+/// A pinhole camera with a reduced picture. World positions are in f32: the capture is in the frame of training.
+pub(super) struct Eye {
+    /// Pixels.
+    pub width: usize,
+    /// Pixels.
+    pub height: usize,
+    /// Of the lens, world.
+    pub center: Vec3,
+    /// Pixels.
+    pub focal: Vec2,
+    principal: Vec2,
+    /// World to camera.
+    rotation: Mat3,
+    /// Mean colour of each pixel, row by row, in [0, 1].
+    pub color: Vec<[f32; 3]>,
+    /// What most of each pixel shows.
+    pub ground: Vec<Ground>,
+}
+
+impl Eye {
+    /// Reduces a picture by the least whole number that leaves at most `longest` pixels on each side.
+    pub fn new(seen: &Seen, longest: usize) -> Self {
+        let Seen { view, picture, foreground } = seen;
+        let (full_width, full_height) = (picture.width as usize, picture.height as usize);
+        let block = full_width.max(full_height).div_ceil(longest).max(1);
+        let (width, height) = (full_width.div_ceil(block), full_height.div_ceil(block));
+        let (mut color, mut ground) = (Vec::new(), Vec::new());
+        for (row, column) in (0..height).flat_map(|row| (0..width).map(move |column| (row, column))) {
+            let rows = row * block..((row + 1) * block).min(full_height);
+            let columns = column * block..((column + 1) * block).min(full_width);
+            let n_all = rows.len() * columns.len();
+            let (mut sum, mut n_valid, mut n_moving) = ([0.0; 3], 0, 0);
+            for at in rows.flat_map(|y| columns.clone().map(move |x| y * full_width + x)) {
+                let [r, g, b, valid] = picture.pixels[at].to_le_bytes();
+                if valid > 0 {
+                    n_valid += 1;
+                    n_moving += usize::from(foreground.as_ref().is_some_and(|is_moving| is_moving[at]));
+                    sum.iter_mut().zip([r, g, b]).for_each(|(sum, c)| *sum += f32::from(c));
+                }
+            }
+            color.push(sum.map(|sum| sum / (255.0 * n_valid.max(1) as f32)));
+            ground.push(match () {
+                () if 2 * n_valid < n_all => Ground::Unknown,
+                () if 2 * n_moving >= n_valid => Ground::Moving,
+                () => Ground::Still,
+            });
+        }
+        let m = &view.world_to_camera;
+        let rotation = DMat3::from_cols_array_2d(&std::array::from_fn(|row| std::array::from_fn(|k| m[row][k])));
+        // Of the rows just read as columns: R^T.
+        let center = -(rotation * DVec3::new(m[0][3], m[1][3], m[2][3]));
+        let reduced = |x: f64| (x / block as f64) as f32;
+        Eye {
+            width,
+            height,
+            center: center.as_vec3(),
+            focal: Vec2::new(reduced(view.fx), reduced(view.fy)),
+            principal: Vec2::new(reduced(view.cx), reduced(view.cy)),
+            rotation: rotation.transpose().as_mat3(),
+            color,
+            ground,
+        }
+    }
+
+    /// Depth of a point; negative behind the camera.
+    pub fn depth(&self, world: Vec3) -> f32 {
+        self.axis().dot(world - self.center)
+    }
+
+    /// Place in the picture, pixels, and depth; `None` behind the camera.
+    pub fn project(&self, world: Vec3) -> Option<(Vec2, f32)> {
+        let at = self.rotation * (world - self.center);
+        (at.z > 1e-6).then(|| (at.truncate() / at.z * self.focal + self.principal, at.z))
+    }
+
+    /// The pixel at a place of the picture.
+    pub fn pixel(&self, at: Vec2) -> Option<usize> {
+        let is_inside = at.x >= 0.0 && at.y >= 0.0 && at.x < self.width as f32 && at.y < self.height as f32;
+        is_inside.then(|| at.y as usize * self.width + at.x as usize)
+    }
+
+    /// The pixel that shows a point, and the point's depth.
+    pub fn sees(&self, world: Vec3) -> Option<(usize, f32)> {
+        let (at, depth) = self.project(world)?;
+        Some((self.pixel(at)?, depth))
+    }
+
+    /// World direction through the middle of a pixel, of depth 1.
+    pub fn ray(&self, pixel: usize) -> Vec3 {
+        let at = Vec2::new((pixel % self.width) as f32 + 0.5, (pixel / self.width) as f32 + 0.5);
+        self.rotation.transpose() * ((at - self.principal) / self.focal).extend(1.0)
+    }
+
+    /// World direction of the optical axis.
+    pub fn axis(&self) -> Vec3 {
+        self.rotation.row(2)
+    }
+}

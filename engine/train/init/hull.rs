@@ -1,0 +1,190 @@
+//! The visual hull of what moves: the space that every camera sees as foreground.
+
+use super::eye::{Eye, Ground};
+use super::points::{Found, median_color};
+use crate::train::random::permutation;
+use glam::{IVec3, Mat3, Vec2, Vec3};
+use std::collections::HashSet;
+
+/// Halvings of the cube: leaves are 1/256 of its side.
+const LEVELS: u32 = 8;
+/// Cells at which halving ends early: masks that are all foreground would fill the cube.
+const MOST_CELLS: usize = 200_000;
+/// Cameras that must see a cell, as a fraction of all and at least 3: fewer leave long phantoms. Cameras that look outward
+/// share less.
+const LEAST_SEEN: f32 = 1.0 / 3.0;
+const LEAST_CAMERAS: f32 = 3.0;
+/// Half of the cube's side, in distances of the cameras from what they look at; of cameras that look outward, from the
+/// point between them.
+const INWARD_REACH: f32 = 1.5;
+const OUTWARD_REACH: f32 = 10.0;
+/// Cameras that may see no foreground where there is some, as a fraction of those that see the cell: masks have holes.
+const MOST_MISSES: f32 = 0.1;
+
+/// The space that is carved.
+struct Cube {
+    /// Its middle, world.
+    center: Vec3,
+    half: f32,
+    /// Cameras that must see a cell.
+    least_seen: f32,
+}
+
+impl Cube {
+    /// Around the point nearest to all optical axes.
+    fn around(eyes: &[Eye]) -> Self {
+        // Where the axes are parallel, a weak pull to the middle of the cameras decides.
+        let n = eyes.len() as f32;
+        let middle = eyes.iter().map(|eye| eye.center).sum::<Vec3>() / n;
+        let (mut across, mut sum) = (Mat3::IDENTITY * 1e-3 * n, middle * 1e-3 * n);
+        for eye in eyes {
+            let axis = eye.axis();
+            let flat = Mat3::IDENTITY - Mat3::from_cols(axis * axis.x, axis * axis.y, axis * axis.z);
+            across += flat;
+            sum += flat * eye.center;
+        }
+        let center = across.inverse() * sum;
+        let mut distances: Vec<f32> = eyes.iter().map(|eye| eye.center.distance(center)).collect();
+        distances.sort_by(f32::total_cmp);
+        let distance = distances.get(distances.len() / 2).copied().unwrap_or(0.0);
+        let n_inward = eyes.iter().filter(|eye| eye.depth(center) > 0.0).count();
+        if 2 * n_inward > eyes.len() {
+            Cube { center, half: INWARD_REACH * distance, least_seen: LEAST_CAMERAS.max(LEAST_SEEN * n) }
+        } else {
+            Cube { center, half: OUTWARD_REACH * distance, least_seen: LEAST_CAMERAS }
+        }
+    }
+}
+
+/// A camera's foreground, summed from the first pixel on.
+struct Silhouette<'a> {
+    eye: &'a Eye,
+    /// Of moving or unknown pixels in the rows above and the columns to the left; one row and one column more.
+    sums: Vec<u32>,
+}
+
+/// What a camera says about a cell.
+#[derive(PartialEq)]
+enum Verdict {
+    /// It is out of sight, or partly so.
+    Unseen,
+    Empty,
+    Possible,
+}
+
+impl<'a> Silhouette<'a> {
+    fn new(eye: &'a Eye) -> Self {
+        let stride = eye.width + 1;
+        let mut sums = vec![0; stride * (eye.height + 1)];
+        for (row, pixels) in eye.ground.chunks_exact(eye.width).enumerate() {
+            let mut in_row = 0;
+            for (column, ground) in pixels.iter().enumerate() {
+                // Where nothing is known, nothing is carved.
+                in_row += u32::from(*ground != Ground::Still);
+                sums[(row + 1) * stride + column + 1] = sums[row * stride + column + 1] + in_row;
+            }
+        }
+        Silhouette { eye, sums }
+    }
+
+    /// About the ball around a cell.
+    fn verdict(&self, center: Vec3, radius: f32) -> Verdict {
+        let eye = self.eye;
+        let depth = eye.depth(center);
+        if depth <= -radius {
+            return Verdict::Unseen;
+        }
+        // A cell that the lens is in, or nearly, may be anywhere in the picture.
+        let Some((at, _)) = eye.project(center).filter(|_| depth > 1.01 * radius) else {
+            return Verdict::Possible;
+        };
+        let reach = Vec2::splat(radius) / (depth - radius) * eye.focal;
+        let size = Vec2::new(eye.width as f32, eye.height as f32);
+        let (low, high) = ((at - reach).floor(), (at + reach).ceil());
+        let (first, last) = (low.max(Vec2::ZERO), high.min(size));
+        if !(first.x < last.x && first.y < last.y) {
+            return Verdict::Unseen;
+        }
+        let sum = |x: f32, y: f32| self.sums[y as usize * (eye.width + 1) + x as usize];
+        let n = sum(last.x, last.y) + sum(first.x, first.y) - sum(first.x, last.y) - sum(last.x, first.y);
+        match n {
+            0 if (first, last) != (low, high) => Verdict::Unseen,
+            0 => Verdict::Empty,
+            _ => Verdict::Possible,
+        }
+    }
+}
+
+/// At most `most` points of the hull's surface, chosen at random with `key`.
+pub(super) fn surface(eyes: &[Eye], most: usize, key: &[u64]) -> Vec<Found> {
+    let cube = Cube::around(eyes);
+    let silhouettes: Vec<Silhouette> = eyes.iter().map(Silhouette::new).collect();
+    let (mut cells, mut side) = (vec![IVec3::ZERO], 2.0 * cube.half);
+    let corner = cube.center - cube.half;
+    let middle = |cell: IVec3, side: f32| corner + (cell.as_vec3() + 0.5) * side;
+    for level in 1..=LEVELS {
+        if cells.len() > MOST_CELLS {
+            break;
+        }
+        side /= 2.0;
+        // The ball around a cell; of a leaf the one inside it, so that the hull does not grow.
+        let radius = if level == LEVELS { 0.5 * side } else { 0.87 * side };
+        let corners = (0..8).map(|part| IVec3::new(part & 1, part >> 1 & 1, part >> 2));
+        let halves = cells.iter().flat_map(|cell| corners.clone().map(|corner| 2 * *cell + corner));
+        let is_kept = |cell: &IVec3| may_be_inside(&silhouettes, cube.least_seen, middle(*cell, side), radius);
+        cells = halves.filter(is_kept).collect();
+    }
+    let inside: HashSet<IVec3> = cells.iter().copied().collect();
+    let beside = [IVec3::X, IVec3::Y, IVec3::Z, -IVec3::X, -IVec3::Y, -IVec3::Z];
+    let is_surface = |cell: &&IVec3| beside.iter().any(|step| !inside.contains(&(**cell + step)));
+    let shell: Vec<Vec3> = cells.iter().filter(is_surface).map(|cell| middle(*cell, side)).collect();
+    let nearest: Vec<Vec<f32>> = eyes.iter().map(|eye| depth_buffer(eye, &shell, side)).collect();
+    let chosen = permutation(shell.len(), key).into_iter().take(most).map(|index| shell[index]);
+    let found = |position: Vec3| {
+        let color = color(eyes, &nearest, position, side)?;
+        Some(Found { position: position.as_dvec3().to_array(), color })
+    };
+    chosen.filter_map(found).collect()
+}
+
+fn may_be_inside(silhouettes: &[Silhouette], least_seen: f32, center: Vec3, radius: f32) -> bool {
+    let (mut n_seen, mut n_empty, mut n_left) = (0.0, 0.0, silhouettes.len() as f32);
+    for silhouette in silhouettes {
+        let verdict = silhouette.verdict(center, radius);
+        n_seen += f32::from(verdict != Verdict::Unseen);
+        n_empty += f32::from(verdict == Verdict::Empty);
+        n_left -= 1.0;
+        // What is left cannot save it any more.
+        if n_empty > MOST_MISSES * (n_seen + n_left) || n_seen + n_left < least_seen {
+            return false;
+        }
+    }
+    n_seen >= least_seen
+}
+
+/// The least depth of the shell behind each pixel.
+fn depth_buffer(eye: &Eye, shell: &[Vec3], side: f32) -> Vec<f32> {
+    let mut nearest = vec![f32::INFINITY; eye.width * eye.height];
+    for position in shell {
+        let Some((at, depth)) = eye.project(*position) else { continue };
+        let reach = 0.5 * side / depth * eye.focal;
+        let (low, high) = ((at - reach).max(Vec2::ZERO), at + reach);
+        for y in low.y as usize..(high.y.ceil().max(0.0) as usize).min(eye.height) {
+            for x in low.x as usize..(high.x.ceil().max(0.0) as usize).min(eye.width) {
+                let pixel = &mut nearest[y * eye.width + x];
+                *pixel = pixel.min(depth);
+            }
+        }
+    }
+    nearest
+}
+
+/// The median over the cameras to which nothing hides the point.
+fn color(eyes: &[Eye], nearest: &[Vec<f32>], position: Vec3, side: f32) -> Option<[f32; 3]> {
+    let sees = |(eye, nearest): (&Eye, &Vec<f32>)| {
+        let (pixel, depth) = eye.sees(position)?;
+        let is_visible = eye.ground[pixel] == Ground::Moving && depth <= nearest[pixel] + 2.0 * side;
+        is_visible.then(|| eye.color[pixel])
+    };
+    median_color(eyes.iter().zip(nearest).filter_map(sees).collect())
+}

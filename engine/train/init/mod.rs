@@ -1,0 +1,206 @@
+//! Initialisation: the first Gaussians, from a capture's points or, without any, from its cameras and pictures alone.
+//!
+//! - What stands still: each camera sweeps its rays for the depth at which its neighbours show the same (`sweep`); depths
+//!   that another camera confirms become points (`agree`).
+//! - What moves, where foreground masks tell: the visual hull's surface at evenly spaced frames (`hull`).
+//!
+//! Colours are medians over the cameras that see a point, because each has its own exposure.
+
+mod agree;
+mod eye;
+mod hull;
+mod lens;
+mod points;
+mod sweep;
+
+pub use points::{from_points, random_points};
+
+use crate::error::{Error, Result};
+use crate::parallel::in_parallel;
+use crate::scene::capture::{Capture, Point};
+use crate::scene::{Motion, Splats};
+use crate::train::config::{Config, Init};
+use eye::{Eye, Seen};
+use lens::Lenses;
+use points::Found;
+use std::fmt;
+
+/// Longest side of the pictures that silhouettes are taken from, pixels.
+const HULL_SIDE: usize = 320;
+/// Longest side of the pictures that are swept, pixels.
+const SWEEP_SIDE: usize = 128;
+/// Training cameras that take part, evenly chosen.
+const MOST_CAMERAS: usize = 32;
+/// Frames from one hull to the next, at least: what moves does not get far in between.
+const HULL_STRIDE: u32 = 2;
+/// Pixels that are decoded for hulls, but of four frames at least.
+const HULL_PIXELS: u64 = 1 << 28;
+/// Standard deviation of a Gaussian in units of the distance to its neighbours: they touch on a surface.
+const SIZE: f64 = 0.5;
+/// Key of the random choice among a hull's points.
+const HULL_KEY: u64 = 0x6875_6c6c;
+/// Points that are this many times farther from their neighbours than half of all points are dropped: what many cameras
+/// agree on does not come alone.
+const LONELY: f64 = 2.5;
+
+/// The first Gaussians, and how they came about.
+#[derive(Clone, Debug)]
+pub struct Initial {
+    /// The Gaussians.
+    pub splats: Splats,
+    /// Where they come from; never [`Init::Auto`].
+    pub from: Init,
+    /// Why.
+    pub because: &'static str,
+    /// Frames whose hulls were taken.
+    pub n_hulls: usize,
+}
+
+impl fmt::Display for Initial {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Initial { splats, from, because, n_hulls } = self;
+        let (n_static, n_dynamic) = (splats.n_static, splats.len() - splats.n_static);
+        write!(f, "{} ({because}): {n_static} static and {n_dynamic} dynamic Gaussians", from.name())?;
+        if *n_hulls > 0 { write!(f, ", hulls of {n_hulls} frames") } else { Ok(()) }
+    }
+}
+
+/// Makes the first Gaussians of `capture`, which is in the frame of training, as `config.init` says. Where nothing is found
+/// they are at random places. `progress` is called as (pieces done, pieces in all).
+///
+/// # Errors
+/// [`Error::Data`] when the capture has not what `config.init` asks for, or when an image does not decode.
+pub fn initialise(capture: &Capture, config: &Config, progress: &mut dyn FnMut(usize, usize)) -> Result<Initial> {
+    let lacks = |what: &str| {
+        let remedy = "set it to one of auto, points, hull, frustum and random";
+        Err(Error::data(&capture.path, "setting `init`", format!("the capture has no {what}"), remedy))
+    };
+    let (has_points, has_foreground) = (!capture.points.is_empty(), has_foreground(capture));
+    let (from, because) = match config.init {
+        Init::Auto if has_points => (Init::Points, "the capture has points"),
+        Init::Auto if has_foreground => (Init::Hull, "no points, but foreground masks"),
+        Init::Auto => (Init::Frustum, "no points, no foreground masks"),
+        Init::Points if !has_points => return lacks("points"),
+        Init::Hull if !has_foreground => return lacks("foreground masks"),
+        asked => (asked, "asked for"),
+    };
+    let at = |points: &[Point], from: Init, because: &'static str| {
+        Ok(Initial { splats: from_points(points, capture, config), from, because, n_hulls: 0 })
+    };
+    match from {
+        Init::Points => at(&capture.points, from, because),
+        Init::Random => at(&random_points(capture, config), from, because),
+        Init::Auto | Init::Hull | Init::Frustum => {
+            let (splats, n_hulls) = from_pictures(capture, config, from == Init::Hull, progress)?;
+            if splats.is_empty() {
+                return at(&random_points(capture, config), Init::Random, "no surface was found");
+            }
+            Ok(Initial { splats, from, because, n_hulls })
+        }
+    }
+}
+
+fn has_foreground(capture: &Capture) -> bool {
+    let training = capture.cameras.iter().filter(|camera| !camera.is_test);
+    training.flat_map(|camera| &camera.shots).any(|shot| shot.foreground.is_some())
+}
+
+/// The Gaussians, and the number of hulls that were taken.
+fn from_pictures(
+    capture: &Capture,
+    config: &Config,
+    with_hulls: bool,
+    progress: &mut dyn FnMut(usize, usize),
+) -> Result<(Splats, usize)> {
+    let cameras = cameras(capture);
+    let hull_frames = if with_hulls { hull_frames(capture, &cameras) } else { Vec::new() };
+    let mut frames: Vec<u32> = hull_frames.iter().copied().chain([capture.reference_frame]).collect();
+    frames.sort_unstable();
+    frames.dedup();
+    let threads = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+    let (mut n_done, n_pieces) = (0, (frames.len() + 1) * cameras.len());
+    let mut done = || {
+        n_done += 1;
+        progress(n_done, n_pieces);
+    };
+    let radius = capture.extent().radius;
+    let lenses = Lenses::new(capture);
+    let (mut still, mut moving) = (Vec::new(), Vec::new());
+    for frame in frames {
+        let is_reference = frame == capture.reference_frame;
+        let seen = in_parallel(
+            cameras.len(),
+            threads,
+            |i| match shown(capture, cameras[i], frame, is_reference) {
+                Some(shown) => Seen::read(capture, cameras[i], shown).map(Some),
+                None => Ok(None),
+            },
+            |_| done(),
+        )?;
+        let eyes = |longest: usize| seen.iter().flatten().map(|seen| Eye::new(seen, longest)).collect::<Vec<_>>();
+        if is_reference {
+            let eyes = eyes(SWEEP_SIDE);
+            let depths = sweep::sweep(&eyes, threads, &mut done)?;
+            let mut agreed = agree::agree(&eyes, &depths);
+            agreed.retain(|point| !lenses.are_veiled_by(&point.found));
+            still = agree::thin(&agreed, config.init_points);
+        }
+        if hull_frames.contains(&frame) {
+            let key = [config.seed, HULL_KEY, u64::from(frame)];
+            moving.push((frame, hull::surface(&eyes(HULL_SIDE), config.init_moving_points, &key)));
+        }
+    }
+    let mut splats = Splats::new(config.sh_degree);
+    let mut append = |found: Vec<Found>, motion: Option<Motion>| {
+        let (found, sizes) = settled(found, &lenses, radius);
+        points::append(&mut splats, &found, &sizes, config.init_opacity, motion);
+    };
+    append(still, if with_hulls { None } else { points::throughout(capture) });
+    let n_frames = f64::from(capture.n_frames);
+    let tau = config.init_tau / moving.len().max(1) as f64;
+    for (frame, found) in moving {
+        let t_center = (f64::from(frame) / n_frames) as f32;
+        let motion = Motion { velocity: [0.0; 3], t_center, t_scale: tau.ln() as f32 };
+        append(found, (capture.n_frames > 1).then_some(motion));
+    }
+    Ok((splats, hull_frames.len()))
+}
+
+/// The training cameras that take part.
+fn cameras(capture: &Capture) -> Vec<usize> {
+    let training = capture.cameras.iter().enumerate().filter(|(_, camera)| !camera.is_test && !camera.shots.is_empty());
+    let all: Vec<usize> = training.map(|(index, _)| index).collect();
+    let n = all.len().min(MOST_CAMERAS);
+    (0..n).map(|i| all[i * all.len() / n]).collect()
+}
+
+/// The frame that a camera shows for `frame`: another, if it has none there and `any` will do. In a monocular clip each
+/// has one frame of its own.
+fn shown(capture: &Capture, camera: usize, frame: u32, any: bool) -> Option<u32> {
+    let camera = &capture.cameras[camera];
+    camera.shot(frame).or_else(|| camera.shots.first().filter(|_| any)).map(|shot| shot.frame)
+}
+
+/// The frames whose hulls are taken, evenly spaced.
+fn hull_frames(capture: &Capture, cameras: &[usize]) -> Vec<u32> {
+    let pixels = |camera: &usize| {
+        let camera = &capture.cameras[*camera];
+        u64::from(camera.width) * u64::from(camera.height)
+    };
+    let per_frame: u64 = cameras.iter().map(pixels).sum();
+    let n_frames = u64::from(capture.n_frames);
+    let n = (HULL_PIXELS / per_frame.max(1)).max(4).min(u64::from(capture.n_frames.div_ceil(HULL_STRIDE)));
+    (0..n).map(|i| ((2 * i + 1) * n_frames / (2 * n)) as u32).collect()
+}
+
+/// Without the lonely ones, each with the standard deviation of its Gaussian.
+fn settled(found: Vec<Found>, lenses: &Lenses, radius: f64) -> (Vec<Found>, Vec<f64>) {
+    let spacings = points::spacings(&found, radius);
+    // Beyond the cameras points are farther apart.
+    let scale = |found: &Found| found.position.iter().map(|x| x * x).sum::<f64>().sqrt().max(radius);
+    let mut relative: Vec<f64> = found.iter().zip(&spacings).map(|(found, spacing)| spacing / scale(found)).collect();
+    relative.sort_by(f64::total_cmp);
+    let most = LONELY * relative.get(relative.len() / 2).copied().unwrap_or(0.0);
+    let kept = found.into_iter().zip(spacings).filter(|(found, spacing)| *spacing <= most * scale(found));
+    kept.map(|(found, spacing)| (found, (SIZE * spacing).min(lenses.widest(&found)))).unzip()
+}

@@ -1,0 +1,261 @@
+//! What a run needs, before it begins: bytes by class, the most Gaussians that fit, and what bounds them.
+//!
+//! `items` is the one table of the training loop's buffers; a test holds it to what a [`super::Trainer`] allocates.
+
+use std::fmt;
+
+/// Pairs with tiles that a Gaussian is taken to have, on average over all, in the view that has most of them: 5 to 10 are
+/// seen. A run that has more grows its lists.
+pub const INTERSECTIONS_PER_GAUSSIAN: f64 = 8.0;
+
+/// What is to be trained.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct Workload {
+    /// Gaussians to begin with.
+    pub gaussians: u64,
+    /// Those of them that may move; the fraction is taken to stay.
+    pub dynamic: u64,
+    /// Gaussians never exceed this.
+    pub max_gaussians: u64,
+    /// Pairs with tiles per Gaussian; see [`INTERSECTIONS_PER_GAUSSIAN`].
+    pub intersections_per_gaussian: f64,
+    /// Pixels of the largest picture.
+    pub pixels: u64,
+    /// Highest degree of the spherical harmonics, 0 to 3.
+    pub sh_degree: u32,
+    /// Bytes of decoded pictures kept ahead, in the host's memory.
+    pub cache_bytes: u64,
+}
+
+/// What the device has.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct Limits {
+    /// Longest range that one binding can see, bytes.
+    pub binding_bytes: u64,
+    /// Memory, bytes.
+    pub memory_bytes: u64,
+    /// Whether that is the host's memory too: a software driver.
+    pub is_host: bool,
+}
+
+/// What the bytes are for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Class {
+    /// The Gaussians, and what culling derives from them.
+    Parameters,
+    /// First and second moments of Adam, and the state of density control.
+    Moments,
+    /// Scratch per Gaussian in view: culling, projection, the sort by depth.
+    Active,
+    /// Scratch per pair of a Gaussian and a tile: lists, their sort, slots of gradients.
+    Intersections,
+    /// Scratch per pixel: images, their cotangents, the loss.
+    Pixels,
+}
+
+impl Class {
+    /// All of them, in the order of the table.
+    pub const ALL: [Class; 5] = [Class::Parameters, Class::Moments, Class::Active, Class::Intersections, Class::Pixels];
+
+    fn label(self) -> &'static str {
+        match self {
+            Class::Parameters => "parameters",
+            Class::Moments => "moments",
+            Class::Active => "per Gaussian in view",
+            Class::Intersections => "per intersection",
+            Class::Pixels => "per pixel",
+        }
+    }
+}
+
+/// What the length of a buffer grows with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Per {
+    Gaussian,
+    Dynamic,
+    Intersection,
+    Pixel,
+}
+
+impl Per {
+    /// How many items `gaussians` of them have.
+    fn count(self, work: &Workload, gaussians: f64) -> f64 {
+        match self {
+            Per::Gaussian => gaussians,
+            Per::Dynamic => gaussians * work.dynamic as f64 / work.gaussians.max(1) as f64,
+            Per::Intersection => gaussians * work.intersections_per_gaussian,
+            Per::Pixel => work.pixels as f64,
+        }
+    }
+}
+
+/// Buffers of one name.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Item {
+    /// As the device knows it.
+    name: &'static str,
+    class: Class,
+    per: Per,
+    /// Bytes of all of them.
+    bytes: f64,
+    /// Bytes of the one that a single binding must see; 0 where it is cut into groups that fit.
+    bound: f64,
+}
+
+/// Every buffer of a training step that grows with the work. Tiles, counters and transfers are left out: below 1 %.
+fn items(sh_degree: u32) -> Vec<Item> {
+    use Class::*;
+    use Per::*;
+    let item = |name, class, per, bytes: f64, bound: f64| Item { name, class, per, bytes, bound };
+    let cut = |name, class, per, bytes: f64| Item { name, class, per, bytes, bound: 0.0 };
+    // Geometry, the constant band, and those above it.
+    let bands = [48.0, 64.0, 96.0];
+    let each = 48.0 + 16.0 + bands[..sh_degree.min(3) as usize].iter().sum::<f64>();
+    vec![
+        cut("parameters", Parameters, Gaussian, each),
+        cut("parameters", Parameters, Dynamic, 16.0),
+        cut("bound", Parameters, Gaussian, 16.0),
+        cut("window", Parameters, Dynamic, 4.0),
+        cut("moments", Moments, Gaussian, 2.0 * each),
+        cut("moments", Moments, Dynamic, 32.0),
+        cut("state", Moments, Gaussian, 16.0),
+        item("splats", Active, Gaussian, 64.0, 64.0),
+        item("active ids", Active, Gaussian, 4.0, 4.0),
+        item("idle ids", Active, Gaussian, 4.0, 4.0),
+        item("depth keys", Active, Gaussian, 4.0, 4.0),
+        item("depth order", Active, Gaussian, 4.0, 4.0),
+        item("tile counts", Active, Gaussian, 4.0, 4.0),
+        item("tile offsets", Active, Gaussian, 4.0, 4.0),
+        item("slot first", Active, Gaussian, 4.0, 4.0),
+        item("sort keys", Active, Gaussian, 4.0, 4.0),
+        item("sort values", Active, Gaussian, 4.0, 4.0),
+        item("sort digits", Active, Gaussian, 0.5, 0.5),
+        item("d slots", Intersections, Intersection, 48.0, 48.0),
+        item("tile keys", Intersections, Intersection, 4.0, 4.0),
+        item("tile splats", Intersections, Intersection, 4.0, 4.0),
+        item("slots", Intersections, Intersection, 4.0, 4.0),
+        item("sorted splats", Intersections, Intersection, 4.0, 4.0),
+        item("sort keys", Intersections, Intersection, 4.0, 4.0),
+        item("sort values", Intersections, Intersection, 4.0, 4.0),
+        item("sort digits", Intersections, Intersection, 0.5, 0.5),
+        item("image color", Pixels, Pixel, 16.0, 16.0),
+        item("image tail", Pixels, Pixel, 8.0, 8.0),
+        item("d image color", Pixels, Pixel, 16.0, 16.0),
+        item("blend carry", Pixels, Pixel, 8.0, 8.0),
+        item("truth", Pixels, Pixel, 4.0, 4.0),
+        item("staged truth", Pixels, Pixel, 4.0, 4.0),
+        item("ssim moments", Pixels, Pixel, 64.0, 64.0),
+        item("ssim partials", Pixels, Pixel, 48.0, 48.0),
+        item("ssim filtered", Pixels, Pixel, 48.0, 48.0),
+    ]
+}
+
+/// Bytes that a number of Gaussians needs.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct Need {
+    /// Gaussians.
+    pub gaussians: u64,
+    /// Bytes of the device's buffers: name, class, bytes of all of this name and class.
+    pub buffers: Vec<(&'static str, Class, u64)>,
+}
+
+impl Need {
+    fn new(work: &Workload, gaussians: u64) -> Self {
+        let bytes = |item: &Item| (item.bytes * item.per.count(work, gaussians as f64)) as u64;
+        let buffers = items(work.sh_degree).iter().map(|item| (item.name, item.class, bytes(item))).collect();
+        Need { gaussians, buffers }
+    }
+
+    /// Bytes of a class.
+    pub fn class(&self, class: Class) -> u64 {
+        self.buffers.iter().filter(|(_, of, _)| *of == class).map(|(.., bytes)| bytes).sum()
+    }
+
+    /// Bytes of all classes.
+    pub fn bytes(&self) -> u64 {
+        self.buffers.iter().map(|(.., bytes)| bytes).sum()
+    }
+}
+
+/// What limits the number of Gaussians.
+#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum BoundBy {
+    /// The setting.
+    MaxGaussians,
+    /// The longest range of a binding, which the buffer of this name reaches first.
+    Binding(&'static str),
+    /// The device's memory.
+    Memory,
+}
+
+impl fmt::Display for BoundBy {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            BoundBy::MaxGaussians => write!(f, "--max-gaussians"),
+            BoundBy::Binding(name) => write!(f, "the device's longest binding (buffer `{name}`)"),
+            BoundBy::Memory => write!(f, "the device's memory"),
+        }
+    }
+}
+
+/// What a run needs and how far it can grow.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct Plan {
+    /// At the beginning.
+    pub begin: Need,
+    /// With the most Gaussians.
+    pub full: Need,
+    /// What bounds the most Gaussians.
+    pub bound_by: BoundBy,
+    /// What the device has.
+    pub limits: Limits,
+    /// Bytes of decoded pictures, in the host's memory.
+    pub cache_bytes: u64,
+}
+
+impl Plan {
+    /// Plans `work` on a device with `limits`. [`Plan::full`] has no Gaussian where a picture alone is too much.
+    pub fn new(work: &Workload, limits: &Limits) -> Self {
+        let binding = limits.binding_bytes as f64;
+        // As many Gaussians as one binding sees.
+        let by_binding = |item: &Item| match item.per {
+            Per::Pixel if item.bound * work.pixels as f64 <= binding => u64::MAX,
+            Per::Pixel => 0,
+            per => (binding / (item.bound * per.count(work, 1.0))) as u64,
+        };
+        let by_memory = {
+            let cache = if limits.is_host { work.cache_bytes } else { 0 };
+            // Bytes are linear in the number.
+            let (fixed, million) = (Need::new(work, 0).bytes(), Need::new(work, 1_000_000).bytes());
+            limits.memory_bytes.saturating_sub(fixed + cache) as f64 * 1e6 / (million - fixed) as f64
+        };
+        let bindings = items(work.sh_degree).into_iter().filter(|item| item.bound > 0.0);
+        let bounds = bindings.map(|item| (by_binding(&item), BoundBy::Binding(item.name)));
+        let all = [(work.max_gaussians, BoundBy::MaxGaussians), (by_memory as u64, BoundBy::Memory)].into_iter();
+        let (most, bound_by) = all.chain(bounds).min_by_key(|(most, _)| *most).unwrap_or((0, BoundBy::MaxGaussians));
+        Plan {
+            begin: Need::new(work, work.gaussians),
+            full: Need::new(work, most),
+            bound_by,
+            limits: *limits,
+            cache_bytes: work.cache_bytes,
+        }
+    }
+}
+
+impl fmt::Display for Plan {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mib = |bytes: u64| bytes as f64 / f64::from(1 << 20);
+        let Plan { begin, full, bound_by, limits, cache_bytes } = self;
+        writeln!(f, "{:<22} {:>12} {:>12} Gaussians", "memory, MiB", begin.gaussians, full.gaussians)?;
+        for class in Class::ALL {
+            writeln!(f, "  {:<20} {:>12.1} {:>12.1}", class.label(), mib(begin.class(class)), mib(full.class(class)))?;
+        }
+        writeln!(f, "  {:<20} {:>12.1} {:>12.1}", "device", mib(begin.bytes()), mib(full.bytes()))?;
+        writeln!(f, "  {:<20} {:>12.1} {:>12.1}", "frame cache (host)", mib(*cache_bytes), mib(*cache_bytes))?;
+        let (memory, binding) = (mib(limits.memory_bytes), mib(limits.binding_bytes));
+        write!(f, "at most {} Gaussians: {bound_by}; it has {memory:.0} MiB, {binding:.0} in a binding", full.gaussians)
+    }
+}

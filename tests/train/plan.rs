@@ -1,0 +1,100 @@
+//! The memory plan against what a trainer allocates.
+
+use super::{Tiny, drive};
+use crate::common::device::gpu;
+use ivv::Constants;
+use ivv::train::{BoundBy, Class, Config, Limits, Plan, Trainer, Workload, from_points};
+use std::collections::BTreeMap;
+
+const LIMITS: Limits = Limits { binding_bytes: 128 << 20, memory_bytes: 8 << 30, is_host: false };
+
+fn workload() -> Workload {
+    Workload {
+        gaussians: 20_000,
+        dynamic: 10_000,
+        max_gaussians: 300_000,
+        intersections_per_gaussian: 8.0,
+        pixels: 640 * 360,
+        sh_degree: 3,
+        cache_bytes: 256 << 20,
+    }
+}
+
+#[test]
+fn the_plan_is_what_a_trainer_allocates_buffer_by_buffer() {
+    let tiny = Tiny::new("plan");
+    let gpu = gpu();
+    // Pictures of 64 x 48 and thousands of Gaussians: every class counts.
+    for (sh_degree, is_dynamic) in [(0, true), (1, false), (3, true)] {
+        let mut capture = tiny.capture.clone();
+        if !is_dynamic {
+            capture.n_frames = 1;
+            capture.cameras.iter_mut().for_each(|camera| camera.shots.retain(|shot| shot.frame == 0));
+        }
+        let points: Vec<_> = (0..20).flat_map(|_| capture.points.clone()).collect();
+        let config = Config { sh_degree, ..Config::default() };
+        let begin = from_points(&points, &capture, &config);
+        let before = gpu.device().memory().0;
+        let mut trainer =
+            Trainer::new(gpu.clone(), &begin, Constants::default(), config, 1000, capture.extent(), 0.25).unwrap();
+        drive(&mut trainer, &capture, 1, 2);
+        let mut used = gpu.device().memory().0;
+        for (name, bytes) in before {
+            *used.entry(name).or_default() -= bytes;
+        }
+        let n = begin.len() as u64;
+        let pairs = used["tile keys"] / 4;
+        let work = Workload {
+            gaussians: n,
+            dynamic: if is_dynamic { n } else { 0 },
+            intersections_per_gaussian: pairs as f64 / n as f64,
+            pixels: 64 * 48,
+            sh_degree,
+            ..workload()
+        };
+        let need = Plan::new(&work, &LIMITS).begin;
+        let mut told: BTreeMap<&str, u64> = BTreeMap::new();
+        need.buffers.iter().for_each(|(name, _, bytes)| *told.entry(name).or_default() += bytes);
+        let mut faults = Vec::new();
+        for (name, bytes) in &used {
+            let planned = told.remove(name.as_str()).unwrap_or(0);
+            // What the plan leaves out is small; what it names it knows.
+            let slack = used.values().sum::<u64>() / 200 + bytes / 20;
+            if bytes.abs_diff(planned) > slack {
+                faults.push(format!("`{name}`: {bytes} bytes, planned {planned}"));
+            }
+        }
+        faults.extend(told.iter().filter(|(_, b)| **b > 0).map(|(name, b)| format!("`{name}`: none, planned {b}")));
+        assert!(faults.is_empty(), "degree {sh_degree}: mend engine/train/plan.rs: {faults:#?}");
+        let (sum, planned) = (used.values().sum::<u64>(), need.bytes());
+        assert!(sum.abs_diff(planned) < sum / 10, "{sum} bytes, planned {planned}");
+        assert!(Class::ALL.iter().all(|class| need.class(*class) > 0));
+    }
+}
+
+#[test]
+fn the_tightest_bound_is_named_and_holds() {
+    let plan = |work: &Workload, limits: &Limits| Plan::new(work, limits);
+    let free = plan(&workload(), &LIMITS);
+    assert_eq!((free.full.gaussians, &free.bound_by), (300_000, &BoundBy::MaxGaussians));
+    // 48 bytes for each of eight pairs.
+    let work = Workload { max_gaussians: 1 << 40, ..workload() };
+    let bound = plan(&work, &LIMITS);
+    assert_eq!(bound.bound_by, BoundBy::Binding("d slots"));
+    assert_eq!(bound.full.gaussians, (128 << 20) / (48 * 8));
+    // A picture that no binding sees leaves no room for any Gaussian.
+    let wide = plan(&Workload { pixels: 3 << 20, ..work }, &LIMITS);
+    assert_eq!((wide.full.gaussians, wide.bound_by), (0, BoundBy::Binding("ssim moments")));
+    // The most that fit do fit, and one more does not; a frame cache in the same memory takes its part.
+    for is_host in [false, true] {
+        let limits = Limits { memory_bytes: 1 << 30, is_host, ..LIMITS };
+        let tight = plan(&work, &Limits { binding_bytes: u64::MAX, ..limits });
+        assert_eq!(tight.bound_by, BoundBy::Memory);
+        let room = limits.memory_bytes - if is_host { work.cache_bytes } else { 0 };
+        let each = (tight.full.bytes() - tight.begin.bytes()) / (tight.full.gaussians - work.gaussians);
+        let left = room.abs_diff(tight.full.bytes());
+        assert!(tight.full.gaussians > 100_000 && left <= 2 * each, "{left} bytes left, {each} each");
+    }
+    let text = free.to_string();
+    assert!(text.contains("--max-gaussians") && text.contains("moments") && text.lines().count() > 8, "{text}");
+}

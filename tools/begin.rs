@@ -1,0 +1,57 @@
+//! Before the first step of `ivv train` and after its last: the first Gaussians, the memory plan, the way back to the
+//! capture's own frame.
+
+use crate::progress::Progress;
+use ivv::scene::capture::Capture;
+use ivv::scene::{Similarity, Splats, write_ply};
+use ivv::train::{Config, INTERSECTIONS_PER_GAUSSIAN, Limits, Plan, Workload, initialise};
+use ivv::vk::{Caps, DeviceKind};
+use std::path::Path;
+
+/// Lines of progress where standard error is no terminal.
+const STEPS: usize = 10;
+
+/// The first Gaussians of a run in the frame of training, and a line about where they come from.
+pub fn first_gaussians(capture: &Capture, config: &Config) -> ivv::Result<Splats> {
+    let mut progress = Progress::new("initialisation", STEPS);
+    let mut steps = 0;
+    let initial = initialise(capture, config, &mut |done, total| {
+        while (steps + 1) * total <= done * STEPS {
+            steps += 1;
+            progress.step(&format!("{done} of {total} pictures and depths"));
+        }
+    })?;
+    eprintln!("initialised from {initial}");
+    Ok(initial.splats)
+}
+
+/// What a run that begins with `splats` needs.
+pub fn plan(capture: &Capture, config: &Config, splats: &Splats, caps: &Caps, cache_bytes: u64) -> Plan {
+    let pixels = capture.cameras.iter().map(|camera| u64::from(camera.width) * u64::from(camera.height));
+    let work = Workload {
+        gaussians: splats.len() as u64,
+        dynamic: splats.motion.len() as u64,
+        max_gaussians: config.max_gaussians as u64,
+        intersections_per_gaussian: INTERSECTIONS_PER_GAUSSIAN,
+        pixels: pixels.max().unwrap_or(0),
+        sh_degree: config.sh_degree,
+        cache_bytes,
+    };
+    let is_host = caps.kind == DeviceKind::Cpu;
+    Plan::new(&work, &Limits { binding_bytes: caps.max_binding_bytes, memory_bytes: caps.heap_bytes, is_host })
+}
+
+/// Writes the Gaussians of a run in the capture's own frame, and returns them; `world` led from there to the frame of
+/// training.
+pub fn write_scene(path: &Path, splats: &Splats, world: &Similarity) -> ivv::Result<Splats> {
+    if !world.is_exact_in_f32() {
+        tracing::warn!(
+            "{}: the capture lies so far from its origin that single precision rounds positions there visibly; the \
+             checkpoints and the renders are exact. Move the capture to its origin to get an exact file",
+            path.display()
+        );
+    }
+    let splats = world.inverse().splats(splats);
+    write_ply(path, &splats)?;
+    Ok(splats)
+}
