@@ -159,7 +159,7 @@ fn may_be_inside(silhouettes: &[Silhouette], least_seen: f32, center: Vec3, radi
             return false;
         }
     }
-    true
+    n_seen >= least_seen
 }
 
 /// The least depth of the shell behind each pixel.

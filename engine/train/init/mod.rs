@@ -15,11 +15,11 @@ mod sweep;
 
 pub use points::{from_points, random_points};
 
-use super::config::{Config, Init};
 use crate::error::{Error, Result};
 use crate::parallel::in_parallel;
 use crate::scene::capture::{Capture, Point};
 use crate::scene::{Motion, Splats};
+use crate::train::config::{Config, Init};
 use eye::{Eye, Seen};
 use lens::Lenses;
 use points::Found;
@@ -31,10 +31,12 @@ const HULL_SIDE: usize = 320;
 const SWEEP_SIDE: usize = 128;
 /// Training cameras that take part, evenly chosen.
 const MOST_CAMERAS: usize = 32;
+/// Frames from one hull to the next, at least: what moves does not get far in between.
+const HULL_STRIDE: u32 = 2;
 /// Pixels that are decoded for hulls, but of four frames at least.
 const HULL_PIXELS: u64 = 1 << 28;
-/// Standard deviation of a Gaussian in units of the distance to its neighbours: they just overlap on a surface.
-const SIZE: f64 = 0.7;
+/// Standard deviation of a Gaussian in units of the distance to its neighbours: they touch on a surface.
+const SIZE: f64 = 0.5;
 /// Key of the random choice among a hull's points.
 const HULL_KEY: u64 = 0x6875_6c6c;
 /// Points that are this many times farther from their neighbours than half of all points are dropped: what many cameras
@@ -158,7 +160,8 @@ fn from_pictures(
     let tau = config.init_tau / moving.len().max(1) as f64;
     for (frame, found) in moving {
         let t_center = (f64::from(frame) / n_frames) as f32;
-        append(found, Some(Motion { velocity: [0.0; 3], t_center, t_scale: tau.ln() as f32 }));
+        let motion = Motion { velocity: [0.0; 3], t_center, t_scale: tau.ln() as f32 };
+        append(found, (capture.n_frames > 1).then_some(motion));
     }
     Ok((splats, hull_frames.len()))
 }
@@ -185,8 +188,9 @@ fn hull_frames(capture: &Capture, cameras: &[usize]) -> Vec<u32> {
         u64::from(camera.width) * u64::from(camera.height)
     };
     let per_frame: u64 = cameras.iter().map(pixels).sum();
-    let n = (HULL_PIXELS / per_frame.max(1)).max(4).min(u64::from(capture.n_frames)) as u32;
-    (0..n).map(|i| ((2 * u64::from(i) + 1) * u64::from(capture.n_frames) / (2 * u64::from(n))) as u32).collect()
+    let n_frames = u64::from(capture.n_frames);
+    let n = (HULL_PIXELS / per_frame.max(1)).max(4).min(u64::from(capture.n_frames.div_ceil(HULL_STRIDE)));
+    (0..n).map(|i| ((2 * i + 1) * n_frames / (2 * n)) as u32).collect()
 }
 
 /// Without the lonely ones, each with the standard deviation of its Gaussian.
