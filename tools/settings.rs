@@ -17,7 +17,7 @@ pub struct SettingArgs {
     /// Settings, JSON; as config.json of an earlier run has them.
     #[arg(long)]
     config: Option<PathBuf>,
-    /// One setting, KEY=VALUE, after the file; nested keys with dots, as density.gradient=1e-4.
+    /// One setting, KEY=VALUE, after the file; nested keys with dots, as density.strategy=mcmc or lr.scale=1e-2.
     #[arg(long = "set")]
     set: Vec<String>,
     /// Gaussians never exceed this.
@@ -44,7 +44,8 @@ impl SettingArgs {
             let pointer = format!("/{}", key.replace('.', "/"));
             let place =
                 value.pointer_mut(&pointer).with_context(|| format!("--set {set}: there is no such setting"))?;
-            *place = serde_json::from_str(text).with_context(|| format!("--set {set}: the value is not JSON"))?;
+            // JSON, or a bare word.
+            *place = serde_json::from_str(text).unwrap_or_else(|_| text.into());
         }
         let mut config: Config = serde_json::from_value(value).context("--set")?;
         config.epochs = self.epochs.unwrap_or(config.epochs);
@@ -52,6 +53,7 @@ impl SettingArgs {
         config.max_gaussians = self.max_gaussians.unwrap_or(config.max_gaussians);
         config.seed = self.seed.unwrap_or(config.seed);
         config.sh_degree = self.sh_degree.unwrap_or(config.sh_degree);
+        config.check().map_err(|fault| anyhow::anyhow!("settings: {fault}"))?;
         anyhow::ensure!(config.sh_degree <= 3, "--sh-degree is 0 to 3");
         anyhow::ensure!(config.epochs > 0 || config.steps > 0, "--epochs or --steps must be positive");
         Ok(config)

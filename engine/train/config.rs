@@ -116,14 +116,59 @@ pub struct Density {
     pub scale_reg: f64,
 }
 
-/// A learning rate that goes from `start` to `end` exponentially over the run.
+/// A learning rate that goes from `start` to `end` exponentially over the run; a number stands for both.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(from = "RateForm")]
 pub struct Rate {
     /// At the first step.
     pub start: f64,
     /// At the end of the run.
     pub end: f64,
+}
+
+/// How a rate may be written.
+#[derive(serde::Deserialize)]
+#[serde(untagged, deny_unknown_fields)]
+enum RateForm {
+    Constant(f64),
+    Decay { start: f64, end: f64 },
+}
+
+impl From<RateForm> for Rate {
+    fn from(form: RateForm) -> Self {
+        match form {
+            RateForm::Constant(rate) => Rate { start: rate, end: rate },
+            RateForm::Decay { start, end } => Rate { start, end },
+        }
+    }
+}
+
+impl Config {
+    /// The first learning rate that cannot be: each is 0 throughout or positive throughout.
+    ///
+    /// # Errors
+    /// Its name and what is wrong.
+    pub fn check(&self) -> Result<(), String> {
+        let LearningRates { position, sh0, sh_rest, opacity, scale, rotation, velocity, t_center, t_scale } = self.lr;
+        let all = [
+            ("position", position),
+            ("sh0", sh0),
+            ("sh_rest", sh_rest),
+            ("opacity", opacity),
+            ("scale", scale),
+            ("rotation", rotation),
+            ("velocity", velocity),
+            ("t_center", t_center),
+            ("t_scale", t_scale),
+        ];
+        for (name, Rate { start, end }) in all {
+            let positive = start > 0.0 && end > 0.0 && start.is_finite() && end.is_finite();
+            if !(positive || (start == 0.0 && end == 0.0)) {
+                return Err(format!("lr.{name} goes from {start} to {end}: both must be positive, or both 0"));
+            }
+        }
+        Ok(())
+    }
 }
 
 impl Rate {
@@ -134,7 +179,7 @@ impl Rate {
 }
 
 /// Learning rates by kind of parameter.
-#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct LearningRates {
     /// Of positions, in units of the scene's extent.

@@ -154,6 +154,21 @@ fn rates_decay_exponentially_and_bands_join_one_by_one() {
     assert_eq!([active(1), active(34), active(35), active(68), active(102), active(1000)], [1, 1, 2, 3, 4, 4]);
 }
 
+#[test]
+fn a_rate_may_be_written_as_one_number_and_must_not_change_its_sign() {
+    let read = |text: &str| serde_json::from_str::<Config>(text);
+    let config = read(r#"{"lr": {"scale": 0.25, "position": {"start": 1e-3, "end": 1e-5}}}"#).unwrap();
+    assert_eq!(config.lr.scale, Rate { start: 0.25, end: 0.25 });
+    assert!((config.lr.position.at(0.5) - 1e-4).abs() < 1e-12 && config.check().is_ok());
+    assert_eq!(read(&serde_json::to_string(&config).unwrap()).unwrap(), config);
+    for wrong in [(1e-3, 0.0), (-1.0, -1.0), (f64::NAN, 1.0), (1.0, f64::INFINITY)] {
+        let lr = LearningRates { sh0: Rate { start: wrong.0, end: wrong.1 }, ..LearningRates::default() };
+        let fault = Config { lr, ..Config::default() }.check().unwrap_err();
+        assert!(fault.contains("lr.sh0"), "{fault}");
+    }
+    assert!(read(r#"{"lr": {"scales": 0.25}}"#).is_err() && read(r#"{"lr": {"scale": "fast"}}"#).is_err());
+}
+
 /// Steps `trainer` through the run's order up to step `until`.
 fn drive(trainer: &mut Trainer, capture: &Capture, seed: u64, until: u64) {
     let frames = capture.training_frames();
