@@ -103,7 +103,7 @@ pub fn of_step(times: &[PassTime], step: &StepReport, n_tiles: u32) -> Vec<PassR
             Count::Gaussians => step.gaussians,
             // The sort by tile has the kernels of the sort by depth.
             Count::Active if stage == "tile sort" => step.intersections,
-            Count::Active => step.visible,
+            Count::Active => step.active,
             // The backward blend takes a tile's blocks of pixels in as many dispatches.
             Count::Intersections if stage == "blend bwd" => {
                 step.intersections / times.iter().filter(|other| other.label == time.label).count() as u32

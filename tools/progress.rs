@@ -113,13 +113,14 @@ impl Steps {
         let left = self.total.saturating_sub(report.step) as f64 / rate.max(1e-9);
         let psnr = self.psnr.map_or(String::new(), |psnr| format!("test {psnr:.2} dB, "));
         let line = format!(
-            "step {}/{}, {rate:.1} it/s, {} left, loss {:.4}, {psnr}{} Gaussians, {} visible, {} intersections",
+            "step {}/{}, {rate:.1} it/s, {} left, loss {:.4}, {:.2} dB, {psnr}{} Gaussians, {} live, {} intersections",
             report.step,
             self.total,
             clock(left),
             report.loss,
+            report.psnr,
             report.gaussians,
-            report.visible,
+            report.active,
             report.intersections
         );
         self.screen.show(report.step, self.total, &line);

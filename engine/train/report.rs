@@ -138,7 +138,7 @@ impl Report<'_> {
         *page += &plot("plot-loss", "Loss of training images", true, false).figure(&[step("loss", "loss")]);
         *page += &plot("plot-l1", "L1 of training images", true, false).figure(&[step("L1", "l1")]);
         *page += &plot("plot-ssim", "SSIM of training images", false, false).figure(&[step("SSIM", "ssim")]);
-        let counts = [step("all", "gaussians"), step("in view", "visible")];
+        let counts = [step("all", "gaussians"), step("live", "active")];
         *page += &plot("plot-gaussians", "Gaussians", true, false).figure(&counts);
         *page += &plot("plot-intersections", "Pairs of a Gaussian and a tile", true, false)
             .figure(&[step("pairs", "intersections")]);
