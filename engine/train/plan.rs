@@ -4,9 +4,9 @@
 
 use std::fmt;
 
-/// Pairs with tiles that a Gaussian is taken to have, on average over all, in the view that has most of them: 5 to 10 are
-/// seen. A run that has more grows its lists.
-pub const INTERSECTIONS_PER_GAUSSIAN: f64 = 8.0;
+/// Pairs with tiles that a Gaussian is taken to have, on average over all, in the view that has most of them: 2 to 10 are
+/// seen, fewest where they are small. A run that has more grows its lists.
+pub const INTERSECTIONS_PER_GAUSSIAN: f64 = 4.0;
 
 /// What is to be trained.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
