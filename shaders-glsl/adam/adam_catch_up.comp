@@ -3,7 +3,7 @@
 // Equation  k steps without a gradient: m <- b1^k m, v <- b2^k v, x <- x - m / sqrt(v) sum_j lr_j sqrt(c2_j) / c1_j r^j with
 //           r = b1 / sqrt(b2). The host tabulates the endless sums F(s) from the step after s on: F(s) - r^k F(s + k).
 // Grid      one thread per active Gaussian of the group, or per Gaussian of it (`all`).
-// Numerics  a step is right to 1e-5 of itself; log tau stops at its floor at the end, not on the way. Nothing moves when the
+// Numerics  a step is right to 2e-5 of itself; log tau stops at its floor at the end, not on the way. Nothing moves when the
 //           frame failed.
 #version 460
 #extension GL_GOOGLE_include_directive : require

@@ -293,7 +293,7 @@ fn a_failed_frame_moves_nothing() {
 }
 
 #[test]
-fn lazy_steps_catch_up_with_the_twins_to_1e_5_of_the_way() {
+fn lazy_steps_catch_up_with_the_twins_to_2e_5_of_the_way() {
     let gpu = gpu();
     let mut scene = half_seen(11, 2);
     let total = 2000;
@@ -323,7 +323,7 @@ fn lazy_steps_catch_up_with_the_twins_to_1e_5_of_the_way() {
                 truth = truth.step(0.0, numbers(&scene.params, &of(step))[at].1, step);
             }
             let way = (truth.parameter - twin.parameter).abs();
-            let allowed = 1e-5 * way.max(1e-4) + 1.2e-7 * twin.parameter.abs().max(truth.parameter.abs());
+            let allowed = 2e-5 * way.max(1e-4) + 1.2e-7 * twin.parameter.abs().max(truth.parameter.abs());
             assert!((found.parameter - truth.parameter).abs() <= allowed, "{at} after {k}: {found:?} for {truth:?}");
             let close = |a: f64, b: f64| (a - b).abs() <= 1e-5 * b.abs() + 1.2e-38;
             assert!(close(found.first, truth.first) && close(found.second, truth.second), "{at} after {k}");
