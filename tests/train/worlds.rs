@@ -48,12 +48,10 @@ fn training_is_the_same_wherever_the_origin_is_and_however_long_the_unit() {
         assert!((radius - TRAINING_RADIUS).abs() < 1e-6, "{origin:?}, {scale}: radius {radius}");
         let ratio = psnr(&seen(&splats, &normal, own), &reference);
         assert!(ratio >= LEAST_PSNR, "{origin:?}, {scale}: PSNR {ratio:.1} dB in the frame of training");
-        eprintln!("{origin:?} {scale} {ratio}");
         // Back in the capture's own frame, as far as f32 has digits for positions there.
         let exported = world.inverse().splats(&splats);
         let near = (f64::from(own.near) / world.scale) as f32;
         let ratio = psnr(&seen(&exported, &elsewhere, Constants { near, ..own }), &reference);
-        eprintln!("{origin:?} {scale} exported {ratio}");
         let least = if world.is_exact_in_f32() { LEAST_PSNR } else { 15.0 };
         assert_eq!(world.is_exact_in_f32(), origin.iter().all(|x| x.abs() <= 1e3), "{origin:?}");
         assert!(ratio >= least, "{origin:?}, {scale}: PSNR {ratio:.1} dB in the capture's frame");
