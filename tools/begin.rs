@@ -4,7 +4,7 @@
 use crate::progress::Progress;
 use ivv::scene::capture::Capture;
 use ivv::scene::{Similarity, Splats, write_ply};
-use ivv::train::{Config, INTERSECTIONS_PER_GAUSSIAN, Limits, Plan, Workload, initialise};
+use ivv::train::{Config, INTERSECTIONS_PER_GAUSSIAN, Limits, Plan, Setup, Workload, initialise};
 use ivv::vk::{Caps, DeviceKind};
 use std::path::Path;
 
@@ -26,7 +26,14 @@ pub fn first_gaussians(capture: &Capture, config: &Config) -> ivv::Result<Splats
 }
 
 /// What a run that begins with `splats` needs.
-pub fn plan(capture: &Capture, config: &Config, splats: &Splats, caps: &Caps, cache_bytes: u64) -> Plan {
+pub fn plan(
+    capture: &Capture,
+    config: &Config,
+    setup: &Setup,
+    splats: &Splats,
+    caps: &Caps,
+    cache_bytes: u64,
+) -> Plan {
     let pixels = capture.cameras.iter().map(|camera| u64::from(camera.width) * u64::from(camera.height));
     let work = Workload {
         gaussians: splats.len() as u64,
@@ -36,6 +43,8 @@ pub fn plan(capture: &Capture, config: &Config, splats: &Splats, caps: &Caps, ca
         pixels: pixels.max().unwrap_or(0),
         sh_degree: config.sh_degree,
         cache_bytes,
+        priors: setup.has_priors,
+        offsets: !setup.learns_offset.is_empty(),
     };
     let is_host = caps.kind == DeviceKind::Cpu;
     Plan::new(&work, &Limits { binding_bytes: caps.max_binding_bytes, memory_bytes: caps.heap_bytes, is_host })

@@ -6,10 +6,15 @@ use ivv::gpu::Gpu;
 use ivv::scene::capture::Capture;
 use ivv::scene::{Frame, Splats, View, read_scene};
 use ivv::stage::{Outputs, Renderer};
-use ivv::train::{Config, Evaluation, Example, Log, METRICS_OF, Report, Run, SceneScores, evaluate};
+use ivv::train::{
+    Config, Evaluation, Example, Log, METRICS_OF, OffsetFit, Report, Run, SceneScores, Scores, Setup, evaluate, fit_offset,
+};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+/// Steps of the fit of a test camera's time offset.
+const FIT_ITERATIONS: usize = 4;
 /// Test views that a report shows at most.
 const EXAMPLES: usize = 8;
 
@@ -40,7 +45,8 @@ impl Scorer<'_> {
     /// Scores `splats` on `frames`; none when there is no frame.
     pub fn some(&self, splats: &Splats, frames: &[(usize, u32)], step: u64) -> ivv::Result<Option<Evaluation>> {
         let mut renderer = Renderer::new(self.gpu.clone(), splats, self.run.constants)?;
-        evaluate(&mut renderer, self.capture, self.config.background, frames, step, |_, _, _| Ok(()))
+        let none = BTreeMap::new();
+        evaluate(&mut renderer, self.capture, self.config.background, &none, frames, step, |_, _, _| Ok(()))
     }
 
     /// Scores `splats`, which `scene` holds, on all test views; writes eval.json and the renders into `output`. Returns
@@ -60,9 +66,11 @@ impl Scorer<'_> {
             rendered.write_png(&folder.join(format!("{frame:05}.png")))
         };
         let background = self.config.background;
-        let evaluation = evaluate(&mut renderer, self.capture, background, &frames, step, write)?;
+        let none = BTreeMap::new();
+        let evaluation = evaluate(&mut renderer, self.capture, background, &none, &frames, step, write)?;
         let Some(evaluation) = evaluation else { return Ok((None, Vec::new())) };
-        let scores = SceneScores::new(scene, splats, &self.gpu.caps().name, evaluation);
+        let mut scores = SceneScores::new(scene, splats, &self.gpu.caps().name, evaluation);
+        scores.mean_at_fitted_offsets = self.at_fitted_offsets(&mut renderer, &frames, step)?;
         write_json(&output.join("eval.json"), &scores)?;
         let mut examples = Vec::new();
         for (index, why) in scores.evaluation.examples(EXAMPLES) {
@@ -73,6 +81,34 @@ impl Scorer<'_> {
             examples.push(Example { view: view.name, why, scores: scored.scores, truth, render });
         }
         Ok((Some(scores), examples))
+    }
+
+    /// By test camera, its time offset fitted to its own images; empty where the run did not learn offsets.
+    pub fn fitted_offsets(&self, renderer: &mut Renderer) -> ivv::Result<BTreeMap<usize, OffsetFit>> {
+        let Scorer { capture, config, .. } = self;
+        let learns = Setup::new(capture, config).learns_offset.contains(&true);
+        let cameras = capture.cameras.iter().enumerate().filter(|(_, camera)| learns && camera.is_test);
+        cameras
+            .map(|(index, _)| {
+                Ok((index, fit_offset(renderer, capture, config.background, index, 0.0, FIT_ITERATIONS)?))
+            })
+            .collect()
+    }
+
+    fn at_fitted_offsets(
+        &self,
+        renderer: &mut Renderer,
+        frames: &[(usize, u32)],
+        step: u64,
+    ) -> ivv::Result<Option<Scores>> {
+        let fits = self.fitted_offsets(renderer)?;
+        if fits.is_empty() {
+            return Ok(None);
+        }
+        let offsets = fits.into_iter().map(|(camera, fit)| (camera, fit.offset)).collect();
+        let background = self.config.background;
+        let scored = evaluate(renderer, self.capture, background, &offsets, frames, step, |_, _, _| Ok(()))?;
+        Ok(scored.map(|evaluation| evaluation.mean))
     }
 
     /// Writes the report into `output`, with what `run_folder` tells of the training; returns its path.
@@ -139,6 +175,10 @@ fn print(scores: &SceneScores) {
     println!("{:<width$} {:>9} {:>9} {:>8} {:>8}", "view", "PSNR, dB", "aligned", "SSIM", "L1");
     for (view, s) in views.iter().map(|v| (v.view.as_str(), &v.scores)).chain([("mean", mean)]) {
         println!("{view:<width$} {:>9.3} {:>9.3} {:>8.4} {:>8.5}", s.psnr, s.psnr_aligned, s.ssim, s.l1);
+    }
+    if let Some(s) = &scores.mean_at_fitted_offsets {
+        let what = "at fitted time offsets";
+        println!("{what:<width$} {:>9.3} {:>9.3} {:>8.4} {:>8.5}", s.psnr, s.psnr_aligned, s.ssim, s.l1);
     }
     for (name, definition) in &scores.metrics {
         println!("{name}: {definition}");

@@ -11,6 +11,7 @@ mod export;
 mod files;
 mod inspect;
 mod interrupt;
+mod offsets;
 mod profile;
 mod progress;
 mod render;

@@ -6,6 +6,7 @@ use crate::due::{Due, DueArgs};
 use crate::eval::Scorer;
 use crate::files::{make_folder, write_json};
 use crate::interrupt::{Interrupted, Stop};
+use crate::offsets;
 use crate::profile::{self, TimedPass};
 use crate::progress::Steps;
 use crate::render::ConstantArgs;
@@ -15,7 +16,7 @@ use anyhow::Context;
 use ivv::gpu::PassTime;
 use ivv::scene::View;
 use ivv::scene::capture::{Capture, CaptureSettings, FrameCache};
-use ivv::train::{Checkpoint, Evaluation, Kind, Log, Plan, Run, StepReport, Trainer, permutation, spread};
+use ivv::train::{Checkpoint, Evaluation, Kind, Log, Plan, Run, Setup, StepReport, Trainer, permutation, spread};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -78,18 +79,18 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     write_json(&args.output.join("config.json"), &config)?;
     run.write(&args.output)?;
     let gpu = args.device.open()?;
-    let (extent, dt) = (capture.extent(), 1.0 / f64::from(capture.n_frames.max(1)));
+    let setup = Setup::new(&capture, &config);
     let splats = match &resumed {
         Some(checkpoint) => checkpoint.params.clone(),
         None => begin::first_gaussians(&capture, &config)?,
     };
-    let plan = begin::plan(&capture, &config, &splats, gpu.caps(), args.cache_bytes);
+    let plan = begin::plan(&capture, &config, &setup, &splats, gpu.caps(), args.cache_bytes);
     eprintln!("{plan}");
     let trainer = match &resumed {
-        Some(checkpoint) => Trainer::resume(gpu.clone(), checkpoint, run.constants, extent, dt)?,
+        Some(checkpoint) => Trainer::resume(gpu.clone(), checkpoint, run.constants, setup)?,
         None => {
             Checkpoint::remove_all(&checkpoints)?;
-            Trainer::new(gpu.clone(), &splats, run.constants, config.clone(), total, extent, dt)?
+            Trainer::new(gpu.clone(), &splats, run.constants, config.clone(), total, setup)?
         }
     };
     let before = trainer.step();
@@ -155,13 +156,13 @@ impl Session<'_> {
             let view = self.scorer.capture.view(camera, frame)?;
             let begun = Instant::now();
             let times = if self.due.profile(self.trainer.step() + 1) {
-                self.trainer.profile(&view, &picture)?
+                self.trainer.profile(camera, &view, &picture)?
             } else {
-                self.trainer.train(&view, &picture)?;
+                self.trainer.train(camera, &view, &picture)?;
                 Vec::new()
             };
             let step = self.trainer.step();
-            if self.due.evaluation(step) || self.due.checkpoint(step) {
+            if self.due.evaluation(step) || self.due.checkpoint(step) || self.due.offset_check(step) {
                 self.trainer.finish()?;
             }
             self.seconds += begun.elapsed().as_secs_f64();
@@ -172,6 +173,9 @@ impl Session<'_> {
             }
             reports.iter().try_for_each(|report| self.note(report))?;
 
+            if self.due.offset_check(step) {
+                offsets::freeze(&mut self.trainer, &self.scorer)?;
+            }
             let is_stopped = stop.is_asked();
             let best = if is_stopped { None } else { self.evaluate(step)? };
             if self.due.checkpoint(step) || best.is_some() || is_stopped {
@@ -230,6 +234,7 @@ impl Session<'_> {
             seconds_per_step: seconds_stepping / trainer.step().max(1) as f64,
             waited_for_images_s: self.waited,
         };
+        let offsets = offsets::table(trainer, &self.scorer, &splats, output)?;
         let Scorer { gpu, run, capture, .. } = self.scorer;
         let mut totals = totals(gpu, trainer.step(), &splats, run, &self.log, &seconds)?;
         totals["plan"] = serde_json::to_value(&self.plan)?;
@@ -246,6 +251,7 @@ impl Session<'_> {
         }
         self.log.write()?;
         let report = self.scorer.report(scores.as_ref(), &examples, output, output)?;
+        totals["offsets"] = serde_json::to_value(&offsets)?;
         if json {
             println!("{}", serde_json::to_string_pretty(&totals)?);
             return Ok(());
@@ -254,6 +260,9 @@ impl Session<'_> {
             let Evaluation { mean, views, .. } = &scores.evaluation;
             format!("{} test images: PSNR {:.2} dB, SSIM {:.4}", views.len(), mean.psnr, mean.ssim)
         });
+        if !offsets.is_empty() {
+            offsets::print(&offsets);
+        }
         let (n, step) = (splats.len(), seconds.seconds_per_step);
         println!("{quality}; {n} Gaussians, {step:.3} s a step; {}", report.display());
         if self.args.profile {

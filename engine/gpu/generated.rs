@@ -93,6 +93,12 @@ pub struct ViewParams {
     pub clamp_uv: [f32; 4],
     /// `background` of the shader.
     pub background: [f32; 4],
+    /// `next0` of the shader.
+    pub next0: [f32; 4],
+    /// `next1` of the shader.
+    pub next1: [f32; 4],
+    /// `next2` of the shader.
+    pub next2: [f32; 4],
     /// `time` of the shader.
     pub time: f32,
     /// `near` of the shader.
@@ -117,27 +123,42 @@ pub struct ViewParams {
     pub tiles_x: u32,
     /// `tiles_y` of the shader.
     pub tiles_y: u32,
+    /// `flow_model` of the shader.
+    pub flow_model: u32,
+    /// `depth_to_alpha` of the shader.
+    pub depth_to_alpha: f32,
+    /// `unused0` of the shader.
+    pub unused0: f32,
+    /// `unused1` of the shader.
+    pub unused1: f32,
 }
 const _: () = {
-    assert!(size_of::<ViewParams>() == 144);
+    assert!(size_of::<ViewParams>() == 208);
     assert!(std::mem::offset_of!(ViewParams, row0) == 0);
     assert!(std::mem::offset_of!(ViewParams, row1) == 16);
     assert!(std::mem::offset_of!(ViewParams, row2) == 32);
     assert!(std::mem::offset_of!(ViewParams, intrinsics) == 48);
     assert!(std::mem::offset_of!(ViewParams, clamp_uv) == 64);
     assert!(std::mem::offset_of!(ViewParams, background) == 80);
-    assert!(std::mem::offset_of!(ViewParams, time) == 96);
-    assert!(std::mem::offset_of!(ViewParams, near) == 100);
-    assert!(std::mem::offset_of!(ViewParams, blur) == 104);
-    assert!(std::mem::offset_of!(ViewParams, alpha_min) == 108);
-    assert!(std::mem::offset_of!(ViewParams, alpha_max) == 112);
-    assert!(std::mem::offset_of!(ViewParams, t_min) == 116);
-    assert!(std::mem::offset_of!(ViewParams, width) == 120);
-    assert!(std::mem::offset_of!(ViewParams, height) == 124);
-    assert!(std::mem::offset_of!(ViewParams, first_row) == 128);
-    assert!(std::mem::offset_of!(ViewParams, n_rows) == 132);
-    assert!(std::mem::offset_of!(ViewParams, tiles_x) == 136);
-    assert!(std::mem::offset_of!(ViewParams, tiles_y) == 140);
+    assert!(std::mem::offset_of!(ViewParams, next0) == 96);
+    assert!(std::mem::offset_of!(ViewParams, next1) == 112);
+    assert!(std::mem::offset_of!(ViewParams, next2) == 128);
+    assert!(std::mem::offset_of!(ViewParams, time) == 144);
+    assert!(std::mem::offset_of!(ViewParams, near) == 148);
+    assert!(std::mem::offset_of!(ViewParams, blur) == 152);
+    assert!(std::mem::offset_of!(ViewParams, alpha_min) == 156);
+    assert!(std::mem::offset_of!(ViewParams, alpha_max) == 160);
+    assert!(std::mem::offset_of!(ViewParams, t_min) == 164);
+    assert!(std::mem::offset_of!(ViewParams, width) == 168);
+    assert!(std::mem::offset_of!(ViewParams, height) == 172);
+    assert!(std::mem::offset_of!(ViewParams, first_row) == 176);
+    assert!(std::mem::offset_of!(ViewParams, n_rows) == 180);
+    assert!(std::mem::offset_of!(ViewParams, tiles_x) == 184);
+    assert!(std::mem::offset_of!(ViewParams, tiles_y) == 188);
+    assert!(std::mem::offset_of!(ViewParams, flow_model) == 192);
+    assert!(std::mem::offset_of!(ViewParams, depth_to_alpha) == 196);
+    assert!(std::mem::offset_of!(ViewParams, unused0) == 200);
+    assert!(std::mem::offset_of!(ViewParams, unused1) == 204);
 };
 
 /// derives from each Gaussian the numbers that culling reads: centre, reach, and time window.
@@ -6512,6 +6533,168 @@ pub mod loss_sum {
         };
         fn slices(&self) -> Vec<Slice> {
             vec![self.sums.slice(), self.loss.slice()]
+        }
+    }
+}
+
+/// compares depth and flow with their priors: cotangents and sums.
+pub mod prior_loss {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `n` of the shader.
+        pub n: u32,
+        /// `is_metric` of the shader.
+        pub is_metric: u32,
+        /// `depth_weight` of the shader.
+        pub depth_weight: f32,
+        /// `flow_weight` of the shader.
+        pub flow_weight: f32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 16);
+        assert!(std::mem::offset_of!(Push, n) == 0);
+        assert!(std::mem::offset_of!(Push, is_metric) == 4);
+        assert!(std::mem::offset_of!(Push, depth_weight) == 8);
+        assert!(std::mem::offset_of!(Push, flow_weight) == 12);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub image1: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub truth: &'a Buf<u32>,
+        /// Reads.
+        pub priors: &'a Buf<[u32; 2]>,
+        /// Writes.
+        pub d_image1: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub sums: &'a Buf<[f32; 4]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "prior_loss",
+            local: 64,
+            subgroups: false,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/prior_loss.spv"),
+            bindings: &[
+                BindingInfo { name: "image1", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "truth", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "priors", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_image1", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "sums", kind: BindingKind::Storage, access: Access::Write },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![self.image1.slice(), self.truth.slice(), self.priors.slice(), self.d_image1.slice(), self.sums.slice()]
+        }
+    }
+}
+
+/// adds the camera's time offset, which only the device knows, to the view's time.
+pub mod clock_apply {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `camera` of the shader.
+        pub camera: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 4);
+        assert!(std::mem::offset_of!(Push, camera) == 0);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub clocks: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub view: &'a Buf<super::ViewParams>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "clock_apply",
+            local: 1,
+            subgroups: false,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/clock_apply.spv"),
+            bindings: &[
+                BindingInfo { name: "clocks", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "view", kind: BindingKind::Storage, access: Access::ReadWrite },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![self.clocks.slice(), self.view.slice()]
+        }
+    }
+}
+
+/// moves the cameras' time offsets: Adam on the image's gradient and the L2 term, bound, gauge.
+pub mod clock_step {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `camera` of the shader.
+        pub camera: u32,
+        /// `n_cameras` of the shader.
+        pub n_cameras: u32,
+        /// `dt` of the shader.
+        pub dt: f32,
+        /// `rate` of the shader.
+        pub rate: f32,
+        /// `inverse_c2` of the shader.
+        pub inverse_c2: f32,
+        /// `regulariser` of the shader.
+        pub regulariser: f32,
+        /// `bound` of the shader.
+        pub bound: f32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 28);
+        assert!(std::mem::offset_of!(Push, camera) == 0);
+        assert!(std::mem::offset_of!(Push, n_cameras) == 4);
+        assert!(std::mem::offset_of!(Push, dt) == 8);
+        assert!(std::mem::offset_of!(Push, rate) == 12);
+        assert!(std::mem::offset_of!(Push, inverse_c2) == 16);
+        assert!(std::mem::offset_of!(Push, regulariser) == 20);
+        assert!(std::mem::offset_of!(Push, bound) == 24);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub total: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub free: &'a Buf<u32>,
+        /// Reads.
+        pub frame_status: &'a Buf<super::Status>,
+        /// ReadWrites.
+        pub clocks: &'a Buf<[f32; 4]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "clock_step",
+            local: 64,
+            subgroups: false,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/clock_step.spv"),
+            bindings: &[
+                BindingInfo { name: "total", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "free", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "clocks", kind: BindingKind::Storage, access: Access::ReadWrite },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![self.total.slice(), self.free.slice(), self.frame_status.slice(), self.clocks.slice()]
         }
     }
 }

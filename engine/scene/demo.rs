@@ -5,7 +5,7 @@
 
 use super::decode::dc_of_color;
 use super::splats::{Motion, Splats};
-use super::view::View;
+use super::view::{FlowModel, View};
 
 type Vec3 = [f64; 3];
 
@@ -209,6 +209,8 @@ fn views() -> Vec<View> {
             time_offset: 0.0,
             flow_dt: 1.0 / 30.0,
             background: [0.55, 0.74, 0.95],
+            flow_model: FlowModel::Velocity,
+            next_world_to_camera: None,
         });
         turn = advance(turn, STEP);
     }

@@ -37,6 +37,24 @@ pub struct View {
     /// Colour behind the scene.
     #[serde(default)]
     pub background: [f32; 3],
+    /// What the output `flow` is.
+    #[serde(default)]
+    pub flow_model: FlowModel,
+    /// `world_to_camera` one frame on, of a camera that moves; [`FlowModel::Displacement`] uses it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub next_world_to_camera: Option<[[f64; 4]; 4]>,
+}
+
+/// What the output `flow` is (SPEC 3).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum FlowModel {
+    /// flow_dt J0 (R v): the projected velocity. Of the scene alone, to first order (paper).
+    #[default]
+    Velocity,
+    /// pi'(mu(t' + flow_dt)) - pi(mu(t')): where the centre goes in the picture, by its own motion and the camera's; as
+    /// `Velocity` for a centre that is not before the camera one frame on.
+    Displacement,
 }
 
 fn one() -> f64 {
@@ -146,37 +164,36 @@ impl View {
         if self.background.iter().any(|c| !c.is_finite()) {
             return Some(("background", format!("is {:?}", self.background), "give three finite numbers"));
         }
-        self.check_pose()
+        let next = self.next_world_to_camera.as_ref();
+        check_pose("world_to_camera", &self.world_to_camera)
+            .or_else(|| next.and_then(|next| check_pose("next_world_to_camera", next)))
     }
+}
 
-    fn check_pose(&self) -> Option<Fault> {
-        const FIELD: &str = "world_to_camera";
-        const REMEDY: &str =
-            "give the rows of a rotation and translation from world to camera (x right, y down, z forward)";
-        let m = &self.world_to_camera;
-        if m.iter().flatten().any(|v| !v.is_finite()) {
-            return Some((FIELD, "has an entry that is not finite".to_owned(), REMEDY));
-        }
-        if m[3] != [0.0, 0.0, 0.0, 1.0] {
-            return Some((FIELD, format!("has {:?} as its last row, not [0, 0, 0, 1]", m[3]), REMEDY));
-        }
-        for i in 0..3 {
-            for j in 0..=i {
-                let product: f64 = (0..3).map(|k| m[i][k] * m[j][k]).sum();
-                let expected = if i == j { 1.0 } else { 0.0 };
-                let error = (product - expected).abs();
-                if error.is_nan() || error > ROTATION_TOLERANCE {
-                    let reason =
-                        format!("has no rotation: rows {j} and {i} have the product {product}, not {expected}");
-                    return Some((FIELD, reason, REMEDY));
-                }
+fn check_pose(field: &'static str, m: &[[f64; 4]; 4]) -> Option<Fault> {
+    const REMEDY: &str =
+        "give the rows of a rotation and translation from world to camera (x right, y down, z forward)";
+    if m.iter().flatten().any(|v| !v.is_finite()) {
+        return Some((field, "has an entry that is not finite".to_owned(), REMEDY));
+    }
+    if m[3] != [0.0, 0.0, 0.0, 1.0] {
+        return Some((field, format!("has {:?} as its last row, not [0, 0, 0, 1]", m[3]), REMEDY));
+    }
+    for i in 0..3 {
+        for j in 0..=i {
+            let product: f64 = (0..3).map(|k| m[i][k] * m[j][k]).sum();
+            let expected = if i == j { 1.0 } else { 0.0 };
+            let error = (product - expected).abs();
+            if error.is_nan() || error > ROTATION_TOLERANCE {
+                let reason = format!("has no rotation: rows {j} and {i} have the product {product}, not {expected}");
+                return Some((field, reason, REMEDY));
             }
         }
-        let minor = |a: usize, b: usize| m[1][a] * m[2][b] - m[1][b] * m[2][a];
-        let determinant = m[0][0] * minor(1, 2) - m[0][1] * minor(0, 2) + m[0][2] * minor(0, 1);
-        if determinant < 0.0 {
-            return Some((FIELD, "mirrors: the determinant of its rotation is -1".to_owned(), REMEDY));
-        }
-        None
     }
+    let minor = |a: usize, b: usize| m[1][a] * m[2][b] - m[1][b] * m[2][a];
+    let determinant = m[0][0] * minor(1, 2) - m[0][1] * minor(0, 2) + m[0][2] * minor(0, 1);
+    if determinant < 0.0 {
+        return Some((field, "mirrors: the determinant of its rotation is -1".to_owned(), REMEDY));
+    }
+    None
 }

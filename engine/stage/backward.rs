@@ -104,6 +104,7 @@ pub struct Backward {
     d_camera_each: Buf<[f32; 4]>,
     camera_partials: Buf<[f32; 4]>,
     accumulation: Accumulation,
+    wants_camera: bool,
     // Of the fixed point, a power of two.
     scale: f32,
     outputs: Outputs,
@@ -149,10 +150,11 @@ fn adam_kernel(dynamic: bool, degree: usize) -> &'static KernelInfo {
 impl Backward {
     /// Buffers for pictures within `room`, blended as `blend` does.
     pub fn new(gpu: &Gpu, scene: &SceneBuffers, blend: &Blend, room: &super::Room) -> Result<Self> {
-        let super::Room { active, intersections, pixels, outputs, purpose, accumulation, .. } = *room;
+        let super::Room { active, intersections, pixels, outputs, purpose, accumulation, camera, .. } = *room;
+        let wants_camera = camera || purpose == Purpose::Gradient;
         let n_slots = if accumulation == Accumulation::Slots { intersections } else { active };
         let gradients = if purpose == Purpose::Gradient { &scene.groups[..] } else { &[] };
-        let n_camera = if purpose == Purpose::Gradient { 2 * active as usize } else { 1 };
+        let n_camera = if wants_camera { 2 * active as usize } else { 1 };
         Ok(Backward {
             d_image0: gpu.alloc("d image color", pixels)?,
             d_image1: match outputs {
@@ -174,6 +176,7 @@ impl Backward {
             d_camera_each: gpu.alloc("d camera of each", n_camera)?,
             camera_partials: gpu.alloc("d camera partials", 3 * CAMERA_GROUPS as usize)?,
             accumulation,
+            wants_camera,
             // Terms stay below 2^54: below 2^22 in units of a cotangent. Those of a loss are those of a mean over three
             // channels.
             scale: match purpose {
@@ -205,7 +208,6 @@ impl Backward {
         target: &Target,
     ) {
         self.record_blend(rec, cull, projected, tiles, lists, blend, view, n_tiles, rounds);
-        let wants_camera = matches!(target, Target::Gradients);
         match target {
             Target::Gradients => rec.stage("project bwd"),
             Target::Step(_) => rec.stage("project bwd adam"),
@@ -220,7 +222,7 @@ impl Backward {
                 group: index as u32,
                 first: group.first,
                 is_summed,
-                wants_camera: u32::from(wants_camera),
+                wants_camera: u32::from(self.wants_camera),
             };
             let band = |b: usize| group.params.bands.get(b).unwrap_or(&group.params.sh0);
             match target {
@@ -295,15 +297,17 @@ impl Backward {
             }
         }
         rec.group(None);
-        if let (true, Some(tail)) = (wants_camera, &blend.tail) {
+        if let (true, Some(tail)) = (self.wants_camera, &blend.tail) {
             rec.stage("camera bwd");
             let (d_camera, partials) = (&self.d_camera_each, &self.camera_partials);
             rec.pass(camera_sum::Args { count: &cull.n_active, d_camera, partials }, (), Grid::Groups(CAMERA_GROUPS));
-            rec.pass(
-                background_sum::Args { tail, d_image0: &self.d_image0, partials },
-                background_sum::Push { n: n_pixels },
-                Grid::Groups(CAMERA_GROUPS),
-            );
+            if let Target::Gradients = target {
+                rec.pass(
+                    background_sum::Args { tail, d_image0: &self.d_image0, partials },
+                    background_sum::Push { n: n_pixels },
+                    Grid::Groups(CAMERA_GROUPS),
+                );
+            }
             rec.pass(camera_total::Args { partials, total: &self.d_camera }, (), Grid::Groups(1));
         }
     }

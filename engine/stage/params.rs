@@ -32,8 +32,12 @@ impl Strip {
 pub fn view_params(view: &View, constants: &Constants, origin: [f64; 3], strip: Strip) -> ViewParams {
     let m = &view.world_to_camera;
     // Centre of the camera, -R^T t, relative to the scene's origin.
-    let center: [f64; 3] = std::array::from_fn(|k| -(0..3).map(|r| m[r][k] * m[r][3]).sum::<f64>() - origin[k]);
-    let row = |r: usize| [m[r][0] as f32, m[r][1] as f32, m[r][2] as f32, center[r] as f32];
+    let rows = |m: &[[f64; 4]; 4]| -> [[f32; 4]; 3] {
+        let center = |k: usize| -(0..3).map(|r| m[r][k] * m[r][3]).sum::<f64>() - origin[k];
+        std::array::from_fn(|r| [m[r][0] as f32, m[r][1] as f32, m[r][2] as f32, center(r) as f32])
+    };
+    let [row0, row1, row2] = rows(m);
+    let [next0, next1, next2] = rows(view.next_world_to_camera.as_ref().unwrap_or(m));
     // SPEC 3: the Jacobian follows the centre up to 30 % of half the field of view beyond the picture's edge.
     let clamp = |f: f64, c: f64, size: f64| {
         let half = size / (2.0 * f);
@@ -44,12 +48,15 @@ pub fn view_params(view: &View, constants: &Constants, origin: [f64; 3], strip: 
     let (tiles_x, tiles_y) = strip.tiles(view);
     let [r, g, b] = view.background;
     ViewParams {
-        row0: row(0),
-        row1: row(1),
-        row2: row(2),
+        row0,
+        row1,
+        row2,
         intrinsics: [view.fx as f32, view.fy as f32, view.cx as f32, view.cy as f32],
         clamp_uv: [u_low as f32, u_high as f32, v_low as f32, v_high as f32],
         background: [r, g, b, view.flow_dt as f32],
+        next0,
+        next1,
+        next2,
         time: (view.time + view.time_offset * view.flow_dt) as f32,
         near: constants.near,
         blur: constants.blur,
@@ -62,5 +69,9 @@ pub fn view_params(view: &View, constants: &Constants, origin: [f64; 3], strip: 
         n_rows: strip.n_rows,
         tiles_x,
         tiles_y,
+        flow_model: view.flow_model as u32,
+        depth_to_alpha: 1.0,
+        unused0: 0.0,
+        unused1: 0.0,
     }
 }

@@ -80,6 +80,7 @@ impl Renderer {
             outputs: Outputs::Color,
             purpose: Purpose::Picture,
             accumulation: Accumulation::default(),
+            camera: false,
         };
         Ok(Renderer { gpu, scene, constants, work: None, room })
     }

@@ -32,6 +32,8 @@ pub struct Room {
     pub purpose: Purpose,
     /// How gradients are added up.
     pub accumulation: Accumulation,
+    /// Whether a step of the optimiser needs the camera's gradient too; [`Purpose::Gradient`] always has it.
+    pub camera: bool,
 }
 
 impl Room {

@@ -9,7 +9,7 @@ use crate::error::{Error, Result};
 use crate::scene::{Similarity, Splats, write_atomic};
 use std::path::{Path, PathBuf};
 
-const MAGIC: &[u8; 8] = b"IVVCKPT2";
+const MAGIC: &[u8; 8] = b"IVVCKPT3";
 /// Longest header that is believed, bytes.
 const MAX_HEADER: usize = 1 << 20;
 /// Checkpoints kept in a folder.
@@ -37,6 +37,17 @@ pub struct Checkpoint {
     pub second: Splats,
     /// State of every Gaussian, see [`crate::stage::Optimiser::state`].
     pub state: Vec<[f32; 4]>,
+    /// What is learnt of the cameras.
+    pub cameras: CameraState,
+}
+
+/// The cameras' own parameters.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct CameraState {
+    /// By camera: time offset in frames, its moments, what rounding has lost of it; empty where no offset is learnt.
+    pub clocks: Vec<[f32; 4]>,
+    /// By camera, whether its offset is learnt; empty where none is.
+    pub learns_offset: Vec<bool>,
 }
 
 #[derive(serde::Serialize, serde::Deserialize)]
@@ -48,6 +59,7 @@ struct Header {
     origin: [f64; 3],
     n_static: usize,
     sh_degree: u32,
+    learns_offset: Vec<bool>,
     sections: Vec<Section>,
 }
 
@@ -96,6 +108,7 @@ impl Checkpoint {
             all.extend(arrays(splats).map(|(name, values)| (format!("{set}.{name}"), values)));
         }
         all.push(("state".to_owned(), self.state.as_flattened()));
+        all.push(("clocks".to_owned(), self.cameras.clocks.as_flattened()));
         all
     }
 
@@ -122,6 +135,7 @@ impl Checkpoint {
             origin: self.origin,
             n_static: self.params.n_static,
             sh_degree: self.params.sh_degree,
+            learns_offset: self.cameras.learns_offset.clone(),
             sections: sections.iter().map(told).collect(),
         };
         write_atomic(&file, |to| {
@@ -240,8 +254,13 @@ impl Checkpoint {
         if [first.len(), second.len(), state.len()] != [params.len(); 3] {
             return Err(fault("sections", "are of different numbers of Gaussians".to_owned()));
         }
-        let Header { step, total, config, world, origin, .. } = header;
-        Ok(Checkpoint { step, total, config, world, origin, params, first, second, state })
+        let clocks: Vec<[f32; 4]> = take("clocks")?.as_chunks().0.to_vec();
+        let Header { step, total, config, world, origin, learns_offset, .. } = header;
+        if clocks.len() != learns_offset.len() {
+            return Err(fault("sections", "are of different numbers of cameras".to_owned()));
+        }
+        let cameras = CameraState { clocks, learns_offset };
+        Ok(Checkpoint { step, total, config, world, origin, params, first, second, state, cameras })
     }
 
     /// The newest checkpoint of `folder` that can be read, with a warning for each newer one that cannot; none when there

@@ -1,6 +1,6 @@
 //! All numbers of a training run, with their defaults (SPEC 6).
 
-use crate::stage::{Accumulation, AdamMode};
+use crate::stage::{Accumulation, AdamMode, DepthSpace};
 
 /// A training run. Everything but the capture; two runs with equal settings on one machine give equal bits.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -28,6 +28,10 @@ pub struct Config {
     pub init_tau: f64,
     /// Colour behind the scene.
     pub background: [f32; 3],
+    /// Weights and forms of the loss's terms.
+    pub loss: Loss,
+    /// Whether the cameras' time offsets are learnt (SPEC 2).
+    pub offsets: bool,
     /// Learning rates.
     pub lr: LearningRates,
     /// Which Gaussians take a step: `dense` (all; the reference), `lazy` (those in view catch up first), `sparse`.
@@ -36,6 +40,51 @@ pub struct Config {
     pub accumulation: Accumulation,
     /// Where Gaussians are added and removed.
     pub density: Density,
+}
+
+/// The terms of the loss beside the photometric one, whose weight is 1 (SPEC 4). A term of weight 0, or without data,
+/// costs nothing.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Loss {
+    /// Weight of the mean error of the depth, where the capture has priors of it.
+    pub depth: f64,
+    /// The space in which depths are compared.
+    pub depth_space: DepthSpace,
+    /// Keeps the depth's error from changing opacities and shapes: it moves centres along the view alone.
+    pub depth_detach_alpha: bool,
+    /// Weight of the mean end-point error of the flow, pixels per frame.
+    pub flow: f64,
+    /// What the rendered flow is.
+    pub flow_model: FlowChoice,
+    /// Weight of the sum of the squared time offsets, frames.
+    pub offset: f64,
+}
+
+/// What the rendered flow is, see [`crate::scene::FlowModel`].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum FlowChoice {
+    /// The displacement where a camera moves, whose flow the priors hold too; the velocity elsewhere.
+    #[default]
+    Auto,
+    /// The projected velocity (paper).
+    Velocity,
+    /// The displacement, by the camera's motion too.
+    Displacement,
+}
+
+impl Default for Loss {
+    fn default() -> Self {
+        Loss {
+            depth: 1.0,
+            depth_space: DepthSpace::Inverse,
+            depth_detach_alpha: false,
+            flow: 1.0,
+            flow_model: FlowChoice::Auto,
+            offset: 1e-4,
+        }
+    }
 }
 
 /// Where the first Gaussians come from.
@@ -149,7 +198,8 @@ impl Config {
     /// # Errors
     /// Its name and what is wrong.
     pub fn check(&self) -> Result<(), String> {
-        let LearningRates { position, sh0, sh_rest, opacity, scale, rotation, velocity, t_center, t_scale } = self.lr;
+        let LearningRates { position, sh0, sh_rest, opacity, scale, rotation, velocity, t_center, t_scale, offset } =
+            self.lr;
         let all = [
             ("position", position),
             ("sh0", sh0),
@@ -160,11 +210,18 @@ impl Config {
             ("velocity", velocity),
             ("t_center", t_center),
             ("t_scale", t_scale),
+            ("offset", offset),
         ];
         for (name, Rate { start, end }) in all {
             let positive = start > 0.0 && end > 0.0 && start.is_finite() && end.is_finite();
             if !(positive || (start == 0.0 && end == 0.0)) {
                 return Err(format!("lr.{name} goes from {start} to {end}: both must be positive, or both 0"));
+            }
+        }
+        let Loss { depth, flow, offset, .. } = self.loss;
+        for (name, weight) in [("depth", depth), ("flow", flow), ("offset", offset)] {
+            if !(weight >= 0.0 && weight.is_finite()) {
+                return Err(format!("loss.{name} is {weight}: a weight is 0 or more"));
             }
         }
         Ok(())
@@ -200,6 +257,8 @@ pub struct LearningRates {
     pub t_center: Rate,
     /// Of log tau.
     pub t_scale: Rate,
+    /// Of the cameras' time offsets, frames.
+    pub offset: Rate,
 }
 
 impl Default for LearningRates {
@@ -215,6 +274,7 @@ impl Default for LearningRates {
             velocity: constant(2e-3),
             t_center: constant(1e-5),
             t_scale: constant(3e-2),
+            offset: constant(1e-3),
         }
     }
 }
@@ -233,6 +293,8 @@ impl Default for Config {
             init_opacity: 0.5,
             init_tau: 0.7,
             background: [0.0; 3],
+            loss: Loss::default(),
+            offsets: true,
             lr: LearningRates::default(),
             adam: AdamMode::default(),
             accumulation: Accumulation::default(),

@@ -135,6 +135,9 @@ pub struct SceneScores {
     /// The scores.
     #[serde(flatten)]
     pub evaluation: Evaluation,
+    /// Means of the same views with each test camera's time offset fitted to its own images; none where offsets were not learnt.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub mean_at_fitted_offsets: Option<Scores>,
 }
 
 impl SceneScores {
@@ -153,6 +156,7 @@ impl SceneScores {
             metrics: METRICS.into(),
             metrics_of: METRICS_OF,
             evaluation,
+            mean_at_fitted_offsets: None,
         }
     }
 }
@@ -163,8 +167,9 @@ pub fn spread(frames: &[(usize, u32)], n: usize) -> Vec<(usize, u32)> {
     (0..n).map(|k| frames[(2 * k + 1) * frames.len() / (2 * n)]).collect()
 }
 
-/// Renders each (camera, frame) of `frames` over `background` and scores it; `seen` is handed every picture with its
-/// camera and frame. None when there is no frame.
+/// Renders each (camera, frame) of `frames` over `background`, at the camera's time offset in `offsets` (frames, by camera;
+/// 0 where it has none), and scores it; `seen` is handed every picture with its camera and frame. None when there is no
+/// frame.
 ///
 /// # Errors
 /// [`Error::NonFinite`] when a picture has a value that is not finite; those of the renderer, of the capture's pictures
@@ -173,6 +178,7 @@ pub fn evaluate(
     renderer: &mut Renderer,
     capture: &Capture,
     background: [f32; 3],
+    offsets: &BTreeMap<usize, f64>,
     frames: &[(usize, u32)],
     step: u64,
     mut seen: impl FnMut(usize, u32, &Frame) -> Result<()>,
@@ -180,7 +186,8 @@ pub fn evaluate(
     let gpu = renderer.gpu().clone();
     let mut views = Vec::new();
     for &(camera, frame) in frames {
-        let view = View { background, ..capture.view(camera, frame)? };
+        let time_offset = offsets.get(&camera).copied().unwrap_or(0.0);
+        let view = View { background, time_offset, ..capture.view(camera, frame)? };
         let begun = Instant::now();
         let (rendered, _) = renderer.render(&view, Outputs::Color)?;
         let render_ms = 1e3 * begun.elapsed().as_secs_f64();

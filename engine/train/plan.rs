@@ -25,6 +25,10 @@ pub struct Workload {
     pub sh_degree: u32,
     /// Bytes of decoded pictures kept ahead, in the host's memory.
     pub cache_bytes: u64,
+    /// Whether pictures come with priors of depth or flow.
+    pub priors: bool,
+    /// Whether cameras' time offsets are learnt.
+    pub offsets: bool,
 }
 
 /// What the device has.
@@ -104,15 +108,15 @@ struct Item {
 }
 
 /// Every buffer of a training step that grows with the work. Tiles, counters and transfers are left out: below 1 %.
-fn items(sh_degree: u32) -> Vec<Item> {
+fn items(work: &Workload) -> Vec<Item> {
     use Class::*;
     use Per::*;
     let item = |name, class, per, bytes: f64, bound: f64| Item { name, class, per, bytes, bound };
     let cut = |name, class, per, bytes: f64| Item { name, class, per, bytes, bound: 0.0 };
     // Geometry, the constant band, and those above it.
     let bands = [48.0, 64.0, 96.0];
-    let each = 48.0 + 16.0 + bands[..sh_degree.min(3) as usize].iter().sum::<f64>();
-    vec![
+    let each = 48.0 + 16.0 + bands[..work.sh_degree.min(3) as usize].iter().sum::<f64>();
+    let mut items = vec![
         cut("parameters", Parameters, Gaussian, each),
         cut("parameters", Parameters, Dynamic, 16.0),
         cut("bound", Parameters, Gaussian, 16.0),
@@ -148,7 +152,19 @@ fn items(sh_degree: u32) -> Vec<Item> {
         item("ssim moments", Pixels, Pixel, 64.0, 64.0),
         item("ssim partials", Pixels, Pixel, 48.0, 48.0),
         item("ssim filtered", Pixels, Pixel, 48.0, 48.0),
-    ]
+    ];
+    if work.priors {
+        items.extend([
+            item("image depth flow", Pixels, Pixel, 16.0, 16.0),
+            item("d image depth flow", Pixels, Pixel, 16.0, 16.0),
+            item("priors", Pixels, Pixel, 8.0, 8.0),
+            item("staged priors", Pixels, Pixel, 8.0, 8.0),
+        ]);
+    }
+    if work.offsets {
+        items.push(item("d camera of each", Active, Gaussian, 32.0, 32.0));
+    }
+    items
 }
 
 /// Bytes that a number of Gaussians needs.
@@ -163,7 +179,7 @@ pub struct Need {
 impl Need {
     fn new(work: &Workload, gaussians: u64) -> Self {
         let bytes = |item: &Item| (item.bytes * item.per.count(work, gaussians as f64)) as u64;
-        let buffers = items(work.sh_degree).iter().map(|item| (item.name, item.class, bytes(item))).collect();
+        let buffers = items(work).iter().map(|item| (item.name, item.class, bytes(item))).collect();
         Need { gaussians, buffers }
     }
 
@@ -231,7 +247,7 @@ impl Plan {
             let (fixed, million) = (Need::new(work, 0).bytes(), Need::new(work, 1_000_000).bytes());
             limits.memory_bytes.saturating_sub(fixed + cache) as f64 * 1e6 / (million - fixed) as f64
         };
-        let bindings = items(work.sh_degree).into_iter().filter(|item| item.bound > 0.0);
+        let bindings = items(work).into_iter().filter(|item| item.bound > 0.0);
         let bounds = bindings.map(|item| (by_binding(&item), BoundBy::Binding(item.name)));
         let all = [(work.max_gaussians, BoundBy::MaxGaussians), (by_memory as u64, BoundBy::Memory)].into_iter();
         let (most, bound_by) = all.chain(bounds).min_by_key(|(most, _)| *most).unwrap_or((0, BoundBy::MaxGaussians));

@@ -7,16 +7,18 @@ use super::checkpoint::Checkpoint;
 use super::config::Config;
 use super::density::{density_round, noise, regularisers};
 use super::metrics::psnr;
+use super::objective::{Objective, Sums, Target as Truth};
 use super::schedule::rates;
+use super::setup::Setup;
 use crate::error::{Error, Result};
 use crate::gpu::generated::{AdamParams, Status, ViewParams};
 use crate::gpu::{Buf, Gpu, PassTime, Recording, Running, Slice};
-use crate::scene::capture::{Extent, Picture};
+use crate::scene::capture::Picture;
 use crate::scene::{Similarity, Splats, View};
 use crate::settings::Constants;
 use crate::stage::{
-    AdamMode, Counts, Optimiser, Outputs, Photometric, Planes, Purpose, Room, SSIM_WEIGHT, SceneBuffers, State,
-    StepSettings, Strip, Target, Verdict, Workspace, adam_params, lazy_sums, record_mcmc_noise, view_params,
+    AdamMode, Counts, Optimiser, Planes, Purpose, Room, SceneBuffers, State, StepSettings, Strip, Target, Verdict,
+    Workspace, adam_params, lazy_sums, record_mcmc_noise, view_params,
 };
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -30,9 +32,7 @@ pub struct Trainer {
     constants: Constants,
     config: Config,
     total: u64,
-    extent: Extent,
-    /// Normalised time between two frames.
-    dt: f64,
+    setup: Setup,
     // Steps handed over.
     step: u64,
     // The step after which density control ran last, or was found not to be due.
@@ -40,7 +40,7 @@ pub struct Trainer {
     scene: SceneBuffers,
     optimiser: Optimiser,
     work: Option<Workspace>,
-    loss: Photometric,
+    objective: Objective,
     // Gaussians that cannot be drawn, counted once per step; density control removes them.
     n_undrawable: Buf<u32>,
     room: Room,
@@ -53,16 +53,15 @@ pub struct Trainer {
 /// What a step needs, kept until it has ended well.
 struct Inputs {
     step: u64,
+    camera: usize,
     view: View,
-    size: [u32; 2],
-    n_visible: u32,
-    truth: Slice,
+    truth: Truth,
 }
 
 /// Where a step leaves its numbers.
 struct Results {
     status: Slice,
-    sums: Slice,
+    sums: Sums,
     n_bad: Slice,
 }
 
@@ -84,6 +83,12 @@ pub struct StepReport {
     pub l1: f64,
     /// Structural similarity.
     pub ssim: f64,
+    /// Mean error of the depth, in the space of the setting, where the image has a prior of it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub depth: Option<f64>,
+    /// Mean end-point error of the flow, pixels, where the image has a prior of it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub flow: Option<f64>,
     /// Peak signal-to-noise ratio of the training image, dB.
     pub psnr: f64,
     /// Gaussians.
@@ -101,7 +106,7 @@ pub struct StepReport {
 }
 
 impl Trainer {
-    /// Uploads `splats` for a run of `total` steps in a scene of size `extent`, `dt` between frames.
+    /// Uploads `splats` for a run of `total` steps on the capture that `setup` describes.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`] naming the buffer that does not fit; [`Error::NoDevice`] when the device cannot do what the
@@ -112,37 +117,37 @@ impl Trainer {
         constants: Constants,
         config: Config,
         total: u64,
-        extent: Extent,
-        dt: f64,
+        setup: Setup,
     ) -> Result<Self> {
         config.accumulation.check(&gpu)?;
         let scene = SceneBuffers::upload(&gpu, splats, constants.alpha_min, Purpose::Training)?;
         let zeros = zeros_like(splats);
         let state = vec![[0.0; 4]; splats.len()];
         let sums = match config.adam {
-            AdamMode::Lazy => lazy_sums(|step| rates(&config, step, total, extent.radius), total),
+            AdamMode::Lazy => lazy_sums(|step| rates(&config, step, total, setup.extent.radius), total),
             AdamMode::Dense | AdamMode::Sparse => vec![[0.0; 4]],
         };
         let (moments, state) = upload_state(&gpu, &scene, &zeros, &zeros, &state)?;
         let optimiser = Optimiser::new(&gpu, moments, state, config.adam, &sums)?;
+        let objective = Objective::new(&gpu, &config, &setup)?;
         let room = Room {
             active: scene.n.max(1),
             intersections: scene.n.saturating_mul(4).max(1 << 14),
             tiles: 1,
             pixels: 1,
-            outputs: Outputs::Color,
+            outputs: objective.outputs(),
             purpose: Purpose::Training,
             accumulation: config.accumulation,
+            camera: objective.wants_camera(),
         };
         Ok(Trainer {
-            loss: Photometric::new(&gpu, 1)?,
+            objective,
             n_undrawable: gpu.upload("undrawable Gaussians", &[0u32])?,
             gpu,
             constants,
             config,
             total,
-            extent,
-            dt,
+            setup,
             step: 0,
             controlled: 0,
             scene,
@@ -159,15 +164,10 @@ impl Trainer {
     ///
     /// # Errors
     /// As [`Trainer::new`].
-    pub fn resume(
-        gpu: Arc<Gpu>,
-        checkpoint: &Checkpoint,
-        constants: Constants,
-        extent: Extent,
-        dt: f64,
-    ) -> Result<Self> {
-        let Checkpoint { step, total, config, origin, params, first, second, state, .. } = checkpoint;
-        let mut trainer = Self::new(gpu, params, constants, config.clone(), *total, extent, dt)?;
+    pub fn resume(gpu: Arc<Gpu>, checkpoint: &Checkpoint, constants: Constants, setup: Setup) -> Result<Self> {
+        let Checkpoint { step, total, config, origin, params, first, second, state, cameras, .. } = checkpoint;
+        let mut trainer = Self::new(gpu, params, constants, config.clone(), *total, setup)?;
+        trainer.objective.restore(&trainer.gpu, cameras)?;
         trainer.scene.origin = *origin;
         let (moments, state) = upload_state(&trainer.gpu, &trainer.scene, first, second, state)?;
         (trainer.optimiser.moments, trainer.optimiser.state) = (moments, state);
@@ -193,6 +193,7 @@ impl Trainer {
             first,
             second,
             state: self.state()?,
+            cameras: self.objective.state(&self.gpu)?,
         })
     }
 
@@ -244,7 +245,7 @@ impl Trainer {
         let (first, second) = self.scene.download_moments(&self.gpu, &self.optimiser.moments)?;
         let scene = SceneBuffers::upload(&self.gpu, &splats, self.constants.alpha_min, Purpose::Training)?;
         let (moments, state) = upload_state(&self.gpu, &scene, &first, &second, &self.state()?)?;
-        let sums = lazy_sums(|step| rates(&self.config, step, self.total, self.extent.radius), self.total);
+        let sums = lazy_sums(|step| rates(&self.config, step, self.total, self.setup.extent.radius), self.total);
         let copy = Optimiser::new(&self.gpu, moments, state, AdamMode::Lazy, &sums)?;
         self.gpu.write(&copy.params, &[self.adam_params(self.step.max(1))])?;
         let mut rec = Recording::new();
@@ -253,23 +254,43 @@ impl Trainer {
         scene.download(&self.gpu, scene.groups.iter().map(|g| &g.params))
     }
 
+    /// The cameras' time offsets after the steps that were handed over, frames, by camera, and which of them are learnt; empty
+    /// where none are.
+    ///
+    /// # Errors
+    /// As [`Trainer::train`].
+    pub fn offsets(&mut self) -> Result<(Vec<f64>, Vec<bool>)> {
+        self.finish()?;
+        let state = self.objective.state(&self.gpu)?;
+        Ok((state.clocks.iter().map(|clock| f64::from(clock[0])).collect(), state.learns_offset))
+    }
+
+    /// Ends the learning of the offsets of the cameras that `freeze` names, which become 0.
+    ///
+    /// # Errors
+    /// As [`Trainer::train`].
+    pub fn freeze_offsets(&mut self, freeze: &[bool]) -> Result<()> {
+        self.finish()?;
+        self.objective.freeze(&self.gpu, freeze)
+    }
+
     fn adam_params(&self, step: u64) -> AdamParams {
         let settings = StepSettings {
             // tau stays above half a frame.
-            lowest_t_scale: (0.5 * self.dt).ln(),
+            lowest_t_scale: (0.5 * self.setup.dt).ln(),
             ..regularisers(&self.config)
         };
-        adam_params(&rates(&self.config, step, self.total, self.extent.radius), &settings, step, self.scene.n)
+        adam_params(&rates(&self.config, step, self.total, self.setup.extent.radius), &settings, step, self.scene.n)
     }
 
-    /// Hands over one step on `picture`, seen by `view`, after the density control due. Reports of the steps that have
+    /// Hands over one step on `picture`, which camera `camera` of the capture took as `view` says, after the density control due. Reports of the steps that have
     /// ended meanwhile come from [`Trainer::take_reports`].
     ///
     /// # Errors
     /// [`Error::OutOfMemory`] when a picture's lists do not fit the device, [`Error::DeviceLost`]; nothing moves then.
-    pub fn train(&mut self, view: &View, picture: &Picture) -> Result<()> {
+    pub fn train(&mut self, camera: usize, view: &View, picture: &Picture) -> Result<()> {
         self.control_density()?;
-        let inputs = self.inputs(view, picture)?;
+        let inputs = self.inputs(camera, view, picture)?;
         self.start(inputs)?;
         while self.in_flight.len() >= IN_FLIGHT {
             self.end_oldest()?;
@@ -281,9 +302,9 @@ impl Trainer {
     ///
     /// # Errors
     /// As [`Trainer::train`].
-    pub fn profile(&mut self, view: &View, picture: &Picture) -> Result<Vec<PassTime>> {
+    pub fn profile(&mut self, camera: usize, view: &View, picture: &Picture) -> Result<Vec<PassTime>> {
         self.finish()?;
-        let inputs = self.inputs(view, picture)?;
+        let inputs = self.inputs(camera, view, picture)?;
         let mut times = Vec::new();
         self.run_alone(inputs, |gpu, rec| {
             times = gpu.run_timed(rec)?;
@@ -308,14 +329,13 @@ impl Trainer {
         std::mem::take(&mut self.reports)
     }
 
-    fn inputs(&self, view: &View, picture: &Picture) -> Result<Inputs> {
-        let n_visible = picture.pixels.iter().filter(|word| **word >> 24 != 0).count().max(1) as u32;
+    fn inputs(&self, camera: usize, view: &View, picture: &Picture) -> Result<Inputs> {
+        let (background, flow_model) = (self.config.background, self.setup.flow_model);
         Ok(Inputs {
             step: self.step + 1,
-            view: View { background: self.config.background, ..view.clone() },
-            size: [picture.width, picture.height],
-            n_visible,
-            truth: self.gpu.stage("staged truth", &picture.pixels)?,
+            camera,
+            view: View { background, flow_model, ..view.clone() },
+            truth: self.objective.stage(&self.gpu, picture)?,
         })
     }
 
@@ -379,15 +399,15 @@ impl Trainer {
                 });
             }
         }
-        let sums = self.gpu.peek(&results.sums)?.first().copied().unwrap_or_default();
-        let [ssim, l1, squared] = Photometric::values(sums, inputs.n_visible);
-        let weight = f64::from(SSIM_WEIGHT);
+        let values = self.objective.values(&self.gpu, &inputs.truth, &results.sums)?;
         self.reports.push(StepReport {
             step: inputs.step,
-            loss: (1.0 - weight) * l1 + weight * (1.0 - ssim),
-            l1,
-            ssim,
-            psnr: psnr(squared),
+            loss: values.loss,
+            l1: values.l1,
+            ssim: values.ssim,
+            depth: values.depth,
+            flow: values.flow,
+            psnr: psnr(values.mse),
             gaussians: self.scene.n,
             active: status.n_active,
             visible: status.n_visible,
@@ -400,11 +420,11 @@ impl Trainer {
 
     /// The passes of a step, and where its numbers will be.
     fn record(&mut self, inputs: &Inputs) -> Result<(Recording, Results)> {
-        let Inputs { step, view, size, n_visible, truth } = inputs;
+        let Inputs { step, camera, view, truth } = inputs;
         let strip = Strip::whole(view);
         let (tiles_x, tiles_y) = strip.tiles(view);
         let n_tiles = tiles_x * tiles_y;
-        let n_pixels = size[0] * size[1];
+        let n_pixels = view.width * view.height;
         let room =
             Room { tiles: self.room.tiles.max(n_tiles), pixels: self.room.pixels.max(n_pixels as usize), ..self.room };
         if room.pixels > self.room.pixels || self.work.as_ref().is_some_and(|work| work.room != room) {
@@ -414,28 +434,29 @@ impl Trainer {
             }
         }
         if room.pixels > self.room.pixels {
-            self.loss = Photometric::new(&self.gpu, room.pixels)?;
+            self.objective.fit(&self.gpu, room.pixels)?;
         }
         self.room = Room { tiles: room.tiles, pixels: room.pixels, ..self.room };
-        let params: ViewParams = view_params(view, &self.constants, self.scene.origin, strip);
+        let mut params: ViewParams = view_params(view, &self.constants, self.scene.origin, strip);
+        params.depth_to_alpha = if self.config.loss.depth_detach_alpha { 0.0 } else { 1.0 };
         let adam = self.adam_params(*step);
         let (gpu, scene, optimiser, rounds) = (&self.gpu, &self.scene, &self.optimiser, self.rounds);
         let work = Workspace::fit(&mut self.work, gpu, scene, self.room)?;
         let mut rec = Recording::new();
         rec.stage("upload");
-        let n_truth = n_pixels as usize;
-        rec.copy(truth.clone(), self.loss.truth.range(0, n_truth).slice());
         rec.copy(gpu.stage("staged view", &[params])?, work.view.slice());
         rec.copy(gpu.stage("staged adam parameters", &[adam])?, optimiser.params.slice());
+        self.objective.record_upload(&mut rec, work, truth, *camera);
         let status = &work.status;
         let lists = work.record_forward(&mut rec, scene, n_tiles, rounds, |rec| {
             optimiser.record_catch_up(rec, scene, &work.cull, status, step - 1);
         });
         if let Some(backward) = &work.backward {
-            self.loss.record(&mut rec, &work.blend.image0, &backward.d_image0, *size, *n_visible);
+            self.objective.record_loss(&mut rec, &work.blend, backward, truth);
             work.record_backward(&mut rec, scene, &lists, n_tiles, n_pixels, rounds, &Target::Step(optimiser));
             optimiser.record_idle(&mut rec, scene, &work.cull, status);
-            if let Some((rate, key)) = noise(&self.config, *step, self.total, self.extent.radius) {
+            self.objective.record_step(&mut rec, work, *camera, *step, self.total);
+            if let Some((rate, key)) = noise(&self.config, *step, self.total, self.setup.extent.radius) {
                 record_mcmc_noise(&mut rec, scene, status, rate, key);
             }
             scene.record_bounds(&mut rec, self.constants.alpha_min, &self.n_undrawable);
@@ -443,19 +464,18 @@ impl Trainer {
         rec.stage("report");
         let results = Results {
             status: gpu.readback::<Status>("status of a step", 1)?,
-            sums: gpu.readback::<[f32; 4]>("loss of a step", 1)?,
+            sums: self.objective.record_report(&mut rec, gpu, truth)?,
             n_bad: gpu.readback::<u32>("bad gradients of a step", 1)?,
         };
         rec.copy(status.slice(), results.status.clone());
-        rec.copy(self.loss.sums.slice(), results.sums.clone());
         rec.copy(optimiser.n_bad.slice(), results.n_bad.clone());
         Ok((rec, results))
     }
 
     /// The density control due after the step handed over last, once.
     fn control_density(&mut self) -> Result<()> {
-        let n_frames = (1.0 / self.dt).round() as u32;
-        let round = density_round(&self.config, self.step, self.total, &self.extent, self.scene.origin, n_frames);
+        let n_frames = (1.0 / self.setup.dt).round() as u32;
+        let round = density_round(&self.config, self.step, self.total, &self.setup.extent, self.scene.origin, n_frames);
         let (Some(round), false) = (round, self.controlled == self.step) else { return Ok(()) };
         while !self.in_flight.is_empty() {
             self.end_oldest()?;

@@ -2,7 +2,7 @@
 
 use super::math::scaled;
 use super::real::Real;
-use crate::scene::{Splats, View};
+use crate::scene::{FlowModel, Splats, View};
 use crate::settings::Constants;
 
 /// The rendering constants of SPEC 3 (see [`Constants`] for their meaning) as numbers of kind `R`.
@@ -53,6 +53,8 @@ pub struct Camera<R> {
     pub time: R,
     /// Normalised time between two frames.
     pub flow_dt: R,
+    /// Rotation and translation one frame on, where flow is a displacement.
+    pub next: Option<([[R; 3]; 3], [R; 3])>,
 }
 
 impl<R: Real> Camera<R> {
@@ -60,15 +62,22 @@ impl<R: Real> Camera<R> {
     pub fn new(view: &View) -> Self {
         let m = &view.world_to_camera;
         let centre: [f64; 3] = std::array::from_fn(|k| -(m[0][k] * m[0][3] + m[1][k] * m[1][3] + m[2][k] * m[2][3]));
+        let rotation = |m: &[[f64; 4]; 4]| std::array::from_fn(|i| std::array::from_fn(|k| R::from_f64(m[i][k])));
+        let translation = |m: &[[f64; 4]; 4]| std::array::from_fn(|i| R::from_f64(m[i][3]));
+        let next = view.next_world_to_camera.as_ref().unwrap_or(m);
         Camera {
-            rotation: std::array::from_fn(|i| std::array::from_fn(|k| R::from_f64(m[i][k]))),
-            translation: std::array::from_fn(|i| R::from_f64(m[i][3])),
+            rotation: rotation(m),
+            translation: translation(m),
             centre: centre.map(R::from_f64),
             focal: [view.fx, view.fy].map(R::from_f64),
             principal: [view.cx, view.cy].map(R::from_f64),
             size: [view.width, view.height].map(|n| R::from_f64(f64::from(n))),
             time: R::from_f64(view.time),
             flow_dt: R::from_f64(view.flow_dt),
+            next: match view.flow_model {
+                FlowModel::Velocity => None,
+                FlowModel::Displacement => Some((rotation(next), translation(next))),
+            },
         }
     }
 

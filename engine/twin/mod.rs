@@ -5,12 +5,14 @@
 
 mod adam;
 mod blend;
+mod clock;
 mod cull;
 mod density;
 mod dual;
 mod input;
 mod jvp;
 mod math;
+mod prior;
 mod project;
 mod real;
 mod scan;
@@ -21,11 +23,13 @@ mod tiles;
 
 pub use adam::Adam;
 pub use blend::{Outputs, render, render_f64};
+pub use clock::{Clock, ClockRule, clock_step};
 pub use cull::visible;
 pub use density::{Density, Descendant, Descent, Kind, normals, random_bits, shared_opacity};
 pub use dual::Dual;
 pub use input::{Camera, Gaussian, Params, Rules, Temporal};
 pub use jvp::{Tangent, jvp, jvp_of};
+pub use prior::{depth_loss, flow_loss};
 pub use project::{Footprint, Projected, footprint, power, project};
 pub use real::Real;
 pub use scan::{Scan, exclusive_scan};

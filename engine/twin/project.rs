@@ -18,7 +18,7 @@ pub struct Projected<R> {
     pub color: [R; 3],
     /// Camera depth of the centre, scene units.
     pub z: R,
-    /// Projected velocity, pixels per `flow_dt`.
+    /// Projected velocity or displacement, pixels per `flow_dt`.
     pub flow: [R; 2],
     /// Half the size of the box that holds every pixel centre with alpha >= alpha_min, pixels.
     pub extent: [R; 2],
@@ -60,11 +60,19 @@ pub fn project<R: Real>(g: &Gaussian<R>, camera: &Camera<R>, time: R, rules: &Ru
     let dir = scaled(to_mean, R::one() / dot(to_mean, to_mean).sqrt());
     let color = sh::color(g.sh, dir);
 
-    // Unclamped Jacobian, here and only here.
-    let velocity_cam = apply(camera.rotation, g.velocity());
-    let flow = std::array::from_fn(|k| {
-        camera.flow_dt * (camera.focal[k] / z * (velocity_cam[k] - ratio[k] * velocity_cam[2]))
+    let later = camera.next.map(|(rotation, translation)| {
+        add(apply(rotation, add(mean, scaled(g.velocity(), camera.flow_dt))), translation)
     });
+    let flow = match later.filter(|p| p[2] > rules.near) {
+        Some(p) => std::array::from_fn(|k| camera.focal[k] * (p[k] / p[2] - ratio[k])),
+        // Unclamped Jacobian, here and only here.
+        None => {
+            let velocity_cam = apply(camera.rotation, g.velocity());
+            std::array::from_fn(|k| {
+                camera.flow_dt * (camera.focal[k] / z * (velocity_cam[k] - ratio[k] * velocity_cam[2]))
+            })
+        }
+    };
 
     let reach = (R::from_f64(2.0) * (opacity / rules.alpha_min).ln().max(R::zero())).sqrt();
     let projected = Projected { xy, m, opacity, color, z, flow, extent: scaled(deviation, reach) };

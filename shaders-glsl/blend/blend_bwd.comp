@@ -180,7 +180,8 @@ void main() {
                 const vec3 rgb = vec3(subgroupShuffle(s2.x, i), subgroupShuffle(s2.y, i), subgroupShuffle(s2.z, i));
 #ifdef FULL
                 const float inv = subgroupShuffle(inverse_z, i);
-                const vec4 other = vec4(subgroupShuffle(s1.w, i), inv, subgroupShuffle(s2.w, i), subgroupShuffle(s3.x, i));
+                const vec4 other = vec4(view.depth_to_alpha * vec2(subgroupShuffle(s1.w, i), inv),
+                    subgroupShuffle(s2.w, i), subgroupShuffle(s3.x, i));
 #endif
                 const uint out_slot = subgroupShuffle(slot_e, i);
                 const uint number = end - i;

@@ -9,6 +9,15 @@ vec3 to_camera(ViewParams view, vec3 mean_world) {
     return vec3(x, y, z);
 }
 
+// The same for the camera one frame on.
+vec3 to_next_camera(ViewParams view, vec3 mean_world) {
+    precise vec3 d = mean_world - vec3(view.next0.w, view.next1.w, view.next2.w);
+    precise float x = view.next0.x * d.x + view.next0.y * d.y + view.next0.z * d.z;
+    precise float y = view.next1.x * d.x + view.next1.y * d.y + view.next1.z * d.z;
+    precise float z = view.next2.x * d.x + view.next2.y * d.y + view.next2.z * d.z;
+    return vec3(x, y, z);
+}
+
 // A direction in camera axes.
 vec3 rotate_to_camera(ViewParams view, vec3 v) {
     return vec3(dot(view.row0.xyz, v), dot(view.row1.xyz, v), dot(view.row2.xyz, v));

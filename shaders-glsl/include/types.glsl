@@ -8,6 +8,9 @@ struct ViewParams {
     vec4 intrinsics;  // fx, fy, cx, cy
     vec4 clamp_uv;    // range of x/z and y/z inside which the Jacobian follows the centre: u low, u high, v low, v high
     vec4 background;  // rgb; w: flow_dt
+    vec4 next0;       // as row0 to row2, of the camera one frame on
+    vec4 next1;
+    vec4 next2;
     float time;       // t' of SPEC 2, the camera's offset included
     float near;
     float blur;
@@ -20,6 +23,10 @@ struct ViewParams {
     uint n_rows;      // pixel rows in the strip
     uint tiles_x;
     uint tiles_y;     // tile rows in the strip
+    uint flow_model;  // FLOW_*
+    float depth_to_alpha;  // 1, or 0 where the cotangents of the depths must not reach the opacities
+    float unused0;    // to whole vec4
+    float unused1;
 };
 
 // What a frame reports. `failed` holds FAILED_* bits; the numbers are what was needed, also where it did not fit.
@@ -48,6 +55,9 @@ struct AdamParams {
     float scale_reg;       // weight of the sum of the standard deviations, per scene unit
     float step;            // number of the step, from 1
 };
+
+const uint FLOW_VELOCITY = 0u;
+const uint FLOW_DISPLACEMENT = 1u;
 
 const uint FAILED_ACTIVE = 1u;
 const uint FAILED_INTERSECTIONS = 2u;

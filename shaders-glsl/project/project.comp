@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 // Purpose   projects the active Gaussians of a group, evaluates their colour and counts the tiles they touch.
 // Equation  SPEC 3: x_c = R mu(t') + t, C = (J R M)(J R M)^T + blur I, alpha = opacity(t') exp(-d^T C^-1 d / 2).
+//           Flow: dt J0 R v, or pi'(mu(t' + dt)) - pi(mu(t')) where that lies before the camera one frame on.
 // Grid      one thread per active Gaussian of the group.
 // Reads     the parameters of the active Gaussians, by group-local index.
 // Writes    splats (four vec4 each), depth key, identity, tile count, by active index.
@@ -67,10 +68,12 @@ void main() {
         vec3 mean = mean_opacity.xyz;
         float opacity = sigmoid(mean_opacity.w);
         vec2 flow = vec2(0.0);
+        vec3 later = mean;
 #ifdef DYNAMIC
         const vec4 v = motion[i];
         mean = mean_at(mean, v, view.time);
         opacity *= temporal_weight(v.w, scale_t.w, view.time);
+        later = mean + view.background.w * v.xyz;
 #endif
         const vec3 p = to_camera(view, mean);
         const vec2 uv = p.xy / p.z;
@@ -80,6 +83,10 @@ void main() {
         const vec3 v_cam = rotate_to_camera(view, v.xyz);
         flow = view.background.w * f_z * (v_cam.xy - uv * v_cam.z);
 #endif
+        const vec3 p_later = to_next_camera(view, later);
+        if (view.flow_model == FLOW_DISPLACEMENT && p_later.z > view.near) {
+            flow = view.intrinsics.xy * (p_later.xy / p_later.z - uv);
+        }
         float q_norm;
         const mat3 rotation = rotation_of(unit_quaternion(q_raw, q_norm));
         const vec3 a0 = f_z.x * (view.row0.xyz - uv_j.x * view.row2.xyz);

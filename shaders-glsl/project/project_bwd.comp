@@ -167,10 +167,12 @@ void main() {
     const vec4 mean_opacity = geometry[plane_index(i, 3u, 0u)];
     const vec4 scale_t = geometry[plane_index(i, 3u, 2u)];
     vec3 mean = mean_opacity.xyz;
+    vec3 later = mean;
     const float base = sigmoid(mean_opacity.w);
 #ifdef DYNAMIC
     const vec4 v = motion[i];
     mean = mean_at(mean, v, view.time);
+    later = mean + view.background.w * v.xyz;
     const float weight = temporal_weight(v.w, scale_t.w, view.time);
 #else
     const float weight = 1.0;
@@ -207,10 +209,16 @@ void main() {
 
     vec2 d_f_z = vec2(dot(d_a0, view.row0.xyz - uv_j.x * view.row2.xyz), dot(d_a1, view.row1.xyz - uv_j.y * view.row2.xyz));
     const vec2 inside = vec2(equal(uv, uv_j));
-    vec2 d_uv = view.intrinsics.xy * d_xy - inside * f_z * vec2(dot(d_a0, view.row2.xyz), dot(d_a1, view.row2.xyz));
+    // The displacement's flow is the difference of two projections; that of the later one is added to d_mean below.
+    const vec3 p_later = to_next_camera(view, later);
+    const bool displaced = view.flow_model == FLOW_DISPLACEMENT && p_later.z > view.near;
+    const vec2 d_uv_later = displaced ? view.intrinsics.xy * sum[5] : vec2(0.0);
+    const vec2 uv_later = p_later.xy / p_later.z;
+    const vec3 d_p_later = displaced ? vec3(d_uv_later, -dot(d_uv_later, uv_later)) / p_later.z : vec3(0.0);
+    vec2 d_uv = view.intrinsics.xy * d_xy - d_uv_later - inside * f_z * vec2(dot(d_a0, view.row2.xyz), dot(d_a1, view.row2.xyz));
 #ifdef DYNAMIC
     const vec3 v_cam = rotate_to_camera(view, v.xyz);
-    const vec2 g_flow = view.background.w * sum[5];
+    const vec2 g_flow = displaced ? vec2(0.0) : view.background.w * sum[5];
     d_f_z += g_flow * (v_cam.xy - uv * v_cam.z);
     d_uv -= g_flow * f_z * v_cam.z;
     const vec3 d_v_cam = vec3(g_flow * f_z, -dot(g_flow * f_z, uv));
@@ -222,6 +230,10 @@ void main() {
     const vec3 dir = unit_direction(from_camera, inverse_distance);
     const vec3 d_dir = d_bands(i, dir, d_color);
     d_mean += (d_dir - dir * dot(dir, d_dir)) * inverse_distance;
+    // What a shift of this camera does: the one a frame on stays.
+    const vec3 d_shift = rotate_to_camera(view, d_mean);
+    const vec3 d_later = view.next0.xyz * d_p_later.x + view.next1.xyz * d_p_later.y + view.next2.xyz * d_p_later.z;
+    d_mean += d_later;
 
     vec4 d_mean_opacity = vec4(d_mean, d_opacity_t * weight * base * (1.0 - base));
     vec4 d_scale_t = vec4(d_log_s, 0.0);
@@ -234,7 +246,7 @@ void main() {
     const float d_exponent = abs(u) < 16.0 ? d_opacity_t * base * weight : 0.0;
     const float d_time = dot(d_mean, v.xyz) - 2.0 * u * rate * d_exponent;
     const vec3 d_velocity =
-        dt * d_mean + view.row0.xyz * d_v_cam.x + view.row1.xyz * d_v_cam.y + view.row2.xyz * d_v_cam.z;
+        dt * d_mean + view.background.w * d_later + view.row0.xyz * d_v_cam.x + view.row1.xyz * d_v_cam.y + view.row2.xyz * d_v_cam.z;
     d_v = vec4(d_velocity, -d_time);
     d_scale_t.w = 2.0 * u * u * d_exponent;
 #endif
@@ -253,7 +265,7 @@ void main() {
 #endif
         // Centre and camera enter by their difference alone, so a shift of the camera is one of all centres.
         d_camera[2u * at] = good ? vec4(d_turn, -d_v.w) : vec4(0.0);
-        d_camera[2u * at + 1u] = good ? vec4(rotate_to_camera(view, d_mean), 0.0) : vec4(0.0);
+        d_camera[2u * at + 1u] = good ? vec4(d_shift, 0.0) : vec4(0.0);
     }
 #ifdef ADAM
     if (!good) return;

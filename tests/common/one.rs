@@ -1,6 +1,6 @@
 //! Scenes as lists of single Gaussians: easy to make, to leave one out and to reorder.
 
-use ivv::scene::{Motion, Splats, View};
+use ivv::scene::{FlowModel, Motion, Splats, View};
 
 /// One Gaussian in raw parameters (SPEC 2).
 #[derive(Clone, Debug)]
@@ -85,6 +85,8 @@ pub fn camera(width: u32, height: u32) -> View {
         time_offset: 0.0,
         flow_dt: 0.125,
         background: [0.2, 0.4, 0.1],
+        flow_model: FlowModel::Velocity,
+        next_world_to_camera: None,
     }
 }
 

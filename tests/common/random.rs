@@ -1,6 +1,6 @@
 //! Seeded random numbers and scenes.
 
-use ivv::scene::{Motion, Splats, View};
+use ivv::scene::{FlowModel, Motion, Splats, View};
 
 /// SplitMix64: enough for tests, and the same on every machine.
 pub struct Random(u64);
@@ -48,6 +48,8 @@ pub fn view() -> View {
         time_offset: 0.3,
         flow_dt: 0.05,
         background: [0.1, 0.3, 0.6],
+        flow_model: FlowModel::Velocity,
+        next_world_to_camera: None,
     }
 }
 

@@ -5,4 +5,5 @@ mod adjoint;
 mod camera;
 mod check;
 mod extreme;
+mod flow;
 mod golden;

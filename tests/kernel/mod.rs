@@ -2,9 +2,11 @@
 
 mod adam;
 mod blend;
+mod clock;
 mod cull;
 mod density;
 mod losses;
+mod priors;
 mod project;
 mod scan;
 mod sort;

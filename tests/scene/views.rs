@@ -1,6 +1,6 @@
 //! Camera files.
 
-use ivv::scene::{View, read_views, write_views};
+use ivv::scene::{FlowModel, View, read_views, write_views};
 
 use super::{Folder, fault, shared};
 
@@ -18,6 +18,8 @@ fn view(name: &str) -> View {
         time_offset: -0.37,
         flow_dt: 1.0 / 30.0,
         background: [0.1, 0.2, 0.3],
+        flow_model: FlowModel::Velocity,
+        next_world_to_camera: None,
     }
 }
 

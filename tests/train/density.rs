@@ -7,7 +7,7 @@ use ivv::scene::Splats;
 use ivv::scene::capture::{Capture, Extent};
 use ivv::stage::{AdamMode, Choice};
 use ivv::train::{
-    Checkpoint, Config, Density, StepReport, Strategy, Trainer, density_round, from_points, noise, permutation,
+    Setup, Checkpoint, Config, Density, StepReport, Strategy, Trainer, density_round, from_points, noise, permutation,
     regularisers,
 };
 
@@ -44,8 +44,8 @@ fn with(strategy: Strategy) -> Config {
 }
 
 fn trainer(capture: &Capture, config: &Config, splats: &Splats, total: u64) -> Trainer {
-    let dt = 1.0 / f64::from(capture.n_frames);
-    Trainer::new(gpu().clone(), splats, Constants::default(), config.clone(), total, capture.extent(), dt).unwrap()
+    let setup = Setup::new(capture, config);
+    Trainer::new(gpu().clone(), splats, Constants::default(), config.clone(), total, setup).unwrap()
 }
 
 /// Steps `trainer` through the run's order up to step `until`.
@@ -54,7 +54,7 @@ fn drive(trainer: &mut Trainer, capture: &Capture, seed: u64, until: u64) -> Vec
     while trainer.step() < until {
         let (epoch, at) = (trainer.step() / frames.len() as u64, trainer.step() as usize % frames.len());
         let (camera, frame) = frames[permutation(frames.len(), &[seed, epoch])[at]];
-        trainer.train(&capture.view(camera, frame).unwrap(), &capture.picture(camera, frame).unwrap()).unwrap();
+        trainer.train(camera, &capture.view(camera, frame).unwrap(), &capture.picture(camera, frame).unwrap()).unwrap();
     }
     trainer.finish().unwrap();
     trainer.take_reports()
@@ -97,9 +97,8 @@ fn a_run_with_mcmc_that_was_killed_and_resumed_gives_the_bits_of_one_that_was_no
         let folder = tiny.folder.join(format!("checkpoints-{adam:?}"));
         half.checkpoint().unwrap().write(&folder).unwrap();
         let checkpoint = Checkpoint::newest(&folder).unwrap().unwrap();
-        let dt = 1.0 / f64::from(tiny.capture.n_frames);
-        let extent = tiny.capture.extent();
-        let mut half = Trainer::resume(gpu().clone(), &checkpoint, Constants::default(), extent, dt).unwrap();
+        let setup = Setup::new(&tiny.capture, &config);
+        let mut half = Trainer::resume(gpu().clone(), &checkpoint, Constants::default(), setup).unwrap();
         drive(&mut half, &tiny.capture, config.seed, 60);
         assert!(whole.n_gaussians() > 150);
         assert_eq!(whole.checkpoint().unwrap(), half.checkpoint().unwrap(), "{adam:?}");

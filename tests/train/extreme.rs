@@ -5,7 +5,7 @@ use crate::common::random::{Random, scene, view};
 use ivv::Constants;
 use ivv::scene::capture::{Extent, Picture};
 use ivv::scene::{Motion, Splats, View};
-use ivv::train::{Config, StepReport, Strategy, Trainer};
+use ivv::train::{Setup, Config, StepReport, Strategy, Trainer};
 
 const EXTENT: Extent = Extent { center: [0.0; 3], radius: 4.0 };
 
@@ -13,7 +13,7 @@ const EXTENT: Extent = Extent { center: [0.0; 3], radius: 4.0 };
 fn noise(seed: u64, view: &View) -> Picture {
     let mut random = Random::new(seed);
     let pixels = (0..view.width * view.height).map(|_| random.bits() as u32 | 0xff00_0000).collect();
-    Picture { width: view.width, height: view.height, pixels }
+    Picture { width: view.width, height: view.height, pixels, ..Picture::default() }
 }
 
 fn small() -> View {
@@ -53,9 +53,9 @@ fn n28_ten_steps_on_poisoned_scenes_leave_finite_losses_and_finite_gaussians() {
         }
         let (view, total) = (small(), 10);
         let mut trainer =
-            Trainer::new(gpu.clone(), &splats, Constants::default(), config, total, EXTENT, 0.05).unwrap();
+            Trainer::new(gpu.clone(), &splats, Constants::default(), config, total, Setup::plain(EXTENT, 0.05)).unwrap();
         for step in 0..total {
-            trainer.train(&view, &noise(seed + step, &view)).unwrap();
+            trainer.train(0, &view, &noise(seed + step, &view)).unwrap();
         }
         let end = trainer.splats().unwrap();
         for StepReport { step, loss, l1, ssim, .. } in trainer.take_reports() {
@@ -80,9 +80,9 @@ fn n13_t_center_moves_in_a_clip_of_any_length() {
         let view = View { time: 0.4, flow_dt: 1.0 / n_frames, ..small() };
         let config = Config { sh_degree: 0, ..Config::default() };
         let mut trainer =
-            Trainer::new(gpu.clone(), &splats, Constants::default(), config, 10_000, EXTENT, 1.0 / n_frames).unwrap();
+            Trainer::new(gpu.clone(), &splats, Constants::default(), config, 10_000, Setup::plain(EXTENT, 1.0 / n_frames)).unwrap();
         for step in 0..100 {
-            trainer.train(&view, &noise(step, &view)).unwrap();
+            trainer.train(0, &view, &noise(step, &view)).unwrap();
         }
         let moved: f32 = trainer.splats().unwrap().motion.iter().map(|m| (m.t_center - 0.4).abs()).sum();
         assert!(moved > 1e-4 && moved < 0.1, "{moved} in a clip of {n_frames} frames");

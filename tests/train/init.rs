@@ -9,7 +9,7 @@ use ivv::scene::capture::{Capture, Shot};
 use ivv::scene::{Similarity, Splats};
 use ivv::stage::{Outputs, Renderer};
 use ivv::synth::{Options, Preset, write_capture};
-use ivv::train::{Config, Init, Initial, Trainer, from_points, initialise, random_points, scores};
+use ivv::train::{Setup, Config, Init, Initial, Trainer, from_points, initialise, random_points, scores};
 use std::path::PathBuf;
 use std::sync::OnceLock;
 
@@ -114,9 +114,8 @@ fn training_from_pictures_is_ahead_of_training_from_random_points() {
     let score = |init: Init| {
         let config = Config { init, ..config() };
         let begin = first(&capture, &config).splats;
-        let dt = 1.0 / f64::from(capture.n_frames);
-        let extent = capture.extent();
-        let mut trainer = Trainer::new(gpu.clone(), &begin, Constants::default(), config, 500, extent, dt).unwrap();
+        let setup = Setup::new(&capture, &config);
+        let mut trainer = Trainer::new(gpu.clone(), &begin, Constants::default(), config, 500, setup).unwrap();
         drive(&mut trainer, &capture, 1, 40);
         let mut renderer = Renderer::new(gpu.clone(), &trainer.splats().unwrap(), Constants::default()).unwrap();
         let test = capture.test_frames();

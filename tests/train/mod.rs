@@ -16,7 +16,7 @@ use ivv::scene::{Motion, Splats};
 use ivv::stage::{Outputs, Renderer};
 use ivv::synth::{Options, Preset, write_capture};
 use ivv::train::{
-    Checkpoint, Config, LearningRates, Rate, Trainer, from_points, permutation, random_points, rates, scores,
+    Checkpoint, Config, LearningRates, Rate, Setup, Trainer, from_points, permutation, random_points, rates, scores,
 };
 use std::path::PathBuf;
 
@@ -46,15 +46,15 @@ impl Drop for Tiny {
 fn train(capture: &Capture, config: &Config, splats: &Splats, steps: u64) -> (Splats, f64, f64) {
     let gpu = gpu();
     let frames = capture.training_frames();
-    let (extent, dt) = (capture.extent(), 1.0 / f64::from(capture.n_frames));
+    let setup = Setup::new(capture, config);
     let mut trainer =
-        Trainer::new(gpu.clone(), splats, Constants::default(), config.clone(), steps, extent, dt).unwrap();
+        Trainer::new(gpu.clone(), splats, Constants::default(), config.clone(), steps, setup).unwrap();
     let mut losses = Vec::new();
     for step in 0..steps {
         let epoch = step / frames.len() as u64;
         let (camera, frame) = frames[permutation(frames.len(), &[config.seed, epoch])[step as usize % frames.len()]];
         let picture = capture.picture(camera, frame).unwrap();
-        trainer.train(&capture.view(camera, frame).unwrap(), &picture).unwrap();
+        trainer.train(camera, &capture.view(camera, frame).unwrap(), &picture).unwrap();
     }
     trainer.finish().unwrap();
     let reports = trainer.take_reports();
@@ -176,7 +176,7 @@ fn drive(trainer: &mut Trainer, capture: &Capture, seed: u64, until: u64) {
         let (epoch, at) = (trainer.step() / frames.len() as u64, trainer.step() as usize % frames.len());
         let (camera, frame) = frames[permutation(frames.len(), &[seed, epoch])[at]];
         let picture = capture.picture(camera, frame).unwrap();
-        trainer.train(&capture.view(camera, frame).unwrap(), &picture).unwrap();
+        trainer.train(camera, &capture.view(camera, frame).unwrap(), &picture).unwrap();
     }
 }
 
@@ -186,8 +186,11 @@ fn a_run_that_was_killed_and_resumed_gives_the_bits_of_one_that_was_not() {
     let gpu = gpu();
     let config = Config { sh_degree: 1, ..Config::default() };
     let begin = from_points(&tiny.capture.points, &tiny.capture, &config);
-    let (extent, dt) = (tiny.capture.extent(), 1.0 / f64::from(tiny.capture.n_frames));
-    let new = || Trainer::new(gpu.clone(), &begin, Constants::default(), config.clone(), 60, extent, dt).unwrap();
+    let setup = Setup::new(&tiny.capture, &config);
+    assert!(setup.learns_offset.contains(&true) && setup.has_priors);
+    let new = || {
+        Trainer::new(gpu.clone(), &begin, Constants::default(), config.clone(), 60, setup.clone()).unwrap()
+    };
     let mut whole = new();
     drive(&mut whole, &tiny.capture, config.seed, 60);
     // Between two rounds of density control, whose statistics must survive.
@@ -199,7 +202,7 @@ fn a_run_that_was_killed_and_resumed_gives_the_bits_of_one_that_was_not() {
     let checkpoint = Checkpoint::newest(&folder).unwrap().unwrap();
     assert_eq!(checkpoint.step, 23);
     assert!(checkpoint.state.iter().any(|s| s[1] > 0.0), "there is something to lose");
-    let mut second_half = Trainer::resume(gpu.clone(), &checkpoint, Constants::default(), extent, dt).unwrap();
+    let mut second_half = Trainer::resume(gpu.clone(), &checkpoint, Constants::default(), setup.clone()).unwrap();
     drive(&mut second_half, &tiny.capture, config.seed, 60);
     assert!(whole.n_gaussians() as usize > begin.len());
     assert_eq!(bits(&whole.splats().unwrap()), bits(&second_half.splats().unwrap()));
@@ -212,7 +215,7 @@ fn a_damaged_checkpoint_is_told_apart_and_the_one_before_serves() {
     let config = Config { sh_degree: 0, ..Config::default() };
     let begin = from_points(&tiny.capture.points[..20], &tiny.capture, &config);
     let mut trainer =
-        Trainer::new(gpu.clone(), &begin, Constants::default(), config.clone(), 100, tiny.capture.extent(), 0.25)
+        Trainer::new(gpu.clone(), &begin, Constants::default(), config.clone(), 100, Setup::new(&tiny.capture, &config))
             .unwrap();
     let folder = tiny.folder.join("checkpoints");
     for step in 1..=5 {
@@ -244,9 +247,9 @@ fn a_step_that_is_replayed_with_more_room_leaves_the_bits_of_one_that_is_not() {
     let config = Config { sh_degree: 0, ..Config::default() };
     let begin = from_points(&tiny.capture.points, &tiny.capture, &config);
     let run = |room: Option<u32>| {
-        let (extent, dt) = (tiny.capture.extent(), 1.0 / f64::from(tiny.capture.n_frames));
+        let setup = Setup::new(&tiny.capture, &config);
         let mut trainer =
-            Trainer::new(gpu.clone(), &begin, Constants::default(), config.clone(), 100, extent, dt).unwrap();
+            Trainer::new(gpu.clone(), &begin, Constants::default(), config.clone(), 100, setup).unwrap();
         if let Some(n) = room {
             trainer.limit_intersections(n);
         }

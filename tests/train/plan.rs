@@ -3,7 +3,7 @@
 use super::{Tiny, drive};
 use crate::common::device::gpu;
 use ivv::Constants;
-use ivv::train::{BoundBy, Class, Config, Limits, Plan, Trainer, Workload, from_points};
+use ivv::train::{Setup, BoundBy, Class, Config, Limits, Plan, Trainer, Workload, from_points};
 use std::collections::BTreeMap;
 
 const LIMITS: Limits = Limits { binding_bytes: 128 << 20, memory_bytes: 8 << 30, is_host: false };
@@ -36,7 +36,7 @@ fn the_plan_is_what_a_trainer_allocates_buffer_by_buffer() {
         let begin = from_points(&points, &capture, &config);
         let before = gpu.device().memory().0;
         let mut trainer =
-            Trainer::new(gpu.clone(), &begin, Constants::default(), config, 1000, capture.extent(), 0.25).unwrap();
+            Trainer::new(gpu.clone(), &begin, Constants::default(), config.clone(), 1000, Setup::new(&capture, &config)).unwrap();
         drive(&mut trainer, &capture, 1, 2);
         let mut used = gpu.device().memory().0;
         for (name, bytes) in before {

@@ -3,10 +3,11 @@
 use super::Tiny;
 use crate::common::device::gpu;
 use ivv::train::{
-    Checkpoint, Config, Evaluation, Kind, Log, Scores, Trainer, ViewScores, evaluate, from_points, psnr, spread,
+    Setup, Checkpoint, Config, Evaluation, Kind, Log, Scores, Trainer, ViewScores, evaluate, from_points, psnr, spread,
 };
 use ivv::{Constants, stage::Renderer};
 use serde_json::json;
+use std::collections::BTreeMap;
 
 fn view(name: &str, psnr: f64) -> ViewScores {
     let scores = Scores { psnr, psnr_aligned: psnr + 1.0, ssim: 0.5, l1: 0.1 };
@@ -50,7 +51,7 @@ fn a_picture_that_is_not_finite_has_no_score() {
     let splats = from_points(&tiny.capture.points, &tiny.capture, &config);
     let mut renderer = Renderer::new(gpu.clone(), &splats, Constants::default()).unwrap();
     let frames = tiny.capture.test_frames();
-    let mut score = |background| evaluate(&mut renderer, &tiny.capture, background, &frames, 1, |_, _, _| Ok(()));
+    let mut score = |background| evaluate(&mut renderer, &tiny.capture, background, &BTreeMap::new(), &frames, 1, |_, _, _| Ok(()));
     assert!(score([0.0; 3]).unwrap().unwrap().mean.psnr > 5.0);
     assert_eq!(score([f32::NAN, 0.0, 0.0]).unwrap_err().exit_code(), 6);
 }
@@ -85,8 +86,8 @@ fn the_best_checkpoint_outlives_the_last_three() {
     let gpu = gpu();
     let config = Config { sh_degree: 0, ..Config::default() };
     let splats = from_points(&tiny.capture.points[..20], &tiny.capture, &config);
-    let extent = tiny.capture.extent();
-    let mut trainer = Trainer::new(gpu.clone(), &splats, Constants::default(), config, 100, extent, 0.25).unwrap();
+    let setup = Setup::plain(tiny.capture.extent(), 0.25);
+    let mut trainer = Trainer::new(gpu.clone(), &splats, Constants::default(), config, 100, setup).unwrap();
     let folder = tiny.folder.join("checkpoints");
     assert_eq!((Checkpoint::best(&folder), Checkpoint::any_in(&folder)), (None, false));
     let mut checkpoint = trainer.checkpoint().unwrap();

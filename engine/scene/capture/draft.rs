@@ -7,7 +7,7 @@ use super::header::read_size;
 use super::picture::MAX_PIXELS;
 use super::report::{Faults, Report};
 use super::{Camera, Capture, CaptureSettings, Extent, Point, Pose};
-use crate::scene::View;
+use crate::scene::{FlowModel, View};
 
 /// Largest magnitude of a coordinate, scene units; beyond it distances overflow single precision.
 pub(super) const MAX_COORDINATE: f64 = 1e9;
@@ -205,6 +205,8 @@ pub(super) fn view(camera: &Camera, frame: u32, n_frames: u32, pose: &Pose, back
         time_offset: 0.0,
         flow_dt: 1.0 / n_frames,
         background,
+        flow_model: FlowModel::Velocity,
+        next_world_to_camera: Some(*camera.pose(frame + 1)).filter(|next| next != pose),
     }
 }
 

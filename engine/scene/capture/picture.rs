@@ -19,7 +19,7 @@ pub(super) const MAX_PIXELS: u64 = 1 << 28;
 const DECODER_SLACK: u64 = 64 << 20;
 
 /// A decoded image with its mask, as the device takes it.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Picture {
     /// Pixels.
     pub width: u32,
@@ -28,6 +28,12 @@ pub struct Picture {
     /// Row by row, top first: red in the lowest 8 bits, then green and blue; the highest 8 bits are 255 where the pixel
     /// counts and 0 where the mask excludes it.
     pub pixels: Vec<u32>,
+    /// Priors of depth and flow, as the device takes them; empty where there are none.
+    pub priors: Vec<[u32; 2]>,
+    /// Pixels that count and have a prior of depth.
+    pub n_depth: u32,
+    /// Pixels that count and have a prior of flow.
+    pub n_flow: u32,
 }
 
 /// What is needed to decode one image; the threads of a cache share it.
@@ -60,7 +66,7 @@ pub(super) fn decode_or_fault(source: &Source) -> Result<Picture, Fault> {
             }
         }
     }
-    Ok(Picture { width: source.width, height: source.height, pixels })
+    Ok(Picture { width: source.width, height: source.height, pixels, priors: Vec::new(), n_depth: 0, n_flow: 0 })
 }
 
 /// Whether each pixel of a foreground mask for the image of `source` is at least 128.

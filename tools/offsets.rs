@@ -1,0 +1,144 @@
+//! The table of the cameras' time offsets: what was learnt, how sure it is, and the truth where the capture knows it.
+
+use crate::eval::Scorer;
+use crate::files::write_json;
+use ivv::scene::Splats;
+use ivv::scene::capture::{Camera, Capture};
+use ivv::stage::Renderer;
+use ivv::train::{OffsetFit, Trainer, fit_offset};
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// A row of `offsets.json`.
+#[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
+pub struct Row {
+    /// Name of the camera.
+    pub camera: String,
+    /// How its offset was found.
+    pub how: How,
+    /// Frames.
+    pub offset: f64,
+    /// Frames, with the scene held fixed; none where the pictures do not say.
+    pub standard_error: Option<f64>,
+    /// Frames, less the mean of the learnt cameras', which nothing can tell; where the capture has a `truth.json`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub truth: Option<f64>,
+}
+
+/// How an offset was found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum How {
+    /// With the scene.
+    Learnt,
+    /// Not at all: the pictures do not say what it is, and it was set to 0.
+    Frozen,
+    /// A test camera's, after the training, with the scene held fixed.
+    Fitted,
+}
+
+/// By camera, its learnt time offset with its standard error.
+fn learnt(trainer: &mut Trainer, scorer: &Scorer) -> ivv::Result<BTreeMap<usize, OffsetFit>> {
+    let (offsets, learns) = trainer.offsets()?;
+    if !learns.contains(&true) {
+        return Ok(BTreeMap::new());
+    }
+    let Scorer { gpu, capture, run, config } = scorer;
+    let mut renderer = Renderer::new((*gpu).clone(), &trainer.splats()?, run.constants)?;
+    let cameras = (0..offsets.len()).filter(|camera| learns[*camera]);
+    let fit = |camera: usize| {
+        Ok((camera, fit_offset(&mut renderer, capture, config.background, camera, offsets[camera], 0)?))
+    };
+    cameras.map(fit).collect()
+}
+
+/// Freezes the time offsets that the pictures do not tell, and names their cameras.
+pub fn freeze(trainer: &mut Trainer, scorer: &Scorer) -> ivv::Result<()> {
+    let fits = learnt(trainer, scorer)?;
+    let cameras = &scorer.capture.cameras;
+    let is_lost = |camera: usize| fits.get(&camera).is_some_and(|fit| !fit.is_identifiable());
+    let freeze: Vec<bool> = (0..cameras.len()).map(is_lost).collect();
+    let lost = cameras.iter().zip(&freeze).filter(|(_, freeze)| **freeze);
+    let names: Vec<&str> = lost.map(|(camera, _)| camera.name.as_str()).collect();
+    if !names.is_empty() {
+        eprintln!("time offsets set to 0, since the images do not tell them: cameras {}", names.join(", "));
+        trainer.freeze_offsets(&freeze)?;
+    }
+    Ok(())
+}
+
+/// The table of a run that ended with `splats`, written into `output`; empty where no offset was to be learnt.
+pub fn table(trainer: &mut Trainer, scorer: &Scorer, splats: &Splats, output: &Path) -> ivv::Result<Vec<Row>> {
+    let (_, learns) = trainer.offsets()?;
+    if learns.is_empty() {
+        return Ok(Vec::new());
+    }
+    let mut fits = learnt(trainer, scorer)?;
+    let mut renderer = Renderer::new(scorer.gpu.clone(), splats, scorer.run.constants)?;
+    fits.extend(scorer.fitted_offsets(&mut renderer)?);
+    let rows = rows(scorer.capture, &learns, &fits);
+    write_json(&output.join("offsets.json"), &rows)?;
+    Ok(rows)
+}
+
+/// Rows of all cameras, from the fits of the learnt and of the test cameras.
+fn rows(capture: &Capture, learns: &[bool], fits: &BTreeMap<usize, OffsetFit>) -> Vec<Row> {
+    let truth = truth(&capture.path);
+    let learnt = |camera: usize| learns.get(camera).copied().unwrap_or(false);
+    let known: Vec<f64> = (0..capture.cameras.len())
+        .filter(|camera| learnt(*camera))
+        .filter_map(|camera| truth.get(&capture.cameras[camera].name).copied())
+        .collect();
+    let mean = known.iter().sum::<f64>() / known.len().max(1) as f64;
+    let row = |(index, camera): (usize, &Camera)| {
+        let fit = fits.get(&index);
+        Row {
+            camera: camera.name.clone(),
+            how: match (camera.is_test, learnt(index)) {
+                (true, _) => How::Fitted,
+                (false, true) => How::Learnt,
+                (false, false) => How::Frozen,
+            },
+            offset: fit.map_or(0.0, |fit| fit.offset),
+            standard_error: fit.map(|fit| fit.standard_error).filter(|error| error.is_finite()),
+            truth: truth.get(&camera.name).map(|offset| offset - mean),
+        }
+    };
+    capture.cameras.iter().enumerate().map(row).collect()
+}
+
+/// By camera, the true offsets of a synthetic capture; empty for any other.
+fn truth(capture: &Path) -> BTreeMap<String, f64> {
+    let text = std::fs::read(capture.join("truth.json")).unwrap_or_default();
+    let value: serde_json::Value = serde_json::from_slice(&text).unwrap_or_default();
+    serde_json::from_value(value["time_offsets_frames"].clone()).unwrap_or_default()
+}
+
+/// Root mean square of what is wrong with the learnt offsets, frames; none without truth.
+fn rms_error(rows: &[Row]) -> Option<f64> {
+    let errors: Vec<f64> =
+        rows.iter().filter(|row| row.how == How::Learnt).filter_map(|row| Some(row.offset - row.truth?)).collect();
+    let squares: f64 = errors.iter().map(|error| error * error).sum();
+    (!errors.is_empty()).then(|| (squares / errors.len() as f64).sqrt())
+}
+
+/// The table, for people.
+pub fn print(rows: &[Row]) {
+    let width = rows.iter().map(|row| row.camera.chars().count()).fold(6, usize::max);
+    let has_truth = rows.iter().any(|row| row.truth.is_some());
+    let true_head = if has_truth { format!("{:>9}", "true") } else { String::new() };
+    println!("{:<width$} {:>9} {:>8} {true_head}  (frames)", "camera", "offset", "+-");
+    for row in rows {
+        let error = row.standard_error.map_or("?".to_owned(), |error| format!("{error:.3}"));
+        let truth = row.truth.map_or(String::new(), |truth| format!("{truth:>9.3}"));
+        let how = match row.how {
+            How::Learnt => "",
+            How::Frozen => "frozen: its pictures do not say",
+            How::Fitted => "test camera, fitted afterwards",
+        };
+        println!("{:<width$} {:>9.3} {error:>8} {truth}  {how}", row.camera, row.offset);
+    }
+    if let Some(rms) = rms_error(rows) {
+        println!("offsets learnt to {rms:.3} frames (root mean square)");
+    }
+}
