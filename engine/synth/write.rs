@@ -211,12 +211,14 @@ impl Capture<'_> {
         let manifest = format!(
             "# Synthetic capture, made by `ivv synth`; truth.json holds the hidden values.\n\
              fps = {}.0\nframes = {}\nreference_frame = {}\ntest_cameras = [{}]\n\
-             masks = {}\npoints = true\nflow = true\ndepth = true\naudio = true\n",
+             masks = {}\npoints = true\nflow = {}\ndepth = true\naudio = true\n",
             self.options.fps,
             self.options.frames,
             colmap::REFERENCE_FRAME,
             tests.join(", "),
             self.options.masks,
+            // A single frame has no next one.
+            self.options.frames > 1,
         );
         files::bytes(&self.folder.join("capture.toml"), manifest.as_bytes())
     }
