@@ -26,14 +26,7 @@ pub fn first_gaussians(capture: &Capture, config: &Config) -> ivv::Result<Splats
 }
 
 /// What a run that begins with `splats` needs.
-pub fn plan(
-    capture: &Capture,
-    config: &Config,
-    setup: &Setup,
-    splats: &Splats,
-    caps: &Caps,
-    cache_bytes: u64,
-) -> Plan {
+pub fn plan(capture: &Capture, config: &Config, setup: &Setup, splats: &Splats, caps: &Caps, cache_bytes: u64) -> Plan {
     let pixels = capture.cameras.iter().map(|camera| u64::from(camera.width) * u64::from(camera.height));
     let work = Workload {
         gaussians: splats.len() as u64,

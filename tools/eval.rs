@@ -7,7 +7,8 @@ use ivv::scene::capture::Capture;
 use ivv::scene::{Frame, Splats, View, read_scene};
 use ivv::stage::{Outputs, Renderer};
 use ivv::train::{
-    Config, Evaluation, Example, Log, METRICS_OF, OffsetFit, Report, Run, SceneScores, Scores, Setup, evaluate, fit_offset,
+    Config, Evaluation, Example, Log, METRICS_OF, OffsetFit, Report, Run, SceneScores, Scores, Setup, evaluate,
+    fit_offset,
 };
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -172,13 +173,14 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
 fn print(scores: &SceneScores) {
     let Evaluation { views, mean, .. } = &scores.evaluation;
     let width = views.iter().map(|v| v.view.chars().count()).fold(4, usize::max);
-    println!("{:<width$} {:>9} {:>9} {:>8} {:>8}", "view", "PSNR, dB", "aligned", "SSIM", "L1");
-    for (view, s) in views.iter().map(|v| (v.view.as_str(), &v.scores)).chain([("mean", mean)]) {
-        println!("{view:<width$} {:>9.3} {:>9.3} {:>8.4} {:>8.5}", s.psnr, s.psnr_aligned, s.ssim, s.l1);
-    }
-    if let Some(s) = &scores.mean_at_fitted_offsets {
-        let what = "at fitted time offsets";
-        println!("{what:<width$} {:>9.3} {:>9.3} {:>8.4} {:>8.5}", s.psnr, s.psnr_aligned, s.ssim, s.l1);
+    println!("{:<width$} {:>9} {:>9} {:>10} {:>8} {:>8}", "view", "PSNR, dB", "aligned", "foreground", "SSIM", "L1");
+    let fitted = scores.mean_at_fitted_offsets.as_ref().map(|scores| ("mean at fitted time offsets", scores));
+    for (view, s) in views.iter().map(|v| (v.view.as_str(), &v.scores)).chain([("mean", mean)]).chain(fitted) {
+        let foreground = s.psnr_foreground.map_or("-".to_owned(), |psnr| format!("{psnr:.3}"));
+        println!(
+            "{view:<width$} {:>9.3} {:>9.3} {foreground:>10} {:>8.4} {:>8.5}",
+            s.psnr, s.psnr_aligned, s.ssim, s.l1
+        );
     }
     for (name, definition) in &scores.metrics {
         println!("{name}: {definition}");

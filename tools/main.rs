@@ -1,5 +1,6 @@
 //! `ivv`: the command line. One file per verb; exit codes are SPEC 10's.
 
+mod ablate;
 mod begin;
 mod check;
 mod demo;
@@ -52,6 +53,8 @@ enum Verb {
     Train(train::Args),
     /// Scores the test views of a run again, from its folder alone, and writes its report.
     Eval(eval::Args),
+    /// Trains a capture with and without each part of the method, and tables what each is worth.
+    Ablate(ablate::Args),
     /// Writes a scene in another format, or as it is at one time.
     Export(export::Args),
     /// Gradients of sum(cotangent * output) of a view, by parameter group.
@@ -72,6 +75,7 @@ fn main() -> ExitCode {
         Verb::Render(args) => render::run(args, cli.json),
         Verb::Train(args) => train::run(args, cli.json),
         Verb::Eval(args) => eval::run(args, cli.json),
+        Verb::Ablate(args) => ablate::run(args, cli.json),
         Verb::Export(args) => export::run(args, cli.json),
         Verb::Vjp(args) => vjp::run(args),
         Verb::Demo(args) => demo::run(args),

@@ -115,7 +115,7 @@ fn truth(capture: &Path) -> BTreeMap<String, f64> {
 }
 
 /// Root mean square of what is wrong with the learnt offsets, frames; none without truth.
-fn rms_error(rows: &[Row]) -> Option<f64> {
+pub fn rms_error(rows: &[Row]) -> Option<f64> {
     let errors: Vec<f64> =
         rows.iter().filter(|row| row.how == How::Learnt).filter_map(|row| Some(row.offset - row.truth?)).collect();
     let squares: f64 = errors.iter().map(|error| error * error).sum();

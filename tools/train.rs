@@ -15,7 +15,7 @@ use crate::totals::{ProfiledStep, Seconds, totals};
 use anyhow::Context;
 use ivv::gpu::PassTime;
 use ivv::scene::View;
-use ivv::scene::capture::{Capture, CaptureSettings, FrameCache};
+use ivv::scene::capture::{Capture, CaptureSettings, FrameCache, PriorPlan};
 use ivv::train::{Checkpoint, Evaluation, Kind, Log, Plan, Run, Setup, StepReport, Trainer, permutation, spread};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -150,7 +150,9 @@ struct Session<'a> {
 impl Session<'_> {
     /// Steps through `order`.
     fn train(&mut self, order: &[(usize, u32)], stop: &Stop) -> anyhow::Result<()> {
-        let mut cache = FrameCache::new(self.scorer.capture, order.iter().copied(), self.args.cache_bytes, 2)?;
+        let Scorer { capture, config, .. } = self.scorer;
+        let priors = PriorPlan { flow: config.loss.flow > 0.0, ..PriorPlan::default() };
+        let mut cache = FrameCache::new(capture, order.iter().copied(), &priors, self.args.cache_bytes, 2)?;
         for &(camera, frame) in order {
             let picture = cache.next_picture().context("the order of images ended early")??;
             let view = self.scorer.capture.view(camera, frame)?;
@@ -238,6 +240,7 @@ impl Session<'_> {
         let Scorer { gpu, run, capture, .. } = self.scorer;
         let mut totals = totals(gpu, trainer.step(), &splats, run, &self.log, &seconds)?;
         totals["plan"] = serde_json::to_value(&self.plan)?;
+        totals["offset_error"] = offsets::rms_error(&offsets).into();
         write_json(&output.join("train.json"), &totals)?;
         let (scores, examples) = self.scorer.all(&splats, &scene, trainer.step(), output)?;
         if let Some(scores) = &scores {
@@ -251,7 +254,6 @@ impl Session<'_> {
         }
         self.log.write()?;
         let report = self.scorer.report(scores.as_ref(), &examples, output, output)?;
-        totals["offsets"] = serde_json::to_value(&offsets)?;
         if json {
             println!("{}", serde_json::to_string_pretty(&totals)?);
             return Ok(());

@@ -28,7 +28,7 @@ pub use density::{Choice, Counts, DensityRound, Grown, record_mcmc_noise};
 pub use gradients::Gradients;
 pub use losses::{Photometric, SSIM_WEIGHT};
 pub use params::{Strip, view_params};
-pub use priors::{DepthSpace, PriorLoss, PriorWeights, prior_word};
+pub use priors::{DepthSpace, PriorLoss, PriorWeights};
 pub use project::Projected;
 pub use render::{FrameReport, PassReport, Renderer};
 pub use scan::Scan;

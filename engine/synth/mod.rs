@@ -1,14 +1,14 @@
 //! Synthetic captures (SPEC 11): a room of analytic surfaces, cast ray by ray, with everything that is true of it.
 //!
 //! The scene is no set of Gaussians. All arithmetic is +, -, *, / and sqrt in f64 and integer hashes, so equal options
-//! give equal bytes on every machine and with any number of threads. A capture holds, beside the parts of SPEC 8:
+//! give equal bytes on every machine and with any number of threads. A capture holds, beside the parts of SPEC 8 and
+//! `foreground/` (255 where any ray of the pixel meets a body that moves):
 //!
 //! ```text
 //! capture.toml                            written last: a folder without it is unfinished
 //! synth.json                              the options; marks the folder as made by this module
 //! truth.json                              hidden values: clocks, colours, depth scales, outliers, poses, source
 //! truth/exact/<camera>/<frame:05>.exr     depth.Z (scene units), flow.X, flow.Y (pixels until the next frame), body
-//! truth/dynamic/<camera>/<frame:05>.png   255 where any ray of the pixel meets a body that moves
 //! truth/source.wav                        the voice without delay at a distance of one
 //! ```
 //!

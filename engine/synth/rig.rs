@@ -14,7 +14,7 @@ const HALF_ARC: f64 = 55.0 / 180.0 * PI;
 const MIDDLE: DVec3 = DVec3::new(-0.1, -0.25, -1.5);
 const RING: f64 = 0.35;
 /// Largest time offset before the mean is taken out, frames.
-const MAX_OFFSET: f64 = 0.6;
+const MAX_OFFSET: f64 = 1.0;
 
 /// A pinhole camera at rest.
 #[derive(Clone, Debug)]

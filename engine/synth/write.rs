@@ -18,8 +18,19 @@ use std::path::Path;
 /// The file that marks a folder as made here.
 const MARKER: &str = "synth.json";
 /// All that a capture consists of, in the order in which an old one is removed: what makes it valid goes first.
-const PARTS: [&str; 10] =
-    ["capture.toml", "truth.json", "truth", "keypoints", "audio", "masks", "depth", "flow", "points", "images"];
+const PARTS: [&str; 11] = [
+    "capture.toml",
+    "truth.json",
+    "truth",
+    "keypoints",
+    "audio",
+    "foreground",
+    "masks",
+    "depth",
+    "flow",
+    "points",
+    "images",
+];
 const SPARSE: &str = "sparse";
 
 /// What was written.
@@ -127,7 +138,7 @@ impl Capture<'_> {
             files::make_folder(&self.folder.join(folder))?;
         }
         for camera in &self.cameras {
-            for kind in ["images", "flow", "depth", "truth/exact", "truth/dynamic"] {
+            for kind in ["images", "flow", "depth", "foreground", "truth/exact"] {
                 files::make_folder(&self.folder.join(kind).join(&camera.name))?;
             }
             if camera.hood {
@@ -179,7 +190,7 @@ impl Capture<'_> {
         };
         files::png(&path("images", "png"), &picture.rgb, width, height, ExtendedColorType::Rgb8)?;
         let dynamic: Vec<u8> = picture.dynamic.iter().map(|&moves| if moves { 255 } else { 0 }).collect();
-        files::png(&path("truth/dynamic", "png"), &dynamic, width, height, ExtendedColorType::L8)?;
+        files::png(&path("foreground", "png"), &dynamic, width, height, ExtendedColorType::L8)?;
         if camera.hood {
             let pixels = (0..height).flat_map(|row| (0..width).map(move |column| (column, row)));
             let mask: Vec<u8> =
@@ -211,12 +222,14 @@ impl Capture<'_> {
         let manifest = format!(
             "# Synthetic capture, made by `ivv synth`; truth.json holds the hidden values.\n\
              fps = {}.0\nframes = {}\nreference_frame = {}\ntest_cameras = [{}]\n\
-             masks = {}\npoints = true\nflow = true\ndepth = true\naudio = true\n",
+             masks = {}\nforeground = true\npoints = true\nflow = {}\ndepth = true\naudio = true\n",
             self.options.fps,
             self.options.frames,
             colmap::REFERENCE_FRAME,
             tests.join(", "),
             self.options.masks,
+            // A single frame has no next one.
+            self.options.frames > 1,
         );
         files::bytes(&self.folder.join("capture.toml"), manifest.as_bytes())
     }

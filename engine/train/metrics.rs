@@ -11,9 +11,13 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 /// What the scores mean, by name; written beside every set of them.
-pub const METRICS: [(&str, &str); 4] = [
+pub const METRICS: [(&str, &str); 5] = [
     ("psnr", "-10 log10 of the mean squared error, dB, over the three channels of the pixels that count"),
     ("psnr_aligned", "PSNR after the affine map of colours, one for each view, that brings it closest to the image"),
+    (
+        "psnr_foreground",
+        "PSNR over what moves, where the capture has foreground masks; means are over views in which it shows",
+    ),
     ("ssim", "as 3DGS: 11 x 11 Gaussian window, sigma 1.5, zero padding, C1 = 0.01^2, C2 = 0.03^2"),
     ("l1", "mean absolute error over the same values as PSNR"),
 ];
@@ -29,6 +33,9 @@ pub struct Scores {
     pub psnr: f64,
     /// The same after the affine map of colours that brings the view closest to the image, dB.
     pub psnr_aligned: f64,
+    /// The same over the pixels that a foreground mask marks, dB; none without such pixels.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub psnr_foreground: Option<f64>,
     /// Structural similarity of the clamped colour (SPEC 4's window, zero padding).
     pub ssim: f64,
     /// Mean absolute error.
@@ -67,9 +74,11 @@ impl Evaluation {
     /// The evaluation of `views` after `step` steps; none when there is no view.
     pub fn new(step: u64, views: Vec<ViewScores>) -> Option<Self> {
         let mean = |score: fn(&Scores) -> f64| views.iter().map(|v| score(&v.scores)).sum::<f64>() / views.len() as f64;
+        let foreground: Vec<f64> = views.iter().filter_map(|v| v.scores.psnr_foreground).collect();
         let mean = Scores {
             psnr: mean(|s| s.psnr),
             psnr_aligned: mean(|s| s.psnr_aligned),
+            psnr_foreground: (!foreground.is_empty()).then(|| foreground.iter().sum::<f64>() / foreground.len() as f64),
             ssim: mean(|s| s.ssim),
             l1: mean(|s| s.l1),
         };
@@ -195,7 +204,11 @@ pub fn evaluate(
         if n_bad > 0 {
             return Err(Error::NonFinite { what: format!("view `{}`", view.name), count: n_bad });
         }
-        let scores = scores(&gpu, &rendered, &capture.picture(camera, frame)?)?;
+        let picture = capture.picture(camera, frame)?;
+        let mut scores = scores(&gpu, &rendered, &picture)?;
+        if let Some(foreground) = capture.foreground(camera, frame)? {
+            scores.psnr_foreground = psnr_of(&rendered, &picture, |pixel| foreground[pixel]);
+        }
         seen(camera, frame, &rendered)?;
         let camera = capture.cameras[camera].name.clone();
         views.push(ViewScores { view: view.name, camera, frame, scores, render_ms });
@@ -209,7 +222,18 @@ pub fn psnr(mse: f64) -> f64 {
     -10.0 * if mse < 1e-12 { -12.0 } else { mse.log10() }
 }
 
-/// Scores of `frame` against `picture`, of the same size.
+/// PSNR of the clamped colour over those visible pixels that `counts`; none where there are none.
+fn psnr_of(frame: &Frame, picture: &Picture, counts: impl Fn(usize) -> bool) -> Option<f64> {
+    let pixels = frame.color.iter().zip(&picture.pixels).enumerate();
+    let errors = pixels.filter(|(pixel, (_, word))| **word >> 24 != 0 && counts(*pixel)).map(|(_, (color, word))| {
+        let truth = word.to_le_bytes();
+        (0..3).map(|c| (f64::from(color[c].clamp(0.0, 1.0)) - f64::from(truth[c]) / 255.0).powi(2)).sum::<f64>()
+    });
+    let (n, sum) = errors.fold((0_u64, 0.0), |(n, sum), error| (n + 1, sum + error));
+    (n > 0).then(|| psnr(sum / (3 * n) as f64))
+}
+
+/// Scores of `frame` against `picture`, of the same size, but for those of the foreground.
 pub fn scores(gpu: &Gpu, frame: &Frame, picture: &Picture) -> Result<Scores> {
     let clamped: Vec<[f32; 3]> = frame.color.iter().map(|c| c.map(|x| x.clamp(0.0, 1.0))).collect();
     let visible = clamped.iter().zip(&picture.pixels).filter_map(|(color, word)| {
@@ -231,5 +255,5 @@ pub fn scores(gpu: &Gpu, frame: &Frame, picture: &Picture) -> Result<Scores> {
     let [ssim, l1, _] = Photometric::values(sums, n_visible);
     // A picture that is hidden as a whole has no error.
     let psnr_aligned = if visible.is_empty() { psnr(0.0) } else { psnr(aligned_mse(&visible)) };
-    Ok(Scores { psnr: psnr(squares / (3.0 * f64::from(n_visible))), psnr_aligned, ssim, l1 })
+    Ok(Scores { psnr: psnr(squares / (3.0 * f64::from(n_visible))), psnr_aligned, psnr_foreground: None, ssim, l1 })
 }

@@ -1,5 +1,6 @@
 //! Training: Gaussians fitted to the images of a capture, one image a step (SPEC 4 and 6).
 
+mod ablation;
 mod align;
 mod checkpoint;
 mod config;
@@ -19,6 +20,7 @@ mod schedule;
 mod setup;
 mod trainer;
 
+pub use ablation::{Arm, ArmResult, Estimate, Measure, STUDIES, Study, StudyResult};
 pub use checkpoint::{CameraState, Checkpoint};
 pub use config::{Config, Density, FlowChoice, Init, LearningRates, Loss, Rate, Strategy};
 pub use density::{density_round, noise, regularisers};

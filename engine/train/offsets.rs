@@ -53,7 +53,7 @@ pub fn fit_offset(
         for k in 0..n {
             let frame = frames[(2 * k + 1) * frames.len() / (2 * n)];
             let picture = capture.picture(camera, frame)?;
-            let mut at = |offset: f64| {
+            let mut at = |offset: f64| -> Result<Vec<[f32; 3]>> {
                 let view = View { background, time_offset: offset, ..capture.view(camera, frame)? };
                 Ok(renderer.render(&view, Outputs::Color)?.0.color)
             };

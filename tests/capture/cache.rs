@@ -1,6 +1,6 @@
 //! The decode-ahead cache.
 
-use ivv::scene::capture::{Capture, FrameCache};
+use ivv::scene::capture::{Capture, FrameCache, PriorPlan};
 
 use super::{Folder, dynamic, png};
 use crate::common::random::Random;
@@ -31,7 +31,8 @@ fn pictures_come_in_order_for_any_budget_and_number_of_threads() {
     let (_folder, capture, order) = capture("cache-order", 5);
     for n_threads in [0, 1, 2, 7] {
         for budget in [0, 1, 2 * IMAGE, 5 * IMAGE, 14 * IMAGE, u64::MAX / 2] {
-            let mut cache = FrameCache::new(&capture, order.iter().copied(), budget, n_threads).unwrap();
+            let mut cache =
+                FrameCache::new(&capture, order.iter().copied(), &PriorPlan::default(), budget, n_threads).unwrap();
             for &(camera, frame) in &order {
                 let picture = cache.next_picture().unwrap().unwrap();
                 assert_eq!(*picture, capture.picture(camera, frame).unwrap(), "{camera} {frame}");
@@ -49,7 +50,7 @@ fn pictures_come_in_order_for_any_budget_and_number_of_threads() {
 fn an_image_that_fits_is_decoded_once() {
     let (_folder, capture, order) = capture("cache-once", 6);
     // The last image is decoded beside the eleven others.
-    let mut cache = FrameCache::new(&capture, order.clone(), 13 * IMAGE, 1).unwrap();
+    let mut cache = FrameCache::new(&capture, order.clone(), &PriorPlan::default(), 13 * IMAGE, 1).unwrap();
     while let Some(picture) = cache.next_picture() {
         picture.unwrap();
     }
@@ -63,7 +64,7 @@ fn what_is_needed_last_leaves_first() {
     // Twelve images in turn and room for ten: were the least recently used to leave, each would be decoded every time.
     let round: Vec<_> = [capture.training_frames(), capture.test_frames()].concat();
     let order = round.repeat(6);
-    let mut cache = FrameCache::new(&capture, order.clone(), 10 * IMAGE, 1).unwrap();
+    let mut cache = FrameCache::new(&capture, order.clone(), &PriorPlan::default(), 10 * IMAGE, 1).unwrap();
     for _ in &order {
         cache.next_picture().unwrap().unwrap();
     }
@@ -79,7 +80,7 @@ fn errors_come_in_order_and_name_the_file() {
     folder.write("ims/0/000001.png", &start[..start.len() / 2]);
     folder.write("ims/2/000003.png", png(4, 6, 0));
     for budget in [0, 4 * IMAGE, 100 * IMAGE] {
-        let mut cache = FrameCache::new(&capture, order.clone(), budget, 3).unwrap();
+        let mut cache = FrameCache::new(&capture, order.clone(), &PriorPlan::default(), budget, 3).unwrap();
         let mut n_errors = 0;
         for &(camera, frame) in &order {
             match cache.next_picture().unwrap() {
@@ -100,12 +101,12 @@ fn errors_come_in_order_and_name_the_file() {
 fn a_cache_may_be_dropped_at_any_time_and_refuses_an_unknown_frame() {
     let (_folder, capture, order) = capture("cache-drop", 2);
     for n_taken in [0, 1, 5, 24] {
-        let mut cache = FrameCache::new(&capture, order.clone(), 3 * IMAGE, 4).unwrap();
+        let mut cache = FrameCache::new(&capture, order.clone(), &PriorPlan::default(), 3 * IMAGE, 4).unwrap();
         for _ in 0..n_taken {
             cache.next_picture().unwrap().unwrap();
         }
     }
-    assert!(FrameCache::new(&capture, [], 0, 2).unwrap().next_picture().is_none());
-    let error = FrameCache::new(&capture, [(0, 0), (0, 4)], 0, 2).err().unwrap();
+    assert!(FrameCache::new(&capture, [], &PriorPlan::default(), 0, 2).unwrap().next_picture().is_none());
+    let error = FrameCache::new(&capture, [(0, 0), (0, 4)], &PriorPlan::default(), 0, 2).err().unwrap();
     assert!(error.to_string().contains("camera 0, frame 4"), "{error}");
 }

@@ -5,6 +5,7 @@ mod colmap;
 mod dynamic;
 mod folder;
 mod model;
+mod priors;
 mod real;
 mod transforms;
 

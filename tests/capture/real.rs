@@ -1,6 +1,6 @@
 //! Captures made by others.
 
-use ivv::scene::capture::{Capture, CaptureSettings, FrameCache, check_capture};
+use ivv::scene::capture::{Capture, CaptureSettings, FrameCache, PriorPlan, check_capture};
 
 use super::{Folder, assert_told, dynamic, shared};
 
@@ -40,7 +40,7 @@ fn the_basketball_clip_streams_within_its_budget() {
     assert_eq!((capture.training_frames().len(), capture.test_frames().len()), (540, 80));
     let order: Vec<_> = capture.training_frames().into_iter().step_by(40).cycle().take(28).collect();
     let budget = 4 << 20;
-    let mut cache = FrameCache::new(&capture, order.clone(), budget, 2).unwrap();
+    let mut cache = FrameCache::new(&capture, order.clone(), &PriorPlan::default(), budget, 2).unwrap();
     for _ in &order {
         let picture = cache.next_picture().unwrap().unwrap();
         assert_eq!((picture.width, picture.height), (640, 360));

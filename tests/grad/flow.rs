@@ -86,6 +86,7 @@ fn a_detached_depth_moves_places_and_no_opacities() {
         outputs: Outputs::All,
         purpose: Purpose::Gradient,
         accumulation: Accumulation::Slots,
+        camera: false,
     };
     let work = Workspace::new(&gpu, &scene, room).unwrap();
     let mut params = view_params(&view, &Constants::default(), scene.origin, Strip::whole(&view));

@@ -115,6 +115,7 @@ impl Scene {
             outputs: Outputs::All,
             purpose: Purpose::Training,
             accumulation: Accumulation::Slots,
+            camera: false,
         };
         let work = Workspace::new(&gpu, &scene, room).unwrap();
         gpu.write(&work.view, &[view_params(view, &Constants::default(), scene.origin, strip)]).unwrap();

@@ -3,7 +3,8 @@
 use crate::common::device::gpu;
 use crate::common::random::Random;
 use ivv::gpu::Recording;
-use ivv::stage::{DepthSpace, PriorLoss, PriorWeights, prior_word};
+use ivv::scene::capture::prior_word;
+use ivv::stage::{DepthSpace, PriorLoss, PriorWeights};
 use ivv::twin::{Dual, depth_loss, flow_loss};
 
 const GUARD: [f32; 4] = [1.5, -2.5, 3.5, -4.5];

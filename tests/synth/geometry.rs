@@ -95,7 +95,7 @@ fn pictures_change_where_something_moves_and_nowhere_else() {
         let path = |kind: &str, frame: u32| shared().join(format!("{kind}/{}/{frame:05}.png", camera.name));
         for frame in 1..options().frames {
             let [before, after] = [frame - 1, frame].map(|f| rgb(&path("images", f)));
-            let masks = [frame - 1, frame].map(|f| rgb(&path("truth/dynamic", f)));
+            let masks = [frame - 1, frame].map(|f| rgb(&path("foreground", f)));
             assert!(after.pixels().collect::<HashSet<_>>().len() > 300, "{} is nearly constant", camera.name);
             for (x, y, pixel) in after.enumerate_pixels() {
                 let change: i32 = (0..3).map(|c| (i32::from(pixel[c]) - i32::from(before[(x, y)][c])).abs()).sum();

@@ -7,7 +7,7 @@ use ivv::scene::Splats;
 use ivv::scene::capture::{Capture, Extent};
 use ivv::stage::{AdamMode, Choice};
 use ivv::train::{
-    Setup, Checkpoint, Config, Density, StepReport, Strategy, Trainer, density_round, from_points, noise, permutation,
+    Checkpoint, Config, Density, Setup, StepReport, Strategy, Trainer, density_round, from_points, noise, permutation,
     regularisers,
 };
 

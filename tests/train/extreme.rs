@@ -5,7 +5,7 @@ use crate::common::random::{Random, scene, view};
 use ivv::Constants;
 use ivv::scene::capture::{Extent, Picture};
 use ivv::scene::{Motion, Splats, View};
-use ivv::train::{Setup, Config, StepReport, Strategy, Trainer};
+use ivv::train::{Config, Setup, StepReport, Strategy, Trainer};
 
 const EXTENT: Extent = Extent { center: [0.0; 3], radius: 4.0 };
 
@@ -53,7 +53,8 @@ fn n28_ten_steps_on_poisoned_scenes_leave_finite_losses_and_finite_gaussians() {
         }
         let (view, total) = (small(), 10);
         let mut trainer =
-            Trainer::new(gpu.clone(), &splats, Constants::default(), config, total, Setup::plain(EXTENT, 0.05)).unwrap();
+            Trainer::new(gpu.clone(), &splats, Constants::default(), config, total, Setup::plain(EXTENT, 0.05))
+                .unwrap();
         for step in 0..total {
             trainer.train(0, &view, &noise(seed + step, &view)).unwrap();
         }
@@ -79,8 +80,15 @@ fn n13_t_center_moves_in_a_clip_of_any_length() {
         }
         let view = View { time: 0.4, flow_dt: 1.0 / n_frames, ..small() };
         let config = Config { sh_degree: 0, ..Config::default() };
-        let mut trainer =
-            Trainer::new(gpu.clone(), &splats, Constants::default(), config, 10_000, Setup::plain(EXTENT, 1.0 / n_frames)).unwrap();
+        let mut trainer = Trainer::new(
+            gpu.clone(),
+            &splats,
+            Constants::default(),
+            config,
+            10_000,
+            Setup::plain(EXTENT, 1.0 / n_frames),
+        )
+        .unwrap();
         for step in 0..100 {
             trainer.train(0, &view, &noise(step, &view)).unwrap();
         }

@@ -9,7 +9,7 @@ use ivv::scene::capture::{Capture, Shot};
 use ivv::scene::{Similarity, Splats};
 use ivv::stage::{Outputs, Renderer};
 use ivv::synth::{Options, Preset, write_capture};
-use ivv::train::{Setup, Config, Init, Initial, Trainer, from_points, initialise, random_points, scores};
+use ivv::train::{Config, Init, Initial, Setup, Trainer, from_points, initialise, random_points, scores};
 use std::path::PathBuf;
 use std::sync::OnceLock;
 
@@ -32,7 +32,7 @@ fn training(with_foreground: bool) -> (Capture, Similarity) {
     let mut capture = capture.clone();
     for camera in &mut capture.cameras {
         for Shot { frame, foreground, .. } in &mut camera.shots {
-            let file = folder.join("truth/dynamic").join(&camera.name).join(format!("{frame:05}.png"));
+            let file = folder.join("foreground").join(&camera.name).join(format!("{frame:05}.png"));
             assert!(file.exists());
             *foreground = with_foreground.then_some(file);
         }

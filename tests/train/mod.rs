@@ -11,7 +11,7 @@ mod worlds;
 
 use crate::common::device::gpu;
 use ivv::Constants;
-use ivv::scene::capture::Capture;
+use ivv::scene::capture::{Capture, PriorPlan};
 use ivv::scene::{Motion, Splats};
 use ivv::stage::{Outputs, Renderer};
 use ivv::synth::{Options, Preset, write_capture};
@@ -47,8 +47,7 @@ fn train(capture: &Capture, config: &Config, splats: &Splats, steps: u64) -> (Sp
     let gpu = gpu();
     let frames = capture.training_frames();
     let setup = Setup::new(capture, config);
-    let mut trainer =
-        Trainer::new(gpu.clone(), splats, Constants::default(), config.clone(), steps, setup).unwrap();
+    let mut trainer = Trainer::new(gpu.clone(), splats, Constants::default(), config.clone(), steps, setup).unwrap();
     let mut losses = Vec::new();
     for step in 0..steps {
         let epoch = step / frames.len() as u64;
@@ -169,13 +168,14 @@ fn a_rate_may_be_written_as_one_number_and_must_not_change_its_sign() {
     assert!(read(r#"{"lr": {"scales": 0.25}}"#).is_err() && read(r#"{"lr": {"scale": "fast"}}"#).is_err());
 }
 
-/// Steps `trainer` through the run's order up to step `until`.
+/// Steps `trainer` through the run's order up to step `until`, with all priors.
 fn drive(trainer: &mut Trainer, capture: &Capture, seed: u64, until: u64) {
     let frames = capture.training_frames();
     while trainer.step() < until {
         let (epoch, at) = (trainer.step() / frames.len() as u64, trainer.step() as usize % frames.len());
         let (camera, frame) = frames[permutation(frames.len(), &[seed, epoch])[at]];
-        let picture = capture.picture(camera, frame).unwrap();
+        let depth = [((camera, frame), [1.0, 0.1])].into();
+        let picture = capture.picture_with(camera, frame, &PriorPlan { flow: true, depth }).unwrap();
         trainer.train(camera, &capture.view(camera, frame).unwrap(), &picture).unwrap();
     }
 }
@@ -188,9 +188,7 @@ fn a_run_that_was_killed_and_resumed_gives_the_bits_of_one_that_was_not() {
     let begin = from_points(&tiny.capture.points, &tiny.capture, &config);
     let setup = Setup::new(&tiny.capture, &config);
     assert!(setup.learns_offset.contains(&true) && setup.has_priors);
-    let new = || {
-        Trainer::new(gpu.clone(), &begin, Constants::default(), config.clone(), 60, setup.clone()).unwrap()
-    };
+    let new = || Trainer::new(gpu.clone(), &begin, Constants::default(), config.clone(), 60, setup.clone()).unwrap();
     let mut whole = new();
     drive(&mut whole, &tiny.capture, config.seed, 60);
     // Between two rounds of density control, whose statistics must survive.
@@ -214,9 +212,15 @@ fn a_damaged_checkpoint_is_told_apart_and_the_one_before_serves() {
     let gpu = gpu();
     let config = Config { sh_degree: 0, ..Config::default() };
     let begin = from_points(&tiny.capture.points[..20], &tiny.capture, &config);
-    let mut trainer =
-        Trainer::new(gpu.clone(), &begin, Constants::default(), config.clone(), 100, Setup::new(&tiny.capture, &config))
-            .unwrap();
+    let mut trainer = Trainer::new(
+        gpu.clone(),
+        &begin,
+        Constants::default(),
+        config.clone(),
+        100,
+        Setup::new(&tiny.capture, &config),
+    )
+    .unwrap();
     let folder = tiny.folder.join("checkpoints");
     for step in 1..=5 {
         drive(&mut trainer, &tiny.capture, config.seed, step);
@@ -248,8 +252,7 @@ fn a_step_that_is_replayed_with_more_room_leaves_the_bits_of_one_that_is_not() {
     let begin = from_points(&tiny.capture.points, &tiny.capture, &config);
     let run = |room: Option<u32>| {
         let setup = Setup::new(&tiny.capture, &config);
-        let mut trainer =
-            Trainer::new(gpu.clone(), &begin, Constants::default(), config.clone(), 100, setup).unwrap();
+        let mut trainer = Trainer::new(gpu.clone(), &begin, Constants::default(), config.clone(), 100, setup).unwrap();
         if let Some(n) = room {
             trainer.limit_intersections(n);
         }

@@ -3,7 +3,7 @@
 use super::{Tiny, drive};
 use crate::common::device::gpu;
 use ivv::Constants;
-use ivv::train::{Setup, BoundBy, Class, Config, Limits, Plan, Trainer, Workload, from_points};
+use ivv::train::{BoundBy, Class, Config, Limits, Plan, Setup, Trainer, Workload, from_points};
 use std::collections::BTreeMap;
 
 const LIMITS: Limits = Limits { binding_bytes: 128 << 20, memory_bytes: 8 << 30, is_host: false };
@@ -17,6 +17,8 @@ fn workload() -> Workload {
         pixels: 640 * 360,
         sh_degree: 3,
         cache_bytes: 256 << 20,
+        priors: false,
+        offsets: false,
     }
 }
 
@@ -35,8 +37,15 @@ fn the_plan_is_what_a_trainer_allocates_buffer_by_buffer() {
         let config = Config { sh_degree, ..Config::default() };
         let begin = from_points(&points, &capture, &config);
         let before = gpu.device().memory().0;
-        let mut trainer =
-            Trainer::new(gpu.clone(), &begin, Constants::default(), config.clone(), 1000, Setup::new(&capture, &config)).unwrap();
+        let mut trainer = Trainer::new(
+            gpu.clone(),
+            &begin,
+            Constants::default(),
+            config.clone(),
+            1000,
+            Setup::new(&capture, &config),
+        )
+        .unwrap();
         drive(&mut trainer, &capture, 1, 2);
         let mut used = gpu.device().memory().0;
         for (name, bytes) in before {
@@ -50,6 +59,8 @@ fn the_plan_is_what_a_trainer_allocates_buffer_by_buffer() {
             intersections_per_gaussian: pairs as f64 / n as f64,
             pixels: 64 * 48,
             sh_degree,
+            priors: true,
+            offsets: is_dynamic,
             ..workload()
         };
         let need = Plan::new(&work, &LIMITS).begin;

@@ -7,7 +7,7 @@ use crate::common::random::{scene, view};
 use ivv::Constants;
 use ivv::scene::capture::{Capture, TRAINING_RADIUS};
 use ivv::scene::{Frame, Similarity, Splats};
-use ivv::train::{Setup, Config, Trainer, from_points};
+use ivv::train::{Config, Setup, Trainer, from_points};
 
 /// Least PSNR against the same thing in its own units at the origin, dB.
 const LEAST_PSNR: f64 = 80.0;
@@ -19,8 +19,7 @@ fn train(capture: Capture) -> (Splats, Capture, Similarity) {
     let config = Config { sh_degree: 1, ..Config::default() };
     let begin = from_points(&capture.points, &capture, &config);
     let setup = Setup::new(&capture, &config);
-    let mut trainer =
-        Trainer::new(gpu().clone(), &begin, Constants::default(), config.clone(), 100, setup).unwrap();
+    let mut trainer = Trainer::new(gpu().clone(), &begin, Constants::default(), config.clone(), 100, setup).unwrap();
     drive(&mut trainer, &capture, config.seed, 30);
     let trained = trainer.splats().unwrap();
     assert!(trained.len() > begin.len() && trained.motion.iter().any(|m| m.velocity != [0.0; 3]));

@@ -7,13 +7,14 @@ use std::time::{Duration, Instant};
 
 use super::Capture;
 use super::picture::{Picture, Source, decode_or_fault};
+use super::priors::PriorPlan;
 use super::report::Fault;
 use crate::error::Result;
 
-/// Bytes of a pixel while its image is being decoded: the result and what the decoder gives.
-const DECODING_BYTES: u64 = 8;
-/// Bytes of a decoded pixel.
-const DECODED_BYTES: u64 = 4;
+/// Bytes of a pixel while its image is being decoded: the result and what the decoder gives; with priors.
+const DECODING_BYTES: [u64; 2] = [8, 32];
+/// Bytes of a decoded pixel; with its priors.
+const DECODED_BYTES: [u64; 2] = [4, 12];
 /// Images for each thread that may be ahead of the consumer by making others leave: enough that no thread waits, and not
 /// more, because what the consumer is about to hand back is often the best to leave.
 const AHEAD: usize = 3;
@@ -27,7 +28,7 @@ pub struct CacheStats {
     pub n_decoded: u64,
     /// Positions of the order for which no image had to be decoded again.
     pub n_hits: u64,
-    /// Most bytes held at once: decoded images, and twice that for each one being decoded.
+    /// Most bytes held at once: decoded images, and more for each one being decoded.
     pub peak_bytes: u64,
     /// How long [`FrameCache::next_picture`] has waited in all.
     pub waited: Duration,
@@ -82,13 +83,15 @@ enum Slot {
 }
 
 impl FrameCache {
-    /// Begins to decode the images of `order`, a list of (camera, frame), on `n_threads` threads (at least one).
+    /// Begins to decode the images of `order`, a list of (camera, frame), with the priors that `plan` names, on `n_threads`
+    /// threads (at least one).
     ///
     /// # Errors
     /// `Error::Data` when the capture has no such image.
     pub fn new(
         capture: &Capture,
         order: impl IntoIterator<Item = (usize, u32)>,
+        plan: &PriorPlan,
         budget_bytes: u64,
         n_threads: usize,
     ) -> Result<FrameCache> {
@@ -99,7 +102,7 @@ impl FrameCache {
             let next = sources.len() as u32;
             let index = *known.entry((camera, frame)).or_insert(next);
             if index == next {
-                sources.push(capture.source(camera, frame)?);
+                sources.push(capture.source(camera, frame, plan)?);
             }
             indices.push(index);
         }
@@ -185,7 +188,16 @@ impl Shared {
     }
 
     fn decoded_bytes(&self, index: u32) -> u64 {
-        DECODED_BYTES * self.pixels(index)
+        DECODED_BYTES[self.has_priors(index)] * self.pixels(index)
+    }
+
+    fn decoding_bytes(&self, index: u32) -> u64 {
+        DECODING_BYTES[self.has_priors(index)] * self.pixels(index)
+    }
+
+    /// 0 or 1.
+    fn has_priors(&self, index: u32) -> usize {
+        usize::from(!self.sources[index as usize].priors.is_empty())
     }
 
     /// The work of a thread.
@@ -204,7 +216,7 @@ impl Shared {
             state.stats.n_decoded += 1;
             state.stats.decoding += took;
             let kept = if outcome.is_ok() { self.decoded_bytes(index) } else { 0 };
-            state.bytes = state.bytes - DECODING_BYTES * self.pixels(index) + kept;
+            state.bytes = state.bytes - self.decoding_bytes(index) + kept;
             state.slots.insert(index, Slot::Done(outcome));
             self.ready.notify_all();
             // The bytes of decoding are free now, so another thread may have room.
@@ -220,7 +232,7 @@ impl Shared {
                 state.planned += 1;
                 continue;
             }
-            let bytes = DECODING_BYTES * self.pixels(index);
+            let bytes = self.decoding_bytes(index);
             while state.bytes > 0 && state.bytes + bytes > self.budget {
                 if state.planned - state.consumed >= self.ahead {
                     return None;

@@ -87,6 +87,7 @@ pub(super) struct Intrinsics {
 pub(super) struct Posed {
     /// Relative, without `..`.
     pub name: PathBuf,
+    pub camera_id: u32,
     pub pose: Pose,
     pub intrinsics: Intrinsics,
 }
@@ -201,7 +202,7 @@ fn check_images(
         }
         let (Ok(name), Ok(pose), Some(Some(intrinsics))) = (name, pose, intrinsics) else { continue };
         if names.insert(name.clone()) {
-            images.push(Posed { name, pose, intrinsics: *intrinsics });
+            images.push(Posed { name, camera_id: image.camera_id, pose, intrinsics: *intrinsics });
         } else {
             fault(format!("has the name of an earlier image, `{}`", name.display()));
         }
@@ -289,7 +290,7 @@ impl Posed {
     /// The camera of one image, at frame 0.
     fn camera(&self, name: String, image: &Path) -> Camera {
         let Intrinsics { width, height, fx, fy, cx, cy } = self.intrinsics;
-        let shot = Shot { frame: 0, image: image.to_owned(), mask: None, foreground: None, world_to_camera: None };
+        let shot = Shot { frame: 0, image: image.to_owned(), ..Shot::default() };
         Camera { name, width, height, fx, fy, cx, cy, world_to_camera: self.pose, is_test: false, shots: vec![shot] }
     }
 }

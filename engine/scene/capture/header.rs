@@ -7,7 +7,7 @@ use std::path::Path;
 
 use super::report::Fault;
 
-pub(super) const BROKEN: &str = "make or copy the image again";
+pub(in crate::scene) const BROKEN: &str = "make or copy the image again";
 const PNG: [u8; 8] = *b"\x89PNG\r\n\x1a\n";
 const JPEG: [u8; 2] = [0xff, 0xd8];
 /// What ends the image; neither can stand in compressed data of a JPEG, and of a PNG only by chance.
@@ -30,7 +30,7 @@ pub(super) fn unreadable(path: &Path, cause: &io::Error) -> Fault {
 }
 
 /// Width and height in pixels, neither of them 0, of a file that is not cut off.
-pub(super) fn read_size(path: &Path) -> Result<(u32, u32), Fault> {
+pub(in crate::scene) fn read_size(path: &Path) -> Result<(u32, u32), Fault> {
     let failed = |cause: io::Error| unreadable(path, &cause);
     let file = File::open(path).map_err(failed)?;
     let n_bytes = file.metadata().map_err(failed)?.len();

@@ -9,21 +9,27 @@ mod colmap_text;
 mod draft;
 mod dynamic;
 mod folder;
-mod header;
+pub(super) mod header;
 mod names;
 mod npz;
-mod picture;
+pub(super) mod picture;
+mod points;
+mod priors;
 mod report;
 mod transforms;
 
 pub use cache::{CacheStats, FrameCache};
 pub use folder::Manifest;
 pub use picture::Picture;
+pub use points::FramePoint;
+pub use priors::{PriorPlan, prior_word};
 pub use report::{Fault, Report};
 
 use std::path::{Path, PathBuf};
 
 use self::draft::Draft;
+use self::points::FramePoints;
+use self::priors::PriorSource;
 use self::report::Faults;
 use crate::error::{Error, Result};
 use crate::scene::{Similarity, View};
@@ -77,7 +83,7 @@ impl Default for CaptureSettings {
 pub type Pose = [[f64; 4]; 4];
 
 /// One image of a camera.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Shot {
     /// Frame of the clip.
     pub frame: u32,
@@ -87,6 +93,10 @@ pub struct Shot {
     pub mask: Option<PathBuf>,
     /// PNG of the camera's size; pixels of at least 128 show what moves. Only the first Gaussians are made from it.
     pub foreground: Option<PathBuf>,
+    /// Optical flow to the next frame, for [`read_flow`](crate::scene::prior::read_flow).
+    pub flow: Option<PathBuf>,
+    /// Monocular depth, for [`read_depth`](crate::scene::prior::read_depth).
+    pub depth: Option<PathBuf>,
     /// The pose at this frame when the camera moves.
     pub world_to_camera: Option<Pose>,
 }
@@ -168,6 +178,9 @@ pub struct Capture {
     pub points: Vec<Point>,
     /// Colour behind images that have an alpha channel, and of the views.
     pub background: [f32; 3],
+    frame_points: Option<FramePoints>,
+    /// From the world of the files to this one's.
+    moved: Similarity,
 }
 
 impl Capture {
@@ -218,7 +231,15 @@ impl Capture {
     /// # Errors
     /// [`Error::Data`] when there is no such image, when it does not decode or is of another size than its camera.
     pub fn picture(&self, camera: usize, frame: u32) -> Result<Picture> {
-        picture::decode(&self.source(camera, frame)?)
+        picture::decode(&self.source(camera, frame, &PriorPlan::default())?)
+    }
+
+    /// As [`Capture::picture`], with the priors that `plan` names.
+    ///
+    /// # Errors
+    /// As [`Capture::picture`], for the priors too.
+    pub fn picture_with(&self, camera: usize, frame: u32, plan: &PriorPlan) -> Result<Picture> {
+        picture::decode(&self.source(camera, frame, plan)?)
     }
 
     /// Whether each pixel of an image, row by row, shows what moves; `None` when nothing says so.
@@ -226,9 +247,29 @@ impl Capture {
     /// # Errors
     /// As [`Capture::picture`].
     pub fn foreground(&self, camera: usize, frame: u32) -> Result<Option<Vec<bool>>> {
-        let source = self.source(camera, frame)?;
+        let source = self.source(camera, frame, &PriorPlan::default())?;
         let shot = self.cameras[camera].shot(frame);
         shot.and_then(|shot| shot.foreground.as_ref()).map(|path| picture::foreground(path, &source)).transpose()
+    }
+
+    /// Whether the capture has points of every frame.
+    pub fn has_frame_points(&self) -> bool {
+        self.frame_points.is_some()
+    }
+
+    /// The points that were triangulated from the images of a frame, in this capture's world.
+    ///
+    /// # Errors
+    /// [`Error::Data`] when the capture has no such points or no such frame, or when the file is damaged.
+    pub fn points_of(&self, frame: u32) -> Result<Vec<FramePoint>> {
+        let Some(points) = self.frame_points.as_ref().filter(|_| frame < self.n_frames) else {
+            let reason = format!("has no points of frame {frame}");
+            let remedy = "triangulate every frame: `ivv prepare` does, or ask for a frame of the clip";
+            return Err(Error::data(&self.path, "", reason, remedy));
+        };
+        let mut points = points.read(frame, &self.cameras)?;
+        points.iter_mut().for_each(|point| point.position = self.moved.point(point.position));
+        Ok(points)
     }
 
     /// Where the training cameras are; of all cameras when every one is a test camera.
@@ -251,6 +292,7 @@ impl Capture {
             poses.for_each(|pose| *pose = to.pose(pose));
         }
         self.points.iter_mut().for_each(|point| point.position = to.point(point.position));
+        self.moved = self.moved.then(to);
         self
     }
 
@@ -262,10 +304,15 @@ impl Capture {
         frames
     }
 
-    fn source(&self, camera: usize, frame: u32) -> Result<picture::Source> {
+    fn source(&self, camera: usize, frame: u32, plan: &PriorPlan) -> Result<picture::Source> {
         let found = self.cameras.get(camera).and_then(|camera| camera.shot(frame).map(|shot| (camera, shot)));
+        let depth_map = plan.depth.get(&(camera, frame));
         let (camera, shot) = found.ok_or_else(|| self.absent(camera, frame))?;
         Ok(picture::Source {
+            priors: PriorSource {
+                flow: shot.flow.clone().filter(|_| plan.flow),
+                depth: shot.depth.clone().zip(depth_map.copied()),
+            },
             image: shot.image.clone(),
             mask: shot.mask.clone(),
             width: camera.width,

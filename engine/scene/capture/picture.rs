@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
 
 use super::header::{BROKEN, fault, read_size, unreadable};
+use super::priors::{PriorSource, Priors};
 use super::report::Fault;
 use crate::error;
 
@@ -16,7 +17,7 @@ pub(super) const MAX_SIDE: u32 = 1 << 16;
 /// Most pixels of an image: 1 GiB when decoded.
 pub(super) const MAX_PIXELS: u64 = 1 << 28;
 /// What a decoder may allocate beyond its pixels, bytes.
-const DECODER_SLACK: u64 = 64 << 20;
+pub(in crate::scene) const DECODER_SLACK: u64 = 64 << 20;
 
 /// A decoded image with its mask, as the device takes it.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -28,7 +29,7 @@ pub struct Picture {
     /// Row by row, top first: red in the lowest 8 bits, then green and blue; the highest 8 bits are 255 where the pixel
     /// counts and 0 where the mask excludes it.
     pub pixels: Vec<u32>,
-    /// Priors of depth and flow, as the device takes them; empty where there are none.
+    /// Priors of depth and flow, by pixel, see [`prior_word`](super::prior_word); empty where there are none.
     pub priors: Vec<[u32; 2]>,
     /// Pixels that count and have a prior of depth.
     pub n_depth: u32,
@@ -44,6 +45,7 @@ pub(super) struct Source {
     pub width: u32,
     pub height: u32,
     pub background: [f32; 3],
+    pub priors: PriorSource,
 }
 
 /// Decodes an image and its mask.
@@ -66,7 +68,12 @@ pub(super) fn decode_or_fault(source: &Source) -> Result<Picture, Fault> {
             }
         }
     }
-    Ok(Picture { width: source.width, height: source.height, pixels, priors: Vec::new(), n_depth: 0, n_flow: 0 })
+    let (width, height) = (source.width, source.height);
+    if source.priors.is_empty() {
+        return Ok(Picture { width, height, pixels, ..Picture::default() });
+    }
+    let Priors { words, n_depth, n_flow } = source.priors.decode(width, height, &pixels)?;
+    Ok(Picture { width, height, pixels, priors: words, n_depth, n_flow })
 }
 
 /// Whether each pixel of a foreground mask for the image of `source` is at least 128.
@@ -79,7 +86,7 @@ pub(super) fn foreground(path: &Path, source: &Source) -> error::Result<Vec<bool
 }
 
 /// Third-party decoders have panicked on damaged images before; here that is a fault of the image.
-fn guarded<T>(path: &Path, work: impl FnOnce() -> Result<T, Fault>) -> Result<T, Fault> {
+pub(in crate::scene) fn guarded<T>(path: &Path, work: impl FnOnce() -> Result<T, Fault>) -> Result<T, Fault> {
     let broken = |_| Err(fault(path, "its decoder gave up", BROKEN));
     catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(broken)
 }
@@ -98,7 +105,7 @@ fn pixels_of(path: &Path, source: &Source) -> Result<DynamicImage, Fault> {
     DynamicImage::from_decoder(decoder).map_err(|cause| fault(path, format!("does not decode: {cause}"), BROKEN))
 }
 
-fn decoder_of(path: &Path, max_bytes: u64) -> Result<impl ImageDecoder, Fault> {
+pub(in crate::scene) fn decoder_of(path: &Path, max_bytes: u64) -> Result<impl ImageDecoder, Fault> {
     let failed = |cause: std::io::Error| unreadable(path, &cause);
     let mut file = BufReader::new(File::open(path).map_err(failed)?);
     let start = file.fill_buf().map_err(failed)?;

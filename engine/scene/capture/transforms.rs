@@ -187,12 +187,7 @@ impl Frame {
             is_test,
             shots: Vec::new(),
         };
-        Entry {
-            camera,
-            name,
-            shot: Shot { frame: 0, image, mask, foreground: None, world_to_camera: None },
-            time: self.time,
-        }
+        Entry { camera, name, shot: Shot { image, mask, ..Shot::default() }, time: self.time }
     }
 }
 

@@ -1,0 +1,161 @@
+//! `ivv ablate`: the paper's ablations on a capture.
+
+use crate::files::{make_folder, read_json, write_json};
+use crate::settings::SettingArgs;
+use anyhow::Context;
+use ivv::scene::capture::Capture;
+use ivv::scene::write_atomic;
+use ivv::train::{ArmResult, Config, Measure, STUDIES, Study, StudyResult};
+use serde_json::{Value, json};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+/// Options of `ivv ablate`.
+#[derive(clap::Args)]
+pub struct Args {
+    /// A capture.
+    capture: PathBuf,
+    /// Where the runs, ablation.md, ablation.json and the plots go. Runs that are there already are not made again.
+    #[arg(short, long)]
+    output: PathBuf,
+    /// Seeds; every setting is run with each of them.
+    #[arg(long, value_delimiter = ',', default_value = "1,2,3")]
+    seeds: Vec<u64>,
+    /// Studies, separated by commas: initialisation, offsets, supervision.
+    #[arg(long, value_delimiter = ',', default_value = "initialisation,offsets,supervision")]
+    studies: Vec<String>,
+    /// The test camera that is called peripheral; the one farthest from the middle of all without it.
+    #[arg(long)]
+    peripheral: Option<String>,
+    #[command(flatten)]
+    settings: SettingArgs,
+}
+
+pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
+    let config = args.settings.resolve()?;
+    anyhow::ensure!(!args.seeds.is_empty(), "--seeds names none");
+    let studies = args.studies.iter().map(|name| {
+        let known = STUDIES.iter().find(|study| study.name == name);
+        known.with_context(|| format!("--studies {name}: there are initialisation, offsets and supervision"))
+    });
+    let studies: Vec<&Study> = studies.collect::<Result<_, _>>()?;
+    let capture = Capture::open(&args.capture)?;
+    let peripheral = match &args.peripheral {
+        Some(name) => name.clone(),
+        None => peripheral(&capture).context("the capture has no test camera")?,
+    };
+    make_folder(&args.output.join("runs"))?;
+    let mut runs: Vec<(&str, u64, Config)> = Vec::new();
+    for &seed in &args.seeds {
+        for arm in studies.iter().flat_map(|study| study.arms) {
+            if runs.iter().all(|(key, of, _)| (*key, *of) != (arm.key, seed)) {
+                let mut own = Config { seed, ..config.clone() };
+                (arm.change)(&mut own);
+                runs.push((arm.key, seed, own));
+            }
+        }
+    }
+    for (index, (key, seed, own)) in runs.iter().enumerate() {
+        eprintln!("run {} of {}: {key}, seed {seed}", index + 1, runs.len());
+        train(args, &folder(args, key, *seed), own)?;
+    }
+    let mut text = format!("# Ablations on `{}`\n", args.capture.display());
+    let mut all = Vec::new();
+    for study in studies {
+        let result = collect(args, study, &peripheral)?;
+        text += &format!("\n{}", result.markdown());
+        let file = args.output.join(format!("{}.svg", study.name));
+        write_atomic(&file, |to| to.write_all(result.svg().as_bytes()))?;
+        let measures: Vec<&str> = study.measures.iter().map(|measure| measure.title()).collect();
+        let differences: Vec<_> = (0..result.arms.len()).map(|index| result.difference(index)).collect();
+        all.push(json!({ "study": study.name, "measures": measures, "seeds": args.seeds, "arms": result.arms, "differences": differences }));
+    }
+    write_atomic(&args.output.join("ablation.md"), |to| to.write_all(text.as_bytes()))?;
+    let all = json!({ "capture": args.capture, "peripheral_camera": peripheral, "settings": config, "studies": all });
+    write_json(&args.output.join("ablation.json"), &all)?;
+    if json {
+        println!("{}", serde_json::to_string_pretty(&all)?);
+    } else {
+        println!("{text}\n{}", args.output.join("ablation.md").display());
+    }
+    Ok(())
+}
+
+fn folder(args: &Args, key: &str, seed: u64) -> PathBuf {
+    args.output.join("runs").join(format!("{key}-{seed}"))
+}
+
+/// The test camera whose lens is farthest from the middle of all lenses.
+fn peripheral(capture: &Capture) -> Option<String> {
+    let center = |pose: &[[f64; 4]; 4]| -> [f64; 3] {
+        std::array::from_fn(|k| -(0..3).map(|row| pose[row][k] * pose[row][3]).sum::<f64>())
+    };
+    let centers: Vec<[f64; 3]> = capture.cameras.iter().map(|camera| center(camera.pose(0))).collect();
+    let middle: [f64; 3] = std::array::from_fn(|k| centers.iter().map(|c| c[k]).sum::<f64>() / centers.len() as f64);
+    let distance = |c: &[f64; 3]| (0..3).map(|k| (c[k] - middle[k]).powi(2)).sum::<f64>();
+    let tests = capture.cameras.iter().zip(&centers).filter(|(camera, _)| camera.is_test);
+    let farthest = tests.max_by(|(_, a), (_, b)| distance(a).total_cmp(&distance(b)));
+    farthest.map(|(camera, _)| camera.name.clone())
+}
+
+/// Trains with `config` in a process of its own, which leaves nothing behind in this one; unless that has been done.
+fn train(args: &Args, folder: &Path, config: &Config) -> anyhow::Result<()> {
+    let settings = folder.with_extension("json");
+    let is_done = folder.join("eval.json").is_file()
+        && read_json::<Config>(&settings, "remove it").is_ok_and(|before| before == *config);
+    if is_done {
+        return Ok(());
+    }
+    write_json(&settings, config)?;
+    let log = std::fs::File::create(folder.with_extension("log")).context("the log of a run cannot be made")?;
+    let program = std::env::current_exe().context("the path of this program is not known")?;
+    let status = Command::new(program)
+        .arg("train")
+        .arg(&args.capture)
+        .args(["--overwrite", "--eval-every", "0", "-o"])
+        .arg(folder)
+        .arg("--config")
+        .arg(&settings)
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .stderr(log)
+        .status()
+        .context("`ivv train` cannot be started")?;
+    anyhow::ensure!(status.success(), "{}: the run ended with {status}; see its .log", folder.display());
+    Ok(())
+}
+
+/// The numbers of all runs of a study.
+fn collect<'a>(args: &Args, study: &'a Study, peripheral: &str) -> anyhow::Result<StudyResult<'a>> {
+    let mut arms = Vec::new();
+    for arm in study.arms {
+        let mut values = vec![Vec::new(); study.measures.len()];
+        for &seed in &args.seeds {
+            let folder = folder(args, arm.key, seed);
+            let remedy = "remove the folder and run again";
+            let eval: Value = read_json(&folder.join("eval.json"), remedy)?;
+            let train: Value = read_json(&folder.join("train.json"), remedy)?;
+            for (values, measure) in values.iter_mut().zip(study.measures) {
+                values.extend(value(*measure, &eval, &train, peripheral));
+            }
+        }
+        arms.push(ArmResult { name: arm.name.to_owned(), values });
+    }
+    Ok(StudyResult { study, arms })
+}
+
+/// A measure of one run; none where its capture does not allow it.
+fn value(measure: Measure, eval: &Value, train: &Value, peripheral: &str) -> Option<f64> {
+    match measure {
+        Measure::FirstGaussians => train["plan"]["begin"]["gaussians"].as_f64(),
+        Measure::LastGaussians => eval["gaussians"].as_f64(),
+        Measure::Psnr => eval["psnr"].as_f64(),
+        Measure::PsnrForeground => eval["psnr_foreground"].as_f64(),
+        Measure::PsnrPeripheral => {
+            let views = eval["views"].as_array()?.iter().filter(|view| view["camera"] == peripheral);
+            let scores: Vec<f64> = views.filter_map(|view| view["psnr"].as_f64()).collect();
+            (!scores.is_empty()).then(|| scores.iter().sum::<f64>() / scores.len() as f64)
+        }
+        Measure::OffsetError => train["offset_error"].as_f64(),
+    }
+}
