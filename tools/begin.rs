@@ -4,7 +4,7 @@
 use crate::progress::Progress;
 use ivv::scene::capture::Capture;
 use ivv::scene::{Similarity, Splats, write_ply};
-use ivv::train::{Config, INTERSECTIONS_PER_GAUSSIAN, Limits, Plan, Workload, initialise};
+use ivv::train::{Config, INTERSECTIONS_PER_GAUSSIAN, Initial, Limits, Plan, Workload, initialise};
 use ivv::vk::{Caps, DeviceKind};
 use std::path::Path;
 
@@ -13,16 +13,21 @@ const STEPS: usize = 10;
 
 /// The first Gaussians of a run in the frame of training, and a line about where they come from.
 pub fn first_gaussians(capture: &Capture, config: &Config) -> ivv::Result<Splats> {
-    let mut progress = Progress::new("initialisation", STEPS);
-    let mut steps = 0;
-    let initial = initialise(capture, config, &mut |done, total| {
-        while (steps + 1) * total <= done * STEPS {
-            steps += 1;
-            progress.step(&format!("{done} of {total} pictures and depths"));
-        }
-    })?;
+    let initial = begin(capture, config)?;
     eprintln!("initialised from {initial}");
     Ok(initial.splats)
+}
+
+/// The first Gaussians in the frame of training, with a line of progress.
+pub fn begin(capture: &Capture, config: &Config) -> ivv::Result<Initial> {
+    let mut progress = Progress::new("initialisation", STEPS);
+    let mut steps = 0;
+    initialise(capture, config, &mut |done, total| {
+        while (steps + 1) * total <= done * STEPS {
+            steps += 1;
+            progress.step(&format!("{done} of {total} frames, pictures or depths"));
+        }
+    })
 }
 
 /// What a run that begins with `splats` needs.
