@@ -2,27 +2,58 @@
 //! capture's own frame.
 
 use crate::progress::Progress;
-use ivv::scene::capture::Capture;
+use ivv::scene::capture::{Capture, PriorPlan};
 use ivv::scene::{Similarity, Splats, write_ply};
-use ivv::train::{Config, INTERSECTIONS_PER_GAUSSIAN, Limits, Plan, Setup, Workload, initialise};
+use ivv::train::{
+    Config, DepthSummary, INTERSECTIONS_PER_GAUSSIAN, Initial, Limits, Plan, Setup, Workload, fit_depths, initialise,
+};
 use ivv::vk::{Caps, DeviceKind};
 use std::path::Path;
 
 /// Lines of progress where standard error is no terminal.
 const STEPS: usize = 10;
+/// Threads that read depth priors.
+const THREADS: usize = 2;
 
 /// The first Gaussians of a run in the frame of training, and a line about where they come from.
 pub fn first_gaussians(capture: &Capture, config: &Config) -> ivv::Result<Splats> {
-    let mut progress = Progress::new("initialisation", STEPS);
-    let mut steps = 0;
-    let initial = initialise(capture, config, &mut |done, total| {
-        while (steps + 1) * total <= done * STEPS {
-            steps += 1;
-            progress.step(&format!("{done} of {total} pictures and depths"));
-        }
-    })?;
+    let initial = begin(capture, config)?;
     eprintln!("initialised from {initial}");
     Ok(initial.splats)
+}
+
+/// The first Gaussians in the frame of training, with a line of progress.
+pub fn begin(capture: &Capture, config: &Config) -> ivv::Result<Initial> {
+    let mut progress = Progress::new("initialisation", STEPS);
+    let mut steps = 0;
+    initialise(capture, config, &mut |done, total| {
+        while (steps + 1) * total <= done * STEPS {
+            steps += 1;
+            progress.step(&format!("{done} of {total} frames, pictures or depths"));
+        }
+    })
+}
+
+/// Which priors a run uses, with a line about those of the depth and what it says.
+pub fn priors(capture: &Capture, config: &Config, setup: &Setup) -> ivv::Result<(PriorPlan, Option<DepthSummary>)> {
+    let mut plan = PriorPlan { flow: setup.has_priors && config.loss.flow > 0.0, ..PriorPlan::default() };
+    let has_depth = capture.cameras.iter().flat_map(|camera| &camera.shots).any(|shot| shot.depth.is_some());
+    if !(has_depth && config.loss.depth > 0.0) {
+        return Ok((plan, None));
+    }
+    let mut progress = Progress::new("depth priors", STEPS);
+    let mut steps = 0;
+    let fits = fit_depths(capture, config.loss.depth_space, THREADS, &mut |done, total| {
+        while (steps + 1) * total <= done * STEPS {
+            steps += 1;
+            progress.step(&format!("{done} of {total} frames"));
+        }
+    })?;
+    let usable = fits.iter().filter_map(|(image, fit)| Some((image, fit.ok()?)));
+    plan.depth = usable.map(|(image, fit)| (image, [fit.scale, fit.shift])).collect();
+    let summary = fits.summary();
+    eprintln!("{summary}");
+    Ok((plan, Some(summary)))
 }
 
 /// What a run that begins with `splats` needs.

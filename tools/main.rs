@@ -10,6 +10,7 @@ mod due;
 mod eval;
 mod export;
 mod files;
+mod init;
 mod inspect;
 mod interrupt;
 mod offsets;
@@ -49,6 +50,8 @@ enum Verb {
     Inspect(inspect::Args),
     /// Renders views of a scene: one file per view and format, named after the view.
     Render(render::Args),
+    /// Writes the first Gaussians of a capture from the points of its frames.
+    Init(init::Args),
     /// Fits Gaussians to the images of a capture.
     Train(train::Args),
     /// Scores the test views of a run again, from its folder alone, and writes its report.
@@ -73,6 +76,7 @@ fn main() -> ExitCode {
         Verb::Check(args) => check::run(args, cli.json),
         Verb::Inspect(args) => inspect::run(args, cli.json),
         Verb::Render(args) => render::run(args, cli.json),
+        Verb::Init(args) => init::run(args, cli.json),
         Verb::Train(args) => train::run(args, cli.json),
         Verb::Eval(args) => eval::run(args, cli.json),
         Verb::Ablate(args) => ablate::run(args, cli.json),

@@ -16,7 +16,9 @@ use anyhow::Context;
 use ivv::gpu::PassTime;
 use ivv::scene::View;
 use ivv::scene::capture::{Capture, CaptureSettings, FrameCache, PriorPlan};
-use ivv::train::{Checkpoint, Evaluation, Kind, Log, Plan, Run, Setup, StepReport, Trainer, permutation, spread};
+use ivv::train::{
+    Checkpoint, DepthSummary, Evaluation, Kind, Log, Plan, Run, Setup, StepReport, Trainer, permutation, spread,
+};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -84,6 +86,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         Some(checkpoint) => checkpoint.params.clone(),
         None => begin::first_gaussians(&capture, &config)?,
     };
+    let (priors, depth_summary) = begin::priors(&capture, &config, &setup)?;
     let plan = begin::plan(&capture, &config, &setup, &splats, gpu.caps(), args.cache_bytes);
     eprintln!("{plan}");
     let trainer = match &resumed {
@@ -113,6 +116,8 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         scorer: Scorer { gpu: &gpu, capture: &capture, run: &run, config: &config },
         trainer,
         plan,
+        priors,
+        depth_summary,
         checkpoints,
         some_test: spread(&test, args.due.eval_images),
         due: Due::new(&args.due, total),
@@ -133,6 +138,8 @@ struct Session<'a> {
     scorer: Scorer<'a>,
     trainer: Trainer,
     plan: Plan,
+    priors: PriorPlan,
+    depth_summary: Option<DepthSummary>,
     checkpoints: PathBuf,
     /// What is scored during the run.
     some_test: Vec<(usize, u32)>,
@@ -150,9 +157,8 @@ struct Session<'a> {
 impl Session<'_> {
     /// Steps through `order`.
     fn train(&mut self, order: &[(usize, u32)], stop: &Stop) -> anyhow::Result<()> {
-        let Scorer { capture, config, .. } = self.scorer;
-        let priors = PriorPlan { flow: config.loss.flow > 0.0, ..PriorPlan::default() };
-        let mut cache = FrameCache::new(capture, order.iter().copied(), &priors, self.args.cache_bytes, 2)?;
+        let capture = self.scorer.capture;
+        let mut cache = FrameCache::new(capture, order.iter().copied(), &self.priors, self.args.cache_bytes, 2)?;
         for &(camera, frame) in order {
             let picture = cache.next_picture().context("the order of images ended early")??;
             let view = self.scorer.capture.view(camera, frame)?;
@@ -240,6 +246,7 @@ impl Session<'_> {
         let Scorer { gpu, run, capture, .. } = self.scorer;
         let mut totals = totals(gpu, trainer.step(), &splats, run, &self.log, &seconds)?;
         totals["plan"] = serde_json::to_value(&self.plan)?;
+        totals["depth_priors"] = serde_json::to_value(&self.depth_summary)?;
         totals["offset_error"] = offsets::rms_error(&offsets).into();
         write_json(&output.join("train.json"), &totals)?;
         let (scores, examples) = self.scorer.all(&splats, &scene, trainer.step(), output)?;

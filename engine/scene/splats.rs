@@ -108,7 +108,7 @@ impl Splats {
     }
 
     /// Appends the Gaussians of `dynamic`, which has the same degree and no static ones.
-    pub(super) fn append_dynamic(&mut self, mut dynamic: Splats) {
+    pub(crate) fn append_dynamic(&mut self, mut dynamic: Splats) {
         debug_assert!(dynamic.n_static == 0 && dynamic.sh_degree == self.sh_degree);
         self.position.append(&mut dynamic.position);
         self.rotation.append(&mut dynamic.rotation);

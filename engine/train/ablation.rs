@@ -80,7 +80,7 @@ pub const STUDIES: [Study; 3] = [
             Arm {
                 name: "points of all frames",
                 key: "concatenated",
-                change: |config| config.init = Init::Points,
+                change: |config| config.init = Init::Concat,
                 paper: &["2.48 M", "4.52 M", "33.13"],
             },
             Arm { name: "flow-guided", key: FULL, change: |_| (), paper: &["0.29 M", "2.50 M", "33.51"] },

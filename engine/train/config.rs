@@ -26,6 +26,12 @@ pub struct Config {
     pub init_opacity: f64,
     /// Tau of Gaussians from hulls, in times between two hulls.
     pub init_tau: f64,
+    /// `flow`: a point moves if the flow at it exceeds this in any view, pixels per frame.
+    pub init_flow_threshold: f64,
+    /// `flow` and `concat`: tau of points that belong to their frame, in frames.
+    pub init_point_tau: f64,
+    /// `flow`: tau of points that stand still, in clips; 0 makes them static Gaussians, which never move or fade.
+    pub init_static_tau: f64,
     /// Colour behind the scene.
     pub background: [f32; 3],
     /// Weights and forms of the loss's terms.
@@ -91,8 +97,14 @@ impl Default for Loss {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Init {
-    /// `Points` where the capture has some, else `Hull` where it says what moves, else `Frustum`.
+    /// `Flow` where the capture has points of every frame and flow, else `Points` where it has some, else `Hull` where it
+    /// says what moves, else `Frustum`.
     Auto,
+    /// What stands still from the points of the reference frame, what moves from those of every frame, told apart by the
+    /// flow (SPEC 5).
+    Flow,
+    /// The points of every frame, each visible around its time.
+    Concat,
     /// The capture's points.
     Points,
     /// The visual hull of what moves, frame by frame, and the rest as `Frustum`.
@@ -108,6 +120,8 @@ impl Init {
     pub fn name(self) -> &'static str {
         match self {
             Init::Auto => "auto",
+            Init::Flow => "flow",
+            Init::Concat => "concat",
             Init::Points => "points",
             Init::Hull => "hull",
             Init::Frustum => "frustum",
@@ -292,6 +306,9 @@ impl Default for Config {
             init_moving_points: 1500,
             init_opacity: 0.5,
             init_tau: 0.7,
+            init_flow_threshold: 0.1,
+            init_point_tau: 2.0,
+            init_static_tau: 0.0,
             background: [0.0; 3],
             loss: Loss::default(),
             offsets: true,

@@ -1,5 +1,6 @@
 //! Initialisation: the first Gaussians, from a capture's points or, without any, from its cameras and pictures alone.
 //!
+//! - From the points of every frame: those that the flow says move, and of the others those of one frame (`flow`).
 //! - What stands still: each camera sweeps its rays for the depth at which its neighbours show the same (`sweep`); depths
 //!   that another camera confirms become points (`agree`).
 //! - What moves, where foreground masks tell: the visual hull's surface at evenly spaced frames (`hull`).
@@ -8,11 +9,13 @@
 
 mod agree;
 mod eye;
+mod flow;
 mod hull;
 mod lens;
 mod points;
 mod sweep;
 
+pub use flow::PointCounts;
 pub use points::{from_points, random_points};
 
 use crate::error::{Error, Result};
@@ -54,14 +57,19 @@ pub struct Initial {
     pub because: &'static str,
     /// Frames whose hulls were taken.
     pub n_hulls: usize,
+    /// What became of the points of the frames, where they were taken.
+    pub counts: Option<PointCounts>,
 }
 
 impl fmt::Display for Initial {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Initial { splats, from, because, n_hulls } = self;
+        let Initial { splats, from, because, n_hulls, counts } = self;
         let (n_static, n_dynamic) = (splats.n_static, splats.len() - splats.n_static);
         write!(f, "{} ({because}): {n_static} static and {n_dynamic} dynamic Gaussians", from.name())?;
-        if *n_hulls > 0 { write!(f, ", hulls of {n_hulls} frames") } else { Ok(()) }
+        if *n_hulls > 0 {
+            write!(f, ", hulls of {n_hulls} frames")?;
+        }
+        counts.map_or(Ok(()), |counts| write!(f, "; {counts}"))
     }
 }
 
@@ -72,22 +80,33 @@ impl fmt::Display for Initial {
 /// [`Error::Data`] when the capture has not what `config.init` asks for, or when an image does not decode.
 pub fn initialise(capture: &Capture, config: &Config, progress: &mut dyn FnMut(usize, usize)) -> Result<Initial> {
     let lacks = |what: &str| {
-        let remedy = "set it to one of auto, points, hull, frustum and random";
+        let remedy = "set it to one of auto, flow, concat, points, hull, frustum and random";
         Err(Error::data(&capture.path, "setting `init`", format!("the capture has no {what}"), remedy))
     };
     let (has_points, has_foreground) = (!capture.points.is_empty(), has_foreground(capture));
+    let (has_frame_points, has_flow) = (capture.has_frame_points(), has_flow(capture));
     let (from, because) = match config.init {
+        Init::Auto if has_frame_points && has_flow => (Init::Flow, "the capture has points of every frame and flow"),
         Init::Auto if has_points => (Init::Points, "the capture has points"),
         Init::Auto if has_foreground => (Init::Hull, "no points, but foreground masks"),
         Init::Auto => (Init::Frustum, "no points, no foreground masks"),
+        Init::Flow if !has_flow => return lacks("optical flow"),
+        Init::Flow | Init::Concat if !has_frame_points => return lacks("points of every frame"),
         Init::Points if !has_points => return lacks("points"),
         Init::Hull if !has_foreground => return lacks("foreground masks"),
         asked => (asked, "asked for"),
     };
     let at = |points: &[Point], from: Init, because: &'static str| {
-        Ok(Initial { splats: from_points(points, capture, config), from, because, n_hulls: 0 })
+        Ok(Initial { splats: from_points(points, capture, config), from, because, n_hulls: 0, counts: None })
     };
     match from {
+        Init::Flow | Init::Concat => {
+            let (splats, counts) = flow::from_frames(capture, config, from == Init::Flow, progress)?;
+            if splats.is_empty() {
+                return at(&random_points(capture, config), Init::Random, "no frame has a point");
+            }
+            Ok(Initial { splats, from, because, n_hulls: 0, counts: Some(counts) })
+        }
         Init::Points => at(&capture.points, from, because),
         Init::Random => at(&random_points(capture, config), from, because),
         Init::Auto | Init::Hull | Init::Frustum => {
@@ -95,9 +114,14 @@ pub fn initialise(capture: &Capture, config: &Config, progress: &mut dyn FnMut(u
             if splats.is_empty() {
                 return at(&random_points(capture, config), Init::Random, "no surface was found");
             }
-            Ok(Initial { splats, from, because, n_hulls })
+            Ok(Initial { splats, from, because, n_hulls, counts: None })
         }
     }
+}
+
+fn has_flow(capture: &Capture) -> bool {
+    let training = capture.cameras.iter().filter(|camera| !camera.is_test);
+    training.flat_map(|camera| &camera.shots).any(|shot| shot.flow.is_some())
 }
 
 fn has_foreground(capture: &Capture) -> bool {

@@ -39,18 +39,20 @@ pub(super) fn throughout(capture: &Capture) -> Option<Motion> {
 /// Appends an isotropic Gaussian for each of `found`, of a standard deviation from `sizes`. Those without `motion` are
 /// static; all of them come before the first that moves.
 pub(super) fn append(splats: &mut Splats, found: &[Found], sizes: &[f64], opacity: f64, motion: Option<Motion>) {
-    let logit = (opacity / (1.0 - opacity)).ln() as f32;
-    for (Found { position, color }, size) in found.iter().zip(sizes) {
-        splats.source_row.push(splats.len() as u32);
-        splats.position.push(position.map(|x| x as f32));
-        splats.rotation.push([1.0, 0.0, 0.0, 0.0]);
-        splats.scale.push([size.ln() as f32; 3]);
-        splats.opacity.push(logit);
-        splats.sh.push(color.map(|c| ((f64::from(c) - 0.5) / SH_0) as f32));
-        splats.sh.resize(splats.len() * splats.n_coefficients(), [0.0; 3]);
-        splats.motion.extend(motion);
-        splats.n_static += usize::from(motion.is_none());
-    }
+    found.iter().zip(sizes).for_each(|(found, size)| push(splats, found, *size, opacity, motion));
+}
+
+/// Appends one isotropic Gaussian, as [`append`] does.
+pub(super) fn push(splats: &mut Splats, found: &Found, size: f64, opacity: f64, motion: Option<Motion>) {
+    splats.source_row.push(splats.len() as u32);
+    splats.position.push(found.position.map(|x| x as f32));
+    splats.rotation.push([1.0, 0.0, 0.0, 0.0]);
+    splats.scale.push([size.ln() as f32; 3]);
+    splats.opacity.push((opacity / (1.0 - opacity)).ln() as f32);
+    splats.sh.push(found.color.map(|c| ((f64::from(c) - 0.5) / SH_0) as f32));
+    splats.sh.resize(splats.len() * splats.n_coefficients(), [0.0; 3]);
+    splats.motion.extend(motion);
+    splats.n_static += usize::from(motion.is_none());
 }
 
 /// The median of each channel; `None` of no colours.

@@ -1,0 +1,202 @@
+//! Flow-guided sparse initialisation (SPEC 5): static Gaussians from the points of the reference frame, dynamic ones from
+//! the points of every frame that move.
+//!
+//! Frames are read one after another, and of each frame one camera's flow a thread: nothing but the result grows with the
+//! clip.
+
+use super::points::{Found, OPACITY, push, spacings};
+use crate::error::Result;
+use crate::parallel::in_parallel;
+use crate::scene::capture::{Capture, FramePoint};
+use crate::scene::prior::read_flow;
+use crate::scene::{Motion, Splats};
+use crate::train::config::Config;
+use crate::train::pinhole::Pinhole;
+use glam::{DMat3, DVec2, DVec3};
+use std::fmt;
+
+/// Views of a point that its velocity is taken from, evenly chosen: every pair of them is tried.
+const MOST_VIEWS: usize = 8;
+/// Flow agrees with a movement within this many thresholds and this part of its length.
+const AGREE_THRESHOLDS: f64 = 2.0;
+const AGREE_PART: f64 = 0.15;
+/// Variance of the flow in units of its square. Movement that all views show far less than that, as along the line of
+/// sight of neighbours, is not believed.
+const RIDGE: f64 = 1e-3;
+/// Steps of Gauss and Newton: a projection is nearly linear over the way of a frame.
+const STEPS: usize = 4;
+
+/// What became of the points of all frames.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+pub struct PointCounts {
+    /// Points of all frames.
+    pub before: usize,
+    /// Gaussians from points that stand still.
+    pub n_static: usize,
+    /// Gaussians from points that belong to their frame.
+    pub n_dynamic: usize,
+    /// Of them with a velocity.
+    pub with_velocity: usize,
+    /// Points whose flow no view knows; they count as standing still.
+    pub without_flow: usize,
+}
+
+impl PointCounts {
+    /// Gaussians.
+    pub fn after(&self) -> usize {
+        self.n_static + self.n_dynamic
+    }
+
+    /// Gaussians per point.
+    pub fn ratio(&self) -> f64 {
+        self.after() as f64 / self.before.max(1) as f64
+    }
+}
+
+impl fmt::Display for PointCounts {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (percent, after) = (100.0 * self.ratio(), self.after());
+        write!(f, "{} points of all frames -> {after} ({percent:.1} %), ", self.before)?;
+        write!(f, "{} of them with a velocity", self.with_velocity)
+    }
+}
+
+/// Gaussians from the points of the frames: as SPEC 5 says if `by_flow`, else one for each point of every frame.
+/// `progress` is called as (frames done, frames in all).
+pub(super) fn from_frames(
+    capture: &Capture,
+    config: &Config,
+    by_flow: bool,
+    progress: &mut dyn FnMut(usize, usize),
+) -> Result<(Splats, PointCounts)> {
+    let threads = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+    let (radius, dt) = (capture.extent().radius, 1.0 / f64::from(capture.n_frames));
+    let mut counts = PointCounts::default();
+    let mut still = Splats::new(config.sh_degree);
+    let mut moving = Splats::new(config.sh_degree);
+    for frame in 0..capture.n_frames {
+        let points = capture.points_of(frame)?;
+        let color = |point: &FramePoint| point.color.map(|c| f32::from(c) / 255.0);
+        let found: Vec<Found> =
+            points.iter().map(|point| Found { position: point.position, color: color(point) }).collect();
+        let sizes = spacings(&found, radius);
+        let sights = if by_flow { sights(capture, &points, frame, threads)? } else { Vec::new() };
+        counts.before += points.len();
+        for (i, (found, &size)) in found.iter().zip(&sizes).enumerate() {
+            let sights = sights.get(i).map_or(&[][..], Vec::as_slice);
+            counts.without_flow += usize::from(by_flow && sights.is_empty());
+            let t_center = (f64::from(frame) * dt) as f32;
+            let motion = |velocity: [f64; 3], tau: f64| Motion {
+                velocity: velocity.map(|v| v as f32),
+                t_center,
+                t_scale: tau.ln() as f32,
+            };
+            let is_dynamic = !by_flow || sights.iter().any(|sight| sight.flow.length() > config.init_flow_threshold);
+            if is_dynamic && capture.n_frames > 1 {
+                let way = movement(DVec3::from_array(found.position), sights, config.init_flow_threshold);
+                let motion = motion((way / dt).to_array(), config.init_point_tau * dt);
+                push(&mut moving, found, size, OPACITY, Some(motion));
+                counts.with_velocity += usize::from(way != DVec3::ZERO);
+            } else if frame == capture.reference_frame {
+                let tau = config.init_static_tau;
+                push(&mut still, found, size, OPACITY, (tau > 0.0).then(|| motion([0.0; 3], tau)));
+                counts.n_static += 1;
+            }
+        }
+        progress(frame as usize + 1, capture.n_frames as usize);
+    }
+    counts.n_dynamic = moving.len();
+    still.append_dynamic(moving);
+    still.source_row = (0..still.len() as u32).collect();
+    Ok((still, counts))
+}
+
+/// How a camera saw a point move.
+#[derive(Clone, Copy)]
+struct Sight {
+    /// The camera at the frame in which the movement ends.
+    camera: Pinhole,
+    /// Where the point is then, pixels.
+    to: DVec2,
+    /// What the point itself moved, pixels: the flow less what the camera's own movement makes of a point at rest.
+    flow: DVec2,
+}
+
+/// By point, who knows its flow. A camera without flow of the frame, as every one at the last, tells with that of the frame
+/// before at the same place.
+fn sights(capture: &Capture, points: &[FramePoint], frame: u32, threads: usize) -> Result<Vec<Vec<Sight>>> {
+    let of_camera = |camera: usize| -> Result<Vec<(usize, Sight)>> {
+        let has_flow = |from: &u32| capture.cameras[camera].shot(*from).is_some_and(|shot| shot.flow.is_some());
+        let from = [Some(frame), frame.checked_sub(1)].into_iter().flatten().find(has_flow);
+        let is_used = !capture.cameras[camera].is_test && points.iter().any(|point| point.seen_by.contains(&camera));
+        let Some(from) = from.filter(|_| is_used) else { return Ok(Vec::new()) };
+        let Some(path) = capture.cameras[camera].shot(from).and_then(|shot| shot.flow.as_ref()) else {
+            return Ok(Vec::new());
+        };
+        let view = capture.view(camera, from)?;
+        let flow = read_flow(path, view.width, view.height)?;
+        let before = Pinhole::new(&view);
+        let after = if from + 1 < capture.n_frames { Pinhole::new(&capture.view(camera, from + 1)?) } else { before };
+        let sight = |point: &FramePoint| {
+            let position = DVec3::from_array(point.position);
+            let (at, _) = before.project(position)?;
+            let (at_rest, _) = after.project(position)?;
+            let [x, y] = flow[before.pixel(at)?];
+            let to = at + DVec2::new(x.into(), y.into());
+            to.is_finite().then_some(Sight { camera: after, to, flow: to - at_rest })
+        };
+        let seen = points.iter().enumerate().filter(|(_, point)| point.seen_by.contains(&camera));
+        Ok(seen.filter_map(|(i, point)| Some((i, sight(point)?))).collect())
+    };
+    let mut by_point: Vec<Vec<Sight>> = vec![Vec::new(); points.len()];
+    for (point, sight) in in_parallel(capture.cameras.len(), threads, of_camera, |_| {})?.into_iter().flatten() {
+        by_point[point].push(sight);
+    }
+    Ok(by_point)
+}
+
+/// The way of a point in a frame that most of its views agree on, two at least, one of which shows it move by more than
+/// `threshold` pixels; else zero.
+fn movement(position: DVec3, sights: &[Sight], threshold: f64) -> DVec3 {
+    let n = sights.len().min(MOST_VIEWS);
+    let sights: Vec<Sight> = (0..n).map(|i| sights[i * sights.len() / n]).collect();
+    let agreeing = |way: DVec3| -> Vec<Sight> {
+        let agrees = |sight: &&Sight| {
+            let tolerance = AGREE_THRESHOLDS * threshold + AGREE_PART * sight.flow.length();
+            sight.camera.project(position + way).is_some_and(|(at, _)| (sight.to - at).length() <= tolerance)
+        };
+        sights.iter().filter(agrees).copied().collect()
+    };
+    let mut best: Vec<Sight> = Vec::new();
+    for (i, j) in (0..n).flat_map(|i| (i + 1..n).map(move |j| (i, j))) {
+        let Some(way) = solve(position, &[sights[i], sights[j]]) else { continue };
+        let agreed = agreeing(way);
+        if agreed.len() > best.len() {
+            best = agreed;
+        }
+    }
+    let is_seen = best.len() >= 2 && best.iter().any(|sight| sight.flow.length() > threshold);
+    let way = if is_seen { solve(position, &best) } else { None };
+    way.filter(|way| agreeing(*way).len() >= 2).unwrap_or_default()
+}
+
+/// The way from `position` that lands nearest to where all of `sights` see it, in least squares; the linear part is
+/// J R v dt = flow. `None` when it leads behind a camera.
+fn solve(position: DVec3, sights: &[Sight]) -> Option<DVec3> {
+    let mut way = DVec3::ZERO;
+    for _ in 0..STEPS {
+        let (mut normal, mut right) = (DMat3::ZERO, DVec3::ZERO);
+        for sight in sights {
+            let (at, slopes) = sight.camera.linearised(position + way)?;
+            let off = sight.to - at;
+            for (slope, off) in slopes.into_iter().zip(off.to_array()) {
+                normal += DMat3::from_cols(slope * slope.x, slope * slope.y, slope * slope.z);
+                right += slope * off;
+            }
+        }
+        let trace = normal.x_axis.x + normal.y_axis.y + normal.z_axis.z;
+        let ridge = RIDGE * trace / 3.0;
+        way += (normal + DMat3::from_diagonal(DVec3::splat(ridge))).inverse() * (right - ridge * way);
+    }
+    way.is_finite().then_some(way)
+}

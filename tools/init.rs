@@ -1,0 +1,52 @@
+//! `ivv init`.
+
+use crate::begin;
+use ivv::scene::capture::Capture;
+use ivv::train::{Config, Init};
+use std::path::PathBuf;
+
+/// Options of `ivv init`.
+#[derive(clap::Args)]
+pub struct Args {
+    /// A capture folder with points of every frame and, for `--mode flow`, optical flow.
+    capture: PathBuf,
+    /// The scene to write, a PLY in the capture's own frame.
+    #[arg(short, long)]
+    output: PathBuf,
+    /// flow: what stands still from the reference frame's points, what moves from those of every frame. concat: every
+    /// point of every frame.
+    #[arg(long, default_value = "flow")]
+    mode: Mode,
+    /// With --mode flow: a point moves if the flow at it exceeds this in any view, pixels per frame.
+    #[arg(long, default_value_t = Config::default().init_flow_threshold)]
+    threshold: f64,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum Mode {
+    Flow,
+    Concat,
+}
+
+pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
+    anyhow::ensure!(args.threshold >= 0.0, "--threshold must be 0 or more");
+    let capture = Capture::open(&args.capture)?;
+    let world = capture.normalisation();
+    let capture = capture.transformed(&world);
+    let init = if args.mode == Mode::Flow { Init::Flow } else { Init::Concat };
+    let config = Config { init, init_flow_threshold: args.threshold, sh_degree: 0, ..Config::default() };
+    let initial = begin::begin(&capture, &config)?;
+    begin::write_scene(&args.output, &initial.splats, &world)?;
+    let bytes = std::fs::metadata(&args.output).map_or(0, |file| file.len());
+    if json {
+        let line = serde_json::json!({
+            "path": args.output, "from": initial.from, "gaussians": initial.splats.len(),
+            "dynamic_gaussians": initial.splats.motion.len(), "bytes": bytes, "counts": initial.counts,
+            "ratio": initial.counts.map(|counts| counts.ratio()),
+        });
+        println!("{line}");
+    } else {
+        println!("{}: {initial}; {bytes} bytes", args.output.display());
+    }
+    Ok(())
+}
