@@ -10,6 +10,7 @@ mod density;
 mod dual;
 mod input;
 mod jvp;
+mod lpips;
 mod math;
 mod project;
 mod real;
@@ -26,6 +27,7 @@ pub use density::{Density, Descendant, Descent, Kind, normals, random_bits, shar
 pub use dual::Dual;
 pub use input::{Camera, Gaussian, Params, Rules, Temporal};
 pub use jvp::{Tangent, jvp, jvp_of};
+pub use lpips::lpips;
 pub use project::{Footprint, Projected, footprint, power, project};
 pub use real::Real;
 pub use scan::{Scan, exclusive_scan};

@@ -5,6 +5,7 @@ mod blend;
 mod cull;
 mod density;
 mod losses;
+mod lpips;
 mod project;
 mod scan;
 mod sort;
