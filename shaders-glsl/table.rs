@@ -55,6 +55,7 @@ const FLOAT: (&str, &str) = ("ACCUMULATE", "1");
 const FIXED: (&str, &str) = ("ACCUMULATE", "2");
 const SWAP: (&str, &str) = ("ACCUMULATE", "3");
 const ADAM: (&str, &str) = ("ADAM", "1");
+const BACKWARD: (&str, &str) = ("BACKWARD", "1");
 const P4: (&str, &str) = ("PIXELS", "4");
 const P8: (&str, &str) = ("PIXELS", "8");
 
@@ -140,6 +141,16 @@ pub const KERNELS: &[Spec] = &[
     spec("prior_loss", "loss/prior_loss.comp", &[], "prior", Count::Pixels, 40.0),
     spec("clock_apply", "clock/clock_apply.comp", &[], "clock", Count::Dispatches, 1000.0),
     spec("clock_step", "clock/clock_step.comp", &[], "clock", Count::Dispatches, 1000.0),
+    // Of the crop's pixels, and per pass: the mean over AlexNet's layers.
+    spec("lpips_input", "lpips/lpips_input.comp", &[], "lpips", Count::Pixels, 30.0),
+    spec("lpips_conv", "lpips/lpips_conv.comp", &[], "lpips", Count::Pixels, 600.0),
+    spec("lpips_pool", "lpips/lpips_pool.comp", &[], "lpips", Count::Pixels, 15.0),
+    spec("lpips_tap", "lpips/lpips_tap.comp", &[], "lpips", Count::Pixels, 20.0),
+    spec("lpips_tap_bwd", "lpips/lpips_tap.comp", &[BACKWARD], "lpips", Count::Pixels, 40.0),
+    spec("lpips_sum", "lpips/lpips_sum.comp", &[], "lpips", Count::Dispatches, 1000.0),
+    spec("lpips_conv_bwd", "lpips/lpips_conv.comp", &[BACKWARD], "lpips", Count::Pixels, 600.0),
+    spec("lpips_pool_bwd", "lpips/lpips_pool_bwd.comp", &[], "lpips", Count::Pixels, 60.0),
+    spec("lpips_input_bwd", "lpips/lpips_input_bwd.comp", &[], "lpips", Count::Pixels, 30.0),
     spec("adam_idle", "adam/adam_idle.comp", &[], "adam", Count::Gaussians, 90.0),
     spec("adam_catch_up", "adam/adam_catch_up.comp", &[], "adam", Count::Active, 100.0),
     spec("density_classify_static", "density/density_classify.comp", &[], "density", Count::Gaussians, 40.0),

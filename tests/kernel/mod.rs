@@ -7,6 +7,7 @@ mod cull;
 mod density;
 mod losses;
 mod priors;
+mod lpips;
 mod project;
 mod scan;
 mod sort;

@@ -17,20 +17,20 @@ use ivv::Error;
 use ivv::scene::{Motion, Splats};
 
 /// A folder of its own for one test, removed when it is dropped.
-struct Folder(PathBuf);
+pub(crate) struct Folder(PathBuf);
 
 impl Folder {
-    fn new(test: &str) -> Self {
+    pub(crate) fn new(test: &str) -> Self {
         let path = std::env::temp_dir().join(format!("ivv-scene-{test}-{}", std::process::id()));
         fs::create_dir_all(&path).unwrap();
         Folder(path)
     }
 
-    fn file(&self, name: &str) -> PathBuf {
+    pub(crate) fn file(&self, name: &str) -> PathBuf {
         self.0.join(name)
     }
 
-    fn write(&self, name: &str, bytes: impl AsRef<[u8]>) -> PathBuf {
+    pub(crate) fn write(&self, name: &str, bytes: impl AsRef<[u8]>) -> PathBuf {
         let path = self.file(name);
         fs::write(&path, bytes).unwrap();
         path
@@ -44,7 +44,7 @@ impl Drop for Folder {
 }
 
 /// A path below the data shared between sessions, or `None` with a notice when it is absent.
-fn shared(path: &str) -> Option<PathBuf> {
+pub(crate) fn shared(path: &str) -> Option<PathBuf> {
     let full = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared").join(path);
     if !full.exists() {
         eprintln!("skipped: ../shared/{path} is absent");
@@ -54,7 +54,7 @@ fn shared(path: &str) -> Option<PathBuf> {
 }
 
 /// The (place, reason, remedy) of a data error that names `path`, all of them told.
-fn fault<T: std::fmt::Debug>(outcome: ivv::Result<T>, path: &Path) -> String {
+pub(crate) fn fault<T: std::fmt::Debug>(outcome: ivv::Result<T>, path: &Path) -> String {
     match outcome {
         Err(Error::Data { file, place, reason, remedy }) => {
             assert_eq!(file, path, "the error names another file");

@@ -1,0 +1,398 @@
+//! LPIPS v0.1 (SPEC 4, L_perc; Zhang et al. 2018) of a crop, with its cotangent: a loss and a metric.
+
+use std::path::Path;
+
+use super::lpips_trunk::{COLORS, Conv, Layer, Network, Trunk, tap_planes};
+use crate::error::{Error, Result};
+use crate::gpu::generated::{
+    lpips_conv, lpips_conv_bwd, lpips_input, lpips_input_bwd, lpips_pool, lpips_pool_bwd, lpips_sum, lpips_tap,
+    lpips_tap_bwd,
+};
+use crate::gpu::kernel::Pod;
+use crate::gpu::{Buf, Gpu, Grid, Recording};
+
+/// Pixels and, per lane, channels of a subgroup: `PIXELS` and `BLOCKS` of the shader.
+const PIXELS: u32 = 16;
+const BLOCKS: u32 = 2;
+/// Pixels of a workgroup that compares features.
+const TAP_PIXELS: u32 = 16;
+
+/// What is compared: a part of a picture with the same part of the truth.
+#[derive(Clone, Copy)]
+pub struct Compared<'a> {
+    /// The picture, `[height][width]`: colour in the first three channels, about [0, 1].
+    pub image: &'a Buf<[f32; 4]>,
+    /// RGB and the mask in the top byte, 8 bits each. A hidden pixel (mask 0) of the picture is taken to equal the truth.
+    pub truth: &'a Buf<u32>,
+    /// Width and height of the whole picture.
+    pub size: [u32; 2],
+    /// First column and row of the part.
+    pub origin: [u32; 2],
+    /// Width and height of the part, which lies within the picture.
+    pub crop: [u32; 2],
+}
+
+/// Where the cotangent goes.
+#[derive(Clone, Copy)]
+pub struct Cotangent<'a> {
+    /// `weight` times the derivative of LPIPS by the picture's colour is added to the crop's pixels of this.
+    pub d_image: &'a Buf<[f32; 4]>,
+    /// Weight of LPIPS in the loss.
+    pub weight: f32,
+}
+
+/// LPIPS with its weights and scratch on the device.
+pub struct Lpips {
+    /// LPIPS of the recording that ran last: 0 for equal pictures.
+    pub value: Buf<f32>,
+    net: Network,
+    maps: Vec<Maps>,
+    d_blocks: Buf<f32>,
+    sums: Buf<f32>,
+}
+
+/// Scratch of one depth, which only grows: features of picture and truth, and the picture's cotangent.
+struct Maps {
+    features: [Buf<[f32; 4]>; 2],
+    /// Which place of its window a pool took.
+    choices: [Buf<u32>; 2],
+    cotangent: Buf<[f32; 4]>,
+}
+
+/// What a crop needs.
+struct Extent {
+    /// Width and height of all maps.
+    sizes: Vec<[u32; 2]>,
+    /// Items of their buffers.
+    maps: Vec<MapsLen>,
+    /// Items of the cotangent of the picture, in blocks of the first layer's stride.
+    d_blocks: usize,
+    /// Sums that the taps leave.
+    sums: usize,
+}
+
+/// Items of the buffers of [`Maps`].
+struct MapsLen {
+    features: usize,
+    choices: usize,
+    cotangent: usize,
+}
+
+impl Lpips {
+    /// Reads the weights of a trunk and of LPIPS from a safetensors file, as `tools/lpips_weights.py` makes it.
+    ///
+    /// # Errors
+    /// [`Error::Data`] when the file cannot be read, holds neither trunk, or a tensor is missing, has another shape, or
+    /// values that cannot be; [`Error::OutOfMemory`] when the device has no room for the weights.
+    pub fn load(gpu: &Gpu, path: &Path) -> Result<Self> {
+        let net = Network::load(gpu, path)?;
+        let empty = |name| gpu.alloc(name, 0);
+        let maps = net.channels.iter().map(|_| {
+            Ok(Maps {
+                features: [empty(FEATURES)?, empty(FEATURES)?],
+                choices: [gpu.alloc(CHOICES, 0)?, gpu.alloc(CHOICES, 0)?],
+                cotangent: empty(COTANGENT)?,
+            })
+        });
+        let maps = maps.collect::<Result<_>>()?;
+        let [value, d_blocks, sums] = [gpu.alloc("lpips", 1)?, gpu.alloc(D_BLOCKS, 0)?, gpu.alloc(SUMS, 0)?];
+        Ok(Lpips { value, net, maps, d_blocks, sums })
+    }
+
+    /// The network whose features are compared.
+    pub fn trunk(&self) -> Trunk {
+        self.net.trunk
+    }
+
+    /// Bytes of scratch for a crop of `size`, with a cotangent or without: about 174 or 119 a pixel for AlexNet, 688
+    /// or 466 for SqueezeNet.
+    ///
+    /// # Errors
+    /// [`Error::Data`] naming the file of weights when the crop is too small for its trunk.
+    pub fn scratch_bytes(&self, size: [u32; 2], with_cotangent: bool) -> Result<u64> {
+        let Extent { maps, d_blocks, sums, .. } = self.extent(size, with_cotangent)?;
+        let of_maps = |len: &MapsLen| 32 * len.features + 8 * len.choices + 16 * len.cotangent;
+        Ok((maps.iter().map(of_maps).sum::<usize>() + 4 * (d_blocks + sums)) as u64)
+    }
+
+    fn extent(&self, size: [u32; 2], with_cotangent: bool) -> Result<Extent> {
+        let Some(sizes) = self.net.sizes(size) else {
+            let (place, smallest) = (format!("a crop of {}x{} pixels", size[0], size[1]), self.net.smallest());
+            let reason = format!("{} sees no less than {smallest}x{smallest} pixels", self.net.trunk);
+            return Err(Error::data(&self.net.file, place, reason, "take a larger crop, or do without LPIPS"));
+        };
+        let pixels = |maps: usize| sizes[maps][0] as usize * sizes[maps][1] as usize;
+        let planes = |maps: usize| pixels(maps) * self.net.planes(maps) as usize;
+        let mut maps: Vec<MapsLen> = (0..sizes.len())
+            .map(|i| {
+                let cotangent = if with_cotangent && i > 0 { planes(i) } else { 0 };
+                MapsLen { features: planes(i), choices: 0, cotangent }
+            })
+            .collect();
+        let (mut d_blocks, mut sums) = (0, 0);
+        for layer in &self.net.layers {
+            match layer {
+                Layer::Conv(conv) if conv.from == 0 && with_cotangent => {
+                    let [across, down] = size.map(|n| conv.blocks(n) as usize * conv.stride as usize);
+                    d_blocks = across * down * COLORS as usize;
+                }
+                Layer::Conv(_) => {}
+                Layer::Pool { to, .. } => maps[*to].choices = planes(*to),
+                Layer::Tap { of, .. } => sums += pixels(*of).div_ceil(TAP_PIXELS as usize),
+            }
+        }
+        Ok(Extent { sizes, maps, d_blocks, sums })
+    }
+
+    /// Makes room for a crop.
+    fn fit(&mut self, gpu: &Gpu, extent: &Extent) -> Result<()> {
+        for (maps, len) in self.maps.iter_mut().zip(&extent.maps) {
+            for side in 0..2 {
+                grow(gpu, &mut maps.features[side], FEATURES, len.features)?;
+                grow(gpu, &mut maps.choices[side], CHOICES, len.choices)?;
+            }
+            grow(gpu, &mut maps.cotangent, COTANGENT, len.cotangent)?;
+        }
+        grow(gpu, &mut self.d_blocks, D_BLOCKS, extent.d_blocks)?;
+        grow(gpu, &mut self.sums, SUMS, extent.sums)
+    }
+
+    /// Appends LPIPS of `what`, which ends up in `value`; and its cotangent, if there is a place for it.
+    ///
+    /// # Errors
+    /// [`Error::Data`] naming the file of weights when the crop is too small for its trunk; [`Error::OutOfMemory`] when
+    /// it is too large for a binding or for the device.
+    pub fn record(
+        &mut self,
+        gpu: &Gpu,
+        rec: &mut Recording,
+        what: &Compared<'_>,
+        cotangent: Option<Cotangent<'_>>,
+    ) -> Result<()> {
+        let inside =
+            |axis: usize| what.origin[axis].checked_add(what.crop[axis]).is_some_and(|end| end <= what.size[axis]);
+        assert!(inside(0) && inside(1), "a crop lies within its picture");
+        let extent = self.extent(what.crop, cotangent.is_some())?;
+        self.fit(gpu, &extent)?;
+        let passes = Passes { lpips: self, sizes: &extent.sizes, lanes: gpu.caps().subgroup_size };
+        rec.stage("lpips");
+        passes.forward(rec, what, cotangent.is_some());
+        rec.pass(
+            lpips_sum::Args { sums: &self.sums, value: &self.value },
+            lpips_sum::Push { n: extent.sums as u32 },
+            Grid::Groups(1),
+        );
+        if let Some(cotangent) = cotangent {
+            passes.backward(rec, what, &cotangent);
+        }
+        Ok(())
+    }
+}
+
+const FEATURES: &str = "lpips features";
+const CHOICES: &str = "lpips choices";
+const COTANGENT: &str = "d lpips features";
+const D_BLOCKS: &str = "d lpips blocks";
+const SUMS: &str = "lpips sums";
+
+/// Gives `buf` room for `len` items, unless it has it.
+fn grow<T: Pod>(gpu: &Gpu, buf: &mut Buf<T>, name: &str, len: usize) -> Result<()> {
+    let (needed, limit) = ((len * size_of::<T>()) as u64, gpu.caps().max_binding_bytes);
+    if needed > limit {
+        let what = format!("bytes of `{name}` in one binding");
+        return Err(Error::OutOfMemory { what, needed, limit, remedy: "compare a smaller crop".to_owned() });
+    }
+    if buf.len() < len {
+        *buf = gpu.alloc(name, len)?;
+    }
+    Ok(())
+}
+
+/// The passes over one crop.
+struct Passes<'a> {
+    lpips: &'a Lpips,
+    sizes: &'a [[u32; 2]],
+    lanes: u32,
+}
+
+impl Passes<'_> {
+    /// Features of both pictures, layer by layer, and the taps with their cotangents.
+    fn forward(&self, rec: &mut Recording, what: &Compared<'_>, with_cotangent: bool) {
+        let Lpips { net, maps, sums, .. } = self.lpips;
+        let ([crop_width, crop_height], [first_x, first_y]) = (what.crop, what.origin);
+        let [features, truth_features] = &maps[0].features;
+        rec.pass(
+            lpips_input::Args { image: what.image, truth: what.truth, features, truth_features },
+            lpips_input::Push { width: what.size[0], first_x, first_y, crop_width, crop_height },
+            Grid::Threads(crop_width * crop_height),
+        );
+        let mut first_sum = 0;
+        for layer in &net.layers {
+            match layer {
+                Layer::Conv(conv) => (0..2).for_each(|side| self.conv(rec, conv, side)),
+                Layer::Pool { from, to, .. } => {
+                    let (push, planes) = (self.pool_push(*from, *to), net.planes(*to));
+                    for side in 0..2 {
+                        let features = &maps[*from].features[side];
+                        let (pooled, choices) = (&maps[*to].features[side], &maps[*to].choices[side]);
+                        let grid = Grid::Threads(push.out_width * push.out_height * planes);
+                        rec.pass(lpips_pool::Args { features, pooled, choices }, push, grid);
+                    }
+                }
+                Layer::Tap { of, linear } => {
+                    let (pixels, planes) = (self.sizes[*of][0] * self.sizes[*of][1], net.planes(*of));
+                    let [features, truth_features] = &maps[*of].features;
+                    let (n_groups, per_pixel) = (pixels.div_ceil(TAP_PIXELS), 1.0 / pixels as f32);
+                    let grid = Grid::Groups(n_groups);
+                    if with_cotangent {
+                        let d_features = &maps[*of].cotangent;
+                        rec.pass(
+                            lpips_tap_bwd::Args { features, truth_features, linear, sums, d_features },
+                            lpips_tap_bwd::Push { pixels, planes, first_sum, per_pixel },
+                            grid,
+                        );
+                    } else {
+                        rec.pass(
+                            lpips_tap::Args { features, truth_features, linear, sums },
+                            lpips_tap::Push { pixels, planes, first_sum, per_pixel },
+                            grid,
+                        );
+                    }
+                    first_sum += n_groups;
+                }
+            }
+        }
+    }
+
+    /// One layer of the picture (side 0) or the truth (side 1).
+    fn conv(&self, rec: &mut Recording, conv: &Conv, side: usize) {
+        let Lpips { net, maps, .. } = self.lpips;
+        let ([in_width, in_height], [out_width, out_height]) = (self.sizes[conv.from], self.sizes[conv.to]);
+        let in_planes = net.planes(conv.from);
+        let run = tap_planes(4 * in_planes * conv.kernel);
+        rec.pass(
+            lpips_conv::Args {
+                features: &maps[conv.from].features[side],
+                weights: &conv.forward,
+                bias: &conv.bias,
+                maps: &maps[conv.to].features[side].cast(),
+            },
+            lpips_conv::Push {
+                in_width,
+                in_height,
+                in_planes,
+                in_first: 0,
+                out_width,
+                out_height,
+                out_channels: conv.outputs,
+                out_stride: 4 * net.planes(conv.to),
+                out_first: conv.first,
+                columns: 1,
+                run,
+                steps: conv.kernel * run / 4,
+                stride: conv.stride,
+                pad: conv.pad,
+                add: 0,
+                mask: 0,
+            },
+            self.conv_grid(out_width * out_height, conv.outputs),
+        );
+    }
+
+    fn conv_grid(&self, pixels: u32, channels: u32) -> Grid {
+        Grid::Threads(pixels.div_ceil(PIXELS) * channels.div_ceil(BLOCKS * self.lanes) * self.lanes)
+    }
+
+    fn pool_push(&self, from: usize, to: usize) -> lpips_pool::Push {
+        let ([width, height], [out_width, out_height]) = (self.sizes[from], self.sizes[to]);
+        lpips_pool::Push { width, height, planes: self.lpips.net.planes(from), out_width, out_height }
+    }
+
+    /// From the taps' cotangents to the picture's, the last layer first.
+    fn backward(&self, rec: &mut Recording, what: &Compared<'_>, cotangent: &Cotangent<'_>) {
+        let Lpips { net, maps, d_blocks, .. } = self.lpips;
+        // Whether the cotangent of these maps has been begun; the others hold what an earlier crop left.
+        let mut begun = vec![false; maps.len()];
+        for layer in &net.layers {
+            if let Layer::Tap { of, .. } = layer {
+                begun[*of] = true;
+            }
+        }
+        for layer in net.layers.iter().rev() {
+            match layer {
+                Layer::Conv(conv) => {
+                    self.conv_back(rec, conv, begun[conv.from]);
+                    begun[conv.from] = true;
+                }
+                Layer::Pool { from, to, .. } => {
+                    let lpips_pool::Push { width, height, planes, out_width, out_height } = self.pool_push(*from, *to);
+                    rec.pass(
+                        lpips_pool_bwd::Args {
+                            features: &maps[*from].features[0],
+                            choices: &maps[*to].choices[0],
+                            d_pooled: &maps[*to].cotangent,
+                            d_features: &maps[*from].cotangent,
+                        },
+                        lpips_pool_bwd::Push { width, height, planes, out_width, out_height },
+                        Grid::Threads(width * height * planes),
+                    );
+                }
+                Layer::Tap { .. } => {}
+            }
+        }
+        let Some(Layer::Conv(first)) = net.layers.first() else { return };
+        let ([crop_width, crop_height], [first_x, first_y]) = (what.crop, what.origin);
+        rec.pass(
+            lpips_input_bwd::Args { d_blocks, truth: what.truth, d_image: cotangent.d_image },
+            lpips_input_bwd::Push {
+                width: what.size[0],
+                first_x,
+                first_y,
+                crop_width,
+                crop_height,
+                blocks_x: first.blocks(crop_width),
+                stride: first.stride,
+                pad: first.pad - first.blocks_before() * first.stride,
+                weight: cotangent.weight,
+            },
+            Grid::Threads(crop_width * crop_height),
+        );
+    }
+
+    /// A layer's cotangent to the maps it came from, or to the blocks of the picture.
+    fn conv_back(&self, rec: &mut Recording, conv: &Conv, add: bool) {
+        let Lpips { net, maps, d_blocks, .. } = self.lpips;
+        let [in_width, in_height] = self.sizes[conv.to];
+        let [out_width, out_height] = self.sizes[conv.from].map(|n| conv.blocks(n));
+        let out_channels = conv.stride * conv.stride * net.channels[conv.from];
+        let (taps, run) = (conv.taps_back(), tap_planes(conv.outputs));
+        let to_picture = conv.from == 0;
+        rec.pass(
+            lpips_conv_bwd::Args {
+                features: &maps[conv.to].cotangent,
+                weights: &conv.backward,
+                forward: &maps[conv.from].features[0].cast(),
+                maps: &if to_picture { d_blocks.clone() } else { maps[conv.from].cotangent.cast() },
+            },
+            lpips_conv_bwd::Push {
+                in_width,
+                in_height,
+                in_planes: net.planes(conv.to),
+                in_first: conv.first / 4,
+                out_width,
+                out_height,
+                out_channels,
+                out_stride: out_channels,
+                out_first: 0,
+                columns: taps,
+                run,
+                steps: taps * taps * run / 4,
+                stride: 1,
+                pad: taps - 1 - conv.blocks_before(),
+                add: u32::from(add),
+                mask: u32::from(!to_picture),
+            },
+            self.conv_grid(out_width * out_height, out_channels),
+        );
+    }
+}

@@ -1,0 +1,347 @@
+//! The trunks of LPIPS v0.1 and their weights, laid out as the kernels read them.
+
+use std::collections::BTreeMap;
+use std::fmt;
+use std::path::{Path, PathBuf};
+
+use crate::error::{Error, Result};
+use crate::gpu::{Buf, Gpu};
+use crate::scene::{Tensor, read_tensors};
+
+/// Channels that `lpips_conv` takes at a step.
+const STEP: usize = 16;
+/// Most channels of a layer. The published trunks have 512; a reduction stays far below what lavapipe's loops allow.
+const MAX_CHANNELS: usize = 4096;
+/// Channels of a picture.
+pub(super) const COLORS: u32 = 3;
+
+const REMEDY: &str = "make the file with tools/lpips_weights.py from the published weights of the trunk and of LPIPS";
+
+/// The network whose features are compared.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Trunk {
+    /// torchvision's AlexNet: five taps.
+    AlexNet,
+    /// torchvision's SqueezeNet 1.1: seven taps.
+    SqueezeNet,
+}
+
+/// A part of a trunk, by torchvision's number in `features`.
+#[derive(Clone, Copy)]
+enum Part {
+    /// A convolution with bias and ReLU: kernel, stride and zero padding, pixels.
+    Conv(u32, [u32; 3]),
+    /// SqueezeNet's module: a 1x1 layer, then a 1x1 and a 3x3 layer side by side.
+    Fire(u32),
+    /// The greatest of 3 x 3, two pixels apart; whether a window that sticks out counts.
+    Pool { ceil: bool },
+    /// The features here are compared.
+    Tap,
+}
+
+const ALEXNET: &[Part] = {
+    use Part::*;
+    const POOL: Part = Pool { ceil: false };
+    &[
+        Conv(0, [11, 4, 2]),
+        Tap,
+        POOL,
+        Conv(3, [5, 1, 2]),
+        Tap,
+        POOL,
+        Conv(6, [3, 1, 1]),
+        Tap,
+        Conv(8, [3, 1, 1]),
+        Tap,
+        Conv(10, [3, 1, 1]),
+        Tap,
+    ]
+};
+
+const SQUEEZENET: &[Part] = {
+    use Part::*;
+    const POOL: Part = Pool { ceil: true };
+    &[
+        Conv(0, [3, 2, 0]),
+        Tap,
+        POOL,
+        Fire(3),
+        Fire(4),
+        Tap,
+        POOL,
+        Fire(6),
+        Fire(7),
+        Tap,
+        POOL,
+        Fire(9),
+        Tap,
+        Fire(10),
+        Tap,
+        Fire(11),
+        Tap,
+        Fire(12),
+        Tap,
+    ]
+};
+
+impl fmt::Display for Trunk {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Trunk::AlexNet => "AlexNet",
+            Trunk::SqueezeNet => "SqueezeNet 1.1",
+        })
+    }
+}
+
+/// A convolution with bias and ReLU between two sets of maps, with its weights on the device.
+pub(super) struct Conv {
+    pub from: usize,
+    pub to: usize,
+    /// The first of its channels in `to`.
+    pub first: u32,
+    pub outputs: u32,
+    pub kernel: u32,
+    pub stride: u32,
+    pub pad: u32,
+    pub forward: Buf<[f32; 4]>,
+    pub bias: Buf<f32>,
+    pub backward: Buf<[f32; 4]>,
+}
+
+impl Conv {
+    /// Taps a side of the way back: a block of `stride` pixels a side is reached by so many outputs.
+    pub fn taps_back(&self) -> u32 {
+        self.kernel.div_ceil(self.stride)
+    }
+
+    /// Blocks that lie wholly in the padding; the way back begins after them.
+    pub fn blocks_before(&self) -> u32 {
+        self.pad / self.stride
+    }
+
+    /// Blocks that cover `n` input pixels.
+    pub fn blocks(&self, n: u32) -> u32 {
+        (n - 1 + self.pad) / self.stride + 1 - self.blocks_before()
+    }
+
+    fn outputs_of(&self, n: u32) -> Option<u32> {
+        Some((n + 2 * self.pad).checked_sub(self.kernel)? / self.stride + 1)
+    }
+}
+
+/// What happens to maps, which are numbered in the order of their making; 0 is the picture.
+pub(super) enum Layer {
+    Conv(Conv),
+    Pool { from: usize, to: usize, ceil: bool },
+    Tap { of: usize, linear: Buf<[f32; 4]> },
+}
+
+/// A trunk with the linear layers of LPIPS.
+pub(super) struct Network {
+    pub trunk: Trunk,
+    pub file: PathBuf,
+    /// Channels of each set of maps.
+    pub channels: Vec<u32>,
+    pub layers: Vec<Layer>,
+}
+
+impl Network {
+    /// Reads and uploads the weights: torchvision's `features.N...` and LPIPS's `linK.model.1.weight`. Widths are the
+    /// file's.
+    pub fn load(gpu: &Gpu, path: &Path) -> Result<Self> {
+        let tensors = read_tensors(path)?;
+        let (trunk, parts) = if tensors.contains_key("features.3.squeeze.weight") {
+            (Trunk::SqueezeNet, SQUEEZENET)
+        } else if tensors.contains_key("features.3.weight") {
+            (Trunk::AlexNet, ALEXNET)
+        } else {
+            let reason = "holds the trunk of neither AlexNet nor SqueezeNet 1.1 (`features.3...`)";
+            return Err(Error::data(path, "", reason, REMEDY));
+        };
+        let file = File { gpu, path, trunk, tensors };
+        let mut net = Network { trunk, file: path.to_owned(), channels: vec![COLORS], layers: Vec::new() };
+        let mut n_taps = 0;
+        for part in parts {
+            let from = net.channels.len() - 1;
+            match *part {
+                Part::Conv(i, shape) => net.add_conv(&file, &[(format!("features.{i}"), shape)], from)?,
+                Part::Fire(i) => {
+                    let name = |part| format!("features.{i}.{part}");
+                    net.add_conv(&file, &[(name("squeeze"), [1, 1, 0])], from)?;
+                    let expand = [(name("expand1x1"), [1, 1, 0]), (name("expand3x3"), [3, 1, 1])];
+                    net.add_conv(&file, &expand, from + 1)?;
+                }
+                Part::Pool { ceil } => {
+                    net.channels.push(net.channels[from]);
+                    net.layers.push(Layer::Pool { from, to: from + 1, ceil });
+                }
+                Part::Tap => {
+                    let linear = file.linear(n_taps, net.channels[from] as usize)?;
+                    net.layers.push(Layer::Tap { of: from, linear });
+                    n_taps += 1;
+                }
+            }
+        }
+        Ok(net)
+    }
+
+    /// Appends convolutions of the same maps, whose channels follow one another in the new maps.
+    fn add_conv(&mut self, file: &File<'_>, convs: &[(String, [u32; 3])], from: usize) -> Result<()> {
+        let to = self.channels.len();
+        let mut first = 0;
+        for (name, shape) in convs {
+            let conv = file.conv(name, *shape, self.channels[from], (from, to), first)?;
+            first += conv.outputs;
+            self.layers.push(Layer::Conv(conv));
+        }
+        self.channels.push(first);
+        Ok(())
+    }
+
+    /// vec4 of a pixel.
+    pub fn planes(&self, maps: usize) -> u32 {
+        self.channels[maps].div_ceil(4)
+    }
+
+    /// Width and height of all maps of a picture of `size`; none when it is too small for the trunk.
+    pub fn sizes(&self, size: [u32; 2]) -> Option<Vec<[u32; 2]>> {
+        let pooled = |n: u32, ceil| match (n, ceil) {
+            (2.., true) => Some(n / 2),
+            (3.., false) => Some((n - 1) / 2),
+            _ => None,
+        };
+        let mut sizes = vec![[0; 2]; self.channels.len()];
+        sizes[0] = size;
+        for layer in &self.layers {
+            match layer {
+                Layer::Conv(conv) => {
+                    let [w, h] = sizes[conv.from].map(|n| conv.outputs_of(n));
+                    sizes[conv.to] = [w?, h?];
+                }
+                Layer::Pool { from, to, ceil } => {
+                    let [w, h] = sizes[*from].map(|n| pooled(n, *ceil));
+                    sizes[*to] = [w?, h?];
+                }
+                Layer::Tap { .. } => {}
+            }
+        }
+        Some(sizes)
+    }
+
+    /// Pixels a side of the smallest picture that the trunk can see.
+    pub fn smallest(&self) -> u32 {
+        (1..).find(|n| self.sizes([*n, *n]).is_some()).unwrap_or(u32::MAX)
+    }
+}
+
+/// A file of weights being read.
+struct File<'a> {
+    gpu: &'a Gpu,
+    path: &'a Path,
+    trunk: Trunk,
+    tensors: BTreeMap<String, Tensor>,
+}
+
+impl File<'_> {
+    fn fault(&self, name: &str, reason: String) -> Error {
+        Error::data(self.path, format!("tensor `{name}`"), reason, REMEDY)
+    }
+
+    /// A tensor of finite values; its shape must be `shape` but for the first extent where that is `None`.
+    fn tensor(&self, name: &str, first: Option<usize>, rest: &[usize]) -> Result<&Tensor> {
+        let tensor =
+            self.tensors.get(name).ok_or_else(|| self.fault(name, format!("is missing; {} has it", self.trunk)))?;
+        let is_same = match tensor.shape.split_first() {
+            Some((found, others)) => first.is_none_or(|first| first == *found) && others == rest,
+            None => false,
+        };
+        if !is_same {
+            let first = first.map_or("n".to_owned(), |n| n.to_string());
+            let wanted =
+                format!("{}'s is [{first}{}]", self.trunk, rest.iter().map(|n| format!(", {n}")).collect::<String>());
+            return Err(self.fault(name, format!("has the shape {:?}, {wanted}", tensor.shape)));
+        }
+        // The device computes in f32.
+        match tensor.data.iter().position(|x| !(*x as f32).is_finite()) {
+            Some(at) => Err(self.fault(name, format!("its value {at} is not finite"))),
+            None => Ok(tensor),
+        }
+    }
+
+    /// A convolution of `inputs` channels; `shape` is kernel, stride and padding.
+    fn conv(
+        &self,
+        name: &str,
+        [kernel, stride, pad]: [u32; 3],
+        inputs: u32,
+        (from, to): (usize, usize),
+        first: u32,
+    ) -> Result<Conv> {
+        let (k, s, c) = (kernel as usize, stride as usize, inputs as usize);
+        let weight = self.tensor(&format!("{name}.weight"), None, &[c, k, k])?;
+        let n = weight.shape[0];
+        if n == 0 || n > MAX_CHANNELS || !n.is_multiple_of(4) {
+            let reason = format!("{n} channels: a multiple of 4 up to {MAX_CHANNELS} is possible");
+            return Err(self.fault(&format!("{name}.weight"), reason));
+        }
+        let bias = self.tensor(&format!("{name}.bias"), Some(n), &[])?;
+        let at = |o: usize, i: usize, ky: usize, kx: usize| {
+            if i < c && ky < k && kx < k { weight.data[((o * c + i) * k + ky) * k + kx] } else { 0.0 }
+        };
+        // The taps of a row follow one another in memory, pixel by pixel: one long tap.
+        let padded = c.next_multiple_of(4);
+        let forward = pack(k, k * padded, n, |ky, along, o| at(o, along % padded, ky, along / padded));
+        // Output o saw pixel p of its kernel; so block b sees, at tap t of T, output b - (T - 1 - t).
+        let taps = k.div_ceil(s);
+        let backward = pack(taps * taps, n, s * s * c, |tap, o, place| {
+            let [ty, tx] = [tap / taps, tap % taps].map(|t| s * (taps - 1 - t));
+            at(o, place % c, ty + place / c / s, tx + place / c % s)
+        });
+        let bias: Vec<f32> = bias.data.iter().map(|x| *x as f32).collect();
+        Ok(Conv {
+            from,
+            to,
+            first,
+            outputs: n as u32,
+            kernel,
+            stride,
+            pad,
+            forward: self.gpu.upload("lpips weights", &forward)?,
+            bias: self.gpu.upload("lpips bias", &bias)?,
+            backward: self.gpu.upload("lpips weights", &backward)?,
+        })
+    }
+
+    /// The weights of a tap's channels, which are not negative.
+    fn linear(&self, tap: usize, channels: usize) -> Result<Buf<[f32; 4]>> {
+        let name = format!("lin{tap}.model.1.weight");
+        let tensor = self.tensor(&name, Some(1), &[channels, 1, 1])?;
+        if let Some(at) = tensor.data.iter().position(|x| *x < 0.0) {
+            return Err(self.fault(&name, format!("its value {at} is negative, which no weight of LPIPS is")));
+        }
+        let values: Vec<f32> = tensor.data.iter().map(|x| *x as f32).collect();
+        self.gpu.upload("lpips linear", values.as_chunks().0)
+    }
+}
+
+/// Weights as `lpips_conv` reads them: tap by tap its channels, padded with zeros, four of them for each output.
+fn pack(taps: usize, channels: usize, outputs: usize, value: impl Fn(usize, usize, usize) -> f64) -> Vec<[f32; 4]> {
+    let planes = channels.next_multiple_of(STEP) / 4;
+    let mut packed = Vec::with_capacity(taps * planes * outputs);
+    for tap in 0..taps {
+        for plane in 0..planes {
+            for output in 0..outputs {
+                packed.push(std::array::from_fn(|c| {
+                    let channel = 4 * plane + c;
+                    if channel < channels { value(tap, channel, output) as f32 } else { 0.0 }
+                }));
+            }
+        }
+    }
+    packed
+}
+
+/// vec4 of a tap of `channels` channels, in whole steps.
+pub(super) fn tap_planes(channels: u32) -> u32 {
+    channels.next_multiple_of(STEP as u32) / 4
+}
