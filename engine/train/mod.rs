@@ -16,6 +16,7 @@ mod run;
 mod schedule;
 mod trainer;
 
+pub use align::ColorMap;
 pub use checkpoint::Checkpoint;
 pub use config::{Config, Density, Init, LearningRates, Rate, Strategy};
 pub use density::{density_round, noise, regularisers};
