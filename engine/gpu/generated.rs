@@ -6516,6 +6516,323 @@ pub mod loss_sum {
     }
 }
 
+/// maps each pixel's colour by the affine map that the camera's bilateral grid has at its place and luma; with
+pub mod bilateral_slice {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `width` of the shader.
+        pub width: u32,
+        /// `height` of the shader.
+        pub height: u32,
+        /// `rows` of the shader.
+        pub rows: u32,
+        /// `parts` of the shader.
+        pub parts: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 16);
+        assert!(std::mem::offset_of!(Push, width) == 0);
+        assert!(std::mem::offset_of!(Push, height) == 4);
+        assert!(std::mem::offset_of!(Push, rows) == 8);
+        assert!(std::mem::offset_of!(Push, parts) == 12);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub camera_grid: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub image: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub graded: &'a Buf<[f32; 4]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "bilateral_slice",
+            local: 64,
+            subgroups: true,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/bilateral_slice.spv"),
+            bindings: &[
+                BindingInfo { name: "camera_grid", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "image", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "graded", kind: BindingKind::Storage, access: Access::Write },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![self.camera_grid.slice(), self.image.slice(), self.graded.slice()]
+        }
+    }
+}
+
+/// maps each pixel's colour by the affine map that the camera's bilateral grid has at its place and luma; with
+pub mod bilateral_slice_bwd {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `width` of the shader.
+        pub width: u32,
+        /// `height` of the shader.
+        pub height: u32,
+        /// `rows` of the shader.
+        pub rows: u32,
+        /// `parts` of the shader.
+        pub parts: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 16);
+        assert!(std::mem::offset_of!(Push, width) == 0);
+        assert!(std::mem::offset_of!(Push, height) == 4);
+        assert!(std::mem::offset_of!(Push, rows) == 8);
+        assert!(std::mem::offset_of!(Push, parts) == 12);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub camera_grid: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub image: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub d_graded: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub d_image: &'a Buf<[f32; 4]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "bilateral_slice_bwd",
+            local: 64,
+            subgroups: true,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/bilateral_slice_bwd.spv"),
+            bindings: &[
+                BindingInfo { name: "camera_grid", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "image", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_graded", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_image", kind: BindingKind::Storage, access: Access::Write },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![self.camera_grid.slice(), self.image.slice(), self.d_graded.slice(), self.d_image.slice()]
+        }
+    }
+}
+
+/// sums the cotangents of a part's pixels into the four columns of cells at its corners.
+pub mod bilateral_bwd {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `width` of the shader.
+        pub width: u32,
+        /// `height` of the shader.
+        pub height: u32,
+        /// `rows` of the shader.
+        pub rows: u32,
+        /// `parts` of the shader.
+        pub parts: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 16);
+        assert!(std::mem::offset_of!(Push, width) == 0);
+        assert!(std::mem::offset_of!(Push, height) == 4);
+        assert!(std::mem::offset_of!(Push, rows) == 8);
+        assert!(std::mem::offset_of!(Push, parts) == 12);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub image: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub d_graded: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub partials: &'a Buf<[f32; 4]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "bilateral_bwd",
+            local: 64,
+            subgroups: true,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/bilateral_bwd.spv"),
+            bindings: &[
+                BindingInfo { name: "image", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_graded", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "partials", kind: BindingKind::Storage, access: Access::Write },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![self.image.slice(), self.d_graded.slice(), self.partials.slice()]
+        }
+    }
+}
+
+/// adds the parts' sums around each cell: the gradient of the camera's grid.
+pub mod bilateral_sum {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `parts` of the shader.
+        pub parts: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 4);
+        assert!(std::mem::offset_of!(Push, parts) == 0);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub partials: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub d_grid: &'a Buf<[f32; 4]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "bilateral_sum",
+            local: 64,
+            subgroups: false,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/bilateral_sum.spv"),
+            bindings: &[
+                BindingInfo { name: "partials", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_grid", kind: BindingKind::Storage, access: Access::Write },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![self.partials.slice(), self.d_grid.slice()]
+        }
+    }
+}
+
+/// one step of Adam on one camera's grid, along its gradient and that of the total variation.
+pub mod bilateral_adam {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `rate` of the shader.
+        pub rate: f32,
+        /// `beta1` of the shader.
+        pub beta1: f32,
+        /// `beta2` of the shader.
+        pub beta2: f32,
+        /// `inverse_c2` of the shader.
+        pub inverse_c2: f32,
+        /// `eps` of the shader.
+        pub eps: f32,
+        /// `tv_weight` of the shader.
+        pub tv_weight: f32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 24);
+        assert!(std::mem::offset_of!(Push, rate) == 0);
+        assert!(std::mem::offset_of!(Push, beta1) == 4);
+        assert!(std::mem::offset_of!(Push, beta2) == 8);
+        assert!(std::mem::offset_of!(Push, inverse_c2) == 12);
+        assert!(std::mem::offset_of!(Push, eps) == 16);
+        assert!(std::mem::offset_of!(Push, tv_weight) == 20);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub frame_status: &'a Buf<super::Status>,
+        /// Reads.
+        pub camera_grid: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub d_grid: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub first: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub second: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub stepped: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub sums: &'a Buf<[f32; 4]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "bilateral_adam",
+            local: 64,
+            subgroups: false,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/bilateral_adam.spv"),
+            bindings: &[
+                BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "camera_grid", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_grid", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "first", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "second", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "stepped", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "sums", kind: BindingKind::Storage, access: Access::Write },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![
+                self.frame_status.slice(),
+                self.camera_grid.slice(),
+                self.d_grid.slice(),
+                self.first.slice(),
+                self.second.slice(),
+                self.stepped.slice(),
+                self.sums.slice(),
+            ]
+        }
+    }
+}
+
+/// takes the mean deviation from the identity over the cameras off every camera's grid.
+pub mod bilateral_gauge {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `n_cameras` of the shader.
+        pub n_cameras: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 4);
+        assert!(std::mem::offset_of!(Push, n_cameras) == 0);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub frame_status: &'a Buf<super::Status>,
+        /// ReadWrites.
+        pub grids: &'a Buf<[f32; 4]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "bilateral_gauge",
+            local: 64,
+            subgroups: false,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/bilateral_gauge.spv"),
+            bindings: &[
+                BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "grids", kind: BindingKind::Storage, access: Access::ReadWrite },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![self.frame_status.slice(), self.grids.slice()]
+        }
+    }
+}
+
 /// one step of dense Adam on one buffer of the Gaussians that the frame did not see.
 pub mod adam_idle {
     use super::super::kernel::*;

@@ -70,7 +70,7 @@ pub struct StepSettings {
 }
 
 /// 1 - beta^step, of the decay that f32 holds: 1 - 0.999 is off by 1e-5 otherwise.
-fn correction(beta: f64, step: u64) -> f64 {
+pub(super) fn correction(beta: f64, step: u64) -> f64 {
     1.0 - f64::from(beta as f32).powf(step as f64)
 }
 

@@ -4,6 +4,7 @@
 //! what the same formula loses on the device, [`Dual`] gives exact directional derivatives.
 
 mod adam;
+mod bilateral;
 mod blend;
 mod cull;
 mod density;
@@ -20,6 +21,7 @@ mod ssim;
 mod tiles;
 
 pub use adam::Adam;
+pub use bilateral::BilateralGrid;
 pub use blend::{Outputs, render, render_f64};
 pub use cull::visible;
 pub use density::{Density, Descendant, Descent, Kind, normals, random_bits, shared_opacity};
