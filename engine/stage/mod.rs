@@ -3,6 +3,7 @@
 
 mod adam;
 mod backward;
+mod bilateral;
 mod blend;
 mod clock;
 mod cull;
@@ -23,6 +24,7 @@ mod workspace;
 
 pub use adam::{AdamMode, BETA1, BETA2, EPS, Optimiser, Rates, State, StepSettings, adam_params, lazy_sums};
 pub use backward::{Accumulation, Backward, SLOT_PAIRS, Target};
+pub use bilateral::{GRID_BYTES, GRID_NUMBERS, GRID_SIZE, GridState, GridStep, Grids};
 pub use blend::{Blend, Outputs, Purpose};
 pub use clock::{ClockStep, Clocks, OFFSET_BOUND};
 pub use cull::Cull;

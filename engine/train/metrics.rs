@@ -1,6 +1,6 @@
 //! How well pictures match their truth.
 
-use super::align::aligned_mse;
+use super::align::{aligned_mse, visible_pairs};
 use crate::error::{Error, Result};
 use crate::gpu::{Gpu, Recording};
 use crate::scene::capture::{Capture, Picture};
@@ -236,11 +236,7 @@ fn psnr_of(frame: &Frame, picture: &Picture, counts: impl Fn(usize) -> bool) -> 
 /// Scores of `frame` against `picture`, of the same size, but for those of the foreground.
 pub fn scores(gpu: &Gpu, frame: &Frame, picture: &Picture) -> Result<Scores> {
     let clamped: Vec<[f32; 3]> = frame.color.iter().map(|c| c.map(|x| x.clamp(0.0, 1.0))).collect();
-    let visible = clamped.iter().zip(&picture.pixels).filter_map(|(color, word)| {
-        let [r, g, b, mask] = word.to_le_bytes();
-        (mask > 0).then(|| (color.map(f64::from), [r, g, b].map(|c| f64::from(c) / 255.0)))
-    });
-    let visible: Vec<([f64; 3], [f64; 3])> = visible.collect();
+    let visible = visible_pairs(frame, picture);
     let squares: f64 = visible.iter().flat_map(|(a, b)| (0..3).map(|c| (a[c] - b[c]).powi(2))).sum();
     let n_visible = visible.len().max(1) as u32;
     let image: Vec<[f32; 4]> = clamped.iter().map(|[r, g, b]| [*r, *g, *b, 1.0]).collect();

@@ -4,6 +4,7 @@
 //! what the same formula loses on the device, [`Dual`] gives exact directional derivatives.
 
 mod adam;
+mod bilateral;
 mod blend;
 mod clock;
 mod cull;
@@ -23,6 +24,7 @@ mod ssim;
 mod tiles;
 
 pub use adam::Adam;
+pub use bilateral::BilateralGrid;
 pub use blend::{Outputs, render, render_f64};
 pub use clock::{Clock, ClockRule, clock_step};
 pub use cull::visible;

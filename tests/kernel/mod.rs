@@ -1,6 +1,7 @@
 //! Each kernel against its exact twin: edge sizes, poisoned memory, guarded ends.
 
 mod adam;
+mod bilateral;
 mod blend;
 mod clock;
 mod cull;

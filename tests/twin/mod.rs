@@ -1,6 +1,7 @@
 //! The CPU truth against the golden cases, against itself, and against brute force.
 
 mod adam;
+mod bilateral;
 mod blend;
 mod cull;
 mod derivatives;

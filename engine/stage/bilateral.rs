@@ -1,0 +1,282 @@
+//! Bilateral grids (Wang et al. 2024, "Bilateral Guided Radiance Field Processing"; SPEC 7): a grid of affine maps of
+//! colours for each camera, so that exposure, white balance and vignetting need not be built out of Gaussians.
+
+use super::adam::{BETA1, BETA2, EPS, correction};
+use crate::error::Result;
+use crate::gpu::generated::{
+    Status, bilateral_adam, bilateral_bwd, bilateral_gauge, bilateral_slice, bilateral_slice_bwd, bilateral_sum,
+    loss_sum,
+};
+use crate::gpu::{Buf, Gpu, Grid, Recording};
+use crate::vk::DeviceKind;
+
+/// Cells across, down, and along the luma.
+pub const GRID_SIZE: [usize; 3] = [16, 16, 8];
+/// Numbers of a camera's grid: 3 x 4 for each cell, row by row, x fastest, then y, then luma.
+pub const GRID_NUMBERS: usize = 12 * GRID_SIZE[0] * GRID_SIZE[1] * GRID_SIZE[2];
+/// Bytes on the device for each camera: its grid and Adam's moments.
+pub const GRID_BYTES: u64 = 3 * 4 * GRID_NUMBERS as u64;
+
+/// vec4 of a camera's grid: rows of maps.
+const ROWS: usize = GRID_NUMBERS / 4;
+/// Panels of pixels between the columns of cells, across or down.
+const PANELS: u32 = 15;
+/// Threads of the team that has a part of a panel.
+const TEAM: u32 = 4;
+/// vec4 that a team sums.
+const PART_SUMS: usize = 96;
+/// Threads per workgroup of the kernel that leaves one sum each.
+const LOCAL: usize = 64;
+
+/// The grid of one camera with Adam's moments, on the host; each of [`GRID_NUMBERS`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct GridState {
+    /// The affine maps.
+    pub grid: Vec<f32>,
+    /// Means of the gradients.
+    pub first: Vec<f32>,
+    /// Means of their squares.
+    pub second: Vec<f32>,
+}
+
+impl GridState {
+    /// The identity, which has not moved yet.
+    pub fn identity() -> Self {
+        const IDENTITY: [f32; 12] = [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0];
+        let zeros = vec![0.0; GRID_NUMBERS];
+        GridState { grid: IDENTITY.repeat(GRID_NUMBERS / 12), first: zeros.clone(), second: zeros }
+    }
+
+    /// Whether every part has its length and nothing but finite numbers: what a file's reader asks.
+    pub fn is_sound(&self) -> bool {
+        [&self.grid, &self.first, &self.second].iter().all(|part| part.len() == GRID_NUMBERS)
+            && self.grid.iter().chain(&self.first).all(|x| x.is_finite())
+            // The square of a large gradient may be infinite; Adam takes no step then.
+            && self.second.iter().all(|x| *x >= 0.0)
+    }
+
+    /// Root of the mean squared difference from the identity, over all numbers.
+    pub fn identity_deviation(&self) -> f64 {
+        let identity = Self::identity().grid;
+        let squares: f64 = self.grid.iter().zip(identity).map(|(a, b)| f64::from(a - b).powi(2)).sum();
+        (squares / GRID_NUMBERS as f64).sqrt()
+    }
+}
+
+/// What a step does to the grid of its camera.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GridStep {
+    /// Number of the step in the run, from 1: every so many steps as there are cameras the gauge is restored.
+    pub step: u64,
+    /// Number of the step among this camera's, from 1: for the bias corrections.
+    pub camera_step: u64,
+    /// Learning rate (SPEC 6: 2e-3).
+    pub rate: f64,
+    /// Weight of the camera's total variation in the loss (SPEC 6: 10).
+    pub tv_weight: f64,
+}
+
+/// The cameras' grids, their moments, and the scratch of a backward pass.
+pub struct Grids {
+    n_cameras: usize,
+    grids: Buf<[f32; 4]>,
+    first: Buf<[f32; 4]>,
+    second: Buf<[f32; 4]>,
+    /// Gradient of the grid of the camera at hand, [`GRID_NUMBERS`].
+    pub d_grid: Buf<[f32; 4]>,
+    /// Total variation of that grid before the step, unweighted, in the first number.
+    pub tv: Buf<[f32; 4]>,
+    stepped: Buf<[f32; 4]>,
+    tv_sums: Buf<[f32; 4]>,
+    partials: Buf<[f32; 4]>,
+    kind: DeviceKind,
+}
+
+/// How the pixels of a picture are dealt out.
+#[derive(Clone, Copy)]
+struct Parts {
+    /// Pixel rows of a part.
+    rows: u32,
+    /// Parts down a panel.
+    down: u32,
+}
+
+impl Parts {
+    fn new(kind: DeviceKind, height: u32) -> Self {
+        // A team reads the four columns of cells at its corners once, which pays over many pixels; a GPU wants teams.
+        let most_rows = if kind == DeviceKind::Cpu { 8 } else { 2 };
+        let panel_rows = height.div_ceil(PANELS);
+        let down = panel_rows.div_ceil(most_rows).max(1);
+        Parts { rows: panel_rows.div_ceil(down).max(1), down }
+    }
+
+    fn count(self) -> u32 {
+        PANELS * PANELS * self.down
+    }
+
+    /// vec4 that the teams sum.
+    fn n_sums(self) -> usize {
+        self.count() as usize * PART_SUMS
+    }
+
+    fn grid(self) -> Grid {
+        Grid::Threads(TEAM * self.count())
+    }
+}
+
+impl Grids {
+    /// A grid for each of `n_cameras` training cameras, all the identity. Every camera must be trained: the gauge spreads
+    /// the mean over all. With one camera it keeps the grid at the identity, since there is nothing to tell its tint from
+    /// the scene's.
+    ///
+    /// # Errors
+    /// `OutOfMemory` naming the buffer that does not fit.
+    pub fn new(gpu: &Gpu, n_cameras: usize) -> Result<Self> {
+        Self::upload(gpu, &vec![GridState::identity(); n_cameras])
+    }
+
+    /// Grids that go on from `states`, one for each camera; all of them [`GridState::is_sound`].
+    ///
+    /// # Errors
+    /// As [`Grids::new`].
+    pub fn upload(gpu: &Gpu, states: &[GridState]) -> Result<Self> {
+        let all = |name: &str, of: fn(&GridState) -> &Vec<f32>| {
+            let numbers: Vec<f32> = states.iter().flat_map(of).copied().collect();
+            gpu.upload::<[f32; 4]>(name, bytemuck::cast_slice(&numbers))
+        };
+        Ok(Grids {
+            n_cameras: states.len(),
+            grids: all("bilateral grids", |s| &s.grid)?,
+            first: all("bilateral first moments", |s| &s.first)?,
+            second: all("bilateral second moments", |s| &s.second)?,
+            d_grid: gpu.alloc("d bilateral grid", ROWS)?,
+            tv: gpu.alloc("bilateral variation", 1)?,
+            stepped: gpu.alloc("bilateral step", ROWS)?,
+            tv_sums: gpu.alloc("bilateral variation sums", ROWS.div_ceil(LOCAL))?,
+            partials: gpu.alloc("bilateral partials", 0)?,
+            kind: gpu.caps().kind,
+        })
+    }
+
+    /// The grids and moments of all cameras.
+    ///
+    /// # Errors
+    /// [`crate::Error::DeviceLost`].
+    pub fn download(&self, gpu: &Gpu) -> Result<Vec<GridState>> {
+        let [grids, first, second] = [&self.grids, &self.first, &self.second].map(|buffer| gpu.read(buffer));
+        let (grids, first, second) = (grids?, first?, second?);
+        let of = |all: &[[f32; 4]], camera: usize| all[camera * ROWS..(camera + 1) * ROWS].as_flattened().to_vec();
+        let state =
+            |camera| GridState { grid: of(&grids, camera), first: of(&first, camera), second: of(&second, camera) };
+        Ok((0..self.n_cameras).map(state).collect())
+    }
+
+    /// Cameras.
+    pub fn n_cameras(&self) -> usize {
+        self.n_cameras
+    }
+
+    /// Bytes of scratch that a backward pass on pictures of `height` rows needs on a device of this kind; the width does
+    /// not matter. The graded picture and its cotangent are the caller's, 16 bytes a pixel each.
+    pub fn scratch_bytes(kind: DeviceKind, height: u32) -> u64 {
+        16 * Parts::new(kind, height).n_sums() as u64
+    }
+
+    /// Makes room for the backward pass of pictures of `height` rows; room once there stays.
+    ///
+    /// # Errors
+    /// `OutOfMemory` naming the buffer that does not fit.
+    pub fn fit(&mut self, gpu: &Gpu, height: u32) -> Result<()> {
+        let needed = Parts::new(self.kind, height).n_sums();
+        if needed > self.partials.len() {
+            self.partials = gpu.alloc("bilateral partials", needed)?;
+        }
+        Ok(())
+    }
+
+    fn of_camera(&self, buffer: &Buf<[f32; 4]>, camera: usize) -> Buf<[f32; 4]> {
+        buffer.range(camera * ROWS, ROWS)
+    }
+
+    /// Appends the slicing: `graded` becomes `image` (colour in the first three channels, `[height][width]`) as `camera`
+    /// shows it; the fourth channel is copied. The identity grid gives every finite colour its bits.
+    pub fn record_slice(
+        &self,
+        rec: &mut Recording,
+        camera: usize,
+        image: &Buf<[f32; 4]>,
+        graded: &Buf<[f32; 4]>,
+        [width, height]: [u32; 2],
+    ) {
+        rec.stage("bilateral");
+        let parts = Parts::new(self.kind, height);
+        let camera_grid = &self.of_camera(&self.grids, camera);
+        let push = bilateral_slice::Push { width, height, rows: parts.rows, parts: parts.down };
+        rec.pass(bilateral_slice::Args { camera_grid, image, graded }, push, parts.grid());
+    }
+
+    /// Appends the adjoint of [`Grids::record_slice`]: from the cotangent of the graded colour those of the colour, to
+    /// `d_image` (0 in its fourth channel), and of the grid, to [`Grids::d_grid`]. Needs [`Grids::fit`].
+    pub fn record_backward(
+        &self,
+        rec: &mut Recording,
+        camera: usize,
+        image: &Buf<[f32; 4]>,
+        d_graded: &Buf<[f32; 4]>,
+        d_image: &Buf<[f32; 4]>,
+        [width, height]: [u32; 2],
+    ) {
+        rec.stage("bilateral");
+        let parts = Parts::new(self.kind, height);
+        let camera_grid = &self.of_camera(&self.grids, camera);
+        let (partials, d_grid) = (&self.partials.range(0, parts.n_sums()), &self.d_grid);
+        let push = bilateral_slice_bwd::Push { width, height, rows: parts.rows, parts: parts.down };
+        rec.pass(bilateral_slice_bwd::Args { camera_grid, image, d_graded, d_image }, push, parts.grid());
+        let push = bilateral_bwd::Push { width, height, rows: parts.rows, parts: parts.down };
+        rec.pass(bilateral_bwd::Args { image, d_graded, partials }, push, parts.grid());
+        let push = bilateral_sum::Push { parts: parts.down };
+        rec.pass(bilateral_sum::Args { partials, d_grid }, push, Grid::Threads(ROWS as u32));
+    }
+
+    /// Appends the step of `camera`'s grid along [`Grids::d_grid`] and its total variation, whose value is left in
+    /// [`Grids::tv`]; then, when it is due, the gauge. Nothing moves when `status` says that the frame failed.
+    ///
+    /// The gauge reads and writes all grids, so it is restored once in as many steps as there are cameras: the work of one
+    /// more camera a step. In between the mean over the cameras strays by less than one learning rate or so, since Adam
+    /// moves one camera by about that much a step.
+    pub fn record_step(&self, rec: &mut Recording, camera: usize, step: &GridStep, status: &Buf<Status>) {
+        rec.stage("bilateral");
+        let [grid, first, second] = [&self.grids, &self.first, &self.second].map(|b| self.of_camera(b, camera));
+        let Grids { d_grid, tv, stepped, tv_sums, .. } = self;
+        rec.pass(
+            bilateral_adam::Args {
+                frame_status: status,
+                camera_grid: &grid,
+                d_grid,
+                first: &first,
+                second: &second,
+                stepped,
+                sums: tv_sums,
+            },
+            bilateral_adam::Push {
+                rate: (step.rate / correction(BETA1, step.camera_step)) as f32,
+                beta1: BETA1 as f32,
+                beta2: BETA2 as f32,
+                inverse_c2: (1.0 / correction(BETA2, step.camera_step)) as f32,
+                eps: EPS,
+                tv_weight: step.tv_weight as f32,
+            },
+            Grid::Threads(ROWS as u32),
+        );
+        rec.copy(stepped.slice(), grid.slice());
+        let n = tv_sums.len() as u32;
+        rec.pass(loss_sum::Args { sums: tv_sums, loss: tv }, loss_sum::Push { n }, Grid::Groups(1));
+        if step.step.is_multiple_of(self.n_cameras as u64) {
+            rec.pass(
+                bilateral_gauge::Args { frame_status: status, grids: &self.grids },
+                bilateral_gauge::Push { n_cameras: self.n_cameras as u32 },
+                Grid::Threads(ROWS as u32),
+            );
+        }
+    }
+}

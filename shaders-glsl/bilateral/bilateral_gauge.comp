@@ -1,0 +1,26 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+// Purpose   takes the mean deviation from the identity over the cameras off every camera's grid.
+// Equation  A_k <- A_k - mean_j (A_j - I): a tint of all cameras is one of the scene (SPEC 7).
+// Grid      one thread per row of a cell's map.
+// Numerics  deviations are summed in the cameras' order. Nothing changes when the frame failed.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "types.glsl"
+#include "grid.glsl"
+#include "bilateral.glsl"
+
+layout(local_size_x = 64) in;
+
+layout(push_constant) uniform Push { uint n_cameras; } pc;
+layout(set = 0, binding = 0) restrict readonly buffer FrameStatus { Status status; };
+layout(set = 0, binding = 1) restrict buffer Grids { vec4 grids[]; };
+
+void main() {
+    const uint i = linear_thread(gl_WorkGroupSize.x);
+    if (i >= GRID_ROWS || status.failed != 0u) return;
+    const vec4 identity = vec4(equal(uvec4(i % 3u), uvec4(0u, 1u, 2u, 3u)));
+    vec4 sum = vec4(0.0);
+    for (uint k = 0u; k < pc.n_cameras; ++k) sum += grids[k * GRID_ROWS + i] - identity;
+    const vec4 mean = sum / float(pc.n_cameras);
+    for (uint k = 0u; k < pc.n_cameras; ++k) grids[k * GRID_ROWS + i] -= mean;
+}
