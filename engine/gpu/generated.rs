@@ -6699,6 +6699,902 @@ pub mod clock_step {
     }
 }
 
+/// cuts the crop out of picture and truth and scales both as LPIPS's trunk wants them.
+pub mod lpips_input {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `width` of the shader.
+        pub width: u32,
+        /// `first_x` of the shader.
+        pub first_x: u32,
+        /// `first_y` of the shader.
+        pub first_y: u32,
+        /// `crop_width` of the shader.
+        pub crop_width: u32,
+        /// `crop_height` of the shader.
+        pub crop_height: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 20);
+        assert!(std::mem::offset_of!(Push, width) == 0);
+        assert!(std::mem::offset_of!(Push, first_x) == 4);
+        assert!(std::mem::offset_of!(Push, first_y) == 8);
+        assert!(std::mem::offset_of!(Push, crop_width) == 12);
+        assert!(std::mem::offset_of!(Push, crop_height) == 16);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub image: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub truth: &'a Buf<u32>,
+        /// Writes.
+        pub features: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub truth_features: &'a Buf<[f32; 4]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "lpips_input",
+            local: 64,
+            subgroups: false,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/lpips_input.spv"),
+            bindings: &[
+                BindingInfo { name: "image", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "truth", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "features", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "truth_features", kind: BindingKind::Storage, access: Access::Write },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![self.image.slice(), self.truth.slice(), self.features.slice(), self.truth_features.slice()]
+        }
+    }
+}
+
+/// convolves feature maps: forward with bias and ReLU, or a cotangent back to the maps it came from.
+pub mod lpips_conv {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `in_width` of the shader.
+        pub in_width: u32,
+        /// `in_height` of the shader.
+        pub in_height: u32,
+        /// `in_planes` of the shader.
+        pub in_planes: u32,
+        /// `in_first` of the shader.
+        pub in_first: u32,
+        /// `out_width` of the shader.
+        pub out_width: u32,
+        /// `out_height` of the shader.
+        pub out_height: u32,
+        /// `out_channels` of the shader.
+        pub out_channels: u32,
+        /// `out_stride` of the shader.
+        pub out_stride: u32,
+        /// `out_first` of the shader.
+        pub out_first: u32,
+        /// `columns` of the shader.
+        pub columns: u32,
+        /// `run` of the shader.
+        pub run: u32,
+        /// `steps` of the shader.
+        pub steps: u32,
+        /// `stride` of the shader.
+        pub stride: u32,
+        /// `pad` of the shader.
+        pub pad: u32,
+        /// `add` of the shader.
+        pub add: u32,
+        /// `mask` of the shader.
+        pub mask: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 64);
+        assert!(std::mem::offset_of!(Push, in_width) == 0);
+        assert!(std::mem::offset_of!(Push, in_height) == 4);
+        assert!(std::mem::offset_of!(Push, in_planes) == 8);
+        assert!(std::mem::offset_of!(Push, in_first) == 12);
+        assert!(std::mem::offset_of!(Push, out_width) == 16);
+        assert!(std::mem::offset_of!(Push, out_height) == 20);
+        assert!(std::mem::offset_of!(Push, out_channels) == 24);
+        assert!(std::mem::offset_of!(Push, out_stride) == 28);
+        assert!(std::mem::offset_of!(Push, out_first) == 32);
+        assert!(std::mem::offset_of!(Push, columns) == 36);
+        assert!(std::mem::offset_of!(Push, run) == 40);
+        assert!(std::mem::offset_of!(Push, steps) == 44);
+        assert!(std::mem::offset_of!(Push, stride) == 48);
+        assert!(std::mem::offset_of!(Push, pad) == 52);
+        assert!(std::mem::offset_of!(Push, add) == 56);
+        assert!(std::mem::offset_of!(Push, mask) == 60);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub features: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub weights: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub bias: &'a Buf<f32>,
+        /// Writes.
+        pub maps: &'a Buf<f32>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "lpips_conv",
+            local: 64,
+            subgroups: true,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/lpips_conv.spv"),
+            bindings: &[
+                BindingInfo { name: "features", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "weights", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "bias", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "maps", kind: BindingKind::Storage, access: Access::Write },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![self.features.slice(), self.weights.slice(), self.bias.slice(), self.maps.slice()]
+        }
+    }
+}
+
+/// takes the greatest of each 3 x 3 window, two pixels apart, and keeps which it was.
+pub mod lpips_pool {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `width` of the shader.
+        pub width: u32,
+        /// `height` of the shader.
+        pub height: u32,
+        /// `planes` of the shader.
+        pub planes: u32,
+        /// `out_width` of the shader.
+        pub out_width: u32,
+        /// `out_height` of the shader.
+        pub out_height: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 20);
+        assert!(std::mem::offset_of!(Push, width) == 0);
+        assert!(std::mem::offset_of!(Push, height) == 4);
+        assert!(std::mem::offset_of!(Push, planes) == 8);
+        assert!(std::mem::offset_of!(Push, out_width) == 12);
+        assert!(std::mem::offset_of!(Push, out_height) == 16);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub features: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub pooled: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub choices: &'a Buf<u32>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "lpips_pool",
+            local: 64,
+            subgroups: false,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/lpips_pool.spv"),
+            bindings: &[
+                BindingInfo { name: "features", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "pooled", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "choices", kind: BindingKind::Storage, access: Access::Write },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![self.features.slice(), self.pooled.slice(), self.choices.slice()]
+        }
+    }
+}
+
+/// compares the features of picture and truth at one depth of LPIPS's trunk, and forms the cotangent.
+pub mod lpips_tap {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `pixels` of the shader.
+        pub pixels: u32,
+        /// `planes` of the shader.
+        pub planes: u32,
+        /// `first_sum` of the shader.
+        pub first_sum: u32,
+        /// `per_pixel` of the shader.
+        pub per_pixel: f32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 16);
+        assert!(std::mem::offset_of!(Push, pixels) == 0);
+        assert!(std::mem::offset_of!(Push, planes) == 4);
+        assert!(std::mem::offset_of!(Push, first_sum) == 8);
+        assert!(std::mem::offset_of!(Push, per_pixel) == 12);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub features: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub truth_features: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub linear: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub sums: &'a Buf<f32>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "lpips_tap",
+            local: 64,
+            subgroups: true,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/lpips_tap.spv"),
+            bindings: &[
+                BindingInfo { name: "features", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "truth_features", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "linear", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "sums", kind: BindingKind::Storage, access: Access::Write },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![self.features.slice(), self.truth_features.slice(), self.linear.slice(), self.sums.slice()]
+        }
+    }
+}
+
+/// compares the features of picture and truth at one depth of LPIPS's trunk, and forms the cotangent.
+pub mod lpips_tap_bwd {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `pixels` of the shader.
+        pub pixels: u32,
+        /// `planes` of the shader.
+        pub planes: u32,
+        /// `first_sum` of the shader.
+        pub first_sum: u32,
+        /// `per_pixel` of the shader.
+        pub per_pixel: f32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 16);
+        assert!(std::mem::offset_of!(Push, pixels) == 0);
+        assert!(std::mem::offset_of!(Push, planes) == 4);
+        assert!(std::mem::offset_of!(Push, first_sum) == 8);
+        assert!(std::mem::offset_of!(Push, per_pixel) == 12);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub features: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub truth_features: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub linear: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub sums: &'a Buf<f32>,
+        /// Writes.
+        pub d_features: &'a Buf<[f32; 4]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "lpips_tap_bwd",
+            local: 64,
+            subgroups: true,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/lpips_tap_bwd.spv"),
+            bindings: &[
+                BindingInfo { name: "features", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "truth_features", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "linear", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "sums", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "d_features", kind: BindingKind::Storage, access: Access::Write },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![
+                self.features.slice(),
+                self.truth_features.slice(),
+                self.linear.slice(),
+                self.sums.slice(),
+                self.d_features.slice(),
+            ]
+        }
+    }
+}
+
+/// adds the workgroups' shares of LPIPS.
+pub mod lpips_sum {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `n` of the shader.
+        pub n: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 4);
+        assert!(std::mem::offset_of!(Push, n) == 0);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub sums: &'a Buf<f32>,
+        /// Writes.
+        pub value: &'a Buf<f32>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "lpips_sum",
+            local: 64,
+            subgroups: false,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/lpips_sum.spv"),
+            bindings: &[
+                BindingInfo { name: "sums", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "value", kind: BindingKind::Storage, access: Access::Write },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![self.sums.slice(), self.value.slice()]
+        }
+    }
+}
+
+/// convolves feature maps: forward with bias and ReLU, or a cotangent back to the maps it came from.
+pub mod lpips_conv_bwd {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `in_width` of the shader.
+        pub in_width: u32,
+        /// `in_height` of the shader.
+        pub in_height: u32,
+        /// `in_planes` of the shader.
+        pub in_planes: u32,
+        /// `in_first` of the shader.
+        pub in_first: u32,
+        /// `out_width` of the shader.
+        pub out_width: u32,
+        /// `out_height` of the shader.
+        pub out_height: u32,
+        /// `out_channels` of the shader.
+        pub out_channels: u32,
+        /// `out_stride` of the shader.
+        pub out_stride: u32,
+        /// `out_first` of the shader.
+        pub out_first: u32,
+        /// `columns` of the shader.
+        pub columns: u32,
+        /// `run` of the shader.
+        pub run: u32,
+        /// `steps` of the shader.
+        pub steps: u32,
+        /// `stride` of the shader.
+        pub stride: u32,
+        /// `pad` of the shader.
+        pub pad: u32,
+        /// `add` of the shader.
+        pub add: u32,
+        /// `mask` of the shader.
+        pub mask: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 64);
+        assert!(std::mem::offset_of!(Push, in_width) == 0);
+        assert!(std::mem::offset_of!(Push, in_height) == 4);
+        assert!(std::mem::offset_of!(Push, in_planes) == 8);
+        assert!(std::mem::offset_of!(Push, in_first) == 12);
+        assert!(std::mem::offset_of!(Push, out_width) == 16);
+        assert!(std::mem::offset_of!(Push, out_height) == 20);
+        assert!(std::mem::offset_of!(Push, out_channels) == 24);
+        assert!(std::mem::offset_of!(Push, out_stride) == 28);
+        assert!(std::mem::offset_of!(Push, out_first) == 32);
+        assert!(std::mem::offset_of!(Push, columns) == 36);
+        assert!(std::mem::offset_of!(Push, run) == 40);
+        assert!(std::mem::offset_of!(Push, steps) == 44);
+        assert!(std::mem::offset_of!(Push, stride) == 48);
+        assert!(std::mem::offset_of!(Push, pad) == 52);
+        assert!(std::mem::offset_of!(Push, add) == 56);
+        assert!(std::mem::offset_of!(Push, mask) == 60);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub features: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub weights: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub forward: &'a Buf<f32>,
+        /// ReadWrites.
+        pub maps: &'a Buf<f32>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "lpips_conv_bwd",
+            local: 64,
+            subgroups: true,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/lpips_conv_bwd.spv"),
+            bindings: &[
+                BindingInfo { name: "features", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "weights", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "forward", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "maps", kind: BindingKind::Storage, access: Access::ReadWrite },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![self.features.slice(), self.weights.slice(), self.forward.slice(), self.maps.slice()]
+        }
+    }
+}
+
+/// carries the cotangent of a pool back to the greatest value of each window.
+pub mod lpips_pool_bwd {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `width` of the shader.
+        pub width: u32,
+        /// `height` of the shader.
+        pub height: u32,
+        /// `planes` of the shader.
+        pub planes: u32,
+        /// `out_width` of the shader.
+        pub out_width: u32,
+        /// `out_height` of the shader.
+        pub out_height: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 20);
+        assert!(std::mem::offset_of!(Push, width) == 0);
+        assert!(std::mem::offset_of!(Push, height) == 4);
+        assert!(std::mem::offset_of!(Push, planes) == 8);
+        assert!(std::mem::offset_of!(Push, out_width) == 12);
+        assert!(std::mem::offset_of!(Push, out_height) == 16);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub features: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub choices: &'a Buf<u32>,
+        /// Reads.
+        pub d_pooled: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub d_features: &'a Buf<[f32; 4]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "lpips_pool_bwd",
+            local: 64,
+            subgroups: false,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/lpips_pool_bwd.spv"),
+            bindings: &[
+                BindingInfo { name: "features", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "choices", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_pooled", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_features", kind: BindingKind::Storage, access: Access::ReadWrite },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![self.features.slice(), self.choices.slice(), self.d_pooled.slice(), self.d_features.slice()]
+        }
+    }
+}
+
+/// adds the cotangent of LPIPS's input to that of the picture.
+pub mod lpips_input_bwd {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `width` of the shader.
+        pub width: u32,
+        /// `first_x` of the shader.
+        pub first_x: u32,
+        /// `first_y` of the shader.
+        pub first_y: u32,
+        /// `crop_width` of the shader.
+        pub crop_width: u32,
+        /// `crop_height` of the shader.
+        pub crop_height: u32,
+        /// `blocks_x` of the shader.
+        pub blocks_x: u32,
+        /// `stride` of the shader.
+        pub stride: u32,
+        /// `pad` of the shader.
+        pub pad: u32,
+        /// `weight` of the shader.
+        pub weight: f32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 36);
+        assert!(std::mem::offset_of!(Push, width) == 0);
+        assert!(std::mem::offset_of!(Push, first_x) == 4);
+        assert!(std::mem::offset_of!(Push, first_y) == 8);
+        assert!(std::mem::offset_of!(Push, crop_width) == 12);
+        assert!(std::mem::offset_of!(Push, crop_height) == 16);
+        assert!(std::mem::offset_of!(Push, blocks_x) == 20);
+        assert!(std::mem::offset_of!(Push, stride) == 24);
+        assert!(std::mem::offset_of!(Push, pad) == 28);
+        assert!(std::mem::offset_of!(Push, weight) == 32);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub d_blocks: &'a Buf<f32>,
+        /// Reads.
+        pub truth: &'a Buf<u32>,
+        /// ReadWrites.
+        pub d_image: &'a Buf<[f32; 4]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "lpips_input_bwd",
+            local: 64,
+            subgroups: false,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/lpips_input_bwd.spv"),
+            bindings: &[
+                BindingInfo { name: "d_blocks", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "truth", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_image", kind: BindingKind::Storage, access: Access::ReadWrite },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![self.d_blocks.slice(), self.truth.slice(), self.d_image.slice()]
+        }
+    }
+}
+
+/// maps each pixel's colour by the affine map that the camera's bilateral grid has at its place and luma; with
+pub mod bilateral_slice {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `width` of the shader.
+        pub width: u32,
+        /// `height` of the shader.
+        pub height: u32,
+        /// `rows` of the shader.
+        pub rows: u32,
+        /// `parts` of the shader.
+        pub parts: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 16);
+        assert!(std::mem::offset_of!(Push, width) == 0);
+        assert!(std::mem::offset_of!(Push, height) == 4);
+        assert!(std::mem::offset_of!(Push, rows) == 8);
+        assert!(std::mem::offset_of!(Push, parts) == 12);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub camera_grid: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub image: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub graded: &'a Buf<[f32; 4]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "bilateral_slice",
+            local: 64,
+            subgroups: true,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/bilateral_slice.spv"),
+            bindings: &[
+                BindingInfo { name: "camera_grid", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "image", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "graded", kind: BindingKind::Storage, access: Access::Write },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![self.camera_grid.slice(), self.image.slice(), self.graded.slice()]
+        }
+    }
+}
+
+/// maps each pixel's colour by the affine map that the camera's bilateral grid has at its place and luma; with
+pub mod bilateral_slice_bwd {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `width` of the shader.
+        pub width: u32,
+        /// `height` of the shader.
+        pub height: u32,
+        /// `rows` of the shader.
+        pub rows: u32,
+        /// `parts` of the shader.
+        pub parts: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 16);
+        assert!(std::mem::offset_of!(Push, width) == 0);
+        assert!(std::mem::offset_of!(Push, height) == 4);
+        assert!(std::mem::offset_of!(Push, rows) == 8);
+        assert!(std::mem::offset_of!(Push, parts) == 12);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub camera_grid: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub image: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub d_graded: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub d_image: &'a Buf<[f32; 4]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "bilateral_slice_bwd",
+            local: 64,
+            subgroups: true,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/bilateral_slice_bwd.spv"),
+            bindings: &[
+                BindingInfo { name: "camera_grid", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "image", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_graded", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_image", kind: BindingKind::Storage, access: Access::Write },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![self.camera_grid.slice(), self.image.slice(), self.d_graded.slice(), self.d_image.slice()]
+        }
+    }
+}
+
+/// sums the cotangents of a part's pixels into the four columns of cells at its corners.
+pub mod bilateral_bwd {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `width` of the shader.
+        pub width: u32,
+        /// `height` of the shader.
+        pub height: u32,
+        /// `rows` of the shader.
+        pub rows: u32,
+        /// `parts` of the shader.
+        pub parts: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 16);
+        assert!(std::mem::offset_of!(Push, width) == 0);
+        assert!(std::mem::offset_of!(Push, height) == 4);
+        assert!(std::mem::offset_of!(Push, rows) == 8);
+        assert!(std::mem::offset_of!(Push, parts) == 12);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub image: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub d_graded: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub partials: &'a Buf<[f32; 4]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "bilateral_bwd",
+            local: 64,
+            subgroups: true,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/bilateral_bwd.spv"),
+            bindings: &[
+                BindingInfo { name: "image", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_graded", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "partials", kind: BindingKind::Storage, access: Access::Write },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![self.image.slice(), self.d_graded.slice(), self.partials.slice()]
+        }
+    }
+}
+
+/// adds the parts' sums around each cell: the gradient of the camera's grid.
+pub mod bilateral_sum {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `parts` of the shader.
+        pub parts: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 4);
+        assert!(std::mem::offset_of!(Push, parts) == 0);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub partials: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub d_grid: &'a Buf<[f32; 4]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "bilateral_sum",
+            local: 64,
+            subgroups: false,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/bilateral_sum.spv"),
+            bindings: &[
+                BindingInfo { name: "partials", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_grid", kind: BindingKind::Storage, access: Access::Write },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![self.partials.slice(), self.d_grid.slice()]
+        }
+    }
+}
+
+/// one step of Adam on one camera's grid, along its gradient and that of the total variation.
+pub mod bilateral_adam {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `rate` of the shader.
+        pub rate: f32,
+        /// `beta1` of the shader.
+        pub beta1: f32,
+        /// `beta2` of the shader.
+        pub beta2: f32,
+        /// `inverse_c2` of the shader.
+        pub inverse_c2: f32,
+        /// `eps` of the shader.
+        pub eps: f32,
+        /// `tv_weight` of the shader.
+        pub tv_weight: f32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 24);
+        assert!(std::mem::offset_of!(Push, rate) == 0);
+        assert!(std::mem::offset_of!(Push, beta1) == 4);
+        assert!(std::mem::offset_of!(Push, beta2) == 8);
+        assert!(std::mem::offset_of!(Push, inverse_c2) == 12);
+        assert!(std::mem::offset_of!(Push, eps) == 16);
+        assert!(std::mem::offset_of!(Push, tv_weight) == 20);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub frame_status: &'a Buf<super::Status>,
+        /// Reads.
+        pub camera_grid: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub d_grid: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub first: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub second: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub stepped: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub sums: &'a Buf<[f32; 4]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "bilateral_adam",
+            local: 64,
+            subgroups: false,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/bilateral_adam.spv"),
+            bindings: &[
+                BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "camera_grid", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "d_grid", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "first", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "second", kind: BindingKind::Storage, access: Access::ReadWrite },
+                BindingInfo { name: "stepped", kind: BindingKind::Storage, access: Access::Write },
+                BindingInfo { name: "sums", kind: BindingKind::Storage, access: Access::Write },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![
+                self.frame_status.slice(),
+                self.camera_grid.slice(),
+                self.d_grid.slice(),
+                self.first.slice(),
+                self.second.slice(),
+                self.stepped.slice(),
+                self.sums.slice(),
+            ]
+        }
+    }
+}
+
+/// takes the mean deviation from the identity over the cameras off every camera's grid.
+pub mod bilateral_gauge {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `n_cameras` of the shader.
+        pub n_cameras: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 4);
+        assert!(std::mem::offset_of!(Push, n_cameras) == 0);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub frame_status: &'a Buf<super::Status>,
+        /// ReadWrites.
+        pub grids: &'a Buf<[f32; 4]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = &KernelInfo {
+            name: "bilateral_gauge",
+            local: 64,
+            subgroups: false,
+            push_bytes: size_of::<Push>() as u32,
+            spirv: include_bytes!("../../shaders-glsl/spv/bilateral_gauge.spv"),
+            bindings: &[
+                BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
+                BindingInfo { name: "grids", kind: BindingKind::Storage, access: Access::ReadWrite },
+            ],
+        };
+        fn slices(&self) -> Vec<Slice> {
+            vec![self.frame_status.slice(), self.grids.slice()]
+        }
+    }
+}
+
 /// one step of dense Adam on one buffer of the Gaussians that the frame did not see.
 pub mod adam_idle {
     use super::super::kernel::*;

@@ -32,8 +32,8 @@ pub use density::{Density, Descendant, Descent, Kind, normals, random_bits, shar
 pub use dual::Dual;
 pub use input::{Camera, Gaussian, Params, Rules, Temporal};
 pub use jvp::{Tangent, jvp, jvp_of};
-pub use prior::{depth_loss, flow_loss};
 pub use lpips::lpips;
+pub use prior::{depth_loss, flow_loss};
 pub use project::{Footprint, Projected, footprint, power, project};
 pub use real::Real;
 pub use scan::{Scan, exclusive_scan};
