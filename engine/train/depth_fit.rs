@@ -29,7 +29,7 @@ const UNSURE: f64 = 0.25;
 /// Largest median residual, in units of the median depth.
 const LOOSE: f64 = 0.1;
 /// Key of the choice of lines.
-const KEY: u64 = 0x6465_7074_68;
+const KEY: u64 = 0x0064_6570_7468;
 
 /// The depth of an image is `scale * prior + shift`, in units of the capture's world.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
@@ -225,8 +225,8 @@ fn fit_line(pairs: &[(f64, f64)]) -> std::result::Result<DepthFit, Unfit> {
         () if n_near < FEWEST => Err(Unfit::FewPoints),
         () if !is_sure => Err(Unfit::Flat),
         () if scale <= 0.0 => Err(Unfit::Inverted),
-        () if !(fit.residual <= LOOSE) => Err(Unfit::Loose),
-        () => Ok(fit),
+        () if fit.residual <= LOOSE => Ok(fit),
+        () => Err(Unfit::Loose),
     }
 }
 

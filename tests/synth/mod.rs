@@ -40,7 +40,7 @@ fn shared() -> &'static Path {
     FOLDER.get_or_init(|| make("shared", &options(), 2))
 }
 
-fn json(path: &Path) -> Value {
+pub fn json(path: &Path) -> Value {
     serde_json::from_slice(&fs::read(path).unwrap()).unwrap()
 }
 

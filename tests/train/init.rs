@@ -20,6 +20,8 @@ fn room() -> &'static (PathBuf, Capture) {
         let folder = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("train-init");
         let options = Options { frames: 4, samples: 2, ..Preset::Small.options(5) };
         write_capture(&folder, &options, 2, &mut |_, _| {}).unwrap();
+        let manifest = std::fs::read_to_string(folder.join("capture.toml")).unwrap();
+        std::fs::write(folder.join("capture.toml"), manifest.replace("points = true", "points = false")).unwrap();
         let mut capture = Capture::open(&folder).unwrap();
         capture.points.clear();
         (folder, capture)

@@ -4,6 +4,7 @@ mod density;
 mod extreme;
 mod init;
 mod plan;
+mod points;
 mod report;
 mod run;
 mod scores;

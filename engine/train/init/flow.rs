@@ -91,7 +91,7 @@ pub(super) fn from_frames(
                 t_center,
                 t_scale: tau.ln() as f32,
             };
-            let is_dynamic = !by_flow || sights.iter().any(|sight| sight.flow.length() > config.init_flow_threshold);
+            let is_dynamic = !by_flow || sights.iter().any(|sight| sight.moved > config.init_flow_threshold);
             if is_dynamic && capture.n_frames > 1 {
                 let way = movement(DVec3::from_array(found.position), sights, config.init_flow_threshold);
                 let motion = motion((way / dt).to_array(), config.init_point_tau * dt);
@@ -118,8 +118,8 @@ struct Sight {
     camera: Pinhole,
     /// Where the point is then, pixels.
     to: DVec2,
-    /// What the point itself moved, pixels: the flow less what the camera's own movement makes of a point at rest.
-    flow: DVec2,
+    /// How far the point itself moved, pixels: the flow less what the camera's own movement makes of a point at rest.
+    moved: f64,
 }
 
 /// By point, who knows its flow. A camera without flow of the frame, as every one at the last, tells with that of the frame
@@ -141,9 +141,9 @@ fn sights(capture: &Capture, points: &[FramePoint], frame: u32, threads: usize) 
             let position = DVec3::from_array(point.position);
             let (at, _) = before.project(position)?;
             let (at_rest, _) = after.project(position)?;
-            let [x, y] = flow[before.pixel(at)?];
-            let to = at + DVec2::new(x.into(), y.into());
-            to.is_finite().then_some(Sight { camera: after, to, flow: to - at_rest })
+            // The pixel's own flow: between pixels it would mix what moves with what stands still behind it.
+            let to = at + DVec2::from(flow[before.pixel(at)?].map(f64::from));
+            to.is_finite().then_some(Sight { camera: after, to, moved: (to - at_rest).length() })
         };
         let seen = points.iter().enumerate().filter(|(_, point)| point.seen_by.contains(&camera));
         Ok(seen.filter_map(|(i, point)| Some((i, sight(point)?))).collect())
@@ -162,7 +162,7 @@ fn movement(position: DVec3, sights: &[Sight], threshold: f64) -> DVec3 {
     let sights: Vec<Sight> = (0..n).map(|i| sights[i * sights.len() / n]).collect();
     let agreeing = |way: DVec3| -> Vec<Sight> {
         let agrees = |sight: &&Sight| {
-            let tolerance = AGREE_THRESHOLDS * threshold + AGREE_PART * sight.flow.length();
+            let tolerance = AGREE_THRESHOLDS * threshold + AGREE_PART * sight.moved;
             sight.camera.project(position + way).is_some_and(|(at, _)| (sight.to - at).length() <= tolerance)
         };
         sights.iter().filter(agrees).copied().collect()
@@ -175,7 +175,7 @@ fn movement(position: DVec3, sights: &[Sight], threshold: f64) -> DVec3 {
             best = agreed;
         }
     }
-    let is_seen = best.len() >= 2 && best.iter().any(|sight| sight.flow.length() > threshold);
+    let is_seen = best.len() >= 2 && best.iter().any(|sight| sight.moved > threshold);
     let way = if is_seen { solve(position, &best) } else { None };
     way.filter(|way| agreeing(*way).len() >= 2).unwrap_or_default()
 }

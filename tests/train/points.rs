@@ -1,0 +1,245 @@
+//! The first Gaussians from the points of every frame, and depth priors fitted to them, against what is true of a
+//! synthetic capture.
+
+use crate::synth::{Body, bodies, json};
+use glam::DVec3;
+use ivv::scene::capture::{Camera, Capture, FramePoint, Manifest};
+use ivv::scene::{Similarity, Splats};
+use ivv::synth::{Options, Preset, write_capture};
+use ivv::train::{Config, DepthSpace, Init, Initial, PointCounts, Unfit, fit_depths, initialise};
+use std::path::PathBuf;
+use std::sync::OnceLock;
+
+/// Points are noisy by 0.004 along each axis; outliers are farther from every surface, or rarely not.
+const NEAR: f64 = 0.025;
+
+/// A folder and the capture in it.
+struct Made {
+    folder: PathBuf,
+    capture: Capture,
+    /// The same with the points of the reference frame alone.
+    sparse: Capture,
+}
+
+/// Made once.
+fn made() -> &'static Made {
+    static MADE: OnceLock<Made> = OnceLock::new();
+    MADE.get_or_init(|| {
+        let folder = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("train-points");
+        let options = Options { frames: 6, samples: 1, ..Preset::Small.options(5) };
+        write_capture(&folder, &options, 2, &mut |_, _| {}).unwrap();
+        let capture = Capture::open(&folder).unwrap();
+        let mut manifest = Manifest::read(&folder).unwrap();
+        manifest.points = false;
+        manifest.write(&folder).unwrap();
+        let sparse = Capture::open(&folder).unwrap();
+        assert!(capture.has_frame_points() && !sparse.has_frame_points());
+        Made { folder, capture, sparse }
+    })
+}
+
+/// The first Gaussians in the capture's own frame.
+fn first(capture: &Capture, config: &Config) -> (Initial, Splats) {
+    let world = capture.normalisation();
+    let mut n_done = 0;
+    let initial = initialise(&capture.clone().transformed(&world), config, &mut |done, total| {
+        assert!(done == n_done + 1 && total == capture.n_frames as usize);
+        n_done = done;
+    });
+    let initial = initial.unwrap();
+    assert_eq!(n_done, capture.n_frames as usize);
+    (initial.clone(), world.inverse().splats(&initial.splats))
+}
+
+fn config(init: Init) -> Config {
+    Config { init, sh_degree: 0, ..Config::default() }
+}
+
+/// What is true of a point.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Truth {
+    /// Its body can move.
+    is_dynamic: bool,
+    /// It moves by more than SPEC 5's threshold in a view that saw it.
+    moves: bool,
+    /// Scene units per clip.
+    velocity: DVec3,
+}
+
+/// `None` of outliers.
+fn truth(bodies: &[Body], capture: &Capture, point: &FramePoint, frame: u32) -> Option<Truth> {
+    let (f, at) = (frame as usize, DVec3::from_array(point.position));
+    let off = |body: &&Body| body.distance(body.local(body.pose(f), at));
+    let body = bodies.iter().filter(|body| body.exists(frame.into())).min_by(|a, b| off(a).total_cmp(&off(b)))?;
+    if off(&body) > NEAR {
+        return None;
+    }
+    let after = if body.dynamic {
+        let (rotation, place) = body.pose(f + 1);
+        rotation * body.local(body.pose(f), at) + place
+    } else {
+        at
+    };
+    let moved = |camera: &Camera| {
+        let place = |at: DVec3| {
+            let m = &camera.world_to_camera;
+            let [x, y, z] = [0, 1, 2].map(|k| DVec3::new(m[k][0], m[k][1], m[k][2]).dot(at) + m[k][3]);
+            [camera.fx * x / z, camera.fy * y / z]
+        };
+        let ([x, y], [u, v]) = (place(at), place(after));
+        (u - x).hypot(v - y)
+    };
+    let moves = point.seen_by.iter().any(|&camera| moved(&capture.cameras[camera]) > 0.1);
+    Some(Truth { is_dynamic: body.dynamic, moves, velocity: (after - at) * f64::from(capture.n_frames) })
+}
+
+#[test]
+fn what_moves_is_told_from_what_stands_still_and_how_it_moves() {
+    let Made { folder, capture, .. } = made();
+    let bodies = bodies(folder);
+    let (initial, splats) = first(capture, &config(Init::Auto));
+    assert_eq!(initial.from, Init::Flow);
+    let counts = initial.counts.unwrap();
+    assert_eq!((counts.n_static, counts.n_dynamic), (splats.n_static, splats.motion.len()));
+    assert_eq!(counts.without_flow, 0);
+    // Dynamic Gaussians come frame by frame, in the order of the points.
+    let mut next = splats.n_static;
+    let mut matches = |point: &FramePoint, frame: u32| {
+        let is_here = splats.motion.get(next - splats.n_static).is_some_and(|motion| {
+            let at = DVec3::from_array(splats.position[next].map(f64::from));
+            motion.t_center == frame as f32 / capture.n_frames as f32
+                && (at - DVec3::from_array(point.position)).length() < 1e-5
+        });
+        next += usize::from(is_here);
+        is_here.then(|| next - 1)
+    };
+    let (mut true_dynamic, mut false_dynamic, mut missed, mut on_bodies, mut n_points) = (0, 0, 0, 0, 0);
+    let (mut errors, mut speeds, mut without) = (Vec::new(), Vec::new(), 0);
+    for frame in 0..capture.n_frames {
+        for point in capture.points_of(frame).unwrap() {
+            n_points += 1;
+            let found = matches(&point, frame);
+            let Some(truth) = truth(&bodies, capture, &point, frame) else { continue };
+            on_bodies += usize::from(truth.is_dynamic);
+            match (found.is_some(), truth.moves) {
+                (true, true) => true_dynamic += 1,
+                (true, false) => false_dynamic += usize::from(!truth.is_dynamic),
+                (false, moves) => missed += usize::from(moves),
+            }
+            let Some(i) = found.filter(|_| truth.moves) else { continue };
+            let velocity = DVec3::from_array(splats.motion[i - splats.n_static].velocity.map(f64::from));
+            if velocity == DVec3::ZERO {
+                without += 1;
+            } else {
+                errors.push((velocity - truth.velocity).length());
+                speeds.push(truth.velocity.length());
+            }
+        }
+    }
+    assert_eq!((n_points, next), (counts.before, splats.len()));
+    let median = |all: &mut Vec<f64>| {
+        all.sort_by(f64::total_cmp);
+        all[all.len() / 2]
+    };
+    let precision = f64::from(true_dynamic) / f64::from(true_dynamic + false_dynamic as i32);
+    let recall = f64::from(true_dynamic) / f64::from(true_dynamic + missed as i32);
+    let (error, speed) = (median(&mut errors), median(&mut speeds));
+    println!(
+        "{counts}; {on_bodies} points on bodies that move; precision {precision:.3}, recall {recall:.3}; velocity off by \
+         {error:.3} at {speed:.3}, {without} moving points without one of {true_dynamic}"
+    );
+    // What stands still is taken for moving where one of eight views shows it in a pixel that a moving thing covers too.
+    assert!(true_dynamic > 300 && precision > 0.75 && recall > 0.96);
+    assert!(error < 0.1 * speed && without < true_dynamic / 5, "{error} {speed} {without}");
+}
+
+#[test]
+fn depth_priors_are_fitted_to_the_hidden_scale_and_shift() {
+    let Made { folder, capture, .. } = made();
+    let hidden = json(&folder.join("truth.json"));
+    let world = Similarity { origin: [0.5, -1.0, 2.0], scale: 0.7 };
+    let mut capture = capture.clone().transformed(&world);
+    // A camera without priors.
+    let without = capture.cameras.iter().rposition(|camera| !camera.is_test).unwrap();
+    capture.cameras[without].shots.iter_mut().for_each(|shot| shot.depth = None);
+    let fits = fit_depths(&capture, DepthSpace::Inverse, 2, &mut |_, _| {}).unwrap();
+    let (mut scales, mut shifts) = (Vec::new(), Vec::new());
+    for ((camera, frame), fit) in fits.iter() {
+        let name = &capture.cameras[camera].name;
+        let Ok(fit) = fit else {
+            assert!(camera == without && fit == Err(Unfit::NoPrior), "{name}, frame {frame}: {fit:?}");
+            continue;
+        };
+        let truth = &hidden["depth_scale_shift"][name][frame as usize];
+        let [scale, shift] = [0, 1].map(|k| truth[k].as_f64().unwrap() / world.scale);
+        assert!(fit.n_points >= 50 && fit.residual < 0.05, "{name}, frame {frame}: {fit:?}");
+        scales.push((fit.scale / scale - 1.0).abs());
+        shifts.push((fit.shift - shift).abs());
+    }
+    scales.sort_by(f64::total_cmp);
+    shifts.sort_by(f64::total_cmp);
+    let (n, last) = (scales.len(), scales.len() - 1);
+    println!("{}; scales off {:.4} and {:.4}", fits.summary(), scales[n / 2], scales[last]);
+    println!("shifts off {:.4} and {:.4}", shifts[n / 2], shifts[last]);
+    assert_eq!(n, 7 * 6);
+    assert!(scales[n / 2] < 0.02 && scales[last] < 0.08, "{scales:?}");
+    let summary = fits.summary();
+    assert_eq!((summary.images, summary.usable, summary.unfit[&Unfit::NoPrior]), (48, 42, 6));
+    // The prior is inverse depth: it falls where depth rises.
+    let metric = fit_depths(&capture, DepthSpace::Metric, 1, &mut |_, _| {}).unwrap().summary();
+    assert_eq!(metric.usable, 0, "{metric}");
+    assert!(metric.unfit[&Unfit::Inverted] >= 40, "{metric}");
+}
+
+#[test]
+fn a_capture_without_points_of_frames_is_fitted_to_its_sparse_points() {
+    let Made { capture, sparse, .. } = made();
+    let [by_frame, sparse] =
+        [capture, sparse].map(|capture| fit_depths(capture, DepthSpace::Inverse, 2, &mut |_, _| {}).unwrap());
+    let mut off: Vec<f64> = Vec::new();
+    for ((camera, frame), fit) in sparse.iter() {
+        let (Ok(fit), Some(other)) = (fit, by_frame.get(camera, frame)) else { continue };
+        off.push((fit.scale / other.scale - 1.0).abs());
+    }
+    off.sort_by(f64::total_cmp);
+    assert!(off.len() > 40 && off[off.len() / 2] < 0.05, "{off:?}");
+}
+
+#[test]
+fn concatenation_keeps_every_point_of_every_frame() {
+    let Made { capture, .. } = made();
+    let (initial, splats) = first(capture, &config(Init::Concat));
+    let counts = initial.counts.unwrap();
+    assert_eq!(counts, PointCounts { before: splats.len(), n_dynamic: splats.len(), ..PointCounts::default() });
+    assert_eq!((splats.n_static, splats.len()), (0, 6 * 600));
+    assert!(splats.motion.iter().all(|m| m.velocity == [0.0; 3] && (m.t_scale.exp() - 2.0 / 6.0).abs() < 1e-6));
+    assert!(splats.motion.iter().enumerate().all(|(i, m)| m.t_center == (i / 600) as f32 / 6.0));
+    assert!(splats.opacity.iter().all(|o| (1.0 / (1.0 + (-o).exp()) - 0.1).abs() < 1e-6));
+    // The size is that among the points of the same frame.
+    let points = capture.points_of(3).unwrap();
+    let at = |point: &FramePoint| DVec3::from_array(point.position);
+    let mut near: Vec<f64> = points[1..].iter().map(|other| (at(other) - at(&points[0])).length()).collect();
+    near.sort_by(f64::total_cmp);
+    let mean = (near[0] + near[1] + near[2]) / 3.0;
+    assert!((f64::from(splats.scale[3 * 600][0].exp()) / mean - 1.0).abs() < 1e-4);
+}
+
+#[test]
+fn thresholds_and_tau_are_as_set_and_what_a_capture_lacks_is_told() {
+    let Made { capture, .. } = made();
+    let (none, _) = first(capture, &Config { init_flow_threshold: 1e9, ..config(Init::Flow) });
+    let counts = none.counts.unwrap();
+    assert_eq!((counts.n_static, counts.n_dynamic), (600, 0));
+    assert_eq!((none.splats.n_static, none.splats.motion.len()), (600, 0));
+    let (paper, _) = first(capture, &Config { init_static_tau: 10.0, init_point_tau: 1.0, ..config(Init::Flow) });
+    let counts = paper.counts.unwrap();
+    assert_eq!((paper.splats.n_static, paper.splats.motion.len()), (0, counts.after()));
+    let taus: Vec<f32> = paper.splats.motion.iter().map(|motion| motion.t_scale.exp()).collect();
+    assert!(taus[..counts.n_static].iter().all(|tau| (tau - 10.0).abs() < 1e-4));
+    assert!(taus[counts.n_static..].iter().all(|tau| (tau - 1.0 / 6.0).abs() < 1e-6));
+    let mut without = capture.clone();
+    without.cameras.iter_mut().flat_map(|camera| &mut camera.shots).for_each(|shot| shot.flow = None);
+    let error = initialise(&without, &config(Init::Flow), &mut |_, _| {}).unwrap_err();
+    assert!(error.exit_code() == 3 && error.to_string().contains("has no optical flow"), "{error}");
+    assert_eq!(initialise(&without, &config(Init::Auto), &mut |_, _| {}).unwrap().from, Init::Points);
+}
