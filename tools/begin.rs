@@ -69,6 +69,7 @@ pub fn plan(capture: &Capture, config: &Config, setup: &Setup, splats: &Splats, 
         cache_bytes,
         priors: setup.has_priors,
         offsets: !setup.learns_offset.is_empty(),
+        grids: !setup.has_grid.is_empty(),
     };
     let is_host = caps.kind == DeviceKind::Cpu;
     Plan::new(&work, &Limits { binding_bytes: caps.max_binding_bytes, memory_bytes: caps.heap_bytes, is_host })

@@ -4,11 +4,11 @@ use crate::device::DeviceArgs;
 use crate::files::{make_folder, read_json, write_json};
 use ivv::gpu::Gpu;
 use ivv::scene::capture::Capture;
-use ivv::scene::{Frame, Splats, View, read_scene};
+use ivv::scene::{Frame, Splats, read_scene};
 use ivv::stage::{Outputs, Renderer};
 use ivv::train::{
-    Config, Evaluation, Example, Log, METRICS_OF, OffsetFit, Report, Run, SceneScores, Scores, Setup, evaluate,
-    fit_offset,
+    Config, Evaluation, Example, Log, METRICS_OF, Meter, OffsetFit, Report, Run, SceneScores, Scores, Setup, Sight,
+    evaluate, fit_offset,
 };
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -46,8 +46,9 @@ impl Scorer<'_> {
     /// Scores `splats` on `frames`; none when there is no frame.
     pub fn some(&self, splats: &Splats, frames: &[(usize, u32)], step: u64) -> ivv::Result<Option<Evaluation>> {
         let mut renderer = Renderer::new(self.gpu.clone(), splats, self.run.constants)?;
-        let none = BTreeMap::new();
-        evaluate(&mut renderer, self.capture, self.config.background, &none, frames, step, |_, _, _| Ok(()))
+        let mut meter = Meter::new(self.gpu.clone(), self.config)?;
+        let sight = Sight::new(self.capture, self.config.background);
+        evaluate(&mut renderer, &mut meter, &sight, frames, step, |_, _, _| Ok(()))
     }
 
     /// Scores `splats`, which `scene` holds, on all test views; writes eval.json and the renders into `output`. Returns
@@ -66,17 +67,17 @@ impl Scorer<'_> {
             make_folder(&folder)?;
             rendered.write_png(&folder.join(format!("{frame:05}.png")))
         };
-        let background = self.config.background;
-        let none = BTreeMap::new();
-        let evaluation = evaluate(&mut renderer, self.capture, background, &none, &frames, step, write)?;
+        let sight = Sight::new(self.capture, self.config.background);
+        let mut meter = Meter::new(self.gpu.clone(), self.config)?;
+        let evaluation = evaluate(&mut renderer, &mut meter, &sight, &frames, step, write)?;
         let Some(evaluation) = evaluation else { return Ok((None, Vec::new())) };
         let mut scores = SceneScores::new(scene, splats, &self.gpu.caps().name, evaluation);
-        scores.mean_at_fitted_offsets = self.at_fitted_offsets(&mut renderer, &frames, step)?;
+        scores.mean_at_fitted_offsets = self.at_fitted_offsets(&mut renderer, &mut meter, &frames, step)?;
         write_json(&output.join("eval.json"), &scores)?;
         let mut examples = Vec::new();
         for (index, why) in scores.evaluation.examples(EXAMPLES) {
             let ((camera, frame), scored) = (frames[index], &scores.evaluation.views[index]);
-            let view = View { background, ..self.capture.view(camera, frame)? };
+            let view = sight.view(camera, frame)?;
             let (render, _) = renderer.render(&view, Outputs::Color)?;
             let truth = self.capture.picture(camera, frame)?;
             examples.push(Example { view: view.name, why, scores: scored.scores, truth, render });
@@ -99,6 +100,7 @@ impl Scorer<'_> {
     fn at_fitted_offsets(
         &self,
         renderer: &mut Renderer,
+        meter: &mut Meter,
         frames: &[(usize, u32)],
         step: u64,
     ) -> ivv::Result<Option<Scores>> {
@@ -107,8 +109,8 @@ impl Scorer<'_> {
             return Ok(None);
         }
         let offsets = fits.into_iter().map(|(camera, fit)| (camera, fit.offset)).collect();
-        let background = self.config.background;
-        let scored = evaluate(renderer, self.capture, background, &offsets, frames, step, |_, _, _| Ok(()))?;
+        let sight = Sight { offsets, ..Sight::new(self.capture, self.config.background) };
+        let scored = evaluate(renderer, meter, &sight, frames, step, |_, _, _| Ok(()))?;
         Ok(scored.map(|evaluation| evaluation.mean))
     }
 

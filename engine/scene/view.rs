@@ -38,7 +38,7 @@ pub struct View {
     #[serde(default)]
     pub background: [f32; 3],
     /// What the output `flow` is.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "FlowModel::is_default")]
     pub flow_model: FlowModel,
     /// `world_to_camera` one frame on, of a camera that moves; [`FlowModel::Displacement`] uses it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -55,6 +55,12 @@ pub enum FlowModel {
     /// pi'(mu(t' + flow_dt)) - pi(mu(t')): where the centre goes in the picture, by its own motion and the camera's; as
     /// `Velocity` for a centre that is not before the camera one frame on.
     Displacement,
+}
+
+impl FlowModel {
+    fn is_default(&self) -> bool {
+        *self == FlowModel::default()
+    }
 }
 
 fn one() -> f64 {

@@ -69,13 +69,16 @@ pub enum Preset {
     Hard,
     /// `Small` with 12 cameras that look outward.
     Outward,
+    /// `Small` with 40 frames and time offsets: for `ivv ablate`.
+    Study,
     /// 20 cameras (3 for test), 480 x 360, 60 frames.
     Room,
 }
 
 impl Preset {
     /// Every preset, the smallest first.
-    pub const ALL: [Preset; 5] = [Preset::Tiny, Preset::Small, Preset::Hard, Preset::Outward, Preset::Room];
+    pub const ALL: [Preset; 6] =
+        [Preset::Tiny, Preset::Small, Preset::Hard, Preset::Outward, Preset::Study, Preset::Room];
 
     /// Its name on the command line.
     pub fn name(self) -> &'static str {
@@ -84,12 +87,13 @@ impl Preset {
             Preset::Small => "small",
             Preset::Hard => "hard",
             Preset::Outward => "outward",
+            Preset::Study => "study",
             Preset::Room => "room",
         }
     }
 
-    /// Its options. All but `Hard` have true clocks and colours, so that training without offsets and grids is well
-    /// posed; their priors are noisy.
+    /// Its options. All but `Hard` and `Study` have true clocks, all but `Hard` true colours, so that training without offsets
+    /// and grids is well posed; the priors of all are noisy.
     pub fn options(self, seed: u64) -> Options {
         let small = Options {
             seed,
@@ -112,6 +116,7 @@ impl Preset {
             Preset::Small => small,
             Preset::Hard => Options { noise: Noise::All, offsets: true, colors: true, masks: true, ..small },
             Preset::Outward => Options { rig: Rig::Outward, cameras: 12, ..small },
+            Preset::Study => Options { frames: 40, offsets: true, ..small },
             Preset::Room => {
                 let (width, height, samples) = (480, 360, 2);
                 Options { cameras: 20, test_cameras: 3, width, height, frames: 60, samples, points: 4000, ..small }

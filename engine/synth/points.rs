@@ -69,10 +69,14 @@ pub(super) fn points(world: &World, options: &Options, cameras: &[Camera], frame
     points
 }
 
-/// Moving things are small and many eyes lie on them; walls and floor are large.
+/// Walls and floor are large and dull; what moves has fewer points than it fills of the pictures, since it is blurred and
+/// hides itself.
 fn weight(now: &Snapshot, hit: &Hit) -> f64 {
-    let body = now.placed[hit.body].body;
-    if body.dynamic || hit.body != 0 { 1.0 } else { 0.5 }
+    match now.placed[hit.body].body.dynamic {
+        true => 0.4,
+        false if hit.body == 0 => 0.5,
+        false => 1.0,
+    }
 }
 
 fn sees(now: &Snapshot, camera: &Camera, point: DVec3) -> bool {

@@ -7,6 +7,7 @@
 use super::config::Config;
 use crate::error::{Error, Result};
 use crate::scene::{Similarity, Splats, write_atomic};
+use crate::stage::GridState;
 use std::path::{Path, PathBuf};
 
 const MAGIC: &[u8; 8] = b"IVVCKPT3";
@@ -48,6 +49,10 @@ pub struct CameraState {
     pub clocks: Vec<[f32; 4]>,
     /// By camera, whether its offset is learnt; empty where none is.
     pub learns_offset: Vec<bool>,
+    /// Bilateral grids of the training cameras with their moments; empty where there are none.
+    pub grids: Vec<GridState>,
+    /// Steps of each grid.
+    pub grid_steps: Vec<u64>,
 }
 
 #[derive(serde::Serialize, serde::Deserialize)]
@@ -60,6 +65,7 @@ struct Header {
     n_static: usize,
     sh_degree: u32,
     learns_offset: Vec<bool>,
+    grid_steps: Vec<u64>,
     sections: Vec<Section>,
 }
 
@@ -109,6 +115,12 @@ impl Checkpoint {
         }
         all.push(("state".to_owned(), self.state.as_flattened()));
         all.push(("clocks".to_owned(), self.cameras.clocks.as_flattened()));
+        for (index, GridState { grid, first, second }) in self.cameras.grids.iter().enumerate() {
+            all.extend(
+                [("values", grid), ("first", first), ("second", second)]
+                    .map(|(part, values)| (format!("grid{index}.{part}"), values.as_slice())),
+            );
+        }
         all
     }
 
@@ -136,6 +148,7 @@ impl Checkpoint {
             n_static: self.params.n_static,
             sh_degree: self.params.sh_degree,
             learns_offset: self.cameras.learns_offset.clone(),
+            grid_steps: self.cameras.grid_steps.clone(),
             sections: sections.iter().map(told).collect(),
         };
         write_atomic(&file, |to| {
@@ -255,11 +268,20 @@ impl Checkpoint {
             return Err(fault("sections", "are of different numbers of Gaussians".to_owned()));
         }
         let clocks: Vec<[f32; 4]> = take("clocks")?.as_chunks().0.to_vec();
-        let Header { step, total, config, world, origin, learns_offset, .. } = header;
+        let Header { step, total, config, world, origin, learns_offset, grid_steps, .. } = header;
+        let mut grids = Vec::new();
+        for index in 0..grid_steps.len() {
+            let mut part = |part: &str| take(&format!("grid{index}.{part}"));
+            let grid = GridState { grid: part("values")?, first: part("first")?, second: part("second")? };
+            if !grid.is_sound() {
+                return Err(fault(&format!("grid{index}"), "is no bilateral grid".to_owned()));
+            }
+            grids.push(grid);
+        }
         if clocks.len() != learns_offset.len() {
             return Err(fault("sections", "are of different numbers of cameras".to_owned()));
         }
-        let cameras = CameraState { clocks, learns_offset };
+        let cameras = CameraState { clocks, learns_offset, grids, grid_steps };
         Ok(Checkpoint { step, total, config, world, origin, params, first, second, state, cameras })
     }
 

@@ -1,6 +1,7 @@
 //! All numbers of a training run, with their defaults (SPEC 6).
 
 use crate::stage::{Accumulation, AdamMode, DepthSpace};
+use std::path::PathBuf;
 
 /// A training run. Everything but the capture; two runs with equal settings on one machine give equal bits.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -38,6 +39,8 @@ pub struct Config {
     pub loss: Loss,
     /// Whether the cameras' time offsets are learnt (SPEC 2).
     pub offsets: bool,
+    /// Whether each camera has a bilateral grid of colour maps (SPEC 7).
+    pub grids: bool,
     /// Learning rates.
     pub lr: LearningRates,
     /// Which Gaussians take a step: `dense` (all; the reference), `lazy` (those in view catch up first), `sparse`.
@@ -50,7 +53,7 @@ pub struct Config {
 
 /// The terms of the loss beside the photometric one, whose weight is 1 (SPEC 4). A term of weight 0, or without data,
 /// costs nothing.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Loss {
     /// Weight of the mean error of the depth, where the capture has priors of it.
@@ -65,6 +68,16 @@ pub struct Loss {
     pub flow_model: FlowChoice,
     /// Weight of the sum of the squared time offsets, frames.
     pub offset: f64,
+    /// Weight of the total variation of the camera's bilateral grid.
+    pub grid_variation: f64,
+    /// Weight of LPIPS, where there are [`Loss::lpips_weights`].
+    pub lpips: f64,
+    /// The weights of its trunk, as `tools/lpips_weights.py` writes them.
+    pub lpips_weights: Option<PathBuf>,
+    /// LPIPS of a square of this side alone, elsewhere in each step, pixels; 0 for the whole picture.
+    pub lpips_crop: u32,
+    /// LPIPS in every n-th step alone, with n times the weight.
+    pub lpips_every: u64,
 }
 
 /// What the rendered flow is, see [`crate::scene::FlowModel`].
@@ -89,6 +102,11 @@ impl Default for Loss {
             flow: 1.0,
             flow_model: FlowChoice::Auto,
             offset: 1e-4,
+            grid_variation: 10.0,
+            lpips: 0.1,
+            lpips_weights: None,
+            lpips_crop: 0,
+            lpips_every: 1,
         }
     }
 }
@@ -212,8 +230,19 @@ impl Config {
     /// # Errors
     /// Its name and what is wrong.
     pub fn check(&self) -> Result<(), String> {
-        let LearningRates { position, sh0, sh_rest, opacity, scale, rotation, velocity, t_center, t_scale, offset } =
-            self.lr;
+        let LearningRates {
+            position,
+            sh0,
+            sh_rest,
+            opacity,
+            scale,
+            rotation,
+            velocity,
+            t_center,
+            t_scale,
+            offset,
+            grid,
+        } = self.lr;
         let all = [
             ("position", position),
             ("sh0", sh0),
@@ -225,6 +254,7 @@ impl Config {
             ("t_center", t_center),
             ("t_scale", t_scale),
             ("offset", offset),
+            ("grid", grid),
         ];
         for (name, Rate { start, end }) in all {
             let positive = start > 0.0 && end > 0.0 && start.is_finite() && end.is_finite();
@@ -232,8 +262,18 @@ impl Config {
                 return Err(format!("lr.{name} goes from {start} to {end}: both must be positive, or both 0"));
             }
         }
-        let Loss { depth, flow, offset, .. } = self.loss;
-        for (name, weight) in [("depth", depth), ("flow", flow), ("offset", offset)] {
+        let Loss { depth, flow, offset, grid_variation, lpips, lpips_every, .. } = self.loss;
+        let weights = [
+            ("depth", depth),
+            ("flow", flow),
+            ("offset", offset),
+            ("grid_variation", grid_variation),
+            ("lpips", lpips),
+        ];
+        if lpips_every == 0 {
+            return Err("loss.lpips_every is 0: LPIPS is due in every n-th step, n at least 1".to_owned());
+        }
+        for (name, weight) in weights {
             if !(weight >= 0.0 && weight.is_finite()) {
                 return Err(format!("loss.{name} is {weight}: a weight is 0 or more"));
             }
@@ -273,6 +313,8 @@ pub struct LearningRates {
     pub t_scale: Rate,
     /// Of the cameras' time offsets, frames.
     pub offset: Rate,
+    /// Of the bilateral grids.
+    pub grid: Rate,
 }
 
 impl Default for LearningRates {
@@ -289,6 +331,7 @@ impl Default for LearningRates {
             t_center: constant(1e-5),
             t_scale: constant(3e-2),
             offset: constant(1e-3),
+            grid: constant(2e-3),
         }
     }
 }
@@ -312,6 +355,7 @@ impl Default for Config {
             background: [0.0; 3],
             loss: Loss::default(),
             offsets: true,
+            grids: true,
             lr: LearningRates::default(),
             adam: AdamMode::default(),
             accumulation: Accumulation::default(),

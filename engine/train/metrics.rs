@@ -1,17 +1,19 @@
 //! How well pictures match their truth.
 
 use super::align::{aligned_mse, visible_pairs};
+use super::config::Config;
 use crate::error::{Error, Result};
 use crate::gpu::{Gpu, Recording};
 use crate::scene::capture::{Capture, Picture};
 use crate::scene::{Frame, Splats, View};
-use crate::stage::{Outputs, Photometric, Renderer};
+use crate::stage::{Compared, Lpips, Outputs, Photometric, Renderer};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::Instant;
 
 /// What the scores mean, by name; written beside every set of them.
-pub const METRICS: [(&str, &str); 5] = [
+pub const METRICS: [(&str, &str); 6] = [
     ("psnr", "-10 log10 of the mean squared error, dB, over the three channels of the pixels that count"),
     ("psnr_aligned", "PSNR after the affine map of colours, one for each view, that brings it closest to the image"),
     (
@@ -19,6 +21,7 @@ pub const METRICS: [(&str, &str); 5] = [
         "PSNR over what moves, where the capture has foreground masks; means are over views in which it shows",
     ),
     ("ssim", "as 3DGS: 11 x 11 Gaussian window, sigma 1.5, zero padding, C1 = 0.01^2, C2 = 0.03^2"),
+    ("lpips", "LPIPS v0.1 of the whole view (SPEC 4), where the run has weights for it; hidden pixels equal the image"),
     ("l1", "mean absolute error over the same values as PSNR"),
 ];
 
@@ -40,6 +43,9 @@ pub struct Scores {
     pub ssim: f64,
     /// Mean absolute error.
     pub l1: f64,
+    /// LPIPS; none without weights, or of a view that is too small for them.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lpips: Option<f64>,
 }
 
 /// Scores of a named view.
@@ -74,13 +80,18 @@ impl Evaluation {
     /// The evaluation of `views` after `step` steps; none when there is no view.
     pub fn new(step: u64, views: Vec<ViewScores>) -> Option<Self> {
         let mean = |score: fn(&Scores) -> f64| views.iter().map(|v| score(&v.scores)).sum::<f64>() / views.len() as f64;
-        let foreground: Vec<f64> = views.iter().filter_map(|v| v.scores.psnr_foreground).collect();
+        // Of those views that have it.
+        let some = |score: fn(&Scores) -> Option<f64>| {
+            let of: Vec<f64> = views.iter().filter_map(|v| score(&v.scores)).collect();
+            (!of.is_empty()).then(|| of.iter().sum::<f64>() / of.len() as f64)
+        };
         let mean = Scores {
             psnr: mean(|s| s.psnr),
             psnr_aligned: mean(|s| s.psnr_aligned),
-            psnr_foreground: (!foreground.is_empty()).then(|| foreground.iter().sum::<f64>() / foreground.len() as f64),
+            psnr_foreground: some(|s| s.psnr_foreground),
             ssim: mean(|s| s.ssim),
             l1: mean(|s| s.l1),
+            lpips: some(|s| s.lpips),
         };
         (!views.is_empty()).then_some(Evaluation { step, mean, views })
     }
@@ -176,27 +187,51 @@ pub fn spread(frames: &[(usize, u32)], n: usize) -> Vec<(usize, u32)> {
     (0..n).map(|k| frames[(2 * k + 1) * frames.len() / (2 * n)]).collect()
 }
 
-/// Renders each (camera, frame) of `frames` over `background`, at the camera's time offset in `offsets` (frames, by camera;
-/// 0 where it has none), and scores it; `seen` is handed every picture with its camera and frame. None when there is no
-/// frame.
+/// How the views of a capture are rendered.
+#[derive(Clone)]
+pub struct Sight<'a> {
+    /// The capture.
+    pub capture: &'a Capture,
+    /// Colour behind the scene.
+    pub background: [f32; 3],
+    /// Time offsets by camera, frames; 0 for those that have none.
+    pub offsets: BTreeMap<usize, f64>,
+}
+
+impl<'a> Sight<'a> {
+    /// Over `background`, at the capture's own times.
+    pub fn new(capture: &'a Capture, background: [f32; 3]) -> Self {
+        Sight { capture, background, offsets: BTreeMap::new() }
+    }
+
+    /// The view of `camera` at `frame`.
+    ///
+    /// # Errors
+    /// As [`Capture::view`].
+    pub fn view(&self, camera: usize, frame: u32) -> Result<View> {
+        let time_offset = self.offsets.get(&camera).copied().unwrap_or(0.0);
+        Ok(View { background: self.background, time_offset, ..self.capture.view(camera, frame)? })
+    }
+}
+
+/// Renders each (camera, frame) of `frames` as `sight` says, and scores it with `meter`; `seen` is handed every picture with
+/// its camera and frame. None when there is no frame.
 ///
 /// # Errors
 /// [`Error::NonFinite`] when a picture has a value that is not finite; those of the renderer, of the capture's pictures
 /// and of `seen`.
 pub fn evaluate(
     renderer: &mut Renderer,
-    capture: &Capture,
-    background: [f32; 3],
-    offsets: &BTreeMap<usize, f64>,
+    meter: &mut Meter,
+    sight: &Sight,
     frames: &[(usize, u32)],
     step: u64,
     mut seen: impl FnMut(usize, u32, &Frame) -> Result<()>,
 ) -> Result<Option<Evaluation>> {
-    let gpu = renderer.gpu().clone();
+    let capture = sight.capture;
     let mut views = Vec::new();
     for &(camera, frame) in frames {
-        let time_offset = offsets.get(&camera).copied().unwrap_or(0.0);
-        let view = View { background, time_offset, ..capture.view(camera, frame)? };
+        let view = sight.view(camera, frame)?;
         let begun = Instant::now();
         let (rendered, _) = renderer.render(&view, Outputs::Color)?;
         let render_ms = 1e3 * begun.elapsed().as_secs_f64();
@@ -205,7 +240,7 @@ pub fn evaluate(
             return Err(Error::NonFinite { what: format!("view `{}`", view.name), count: n_bad });
         }
         let picture = capture.picture(camera, frame)?;
-        let mut scores = scores(&gpu, &rendered, &picture)?;
+        let mut scores = meter.scores(&rendered, &picture)?;
         if let Some(foreground) = capture.foreground(camera, frame)? {
             scores.psnr_foreground = psnr_of(&rendered, &picture, |pixel| foreground[pixel]);
         }
@@ -233,23 +268,54 @@ fn psnr_of(frame: &Frame, picture: &Picture, counts: impl Fn(usize) -> bool) -> 
     (n > 0).then(|| psnr(sum / (3 * n) as f64))
 }
 
-/// Scores of `frame` against `picture`, of the same size, but for those of the foreground.
-pub fn scores(gpu: &Gpu, frame: &Frame, picture: &Picture) -> Result<Scores> {
-    let clamped: Vec<[f32; 3]> = frame.color.iter().map(|c| c.map(|x| x.clamp(0.0, 1.0))).collect();
-    let visible = visible_pairs(frame, picture);
-    let squares: f64 = visible.iter().flat_map(|(a, b)| (0..3).map(|c| (a[c] - b[c]).powi(2))).sum();
-    let n_visible = visible.len().max(1) as u32;
-    let image: Vec<[f32; 4]> = clamped.iter().map(|[r, g, b]| [*r, *g, *b, 1.0]).collect();
-    let image = gpu.upload("scored image", &image)?;
-    let d_image = gpu.alloc("scored cotangent", clamped.len())?;
-    let loss = Photometric::new(gpu, clamped.len())?;
-    gpu.write(&loss.truth, &picture.pixels)?;
-    let mut rec = Recording::new();
-    loss.record(&mut rec, &image, &d_image, [picture.width, picture.height], n_visible);
-    gpu.run(&rec)?;
-    let sums = gpu.read(&loss.sums)?.first().copied().unwrap_or_default();
-    let [ssim, l1, _] = Photometric::values(sums, n_visible);
-    // A picture that is hidden as a whole has no error.
-    let psnr_aligned = if visible.is_empty() { psnr(0.0) } else { psnr(aligned_mse(&visible)) };
-    Ok(Scores { psnr: psnr(squares / (3.0 * f64::from(n_visible))), psnr_aligned, psnr_foreground: None, ssim, l1 })
+/// Scores pictures.
+pub struct Meter {
+    gpu: Arc<Gpu>,
+    lpips: Option<Lpips>,
+}
+
+impl Meter {
+    /// With LPIPS where `config` names its weights.
+    ///
+    /// # Errors
+    /// As [`Lpips::load`].
+    pub fn new(gpu: Arc<Gpu>, config: &Config) -> Result<Self> {
+        let weights = config.loss.lpips_weights.as_ref();
+        let lpips = weights.map(|weights| Lpips::load(&gpu, weights)).transpose()?;
+        Ok(Meter { gpu, lpips })
+    }
+
+    /// Scores of `frame` against `picture`, of the same size, but for that of the foreground.
+    ///
+    /// # Errors
+    /// Those of the device.
+    pub fn scores(&mut self, frame: &Frame, picture: &Picture) -> Result<Scores> {
+        let gpu = &self.gpu;
+        let clamped: Vec<[f32; 3]> = frame.color.iter().map(|c| c.map(|x| x.clamp(0.0, 1.0))).collect();
+        let visible = visible_pairs(frame, picture);
+        let squares: f64 = visible.iter().flat_map(|(a, b)| (0..3).map(|c| (a[c] - b[c]).powi(2))).sum();
+        let n_visible = visible.len().max(1) as u32;
+        let image: Vec<[f32; 4]> = clamped.iter().map(|[r, g, b]| [*r, *g, *b, 1.0]).collect();
+        let image = gpu.upload("scored image", &image)?;
+        let d_image = gpu.alloc("scored cotangent", clamped.len())?;
+        let loss = Photometric::new(gpu, clamped.len())?;
+        gpu.write(&loss.truth, &picture.pixels)?;
+        let size = [picture.width, picture.height];
+        let mut rec = Recording::new();
+        loss.record(&mut rec, &image, &d_image, size, n_visible);
+        let mut lpips = self.lpips.as_mut().filter(|lpips| lpips.scratch_bytes(size, false).is_ok());
+        if let Some(lpips) = &mut lpips {
+            let compared = Compared { image: &image, truth: &loss.truth, size, origin: [0, 0], crop: size };
+            lpips.record(gpu, &mut rec, &compared, None)?;
+        }
+        gpu.run(&rec)?;
+        let sums = gpu.read(&loss.sums)?.first().copied().unwrap_or_default();
+        let [ssim, l1, _] = Photometric::values(sums, n_visible);
+        let lpips = lpips.map(|lpips| gpu.read(&lpips.value)).transpose()?;
+        let lpips = lpips.and_then(|value| value.first().copied().map(f64::from));
+        // A picture that is hidden as a whole has no error.
+        let psnr_aligned = if visible.is_empty() { psnr(0.0) } else { psnr(aligned_mse(&visible)) };
+        let psnr = psnr(squares / (3.0 * f64::from(n_visible)));
+        Ok(Scores { psnr, psnr_aligned, psnr_foreground: None, ssim, l1, lpips })
+    }
 }

@@ -30,7 +30,9 @@ pub use density::{density_round, noise, regularisers};
 pub use depth_fit::{DepthFit, DepthFits, DepthSummary, Unfit, fit_depths};
 pub use init::{Initial, PointCounts, from_points, initialise, random_points};
 pub use log::{Kind, Log};
-pub use metrics::{Evaluation, METRICS, METRICS_OF, SceneScores, Scores, ViewScores, evaluate, psnr, scores, spread};
+pub use metrics::{
+    Evaluation, METRICS, METRICS_OF, Meter, SceneScores, Scores, Sight, ViewScores, evaluate, psnr, spread,
+};
 pub use offsets::{OffsetFit, fit_offset};
 pub use plan::{BoundBy, Class, INTERSECTIONS_PER_GAUSSIAN, Limits, Need, Plan, Workload};
 pub use random::{Random, permutation};

@@ -2,16 +2,21 @@
 
 use super::checkpoint::CameraState;
 use super::config::Config;
+use super::random::Random;
 use super::setup::Setup;
 use crate::error::Result;
+use crate::gpu::Buf;
 use crate::gpu::{Gpu, Recording, Slice};
 use crate::scene::capture::Picture;
 use crate::stage::{
-    Backward, Blend, ClockStep, Clocks, Outputs, Photometric, PriorLoss, PriorWeights, SSIM_WEIGHT, Workspace,
+    Backward, Blend, ClockStep, Clocks, Compared, Cotangent, GridStep, Grids, Lpips, Outputs, Photometric, PriorLoss,
+    PriorWeights, SSIM_WEIGHT, Workspace,
 };
 
 /// Pixels that a term needs to be used: a mean over fewer would pull hard on them.
 const LEAST_PIXELS: u32 = 64;
+/// Purpose of the random numbers of a step that place the crop of LPIPS; density control has 1 and 2.
+const CROP: u64 = 3;
 
 /// The terms of the loss, with their scratch, and the cameras' own parameters.
 pub(super) struct Objective {
@@ -20,7 +25,20 @@ pub(super) struct Objective {
     priors: Option<PriorLoss>,
     clocks: Option<Clocks>,
     learns_offset: Vec<bool>,
+    graded: Option<Graded>,
+    lpips: Option<Lpips>,
     dt: f64,
+}
+
+/// The cameras' bilateral grids, and pictures as they show them.
+struct Graded {
+    grids: Grids,
+    /// By camera, its place among the grids.
+    of_camera: Vec<Option<usize>>,
+    /// By place, steps of this grid so far.
+    steps: Vec<u64>,
+    image: Buf<[f32; 4]>,
+    d_image: Buf<[f32; 4]>,
 }
 
 /// What of one picture goes to the device.
@@ -30,12 +48,18 @@ pub(super) struct Target {
     truth: Slice,
     /// Where the picture has priors that are used.
     priors: Option<(Slice, PriorWeights)>,
+    /// Place and step of the camera's grid.
+    grid: Option<(usize, u64)>,
+    /// Where LPIPS is due: origin and size of the crop.
+    crop: Option<[[u32; 2]; 2]>,
 }
 
 /// Where a step leaves the values of its terms.
 pub(super) struct Sums {
     photometric: Slice,
     priors: Option<(Slice, PriorWeights)>,
+    lpips: Option<Slice>,
+    variation: Option<Slice>,
 }
 
 /// Values of the terms of one picture.
@@ -47,6 +71,8 @@ pub(super) struct Values {
     pub mse: f64,
     pub depth: Option<f64>,
     pub flow: Option<f64>,
+    pub lpips: Option<f64>,
+    pub grid_variation: Option<f64>,
 }
 
 impl Objective {
@@ -57,8 +83,24 @@ impl Objective {
             priors: None,
             clocks: None,
             learns_offset: setup.learns_offset.clone(),
+            graded: None,
+            lpips: None,
             dt: setup.dt,
         };
+        if let Some(weights) = config.loss.lpips_weights.as_ref().filter(|_| config.loss.lpips > 0.0) {
+            objective.lpips = Some(Lpips::load(gpu, weights)?);
+        }
+        let n_grids = setup.has_grid.iter().filter(|has| **has).count();
+        if n_grids > 0 {
+            let mut place = 0..n_grids;
+            objective.graded = Some(Graded {
+                grids: Grids::new(gpu, n_grids)?,
+                of_camera: setup.has_grid.iter().map(|has| if *has { place.next() } else { None }).collect(),
+                steps: vec![0; n_grids],
+                image: gpu.alloc("image graded", 1)?,
+                d_image: gpu.alloc("d image graded", 1)?,
+            });
+        }
         if setup.has_priors {
             objective.priors = Some(PriorLoss::new(gpu, 1, config.loss.depth_space)?);
         }
@@ -79,17 +121,21 @@ impl Objective {
         self.clocks.is_some()
     }
 
-    /// Room for pictures of `pixels` pixels.
+    /// Room for pictures of `pixels` pixels and `height` rows.
     pub fn fit(&mut self, gpu: &Gpu, pixels: usize) -> Result<()> {
         self.photometric = Photometric::new(gpu, pixels)?;
+        if let Some(graded) = &mut self.graded {
+            graded.image = gpu.alloc("image graded", pixels)?;
+            graded.d_image = gpu.alloc("d image graded", pixels)?;
+        }
         if self.priors.is_some() {
             self.priors = Some(PriorLoss::new(gpu, pixels, self.config.loss.depth_space)?);
         }
         Ok(())
     }
 
-    /// Stages a picture.
-    pub fn stage(&self, gpu: &Gpu, picture: &Picture) -> Result<Target> {
+    /// Stages the picture of step `step`, which `camera` took.
+    pub fn stage(&mut self, gpu: &Gpu, picture: &Picture, camera: usize, step: u64) -> Result<Target> {
         let n_visible = picture.pixels.iter().filter(|word| **word >> 24 != 0).count().max(1) as u32;
         let loss = &self.config.loss;
         let used = |weight: f64, n: u32| if n >= LEAST_PIXELS { weight } else { 0.0 };
@@ -102,7 +148,19 @@ impl Objective {
         let is_used = self.priors.is_some() && (weights.depth > 0.0 || weights.flow > 0.0);
         let priors = if is_used { Some((gpu.stage("staged priors", &picture.priors)?, weights)) } else { None };
         let truth = gpu.stage("staged truth", &picture.pixels)?;
-        Ok(Target { size: [picture.width, picture.height], n_visible, truth, priors })
+        let size = [picture.width, picture.height];
+        let grid = self.graded.as_mut().and_then(|graded| {
+            let place = graded.of_camera.get(camera).copied().flatten()?;
+            graded.steps[place] += 1;
+            Some((place, graded.steps[place]))
+        });
+        let crop = (self.lpips.is_some() && step.is_multiple_of(loss.lpips_every)).then(|| {
+            let crop = size.map(|side| if loss.lpips_crop == 0 { side } else { side.min(loss.lpips_crop) });
+            let random = Random::new(&[self.config.seed, step, CROP]);
+            let place = |axis: usize| (random.bits(axis as u64) % u64::from(size[axis] - crop[axis] + 1)) as u32;
+            [[place(0), place(1)], crop]
+        });
+        Ok(Target { size, n_visible, truth, priors, grid, crop })
     }
 
     /// Appends the upload of `target` and the shift of the view by the clock of `camera`.
@@ -118,8 +176,34 @@ impl Objective {
     }
 
     /// Appends the terms on the frame that was rendered, and the cotangents of its pictures.
-    pub fn record_loss(&self, rec: &mut Recording, blend: &Blend, backward: &Backward, target: &Target) {
-        self.photometric.record(rec, &blend.image0, &backward.d_image0, target.size, target.n_visible);
+    ///
+    /// # Errors
+    /// Those of [`Lpips::record`].
+    pub fn record_loss(
+        &mut self,
+        gpu: &Gpu,
+        rec: &mut Recording,
+        blend: &Blend,
+        backward: &Backward,
+        target: &Target,
+    ) -> Result<()> {
+        let (rendered, d_rendered) = (&blend.image0, &backward.d_image0);
+        let grid = self.graded.as_mut().zip(target.grid);
+        if let Some((graded, (place, _))) = grid {
+            graded.grids.fit(gpu, target.size[1])?;
+            graded.grids.record_slice(rec, place, rendered, &graded.image, target.size);
+        }
+        let graded = self.graded.as_ref().zip(target.grid);
+        let (image, d_image) = graded.map_or((rendered, d_rendered), |(graded, _)| (&graded.image, &graded.d_image));
+        self.photometric.record(rec, image, d_image, target.size, target.n_visible);
+        if let (Some(lpips), Some([origin, crop])) = (&mut self.lpips, target.crop) {
+            let compared = Compared { image, truth: &self.photometric.truth, size: target.size, origin, crop };
+            let weight = self.config.loss.lpips * self.config.loss.lpips_every as f64;
+            lpips.record(gpu, rec, &compared, Some(Cotangent { d_image, weight: weight as f32 }))?;
+        }
+        if let Some((graded, (place, _))) = graded {
+            graded.grids.record_backward(rec, place, rendered, d_image, d_rendered, target.size);
+        }
         if let (Some(loss), Some(image1), Some(d_image1)) = (&self.priors, &blend.image1, &backward.d_image1) {
             let n = target.size[0] * target.size[1];
             match &target.priors {
@@ -127,15 +211,29 @@ impl Objective {
                 None => rec.fill(d_image1.range(0, n as usize).slice(), 0),
             }
         }
+        Ok(())
     }
 
     /// Appends step `step` of the cameras' own parameters, after the backward pass.
-    pub fn record_step(&self, rec: &mut Recording, work: &Workspace, camera: usize, step: u64, total: u64) {
+    pub fn record_step(
+        &self,
+        rec: &mut Recording,
+        work: &Workspace,
+        target: &Target,
+        camera: usize,
+        step: u64,
+        total: u64,
+    ) {
+        let done = (step - 1) as f64 / total.max(1) as f64;
+        if let (Some(graded), Some((place, camera_step))) = (&self.graded, target.grid) {
+            let (rate, tv_weight) = (self.config.lr.grid.at(done), self.config.loss.grid_variation);
+            graded.grids.record_step(rec, place, &GridStep { step, camera_step, rate, tv_weight }, &work.status);
+        }
         let (Some(clocks), Some(backward)) = (&self.clocks, &work.backward) else { return };
         let at = ClockStep {
             camera: camera as u32,
             dt: self.dt,
-            rate: self.config.lr.offset.at((step - 1) as f64 / total.max(1) as f64),
+            rate: self.config.lr.offset.at(done),
             regulariser: self.config.loss.offset,
             step,
         };
@@ -146,11 +244,21 @@ impl Objective {
     pub fn record_report(&self, rec: &mut Recording, gpu: &Gpu, target: &Target) -> Result<Sums> {
         let photometric = gpu.readback::<[f32; 4]>("loss of a step", 1)?;
         rec.copy(self.photometric.sums.slice(), photometric.clone());
-        let mut sums = Sums { photometric, priors: None };
+        let mut sums = Sums { photometric, priors: None, lpips: None, variation: None };
         if let (Some(loss), Some((_, weights))) = (&self.priors, &target.priors) {
             let slice = gpu.readback::<[f32; 4]>("prior losses of a step", 1)?;
             rec.copy(loss.sums.slice(), slice.clone());
             sums.priors = Some((slice, *weights));
+        }
+        if let (Some(lpips), Some(_)) = (&self.lpips, target.crop) {
+            let slice = gpu.readback::<f32>("LPIPS of a step", 1)?;
+            rec.copy(lpips.value.slice(), slice.clone());
+            sums.lpips = Some(slice);
+        }
+        if let (Some(graded), Some(_)) = (&self.graded, target.grid) {
+            let slice = gpu.readback::<[f32; 4]>("variation of a step", 1)?;
+            rec.copy(graded.grids.tv.slice(), slice.clone());
+            sums.variation = Some(slice);
         }
         Ok(sums)
     }
@@ -167,6 +275,17 @@ impl Objective {
             values.depth = (weights.depth > 0.0).then_some(depth);
             values.flow = (weights.flow > 0.0).then_some(flow);
             values.loss += weights.depth * depth + weights.flow * flow;
+        }
+        let loss = &self.config.loss;
+        if let Some(slice) = &sums.lpips {
+            let value = gpu.peek::<f32>(slice)?.first().copied().map_or(0.0, f64::from);
+            values.lpips = Some(value);
+            values.loss += loss.lpips * value;
+        }
+        if let Some(slice) = &sums.variation {
+            let value = f64::from(read(slice)?[0]);
+            values.grid_variation = Some(value);
+            values.loss += loss.grid_variation * value;
         }
         Ok(values)
     }
@@ -191,7 +310,9 @@ impl Objective {
     /// The cameras' own parameters; empty where none are learnt.
     pub fn state(&self, gpu: &Gpu) -> Result<CameraState> {
         let clocks = self.clocks.as_ref().map_or(Ok(Vec::new()), |clocks| gpu.read(&clocks.state))?;
-        Ok(CameraState { clocks, learns_offset: self.learns_offset.clone() })
+        let grids = self.graded.as_ref().map_or(Ok(Vec::new()), |graded| graded.grids.download(gpu))?;
+        let grid_steps = self.graded.as_ref().map_or(Vec::new(), |graded| graded.steps.clone());
+        Ok(CameraState { clocks, learns_offset: self.learns_offset.clone(), grids, grid_steps })
     }
 
     /// Goes on with the cameras' parameters of `state`.
@@ -200,6 +321,12 @@ impl Objective {
         self.clocks = None;
         if !state.clocks.is_empty() {
             self.clocks = Some(Clocks::new(gpu, &state.clocks, &state.learns_offset)?);
+        }
+        if let Some(graded) = &mut self.graded {
+            if graded.steps.len() == state.grids.len() {
+                graded.grids = Grids::upload(gpu, &state.grids)?;
+                graded.steps = state.grid_steps.clone();
+            }
         }
         Ok(())
     }

@@ -29,6 +29,8 @@ pub struct Workload {
     pub priors: bool,
     /// Whether cameras' time offsets are learnt.
     pub offsets: bool,
+    /// Whether cameras have bilateral grids.
+    pub grids: bool,
 }
 
 /// What the device has.
@@ -159,6 +161,12 @@ fn items(work: &Workload) -> Vec<Item> {
             item("d image depth flow", Pixels, Pixel, 16.0, 16.0),
             item("priors", Pixels, Pixel, 8.0, 8.0),
             item("staged priors", Pixels, Pixel, 8.0, 8.0),
+        ]);
+    }
+    if work.grids {
+        items.extend([
+            item("image graded", Pixels, Pixel, 16.0, 16.0),
+            item("d image graded", Pixels, Pixel, 16.0, 16.0),
         ]);
     }
     if work.offsets {

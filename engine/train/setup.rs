@@ -13,6 +13,8 @@ pub struct Setup {
     pub dt: f64,
     /// By camera, whether its time offset is learnt; empty where none is.
     pub learns_offset: Vec<bool>,
+    /// By camera, whether it has a bilateral grid; empty where none has.
+    pub has_grid: Vec<bool>,
     /// Whether pictures may come with priors of depth or flow.
     pub has_priors: bool,
     /// What the rendered flow is, to be like the priors'.
@@ -22,15 +24,23 @@ pub struct Setup {
 impl Setup {
     /// A capture of which nothing is used but its pictures.
     pub fn plain(extent: Extent, dt: f64) -> Self {
-        Setup { extent, dt, learns_offset: Vec::new(), has_priors: false, flow_model: FlowModel::Velocity }
+        Setup {
+            extent,
+            dt,
+            learns_offset: Vec::new(),
+            has_grid: Vec::new(),
+            has_priors: false,
+            flow_model: FlowModel::Velocity,
+        }
     }
 
-    /// What `config` makes of `capture`. A test camera's offset is not learnt; nor is any where time stands still or one
-    /// camera alone is trained on, whose offset the scene's own times take up.
+    /// What `config` makes of `capture`. Offsets and grids are those of the training cameras, of clips that several cameras
+    /// took; a static scene's cameras have one image each, too few to tell a grid from the scene.
     pub fn new(capture: &Capture, config: &Config) -> Self {
-        let learns_offset: Vec<bool> = capture.cameras.iter().map(|camera| !camera.is_test).collect();
-        let n_free = learns_offset.iter().filter(|free| **free).count();
-        let learns = config.offsets && capture.n_frames > 1 && n_free > 1;
+        let trained: Vec<bool> = capture.cameras.iter().map(|camera| !camera.is_test).collect();
+        // Of one camera alone, the scene's own times and colours take up what is off.
+        let is_clip = capture.n_frames > 1 && trained.iter().filter(|trained| **trained).count() > 1;
+        let where_set = |is_set: bool| if is_set && is_clip { trained.clone() } else { Vec::new() };
         let shots = || capture.cameras.iter().filter(|camera| !camera.is_test).flat_map(|camera| &camera.shots);
         let has_depth = config.loss.depth > 0.0 && shots().any(|shot| shot.depth.is_some());
         let has_flow = config.loss.flow > 0.0 && shots().any(|shot| shot.flow.is_some());
@@ -38,7 +48,8 @@ impl Setup {
         Setup {
             extent: capture.extent(),
             dt: 1.0 / f64::from(capture.n_frames.max(1)),
-            learns_offset: if learns { learns_offset } else { Vec::new() },
+            learns_offset: where_set(config.offsets),
+            has_grid: where_set(config.grids),
             has_priors: has_depth || has_flow,
             flow_model: match config.loss.flow_model {
                 FlowChoice::Velocity => FlowModel::Velocity,

@@ -89,6 +89,12 @@ pub struct StepReport {
     /// Mean end-point error of the flow, pixels, where the image has a prior of it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub flow: Option<f64>,
+    /// LPIPS, in the steps that have it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub lpips: Option<f64>,
+    /// Total variation of the camera's bilateral grid, where it has one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub grid_variation: Option<f64>,
     /// Peak signal-to-noise ratio of the training image, dB.
     pub psnr: f64,
     /// Gaussians.
@@ -329,13 +335,13 @@ impl Trainer {
         std::mem::take(&mut self.reports)
     }
 
-    fn inputs(&self, camera: usize, view: &View, picture: &Picture) -> Result<Inputs> {
+    fn inputs(&mut self, camera: usize, view: &View, picture: &Picture) -> Result<Inputs> {
         let (background, flow_model) = (self.config.background, self.setup.flow_model);
         Ok(Inputs {
             step: self.step + 1,
             camera,
             view: View { background, flow_model, ..view.clone() },
-            truth: self.objective.stage(&self.gpu, picture)?,
+            truth: self.objective.stage(&self.gpu, picture, camera, self.step + 1)?,
         })
     }
 
@@ -407,6 +413,8 @@ impl Trainer {
             ssim: values.ssim,
             depth: values.depth,
             flow: values.flow,
+            lpips: values.lpips,
+            grid_variation: values.grid_variation,
             psnr: psnr(values.mse),
             gaussians: self.scene.n,
             active: status.n_active,
@@ -452,10 +460,10 @@ impl Trainer {
             optimiser.record_catch_up(rec, scene, &work.cull, status, step - 1);
         });
         if let Some(backward) = &work.backward {
-            self.objective.record_loss(&mut rec, &work.blend, backward, truth);
+            self.objective.record_loss(gpu, &mut rec, &work.blend, backward, truth)?;
             work.record_backward(&mut rec, scene, &lists, n_tiles, n_pixels, rounds, &Target::Step(optimiser));
             optimiser.record_idle(&mut rec, scene, &work.cull, status);
-            self.objective.record_step(&mut rec, work, *camera, *step, self.total);
+            self.objective.record_step(&mut rec, work, truth, *camera, *step, self.total);
             if let Some((rate, key)) = noise(&self.config, *step, self.total, self.setup.extent.radius) {
                 record_mcmc_noise(&mut rec, scene, status, rate, key);
             }

@@ -9,7 +9,7 @@ use ivv::scene::capture::{Capture, Shot};
 use ivv::scene::{Similarity, Splats};
 use ivv::stage::{Outputs, Renderer};
 use ivv::synth::{Options, Preset, write_capture};
-use ivv::train::{Config, Init, Initial, Setup, Trainer, from_points, initialise, random_points, scores};
+use ivv::train::{Config, Init, Initial, Meter, Setup, Trainer, from_points, initialise, random_points};
 use std::path::PathBuf;
 use std::sync::OnceLock;
 
@@ -124,7 +124,11 @@ fn training_from_pictures_is_ahead_of_training_from_random_points() {
         let psnr = |&(camera, frame): &(usize, u32)| {
             let view = capture.view(camera, frame).unwrap();
             let (rendered, _) = renderer.render(&view, Outputs::Color).unwrap();
-            scores(&gpu, &rendered, &capture.picture(camera, frame).unwrap()).unwrap().psnr
+            Meter::new(gpu.clone(), &Config::default())
+                .unwrap()
+                .scores(&rendered, &capture.picture(camera, frame).unwrap())
+                .unwrap()
+                .psnr
         };
         test.iter().map(psnr).sum::<f64>() / test.len() as f64
     };

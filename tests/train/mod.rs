@@ -17,7 +17,7 @@ use ivv::scene::{Motion, Splats};
 use ivv::stage::{Outputs, Renderer};
 use ivv::synth::{Options, Preset, write_capture};
 use ivv::train::{
-    Checkpoint, Config, LearningRates, Rate, Setup, Trainer, from_points, permutation, random_points, rates, scores,
+    Checkpoint, Config, LearningRates, Meter, Rate, Setup, Trainer, from_points, permutation, random_points, rates,
 };
 use std::path::PathBuf;
 
@@ -91,7 +91,11 @@ fn training_halves_the_loss_of_a_dynamic_capture_and_improves_views_it_has_not_s
         assert!(!test.is_empty());
         let score = |(camera, frame): &(usize, u32)| {
             let (rendered, _) = renderer.render(&tiny.capture.view(*camera, *frame).unwrap(), Outputs::Color).unwrap();
-            scores(&gpu, &rendered, &tiny.capture.picture(*camera, *frame).unwrap()).unwrap().psnr
+            Meter::new(gpu.clone(), &Config::default())
+                .unwrap()
+                .scores(&rendered, &tiny.capture.picture(*camera, *frame).unwrap())
+                .unwrap()
+                .psnr
         };
         test.iter().map(score).sum::<f64>() / test.len() as f64
     };

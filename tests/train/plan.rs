@@ -19,6 +19,7 @@ fn workload() -> Workload {
         cache_bytes: 256 << 20,
         priors: false,
         offsets: false,
+        grids: false,
     }
 }
 
@@ -61,6 +62,7 @@ fn the_plan_is_what_a_trainer_allocates_buffer_by_buffer() {
             sh_degree,
             priors: true,
             offsets: is_dynamic,
+            grids: is_dynamic,
             ..workload()
         };
         let need = Plan::new(&work, &LIMITS).begin;

@@ -5,8 +5,9 @@ use crate::synth::{Body, bodies, json};
 use glam::DVec3;
 use ivv::scene::capture::{Camera, Capture, FramePoint, Manifest};
 use ivv::scene::{Similarity, Splats};
+use ivv::stage::DepthSpace;
 use ivv::synth::{Options, Preset, write_capture};
-use ivv::train::{Config, DepthSpace, Init, Initial, PointCounts, Unfit, fit_depths, initialise};
+use ivv::train::{Config, Init, Initial, PointCounts, Unfit, fit_depths, initialise};
 use std::path::PathBuf;
 use std::sync::OnceLock;
 

@@ -3,14 +3,14 @@
 use super::Tiny;
 use crate::common::device::gpu;
 use ivv::train::{
-    Checkpoint, Config, Evaluation, Kind, Log, Scores, Setup, Trainer, ViewScores, evaluate, from_points, psnr, spread,
+    Checkpoint, Config, Evaluation, Kind, Log, Meter, Scores, Setup, Sight, Trainer, ViewScores, evaluate, from_points,
+    psnr, spread,
 };
 use ivv::{Constants, stage::Renderer};
 use serde_json::json;
-use std::collections::BTreeMap;
 
 fn view(name: &str, psnr: f64) -> ViewScores {
-    let scores = Scores { psnr, psnr_aligned: psnr + 1.0, psnr_foreground: None, ssim: 0.5, l1: 0.1 };
+    let scores = Scores { psnr, psnr_aligned: psnr + 1.0, psnr_foreground: None, ssim: 0.5, l1: 0.1, lpips: None };
     ViewScores { view: name.to_owned(), camera: name.to_owned(), frame: 0, scores, render_ms: psnr }
 }
 
@@ -51,8 +51,10 @@ fn a_picture_that_is_not_finite_has_no_score() {
     let splats = from_points(&tiny.capture.points, &tiny.capture, &config);
     let mut renderer = Renderer::new(gpu.clone(), &splats, Constants::default()).unwrap();
     let frames = tiny.capture.test_frames();
-    let mut score =
-        |background| evaluate(&mut renderer, &tiny.capture, background, &BTreeMap::new(), &frames, 1, |_, _, _| Ok(()));
+    let mut meter = Meter::new(gpu.clone(), &Config::default()).unwrap();
+    let mut score = |background| {
+        evaluate(&mut renderer, &mut meter, &Sight::new(&tiny.capture, background), &frames, 1, |_, _, _| Ok(()))
+    };
     assert!(score([0.0; 3]).unwrap().unwrap().mean.psnr > 5.0);
     assert_eq!(score([f32::NAN, 0.0, 0.0]).unwrap_err().exit_code(), 6);
 }
