@@ -69,7 +69,8 @@ pub fn plan(capture: &Capture, config: &Config, setup: &Setup, splats: &Splats, 
         cache_bytes,
         priors: setup.has_priors,
         offsets: !setup.learns_offset.is_empty(),
-        grids: !setup.has_grid.is_empty(),
+        grids: setup.has_grid.iter().filter(|has| **has).count() as u64,
+        height: capture.cameras.iter().map(|camera| camera.height).max().unwrap_or(0),
     };
     let is_host = caps.kind == DeviceKind::Cpu;
     Plan::new(&work, &Limits { binding_bytes: caps.max_binding_bytes, memory_bytes: caps.heap_bytes, is_host })

@@ -8,7 +8,7 @@ use ivv::scene::{Frame, Splats, read_scene};
 use ivv::stage::{Outputs, Renderer};
 use ivv::train::{
     Config, Evaluation, Example, Log, METRICS_OF, Meter, OffsetFit, Report, Run, SceneScores, Scores, Setup, Sight,
-    evaluate, fit_offset,
+    evaluate, fit_offset, offset_pictures,
 };
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -90,11 +90,11 @@ impl Scorer<'_> {
         let Scorer { capture, config, .. } = self;
         let learns = Setup::new(capture, config).learns_offset.contains(&true);
         let cameras = capture.cameras.iter().enumerate().filter(|(_, camera)| learns && camera.is_test);
-        cameras
-            .map(|(index, _)| {
-                Ok((index, fit_offset(renderer, capture, config.background, index, 0.0, FIT_ITERATIONS)?))
-            })
-            .collect()
+        let fit = |(index, _)| {
+            let pictures = offset_pictures(capture, config.background, index)?;
+            Ok((index, fit_offset(renderer, &pictures, 0.0, FIT_ITERATIONS)?))
+        };
+        cameras.map(fit).collect()
     }
 
     fn at_fitted_offsets(

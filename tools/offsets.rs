@@ -5,7 +5,7 @@ use crate::files::write_json;
 use ivv::scene::Splats;
 use ivv::scene::capture::{Camera, Capture};
 use ivv::stage::Renderer;
-use ivv::train::{OffsetFit, Trainer, fit_offset};
+use ivv::train::{OffsetFit, Trainer, fit_offset, offset_pictures};
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -47,7 +47,8 @@ fn learnt(trainer: &mut Trainer, scorer: &Scorer) -> ivv::Result<BTreeMap<usize,
     let mut renderer = Renderer::new((*gpu).clone(), &trainer.splats()?, run.constants)?;
     let cameras = (0..offsets.len()).filter(|camera| learns[*camera]);
     let fit = |camera: usize| {
-        Ok((camera, fit_offset(&mut renderer, capture, config.background, camera, offsets[camera], 0)?))
+        let pictures = offset_pictures(capture, config.background, camera)?;
+        Ok((camera, fit_offset(&mut renderer, &pictures, offsets[camera], 0)?))
     };
     cameras.map(fit).collect()
 }

@@ -89,7 +89,7 @@ pub struct Grids {
     stepped: Buf<[f32; 4]>,
     tv_sums: Buf<[f32; 4]>,
     partials: Buf<[f32; 4]>,
-    kind: DeviceKind,
+    is_cpu: bool,
 }
 
 /// How the pixels of a picture are dealt out.
@@ -102,9 +102,9 @@ struct Parts {
 }
 
 impl Parts {
-    fn new(kind: DeviceKind, height: u32) -> Self {
+    fn new(is_cpu: bool, height: u32) -> Self {
         // A team reads the four columns of cells at its corners once, which pays over many pixels; a GPU wants teams.
-        let most_rows = if kind == DeviceKind::Cpu { 8 } else { 2 };
+        let most_rows = if is_cpu { 8 } else { 2 };
         let panel_rows = height.div_ceil(PANELS);
         let down = panel_rows.div_ceil(most_rows).max(1);
         Parts { rows: panel_rows.div_ceil(down).max(1), down }
@@ -154,7 +154,7 @@ impl Grids {
             stepped: gpu.alloc("bilateral step", ROWS)?,
             tv_sums: gpu.alloc("bilateral variation sums", ROWS.div_ceil(LOCAL))?,
             partials: gpu.alloc("bilateral partials", 0)?,
-            kind: gpu.caps().kind,
+            is_cpu: gpu.caps().kind == DeviceKind::Cpu,
         })
     }
 
@@ -176,10 +176,10 @@ impl Grids {
         self.n_cameras
     }
 
-    /// Bytes of scratch that a backward pass on pictures of `height` rows needs on a device of this kind; the width does
+    /// Bytes of scratch that a backward pass on pictures of `height` rows needs on a CPU driver or another device; the width does
     /// not matter. The graded picture and its cotangent are the caller's, 16 bytes a pixel each.
-    pub fn scratch_bytes(kind: DeviceKind, height: u32) -> u64 {
-        16 * Parts::new(kind, height).n_sums() as u64
+    pub fn scratch_bytes(is_cpu: bool, height: u32) -> u64 {
+        16 * Parts::new(is_cpu, height).n_sums() as u64
     }
 
     /// Makes room for the backward pass of pictures of `height` rows; room once there stays.
@@ -187,7 +187,7 @@ impl Grids {
     /// # Errors
     /// `OutOfMemory` naming the buffer that does not fit.
     pub fn fit(&mut self, gpu: &Gpu, height: u32) -> Result<()> {
-        let needed = Parts::new(self.kind, height).n_sums();
+        let needed = Parts::new(self.is_cpu, height).n_sums();
         if needed > self.partials.len() {
             self.partials = gpu.alloc("bilateral partials", needed)?;
         }
@@ -209,7 +209,7 @@ impl Grids {
         [width, height]: [u32; 2],
     ) {
         rec.stage("bilateral");
-        let parts = Parts::new(self.kind, height);
+        let parts = Parts::new(self.is_cpu, height);
         let camera_grid = &self.of_camera(&self.grids, camera);
         let push = bilateral_slice::Push { width, height, rows: parts.rows, parts: parts.down };
         rec.pass(bilateral_slice::Args { camera_grid, image, graded }, push, parts.grid());
@@ -227,7 +227,7 @@ impl Grids {
         [width, height]: [u32; 2],
     ) {
         rec.stage("bilateral");
-        let parts = Parts::new(self.kind, height);
+        let parts = Parts::new(self.is_cpu, height);
         let camera_grid = &self.of_camera(&self.grids, camera);
         let (partials, d_grid) = (&self.partials.range(0, parts.n_sums()), &self.d_grid);
         let push = bilateral_slice_bwd::Push { width, height, rows: parts.rows, parts: parts.down };

@@ -2,7 +2,7 @@
 
 use crate::error::Result;
 use crate::scene::View;
-use crate::scene::capture::Capture;
+use crate::scene::capture::{Capture, Picture};
 use crate::stage::{OFFSET_BOUND, Outputs, Renderer};
 
 /// Half the step of the differences, frames.
@@ -30,58 +30,72 @@ impl OffsetFit {
     }
 }
 
-/// Fits the offset of `camera` to its pictures by `iterations` Gauss-Newton steps on the squared error of the colours, from
-/// `start` frames; with none it stays there and gets its standard error. That is robust to errors that the pixels of one
-/// picture share: squared gradients are added up by picture (sandwich estimator, White 1980).
+/// Pictures of `camera` with their views at offset 0 over `background`, evenly spread over the clip: enough to tell its
+/// offset.
 ///
 /// # Errors
-/// Those of the renderer and of the capture's pictures.
+/// Those of the capture's pictures.
+pub fn offset_pictures(capture: &Capture, background: [f32; 3], camera: usize) -> Result<Vec<(View, Picture)>> {
+    let shots = &capture.cameras[camera].shots;
+    let n = shots.len().min(PICTURES);
+    let frames = (0..n).map(|k| shots[(2 * k + 1) * shots.len() / (2 * n)].frame);
+    frames
+        .map(|frame| {
+            let view = View { background, ..capture.view(camera, frame)? };
+            Ok((view, capture.picture(camera, frame)?))
+        })
+        .collect()
+}
+
+/// Fits a camera's offset to `pictures` by `iterations` Gauss-Newton steps on the squared error of the colours, from `start`
+/// frames; with none it stays there and gets its standard error. That is robust to errors that the pixels of one picture
+/// share: gradients are squared and added up by picture (sandwich estimator, White 1980).
+///
+/// # Errors
+/// Those of the renderer.
 pub fn fit_offset(
     renderer: &mut Renderer,
-    capture: &Capture,
-    background: [f32; 3],
-    camera: usize,
+    pictures: &[(View, Picture)],
     start: f64,
     iterations: usize,
 ) -> Result<OffsetFit> {
     let mut fit = OffsetFit { offset: start, standard_error: f64::INFINITY };
-    let frames: Vec<u32> = capture.cameras[camera].shots.iter().map(|shot| shot.frame).collect();
-    let n = frames.len().min(PICTURES);
     for iteration in 0..=iterations {
         // By picture: gradient and curvature of half the squared error.
-        let mut terms = Vec::new();
-        for k in 0..n {
-            let frame = frames[(2 * k + 1) * frames.len() / (2 * n)];
-            let picture = capture.picture(camera, frame)?;
-            let mut at = |offset: f64| -> Result<Vec<[f32; 3]>> {
-                let view = View { background, time_offset: offset, ..capture.view(camera, frame)? };
-                Ok(renderer.render(&view, Outputs::Color)?.0.color)
-            };
-            let (before, now, after) = (at(fit.offset - STEP)?, at(fit.offset)?, at(fit.offset + STEP)?);
-            let (mut gradient, mut curvature) = (0.0, 0.0);
-            for (i, word) in picture.pixels.iter().enumerate().filter(|(_, word)| **word >> 24 != 0) {
-                let truth = word.to_le_bytes();
-                for c in 0..3 {
-                    let slope = f64::from(after[i][c] - before[i][c]) / (2.0 * STEP);
-                    let error = f64::from(now[i][c]) - f64::from(truth[c]) / 255.0;
-                    gradient += slope * error;
-                    curvature += slope * slope;
-                }
-            }
-            terms.push((gradient, curvature));
-        }
-        let gradient: f64 = terms.iter().map(|(g, _)| g).sum();
-        let curvature: f64 = terms.iter().map(|(_, h)| h).sum();
+        let terms = pictures.iter().map(|(view, picture)| gradient(renderer, view, picture, fit.offset));
+        let terms: Vec<[f64; 2]> = terms.collect::<Result<_>>()?;
+        let sum = |of: &dyn Fn([f64; 2]) -> f64| terms.iter().map(|term| of(*term)).sum::<f64>();
+        let (slope, curvature) = (sum(&|[g, _]| g), sum(&|[_, h]| h));
+        // Written so that NaN ends it.
         if !(curvature > 0.0) {
             return Ok(OffsetFit { standard_error: f64::INFINITY, ..fit });
         }
-        let step = (-gradient / curvature).clamp(-LONGEST, LONGEST);
-        let spread: f64 = terms.iter().map(|(g, h)| (g - gradient / curvature * h).powi(2)).sum();
-        let few = n as f64 / (n as f64 - 1.0).max(0.5);
-        fit.standard_error = (few * spread).sqrt() / curvature;
+        let spread = sum(&|[g, h]| (g - slope / curvature * h).powi(2));
+        let n = terms.len() as f64;
+        fit.standard_error = (n / (n - 1.0).max(0.5) * spread).sqrt() / curvature;
         if iteration < iterations {
+            let step = (-slope / curvature).clamp(-LONGEST, LONGEST);
             fit.offset = (fit.offset + step).clamp(-OFFSET_BOUND, OFFSET_BOUND);
         }
     }
     Ok(fit)
+}
+
+/// Gradient and Gauss-Newton curvature of half the squared error of a picture by the offset, at `offset`.
+fn gradient(renderer: &mut Renderer, view: &View, picture: &Picture, offset: f64) -> Result<[f64; 2]> {
+    let mut at = |time_offset: f64| -> Result<Vec<[f32; 3]>> {
+        Ok(renderer.render(&View { time_offset, ..view.clone() }, Outputs::Color)?.0.color)
+    };
+    let (before, now, after) = (at(offset - STEP)?, at(offset)?, at(offset + STEP)?);
+    let mut sums = [0.0; 2];
+    for (i, word) in picture.pixels.iter().enumerate().filter(|(_, word)| **word >> 24 != 0) {
+        let truth = word.to_le_bytes();
+        for c in 0..3 {
+            let slope = f64::from(after[i][c] - before[i][c]) / (2.0 * STEP);
+            let error = f64::from(now[i][c]) - f64::from(truth[c]) / 255.0;
+            sums[0] += slope * error;
+            sums[1] += slope * slope;
+        }
+    }
+    Ok(sums)
 }

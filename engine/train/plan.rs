@@ -2,6 +2,7 @@
 //!
 //! `items` is the one table of the training loop's buffers; a test holds it to what a [`super::Trainer`] allocates.
 
+use crate::stage::{GRID_BYTES, Grids};
 use std::fmt;
 
 /// Pairs with tiles that a Gaussian is taken to have, on average over all, in the view that has most of them: 2 to 10 are
@@ -29,8 +30,10 @@ pub struct Workload {
     pub priors: bool,
     /// Whether cameras' time offsets are learnt.
     pub offsets: bool,
-    /// Whether cameras have bilateral grids.
-    pub grids: bool,
+    /// Cameras that have a bilateral grid.
+    pub grids: u64,
+    /// Pixel rows of the largest picture.
+    pub height: u32,
 }
 
 /// What the device has.
@@ -58,11 +61,14 @@ pub enum Class {
     Intersections,
     /// Scratch per pixel: images, their cotangents, the loss.
     Pixels,
+    /// Bilateral grids, their moments and scratch.
+    Cameras,
 }
 
 impl Class {
     /// All of them, in the order of the table.
-    pub const ALL: [Class; 5] = [Class::Parameters, Class::Moments, Class::Active, Class::Intersections, Class::Pixels];
+    pub const ALL: [Class; 6] =
+        [Class::Parameters, Class::Moments, Class::Active, Class::Intersections, Class::Pixels, Class::Cameras];
 
     fn label(self) -> &'static str {
         match self {
@@ -71,6 +77,7 @@ impl Class {
             Class::Active => "per Gaussian in view",
             Class::Intersections => "per intersection",
             Class::Pixels => "per pixel",
+            Class::Cameras => "bilateral grids",
         }
     }
 }
@@ -82,6 +89,8 @@ enum Per {
     Dynamic,
     Intersection,
     Pixel,
+    Camera,
+    Once,
 }
 
 impl Per {
@@ -92,6 +101,8 @@ impl Per {
             Per::Dynamic => gaussians * work.dynamic as f64 / work.gaussians.max(1) as f64,
             Per::Intersection => gaussians * work.intersections_per_gaussian,
             Per::Pixel => work.pixels as f64,
+            Per::Camera => work.grids as f64,
+            Per::Once => 1.0,
         }
     }
 }
@@ -110,7 +121,7 @@ struct Item {
 }
 
 /// Every buffer of a training step that grows with the work. Tiles, counters and transfers are left out: below 1 %.
-fn items(work: &Workload) -> Vec<Item> {
+fn items(work: &Workload, is_host: bool) -> Vec<Item> {
     use Class::*;
     use Per::*;
     let item = |name, class, per, bytes: f64, bound: f64| Item { name, class, per, bytes, bound };
@@ -163,8 +174,16 @@ fn items(work: &Workload) -> Vec<Item> {
             item("staged priors", Pixels, Pixel, 8.0, 8.0),
         ]);
     }
-    if work.grids {
+    if work.grids > 0 {
+        let of_camera = (GRID_BYTES / 3) as f64;
+        let partials = Grids::scratch_bytes(is_host, work.height) as f64;
         items.extend([
+            item("bilateral grids", Cameras, Camera, of_camera, of_camera),
+            item("bilateral first moments", Cameras, Camera, of_camera, of_camera),
+            item("bilateral second moments", Cameras, Camera, of_camera, of_camera),
+            item("bilateral step", Cameras, Once, of_camera, of_camera),
+            item("d bilateral grid", Cameras, Once, of_camera, of_camera),
+            item("bilateral partials", Cameras, Once, partials, partials),
             item("image graded", Pixels, Pixel, 16.0, 16.0),
             item("d image graded", Pixels, Pixel, 16.0, 16.0),
         ]);
@@ -185,9 +204,9 @@ pub struct Need {
 }
 
 impl Need {
-    fn new(work: &Workload, gaussians: u64) -> Self {
+    fn new(work: &Workload, gaussians: u64, is_host: bool) -> Self {
         let bytes = |item: &Item| (item.bytes * item.per.count(work, gaussians as f64)) as u64;
-        let buffers = items(work).iter().map(|item| (item.name, item.class, bytes(item))).collect();
+        let buffers = items(work, is_host).iter().map(|item| (item.name, item.class, bytes(item))).collect();
         Need { gaussians, buffers }
     }
 
@@ -245,23 +264,24 @@ impl Plan {
         let binding = limits.binding_bytes as f64;
         // As many Gaussians as one binding sees.
         let by_binding = |item: &Item| match item.per {
-            Per::Pixel if item.bound * work.pixels as f64 <= binding => u64::MAX,
-            Per::Pixel => 0,
+            Per::Pixel | Per::Camera | Per::Once if item.bound * item.per.count(work, 0.0) <= binding => u64::MAX,
+            Per::Pixel | Per::Camera | Per::Once => 0,
             per => (binding / (item.bound * per.count(work, 1.0))) as u64,
         };
         let by_memory = {
             let cache = if limits.is_host { work.cache_bytes } else { 0 };
             // Bytes are linear in the number.
-            let (fixed, million) = (Need::new(work, 0).bytes(), Need::new(work, 1_000_000).bytes());
+            let (fixed, million) =
+                (Need::new(work, 0, limits.is_host).bytes(), Need::new(work, 1_000_000, limits.is_host).bytes());
             limits.memory_bytes.saturating_sub(fixed + cache) as f64 * 1e6 / (million - fixed) as f64
         };
-        let bindings = items(work).into_iter().filter(|item| item.bound > 0.0);
+        let bindings = items(work, limits.is_host).into_iter().filter(|item| item.bound > 0.0);
         let bounds = bindings.map(|item| (by_binding(&item), BoundBy::Binding(item.name)));
         let all = [(work.max_gaussians, BoundBy::MaxGaussians), (by_memory as u64, BoundBy::Memory)].into_iter();
         let (most, bound_by) = all.chain(bounds).min_by_key(|(most, _)| *most).unwrap_or((0, BoundBy::MaxGaussians));
         Plan {
-            begin: Need::new(work, work.gaussians),
-            full: Need::new(work, most),
+            begin: Need::new(work, work.gaussians, limits.is_host),
+            full: Need::new(work, most, limits.is_host),
             bound_by,
             limits: *limits,
             cache_bytes: work.cache_bytes,

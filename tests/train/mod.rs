@@ -8,6 +8,7 @@ mod points;
 mod report;
 mod run;
 mod scores;
+mod terms;
 mod worlds;
 
 use crate::common::device::gpu;

@@ -1,0 +1,141 @@
+//! The terms of the loss and the cameras' own parameters inside a training.
+
+use super::Tiny;
+use crate::common::device::gpu;
+use crate::common::one::{One, camera, round, scene_of};
+use ivv::Constants;
+use ivv::scene::capture::{Extent, Picture, PriorPlan};
+use ivv::scene::{Motion, Splats, View};
+use ivv::stage::{Outputs, Renderer};
+use ivv::train::{Config, LearningRates, Loss, Rate, Setup, Trainer, fit_offset, from_points};
+
+/// What a step dispatches, by stage, and how often.
+fn dispatches(tiny: &Tiny, config: &Config) -> std::collections::BTreeMap<String, usize> {
+    let begin = from_points(&tiny.capture.points, &tiny.capture, config);
+    let setup = Setup::new(&tiny.capture, config);
+    let mut trainer = Trainer::new(gpu().clone(), &begin, Constants::default(), config.clone(), 100, setup).unwrap();
+    let (camera, frame) = tiny.capture.training_frames()[0];
+    let plan = PriorPlan { flow: true, depth: [((camera, frame), [1.0, 0.1])].into() };
+    let picture = tiny.capture.picture_with(camera, frame, &plan).unwrap();
+    let view = tiny.capture.view(camera, frame).unwrap();
+    let mut counts = std::collections::BTreeMap::new();
+    for pass in trainer.profile(camera, &view, &picture).unwrap() {
+        let stage = pass.label.split('/').next().unwrap_or_default().to_owned();
+        *counts.entry(stage).or_default() += 1;
+    }
+    counts
+}
+
+#[test]
+fn a_term_that_is_off_dispatches_nothing() {
+    let tiny = Tiny::new("terms");
+    let off = Config {
+        sh_degree: 0,
+        offsets: false,
+        grids: false,
+        loss: Loss { depth: 0.0, flow: 0.0, ..Loss::default() },
+        ..Config::default()
+    };
+    let least = dispatches(&tiny, &off);
+    assert!(least["blend bwd"] > 0 && least["loss"] == 5, "{least:?}");
+    for (added, config) in [
+        (vec!["priors"], Config { loss: Loss { depth: 1.0, ..off.loss.clone() }, ..off.clone() }),
+        (vec!["priors"], Config { loss: Loss { flow: 1.0, ..off.loss.clone() }, ..off.clone() }),
+        (vec!["clock", "camera bwd"], Config { offsets: true, ..off.clone() }),
+        (vec!["bilateral"], Config { grids: true, ..off.clone() }),
+    ] {
+        let found = dispatches(&tiny, &config);
+        for (stage, n) in &found {
+            let is_new = added.contains(&stage.as_str());
+            // Uploads and readbacks are copies.
+            let is_copy = ["upload", "report"].contains(&stage.as_str());
+            assert!(is_new || is_copy || least.get(stage) == Some(n), "{added:?}: {stage} has {n}, {least:?}");
+        }
+        assert!(added.iter().all(|stage| found.contains_key(*stage) && !least.contains_key(*stage)), "{found:?}");
+    }
+}
+
+/// Gaussians that move across the pictures of [`camera`], and how the pictures of two cameras at six times look, whose
+/// clocks are off by `offsets`.
+fn moving_scene(offsets: [f64; 2]) -> (Splats, Vec<(usize, View, Picture)>) {
+    let mut all = Vec::new();
+    for i in 0..6 {
+        let at = f64::from(i) - 2.5;
+        let color = [0.9, 0.1 + 0.15 * f64::from(i), 0.2];
+        let velocity = [2.4, 1.2 - 0.3 * i as f32, 0.3];
+        let motion = Some(Motion { velocity, t_center: 0.5, t_scale: 0.2 });
+        all.push(One { motion, ..round([-0.5 + 0.2 * at as f32, 0.3 * at as f32, 4.0], 0.15, 0.9, color) });
+    }
+    let splats = scene_of(&all);
+    let mut renderer = Renderer::new(gpu().clone(), &splats, Constants::default()).unwrap();
+    let mut pictures = Vec::new();
+    for frame in 0..6 {
+        for (index, offset) in offsets.into_iter().enumerate() {
+            let mut view = View { time: f64::from(frame) / 8.0, ..camera(48, 40) };
+            view.world_to_camera[0][3] = 0.4 * index as f64;
+            let (seen, _) = renderer.render(&View { time_offset: offset, ..view.clone() }, Outputs::Color).unwrap();
+            let byte = |x: f32| (x.clamp(0.0, 1.0) * 255.0).round() as u8;
+            let words = seen.color.iter().map(|[r, g, b]| u32::from_le_bytes([byte(*r), byte(*g), byte(*b), 255]));
+            let pixels: Vec<u32> = words.collect();
+            assert!(pixels.iter().any(|word| word & 0xff > 100), "an empty picture");
+            pictures.push((index, view, Picture { width: 48, height: 40, pixels, ..Picture::default() }));
+        }
+    }
+    (splats, pictures)
+}
+
+#[test]
+fn offsets_are_learnt_where_everything_else_is_known() {
+    let truth = [0.4, -0.4];
+    let (splats, pictures) = moving_scene(truth);
+    let still = Rate { start: 0.0, end: 0.0 };
+    let lr = LearningRates {
+        position: still,
+        sh0: still,
+        sh_rest: still,
+        opacity: still,
+        scale: still,
+        rotation: still,
+        velocity: still,
+        t_center: still,
+        t_scale: still,
+        offset: Rate { start: 2e-2, end: 1e-3 },
+        grid: still,
+    };
+    let config = Config { lr, sh_degree: 0, ..Config::default() };
+    let extent = Extent { center: [0.0; 3], radius: 4.0 };
+    let setup = Setup { learns_offset: vec![true, true], ..Setup::plain(extent, 1.0 / 8.0) };
+    let mut trainer = Trainer::new(gpu().clone(), &splats, Constants::default(), config, 10_000, setup).unwrap();
+    for step in 0..240 {
+        let (camera, view, picture) = &pictures[step % pictures.len()];
+        trainer.train(*camera, view, picture).unwrap();
+    }
+    let (found, learns) = trainer.offsets().unwrap();
+    assert_eq!(learns, [true, true]);
+    for (found, truth) in found.iter().zip(truth) {
+        assert!((found - truth).abs() < 0.03, "{found} for {truth}");
+    }
+    trainer.freeze_offsets(&[true, false]).unwrap();
+    let (frozen, learns) = trainer.offsets().unwrap();
+    assert_eq!((frozen, learns), (vec![0.0, 0.0], vec![false, true]), "one offset alone is all gauge");
+}
+
+#[test]
+fn a_fit_finds_the_offset_and_knows_when_there_is_nothing_to_find() {
+    let truth = 0.7;
+    let (splats, pictures) = moving_scene([truth, 0.0]);
+    let own: Vec<(View, Picture)> =
+        pictures.into_iter().filter(|(camera, ..)| *camera == 0).map(|(_, view, picture)| (view, picture)).collect();
+    let mut renderer = Renderer::new(gpu().clone(), &splats, Constants::default()).unwrap();
+    let fit = fit_offset(&mut renderer, &own, 0.0, 6).unwrap();
+    assert!((fit.offset - truth).abs() < 0.01 && fit.standard_error < 0.01 && fit.is_identifiable(), "{fit:?}");
+    let wrong = fit_offset(&mut renderer, &own, 0.0, 0).unwrap();
+    assert!(wrong.offset == 0.0 && wrong.standard_error > fit.standard_error, "{wrong:?}");
+    // A scene that stands still looks the same at any time.
+    let mut still = splats;
+    still.motion.clear();
+    still.n_static = still.len();
+    let mut renderer = Renderer::new(gpu().clone(), &still, Constants::default()).unwrap();
+    let nothing = fit_offset(&mut renderer, &own, 0.0, 6).unwrap();
+    assert!(nothing.offset == 0.0 && nothing.standard_error == f64::INFINITY && !nothing.is_identifiable());
+}
