@@ -1,12 +1,13 @@
 //! What every format ends in: cameras as they were read, checked against their images.
 
-use std::collections::HashSet;
+use std::collections::{BTreeMap, HashSet};
 use std::path::Path;
 
 use super::header::read_size;
 use super::picture::MAX_PIXELS;
 use super::report::{Faults, Report};
 use super::{Camera, Capture, CaptureSettings, Extent, Point, Pose};
+use crate::scene::undistort::{Distortion, Lens};
 use crate::scene::View;
 
 /// Largest magnitude of a coordinate, scene units; beyond it distances overflow single precision.
@@ -16,13 +17,15 @@ pub(super) const MAX_FRAMES: u32 = 1 << 20;
 
 /// A capture as its format gives it.
 #[derive(Default)]
-pub(super) struct Draft {
+pub(crate) struct Draft {
     pub fps: f64,
     pub n_frames: u32,
     pub reference_frame: u32,
     /// Names are unique, shots have different frames.
     pub cameras: Vec<Camera>,
     pub points: Vec<Point>,
+    /// What the lenses of cameras do, by name; nothing where a camera is not named.
+    pub distorted: BTreeMap<String, Distortion>,
     pub notes: Vec<String>,
     /// The file that the cameras come from, for faults.
     pub calibration: std::path::PathBuf,
@@ -43,6 +46,7 @@ impl Draft {
             self.cameras.iter_mut().for_each(|camera| camera.shots.retain(|shot| shot.frame < limit));
         }
         self.cameras.iter_mut().for_each(|camera| camera.shots.sort_by_key(|shot| shot.frame));
+        self.check_lenses(faults);
         self.check_clip(faults);
         self.check_images(settings, faults);
         self.check_cameras(settings, faults);
@@ -72,6 +76,28 @@ impl Draft {
             cameras: self.cameras,
             points: self.points,
             background: settings.background,
+        }
+    }
+
+    /// The lens of a camera.
+    pub fn lens(&self, camera: &Camera) -> Lens {
+        let Camera { width, height, fx, fy, cx, cy, .. } = *camera;
+        let distortion = self.distorted.get(&camera.name).copied().unwrap_or(Distortion::None);
+        Lens { width, height, fx, fy, cx, cy, distortion }
+    }
+
+    /// Only pinholes are trained; a lens that several cameras share is told once.
+    fn check_lenses(&self, faults: &mut Faults) {
+        let mut told: Vec<Lens> = Vec::new();
+        for camera in &self.cameras {
+            let lens = self.lens(camera);
+            if lens.distortion == Distortion::None || told.contains(&lens) {
+                continue;
+            }
+            let reason = format!("has the model {}, which distorts; only pinholes are trained", lens.distortion.model());
+            let place = format!("camera `{}`", camera.name.escape_debug());
+            faults.add(&self.calibration, place, reason, "run `ivv prepare` on it: it undistorts the images");
+            told.push(lens);
         }
     }
 
