@@ -146,9 +146,8 @@ impl RawCamera {
             let reason = format!("has {} x {} pixels, 1 to {MAX_SIDE} each is allowed", self.width, self.height);
             return Err((reason, "give the size of the images"));
         };
-        let brown = |k1, k2, k3, rest: [f64; 3], p: [f64; 2]| {
-            Distortion::brown([k1, k2, k3, rest[0], rest[1], rest[2]], p)
-        };
+        let brown =
+            |k1, k2, k3, rest: [f64; 3], p: [f64; 2]| Distortion::brown([k1, k2, k3, rest[0], rest[1], rest[2]], p);
         let (none, zeros) = (Distortion::None, [0.0; 3]);
         let (fx, fy, cx, cy, distortion) = match (self.kind.name, self.params.as_slice()) {
             ("SIMPLE_PINHOLE", &[f, cx, cy]) => (f, f, cx, cy, none),

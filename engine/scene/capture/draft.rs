@@ -7,8 +7,8 @@ use super::header::read_size;
 use super::picture::MAX_PIXELS;
 use super::report::{Faults, Report};
 use super::{Camera, Capture, CaptureSettings, Extent, Point, Pose};
-use crate::scene::undistort::{Distortion, Lens};
 use crate::scene::View;
+use crate::scene::undistort::{Distortion, Lens};
 
 /// Largest magnitude of a coordinate, scene units; beyond it distances overflow single precision.
 pub(super) const MAX_COORDINATE: f64 = 1e9;
@@ -94,7 +94,8 @@ impl Draft {
             if lens.distortion == Distortion::None || told.contains(&lens) {
                 continue;
             }
-            let reason = format!("has the model {}, which distorts; only pinholes are trained", lens.distortion.model());
+            let reason =
+                format!("has the model {}, which distorts; only pinholes are trained", lens.distortion.model());
             let place = format!("camera `{}`", camera.name.escape_debug());
             faults.add(&self.calibration, place, reason, "run `ivv prepare` on it: it undistorts the images");
             told.push(lens);

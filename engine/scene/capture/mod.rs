@@ -28,6 +28,7 @@ pub(crate) use draft::Draft;
 pub(crate) use header::read_size;
 pub(crate) use names::{is_image, relative};
 pub(crate) use npz::read_npy;
+pub(crate) use picture::decode_image;
 pub(crate) use report::Faults;
 
 use crate::error::{Error, Result};
@@ -311,11 +312,7 @@ const FORMATS: [(&str, fn(&Path) -> bool, Reader); 4] = [
 
 /// What the files of a folder in one of the [`FORMATS`] say, lenses that distort included, before it is compared with the
 /// images; `None` when the folder is in none of them.
-pub(crate) fn describe(
-    path: &Path,
-    settings: &CaptureSettings,
-    faults: &mut Faults,
-) -> Option<(&'static str, Draft)> {
+pub(crate) fn describe(path: &Path, settings: &CaptureSettings, faults: &mut Faults) -> Option<(&'static str, Draft)> {
     let (name, _, read) = FORMATS.into_iter().find(|(_, is, _)| is(path))?;
     Some((name, read(path, settings, faults)))
 }

@@ -178,18 +178,8 @@ impl Frame {
     fn entry(&self, lens: undistort::Lens, world_to_camera: Pose, paths: Paths, is_test: bool) -> Entry {
         let undistort::Lens { width, height, fx, fy, cx, cy, distortion } = lens;
         let Paths { name, image, mask } = paths;
-        let camera = Camera {
-            name: flat(&name),
-            width,
-            height,
-            fx,
-            fy,
-            cx,
-            cy,
-            world_to_camera,
-            is_test,
-            shots: Vec::new(),
-        };
+        let camera =
+            Camera { name: flat(&name), width, height, fx, fy, cx, cy, world_to_camera, is_test, shots: Vec::new() };
         Entry {
             camera,
             distortion,
@@ -244,7 +234,8 @@ impl Lens {
             }
             "OPENCV_FISHEYE" => Distortion::Fisheye([k1, k2, k3, k4]),
             model => {
-                let reason = format!("has the model {} with k4 = {k4}, which is not undistorted here", model.escape_debug());
+                let reason =
+                    format!("has the model {} with k4 = {k4}, which is not undistorted here", model.escape_debug());
                 return Err(unfit(reason));
             }
         };

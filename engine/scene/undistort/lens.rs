@@ -72,8 +72,7 @@ impl Distortion {
             }
             Distortion::Fisheye([k1, k2, k3, k4]) => {
                 let value = 1.0 + square * (k1 + square * (k2 + square * (k3 + square * k4)));
-                let slope =
-                    1.0 + square * (3.0 * k1 + square * (5.0 * k2 + square * (7.0 * k3 + square * 9.0 * k4)));
+                let slope = 1.0 + square * (3.0 * k1 + square * (5.0 * k2 + square * (7.0 * k3 + square * 9.0 * k4)));
                 (at * value, slope)
             }
         }
