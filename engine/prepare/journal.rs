@@ -94,14 +94,17 @@ impl Journal {
     }
 }
 
-/// The first value that differs, with its name.
+/// A value that differs, with its name.
 fn difference(before: &Value, now: &Value) -> String {
     let (Value::Object(old), Value::Object(new)) = (before, now) else { return "the source has changed".to_owned() };
-    let differs = new.iter().find(|(name, value)| old.get(*name) != Some(*value));
-    differs.map_or_else(
+    let is_list = |value: &Value| value.is_array() || value.is_object();
+    let mut differ: Vec<_> = new.iter().filter(|(name, value)| old.get(*name) != Some(*value)).collect();
+    // A setting tells more than the lists that follow from it.
+    differ.sort_by_key(|(_, value)| is_list(value));
+    differ.first().map_or_else(
         || "the source has changed".to_owned(),
         |(name, value)| match old.get(name) {
-            Some(was) if !was.is_array() && !was.is_object() => format!("{name} was {was} and is {value}"),
+            Some(was) if !is_list(was) => format!("{name} was {was} and is {value}"),
             _ => format!("{name} have changed"),
         },
     )

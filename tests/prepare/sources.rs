@@ -225,9 +225,9 @@ fn colmap_beside_image_sequences_arrives() {
     assert!(prepared.notes.iter().any(|note| note.contains("counted from 1")));
     let capture = Capture::open(&settings.output).unwrap();
     assert_eq!(capture.n_frames, 3);
-    let y = |frame| capture.view(2, frame).unwrap().world_to_camera[1][3];
+    let y = |frame| capture.view(1, frame).unwrap().world_to_camera[1][3];
     assert_eq!([y(0), y(1), y(2)], [1.0, 2.0, 3.0]);
-    assert_eq!(capture.view(1, 2).unwrap().world_to_camera[0][3], 5.0);
+    assert_eq!(capture.view(2, 2).unwrap().world_to_camera[0][3], 5.0);
     model.images.pop();
     write(&model);
     assert_told(&run(&settings).unwrap().0.report, &["moves and has no pose at 1 frames, the first is 2"]);

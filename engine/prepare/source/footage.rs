@@ -52,12 +52,14 @@ pub(super) fn video_names(footage: &Path) -> Vec<String> {
     names
 }
 
-/// Names of folders below a source that begin with `cam` and hold images, sorted.
+/// Names of the folders of images in the folders of a source, sorted.
 pub(super) fn sequence_names(footage: &Path) -> Vec<String> {
-    let entries = fs::read_dir(footage).into_iter().flatten().flatten();
+    let folders = FOLDERS.iter().filter_map(|folder| fs::read_dir(footage.join(folder)).ok());
+    let entries = folders.flat_map(|entries| entries.flatten()).filter(|entry| entry.path().is_dir());
     let names = entries.filter_map(|entry| entry.file_name().into_string().ok());
-    let mut names: Vec<_> = names.filter(|name| name.starts_with("cam") && find(footage, name).is_some()).collect();
+    let mut names: Vec<_> = names.filter(|name| find(footage, name).is_some()).collect();
     names.sort();
+    names.dedup();
     names
 }
 

@@ -22,6 +22,7 @@ pub(super) fn read(place: Place, faults: &mut Faults) -> Source {
     let mut names = footage::video_names(place.footage);
     if names.is_empty() {
         names = footage::sequence_names(place.footage);
+        names.retain(|name| name.starts_with("cam"));
     }
     if names.len() != n {
         let reason = format!("describes {n} cameras, there are {} videos: {}", names.len(), names.join(", "));

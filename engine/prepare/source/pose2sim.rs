@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use roxmltree::{Document, Node};
 
-use super::{Footage, Place, Source, SourceCamera, footage, opencv};
+use super::{Place, Source, SourceCamera, footage, opencv};
 use crate::scene::capture::{Faults, Pose};
 use crate::scene::rotation_of_vector;
 use crate::scene::undistort::{Distortion, Lens};
@@ -46,7 +46,7 @@ pub(super) fn read(place: Place, faults: &mut Faults) -> Source {
             return source;
         }
     };
-    let videos = footage::video_names(place.footage);
+    let videos = [footage::video_names(place.footage), footage::sequence_names(place.footage)].concat();
     for (name, calibrated) in cameras {
         match calibrated {
             Ok((lens, pose)) => {
@@ -58,7 +58,6 @@ pub(super) fn read(place: Place, faults: &mut Faults) -> Source {
                 let alike = videos.iter().find(|video| bare(video) == bare(&name)).cloned();
                 let name = alike.unwrap_or(name);
                 let Some(footage) = footage::take(place.footage, &name, &calibration, faults) else { continue };
-                let footage: Footage = footage;
                 source.cameras.push(SourceCamera { name, lens, pose, poses: BTreeMap::new(), footage, is_test: false });
             }
             Err(reason) => faults.add(&calibration, format!("camera `{}`", name.escape_debug()), reason, REMEDY),

@@ -252,8 +252,7 @@ impl Lens {
         };
         let fy = self.fl_y.or_else(|| Some(by_angle(h, self.camera_angle_y?))).unwrap_or(fx);
         let (cx, cy) = (self.cx.unwrap_or(w / 2.0), self.cy.unwrap_or(h / 2.0));
-        let lens = undistort::Lens { width: w as u32, height: h as u32, fx, fy, cx, cy, distortion };
-        lens.fault().map_or(Ok(lens), |reason| Err(unfit(reason)))
+        Ok(undistort::Lens { width: w as u32, height: h as u32, fx, fy, cx, cy, distortion })
     }
 }
 
