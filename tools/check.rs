@@ -72,7 +72,9 @@ pub fn print(report: &Report) {
     let mib = report.bytes_decoded as f64 / f64::from(1 << 20);
     let (n, n_masks, n_foregrounds) = (report.n_images, report.n_masks, report.n_foregrounds);
     println!("images:  {n}, {n_masks} with a mask, {n_foregrounds} with a foreground mask; {mib:.1} MiB decoded");
-    println!("points:  {}", report.n_points);
+    println!("priors:  {} images with flow, {} with depth", report.n_flows, report.n_depths);
+    let per_frame = if report.has_frame_points { "; every frame has its own" } else { "" };
+    println!("points:  {}{per_frame}", report.n_points);
     for note in &report.notes {
         println!("note:    {note}");
     }

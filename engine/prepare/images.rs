@@ -16,6 +16,7 @@ use super::{ImageFormat, PrepareSettings, Progress, sound};
 use crate::error::{Error, Result};
 use crate::parallel::in_parallel;
 use crate::scene::capture::{Faults, Pose, Shot, decode_image, read_size};
+use crate::scene::prior::{read_depth, read_flow, write_depth, write_flow};
 use crate::scene::undistort::{Distortion, Lens, Undistortion};
 use crate::scene::write_atomic;
 
@@ -235,6 +236,7 @@ impl Images {
         if let Some(foreground) = &shot.foreground {
             maker.write_plane("foreground", frame, foreground)?;
         }
+        maker.write_priors(frame, shot)?;
         tell(&name);
         Ok(())
     }
@@ -358,11 +360,35 @@ impl Planned<'_> {
         };
         let material = match (&camera.footage, recorded.video) {
             (Footage::Video(path), Some(video)) => Material::Video(path.clone(), video),
-            (Footage::Images(shots), _) => Material::Images(self.shots(&place, shots, &frames, recorded.size)?),
+            (Footage::Images(shots), _) => {
+                let mut shots = self.shots(&place, shots, &frames, recorded.size)?;
+                self.choose_priors(&mut shots);
+                Material::Images(shots)
+            }
             (Footage::Video(_), None) => return None,
         };
         let (name, is_test) = (camera.name.clone(), camera.is_test);
         Some(Camera { name, is_test, pinhole, poses, recorded: recorded.size, lens, material })
+    }
+
+    /// Priors fit pictures of their own size, and flow leads to the next frame of the source.
+    fn choose_priors(&mut self, shots: &mut [Shot]) {
+        // The frame that the last flow leads to is not taken.
+        shots.last_mut().map(|shot| shot.flow.take());
+        let has_priors = shots.iter().any(|shot| shot.flow.is_some() || shot.depth.is_some());
+        let (scaled, sparse) = (self.settings.scale != 1.0, self.settings.every != 1);
+        if !has_priors || !(scaled || sparse) {
+            return;
+        }
+        let note = if scaled { "flow and depth are not scaled with the images" } else { "flow does not skip frames" };
+        let note = format!("{note}: left out");
+        if !self.notes.contains(&note) {
+            self.notes.push(note);
+        }
+        for shot in shots {
+            shot.flow = None;
+            shot.depth = shot.depth.take().filter(|_| !scaled);
+        }
     }
 
     /// The shots of the chosen frames, each compared with the size of the camera's images.
@@ -467,6 +493,36 @@ impl<'a> Maker<'a> {
         let plane = self.scaled(from, FilterType::Nearest)?.into_luma8().into_raw();
         let plane = self.undistortion.as_ref().map_or_else(|| plane.clone(), |undistortion| undistortion.mask(&plane));
         self.write_png(folder, frame, &plane)
+    }
+
+    /// Flow and depth of the source, undistorted with the pictures.
+    fn write_priors(&self, frame: u32, shot: &Shot) -> Result<()> {
+        let (width, height) = self.camera.recorded;
+        let Lens { width: to_width, height: to_height, .. } = self.camera.pinhole;
+        let file = |folder: &str, extension: &str| -> Result<Option<PathBuf>> {
+            let path = self.path(folder, frame).with_extension(extension);
+            if path.is_file() {
+                return Ok(None);
+            }
+            make_folder(&self.output.join(folder).join(&self.camera.name))?;
+            Ok(Some(path))
+        };
+        if let Some(from) = &shot.flow
+            && let Some(to) = file("flow", "flo")?
+        {
+            let flow = read_flow(from, width, height)?;
+            let flow = self.undistortion.as_ref().map_or_else(|| flow.clone(), |undistortion| undistortion.flow(&flow));
+            write_flow(&to, &flow, to_width, to_height)?;
+        }
+        if let Some(from) = &shot.depth
+            && let Some(to) = file("depth", "npy")?
+        {
+            let depth = read_depth(from, width, height)?;
+            let depth =
+                self.undistortion.as_ref().map_or_else(|| depth.clone(), |undistortion| undistortion.depth(&depth));
+            write_depth(&to, &depth, to_width, to_height)?;
+        }
+        Ok(())
     }
 
     fn write_png(&self, folder: &str, frame: u32, plane: &[u8]) -> Result<()> {

@@ -103,7 +103,7 @@ fn difference(before: &Value, now: &Value) -> String {
     differ.sort_by_key(|(_, value)| is_list(value));
     differ.first().map_or_else(
         || "the source has changed".to_owned(),
-        |(name, value)| match old.get(name) {
+        |(name, value)| match old.get(name.as_str()) {
             Some(was) if !is_list(was) => format!("{name} was {was} and is {value}"),
             _ => format!("{name} have changed"),
         },

@@ -21,10 +21,10 @@ pub(super) struct Column {
 }
 
 impl Column {
-    /// The property `name` of `element`, whose rows must be of fixed size. `None` when there is no such property.
+    /// The plain property `name` of `element`; lists are not in the rows. `None` when there is no such property.
     pub fn find(element: &Element, name: &str) -> Option<Self> {
         let mut offset = 0;
-        for property in &element.properties {
+        for property in element.properties.iter().filter(|property| property.list_length.is_none()) {
             if property.name == name {
                 return Some(Column { offset, scalar: property.scalar });
             }
@@ -41,14 +41,22 @@ impl Column {
     /// The value in `row`, rounded to f32. An f32 keeps its bits, NaN payloads included.
     pub fn f32(&self, row: &[u8]) -> f32 {
         match self.scalar {
-            Scalar::I8 => f32::from(i8::from_le_bytes(self.bytes(row))),
-            Scalar::U8 => f32::from(u8::from_le_bytes(self.bytes(row))),
-            Scalar::I16 => f32::from(i16::from_le_bytes(self.bytes(row))),
-            Scalar::U16 => f32::from(u16::from_le_bytes(self.bytes(row))),
-            Scalar::I32 => i32::from_le_bytes(self.bytes(row)) as f32,
-            Scalar::U32 => u32::from_le_bytes(self.bytes(row)) as f32,
             Scalar::F32 => f32::from_le_bytes(self.bytes(row)),
-            Scalar::F64 => f64::from_le_bytes(self.bytes(row)) as f32,
+            _ => self.f64(row) as f32,
+        }
+    }
+
+    /// The value in `row`; every type fits.
+    pub fn f64(&self, row: &[u8]) -> f64 {
+        match self.scalar {
+            Scalar::I8 => i8::from_le_bytes(self.bytes(row)).into(),
+            Scalar::U8 => u8::from_le_bytes(self.bytes(row)).into(),
+            Scalar::I16 => i16::from_le_bytes(self.bytes(row)).into(),
+            Scalar::U16 => u16::from_le_bytes(self.bytes(row)).into(),
+            Scalar::I32 => i32::from_le_bytes(self.bytes(row)).into(),
+            Scalar::U32 => u32::from_le_bytes(self.bytes(row)).into(),
+            Scalar::F32 => f32::from_le_bytes(self.bytes(row)).into(),
+            Scalar::F64 => f64::from_le_bytes(self.bytes(row)),
         }
     }
 
@@ -115,6 +123,39 @@ impl Rows {
         Ok(())
     }
 
+    /// As [`Rows::read`] for an element with lists: `take` is given the row without its lists, and the items of the list
+    /// `name`; other lists are passed over.
+    pub fn read_with_list(
+        &mut self,
+        element: &Element,
+        name: &str,
+        mut take: impl FnMut(u32, &[u8], &[f64]) -> Result<()>,
+    ) -> Result<()> {
+        let (mut plain, mut bytes, mut items) = (Vec::new(), Vec::new(), Vec::new());
+        for row in 0..element.count {
+            plain.clear();
+            items.clear();
+            for property in &element.properties {
+                let Some(length) = property.list_length else {
+                    self.value(element, row, property.scalar, &mut plain)?;
+                    continue;
+                };
+                let n = self.list_length(element, row, length)?;
+                if property.name != name {
+                    self.skip_values(element, row, n, property.scalar)?;
+                    continue;
+                }
+                for _ in 0..n {
+                    bytes.clear();
+                    self.value(element, row, property.scalar, &mut bytes)?;
+                    items.push(Column { offset: 0, scalar: property.scalar }.f64(&bytes));
+                }
+            }
+            take(row as u32, &plain, &items)?;
+        }
+        Ok(())
+    }
+
     /// Passes over `element`, the next in the file; it may have lists.
     pub fn skip(&mut self, element: &Element) -> Result<()> {
         if element.row_size().is_some() {
@@ -164,27 +205,33 @@ impl Rows {
         Ok(())
     }
 
-    fn list_length(&mut self, element: &Element, row: u64, scalar: Scalar) -> Result<u64> {
-        let mut bytes = Vec::new();
+    /// Appends the next value of the file as little-endian bytes.
+    fn value(&mut self, element: &Element, row: u64, scalar: Scalar, to: &mut Vec<u8>) -> Result<()> {
+        let start = to.len();
         if self.encoding == Encoding::Ascii {
             let word = self.word()?.ok_or_else(|| self.ends_in(element, row))?;
-            // A word that is no number leaves too few bytes, which is refused below.
-            let _ = push_word(&word, scalar, &mut bytes);
-        } else {
-            self.read_block(element, row, scalar.size(), &mut bytes)?;
-            if self.encoding == Encoding::BigEndian {
-                bytes.reverse();
-            }
+            return push_word(&word, scalar, to).ok_or_else(|| {
+                let reason = format!("`{}` is no {scalar:?} value", word.escape_debug());
+                Error::data(&self.path, format!("element `{}`, row {row}", element.name), reason, REMEDY)
+            });
         }
-        let mut wide = [0; 8];
-        wide[..bytes.len()].copy_from_slice(&bytes);
-        let length = u64::from_le_bytes(wide);
-        let signed = matches!(scalar, Scalar::I8 | Scalar::I16 | Scalar::I32);
-        if bytes.len() != scalar.size() || (signed && length >> (8 * scalar.size() - 1) != 0) {
+        self.read_block(element, row, scalar.size(), to)?;
+        if self.encoding == Encoding::BigEndian {
+            to[start..].reverse();
+        }
+        Ok(())
+    }
+
+    fn list_length(&mut self, element: &Element, row: u64, scalar: Scalar) -> Result<u64> {
+        let mut bytes = Vec::new();
+        self.value(element, row, scalar, &mut bytes)?;
+        let length = Column { offset: 0, scalar }.f64(&bytes);
+        if length < 0.0 {
             let place = format!("element `{}`, row {row}", element.name);
-            return Err(Error::data(&self.path, place, "a list's length is negative or no number", REMEDY));
+            return Err(Error::data(&self.path, place, "a list's length is negative", REMEDY));
         }
-        Ok(length)
+        // Exact: a length is an integer of at most 32 bits.
+        Ok(length as u64)
     }
 
     fn skip_values(&mut self, element: &Element, row: u64, n: u64, scalar: Scalar) -> Result<()> {

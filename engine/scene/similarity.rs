@@ -31,6 +31,12 @@ impl Similarity {
         0.5 * f64::from(f32::EPSILON) * farthest * self.scale < 1e-4
     }
 
+    /// This and then `next`.
+    pub fn then(&self, next: &Similarity) -> Self {
+        let origin = std::array::from_fn(|k| self.origin[k] + next.origin[k] / self.scale);
+        Similarity { origin, scale: self.scale * next.scale }
+    }
+
     /// A point in the new world.
     pub fn point(&self, at: [f64; 3]) -> [f64; 3] {
         std::array::from_fn(|k| self.scale * (at[k] - self.origin[k]))

@@ -10,6 +10,7 @@ use super::world::World;
 use super::{colmap, files, priors, sound};
 use crate::error::{Error, Result};
 use crate::parallel::in_parallel;
+use crate::scene::prior::{write_depth, write_flow};
 use image::ExtendedColorType;
 use serde_json::json;
 use std::fs;
@@ -189,10 +190,10 @@ impl Capture<'_> {
         // There is no frame after the last that an estimator could have seen.
         if frame + 1 < self.options.frames {
             let flow = priors::flow(picture, self.options, index, frame);
-            files::flo(&path("flow", "flo"), &flow, width, height)?;
+            write_flow(&path("flow", "flo"), &flow, width, height)?;
         }
         let depth = priors::depth(picture, self.options, index, camera, frame);
-        files::npy(&path("depth", "npy"), &depth, width, height)?;
+        write_depth(&path("depth", "npy"), &depth, width, height)?;
         let exact = vec![
             ("depth.Z", picture.depth.iter().map(|&v| v as f32).collect()),
             ("flow.X", picture.flow.iter().map(|v| v.x as f32).collect()),
@@ -211,12 +212,14 @@ impl Capture<'_> {
         let manifest = format!(
             "# Synthetic capture, made by `ivv synth`; truth.json holds the hidden values.\n\
              fps = {}.0\nframes = {}\nreference_frame = {}\ntest_cameras = [{}]\n\
-             masks = {}\npoints = true\nflow = true\ndepth = true\naudio = true\n",
+             masks = {}\npoints = true\nflow = {}\ndepth = true\naudio = true\n",
             self.options.fps,
             self.options.frames,
             colmap::REFERENCE_FRAME,
             tests.join(", "),
             self.options.masks,
+            // A single frame has no next one.
+            self.options.frames > 1,
         );
         files::bytes(&self.folder.join("capture.toml"), manifest.as_bytes())
     }

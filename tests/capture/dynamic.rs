@@ -175,7 +175,7 @@ fn initial_points_are_read_and_their_faults_told() {
         ("(2, 7)", "(2, 9)", "has the shape [2, 9] and 14 values"),
         ("(2, 7)", "(14,)", "has the shape [14]"),
         ("(2, 7)", "(18446744073709551615, 7)", "has the shape"),
-        ("<f8", "<i8", "is not of little-endian f32 or f64"),
+        ("<f8", "<i8", "is not of little-endian f16, f32 or f64"),
         ("False", "True", "is not in C order"),
     ] {
         folder.write("init_pt_cld.npz", npz("data.npy", &npy(&header.replace(from, to), &values)));

@@ -5,6 +5,7 @@ mod colmap;
 pub mod dynamic;
 mod folder;
 pub mod model;
+mod priors;
 mod real;
 mod transforms;
 

@@ -74,11 +74,7 @@ fn images(folder: &Path) -> Option<Footage> {
     let mut files: Vec<PathBuf> = fs::read_dir(folder).ok()?.flatten().map(|entry| entry.path()).collect();
     files.retain(|path| is_image(path));
     files.sort();
-    let shots = (0_u32..).zip(files).map(|(frame, image)| Shot { frame, ..shot(image) });
+    let shots = (0_u32..).zip(files).map(|(frame, image)| Shot { frame, image, ..Shot::default() });
     let shots: Vec<Shot> = shots.collect();
     (!shots.is_empty()).then_some(Footage::Images(shots))
-}
-
-fn shot(image: PathBuf) -> Shot {
-    Shot { frame: 0, image, mask: None, foreground: None, world_to_camera: None }
 }

@@ -77,6 +77,7 @@ pub(super) struct RawPoint {
 pub(crate) struct Posed {
     /// Relative, without `..`.
     pub name: PathBuf,
+    pub camera_id: u32,
     pub pose: Pose,
     pub lens: Lens,
 }
@@ -199,7 +200,7 @@ fn check_images(
         }
         let (Ok(name), Ok(pose), Some(Some(lens))) = (name, pose, lens) else { continue };
         if names.insert(name.clone()) {
-            images.push(Posed { name, pose, lens: *lens });
+            images.push(Posed { name, camera_id: image.camera_id, pose, lens: *lens });
         } else {
             fault(format!("has the name of an earlier image, `{}`", name.display()));
         }
@@ -320,7 +321,7 @@ impl Posed {
     /// The camera of one image, at frame 0.
     fn camera(&self, name: String, image: &Path) -> Camera {
         let Lens { width, height, fx, fy, cx, cy, .. } = self.lens;
-        let shot = Shot { frame: 0, image: image.to_owned(), mask: None, foreground: None, world_to_camera: None };
+        let shot = Shot { frame: 0, image: image.to_owned(), ..Shot::default() };
         Camera { name, width, height, fx, fy, cx, cy, world_to_camera: self.pose, is_test: false, shots: vec![shot] }
     }
 }

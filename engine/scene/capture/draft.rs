@@ -5,10 +5,13 @@ use std::path::Path;
 
 use super::header::read_size;
 use super::picture::MAX_PIXELS;
+use super::points::FramePoints;
 use super::report::{Faults, Report};
 use super::{Camera, Capture, CaptureSettings, Extent, Point, Pose};
-use crate::scene::View;
+use crate::error::Error;
+use crate::scene::prior::{depth_size, flow_size};
 use crate::scene::undistort::{Distortion, Lens};
+use crate::scene::{Similarity, View};
 
 /// Largest magnitude of a coordinate, scene units; beyond it distances overflow single precision.
 pub(super) const MAX_COORDINATE: f64 = 1e9;
@@ -26,6 +29,7 @@ pub(crate) struct Draft {
     pub points: Vec<Point>,
     /// What the lenses of cameras do, by name; nothing where a camera is not named.
     pub distorted: BTreeMap<String, Distortion>,
+    pub frame_points: Option<FramePoints>,
     pub notes: Vec<String>,
     /// The file that the cameras come from, for faults.
     pub calibration: std::path::PathBuf,
@@ -60,10 +64,13 @@ impl Draft {
         report.n_cameras = self.cameras.len();
         report.n_test_cameras = self.cameras.iter().filter(|camera| camera.is_test).count();
         report.n_points = self.points.len();
+        report.has_frame_points = self.frame_points.is_some();
         for camera in &self.cameras {
             report.n_images += camera.shots.len();
             report.n_masks += camera.shots.iter().filter(|shot| shot.mask.is_some()).count();
             report.n_foregrounds += camera.shots.iter().filter(|shot| shot.foreground.is_some()).count();
+            report.n_flows += camera.shots.iter().filter(|shot| shot.flow.is_some()).count();
+            report.n_depths += camera.shots.iter().filter(|shot| shot.depth.is_some()).count();
             let pixels = u64::from(camera.width) * u64::from(camera.height);
             report.bytes_decoded += 4 * pixels * camera.shots.len() as u64;
         }
@@ -76,6 +83,8 @@ impl Draft {
             cameras: self.cameras,
             points: self.points,
             background: settings.background,
+            frame_points: self.frame_points,
+            moved: Similarity::default(),
         }
     }
 
@@ -119,7 +128,7 @@ impl Draft {
         }
     }
 
-    /// Compares every image and mask with its camera; drops missing ones where that is asked for.
+    /// Compares every image, mask and prior with its camera; drops missing images where that is asked for.
     fn check_images(&mut self, settings: &CaptureSettings, faults: &mut Faults) {
         let mut n_missing = 0_usize;
         for camera in &mut self.cameras {
@@ -133,19 +142,18 @@ impl Draft {
             }
             let calibrated = (camera.width, camera.height);
             for shot in &camera.shots {
-                for file in [Some(&shot.image), shot.mask.as_ref(), shot.foreground.as_ref()].into_iter().flatten() {
-                    match read_size(file) {
-                        Ok(size) if size == calibrated => {}
-                        Ok((width, height)) => {
-                            let reason = format!(
-                                "is {width} x {height}, its camera `{}` is calibrated for {} x {}",
-                                camera.name, calibrated.0, calibrated.1
-                            );
-                            let remedy = "give the images of the calibration, or scale the calibration to the images";
-                            faults.add(file, "", reason, remedy);
-                        }
-                        Err(fault) => faults.push(fault),
-                    }
+                let pictures = [Some(&shot.image), shot.mask.as_ref(), shot.foreground.as_ref()].into_iter().flatten();
+                let sizes = pictures.map(|file| (file, read_size(file).map_err(Error::from)));
+                let flow = shot.flow.iter().map(|file| (file, flow_size(file)));
+                let depth = shot.depth.iter().map(|file| (file, depth_size(file)));
+                for (file, size) in sizes.chain(flow).chain(depth) {
+                    let Some((width, height)) = faults.take(size).filter(|size| *size != calibrated) else { continue };
+                    let reason = format!(
+                        "is {width} x {height}, its camera `{}` is calibrated for {} x {}",
+                        camera.name, calibrated.0, calibrated.1
+                    );
+                    let remedy = "give the images of the calibration, or scale the calibration to the images";
+                    faults.add(file, "", reason, remedy);
                 }
             }
         }

@@ -101,7 +101,7 @@ impl Found<'_> {
             image: self.path.join("ims").join(name),
             mask: foreground.clone().filter(|_| self.settings.foreground_masks),
             foreground,
-            world_to_camera: None,
+            ..Shot::default()
         };
         let new = Camera {
             name: id.to_string(),

@@ -1,16 +1,19 @@
 //! The project's own capture folder (SPEC 8).
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap, HashSet};
+use std::ffi::{OsStr, OsString};
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use super::colmap::{Posed, read_model};
 use super::draft::{Draft, MAX_FRAMES, check_test_cameras};
 use super::names::with_image_extension;
+use super::points::FramePoints;
 use super::report::Faults;
 use super::{Camera, CaptureSettings, Shot};
 use crate::error::{self, Error};
 use crate::scene::file::{cannot_read, write_atomic};
+use crate::scene::prior::{DEPTH_EXTENSIONS, FLOW_EXTENSIONS};
 use crate::scene::undistort::{Distortion, Lens};
 
 const FILE: &str = "capture.toml";
@@ -96,6 +99,7 @@ pub(super) fn read(path: &Path, settings: &CaptureSettings, faults: &mut Faults)
         calibration: path.join(FILE),
         ..Draft::default()
     };
+    let ids = model.images.iter().filter_map(|posed| Some((posed.camera_id, camera_name(&posed.name)?))).collect();
     for (camera, distortion) in cameras(path, &model.file, model.images, n_frames, faults) {
         draft.distorted.insert(camera.name.clone(), distortion);
         draft.cameras.push(camera);
@@ -129,11 +133,109 @@ pub(super) fn read(path: &Path, settings: &CaptureSettings, faults: &mut Faults)
             shot.foreground = has_foreground.then(|| file("foreground", shot.frame));
         }
     }
+    if manifest.flow {
+        let priors = Priors { folder: path.join("flow"), extensions: FLOW_EXTENSIONS };
+        priors.find(&mut draft.cameras, |shot| &mut shot.flow, faults);
+    }
+    if manifest.depth {
+        let priors = Priors { folder: path.join("depth"), extensions: DEPTH_EXTENSIONS };
+        priors.find(&mut draft.cameras, |shot| &mut shot.depth, faults);
+    }
+    if manifest.points {
+        draft.frame_points = frame_points(path, &model.file, ids, n_frames, faults);
+    }
     check_test_cameras(&manifest.test_cameras, &draft.cameras, &draft.calibration, faults);
     for camera in &mut draft.cameras {
         camera.is_test = manifest.test_cameras.contains(&camera.name);
     }
     draft
+}
+
+/// The camera of an image named `<camera>.<ext>` or `<camera>/<frame>.<ext>`.
+fn camera_name(image: &Path) -> Option<String> {
+    let parts: Vec<_> = image.iter().map(|part| part.to_string_lossy().into_owned()).collect();
+    match parts.as_slice() {
+        [_] => Some(image.with_extension("").to_string_lossy().into_owned()),
+        [camera, _] => Some(camera.clone()),
+        _ => None,
+    }
+}
+
+/// The points of the frames, with the camera that each CAMERA_ID of the model means.
+fn frame_points(
+    path: &Path,
+    file: &Path,
+    ids: Vec<(u32, String)>,
+    n_frames: u32,
+    faults: &mut Faults,
+) -> Option<FramePoints> {
+    let folder = path.join("points");
+    if !folder.is_dir() {
+        return None;
+    }
+    let mut cameras = HashMap::new();
+    for (id, name) in ids {
+        let known = cameras.entry(id).or_insert_with(|| name.clone());
+        if *known != name {
+            let reason = format!("is that of `{}` and `{}`", known.escape_debug(), name.escape_debug());
+            let remedy = "give each camera its own id, by which points/ tells who saw a point";
+            faults.add(file, format!("camera {id}"), reason, remedy);
+        }
+    }
+    let points = FramePoints { folder, cameras };
+    for frame in 0..n_frames {
+        faults.take(points.check(frame));
+    }
+    Some(points)
+}
+
+/// Where estimates from the images are: `<folder>/<camera>/<frame:05>.<extension>`.
+struct Priors {
+    folder: PathBuf,
+    extensions: [&'static str; 4],
+}
+
+impl Priors {
+    /// Gives each shot its file. A camera without a folder has none; in a folder, a frame may be absent.
+    fn find(&self, cameras: &mut [Camera], of: impl Fn(&mut Shot) -> &mut Option<PathBuf>, faults: &mut Faults) {
+        if !self.folder.is_dir() {
+            return;
+        }
+        let mut n_folders = 0;
+        for camera in cameras {
+            let folder = self.folder.join(&camera.name);
+            let Ok(files) = std::fs::read_dir(&folder) else { continue };
+            n_folders += 1;
+            let names: HashSet<OsString> = files.flatten().map(|file| file.file_name()).collect();
+            let is_of = |name: &OsString, extension: &str| Path::new(name).extension().is_some_and(|e| e == extension);
+            let present = |extension: &&str| names.iter().any(|name| is_of(name, extension));
+            let present: Vec<&str> = self.extensions.into_iter().filter(present).collect();
+            let &[extension] = present.as_slice() else {
+                let (reason, remedy) = match present.as_slice() {
+                    [] => ("holds no file of a known kind", format!("give one of {}", self.extensions.join(", "))),
+                    several => ("holds files of several kinds", format!("keep one of {}", several.join(", "))),
+                };
+                faults.add(&folder, "", reason, remedy);
+                continue;
+            };
+            let mut n_found = 0;
+            for shot in &mut camera.shots {
+                let name = format!("{:05}.{extension}", shot.frame);
+                if names.contains(OsStr::new(&name)) {
+                    *of(shot) = Some(folder.join(name));
+                    n_found += 1;
+                }
+            }
+            if n_found == 0 {
+                let remedy = format!("name the files by their frames, 00000.{extension} the first");
+                faults.add(&folder, "", "holds no file of any frame of the clip", remedy);
+            }
+        }
+        if n_folders == 0 {
+            let remedy = format!("give each camera a folder there, or remove the declaration from {FILE}");
+            faults.add(&self.folder, "", "holds no folder of any camera", remedy);
+        }
+    }
 }
 
 /// The images of the model by camera: `<camera>.<ext>` or `<camera>/<frame>.<ext>`. A camera with one of them stands
@@ -147,15 +249,10 @@ fn cameras(
 ) -> Vec<(Camera, Distortion)> {
     let mut by_name: BTreeMap<String, Vec<(PathBuf, Posed)>> = BTreeMap::new();
     for posed in images {
-        let parts: Vec<_> = posed.name.iter().map(|part| part.to_string_lossy().into_owned()).collect();
-        let name = match parts.as_slice() {
-            [_] => posed.name.with_extension("").to_string_lossy().into_owned(),
-            [camera, _] => camera.clone(),
-            _ => {
-                let place = format!("image `{}`", posed.name.display());
-                faults.add(file, place, "is nested too deep", "name images <camera>.<ext> or <camera>/<frame>.<ext>");
-                continue;
-            }
+        let Some(name) = camera_name(&posed.name) else {
+            let place = format!("image `{}`", posed.name.display());
+            faults.add(file, place, "is nested too deep", "name images <camera>.<ext> or <camera>/<frame>.<ext>");
+            continue;
         };
         let stem = PathBuf::from(posed.name.with_extension("").file_name().unwrap_or_default());
         by_name.entry(name).or_default().push((stem, posed));
@@ -174,9 +271,8 @@ fn cameras(
         let shots = (0..n_listed).map(|frame| Shot {
             frame,
             image: with_image_extension(&folder.join(format!("{frame:05}"))),
-            mask: None,
-            foreground: None,
             world_to_camera: moving.as_ref().and_then(|moving| moving.get(&frame)).map(|&at| posed[at].1.pose),
+            ..Shot::default()
         });
         let Lens { width, height, fx, fy, cx, cy, distortion } = lens;
         let (shots, world_to_camera) = (shots.collect(), posed[0].1.pose);

@@ -7,7 +7,7 @@ use std::path::Path;
 
 use super::report::Fault;
 
-pub(super) const BROKEN: &str = "make or copy the image again";
+pub(in crate::scene) const BROKEN: &str = "make or copy the image again";
 const PNG: [u8; 8] = *b"\x89PNG\r\n\x1a\n";
 const JPEG: [u8; 2] = [0xff, 0xd8];
 /// What ends the image; neither can stand in compressed data of a JPEG, and of a PNG only by chance.

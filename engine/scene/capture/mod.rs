@@ -9,16 +9,18 @@ mod colmap_text;
 mod draft;
 mod dynamic;
 mod folder;
-mod header;
+pub(super) mod header;
 mod names;
 mod npz;
-mod picture;
+pub(super) mod picture;
+mod points;
 mod report;
 mod transforms;
 
 pub use cache::{CacheStats, FrameCache};
 pub use folder::Manifest;
 pub use picture::Picture;
+pub use points::FramePoint;
 pub use report::{Fault, Report};
 
 use std::path::{Path, PathBuf};
@@ -31,6 +33,7 @@ pub(crate) use npz::read_npy;
 pub(crate) use picture::decode_image;
 pub(crate) use report::Faults;
 
+use self::points::FramePoints;
 use crate::error::{Error, Result};
 use crate::scene::{Similarity, View};
 
@@ -83,7 +86,7 @@ impl Default for CaptureSettings {
 pub type Pose = [[f64; 4]; 4];
 
 /// One image of a camera.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Shot {
     /// Frame of the clip.
     pub frame: u32,
@@ -93,6 +96,10 @@ pub struct Shot {
     pub mask: Option<PathBuf>,
     /// PNG of the camera's size; pixels of at least 128 show what moves. Only the first Gaussians are made from it.
     pub foreground: Option<PathBuf>,
+    /// Optical flow to the next frame, for [`read_flow`](crate::scene::prior::read_flow).
+    pub flow: Option<PathBuf>,
+    /// Monocular depth, for [`read_depth`](crate::scene::prior::read_depth).
+    pub depth: Option<PathBuf>,
     /// The pose at this frame when the camera moves.
     pub world_to_camera: Option<Pose>,
 }
@@ -174,6 +181,9 @@ pub struct Capture {
     pub points: Vec<Point>,
     /// Colour behind images that have an alpha channel, and of the views.
     pub background: [f32; 3],
+    frame_points: Option<FramePoints>,
+    /// From the world of the files to this one's.
+    moved: Similarity,
 }
 
 impl Capture {
@@ -237,6 +247,26 @@ impl Capture {
         shot.and_then(|shot| shot.foreground.as_ref()).map(|path| picture::foreground(path, &source)).transpose()
     }
 
+    /// Whether the capture has points of every frame.
+    pub fn has_frame_points(&self) -> bool {
+        self.frame_points.is_some()
+    }
+
+    /// The points that were triangulated from the images of a frame, in this capture's world.
+    ///
+    /// # Errors
+    /// [`Error::Data`] when the capture has no such points or no such frame, or when the file is damaged.
+    pub fn points_of(&self, frame: u32) -> Result<Vec<FramePoint>> {
+        let Some(points) = self.frame_points.as_ref().filter(|_| frame < self.n_frames) else {
+            let reason = format!("has no points of frame {frame}");
+            let remedy = "triangulate every frame: `ivv prepare` does, or ask for a frame of the clip";
+            return Err(Error::data(&self.path, "", reason, remedy));
+        };
+        let mut points = points.read(frame, &self.cameras)?;
+        points.iter_mut().for_each(|point| point.position = self.moved.point(point.position));
+        Ok(points)
+    }
+
     /// Where the training cameras are; of all cameras when every one is a test camera.
     pub fn extent(&self) -> Extent {
         draft::extent(&self.cameras, &self.points)
@@ -257,6 +287,7 @@ impl Capture {
             poses.for_each(|pose| *pose = to.pose(pose));
         }
         self.points.iter_mut().for_each(|point| point.position = to.point(point.position));
+        self.moved = self.moved.then(to);
         self
     }
 

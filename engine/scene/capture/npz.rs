@@ -1,4 +1,4 @@
-//! One array of NumPy's `.npz`: a zip archive (APPNOTE 6.3.10) of `.npy` files (NumPy's NEP 1).
+//! One array of NumPy's `.npz`: a zip archive (APPNOTE 6.3.10) of `.npy` files.
 
 use std::io::Read;
 use std::path::Path;
@@ -7,6 +7,7 @@ use flate2::read::DeflateDecoder;
 
 use crate::error::{self, Error};
 use crate::scene::file::read_bytes;
+use crate::scene::npy::Header;
 
 const REMEDY: &str = "save the array again with numpy.savez";
 /// Most bytes of an array.
@@ -22,7 +23,7 @@ pub(crate) struct Array {
     pub values: Vec<f64>,
 }
 
-/// Reads the array `name` of little-endian f32 or f64 in C order.
+/// Reads the array `name` of little-endian floats in C order.
 ///
 /// # Errors
 /// [`Error::Data`] when the archive is damaged or encrypted, holds no such array or one of another type.
@@ -96,33 +97,12 @@ fn unpack(content: &[u8], method: usize, size: usize) -> Result<Vec<u8>, String>
     }
 }
 
-fn parse(content: &[u8]) -> Result<Array, String> {
-    let no_array = || "is no .npy array".to_owned();
-    if !content.starts_with(b"\x93NUMPY") {
-        return Err(no_array());
+fn parse(mut content: &[u8]) -> Result<Array, String> {
+    let header = Header::read(&mut content)?;
+    let shape = header.shape;
+    let n_bytes = shape.iter().try_fold(header.float.size(), |n, side| n.checked_mul(*side));
+    if n_bytes != Some(content.len()) {
+        return Err(format!("has the shape {shape:?} and {} values", content.len() / header.float.size()));
     }
-    let (start, length) = match content.get(6) {
-        Some(1) => (10, u16_at(content, 8)),
-        Some(2 | 3) => (12, u32_at(content, 8)),
-        _ => return Err(no_array()),
-    };
-    let end = length.and_then(|length| length.checked_add(start)).ok_or_else(no_array)?;
-    let header = content.get(start..end).and_then(|header| std::str::from_utf8(header).ok()).ok_or_else(no_array)?;
-    let data = content.get(end..).unwrap_or_default();
-    let field = |name: &str| header.split_once(name).map(|(_, rest)| rest.trim_start_matches([' ', ':', '\'']));
-    if !field("'fortran_order'").is_some_and(|rest| rest.starts_with("False")) {
-        return Err("is not in C order".to_owned());
-    }
-    let shape = field("'shape'").and_then(|rest| rest.strip_prefix('(')?.split_once(')')).ok_or_else(no_array)?.0;
-    let sides = shape.split(',').map(str::trim).filter(|side| !side.is_empty());
-    let shape: Vec<usize> = sides.map(|side| side.parse().map_err(|_| no_array())).collect::<Result<_, _>>()?;
-    let values: Vec<f64> = match field("'descr'").map(|rest| rest.get(..3).unwrap_or_default()) {
-        Some("<f4") => data.as_chunks().0.iter().map(|&b| f32::from_le_bytes(b).into()).collect(),
-        Some("<f8") => data.as_chunks().0.iter().map(|&b| f64::from_le_bytes(b)).collect(),
-        _ => return Err("is not of little-endian f32 or f64".to_owned()),
-    };
-    match shape.iter().try_fold(1_usize, |n, side| n.checked_mul(*side)) {
-        Some(n) if n == values.len() => Ok(Array { shape, values }),
-        _ => Err(format!("has the shape {shape:?} and {} values", values.len())),
-    }
+    Ok(Array { values: header.float.values(content).collect(), shape })
 }

@@ -16,7 +16,7 @@ pub(super) const MAX_SIDE: u32 = 1 << 16;
 /// Most pixels of an image: 1 GiB when decoded.
 pub(super) const MAX_PIXELS: u64 = 1 << 28;
 /// What a decoder may allocate beyond its pixels, bytes.
-const DECODER_SLACK: u64 = 64 << 20;
+pub(in crate::scene) const DECODER_SLACK: u64 = 64 << 20;
 
 /// A decoded image with its mask, as the device takes it.
 #[derive(Clone, Debug, PartialEq)]
@@ -82,7 +82,7 @@ pub(crate) fn decode_image(path: &Path, width: u32, height: u32) -> error::Resul
 }
 
 /// Third-party decoders have panicked on damaged images before; here that is a fault of the image.
-fn guarded<T>(path: &Path, work: impl FnOnce() -> Result<T, Fault>) -> Result<T, Fault> {
+pub(in crate::scene) fn guarded<T>(path: &Path, work: impl FnOnce() -> Result<T, Fault>) -> Result<T, Fault> {
     let broken = |_| Err(fault(path, "its decoder gave up", BROKEN));
     catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(broken)
 }
@@ -101,7 +101,7 @@ fn pixels_of(path: &Path, source: &Source) -> Result<DynamicImage, Fault> {
     DynamicImage::from_decoder(decoder).map_err(|cause| fault(path, format!("does not decode: {cause}"), BROKEN))
 }
 
-fn decoder_of(path: &Path, max_bytes: u64) -> Result<impl ImageDecoder, Fault> {
+pub(in crate::scene) fn decoder_of(path: &Path, max_bytes: u64) -> Result<impl ImageDecoder, Fault> {
     let failed = |cause: std::io::Error| unreadable(path, &cause);
     let mut file = BufReader::new(File::open(path).map_err(failed)?);
     let start = file.fill_buf().map_err(failed)?;

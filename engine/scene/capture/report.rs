@@ -101,8 +101,14 @@ pub struct Report {
     pub n_masks: usize,
     /// Images of which it is known what moves in them.
     pub n_foregrounds: usize,
+    /// Images that have optical flow.
+    pub n_flows: usize,
+    /// Images that have a depth prior.
+    pub n_depths: usize,
     /// Sparse points.
     pub n_points: usize,
+    /// Whether every frame has points of its own.
+    pub has_frame_points: bool,
     /// Bytes of all images when decoded, 4 for each pixel.
     pub bytes_decoded: u64,
     /// What is worth knowing and no fault.
@@ -125,7 +131,10 @@ impl Report {
             n_images: 0,
             n_masks: 0,
             n_foregrounds: 0,
+            n_flows: 0,
+            n_depths: 0,
             n_points: 0,
+            has_frame_points: false,
             bytes_decoded: 0,
             notes: Vec::new(),
             n_faults: 0,

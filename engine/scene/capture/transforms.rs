@@ -180,13 +180,7 @@ impl Frame {
         let Paths { name, image, mask } = paths;
         let camera =
             Camera { name: flat(&name), width, height, fx, fy, cx, cy, world_to_camera, is_test, shots: Vec::new() };
-        Entry {
-            camera,
-            distortion,
-            name,
-            shot: Shot { frame: 0, image, mask, foreground: None, world_to_camera: None },
-            time: self.time,
-        }
+        Entry { camera, distortion, name, shot: Shot { image, mask, ..Shot::default() }, time: self.time }
     }
 }
 

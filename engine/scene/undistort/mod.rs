@@ -59,9 +59,9 @@ impl Undistortion {
     }
 
     /// Depth along the optical axis, which a lens leaves as it is: the nearest pixel, because a mean across an edge is the
-    /// depth of nothing; 0 where the source shows nothing.
+    /// depth of nothing; NaN where the source shows nothing.
     pub fn depth(&self, depth: &[f32]) -> Vec<f32> {
-        self.each(|at| depth[self.nearest(at)]).into_iter().map(Option::unwrap_or_default).collect()
+        self.each(|at| depth[self.nearest(at)]).into_iter().map(|z| z.unwrap_or(f32::NAN)).collect()
     }
 
     /// Optical flow: both of its ends are undistorted, the start at the pixel, the end where the flow, interpolated

@@ -1,0 +1,114 @@
+//! The triangulated points of single frames: `points/<frame:05>.ply` of a capture folder (SPEC 8).
+
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+
+use super::Camera;
+use super::draft::MAX_COORDINATE;
+use crate::error::{Error, Result};
+use crate::scene::ply_header::{Element, Scalar};
+use crate::scene::ply_rows::{Column, Rows};
+
+/// The list of the cameras that saw a point, as COLMAP's CAMERA_IDs.
+const SEEN_BY: &str = "camera_ids";
+const REMEDY: &str = "triangulate the frame again, or set points = false in capture.toml";
+
+/// A point that was triangulated from the images of one frame.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FramePoint {
+    /// World, scene units.
+    pub position: [f64; 3],
+    /// Red, green, blue.
+    pub color: [u8; 3],
+    /// Indices of the cameras that saw it, ascending, each once.
+    pub seen_by: Vec<usize>,
+}
+
+/// Where the points of the frames are, and whom their CAMERA_IDs mean.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct FramePoints {
+    pub folder: PathBuf,
+    /// Name of the camera of an id.
+    pub cameras: HashMap<u32, String>,
+}
+
+impl FramePoints {
+    /// Checks the header of a frame's file and that the file is no shorter than it says.
+    pub fn check(&self, frame: u32) -> Result<()> {
+        let path = self.path(frame);
+        let (header, _) = Rows::open(&path)?;
+        Columns::find(&path, header.element("vertex")).map(|_| ())
+    }
+
+    /// The points of a frame in the world of the file. Who saw them and is not among `cameras` is left out.
+    pub fn read(&self, frame: u32, cameras: &[Camera]) -> Result<Vec<FramePoint>> {
+        let index = |name: &String| cameras.iter().position(|camera| camera.name == *name);
+        let known: HashMap<u32, Option<usize>> = self.cameras.iter().map(|(id, name)| (*id, index(name))).collect();
+        let path = self.path(frame);
+        let (header, mut rows) = Rows::open(&path)?;
+        let columns = Columns::find(&path, header.element("vertex"))?;
+        let mut points = Vec::new();
+        for element in &header.elements {
+            if element.name == "vertex" {
+                rows.read_with_list(element, SEEN_BY, |row, bytes, ids| {
+                    let point = columns.point(bytes, ids, &known);
+                    let fault = |reason| Error::data(&path, format!("element `vertex`, row {row}"), reason, REMEDY);
+                    points.push(point.map_err(fault)?);
+                    Ok(())
+                })?;
+            } else {
+                rows.skip(element)?;
+            }
+        }
+        rows.finish()?;
+        Ok(points)
+    }
+
+    fn path(&self, frame: u32) -> PathBuf {
+        self.folder.join(format!("{frame:05}.ply"))
+    }
+}
+
+struct Columns {
+    position: [Column; 3],
+    color: [Column; 3],
+}
+
+impl Columns {
+    fn find(path: &Path, vertex: Option<&Element>) -> Result<Self> {
+        let missing = |what: &str| Error::data(path, "header", format!("has no {what}"), REMEDY);
+        let vertex = vertex.ok_or_else(|| missing("element `vertex`"))?;
+        let plain = |name: &str| Column::find(vertex, name).ok_or_else(|| missing(&format!("property `{name}`")));
+        let byte = |name: &str| {
+            let column = plain(name)?;
+            if column.is(Scalar::U8) { Ok(column) } else { Err(missing(&format!("property `{name}` of type uchar"))) }
+        };
+        if !vertex.properties.iter().any(|property| property.name == SEEN_BY && property.list_length.is_some()) {
+            return Err(missing(&format!("list `{SEEN_BY}`")));
+        }
+        Ok(Columns {
+            position: [plain("x")?, plain("y")?, plain("z")?],
+            color: [byte("red")?, byte("green")?, byte("blue")?],
+        })
+    }
+
+    fn point(
+        &self,
+        row: &[u8],
+        ids: &[f64],
+        known: &HashMap<u32, Option<usize>>,
+    ) -> std::result::Result<FramePoint, String> {
+        let position = self.position.map(|column| column.f64(row));
+        if !position.iter().all(|v| v.is_finite() && v.abs() <= MAX_COORDINATE) {
+            return Err(format!("is at {position:?}, not finite or beyond {MAX_COORDINATE}"));
+        }
+        let mut seen_by = Vec::new();
+        for &id in ids {
+            let camera = known.get(&(id as u32)).filter(|_| f64::from(id as u32) == id);
+            seen_by.extend(camera.ok_or_else(|| format!("was seen by camera {id}, which is not in sparse/0"))?);
+        }
+        seen_by.sort_unstable();
+        seen_by.dedup();
+        Ok(FramePoint { position, color: self.color.map(|column| column.u8(row)), seen_by })
+    }
+}
