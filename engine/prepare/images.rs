@@ -23,6 +23,8 @@ use crate::scene::write_atomic;
 const JPEG_QUALITY: u8 = 95;
 /// Columns or rows that an encoder may have cut off at the right or the bottom: less than a block of a video.
 const MAX_CUT: u32 = 15;
+/// Bars around a picture are darker in the mean, of 255.
+const BLACK: u64 = 16;
 /// Rates differ when their ratio is farther from 1.
 const RATE_TOLERANCE: f64 = 1e-3;
 
@@ -50,7 +52,9 @@ pub(super) struct Camera {
     pub poses: Vec<Pose>,
     /// Of the pictures as they are recorded.
     recorded: (u32, u32),
-    /// Of the recorded pictures, scaled.
+    /// What is taken of them.
+    part: Part,
+    /// Of that part, scaled.
     pub lens: Lens,
     material: Material,
 }
@@ -167,7 +171,7 @@ impl Images {
     }
 
     /// Sound and keypoints, where the source has them.
-    pub fn carry_sound(&self, source: &Source, settings: &PrepareSettings) -> Result<()> {
+    pub fn carry_sound(&self, settings: &PrepareSettings) -> Result<()> {
         for camera in &self.cameras {
             if let Material::Video(path, video) = &camera.material {
                 let (from, length) = self.span();
@@ -178,7 +182,7 @@ impl Images {
                 }
             }
         }
-        sound::carry(self, source, settings)
+        sound::carry(self, settings)
     }
 
     fn from_video(&self, camera: &Camera, tell: &dyn Fn(&str)) -> Result<()> {
@@ -195,7 +199,7 @@ impl Images {
         let Selection { start, every, n } = self.select;
         let rest = Selection { start: start + first * every, every, n: n - first };
         let threads = (self.threads / self.cameras.len().max(1)).max(1);
-        video::decode(path, rest, (camera.lens.width, camera.lens.height), threads, |index, rgb| {
+        video::decode(path, rest, camera.part, (camera.lens.width, camera.lens.height), threads, |index, rgb| {
             let frame = first + index;
             if !image(frame).is_file() {
                 let (pixels, _) = rgb.as_chunks::<3>();
@@ -258,11 +262,20 @@ impl Images {
 impl Camera {
     /// The shot of a frame when its image is taken over as it is.
     fn taken_over(&self, frame: u32) -> Option<&Shot> {
-        let same = (self.lens.width, self.lens.height) == self.recorded && self.lens.distortion == Distortion::None;
+        let whole = (self.lens.width, self.lens.height) == self.recorded && self.part == Part::whole(self.recorded);
+        let same = whole && self.lens.distortion == Distortion::None;
         match &self.material {
             Material::Images(shots) if same => shots.get(frame as usize),
             _ => None,
         }
+    }
+
+    /// A place of the recorded pictures in the scaled part.
+    pub fn scaled(&self, [x, y]: [f64; 2]) -> [f64; 2] {
+        let Part { x: left, y: top, width, height } = self.part;
+        let scale = |side: u32, of: u32| f64::from(side) / f64::from(of);
+        let (across, down) = (scale(self.lens.width, width), scale(self.lens.height, height));
+        [(x - f64::from(left)) * across, (y - f64::from(top)) * down]
     }
 
     /// What the camera's pictures are made from.
@@ -315,6 +328,28 @@ impl Recorded {
     }
 }
 
+impl Recorded {
+    /// The first picture.
+    fn first(&self, footage: &Footage) -> Result<Vec<[u8; 3]>> {
+        let (width, height) = self.size;
+        match footage {
+            Footage::Video(path) => {
+                let mut pixels = Vec::new();
+                let select = Selection { start: 0, every: 1, n: 1 };
+                video::decode(path, select, Part::whole(self.size), self.size, 1, |_, rgb| {
+                    pixels.extend_from_slice(rgb.as_chunks().0);
+                    Ok(())
+                })?;
+                Ok(pixels)
+            }
+            Footage::Images(shots) => {
+                let image = decode_image(&shots[0].image, width, height)?.into_rgb8();
+                Ok(image.as_raw().as_chunks().0.to_vec())
+            }
+        }
+    }
+}
+
 /// What the plan of a camera needs.
 struct Planned<'a> {
     source: &'a Source,
@@ -328,19 +363,18 @@ impl Planned<'_> {
     fn camera(&mut self, camera: &SourceCamera, recorded: Recorded) -> Option<Camera> {
         let place = format!("camera `{}`", camera.name.escape_debug());
         let (width, height) = recorded.size;
-        let lens = match fitted(&camera.lens, width, height) {
-            Ok((lens, note)) => {
-                self.notes.extend(note.map(|note| format!("{place}: {note}")));
-                lens
-            }
-            Err(reason) => {
-                let remedy = "give the footage of this calibration, or calibrate again";
-                self.faults.add(&self.source.calibration, place, reason, remedy);
-                return None;
-            }
+        let Some((lens, part, note)) =
+            self.faults.take(fitted(&camera.lens, recorded.size, || recorded.first(&camera.footage)))?
+        else {
+            let Lens { width: w, height: h, .. } = camera.lens;
+            let reason = format!("is calibrated for {w} x {h}, its pictures are {width} x {height}");
+            let remedy = "give the footage of this calibration, or calibrate again";
+            self.faults.add(&self.source.calibration, place, reason, remedy);
+            return None;
         };
+        self.notes.extend(note.map(|note| format!("{place}: {note}")));
         let side = |side: u32| ((f64::from(side) * self.settings.scale).round() as u32).max(1);
-        let lens = lens.resized(side(width), side(height));
+        let lens = lens.resized(side(part.width), side(part.height));
         let Some(pinhole) = lens.pinhole() else {
             let reason = "has a distortion after which no rectangle of the picture is left";
             self.faults.add(&self.source.calibration, place, reason, "calibrate it again");
@@ -362,21 +396,21 @@ impl Planned<'_> {
             (Footage::Video(path), Some(video)) => Material::Video(path.clone(), video),
             (Footage::Images(shots), _) => {
                 let mut shots = self.shots(&place, shots, &frames, recorded.size)?;
-                self.choose_priors(&mut shots);
+                self.choose_priors(&mut shots, part == Part::whole(recorded.size));
                 Material::Images(shots)
             }
             (Footage::Video(_), None) => return None,
         };
         let (name, is_test) = (camera.name.clone(), camera.is_test);
-        Some(Camera { name, is_test, pinhole, poses, recorded: recorded.size, lens, material })
+        Some(Camera { name, is_test, pinhole, poses, recorded: recorded.size, part, lens, material })
     }
 
     /// Priors fit pictures of their own size, and flow leads to the next frame of the source.
-    fn choose_priors(&mut self, shots: &mut [Shot]) {
+    fn choose_priors(&mut self, shots: &mut [Shot], whole: bool) {
         // The frame that the last flow leads to is not taken.
         shots.last_mut().map(|shot| shot.flow.take());
         let has_priors = shots.iter().any(|shot| shot.flow.is_some() || shot.depth.is_some());
-        let (scaled, sparse) = (self.settings.scale != 1.0, self.settings.every != 1);
+        let (scaled, sparse) = (self.settings.scale != 1.0 || !whole, self.settings.every != 1);
         if !has_priors || !(scaled || sparse) {
             return;
         }
@@ -417,25 +451,64 @@ impl Planned<'_> {
     }
 }
 
-/// The lens for pictures of another size than the calibration's, and what was done. Both sides in the same proportion: the
-/// pictures were scaled. One side by less than a block of a video, the other not: a codec cut them at the right or the bottom.
-fn fitted(lens: &Lens, width: u32, height: u32) -> std::result::Result<(Lens, Option<String>), String> {
-    let Lens { width: w, height: h, .. } = *lens;
+/// The part of recorded pictures that is used, pixels.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Part {
+    pub x: u32,
+    pub y: u32,
+    pub width: u32,
+    pub height: u32,
+}
+
+impl Part {
+    fn whole((width, height): (u32, u32)) -> Self {
+        Part { x: 0, y: 0, width, height }
+    }
+}
+
+/// The lens and the part of pictures of another size than the calibration's, and what was done.
+///
+/// Both sides in the same proportion: the pictures were scaled. Black bars above and below or beside: they were scaled into a
+/// frame of another shape. One side shorter by less than a block of a video, the other the same: a codec cut them at the right
+/// or the bottom. `first` gives the first picture.
+fn fitted(
+    lens: &Lens,
+    size: (u32, u32),
+    first: impl FnOnce() -> Result<Vec<[u8; 3]>>,
+) -> Result<Option<(Lens, Part, Option<String>)>> {
+    let ((width, height), Lens { width: w, height: h, .. }) = (size, *lens);
     if (w, h) == (width, height) {
-        return Ok((*lens, None));
+        return Ok(Some((*lens, Part::whole(size), None)));
     }
     let sizes = format!("the pictures are {width} x {height}, the calibration is for {w} x {h}");
+    let [width_f, height_f, w_f, h_f] = [width, height, w, h].map(f64::from);
+    let scale = (width_f / w_f).min(height_f / h_f);
+    let (inner_width, inner_height) = ((w_f * scale).round() as u32, (h_f * scale).round() as u32);
+    let (across, down) = (width.saturating_sub(inner_width), height.saturating_sub(inner_height));
+    // Rounding the scaled size may have moved either side by a pixel.
+    if across <= 1 && down <= 1 {
+        return Ok(Some((lens.resized(width, height), Part::whole(size), Some(format!("{sizes}: it is scaled")))));
+    }
+    let part = Part { x: across / 2, y: down / 2, width: inner_width, height: inner_height };
+    let row = |y: u32| (y as usize * width as usize)..((y + 1) as usize * width as usize);
+    let picture = first()?;
+    let bars = (0..height).flat_map(|y| {
+        let inside = (part.y..part.y + part.height).contains(&y);
+        let sides = picture[row(y)].iter().zip(0_u32..);
+        sides.filter(move |(_, x)| !inside || !(part.x..part.x + part.width).contains(x)).map(|(pixel, _)| pixel)
+    });
+    let (n, sum) =
+        bars.fold((0_u64, 0_u64), |(n, sum), pixel| (n + 3, sum + pixel.iter().map(|v| u64::from(*v)).sum::<u64>()));
+    if n > 0 && sum < BLACK * n {
+        let note = format!("{sizes}: taken as scaled to {inner_width} x {inner_height} between black bars");
+        return Ok(Some((lens.resized(inner_width, inner_height), part, Some(note))));
+    }
     let cut = |calibrated: u32, found: u32| calibrated >= found && calibrated - found <= MAX_CUT;
     if (w == width && cut(h, height)) || (h == height && cut(w, width)) {
         let note = format!("{sizes}: taken as cut off at the right or the bottom");
-        return Ok((Lens { width, height, ..*lens }, Some(note)));
+        return Ok(Some((Lens { width, height, ..*lens }, Part::whole(size), Some(note))));
     }
-    // Rounding the scaled size may have moved either side by half a pixel.
-    let expected = f64::from(width) * f64::from(h) / f64::from(w);
-    if (expected - f64::from(height)).abs() <= 1.0_f64.max(expected / f64::from(width)) {
-        return Ok((lens.resized(width, height), Some(format!("{sizes}: the calibration is scaled"))));
-    }
-    Err(format!("does not fit its footage: {sizes}"))
+    Ok(None)
 }
 
 /// Makes the pictures of a camera.
@@ -461,9 +534,12 @@ impl<'a> Maker<'a> {
     /// An image of the recorded size, scaled.
     fn scaled(&self, path: &Path, filter: FilterType) -> Result<DynamicImage> {
         let (width, height) = self.camera.recorded;
-        let image = decode_image(path, width, height)?;
-        let Lens { width, height, .. } = self.camera.lens;
-        if (width, height) == self.camera.recorded {
+        let mut image = decode_image(path, width, height)?;
+        let (part, Lens { width, height, .. }) = (self.camera.part, self.camera.lens);
+        if part != Part::whole(self.camera.recorded) {
+            image = image.crop_imm(part.x, part.y, part.width, part.height);
+        }
+        if (width, height) == (part.width, part.height) {
             return Ok(image);
         }
         Ok(image.resize_exact(width, height, filter))

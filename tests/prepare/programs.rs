@@ -38,7 +38,7 @@ fn videos_are_decoded_gone_on_with_and_compared() {
     let settings = PrepareSettings { start: 1, every: 2, ..settings(&folder) };
     let prepared = done(&settings);
     let notes = prepared.notes.join("\n");
-    assert!(notes.contains("5 (`right`) to 6 (`left`)") && notes.contains("the calibration is scaled"), "{notes}");
+    assert!(notes.contains("5 (`right`) to 6 (`left`)") && notes.contains("it is scaled"), "{notes}");
     let capture = Capture::open(&settings.output).unwrap();
     assert_eq!((capture.n_frames, capture.fps), (2, 5.0));
     assert_eq!((capture.cameras[1].width, capture.cameras[1].fx), (64, 60.0));

@@ -71,7 +71,7 @@ fn n3v_arrives() {
     assert_eq!(prepared.source_format, "N3V");
     let notes = prepared.notes.join("\n");
     assert!(notes.contains("different numbers of frames, 4 (`cam07`) to 5 (`cam00`)"), "{notes}");
-    assert!(notes.contains("the calibration is scaled"), "{notes}");
+    assert!(notes.contains("it is scaled"), "{notes}");
     let capture = Capture::open(&settings.output).unwrap();
     // Frames 1 and 3 of the four that both have.
     assert_eq!((capture.n_frames, capture.fps), (2, 15.0));
@@ -168,6 +168,56 @@ fn pose2sim_arrives_from_both_of_its_calibrations() {
     assert_eq!(names, ["cam01", "cam02"]);
     assert_eq!((capture.cameras[0].cx, capture.cameras[0].cy), (32.0, 24.0));
     close(&capture.cameras[1].world_to_camera, [[-1.0, 0.0, 0.0, 1.0], [0.0, 1.0, 0.0, 2.0], [0.0, 0.0, -1.0, 3.0]]);
+}
+
+/// Pictures of 68 x 48 that were fitted into 64 x 48: 64 x 45 between a row of black above and two below.
+#[test]
+fn black_bars_are_cut_and_other_shapes_refused() {
+    let folder = Folder::new("prepare-bars");
+    let camera = |id: u32| {
+        format!(
+            "[cameras.{id}]\nsize = [68, 48]\nmatrix = [[51.0, 0.0, 33.5], [0.0, 51.0, 23.5], [0.0, 0.0, 1.0]]\n\
+             distortions = []\ntranslation = [0.0, 0.0, 1.0]\nrotation = [0.0, 0.0, 0.0]\n"
+        )
+    };
+    folder.write("source/camera_array.toml", [camera(0), camera(1)].concat());
+    let picture = |bars: u8| {
+        let inside = |row: u32| (1..46).contains(&row);
+        let pixels = (0..64 * 48_u32).flat_map(|i| if inside(i / 64) { [200, 100, (i / 64) as u8] } else { [bars; 3] });
+        encode(&pixels.collect::<Vec<_>>(), 64, 48, ExtendedColorType::Rgb8)
+    };
+    let write = |bars: u8| {
+        for name in ["cam_0/0.png", "cam_0/1.png", "cam_1/0.png", "cam_1/1.png"] {
+            folder.write(&format!("source/{name}"), picture(bars));
+        }
+    };
+    write(3);
+    let settings = settings(&folder);
+    let prepared = done(&settings);
+    assert!(
+        prepared.notes.iter().any(|note| note.contains("scaled to 64 x 45 between black bars")),
+        "{:?}",
+        prepared.notes
+    );
+    let capture = Capture::open(&settings.output).unwrap();
+    let camera = &capture.cameras[0];
+    assert_eq!((camera.width, camera.height, camera.fx, camera.cx), (64, 45, 48.0, 32.0));
+    let picture = capture.picture(0, 0).unwrap();
+    assert_eq!(picture.pixels[0].to_le_bytes(), [200, 100, 1, 255]);
+    assert!(picture.pixels.iter().all(|pixel| pixel & 0xff == 200));
+    // Bright bars are none: four columns fewer are taken as cut off.
+    write(90);
+    let cut = PrepareSettings { output: folder.0.join("cut"), ..settings.clone() };
+    assert!(done(&cut).notes.iter().any(|note| note.contains("cut off at the right")));
+    // As for black ones that are in the wrong places.
+    folder.write("source/camera_array.toml", camera_of_other_shape());
+    assert_told(&run(&settings).unwrap().0.report, &["is calibrated for 100 x 48, its pictures are 64 x 48"]);
+}
+
+fn camera_of_other_shape() -> String {
+    "[cameras.0]\nsize = [100, 48]\nmatrix = [[51.0, 0.0, 50.0], [0.0, 51.0, 23.5], [0.0, 0.0, 1.0]]\n\
+     distortions = []\ntranslation = [0.0, 0.0, 1.0]\nrotation = [0.0, 0.0, 0.0]\n"
+        .to_owned()
 }
 
 #[test]
