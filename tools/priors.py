@@ -94,7 +94,7 @@ def raft(args):
 
 
 def videoflow(args):
-    """Five frames at a time; the estimate of the middle one, forward and back, is taken."""
+    """Pictures of five frames to the flows of the inner three, forward and back."""
     torch = need("torch", "install what VideoFlow's README says")
     sys.path[:0] = [args.repository, os.path.join(args.repository, "core")]
     remedy = "give VideoFlow's checkout with --repository"
@@ -150,7 +150,7 @@ def camera_flow(args, capture, camera, images, estimate):
         if not target.is_file():
             mask = capture / "masks" / camera / f"{frame:05}.png"
             if args.flow == "videoflow":
-                # Windows of five with the frame second or, at the end, third; the ends are repeated.
+                # The frame is the second of five; beyond the clip its ends are repeated.
                 window = [picture(images[min(max(frame + k, 0), len(images) - 1)]) for k in range(-1, 4)]
                 forward, backward = estimate(window)
                 finish_flow(target, forward[0], backward[1], mask)

@@ -12,7 +12,7 @@ use crate::error::{Error, Result};
 use crate::scene::write_atomic;
 
 const FILE: &str = "prepare.json";
-/// The parts of a capture that each stage makes, in the order of the stages; a later one depends on the earlier ones.
+/// The parts of a capture that each stage makes; all depend on the first.
 const STAGES: [(&str, &[&str]); 3] = [
     ("images", &["images", "masks", "foreground", "depth", "flow", "audio", "keypoints"]),
     ("points", &["sparse", "points"]),
@@ -60,23 +60,22 @@ impl Journal {
         Ok(Journal { output: output.clone(), record, force: settings.force })
     }
 
-    /// Begins a stage or goes on with it. When its files were made from something else they are removed first, and those of
-    /// the stages after it; that needs `force`, as does removing files of which nothing is known.
+    /// Begins a stage or goes on with it. When its files were made from something else they are removed first, and with the
+    /// images all that was made from them; that needs `force`, as does removing files of which nothing is known.
     pub fn begin(&mut self, stage: &'static str, made_from: Value) -> Result<()> {
         if self.record.made_from.get(stage) == Some(&made_from) {
             remove_temporaries(&self.output)?;
             return Ok(());
         }
-        let first = STAGES.iter().position(|(name, _)| *name == stage).unwrap_or_default();
-        let parts = STAGES[first..].iter().flat_map(|(_, parts)| *parts);
+        let anew: Vec<_> = STAGES.iter().filter(|(name, _)| *name == stage || stage == STAGES[0].0).collect();
+        let parts = anew.iter().flat_map(|(_, parts)| *parts);
         let old: Vec<PathBuf> = parts.map(|part| self.output.join(part)).filter(|path| path.exists()).collect();
         if let Some(path) = old.first().filter(|_| !self.force) {
             let reason = match self.record.made_from.get(stage) {
                 Some(before) => format!("was made with other settings: {}", difference(before, &made_from)),
                 None => "is there already".to_owned(),
             };
-            let remedy =
-                "give --force to make it again, with all that follows from it, or choose another folder with -o";
+            let remedy = "give --force to make it again, or choose another folder with -o";
             return Err(Error::data(path, "", reason, remedy));
         }
         for path in std::iter::once(self.output.join(MANIFEST)).filter(|path| path.exists()).chain(old) {
@@ -85,8 +84,8 @@ impl Journal {
                 Error::data(&path, "", format!("cannot be removed: {fault}"), "check its permissions")
             })?;
         }
-        for (later, _) in &STAGES[first..] {
-            self.record.made_from.remove(*later);
+        for (name, _) in anew {
+            self.record.made_from.remove(*name);
         }
         self.record.made_from.insert(stage.to_owned(), made_from);
         let text = serde_json::to_vec_pretty(&self.record).map_err(std::io::Error::other);

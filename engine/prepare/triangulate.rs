@@ -59,7 +59,7 @@ pub(super) fn make(
         let rows = fs::read_to_string(model.join("points3D.txt")).unwrap_or_default();
         let n = rows.lines().filter(|line| !line.starts_with('#')).count();
         stage.clear()?;
-        return Ok(vec![(REFERENCE, n)]);
+        return Ok(Vec::from_iter((n > 0).then_some((REFERENCE, n))));
     };
     make_folder(&points)?;
     let frames: Vec<u32> = (0..images.n_frames()).collect();

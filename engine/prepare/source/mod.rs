@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 
 use super::PrepareSettings;
 use crate::error::{Error, Result};
-use crate::scene::capture::{Faults, Point, Pose, Shot};
+use crate::scene::capture::{Faults, Point, Pose, Shot, check_test_cameras};
 use crate::scene::undistort::Lens;
 
 /// Where the pictures of a camera are.
@@ -111,12 +111,8 @@ impl Source {
 
     fn choose_test_cameras(&mut self, settings: &PrepareSettings, faults: &mut Faults) {
         let Some(chosen) = &settings.test_cameras else { return };
-        for name in chosen.iter().filter(|name| !self.cameras.iter().any(|camera| camera.name == **name)) {
-            let some: Vec<_> = self.cameras.iter().take(5).map(|camera| camera.name.as_str()).collect();
-            let reason = format!("no camera is named `{}`", name.escape_debug());
-            let remedy = format!("there are {} cameras: {}, ...", self.cameras.len(), some.join(", "));
-            faults.add(&self.calibration, "test cameras", reason, remedy);
-        }
+        let names: Vec<&str> = self.cameras.iter().map(|camera| camera.name.as_str()).collect();
+        check_test_cameras(chosen, &names, &self.calibration, faults);
         self.cameras.iter_mut().for_each(|camera| camera.is_test = chosen.contains(&camera.name));
     }
 }

@@ -5,7 +5,7 @@
 use std::collections::BTreeMap;
 
 use super::{Footage, Place, Source, SourceCamera, footage};
-use crate::scene::capture::{Faults, Posed, model_folder, read_model};
+use crate::scene::capture::{Faults, Posed, model_folder, read_images};
 
 /// Whether the cameras of the model have footage: a video, or more images than the model has of them.
 pub(super) fn is_rig(place: Place) -> bool {
@@ -14,7 +14,7 @@ pub(super) fn is_rig(place: Place) -> bool {
         return false;
     }
     let Some(folder) = model_folder(place.folder) else { return false };
-    let model = read_model(&folder, &mut Faults::default());
+    let model = read_images(&folder, &mut Faults::default());
     by_camera(&model.images).iter().any(|(name, posed)| match footage::find(place.footage, name) {
         Some(Footage::Video(_)) => true,
         Some(Footage::Images(shots)) => posed.len() == 1 && shots.len() > 1,
@@ -36,7 +36,7 @@ fn by_camera(images: &[Posed]) -> BTreeMap<String, Vec<&Posed>> {
 }
 
 pub(super) fn read(place: Place, faults: &mut Faults) -> Source {
-    let model = model_folder(place.folder).map(|folder| read_model(&folder, faults)).unwrap_or_default();
+    let model = model_folder(place.folder).map(|folder| read_images(&folder, faults)).unwrap_or_default();
     let mut source = Source { calibration: model.file.clone(), ..Source::default() };
     // Frames may be counted from 0 or from 1; the lowest number of all moving cameras tells.
     let cameras = by_camera(&model.images);

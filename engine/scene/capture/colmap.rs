@@ -98,7 +98,16 @@ pub(crate) fn model_folder(path: &Path) -> Option<PathBuf> {
 }
 
 /// Reads a model; `points3D` may be absent. What is faulty is left out.
-pub(crate) fn read_model(folder: &Path, faults: &mut Faults) -> Model {
+pub(super) fn read_model(folder: &Path, faults: &mut Faults) -> Model {
+    read(folder, true, faults)
+}
+
+/// Reads a model without its points.
+pub(crate) fn read_images(folder: &Path, faults: &mut Faults) -> Model {
+    read(folder, false, faults)
+}
+
+fn read(folder: &Path, with_points: bool, faults: &mut Faults) -> Model {
     let binary = folder.join("cameras.bin").is_file();
     let file = |stem: &str| folder.join(format!("{stem}.{}", if binary { "bin" } else { "txt" }));
     let (cameras, images, points) = (file("cameras"), file("images"), file("points3D"));
@@ -107,7 +116,7 @@ pub(crate) fn read_model(folder: &Path, faults: &mut Faults) -> Model {
     let raw = if binary { colmap_bin::images(&images, faults) } else { colmap_text::images(&images, faults) };
     let ids: HashSet<u32> = raw.iter().map(|image| image.id).collect();
     let mut model = Model { images: check_images(&images, raw, &known, faults), points: Vec::new(), file: images };
-    if points.is_file() {
+    if with_points && points.is_file() {
         let mut checked = CheckedPoints::new(&points, &ids);
         if binary {
             colmap_bin::points(&points, faults, |point, faults| checked.add(point, faults));

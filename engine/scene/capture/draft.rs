@@ -194,22 +194,18 @@ impl Draft {
 
     fn choose_test_cameras(&mut self, settings: &CaptureSettings, faults: &mut Faults) {
         let Some(chosen) = &settings.test_cameras else { return };
-        check_test_cameras(chosen, &self.cameras, &self.calibration, faults);
+        let names: Vec<&str> = self.cameras.iter().map(|camera| camera.name.as_str()).collect();
+        check_test_cameras(chosen, &names, &self.calibration, faults);
         self.cameras.iter_mut().for_each(|camera| camera.is_test = chosen.contains(&camera.name));
     }
 }
 
-/// Notes a fault for each name that no camera has.
-pub(super) fn check_test_cameras(names: &[String], cameras: &[Camera], file: &Path, faults: &mut Faults) {
-    for name in names.iter().filter(|name| !cameras.iter().any(|camera| camera.name == **name)) {
-        let some: Vec<_> = cameras.iter().take(5).map(|camera| camera.name.as_str()).collect();
+/// Notes a fault for each name that none of the cameras has.
+pub(crate) fn check_test_cameras(names: &[String], cameras: &[&str], file: &Path, faults: &mut Faults) {
+    for name in names.iter().filter(|name| !cameras.contains(&name.as_str())) {
+        let some = cameras[..cameras.len().min(5)].join(", ");
         let reason = format!("no camera is named `{}`", name.escape_debug());
-        faults.add(
-            file,
-            "test cameras",
-            reason,
-            format!("there are {} cameras: {}, ...", cameras.len(), some.join(", ")),
-        );
+        faults.add(file, "test cameras", reason, format!("there are {} cameras: {some}, ...", cameras.len()));
     }
 }
 

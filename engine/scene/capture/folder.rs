@@ -144,7 +144,8 @@ pub(super) fn read(path: &Path, settings: &CaptureSettings, faults: &mut Faults)
     if manifest.points {
         draft.frame_points = frame_points(path, &model.file, ids, n_frames, faults);
     }
-    check_test_cameras(&manifest.test_cameras, &draft.cameras, &draft.calibration, faults);
+    let names: Vec<&str> = draft.cameras.iter().map(|camera| camera.name.as_str()).collect();
+    check_test_cameras(&manifest.test_cameras, &names, &draft.calibration, faults);
     for camera in &mut draft.cameras {
         camera.is_test = manifest.test_cameras.contains(&camera.name);
     }

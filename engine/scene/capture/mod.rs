@@ -25,8 +25,8 @@ pub use report::{Fault, Report};
 
 use std::path::{Path, PathBuf};
 
-pub(crate) use colmap::{Posed, model_folder, read_model, tracks};
-pub(crate) use draft::Draft;
+pub(crate) use colmap::{Posed, model_folder, read_images, tracks};
+pub(crate) use draft::{Draft, check_test_cameras};
 pub(crate) use header::read_size;
 pub(crate) use names::{is_image, relative};
 pub(crate) use npz::read_npy;
