@@ -5,6 +5,7 @@ use std::path::Path;
 use image::ExtendedColorType;
 use ivv::prepare::PrepareSettings;
 use ivv::scene::capture::{Capture, Manifest};
+use ivv::scene::prior::{read_depth, read_flow, write_depth, write_flow};
 use serde_json::json;
 
 use super::{done, run, settings};
@@ -402,6 +403,65 @@ fn what_is_no_source_is_told() {
     given.test_cameras = Some(["0", "1", "2"].map(String::from).to_vec());
     assert_told(&run(&given).unwrap().0.report, &["has only test cameras"]);
     assert!(!given.output.exists(), "nothing is made of a faulty source");
+}
+
+/// The project's own folder whose lens distorts: what was estimated from the pictures is undistorted with them.
+#[test]
+fn priors_of_a_capture_folder_are_undistorted() {
+    let folder = Folder::new("prepare-priors");
+    let model = Model {
+        cameras: vec![(1, 2, "SIMPLE_RADIAL", 64, 48, vec![50.0, 32.0, 24.0, 0.3])],
+        images: vec![
+            (1, IDENTITY, [0.0, 0.0, 4.0], 1, "a/00000.png", vec![]),
+            (2, IDENTITY, [1.0, 0.0, 4.0], 1, "b/00000.png", vec![]),
+        ],
+        points: vec![],
+    };
+    let [cameras, images, _] = binary(&model);
+    folder.write("source/sparse/0/cameras.bin", cameras);
+    folder.write("source/sparse/0/images.bin", images);
+    let manifest = Manifest { fps: 12.0, frames: 2, flow: true, depth: true, masks: true, ..Manifest::default() };
+    manifest.write(&folder.0.join("source")).unwrap();
+    sequence_of_folder(&folder);
+    let settings = settings(&folder);
+    let capture = open(&settings);
+    assert_eq!((capture.fps, capture.n_frames), (12.0, 2));
+    let camera = &capture.cameras[0];
+    let (width, height) = (camera.width, camera.height);
+    // Pincushion distortion leaves less than the picture.
+    assert!(width < 64 && height < 48 && width > 40, "{width} x {height}");
+    let shot = &camera.shots[0];
+    let flow = read_flow(shot.flow.as_ref().unwrap(), width, height).unwrap();
+    let depth = read_depth(shot.depth.as_ref().unwrap(), width, height).unwrap();
+    // At the centre the lens does nothing; towards the border the picture is compressed, and flow with it.
+    let index = |column: u32, row: u32| (row * width + column) as usize;
+    let (center, right) = (index(camera.cx as u32, height / 2), index(width - 4, height / 2));
+    assert!((flow[center][0] - 1.0).abs() < 0.01, "{:?}", flow[center]);
+    assert!(flow[right][0] < 0.9 && flow[right][0] > 0.6, "{:?}", flow[right]);
+    assert!(depth.iter().all(|z| [2.0, 3.0].contains(z)) && depth.contains(&2.0) && depth.contains(&3.0));
+    assert!(camera.shots[1].flow.is_none(), "the last frame leads nowhere");
+    assert!(shot.mask.is_some());
+    let scaled = PrepareSettings { scale: 0.5, output: folder.0.join("scaled"), ..settings };
+    let prepared = done(&scaled);
+    assert!(prepared.notes.iter().any(|note| note.contains("not scaled with the images")), "{:?}", prepared.notes);
+    assert!(!Manifest::read(&scaled.output).unwrap().flow);
+}
+
+/// Images, masks, flow of one pixel to the right and depth of two planes, for the cameras `a` and `b`.
+fn sequence_of_folder(folder: &Folder) {
+    let flow = vec![[1.0_f32, 0.0]; 64 * 48];
+    let depth: Vec<f32> = (0..64 * 48).map(|i| if i % 64 < 32 { 2.0 } else { 3.0 }).collect();
+    for camera in ["a", "b"] {
+        for frame in 0..2 {
+            let path = |kind: &str, ending: &str| format!("source/{kind}/{camera}/{frame:05}.{ending}");
+            folder.write(&path("images", "png"), png(64, 48, frame));
+            folder.write(&path("masks", "png"), encode(&[255; 64 * 48], 64, 48, ExtendedColorType::L8));
+            let flow_file = folder.write(&path("flow", "flo"), "");
+            write_flow(&flow_file, &flow, 64, 48).unwrap();
+            let depth_file = folder.write(&path("depth", "npy"), "");
+            write_depth(&depth_file, &depth, 64, 48).unwrap();
+        }
+    }
 }
 
 #[test]

@@ -180,7 +180,6 @@ fn colmap_undistorts_a_simple_radial_picture_to_the_same() {
     // Pictures of 1280 x 720 are slow where nothing is optimised.
     for camera in dense.cameras.iter().take(if cfg!(debug_assertions) { 1 } else { 7 }) {
         let lens = lenses[&camera.fx.to_bits()];
-        let Capture { .. } = dense;
         let (width, height, fx, fy, cx, cy) = (camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy);
         let target = Lens { width, height, fx, fy, cx, cy, distortion: Distortion::None };
         // COLMAP keeps the principal point where it was in proportion: its rectangle is a part of ours.
@@ -200,5 +199,6 @@ fn colmap_undistorts_a_simple_radial_picture_to_the_same() {
         assert!(plain > 20.0 * mse, "undistortion changes too little to be tested: {plain}, {mse}");
         worst = worst.min(psnr);
     }
-    assert!(worst > 38.0, "{worst} dB");
+    // Both pictures are JPEG, so they cannot be the same.
+    assert!(worst > 42.0, "{worst} dB");
 }

@@ -30,7 +30,7 @@ pub(super) fn read(place: Place, faults: &mut Faults) -> Option<Source> {
         .filter_map(|camera| Some((camera.shots.first()?.image.clone(), camera.name.clone())))
         .collect();
     let images = place.folder.join(&settings.images);
-    let seen = model_folder(place.folder).filter(|folder| folder.join("images.bin").is_file());
+    let seen = model_folder(place.folder).filter(|folder| folder.join("points3D.bin").is_file());
     let seen = seen.and_then(|folder| faults.take(tracks(&folder)));
     source.points = match seen {
         Some(tracks) => tracks

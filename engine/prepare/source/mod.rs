@@ -12,8 +12,8 @@ mod rig;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use super::PrepareSettings;
 use crate::error::{Error, Result};
+use crate::prepare::PrepareSettings;
 use crate::scene::capture::{Faults, Point, Pose, Shot, check_test_cameras};
 use crate::scene::undistort::Lens;
 
