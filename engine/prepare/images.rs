@@ -164,8 +164,8 @@ impl Images {
             progress(Progress { stage: "images", done, total, piece });
         };
         let work = |index: usize| match jobs[index] {
-            Job::Video(camera) => self.from_video(&self.cameras[camera], &tell),
-            Job::Image(camera, frame) => self.from_image(&self.cameras[camera], frame, &tell),
+            Job::Video(camera) => self.decode_video(&self.cameras[camera], &tell),
+            Job::Image(camera, frame) => self.convert_image(&self.cameras[camera], frame, &tell),
         };
         in_parallel(jobs.len(), self.threads, work, |_| {}).map(|_| ())
     }
@@ -185,7 +185,7 @@ impl Images {
         sound::carry(self, settings)
     }
 
-    fn from_video(&self, camera: &Camera, tell: &dyn Fn(&str)) -> Result<()> {
+    fn decode_video(&self, camera: &Camera, tell: &dyn Fn(&str)) -> Result<()> {
         let Material::Video(path, _) = &camera.material else { return Ok(()) };
         let maker = Maker::new(self, camera);
         let image = |frame: u32| self.output.join("images").join(self.image_name(camera, frame));
@@ -211,7 +211,7 @@ impl Images {
         })
     }
 
-    fn from_image(&self, camera: &Camera, frame: u32, tell: &dyn Fn(&str)) -> Result<()> {
+    fn convert_image(&self, camera: &Camera, frame: u32, tell: &dyn Fn(&str)) -> Result<()> {
         let Material::Images(shots) = &camera.material else { return Ok(()) };
         let shot = &shots[frame as usize];
         let maker = Maker::new(self, camera);

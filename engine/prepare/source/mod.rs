@@ -65,11 +65,12 @@ struct Place<'a> {
     footage: &'a Path,
 }
 
+type Recogniser = fn(Place) -> bool;
 type Reader = fn(Place, &mut Faults) -> Source;
 
 /// Every format beyond those that are read as captures: its name, how a folder is recognised, how it is read. The first that
 /// fits is taken.
-const FORMATS: [(&str, fn(Place) -> bool, Reader); 5] = [
+const FORMATS: [(&str, Recogniser, Reader); 5] = [
     ("Google Immersive", |place| place.folder.join("models.json").is_file(), immersive::read),
     ("N3V", |place| place.folder.join("poses_bounds.npy").is_file(), llff::read),
     ("caliscope", |place| place.folder.join("camera_array.toml").is_file(), caliscope::read),

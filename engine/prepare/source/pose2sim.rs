@@ -149,12 +149,12 @@ fn qualisys_camera(camera: Node) -> Result<(Lens, Pose), String> {
         distortion: Distortion::brown([k1?, k2?, k3?, 0.0, 0.0, 0.0], tangential),
     };
     // The rows are the camera's axes, of which y points up and z backward.
-    let mut axes = [[0.0; 3]; 3];
-    for (row, sign) in [1.0, -1.0, -1.0].into_iter().enumerate() {
-        for column in 0..3 {
-            axes[row][column] = sign * number(transform, &format!("r{}{}", row + 1, column + 1))?;
-        }
-    }
+    let entry = |sign: f64, name: &str| Ok::<f64, String>(sign * number(transform, name)?);
+    let axes = [
+        [entry(1.0, "r11")?, entry(1.0, "r12")?, entry(1.0, "r13")?],
+        [entry(-1.0, "r21")?, entry(-1.0, "r22")?, entry(-1.0, "r23")?],
+        [entry(-1.0, "r31")?, entry(-1.0, "r32")?, entry(-1.0, "r33")?],
+    ];
     let center = [number(transform, "x")?, number(transform, "y")?, number(transform, "z")?].map(|v| v / MILLIMETRES);
     let pose = opencv::pose_of_axes(axes, center);
     lens.fault().map_or(Ok((lens, pose)), Err)

@@ -327,10 +327,11 @@ pub fn check_capture(path: &Path, settings: &CaptureSettings) -> Report {
     read(path, settings).1
 }
 
+type Recogniser = fn(&Path) -> bool;
 type Reader = fn(&Path, &CaptureSettings, &mut Faults) -> Draft;
 
 /// Every format: its name, how a folder is recognised, how it is read. The first that fits is taken.
-const FORMATS: [(&str, fn(&Path) -> bool, Reader); 4] = [
+const FORMATS: [(&str, Recogniser, Reader); 4] = [
     ("ivv capture folder", |path| path.join("capture.toml").is_file(), folder::read),
     ("Dynamic3DGaussians", |path| path.join("train_meta.json").is_file(), dynamic::read),
     (
