@@ -52,6 +52,16 @@ impl Program {
 
     /// Runs the program to its end and returns its output.
     pub fn run<S: AsRef<OsStr>>(self, arguments: impl IntoIterator<Item = S>, about: &Path) -> Result<Vec<u8>> {
+        let (output, outcome) = self.attempt(arguments, about)?;
+        outcome.map(|()| output)
+    }
+
+    /// As [`Program::run`]; of a program that ended badly the output comes too.
+    pub fn attempt<S: AsRef<OsStr>>(
+        self,
+        arguments: impl IntoIterator<Item = S>,
+        about: &Path,
+    ) -> Result<(Vec<u8>, Result<()>)> {
         let mut running = self.start(arguments, about)?;
         let mut output = Vec::new();
         let read = running.child.stdout.take().map(|mut from| from.read_to_end(&mut output));
@@ -60,11 +70,11 @@ impl Program {
             return Err(Error::data(about, "", format!("{} cannot be heard: {fault}", self.name), "try again"));
         }
         if status.success() {
-            return Ok(output);
+            return Ok((output, Ok(())));
         }
         // COLMAP tells some of its faults on standard output.
         let last = last_line(&said).or_else(|| last_line(&String::from_utf8_lossy(&output)));
-        Err(self.failed(about, status, last))
+        Ok((output, Err(self.failed(about, status, last))))
     }
 
     /// The error of a program that ended badly.
@@ -96,8 +106,9 @@ impl Drop for Running {
     }
 }
 
-/// The last line that says something.
+/// The last line that says something; the trace of a crash does not.
 pub(super) fn last_line(text: &str) -> Option<String> {
-    let line = text.lines().rev().map(str::trim).find(|line| !line.is_empty())?;
+    let says = |line: &&str| !(line.is_empty() || line.starts_with('@') || line.starts_with("***"));
+    let line = text.lines().rev().map(str::trim).find(says)?;
     Some(line.chars().take(300).collect())
 }

@@ -171,11 +171,12 @@ impl Triangulation<'_> {
         model::write(&input, &models, &[])?;
         let (database, folder) = (work.join("database.db"), self.images.output.join("images"));
         let threads = (self.threads / self.images.n_frames() as usize).max(1).to_string();
-        let run = |verb: &str, arguments: &[(&str, &OsStr)]| {
+        let attempt = |verb: &str, arguments: &[(&str, &OsStr)]| {
             let given = [("--database_path", database.as_os_str())];
             let pairs = given.iter().chain(arguments).flat_map(|(name, value)| [OsStr::new(name), value]);
-            COLMAP.run(std::iter::once(OsStr::new(verb)).chain(pairs), about)
+            COLMAP.attempt(std::iter::once(OsStr::new(verb)).chain(pairs), about)
         };
+        let run = |verb: &str, arguments: &[(&str, &OsStr)]| attempt(verb, arguments)?.1;
         let (on, off, threads) = (OsStr::new("1"), OsStr::new("0"), OsStr::new(&threads));
         for (number, (lens, same)) in by_lens(&models).into_iter().enumerate() {
             let list = work.join(format!("images{number}.txt"));
@@ -200,7 +201,8 @@ impl Triangulation<'_> {
             // Matches along the epipolar lines that the first ones give: nearly twice as many points where views are few.
             ("--SiftMatching.guided_matching", on),
         ];
-        if cameras.len() <= MAX_EXHAUSTIVE {
+        // A list of pairs has no way to tell of a name with a space.
+        if cameras.len() <= MAX_EXHAUSTIVE || names.iter().any(|name| name.contains(' ')) {
             run("exhaustive_matcher", &matching)?;
         } else {
             let list = work.join("pairs.txt");
@@ -214,7 +216,7 @@ impl Triangulation<'_> {
             let pairs = [("--match_list_path", list.as_os_str()), ("--match_type", OsStr::new("pairs"))];
             run("matches_importer", &[&pairs[..], &matching].concat())?;
         }
-        run(
+        let (said, outcome) = attempt(
             "point_triangulator",
             &[
                 ("--image_path", folder.as_os_str()),
@@ -226,6 +228,10 @@ impl Triangulation<'_> {
                 ("--Mapper.num_threads", threads),
             ],
         )?;
+        if outcome.is_err() && found_nothing(&String::from_utf8_lossy(&said)) {
+            return Ok(Vec::new());
+        }
+        outcome?;
         let ids: HashMap<&str, u32> =
             names.iter().map(String::as_str).zip(models.iter().map(|model| model.id)).collect();
         let points = tracks(&found)?.into_iter().map(|(point, by)| {
@@ -245,6 +251,12 @@ impl Triangulation<'_> {
         fs::remove_dir_all(&self.work)
             .map_err(|fault| Error::data(&self.work, "", format!("cannot be removed: {fault}"), "remove it by hand"))
     }
+}
+
+/// Whether `point_triangulator` got as far as adjusting no point at all, which ends it with a failed check.
+fn found_nothing(said: &str) -> bool {
+    let mut counts = said.lines().filter_map(|line| line.trim().strip_prefix("=> Triangulated "));
+    said.contains("Bundle adjustment") && counts.all(|count| count == "0 points")
 }
 
 /// Names of images by their lens, in the order in which the lenses come.

@@ -77,6 +77,28 @@ fn damaged_videos_are_told_in_the_words_of_ffmpeg() {
     assert!(!folder.0.join("out").exists());
 }
 
+/// Noise, of which no two cameras see the same.
+#[test]
+fn a_frame_without_matches_has_no_points() {
+    if !has("colmap", "help") {
+        return;
+    }
+    let folder = Folder::new("prepare-blank");
+    imvid(&folder);
+    let noise = |seed: u32, side: u32| -> Vec<u8> {
+        let level = |i: u32| (i.wrapping_mul(2_654_435_761).wrapping_add(seed).wrapping_mul(2_246_822_519) >> 24) as u8;
+        crate::capture::encode(&(0..side).map(level).collect::<Vec<_>>(), 64, side / 64, image::ExtendedColorType::L8)
+    };
+    for frame in 0..2 {
+        folder.write(&format!("source/left/{frame}.png"), noise(1, 64 * 48));
+        folder.write(&format!("source/right/{frame}.png"), noise(99, 64 * 48));
+    }
+    let settings = PrepareSettings { triangulate: Some(Triangulate::Every(1)), ..settings(&folder) };
+    let prepared = done(&settings);
+    assert_eq!(prepared.points, [(0, 0), (1, 0)]);
+    assert!(!settings.output.join(".colmap").exists());
+}
+
 #[test]
 fn colmap_triangulates_and_opencv_estimates_flow() {
     if !has("colmap", "help") || !has("/usr/bin/python3", "--version") {
