@@ -9,6 +9,7 @@
 pub mod error;
 pub mod gpu;
 mod parallel;
+pub mod prepare;
 pub mod scene;
 pub mod settings;
 pub mod stage;

@@ -4,6 +4,7 @@ mod common;
 mod extreme;
 mod grad;
 mod kernel;
+mod prepare;
 mod render;
 mod repo;
 mod scene;

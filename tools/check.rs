@@ -33,7 +33,7 @@ pub struct Args {
 
 /// What [`run`] returns for a capture with faults, which it has printed.
 #[derive(Debug)]
-pub struct Faulty(u64);
+pub struct Faulty(pub u64);
 
 impl std::fmt::Display for Faulty {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
@@ -63,7 +63,8 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     if report.n_faults > 0 { Err(Faulty(report.n_faults).into()) } else { Ok(()) }
 }
 
-fn print(report: &Report) {
+/// Prints a report as text.
+pub fn print(report: &Report) {
     let format = if report.format.is_empty() { "unknown format" } else { &report.format };
     println!("{}: {format}", report.path.display());
     println!("cameras: {}, {} of them for testing", report.n_cameras, report.n_test_cameras);

@@ -14,6 +14,7 @@ mod init;
 mod inspect;
 mod interrupt;
 mod offsets;
+mod prepare;
 mod profile;
 mod progress;
 mod render;
@@ -44,6 +45,8 @@ struct Cli {
 enum Verb {
     /// Lists Vulkan devices with the limits and features that matter; says which one is picked and why.
     Devices(devices::Args),
+    /// Makes a capture folder of recordings: decodes video, undistorts, triangulates points, estimates flow.
+    Prepare(prepare::Args),
     /// Lists all faults of a capture at once, and what it holds.
     Check(check::Args),
     /// Says what a scene holds: counts by population, SH degree, bytes, extent.
@@ -73,6 +76,7 @@ fn main() -> ExitCode {
     tracing_subscriber::fmt().with_max_level(cli.log_level).with_writer(std::io::stderr).init();
     let done = match &cli.verb {
         Verb::Devices(args) => devices::run(args, cli.json),
+        Verb::Prepare(args) => prepare::run(args, cli.json),
         Verb::Check(args) => check::run(args, cli.json),
         Verb::Inspect(args) => inspect::run(args, cli.json),
         Verb::Render(args) => render::run(args, cli.json),

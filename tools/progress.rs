@@ -142,3 +142,26 @@ fn clock(seconds: f64) -> String {
         format!("{}:{:02}:{:02}", s / 3600, s / 60 % 60, s % 60)
     }
 }
+
+/// Progress of work in stages of many pieces.
+pub struct Pieces {
+    stage: &'static str,
+    screen: Screen,
+}
+
+impl Pieces {
+    /// Nothing is done yet.
+    pub fn new() -> Self {
+        Pieces { stage: "", screen: Screen::new() }
+    }
+
+    /// After a piece; at most five lines a second on a terminal and one in five seconds elsewhere, and the last of a stage.
+    pub fn show(&mut self, progress: &ivv::prepare::Progress) {
+        let ivv::prepare::Progress { stage, done, total, piece } = *progress;
+        let begins = stage != self.stage;
+        self.stage = stage;
+        if begins || done == total || self.screen.is_due(Duration::from_millis(200), Duration::from_secs(5)) {
+            self.screen.show(done as u64, total as u64, &format!("{stage} {done}/{total}: {piece}"));
+        }
+    }
+}

@@ -1,9 +1,10 @@
 #!/usr/bin/env bash
 # Installs what a fresh Debian 12 lacks, and nothing that is there already.
-#   tools/setup.sh [run] [test] [shaders]      default: run
+#   tools/setup.sh [run] [test] [shaders] [prepare]      default: run
 #     run      the Vulkan loader, Mesa's drivers (lavapipe among them), a linker, a Rust toolchain
 #     test     run, and the validation layer, spirv-val, rustfmt, clippy
 #     shaders  run, and what shaderc's C++ needs to build (only for `cargo build --features shaders`)
+#     prepare  run, and the programs that `ivv prepare` calls: ffmpeg, COLMAP, OpenCV for Python
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 export PATH="${CARGO_HOME:-$HOME/.cargo}/bin:$PATH"
@@ -105,8 +106,9 @@ for part in "${@:-run}"; do
     run) ;;
     test) packages+=(vulkan-validationlayers spirv-tools) components=yes ;;
     shaders) packages+=(cmake g++ python3 make git) ;;
+    prepare) packages+=(ffmpeg colmap python3-opencv) ;;
     *)
-        echo "usage: tools/setup.sh [run] [test] [shaders]" >&2
+        echo "usage: tools/setup.sh [run] [test] [shaders] [prepare]" >&2
         exit 2
         ;;
     esac

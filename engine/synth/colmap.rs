@@ -6,6 +6,7 @@ use super::options::{Noise, Options};
 use super::points::Point;
 use super::rig::Camera;
 use crate::error::Result;
+use crate::scene::{self, SeenPoint};
 use glam::DVec2;
 use std::fmt::Write as _;
 use std::path::Path;
@@ -46,27 +47,14 @@ pub(super) fn write(folder: &Path, options: &Options, cameras: &[Camera], points
     files::bytes(&folder.join("points3D.txt"), model.points_txt().as_bytes())
 }
 
-/// Writes points as binary PLY: `x y z red green blue` and the list `camera_ids` of those that saw each, in the numbers
-/// of COLMAP's cameras.
+/// Writes the points of a frame with those that saw each, in the numbers of COLMAP's cameras.
 pub(super) fn write_points(path: &Path, points: &[Point]) -> Result<()> {
-    let mut ply = format!(
-        "ply\nformat binary_little_endian 1.0\n\
-         comment camera_ids: CAMERA_ID in sparse/0 of every camera that saw the point\n\
-         element vertex {}\n\
-         property float x\nproperty float y\nproperty float z\n\
-         property uchar red\nproperty uchar green\nproperty uchar blue\n\
-         property list uchar int camera_ids\nend_header\n",
-        points.len()
-    )
-    .into_bytes();
-    for point in points {
-        ply.extend(point.position.as_vec3().to_array().iter().flat_map(|v| v.to_le_bytes()));
-        ply.extend(point.rgb);
-        // There are at most 99 cameras.
-        ply.push(point.seen_by.len() as u8);
-        ply.extend(point.seen_by.iter().flat_map(|&index| id(index).to_le_bytes()));
-    }
-    files::bytes(path, &ply)
+    let seen = |point: &Point| SeenPoint {
+        position: point.position.to_array(),
+        rgb: point.rgb,
+        camera_ids: point.seen_by.iter().map(|&index| id(index)).collect(),
+    };
+    scene::write_points(path, &points.iter().map(seen).collect::<Vec<_>>())
 }
 
 fn id(index: usize) -> u32 {

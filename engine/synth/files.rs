@@ -31,32 +31,6 @@ pub(super) fn png(path: &Path, pixels: &[u8], width: u32, height: u32, kind: Ext
     write_atomic(path, |to| PngEncoder::new(to).write_image(pixels, width, height, kind).map_err(io::Error::other))
 }
 
-/// Writes Middlebury's optical flow.
-pub(super) fn flo(path: &Path, flow: &[[f32; 2]], width: u32, height: u32) -> Result<()> {
-    write_atomic(path, |to| {
-        to.write_all(b"PIEH")?;
-        to.write_all(&width.to_le_bytes())?;
-        to.write_all(&height.to_le_bytes())?;
-        flow.as_flattened().iter().try_for_each(|v| to.write_all(&v.to_le_bytes()))
-    })
-}
-
-/// Writes a NumPy array (version 1.0) of shape (height, width), little-endian f32.
-pub(super) fn npy(path: &Path, values: &[f32], width: u32, height: u32) -> Result<()> {
-    let mut header = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({height}, {width}), }}");
-    // The data begin at a multiple of 64 bytes; magic, version and length take ten, the newline one.
-    let padding = (64 - (header.len() + 11) % 64) % 64;
-    header.extend(std::iter::repeat_n(' ', padding));
-    header.push('\n');
-    write_atomic(path, |to| {
-        to.write_all(b"\x93NUMPY\x01\x00")?;
-        // At most 128: the numbers of the shape are short.
-        to.write_all(&(header.len() as u16).to_le_bytes())?;
-        to.write_all(header.as_bytes())?;
-        values.iter().try_for_each(|v| to.write_all(&v.to_le_bytes()))
-    })
-}
-
 /// Writes an OpenEXR image of f32 channels, losslessly compressed.
 pub(super) fn exr(path: &Path, channels: Vec<(&str, Vec<f32>)>, width: u32, height: u32) -> Result<()> {
     let channels = channels.into_iter().map(|(name, values)| AnyChannel::new(name, FlatSamples::F32(values)));

@@ -1,5 +1,6 @@
 //! Arithmetic that gives the same bits on every machine: IEEE 754 fixes +, -, *, / and sqrt, not sin or cos.
 
+use crate::scene;
 use glam::{DMat3, DVec3};
 use std::f64::consts::FRAC_2_PI;
 
@@ -38,25 +39,9 @@ pub(super) fn rotation(axis: DVec3, angle: f64) -> DMat3 {
     DMat3::from_cols(column(DVec3::X), column(DVec3::Y), column(DVec3::Z))
 }
 
-/// The unit quaternion (w, x, y, z), w >= 0, of a rotation (Shepperd's method).
+/// The unit quaternion (w, x, y, z), w >= 0, of a rotation.
 pub(super) fn quaternion(rotation: &DMat3) -> [f64; 4] {
-    let m = |row: usize, column: usize| rotation.col(column)[row];
-    let trace = m(0, 0) + m(1, 1) + m(2, 2);
-    let mut q = [0.0; 4];
-    if trace > 0.0 {
-        let s = (trace + 1.0).sqrt() * 2.0;
-        q = [s / 4.0, (m(2, 1) - m(1, 2)) / s, (m(0, 2) - m(2, 0)) / s, (m(1, 0) - m(0, 1)) / s];
-    } else {
-        let largest = |a: usize, b: usize| if m(b, b) > m(a, a) { b } else { a };
-        let i = largest(largest(0, 1), 2);
-        let (j, k) = ((i + 1) % 3, (i + 2) % 3);
-        let s = (1.0 + m(i, i) - m(j, j) - m(k, k)).sqrt() * 2.0;
-        q[0] = (m(k, j) - m(j, k)) / s;
-        q[1 + i] = s / 4.0;
-        q[1 + j] = (m(j, i) + m(i, j)) / s;
-        q[1 + k] = (m(k, i) + m(i, k)) / s;
-    }
-    if q[0] < 0.0 { q.map(|v| -v) } else { q }
+    scene::quaternion(&rotation.transpose().to_cols_array_2d())
 }
 
 /// Steele, Lea and Flood's mixing function.

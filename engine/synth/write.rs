@@ -10,6 +10,7 @@ use super::world::World;
 use super::{colmap, files, priors, sound};
 use crate::error::{Error, Result};
 use crate::parallel::in_parallel;
+use crate::scene::prior::{write_depth, write_flow};
 use image::ExtendedColorType;
 use serde_json::json;
 use std::fs;
@@ -200,10 +201,10 @@ impl Capture<'_> {
         // There is no frame after the last that an estimator could have seen.
         if frame + 1 < self.options.frames {
             let flow = priors::flow(picture, self.options, index, frame);
-            files::flo(&path("flow", "flo"), &flow, width, height)?;
+            write_flow(&path("flow", "flo"), &flow, width, height)?;
         }
         let depth = priors::depth(picture, self.options, index, camera, frame);
-        files::npy(&path("depth", "npy"), &depth, width, height)?;
+        write_depth(&path("depth", "npy"), &depth, width, height)?;
         let exact = vec![
             ("depth.Z", picture.depth.iter().map(|&v| v as f32).collect()),
             ("flow.X", picture.flow.iter().map(|v| v.x as f32).collect()),

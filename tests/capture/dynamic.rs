@@ -27,12 +27,17 @@ fn meta(n_frames: usize, ids: &[u32]) -> Value {
 
 /// Cameras 0 and 2 for training and 1 for testing, 6 x 4 pixels.
 pub fn write(folder: &Folder, n_frames: usize) {
-    folder.write("train_meta.json", meta(n_frames, &[0, 2]).to_string());
-    folder.write("test_meta.json", meta(n_frames, &[1]).to_string());
+    write_below(folder, "", n_frames);
+}
+
+/// The same in a folder below, whose name ends in a slash.
+pub fn write_below(folder: &Folder, below: &str, n_frames: usize) {
+    folder.write(&format!("{below}train_meta.json"), meta(n_frames, &[0, 2]).to_string());
+    folder.write(&format!("{below}test_meta.json"), meta(n_frames, &[1]).to_string());
     for camera in 0..3 {
         for frame in 0..n_frames {
             let first = (17 * camera + 5 * frame) as u8;
-            folder.write(&format!("ims/{camera}/{frame:06}.png"), png(6, 4, first));
+            folder.write(&format!("{below}ims/{camera}/{frame:06}.png"), png(6, 4, first));
         }
     }
 }

@@ -2,9 +2,9 @@
 
 mod cache;
 mod colmap;
-mod dynamic;
+pub mod dynamic;
 mod folder;
-mod model;
+pub mod model;
 mod priors;
 mod real;
 mod transforms;
@@ -19,16 +19,16 @@ use ivv::scene::capture::{Capture, CaptureSettings, Report, check_capture};
 type Case<T> = (fn(&mut T), &'static str);
 
 /// A folder of its own for one test, removed when it is dropped.
-struct Folder(PathBuf);
+pub struct Folder(pub PathBuf);
 
 impl Folder {
-    fn new(test: &str) -> Self {
+    pub fn new(test: &str) -> Self {
         let path = std::env::temp_dir().join(format!("ivv-capture-{test}-{}", std::process::id()));
         fs::create_dir_all(&path).unwrap();
         Folder(path)
     }
 
-    fn write(&self, name: &str, bytes: impl AsRef<[u8]>) -> PathBuf {
+    pub fn write(&self, name: &str, bytes: impl AsRef<[u8]>) -> PathBuf {
         let path = self.0.join(name);
         fs::create_dir_all(path.parent().unwrap()).unwrap();
         fs::write(&path, bytes).unwrap();
@@ -52,19 +52,19 @@ impl Drop for Folder {
 }
 
 /// A PNG whose pixel i has the colour (first + i, i, 7).
-fn png(width: u32, height: u32, first: u8) -> Vec<u8> {
+pub fn png(width: u32, height: u32, first: u8) -> Vec<u8> {
     let pixels = (0..width * height).flat_map(|i| [first.wrapping_add(i as u8), i as u8, 7]);
     encode(&pixels.collect::<Vec<_>>(), width, height, ExtendedColorType::Rgb8)
 }
 
-fn encode(pixels: &[u8], width: u32, height: u32, kind: ExtendedColorType) -> Vec<u8> {
+pub fn encode(pixels: &[u8], width: u32, height: u32, kind: ExtendedColorType) -> Vec<u8> {
     let mut bytes = Vec::new();
     PngEncoder::new(&mut bytes).write_image(pixels, width, height, kind).unwrap();
     bytes
 }
 
 /// The faults as text, one in a line; each has a reason and a remedy.
-fn told(report: &Report) -> String {
+pub fn told(report: &Report) -> String {
     assert_eq!(report.n_faults, report.faults.len() as u64);
     for fault in &report.faults {
         assert!(!fault.reason.is_empty() && !fault.remedy.is_empty(), "{fault}");
@@ -73,7 +73,7 @@ fn told(report: &Report) -> String {
 }
 
 /// Asserts that each of `says` is in a fault of the report, and that there is a fault at all.
-fn assert_told(report: &Report, says: &[&str]) {
+pub fn assert_told(report: &Report, says: &[&str]) {
     let told = told(report);
     assert!(report.n_faults > 0 && !says.is_empty());
     for say in says {
@@ -82,7 +82,7 @@ fn assert_told(report: &Report, says: &[&str]) {
 }
 
 /// A path below the data shared between sessions, or `None` with a notice when it is absent.
-fn shared(path: &str) -> Option<PathBuf> {
+pub fn shared(path: &str) -> Option<PathBuf> {
     let full = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared")).join(path);
     if !full.exists() {
         eprintln!("skipped: ../shared/{path} is absent");

@@ -8,6 +8,7 @@ use super::names::{flat, relative};
 use super::picture::MAX_SIDE;
 use super::report::Faults;
 use super::{Camera, CaptureSettings, Point, Pose, Shot, colmap_bin, colmap_text};
+use crate::scene::undistort::{Distortion, Lens};
 
 /// Largest deviation of a quaternion's length from 1; COLMAP writes all digits.
 const QUATERNION_TOLERANCE: f64 = 1e-3;
@@ -72,29 +73,18 @@ pub(super) struct RawPoint {
     pub seen_in: Vec<u32>,
 }
 
-/// Pinhole intrinsics.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Intrinsics {
-    pub width: u32,
-    pub height: u32,
-    pub fx: f64,
-    pub fy: f64,
-    pub cx: f64,
-    pub cy: f64,
-}
-
 /// An image of the model: where it is, and what took it.
-pub(super) struct Posed {
+pub(crate) struct Posed {
     /// Relative, without `..`.
     pub name: PathBuf,
     pub camera_id: u32,
     pub pose: Pose,
-    pub intrinsics: Intrinsics,
+    pub lens: Lens,
 }
 
-/// A sparse model of pinhole cameras.
+/// A sparse model.
 #[derive(Default)]
-pub(super) struct Model {
+pub(crate) struct Model {
     pub images: Vec<Posed>,
     pub points: Vec<Point>,
     /// The file of the images.
@@ -102,13 +92,22 @@ pub(super) struct Model {
 }
 
 /// The folder of a COLMAP model in a project: `sparse/0`, `sparse` or the project itself.
-pub(super) fn model_folder(path: &Path) -> Option<PathBuf> {
+pub(crate) fn model_folder(path: &Path) -> Option<PathBuf> {
     let folders = [path.join("sparse/0"), path.join("sparse"), path.to_owned()];
     folders.into_iter().find(|folder| ["cameras.bin", "cameras.txt"].iter().any(|name| folder.join(name).is_file()))
 }
 
 /// Reads a model; `points3D` may be absent. What is faulty is left out.
 pub(super) fn read_model(folder: &Path, faults: &mut Faults) -> Model {
+    read(folder, true, faults)
+}
+
+/// Reads a model without its points.
+pub(crate) fn read_images(folder: &Path, faults: &mut Faults) -> Model {
+    read(folder, false, faults)
+}
+
+fn read(folder: &Path, with_points: bool, faults: &mut Faults) -> Model {
     let binary = folder.join("cameras.bin").is_file();
     let file = |stem: &str| folder.join(format!("{stem}.{}", if binary { "bin" } else { "txt" }));
     let (cameras, images, points) = (file("cameras"), file("images"), file("points3D"));
@@ -117,7 +116,7 @@ pub(super) fn read_model(folder: &Path, faults: &mut Faults) -> Model {
     let raw = if binary { colmap_bin::images(&images, faults) } else { colmap_text::images(&images, faults) };
     let ids: HashSet<u32> = raw.iter().map(|image| image.id).collect();
     let mut model = Model { images: check_images(&images, raw, &known, faults), points: Vec::new(), file: images };
-    if points.is_file() {
+    if with_points && points.is_file() {
         let mut checked = CheckedPoints::new(&points, &ids);
         if binary {
             colmap_bin::points(&points, faults, |point, faults| checked.add(point, faults));
@@ -130,7 +129,7 @@ pub(super) fn read_model(folder: &Path, faults: &mut Faults) -> Model {
 }
 
 /// The cameras by id; `None` for one that is known and faulty.
-fn check_cameras(file: &Path, raw: Vec<RawCamera>, faults: &mut Faults) -> HashMap<u32, Option<Intrinsics>> {
+fn check_cameras(file: &Path, raw: Vec<RawCamera>, faults: &mut Faults) -> HashMap<u32, Option<Lens>> {
     let mut known = HashMap::new();
     for camera in raw {
         let place = format!("{}, camera {}", camera.place, camera.id);
@@ -138,49 +137,57 @@ fn check_cameras(file: &Path, raw: Vec<RawCamera>, faults: &mut Faults) -> HashM
             faults.add(file, place, "has the id of an earlier camera", DAMAGED);
             continue;
         }
-        let intrinsics = match camera.pinhole() {
-            Ok(intrinsics) => Some(intrinsics),
+        let lens = match camera.lens() {
+            Ok(lens) => Some(lens),
             Err((reason, remedy)) => {
                 faults.add(file, place, reason, remedy);
                 None
             }
         };
-        known.insert(camera.id, intrinsics);
+        known.insert(camera.id, lens);
     }
     known
 }
 
 impl RawCamera {
-    fn pinhole(&self) -> Result<Intrinsics, (String, &'static str)> {
+    fn lens(&self) -> Result<Lens, (String, &'static str)> {
         let side = |side: u64| u32::try_from(side).ok().filter(|side| (1..=MAX_SIDE).contains(side));
         let (Some(width), Some(height)) = (side(self.width), side(self.height)) else {
             let reason = format!("has {} x {} pixels, 1 to {MAX_SIDE} each is allowed", self.width, self.height);
             return Err((reason, "give the size of the images"));
         };
-        let (fx, fy, cx, cy) = match (self.kind.name, self.params.as_slice()) {
-            ("SIMPLE_PINHOLE", &[f, cx, cy]) => (f, f, cx, cy),
-            ("PINHOLE", &[fx, fy, cx, cy]) => (fx, fy, cx, cy),
+        let brown =
+            |k1, k2, k3, rest: [f64; 3], p: [f64; 2]| Distortion::brown([k1, k2, k3, rest[0], rest[1], rest[2]], p);
+        let (none, zeros) = (Distortion::None, [0.0; 3]);
+        let (fx, fy, cx, cy, distortion) = match (self.kind.name, self.params.as_slice()) {
+            ("SIMPLE_PINHOLE", &[f, cx, cy]) => (f, f, cx, cy, none),
+            ("PINHOLE", &[fx, fy, cx, cy]) => (fx, fy, cx, cy, none),
+            ("SIMPLE_RADIAL", &[f, cx, cy, k]) => (f, f, cx, cy, brown(k, 0.0, 0.0, zeros, [0.0; 2])),
+            ("RADIAL", &[f, cx, cy, k1, k2]) => (f, f, cx, cy, brown(k1, k2, 0.0, zeros, [0.0; 2])),
+            ("OPENCV", &[fx, fy, cx, cy, k1, k2, p1, p2]) => (fx, fy, cx, cy, brown(k1, k2, 0.0, zeros, [p1, p2])),
+            ("FULL_OPENCV", &[fx, fy, cx, cy, k1, k2, p1, p2, k3, ref rest @ ..]) => {
+                let rest = std::array::from_fn(|k| rest.get(k).copied().unwrap_or(0.0));
+                (fx, fy, cx, cy, brown(k1, k2, k3, rest, [p1, p2]))
+            }
+            ("OPENCV_FISHEYE", &[fx, fy, cx, cy, k1, k2, k3, k4]) => {
+                (fx, fy, cx, cy, Distortion::Fisheye([k1, k2, k3, k4]))
+            }
+            ("SIMPLE_RADIAL_FISHEYE", &[f, cx, cy, k]) => (f, f, cx, cy, Distortion::Fisheye([k, 0.0, 0.0, 0.0])),
+            ("RADIAL_FISHEYE", &[f, cx, cy, k1, k2]) => (f, f, cx, cy, Distortion::Fisheye([k1, k2, 0.0, 0.0])),
             (name, _) => {
-                let reason =
-                    format!("has the model {name}, which distorts; only PINHOLE and SIMPLE_PINHOLE are trained");
-                return Err((reason, "run `ivv prepare` on it: it undistorts the images"));
+                let remedy = "undistort the images with `colmap image_undistorter`";
+                return Err((format!("has the model {name}, which is not undistorted here"), remedy));
             }
         };
-        // `not > 0` is true of NaN too.
-        let bad = [fx, fy].iter().any(|f| !(f.is_finite() && *f > 0.0)) || !(cx.is_finite() && cy.is_finite());
-        if bad {
-            let reason =
-                format!("has the parameters {:?}: a focal length is not positive or one is not finite", self.params);
-            return Err((reason, DAMAGED));
-        }
-        Ok(Intrinsics { width, height, fx, fy, cx, cy })
+        let lens = Lens { width, height, fx, fy, cx, cy, distortion };
+        lens.fault().map_or(Ok(lens), |reason| Err((reason, DAMAGED)))
     }
 }
 
 fn check_images(
     file: &Path,
     raw: Vec<RawImage>,
-    known: &HashMap<u32, Option<Intrinsics>>,
+    known: &HashMap<u32, Option<Lens>>,
     faults: &mut Faults,
 ) -> Vec<Posed> {
     let (mut ids, mut names) = (HashSet::new(), HashSet::new());
@@ -196,13 +203,13 @@ fn check_images(
         for reason in [name.as_ref().err(), pose.as_ref().err()].into_iter().flatten() {
             fault(reason.clone());
         }
-        let intrinsics = known.get(&image.camera_id);
-        if intrinsics.is_none() {
+        let lens = known.get(&image.camera_id);
+        if lens.is_none() {
             fault(format!("was taken by camera {}, which is not in the list of cameras", image.camera_id));
         }
-        let (Ok(name), Ok(pose), Some(Some(intrinsics))) = (name, pose, intrinsics) else { continue };
+        let (Ok(name), Ok(pose), Some(Some(lens))) = (name, pose, lens) else { continue };
         if names.insert(name.clone()) {
-            images.push(Posed { name, camera_id: image.camera_id, pose, intrinsics: *intrinsics });
+            images.push(Posed { name, camera_id: image.camera_id, pose, lens: *lens });
         } else {
             fault(format!("has the name of an earlier image, `{}`", name.display()));
         }
@@ -264,9 +271,38 @@ impl<'a> CheckedPoints<'a> {
     }
 }
 
+/// The points of a binary model that COLMAP wrote, each with the names of the images that saw it.
+///
+/// # Errors
+/// [`Error::Data`](crate::Error::Data) with the first fault.
+pub(crate) fn tracks(folder: &Path) -> crate::Result<Vec<(Point, Vec<PathBuf>)>> {
+    let mut faults = Faults::default();
+    let raw = colmap_bin::images(&folder.join("images.bin"), &mut faults);
+    let names: HashMap<u32, PathBuf> = raw.into_iter().map(|image| (image.id, PathBuf::from(image.name))).collect();
+    let ids = names.keys().copied().collect();
+    let mut tracks = Vec::new();
+    let file = folder.join("points3D.bin");
+    let mut checked = CheckedPoints::new(&file, &ids);
+    colmap_bin::points(&file, &mut faults, |point, faults| {
+        let seen_in = point.seen_in.clone();
+        let n_before = checked.points.len();
+        checked.add(point, faults);
+        if checked.points.len() > n_before {
+            let mut seen_in: Vec<PathBuf> = seen_in.iter().filter_map(|id| names.get(id).cloned()).collect();
+            seen_in.sort_unstable();
+            seen_in.dedup();
+            tracks.push(seen_in);
+        }
+    });
+    match faults.first() {
+        Some(error) => Err(error),
+        None => Ok(checked.points.into_iter().zip(tracks).collect()),
+    }
+}
+
 /// A plain COLMAP project as a clip of one frame, every image a camera of its own.
-pub(super) fn read_capture(path: &Path, folder: &Path, settings: &CaptureSettings, faults: &mut Faults) -> Draft {
-    let mut model = read_model(folder, faults);
+pub(super) fn read_capture(path: &Path, settings: &CaptureSettings, faults: &mut Faults) -> Draft {
+    let mut model = model_folder(path).map_or_else(Model::default, |folder| read_model(&folder, faults));
     if model.images.is_empty() && faults.n() == 0 {
         faults.add(&model.file, "", "holds no image", "run COLMAP's mapper, or export the model again");
     }
@@ -276,20 +312,24 @@ pub(super) fn read_capture(path: &Path, folder: &Path, settings: &CaptureSetting
         is_test: settings.test_every > 0 && index.is_multiple_of(settings.test_every),
         ..posed.camera(flat(&posed.name), &images.join(&posed.name))
     };
-    Draft {
+    let mut draft = Draft {
         fps: settings.fps,
         n_frames: 1,
         cameras: model.images.iter().enumerate().map(camera).collect(),
         points: model.points,
         calibration: model.file,
         ..Draft::default()
+    };
+    for (camera, posed) in draft.cameras.iter().zip(&model.images) {
+        draft.distorted.insert(camera.name.clone(), posed.lens.distortion);
     }
+    draft
 }
 
 impl Posed {
     /// The camera of one image, at frame 0.
     fn camera(&self, name: String, image: &Path) -> Camera {
-        let Intrinsics { width, height, fx, fy, cx, cy } = self.intrinsics;
+        let Lens { width, height, fx, fy, cx, cy, .. } = self.lens;
         let shot = Shot { frame: 0, image: image.to_owned(), ..Shot::default() };
         Camera { name, width, height, fx, fy, cx, cy, world_to_camera: self.pose, is_test: false, shots: vec![shot] }
     }

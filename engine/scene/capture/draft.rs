@@ -1,6 +1,6 @@
 //! What every format ends in: cameras as they were read, checked against their images.
 
-use std::collections::HashSet;
+use std::collections::{BTreeMap, HashSet};
 use std::path::Path;
 
 use super::header::read_size;
@@ -10,6 +10,7 @@ use super::report::{Faults, Report};
 use super::{Camera, Capture, CaptureSettings, Extent, Point, Pose};
 use crate::error::Error;
 use crate::scene::prior::{depth_size, flow_size};
+use crate::scene::undistort::{Distortion, Lens};
 use crate::scene::{FlowModel, Similarity, View};
 
 /// Largest magnitude of a coordinate, scene units; beyond it distances overflow single precision.
@@ -19,13 +20,15 @@ pub(super) const MAX_FRAMES: u32 = 1 << 20;
 
 /// A capture as its format gives it.
 #[derive(Default)]
-pub(super) struct Draft {
+pub(crate) struct Draft {
     pub fps: f64,
     pub n_frames: u32,
     pub reference_frame: u32,
     /// Names are unique, shots have different frames.
     pub cameras: Vec<Camera>,
     pub points: Vec<Point>,
+    /// What the lenses of cameras do, by name; nothing where a camera is not named.
+    pub distorted: BTreeMap<String, Distortion>,
     pub frame_points: Option<FramePoints>,
     pub notes: Vec<String>,
     /// The file that the cameras come from, for faults.
@@ -47,6 +50,7 @@ impl Draft {
             self.cameras.iter_mut().for_each(|camera| camera.shots.retain(|shot| shot.frame < limit));
         }
         self.cameras.iter_mut().for_each(|camera| camera.shots.sort_by_key(|shot| shot.frame));
+        self.check_lenses(faults);
         self.check_clip(faults);
         self.check_images(settings, faults);
         self.check_cameras(settings, faults);
@@ -81,6 +85,29 @@ impl Draft {
             background: settings.background,
             frame_points: self.frame_points,
             moved: Similarity::default(),
+        }
+    }
+
+    /// The lens of a camera.
+    pub fn lens(&self, camera: &Camera) -> Lens {
+        let Camera { width, height, fx, fy, cx, cy, .. } = *camera;
+        let distortion = self.distorted.get(&camera.name).copied().unwrap_or(Distortion::None);
+        Lens { width, height, fx, fy, cx, cy, distortion }
+    }
+
+    /// Only pinholes are trained; a lens that several cameras share is told once.
+    fn check_lenses(&self, faults: &mut Faults) {
+        let mut told: Vec<Lens> = Vec::new();
+        for camera in &self.cameras {
+            let lens = self.lens(camera);
+            if lens.distortion == Distortion::None || told.contains(&lens) {
+                continue;
+            }
+            let reason =
+                format!("has the model {}, which distorts; only pinholes are trained", lens.distortion.model());
+            let place = format!("camera `{}`", camera.name.escape_debug());
+            faults.add(&self.calibration, place, reason, "run `ivv prepare` on it: it undistorts the images");
+            told.push(lens);
         }
     }
 
@@ -167,22 +194,18 @@ impl Draft {
 
     fn choose_test_cameras(&mut self, settings: &CaptureSettings, faults: &mut Faults) {
         let Some(chosen) = &settings.test_cameras else { return };
-        check_test_cameras(chosen, &self.cameras, &self.calibration, faults);
+        let names: Vec<&str> = self.cameras.iter().map(|camera| camera.name.as_str()).collect();
+        check_test_cameras(chosen, &names, &self.calibration, faults);
         self.cameras.iter_mut().for_each(|camera| camera.is_test = chosen.contains(&camera.name));
     }
 }
 
-/// Notes a fault for each name that no camera has.
-pub(super) fn check_test_cameras(names: &[String], cameras: &[Camera], file: &Path, faults: &mut Faults) {
-    for name in names.iter().filter(|name| !cameras.iter().any(|camera| camera.name == **name)) {
-        let some: Vec<_> = cameras.iter().take(5).map(|camera| camera.name.as_str()).collect();
+/// Notes a fault for each name that none of the cameras has.
+pub(crate) fn check_test_cameras(names: &[String], cameras: &[&str], file: &Path, faults: &mut Faults) {
+    for name in names.iter().filter(|name| !cameras.contains(&name.as_str())) {
+        let some = cameras[..cameras.len().min(5)].join(", ");
         let reason = format!("no camera is named `{}`", name.escape_debug());
-        faults.add(
-            file,
-            "test cameras",
-            reason,
-            format!("there are {} cameras: {}, ...", cameras.len(), some.join(", ")),
-        );
+        faults.add(file, "test cameras", reason, format!("there are {} cameras: {some}, ...", cameras.len()));
     }
 }
 

@@ -5,7 +5,7 @@ use std::ffi::{OsStr, OsString};
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
-use super::colmap::{Intrinsics, Posed, read_model};
+use super::colmap::{Posed, read_model};
 use super::draft::{Draft, MAX_FRAMES, check_test_cameras};
 use super::names::with_image_extension;
 use super::points::FramePoints;
@@ -14,6 +14,7 @@ use super::{Camera, CaptureSettings, Shot};
 use crate::error::{self, Error};
 use crate::scene::file::{cannot_read, write_atomic};
 use crate::scene::prior::{DEPTH_EXTENSIONS, FLOW_EXTENSIONS};
+use crate::scene::undistort::{Distortion, Lens};
 
 const FILE: &str = "capture.toml";
 /// Images of a camera that are named one by one when they are missing: no number in a file makes the list longer.
@@ -99,7 +100,10 @@ pub(super) fn read(path: &Path, settings: &CaptureSettings, faults: &mut Faults)
         ..Draft::default()
     };
     let ids = model.images.iter().filter_map(|posed| Some((posed.camera_id, camera_name(&posed.name)?))).collect();
-    draft.cameras = cameras(path, &model.file, model.images, n_frames, faults);
+    for (camera, distortion) in cameras(path, &model.file, model.images, n_frames, faults) {
+        draft.distorted.insert(camera.name.clone(), distortion);
+        draft.cameras.push(camera);
+    }
     if draft.cameras.is_empty() && faults.n() == 0 {
         faults.add(&model.file, "", "holds no image", "write one for each camera, named <camera>/<frame>.png");
     }
@@ -140,7 +144,8 @@ pub(super) fn read(path: &Path, settings: &CaptureSettings, faults: &mut Faults)
     if manifest.points {
         draft.frame_points = frame_points(path, &model.file, ids, n_frames, faults);
     }
-    check_test_cameras(&manifest.test_cameras, &draft.cameras, &draft.calibration, faults);
+    let names: Vec<&str> = draft.cameras.iter().map(|camera| camera.name.as_str()).collect();
+    check_test_cameras(&manifest.test_cameras, &names, &draft.calibration, faults);
     for camera in &mut draft.cameras {
         camera.is_test = manifest.test_cameras.contains(&camera.name);
     }
@@ -236,7 +241,13 @@ impl Priors {
 
 /// The images of the model by camera: `<camera>.<ext>` or `<camera>/<frame>.<ext>`. A camera with one of them stands
 /// still; one with several moves and has one for each frame.
-fn cameras(path: &Path, file: &Path, images: Vec<Posed>, n_frames: u32, faults: &mut Faults) -> Vec<Camera> {
+fn cameras(
+    path: &Path,
+    file: &Path,
+    images: Vec<Posed>,
+    n_frames: u32,
+    faults: &mut Faults,
+) -> Vec<(Camera, Distortion)> {
     let mut by_name: BTreeMap<String, Vec<(PathBuf, Posed)>> = BTreeMap::new();
     for posed in images {
         let Some(name) = camera_name(&posed.name) else {
@@ -250,7 +261,7 @@ fn cameras(path: &Path, file: &Path, images: Vec<Posed>, n_frames: u32, faults: 
     let mut cameras = Vec::new();
     for (name, posed) in by_name {
         let poses = Poses { file, name: &name, posed: &posed };
-        let Some((intrinsics, moving)) = poses.check(n_frames, faults) else { continue };
+        let Some((lens, moving)) = poses.check(n_frames, faults) else { continue };
         let folder = path.join("images").join(&name);
         let n_files = std::fs::read_dir(&folder).map_or(0, |files| u32::try_from(files.count()).unwrap_or(u32::MAX));
         let n_listed = n_frames.min(n_files.saturating_add(MAX_MISSING));
@@ -264,9 +275,10 @@ fn cameras(path: &Path, file: &Path, images: Vec<Posed>, n_frames: u32, faults: 
             world_to_camera: moving.as_ref().and_then(|moving| moving.get(&frame)).map(|&at| posed[at].1.pose),
             ..Shot::default()
         });
-        let Intrinsics { width, height, fx, fy, cx, cy } = intrinsics;
+        let Lens { width, height, fx, fy, cx, cy, distortion } = lens;
         let (shots, world_to_camera) = (shots.collect(), posed[0].1.pose);
-        cameras.push(Camera { name, width, height, fx, fy, cx, cy, world_to_camera, is_test: false, shots });
+        let camera = Camera { name, width, height, fx, fy, cx, cy, world_to_camera, is_test: false, shots };
+        cameras.push((camera, distortion));
     }
     cameras
 }
@@ -281,16 +293,16 @@ struct Poses<'a> {
 
 impl Poses<'_> {
     /// The camera's intrinsics, and for a moving camera the index of each frame's pose.
-    fn check(&self, n_frames: u32, faults: &mut Faults) -> Option<(Intrinsics, Option<BTreeMap<u32, usize>>)> {
+    fn check(&self, n_frames: u32, faults: &mut Faults) -> Option<(Lens, Option<BTreeMap<u32, usize>>)> {
         let place = format!("camera `{}`", self.name.escape_debug());
         let mut fault = |reason: String, remedy: &str| faults.add(self.file, &place, reason, remedy);
-        let intrinsics = self.posed.first()?.1.intrinsics;
-        if self.posed.iter().any(|(_, posed)| posed.intrinsics != intrinsics) {
+        let lens = self.posed.first()?.1.lens;
+        if self.posed.iter().any(|(_, posed)| posed.lens != lens) {
             fault("changes its intrinsics".to_owned(), "make it a camera for each of them");
             return None;
         }
         if self.posed.len() == 1 {
-            return Some((intrinsics, None));
+            return Some((lens, None));
         }
         let mut frames = BTreeMap::new();
         for (index, (stem, posed)) in self.posed.iter().enumerate() {
@@ -313,6 +325,6 @@ impl Poses<'_> {
             let reason = format!("moves and has no pose at {} frames, the first is {first}", absent.len());
             fault(reason, "add the poses, or keep one image of a camera that stands still");
         }
-        Some((intrinsics, Some(frames)))
+        Some((lens, Some(frames)))
     }
 }

@@ -30,7 +30,7 @@ pub(super) fn unreadable(path: &Path, cause: &io::Error) -> Fault {
 }
 
 /// Width and height in pixels, neither of them 0, of a file that is not cut off.
-pub(in crate::scene) fn read_size(path: &Path) -> Result<(u32, u32), Fault> {
+pub(crate) fn read_size(path: &Path) -> Result<(u32, u32), Fault> {
     let failed = |cause: io::Error| unreadable(path, &cause);
     let file = File::open(path).map_err(failed)?;
     let n_bytes = file.metadata().map_err(failed)?.len();

@@ -27,10 +27,16 @@ pub use report::{Fault, Report};
 
 use std::path::{Path, PathBuf};
 
-use self::draft::Draft;
+pub(crate) use colmap::{Posed, model_folder, read_images, tracks};
+pub(crate) use draft::{Draft, check_test_cameras};
+pub(crate) use header::read_size;
+pub(crate) use names::{is_image, relative};
+pub(crate) use npz::read_npy;
+pub(crate) use picture::decode_image;
+pub(crate) use report::Faults;
+
 use self::points::FramePoints;
 use self::priors::PriorSource;
-use self::report::Faults;
 use crate::error::{Error, Result};
 use crate::scene::{Similarity, View};
 
@@ -337,24 +343,37 @@ pub fn check_capture(path: &Path, settings: &CaptureSettings) -> Report {
     read(path, settings).1
 }
 
+type Recogniser = fn(&Path) -> bool;
+type Reader = fn(&Path, &CaptureSettings, &mut Faults) -> Draft;
+
+/// Every format: its name, how a folder is recognised, how it is read. The first that fits is taken.
+const FORMATS: [(&str, Recogniser, Reader); 4] = [
+    ("ivv capture folder", |path| path.join("capture.toml").is_file(), folder::read),
+    ("Dynamic3DGaussians", |path| path.join("train_meta.json").is_file(), dynamic::read),
+    (
+        "transforms.json",
+        |path| ["transforms.json", "transforms_train.json"].iter().any(|name| path.join(name).is_file()),
+        transforms::read,
+    ),
+    ("COLMAP", |path| colmap::model_folder(path).is_some(), colmap::read_capture),
+];
+
+/// What the files of a folder in one of the [`FORMATS`] say, lenses that distort included, before it is compared with the
+/// images; `None` when the folder is in none of them.
+pub(crate) fn describe(path: &Path, settings: &CaptureSettings, faults: &mut Faults) -> Option<(&'static str, Draft)> {
+    let (name, _, read) = FORMATS.into_iter().find(|(_, is, _)| is(path))?;
+    Some((name, read(path, settings, faults)))
+}
+
 fn read(path: &Path, settings: &CaptureSettings) -> (Capture, Report) {
     let mut faults = Faults::default();
-    let has = |name: &str| path.join(name).is_file();
-    let (format, draft) = if has("capture.toml") {
-        ("ivv capture folder", folder::read(path, settings, &mut faults))
-    } else if has("train_meta.json") {
-        ("Dynamic3DGaussians", dynamic::read(path, settings, &mut faults))
-    } else if has("transforms.json") || has("transforms_train.json") {
-        ("transforms.json", transforms::read(path, settings, &mut faults))
-    } else if let Some(model) = colmap::model_folder(path) {
-        ("COLMAP", colmap::read_capture(path, &model, settings, &mut faults))
-    } else {
+    let (format, draft) = describe(path, settings, &mut faults).unwrap_or_else(|| {
         let reason = if path.is_dir() { "is in no known capture format" } else { "is no folder" };
         let remedy = "give a folder with capture.toml, train_meta.json, transforms.json or a COLMAP model in sparse/0; \
                       `ivv prepare` makes one from other formats";
         faults.add(path, "", reason, remedy);
         ("", Draft::default())
-    };
+    });
     let mut report = Report::new(path, format);
     let capture = draft.finish(path, settings, &mut faults, &mut report);
     report.set_faults(faults);

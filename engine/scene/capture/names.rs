@@ -8,7 +8,7 @@ const MAX_BYTES: usize = 4096;
 const EXTENSIONS: [&str; 3] = ["png", "jpg", "jpeg"];
 
 /// The relative path that `name` spells, without `.` components; or why it is refused.
-pub(super) fn relative(name: &str) -> Result<PathBuf, String> {
+pub(crate) fn relative(name: &str) -> Result<PathBuf, String> {
     let refuse = |why: &str| {
         let start: String = name.chars().take(80).collect();
         Err(format!("the name `{}` {why}", start.escape_debug()))
@@ -54,7 +54,7 @@ pub(super) fn with_image_extension(stem: &Path) -> PathBuf {
 }
 
 /// Whether the path ends in the extension of an image.
-pub(super) fn is_image(path: &Path) -> bool {
+pub(crate) fn is_image(path: &Path) -> bool {
     let extension = path.extension().map(|e| e.to_ascii_lowercase());
     extension.and_then(|e| e.into_string().ok()).is_some_and(|e| EXTENSIONS.contains(&e.as_str()))
 }

@@ -17,7 +17,7 @@ const MAX_COMMENT: usize = 65_535;
 
 /// A floating-point array.
 #[derive(Debug)]
-pub(super) struct Array {
+pub(crate) struct Array {
     pub shape: Vec<usize>,
     /// Row-major; as many as the product of `shape`.
     pub values: Vec<f64>,
@@ -31,6 +31,14 @@ pub(super) fn read(path: &Path, name: &str) -> error::Result<Array> {
     let bytes = read_bytes(path)?;
     let array = entry(&bytes, &format!("{name}.npy")).and_then(|content| parse(&content));
     array.map_err(|reason| Error::data(path, format!("array `{name}`"), reason, REMEDY))
+}
+
+/// Reads a `.npy` file of little-endian f32 or f64 in C order.
+///
+/// # Errors
+/// [`Error::Data`] when it is damaged or of another type.
+pub(crate) fn read_npy(path: &Path) -> error::Result<Array> {
+    parse(&read_bytes(path)?).map_err(|reason| Error::data(path, "", reason, "save the array again with numpy.save"))
 }
 
 fn u16_at(bytes: &[u8], at: usize) -> Option<usize> {

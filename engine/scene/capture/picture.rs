@@ -85,6 +85,16 @@ pub(super) fn foreground(path: &Path, source: &Source) -> error::Result<Vec<bool
     Ok(mask.as_raw().iter().map(|level| *level >= 128).collect())
 }
 
+/// Decodes an image or a mask of a known size.
+///
+/// # Errors
+/// `Error::Data` naming the image.
+pub(crate) fn decode_image(path: &Path, width: u32, height: u32) -> error::Result<DynamicImage> {
+    let (image, priors) = (path.to_owned(), PriorSource::default());
+    let source = Source { image, mask: None, width, height, background: [0.0; 3], priors };
+    Ok(guarded(path, || pixels_of(path, &source))?)
+}
+
 /// Third-party decoders have panicked on damaged images before; here that is a fault of the image.
 pub(in crate::scene) fn guarded<T>(path: &Path, work: impl FnOnce() -> Result<T, Fault>) -> Result<T, Fault> {
     let broken = |_| Err(fault(path, "its decoder gave up", BROKEN));

@@ -26,7 +26,7 @@ pub struct FramePoint {
 
 /// Where the points of the frames are, and whom their CAMERA_IDs mean.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct FramePoints {
+pub(crate) struct FramePoints {
     pub folder: PathBuf,
     /// Name of the camera of an id.
     pub cameras: HashMap<u32, String>,

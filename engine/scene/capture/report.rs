@@ -35,7 +35,7 @@ impl From<Fault> for Error {
 
 /// Collects faults while reading goes on.
 #[derive(Debug, Default)]
-pub(super) struct Faults {
+pub(crate) struct Faults {
     kept: Vec<Fault>,
     n: u64,
 }
@@ -67,6 +67,11 @@ impl Faults {
                 None
             }
         }
+    }
+
+    /// The first as an error.
+    pub fn first(&self) -> Option<Error> {
+        self.kept.first().cloned().map(Error::from)
     }
 
     /// How many there are.
@@ -115,7 +120,7 @@ pub struct Report {
 }
 
 impl Report {
-    pub(super) fn new(path: &Path, format: &str) -> Self {
+    pub(crate) fn new(path: &Path, format: &str) -> Self {
         Report {
             path: path.to_owned(),
             format: format.to_owned(),
@@ -137,13 +142,13 @@ impl Report {
         }
     }
 
-    pub(super) fn set_faults(&mut self, faults: Faults) {
+    pub(crate) fn set_faults(&mut self, faults: Faults) {
         self.n_faults = faults.n;
         self.faults = faults.kept;
     }
 
     /// The error of a capture with faults: the first of them, how many more there are, and where to see them all.
-    pub(super) fn first_error(&self) -> Option<Error> {
+    pub(crate) fn first_error(&self) -> Option<Error> {
         let mut first = self.faults.first()?.clone();
         if self.n_faults > 1 {
             let (more, path) = (self.n_faults - 1, self.path.display());

@@ -12,6 +12,7 @@ use super::report::Faults;
 use super::{Camera, CaptureSettings, Pose, Shot};
 use crate::error::{self, Error};
 use crate::scene::file::read_bytes;
+use crate::scene::undistort::{self, Distortion};
 
 const REMEDY: &str = "correct the file, or export the capture again";
 /// Two times closer than this are one.
@@ -64,6 +65,7 @@ struct Frame {
 /// One image.
 struct Entry {
     camera: Camera,
+    distortion: Distortion,
     name: PathBuf,
     shot: Shot,
     time: Option<f64>,
@@ -99,7 +101,7 @@ pub(super) fn read(path: &Path, settings: &CaptureSettings, faults: &mut Faults)
         }
         Err(reason) => faults.add(&calibration, "field `time`", reason, "give every frame a time on one grid, or none"),
     }
-    draft.cameras = group(entries);
+    group(entries, &mut draft);
     draft
 }
 
@@ -132,7 +134,7 @@ fn read_file(
     for (place, frame, paths) in places {
         let lens = frame.lens.or(&document.lens, size);
         let pose = world_to_camera(&frame.transform_matrix);
-        match lens.pinhole().and_then(|lens| Ok((lens, pose?))) {
+        match lens.resolved().and_then(|lens| Ok((lens, pose?))) {
             Ok((lens, pose)) => {
                 let tested = document.test_filenames.as_ref().is_some_and(|names| names.contains(&frame.file_path));
                 entries.push(frame.entry(lens, pose, paths, tested));
@@ -173,25 +175,16 @@ impl Frame {
         Ok(Paths { name, image, mask })
     }
 
-    fn entry(&self, [w, h, fx, fy, cx, cy]: [f64; 6], world_to_camera: Pose, paths: Paths, is_test: bool) -> Entry {
+    fn entry(&self, lens: undistort::Lens, world_to_camera: Pose, paths: Paths, is_test: bool) -> Entry {
+        let undistort::Lens { width, height, fx, fy, cx, cy, distortion } = lens;
         let Paths { name, image, mask } = paths;
-        let camera = Camera {
-            name: flat(&name),
-            width: w as u32,
-            height: h as u32,
-            fx,
-            fy,
-            cx,
-            cy,
-            world_to_camera,
-            is_test,
-            shots: Vec::new(),
-        };
-        Entry { camera, name, shot: Shot { image, mask, ..Shot::default() }, time: self.time }
+        let camera =
+            Camera { name: flat(&name), width, height, fx, fy, cx, cy, world_to_camera, is_test, shots: Vec::new() };
+        Entry { camera, distortion, name, shot: Shot { image, mask, ..Shot::default() }, time: self.time }
     }
 }
 
-/// Why a frame has no pinhole camera.
+/// Why a frame has no camera.
 struct Unfit {
     reason: String,
     remedy: &'static str,
@@ -225,16 +218,21 @@ impl Lens {
         }
     }
 
-    /// Width, height, focal lengths and principal point, pixels.
-    fn pinhole(&self) -> Result<[f64; 6], Unfit> {
-        let distortion = [self.k1, self.k2, self.k3, self.k4, self.p1, self.p2];
-        let model = self.camera_model.as_deref().unwrap_or("PINHOLE");
-        let known = ["PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV"].contains(&model);
-        if !known || distortion.iter().flatten().any(|k| *k != 0.0) {
-            let reason = format!("has the model {} with distortion", model.escape_debug());
-            let remedy = "run `ivv prepare` on it: it undistorts the images";
-            return Err(Unfit { reason, remedy, needs_size: false });
-        }
+    /// The numbers without gaps.
+    fn resolved(&self) -> Result<undistort::Lens, Unfit> {
+        let [k1, k2, k3, k4, p1, p2] =
+            [self.k1, self.k2, self.k3, self.k4, self.p1, self.p2].map(Option::unwrap_or_default);
+        let distortion = match self.camera_model.as_deref().unwrap_or("OPENCV") {
+            "PINHOLE" | "SIMPLE_PINHOLE" | "SIMPLE_RADIAL" | "RADIAL" | "OPENCV" if k4 == 0.0 => {
+                Distortion::brown([k1, k2, k3, 0.0, 0.0, 0.0], [p1, p2])
+            }
+            "OPENCV_FISHEYE" => Distortion::Fisheye([k1, k2, k3, k4]),
+            model => {
+                let reason =
+                    format!("has the model {} with k4 = {k4}, which is not undistorted here", model.escape_debug());
+                return Err(unfit(reason));
+            }
+        };
         let (Some(w), Some(h)) = (self.w, self.h) else {
             return Err(Unfit { needs_size: true, ..unfit("gives no w and h".to_owned()) });
         };
@@ -247,7 +245,8 @@ impl Lens {
             return Err(unfit("gives neither fl_x nor camera_angle_x".to_owned()));
         };
         let fy = self.fl_y.or_else(|| Some(by_angle(h, self.camera_angle_y?))).unwrap_or(fx);
-        Ok([w, h, fx, fy, self.cx.unwrap_or(w / 2.0), self.cy.unwrap_or(h / 2.0)])
+        let (cx, cy) = (self.cx.unwrap_or(w / 2.0), self.cy.unwrap_or(h / 2.0));
+        Ok(undistort::Lens { width: w as u32, height: h as u32, fx, fy, cx, cy, distortion })
     }
 }
 
@@ -310,10 +309,10 @@ fn frames_of(entries: &[Entry]) -> Result<(Vec<u32>, u32), String> {
 }
 
 /// Images of one place, lens and part at different frames are one camera.
-fn group(entries: Vec<Entry>) -> Vec<Camera> {
-    let mut cameras: Vec<Camera> = Vec::new();
+fn group(entries: Vec<Entry>, draft: &mut Draft) {
+    let cameras = &mut draft.cameras;
     let mut known: HashMap<(Vec<u64>, bool), usize> = HashMap::new();
-    for Entry { camera, shot, .. } in entries {
+    for Entry { camera, distortion, shot, .. } in entries {
         let lens = [camera.fx, camera.fy, camera.cx, camera.cy, camera.width.into(), camera.height.into()];
         let numbers = camera.world_to_camera.iter().flatten().chain(&lens);
         let key = (numbers.map(|v| v.to_bits()).collect(), camera.is_test);
@@ -322,9 +321,9 @@ fn group(entries: Vec<Entry>) -> Vec<Camera> {
             Some(at) => cameras[at].shots.push(shot),
             None => {
                 known.insert(key, cameras.len());
+                draft.distorted.insert(camera.name.clone(), distortion);
                 cameras.push(Camera { shots: vec![shot], ..camera });
             }
         }
     }
-    cameras
 }

@@ -3,6 +3,9 @@
 mod layers;
 mod levels;
 mod packed;
+mod write;
+
+pub use write::{write_depth, write_flow};
 
 use std::path::Path;
 

@@ -1,0 +1,77 @@
+//! Optical flow of the finished images, by `tools/priors.py`.
+
+use std::io::{BufRead, BufReader, Write};
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use serde_json::json;
+
+use super::images::Images;
+use super::journal::Journal;
+use super::program::last_line;
+use super::{PrepareSettings, Progress};
+use crate::error::{Error, Result};
+use crate::parallel::in_parallel;
+
+/// In the program, so that it works without a checkout.
+const SCRIPT: &str = include_str!("../../tools/priors.py");
+/// The first that has OpenCV is taken; Debian's package is only for its own Python.
+const PYTHONS: [&str; 2] = ["python3", "/usr/bin/python3"];
+const INSTALL: &str = "install OpenCV for Python (Debian: apt-get install python3-opencv), or leave out --flow";
+
+/// Estimates what is not estimated yet: flow to the next frame of every frame but the last.
+pub(super) fn make(
+    images: &Images,
+    settings: &PrepareSettings,
+    journal: &mut Journal,
+    progress: &(dyn Fn(Progress) + Sync),
+) -> Result<()> {
+    journal.begin("flow", json!({ "method": "dis" }))?;
+    let n = images.n_frames().saturating_sub(1) as usize;
+    let output = &images.output;
+    let file = |name: &str, frame: usize| output.join("flow").join(name).join(format!("{frame:05}.flo"));
+    let is_done = |name: &str| (0..n).all(|frame| file(name, frame).is_file());
+    let names: Vec<&str> = images.cameras.iter().map(|camera| camera.name.as_str()).collect();
+    let left: Vec<&str> = names.iter().copied().filter(|name| !is_done(name)).collect();
+    if left.is_empty() {
+        return Ok(());
+    }
+    let has_opencv = |python: &&str| {
+        let mut command = Command::new(python);
+        command.args(["-c", "import cv2, numpy"]).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
+        command.status().is_ok_and(|status| status.success())
+    };
+    let Some(python) = PYTHONS.iter().find(|python| has_opencv(python)) else {
+        let reason = "needs python3 with OpenCV and NumPy for --flow dis, which is not installed";
+        return Err(Error::data(output, "", reason, INSTALL));
+    };
+    let (done, total) = (AtomicUsize::new((names.len() - left.len()) * n), names.len() * n);
+    let tell = |piece: &str| {
+        let done = done.fetch_add(1, Ordering::Relaxed) + 1;
+        progress(Progress { stage: "flow", done, total, piece });
+    };
+    in_parallel(left.len(), settings.threads, |index| estimate(python, output, left[index], &tell), |_| {}).map(|_| ())
+}
+
+/// Runs the script on one camera; it prints a line for each file.
+fn estimate(python: &str, capture: &Path, camera: &str, tell: &dyn Fn(&str)) -> Result<()> {
+    let fault = |reason: String| Error::data(&capture.join("flow").join(camera), "", reason, INSTALL);
+    let mut command = Command::new(python);
+    command.arg("-").arg(capture).args(["--flow", "dis", "--cameras", camera]);
+    command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    let mut child: Child = command.spawn().map_err(|e| fault(format!("{python} does not start: {e}")))?;
+    // The script is small and read whole before it runs.
+    if let Some(mut stdin) = child.stdin.take() {
+        stdin.write_all(SCRIPT.as_bytes()).map_err(|e| fault(format!("{python} does not read: {e}")))?;
+    }
+    for line in child.stdout.take().into_iter().flat_map(|from| BufReader::new(from).lines()) {
+        tell(&line.map_err(|e| fault(format!("{python} cannot be heard: {e}")))?);
+    }
+    let ended = child.wait_with_output().map_err(|e| fault(format!("{python} cannot be waited for: {e}")))?;
+    if ended.status.success() {
+        return Ok(());
+    }
+    let said = last_line(&String::from_utf8_lossy(&ended.stderr)).unwrap_or_default();
+    Err(fault(format!("optical flow failed ({}): {said}", ended.status)))
+}

@@ -1,0 +1,143 @@
+//! `prepare.json`: from what the files of each stage were made.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::io::ErrorKind;
+use std::path::{Path, PathBuf};
+
+use serde_json::Value;
+
+use super::PrepareSettings;
+use crate::error::{Error, Result};
+use crate::scene::write_atomic;
+
+const FILE: &str = "prepare.json";
+/// The parts of a capture that each stage makes; all depend on the first.
+const STAGES: [(&str, &[&str]); 3] = [
+    ("images", &["images", "masks", "foreground", "depth", "flow", "audio", "keypoints"]),
+    ("points", &["sparse", "points"]),
+    ("flow", &["flow"]),
+];
+const MANIFEST: &str = "capture.toml";
+
+#[derive(Default, serde::Serialize, serde::Deserialize)]
+struct Record {
+    made_by: String,
+    /// By stage.
+    made_from: BTreeMap<String, Value>,
+}
+
+pub(super) struct Journal {
+    output: PathBuf,
+    record: Record,
+    force: bool,
+}
+
+impl Journal {
+    /// Opens the journal of the output, which is made when it is absent.
+    pub fn open(settings: &PrepareSettings) -> Result<Journal> {
+        let output = &settings.output;
+        make_folder(output)?;
+        let path = output.join(FILE);
+        let record = match fs::read(&path) {
+            Ok(bytes) => serde_json::from_slice(&bytes).map_err(|fault| {
+                let reason = format!("is no journal of `ivv prepare`: {fault}");
+                Error::data(&path, "", reason, "remove the file and give --force, or choose another folder with -o")
+            })?,
+            Err(fault) if fault.kind() == ErrorKind::NotFound => {
+                if !settings.force && !is_empty(output)? {
+                    let reason = format!("is not empty and was not made by `ivv prepare` (it has no {FILE})");
+                    let remedy = "choose another folder with -o, or give --force to replace a capture there";
+                    return Err(Error::data(output, "", reason, remedy));
+                }
+                Record { made_by: "ivv prepare".to_owned(), ..Record::default() }
+            }
+            Err(fault) => {
+                let reason = format!("cannot be read: {fault}");
+                return Err(Error::data(&path, "", reason, "check its permissions"));
+            }
+        };
+        Ok(Journal { output: output.clone(), record, force: settings.force })
+    }
+
+    /// Begins a stage or goes on with it. When its files were made from something else they are removed first, and with the
+    /// images all that was made from them; that needs `force`, as does removing files of which nothing is known.
+    pub fn begin(&mut self, stage: &'static str, made_from: Value) -> Result<()> {
+        if self.record.made_from.get(stage) == Some(&made_from) {
+            remove_temporaries(&self.output)?;
+            return Ok(());
+        }
+        let anew: Vec<_> = STAGES.iter().filter(|(name, _)| *name == stage || stage == STAGES[0].0).collect();
+        let parts = anew.iter().flat_map(|(_, parts)| *parts);
+        let old: Vec<PathBuf> = parts.map(|part| self.output.join(part)).filter(|path| path.exists()).collect();
+        if let Some(path) = old.first().filter(|_| !self.force) {
+            let reason = match self.record.made_from.get(stage) {
+                Some(before) => format!("was made with other settings: {}", difference(before, &made_from)),
+                None => "is there already".to_owned(),
+            };
+            let remedy = "give --force to make it again, or choose another folder with -o";
+            return Err(Error::data(path, "", reason, remedy));
+        }
+        for path in std::iter::once(self.output.join(MANIFEST)).filter(|path| path.exists()).chain(old) {
+            let removed = if path.is_dir() { fs::remove_dir_all(&path) } else { fs::remove_file(&path) };
+            removed.map_err(|fault| {
+                Error::data(&path, "", format!("cannot be removed: {fault}"), "check its permissions")
+            })?;
+        }
+        for (name, _) in anew {
+            self.record.made_from.remove(*name);
+        }
+        self.record.made_from.insert(stage.to_owned(), made_from);
+        let text = serde_json::to_vec_pretty(&self.record).map_err(std::io::Error::other);
+        write_atomic(&self.output.join(FILE), |to| to.write_all(&text?))
+    }
+}
+
+/// A value that differs, with its name.
+fn difference(before: &Value, now: &Value) -> String {
+    let (Value::Object(old), Value::Object(new)) = (before, now) else { return "the source has changed".to_owned() };
+    let is_list = |value: &Value| value.is_array() || value.is_object();
+    let mut differ: Vec<_> = new.iter().filter(|(name, value)| old.get(*name) != Some(*value)).collect();
+    // A setting tells more than the lists that follow from it.
+    differ.sort_by_key(|(_, value)| is_list(value));
+    differ.first().map_or_else(
+        || "the source has changed".to_owned(),
+        |(name, value)| match old.get(name.as_str()) {
+            Some(was) if !is_list(was) => format!("{name} was {was} and is {value}"),
+            _ => format!("{name} have changed"),
+        },
+    )
+}
+
+/// A folder, made when it is absent.
+pub(super) fn make_folder(path: &Path) -> Result<()> {
+    let remedy = "choose another folder with -o";
+    fs::create_dir_all(path).map_err(|fault| Error::data(path, "", format!("cannot be made: {fault}"), remedy))
+}
+
+fn is_empty(path: &Path) -> Result<bool> {
+    let mut entries = fs::read_dir(path).map_err(|fault| cannot_list(path, &fault))?;
+    Ok(entries.next().is_none())
+}
+
+pub(super) fn cannot_list(path: &Path, fault: &std::io::Error) -> Error {
+    Error::data(path, "", format!("cannot be listed: {fault}"), "check the path and its permissions")
+}
+
+/// Removes what a killed run left of files that it was writing, two folders deep.
+fn remove_temporaries(folder: &Path) -> Result<()> {
+    let mut folders = vec![(folder.to_owned(), 0)];
+    while let Some((folder, depth)) = folders.pop() {
+        for entry in fs::read_dir(&folder).map_err(|fault| cannot_list(&folder, &fault))?.flatten() {
+            let name = entry.file_name();
+            let name = name.to_string_lossy();
+            if name.starts_with('.') && name.ends_with(".tmp") {
+                // One that stays does no harm.
+                let _ = fs::remove_file(entry.path());
+            } else if depth < 2 && entry.file_type().is_ok_and(|kind| kind.is_dir()) {
+                folders.push((entry.path(), depth + 1));
+            }
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,208 @@
+//! From what others recorded to the project's capture folder (SPEC 8): video decoded, lenses undistorted, points
+//! triangulated frame by frame, optical flow estimated.
+//!
+//! Every stage goes on where an earlier, interrupted run stopped: each file is written whole and renamed, and `prepare.json`
+//! in the folder says from what the files of a stage were made. `capture.toml` comes last.
+
+mod flow;
+mod images;
+mod journal;
+mod model;
+mod program;
+mod sound;
+mod source;
+mod triangulate;
+mod video;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use self::images::Images;
+use self::journal::Journal;
+use self::source::Source;
+use crate::error::{Error, Result};
+use crate::scene::capture::{CaptureSettings, Faults, Manifest, Report, check_capture};
+
+/// The format of images that are made here; images that need no change are taken over as they are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+pub enum ImageFormat {
+    /// Lossless.
+    Png,
+    /// JPEG of quality 95: a quarter of the bytes or less.
+    Jpeg,
+}
+
+impl ImageFormat {
+    fn extension(self) -> &'static str {
+        match self {
+            ImageFormat::Png => "png",
+            ImageFormat::Jpeg => "jpg",
+        }
+    }
+}
+
+/// Of which frames points are triangulated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+pub enum Triangulate {
+    /// Of none; points that the source has are kept.
+    None,
+    /// Of the reference frame.
+    Reference,
+    /// Of every n-th, beginning with the first; the other frames get a file without points.
+    Every(u32),
+}
+
+/// What is prepared, and how.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PrepareSettings {
+    /// Folder of the recordings and their calibration.
+    pub source: PathBuf,
+    /// Folder of the capture.
+    pub output: PathBuf,
+    /// Where videos and image sequences are, when not beside the calibration.
+    pub footage: Option<PathBuf>,
+    /// First frame of the source that is taken.
+    pub start: u32,
+    /// Most frames that are taken.
+    pub frames: Option<u32>,
+    /// Every n-th frame is taken.
+    pub every: u32,
+    /// Size of the images relative to the source's, in (0, 1].
+    pub scale: f64,
+    /// Format of images that are made.
+    pub format: ImageFormat,
+    /// Frames per second of image sequences, which do not say.
+    pub fps: f64,
+    /// `None`: every frame, unless the source has points.
+    pub triangulate: Option<Triangulate>,
+    /// Estimates optical flow with OpenCV's DIS.
+    pub flow: bool,
+    /// Names of the test cameras; `None` takes those that the source declares.
+    pub test_cameras: Option<Vec<String>>,
+    /// See [`CaptureSettings::test_every`].
+    pub test_every: usize,
+    /// Replaces what other settings made, and files of a capture that was not made here.
+    pub force: bool,
+    /// Threads, and the most programs that run at once.
+    pub threads: usize,
+}
+
+impl PrepareSettings {
+    /// The settings that suit every source.
+    pub fn new(source: &Path, output: &Path) -> Self {
+        let CaptureSettings { fps, test_every, .. } = CaptureSettings::default();
+        PrepareSettings {
+            source: source.to_owned(),
+            output: output.to_owned(),
+            footage: None,
+            start: 0,
+            frames: None,
+            every: 1,
+            scale: 1.0,
+            format: ImageFormat::Png,
+            fps,
+            triangulate: None,
+            flow: false,
+            test_cameras: None,
+            test_every,
+            force: false,
+            threads: std::thread::available_parallelism().map_or(1, std::num::NonZero::get),
+        }
+    }
+
+    fn check(&self) -> Result<()> {
+        let bad = |option: &str, reason: String, remedy: &str| Err(Error::data(&self.output, option, reason, remedy));
+        if !(self.scale > 0.0 && self.scale <= 1.0) {
+            return bad("--scale", format!("is {}", self.scale), "give a number above 0, at most 1");
+        }
+        if !(self.fps.is_finite() && self.fps > 0.0) {
+            return bad("--fps", format!("is {}", self.fps), "give a positive number");
+        }
+        let zero = [
+            ("--every", self.every == 0),
+            ("--frames", self.frames == Some(0)),
+            ("--triangulate", self.triangulate == Some(Triangulate::Every(0))),
+        ];
+        if let Some((option, _)) = zero.iter().find(|(_, zero)| *zero) {
+            return bad(option, "is 0".to_owned(), "give at least 1");
+        }
+        let absolute = |path: &Path| fs::canonicalize(path).or_else(|_| std::path::absolute(path)).unwrap_or_default();
+        if absolute(&self.source).starts_with(absolute(&self.output)) {
+            return bad("", "is the source or holds it".to_owned(), "choose another folder with -o");
+        }
+        Ok(())
+    }
+}
+
+/// Something that is done; told from any thread.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Progress<'a> {
+    /// The stage.
+    pub stage: &'static str,
+    /// Pieces of the stage that are done, those of earlier runs included.
+    pub done: usize,
+    /// Pieces of the stage.
+    pub total: usize,
+    /// The piece that is done now.
+    pub piece: &'a str,
+}
+
+/// What was made.
+#[derive(Clone, Debug, serde::Serialize)]
+pub struct Prepared {
+    /// The format of the source; empty when it is unknown.
+    pub source_format: &'static str,
+    /// What is worth knowing: cameras whose rates or counts differ, calibrations that were fitted, points per frame.
+    pub notes: Vec<String>,
+    /// Points of each triangulated frame, by frame.
+    pub points: Vec<(u32, usize)>,
+    /// Of the capture; when the source itself is faulty, of the source, and nothing was made.
+    pub report: Report,
+}
+
+/// Makes a capture folder, or completes one that an interrupted run began. A second run changes nothing.
+///
+/// Faults of the source, and of the finished capture, are in the report.
+///
+/// # Errors
+/// [`Error::Data`] when a setting is out of its range, when the output holds what was not made from this source with these
+/// settings (and [`PrepareSettings::force`] is off), when ffmpeg, COLMAP or Python is needed and missing or fails, or when
+/// a file cannot be read or written.
+pub fn prepare(settings: &PrepareSettings, progress: &(dyn Fn(Progress) + Sync)) -> Result<Prepared> {
+    settings.check()?;
+    let mut faults = Faults::default();
+    let source = Source::read(settings, &mut faults)?;
+    let images = Images::plan(&source, settings, &mut faults);
+    if faults.n() > 0 {
+        let mut report = Report::new(&settings.source, source.format);
+        report.set_faults(faults);
+        return Ok(Prepared { source_format: source.format, notes: source.notes, points: Vec::new(), report });
+    }
+    let mut journal = Journal::open(settings)?;
+    let output = &settings.output;
+    images.make(&mut journal, progress)?;
+    let points = triangulate::make(&images, &source, settings, &mut journal, progress)?;
+    if settings.flow {
+        flow::make(&images, settings, &mut journal, progress)?;
+    }
+    images.carry_sound(settings)?;
+    let exists = |name: &str| output.join(name).is_dir();
+    let manifest = Manifest {
+        fps: images.fps,
+        frames: images.n_frames(),
+        reference_frame: 0,
+        test_cameras: images.test_cameras(),
+        masks: exists("masks"),
+        foreground: exists("foreground"),
+        points: exists("points"),
+        flow: exists("flow"),
+        depth: exists("depth"),
+        audio: exists("audio"),
+    };
+    if Manifest::read(output).ok().as_ref() != Some(&manifest) {
+        manifest.write(output)?;
+    }
+    let notes = source.notes.into_iter().chain(images.notes).collect();
+    let report = check_capture(output, &CaptureSettings::default());
+    Ok(Prepared { source_format: source.format, notes, points, report })
+}

@@ -1,0 +1,76 @@
+//! `sparse/0`: the calibration as COLMAP's text files.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use super::journal::make_folder;
+use crate::error::Result;
+use crate::scene::capture::Pose;
+use crate::scene::undistort::Lens;
+use crate::scene::{quaternion, write_atomic};
+
+/// A camera of the model.
+pub(super) struct ModelCamera {
+    /// From 1.
+    pub id: u32,
+    pub lens: Lens,
+    /// Name and pose of its images: one, or one for each frame of a moving camera.
+    pub images: Vec<(String, Pose)>,
+}
+
+/// A point, its colour and the indices of the cameras that saw it in their first images.
+pub(super) type ModelPoint = ([f64; 3], [u8; 3], Vec<usize>);
+
+/// Writes cameras, images and points3D. As observations of the points COLMAP is given their projections.
+pub(super) fn write(folder: &Path, cameras: &[ModelCamera], points: &[ModelPoint]) -> Result<()> {
+    make_folder(folder)?;
+    let mut observed: Vec<String> = cameras.iter().map(|_| String::new()).collect();
+    let mut n_observed = vec![0_u32; cameras.len()];
+    let mut firsts = Vec::new();
+    let mut next = 1_u32;
+    for camera in cameras {
+        firsts.push(next);
+        next += camera.images.len() as u32;
+    }
+    // Writing to a string cannot fail.
+    let mut points_txt = String::from("# POINT3D_ID, X, Y, Z, R, G, B, ERROR, TRACK[] as (IMAGE_ID, POINT2D_IDX)\n");
+    for ((position, color, seen_by), id) in points.iter().zip(1_u64..) {
+        let ([x, y, z], [r, g, b]) = (position, color);
+        let _ = write!(points_txt, "{id} {x} {y} {z} {r} {g} {b} 0");
+        for &index in seen_by {
+            let Some([u, v]) = project(&cameras[index], *position) else { continue };
+            let _ = write!(observed[index], "{}{u} {v} {id}", if n_observed[index] > 0 { " " } else { "" });
+            let _ = write!(points_txt, " {} {}", firsts[index], n_observed[index]);
+            n_observed[index] += 1;
+        }
+        points_txt.push('\n');
+    }
+    let mut cameras_txt = String::from("# CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n");
+    let mut images_txt = String::from(
+        "# IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME\n# X, Y, POINT3D_ID, ... (projections)\n",
+    );
+    for ((camera, observed), first) in cameras.iter().zip(&observed).zip(&firsts) {
+        let Lens { width, height, fx, fy, cx, cy, .. } = camera.lens;
+        let _ = writeln!(cameras_txt, "{} PINHOLE {width} {height} {fx} {fy} {cx} {cy}", camera.id);
+        for ((name, pose), id) in camera.images.iter().zip(*first..) {
+            let [w, x, y, z] = quaternion(pose);
+            let [tx, ty, tz] = [pose[0][3], pose[1][3], pose[2][3]];
+            let _ = writeln!(images_txt, "{id} {w} {x} {y} {z} {tx} {ty} {tz} {} {name}", camera.id);
+            images_txt += if id == *first { observed } else { "" };
+            images_txt.push('\n');
+        }
+    }
+    for (name, text) in [("cameras.txt", cameras_txt), ("images.txt", images_txt), ("points3D.txt", points_txt)] {
+        write_atomic(&folder.join(name), |to| to.write_all(text.as_bytes()))?;
+    }
+    Ok(())
+}
+
+/// Where the first image of a camera shows a point in front of it.
+fn project(camera: &ModelCamera, at: [f64; 3]) -> Option<[f64; 2]> {
+    let (_, pose) = camera.images.first()?;
+    let local = |row: usize| (0..3).map(|k| pose[row][k] * at[k]).sum::<f64>() + pose[row][3];
+    let z = local(2);
+    let Lens { fx, fy, cx, cy, .. } = camera.lens;
+    (z > 0.0).then(|| [local(0) / z * fx + cx, local(1) / z * fy + cy])
+}

@@ -1,0 +1,87 @@
+//! caliscope: `camera_array.toml` and the videos `cam_<id>.mp4`.
+
+use std::collections::BTreeMap;
+
+use super::{Place, Source, SourceCamera, footage, opencv};
+use crate::scene::capture::Faults;
+use crate::scene::rotation_of_vector;
+
+const REMEDY: &str = "calibrate all cameras with caliscope, or set ignore = true for this one";
+
+#[derive(serde::Deserialize)]
+struct Array {
+    cameras: BTreeMap<String, Camera>,
+}
+
+#[derive(serde::Deserialize)]
+struct Camera {
+    #[serde(default)]
+    rotation_count: i32,
+    #[serde(default)]
+    ignore: bool,
+    size: [u32; 2],
+    matrix: Option<[[f64; 3]; 3]>,
+    distortions: Option<Vec<f64>>,
+    translation: Option<[f64; 3]>,
+    rotation: Option<Rotation>,
+    #[serde(default)]
+    fisheye: bool,
+}
+
+#[derive(serde::Deserialize)]
+#[serde(untagged)]
+enum Rotation {
+    Matrix([[f64; 3]; 3]),
+    Vector([f64; 3]),
+}
+
+pub(super) fn read(place: Place, faults: &mut Faults) -> Source {
+    let calibration = place.folder.join("camera_array.toml");
+    let mut source = Source { calibration: calibration.clone(), ..Source::default() };
+    let text = match std::fs::read_to_string(&calibration) {
+        Ok(text) => text,
+        Err(fault) => {
+            faults.add(&calibration, "", format!("cannot be read: {fault}"), "check the file and its permissions");
+            return source;
+        }
+    };
+    let array: Array = match toml::from_str(&text) {
+        Ok(array) => array,
+        Err(fault) => {
+            faults.add(&calibration, "", format!("is no camera array: {}", fault.message()), REMEDY);
+            return source;
+        }
+    };
+    for (id, camera) in array.cameras.iter().filter(|(_, camera)| !camera.ignore) {
+        let (lens, pose) = match camera.calibrated() {
+            Ok(calibrated) => calibrated,
+            Err(reason) => {
+                faults.add(&calibration, format!("camera `{}`", id.escape_debug()), reason, REMEDY);
+                continue;
+            }
+        };
+        let name = format!("cam_{id}");
+        let Some(footage) = footage::take(place.footage, &name, &calibration, faults) else { continue };
+        source.cameras.push(SourceCamera { name, lens, pose, poses: BTreeMap::new(), footage, is_test: false });
+    }
+    source
+}
+
+impl Camera {
+    fn calibrated(&self) -> Result<(crate::scene::undistort::Lens, crate::scene::capture::Pose), String> {
+        let (Some(matrix), Some(distortions), Some(translation), Some(rotation)) =
+            (&self.matrix, &self.distortions, self.translation, &self.rotation)
+        else {
+            return Err("is not calibrated: matrix, distortions, translation or rotation is missing".to_owned());
+        };
+        if self.rotation_count != 0 {
+            return Err(format!("is turned (rotation_count = {}), which is not read", self.rotation_count));
+        }
+        let rotation = match rotation {
+            Rotation::Matrix(rows) => *rows,
+            Rotation::Vector(vector) => rotation_of_vector(*vector),
+        };
+        let lens = opencv::lens(self.size, matrix, distortions, self.fisheye)?;
+        Ok((lens, opencv::pose(&rotation, translation)))
+    }
+}

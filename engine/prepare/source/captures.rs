@@ -1,0 +1,89 @@
+//! Sources that are captures: the project's own folder, Dynamic3DGaussians, transforms.json and plain COLMAP.
+
+use std::collections::BTreeMap;
+
+use super::{Footage, Place, Source, SourceCamera};
+use crate::scene::capture::{Camera, CaptureSettings, Draft, Faults, describe, model_folder, tracks};
+
+pub(super) fn read(place: Place, faults: &mut Faults) -> Option<Source> {
+    let defaults = CaptureSettings::default();
+    let settings = CaptureSettings {
+        test_every: place.settings.test_every,
+        fps: place.settings.fps,
+        images: place.settings.footage.clone().unwrap_or(defaults.images.clone()),
+        ..defaults
+    };
+    let (format, mut draft) = describe(place.folder, &settings, faults)?;
+    if draft.n_frames > 1 {
+        merge_moving(&mut draft);
+    }
+    let mut source = Source {
+        format,
+        calibration: draft.calibration.clone(),
+        fps: Some(draft.fps),
+        notes: std::mem::take(&mut draft.notes),
+        ..Source::default()
+    };
+    let names: BTreeMap<_, _> = draft
+        .cameras
+        .iter()
+        .filter_map(|camera| Some((camera.shots.first()?.image.clone(), camera.name.clone())))
+        .collect();
+    let images = place.folder.join(&settings.images);
+    let seen = model_folder(place.folder).filter(|folder| folder.join("points3D.bin").is_file());
+    let seen = seen.and_then(|folder| faults.take(tracks(&folder)));
+    source.points = match seen {
+        Some(tracks) => tracks
+            .into_iter()
+            .map(|(point, by)| (point, by.iter().filter_map(|name| names.get(&images.join(name)).cloned()).collect()))
+            .collect(),
+        None => draft.points.iter().map(|point| (*point, Vec::new())).collect(),
+    };
+    for camera in &draft.cameras {
+        let lens = draft.lens(camera);
+        let poses = camera.shots.iter().filter_map(|shot| Some((shot.frame, shot.world_to_camera?))).collect();
+        source.cameras.push(SourceCamera {
+            name: camera.name.clone(),
+            lens,
+            pose: camera.world_to_camera,
+            poses,
+            footage: Footage::Images(camera.shots.clone()),
+            is_test: camera.is_test,
+        });
+    }
+    Some(source)
+}
+
+/// The images of one lens that moves, each of which has a pose and a time of its own, are one camera when each time has one
+/// image: so `transforms.json` tells of a single moving camera.
+fn merge_moving(draft: &mut Draft) {
+    let lens = |camera: &Camera| Camera {
+        name: String::new(),
+        world_to_camera: Default::default(),
+        is_test: false,
+        shots: Vec::new(),
+        ..camera.clone()
+    };
+    let same = draft.cameras.windows(2).all(|pair| lens(&pair[0]) == lens(&pair[1]));
+    let mut frames: Vec<u32> = draft.cameras.iter().flat_map(|c| c.shots.iter().map(|shot| shot.frame)).collect();
+    frames.sort_unstable();
+    let each_once = frames.iter().copied().eq(0..draft.n_frames);
+    if draft.cameras.len() < 2 || !same || !each_once {
+        return;
+    }
+    let mut merged = draft.cameras[0].clone();
+    let distortion = draft.distorted.get(&merged.name).copied();
+    merged.shots.clear();
+    for camera in &draft.cameras {
+        let posed = camera.shots.iter().cloned();
+        merged.shots.extend(posed.map(|mut shot| {
+            shot.world_to_camera = shot.world_to_camera.or(Some(camera.world_to_camera));
+            shot
+        }));
+    }
+    merged.shots.sort_by_key(|shot| shot.frame);
+    (merged.name, merged.is_test) = ("camera".to_owned(), false);
+    merged.world_to_camera = merged.shots[0].world_to_camera.unwrap_or(merged.world_to_camera);
+    draft.distorted = distortion.into_iter().map(|distortion| (merged.name.clone(), distortion)).collect();
+    draft.cameras = vec![merged];
+}

@@ -1,0 +1,80 @@
+//! Finding the pictures of a camera that a calibration names.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use super::Footage;
+use crate::scene::capture::{Faults, Shot, is_image, relative};
+
+const VIDEOS: [&str; 6] = ["mp4", "mov", "mkv", "avi", "webm", "MP4"];
+/// Folders of videos, or of folders of images, below a source.
+const FOLDERS: [&str; 5] = ["", "videos", "images", "calibration/extrinsic", "recordings"];
+
+/// The video `<folder>/<name>.mp4` (or of another ending), or the images of `<folder>/<name>` or `<folder>/<name>/images`,
+/// the first of them in the order of their names being frame 0.
+pub(super) fn find(footage: &Path, name: &str) -> Option<Footage> {
+    FOLDERS.iter().find_map(|folder| {
+        let stem = footage.join(folder).join(name);
+        let video = VIDEOS.iter().map(|ending| with_ending(&stem, ending)).find(|path| path.is_file());
+        video.map(Footage::Video).or_else(|| [stem.clone(), stem.join("images")].iter().find_map(|path| images(path)))
+    })
+}
+
+/// As [`find`]; that there is none, or that the name leads out of the folder, is a fault of the calibration.
+pub(super) fn take(footage: &Path, name: &str, calibration: &Path, faults: &mut Faults) -> Option<Footage> {
+    let place = || format!("camera `{}`", name.escape_debug());
+    if let Err(reason) = relative(name) {
+        faults.add(calibration, place(), reason, "rename the camera");
+        return None;
+    }
+    if name.contains('/') {
+        faults.add(calibration, place(), "has a name that is not fit as a file name", "rename the camera");
+        return None;
+    }
+    let found = find(footage, name);
+    if found.is_none() {
+        let folder = footage.display();
+        let remedy =
+            format!("add {name}.mp4 or a folder {name} of images to {folder}, or say with --footage where they are");
+        faults.add(calibration, place(), "has neither a video nor images", remedy);
+    }
+    found
+}
+
+/// Names of all videos in the folders of a source, without ending, sorted.
+pub(super) fn video_names(footage: &Path) -> Vec<String> {
+    let folders = FOLDERS.iter().filter_map(|folder| fs::read_dir(footage.join(folder)).ok());
+    let files = folders.flat_map(|entries| entries.flatten().map(|entry| entry.path()));
+    let videos = files.filter(|path| path.extension().is_some_and(|e| VIDEOS.iter().any(|ending| e == *ending)));
+    let mut names: Vec<_> = videos.filter_map(|path| Some(path.file_stem()?.to_str()?.to_owned())).collect();
+    names.sort();
+    names.dedup();
+    names
+}
+
+/// Names of the folders of images in the folders of a source, sorted.
+pub(super) fn sequence_names(footage: &Path) -> Vec<String> {
+    let folders = FOLDERS.iter().filter_map(|folder| fs::read_dir(footage.join(folder)).ok());
+    let entries = folders.flat_map(|entries| entries.flatten()).filter(|entry| entry.path().is_dir());
+    let names = entries.filter_map(|entry| entry.file_name().into_string().ok());
+    let mut names: Vec<_> = names.filter(|name| find(footage, name).is_some()).collect();
+    names.sort();
+    names.dedup();
+    names
+}
+
+fn with_ending(stem: &Path, ending: &str) -> PathBuf {
+    let mut name = stem.as_os_str().to_owned();
+    name.push(".");
+    name.push(ending);
+    PathBuf::from(name)
+}
+
+fn images(folder: &Path) -> Option<Footage> {
+    let mut files: Vec<PathBuf> = fs::read_dir(folder).ok()?.flatten().map(|entry| entry.path()).collect();
+    files.retain(|path| is_image(path));
+    files.sort();
+    let shots = (0_u32..).zip(files).map(|(frame, image)| Shot { frame, image, ..Shot::default() });
+    let shots: Vec<Shot> = shots.collect();
+    (!shots.is_empty()).then_some(Footage::Images(shots))
+}

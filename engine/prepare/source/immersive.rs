@@ -1,0 +1,95 @@
+//! Google Immersive (DeepView video): `models.json` and a fisheye video of each camera.
+
+use std::collections::BTreeMap;
+
+use super::{Place, Source, SourceCamera, footage, opencv};
+use crate::error::{Error, Result};
+use crate::scene::capture::Faults;
+use crate::scene::rotation_of_vector;
+use crate::scene::undistort::{Distortion, Lens};
+
+const REMEDY: &str = "give the file that came with the videos";
+
+#[derive(serde::Deserialize)]
+struct Model {
+    name: String,
+    width: f64,
+    height: f64,
+    focal_length: f64,
+    #[serde(default = "one")]
+    pixel_aspect_ratio: f64,
+    /// Pixels, from the corner of the image.
+    principal_point: [f64; 2],
+    /// k1, k2 and sometimes a third, which is 0.
+    radial_distortion: Vec<f64>,
+    projection_type: String,
+    /// Centre in the world.
+    position: [f64; 3],
+    /// Rotation vector from world to camera, radians.
+    orientation: [f64; 3],
+}
+
+fn one() -> f64 {
+    1.0
+}
+
+pub(super) fn read(place: Place, faults: &mut Faults) -> Source {
+    let calibration = place.folder.join("models.json");
+    let mut source = Source { calibration: calibration.clone(), ..Source::default() };
+    let Some(models) = faults.take(models(&calibration)) else { return source };
+    for (index, model) in models.iter().enumerate() {
+        let lens = match model.lens() {
+            Ok(lens) => lens,
+            Err(reason) => {
+                faults.add(&calibration, format!("camera {index}, `{}`", model.name.escape_debug()), reason, REMEDY);
+                continue;
+            }
+        };
+        let Some(footage) = footage::take(place.footage, &model.name, &calibration, faults) else { continue };
+        let pose = opencv::pose_of_axes(rotation_of_vector(model.orientation), model.position);
+        let name = model.name.clone();
+        source.cameras.push(SourceCamera { name, lens, pose, poses: BTreeMap::new(), footage, is_test: false });
+    }
+    source
+}
+
+fn models(path: &std::path::Path) -> Result<Vec<Model>> {
+    let bytes =
+        std::fs::read(path).map_err(|fault| Error::data(path, "", format!("cannot be read: {fault}"), REMEDY))?;
+    serde_json::from_slice(&bytes).map_err(|fault| {
+        let place = format!("line {}, column {}", fault.line(), fault.column());
+        Error::data(path, place, format!("is no models.json: {fault}"), REMEDY)
+    })
+}
+
+impl Model {
+    fn lens(&self) -> std::result::Result<Lens, String> {
+        let [k1, k2] = [0, 1].map(|k| self.radial_distortion.get(k).copied().unwrap_or(0.0));
+        if self.radial_distortion.iter().skip(2).any(|k| *k != 0.0) {
+            return Err(format!("has the radial distortion {:?}, two numbers are read", self.radial_distortion));
+        }
+        let distortion = match self.projection_type.as_str() {
+            "fisheye" => Distortion::Fisheye([k1, k2, 0.0, 0.0]),
+            "perspective" => Distortion::brown([k1, k2, 0.0, 0.0, 0.0, 0.0], [0.0; 2]),
+            other => return Err(format!("has the projection type `{}`", other.escape_debug())),
+        };
+        let side = |side: f64| side.fract() == 0.0 && (1.0..=65_536.0).contains(&side);
+        if !(side(self.width) && side(self.height)) {
+            return Err(format!("has {} x {} pixels", self.width, self.height));
+        }
+        let pose = self.position.iter().chain(&self.orientation);
+        if !pose.clone().all(|v| v.is_finite()) {
+            return Err("has a pose that is not finite".to_owned());
+        }
+        let lens = Lens {
+            width: self.width as u32,
+            height: self.height as u32,
+            fx: self.focal_length,
+            fy: self.focal_length * self.pixel_aspect_ratio,
+            cx: self.principal_point[0],
+            cy: self.principal_point[1],
+            distortion,
+        };
+        lens.fault().map_or(Ok(lens), Err)
+    }
+}

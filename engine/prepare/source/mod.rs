@@ -1,0 +1,119 @@
+//! What others recorded: cameras with their lenses and poses, and where their pictures are.
+
+mod caliscope;
+mod captures;
+mod footage;
+mod immersive;
+mod llff;
+mod opencv;
+mod pose2sim;
+mod rig;
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use crate::error::{Error, Result};
+use crate::prepare::PrepareSettings;
+use crate::scene::capture::{Faults, Point, Pose, Shot, check_test_cameras};
+use crate::scene::undistort::Lens;
+
+/// Where the pictures of a camera are.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Footage {
+    Video(PathBuf),
+    /// By frame of the source.
+    Images(Vec<Shot>),
+}
+
+/// A camera as its source describes it.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct SourceCamera {
+    /// Unique; fit as a file name.
+    pub name: String,
+    pub lens: Lens,
+    /// World to camera.
+    pub pose: Pose,
+    /// The pose at frames of the source, when the camera moves.
+    pub poses: BTreeMap<u32, Pose>,
+    pub footage: Footage,
+    pub is_test: bool,
+}
+
+/// A point and the names of the cameras that saw it.
+pub(super) type SourcePoint = (Point, Vec<String>);
+
+/// A recording.
+#[derive(Debug, Default)]
+pub(super) struct Source {
+    pub format: &'static str,
+    /// The file that the cameras come from, for faults.
+    pub calibration: PathBuf,
+    /// By name.
+    pub cameras: Vec<SourceCamera>,
+    /// Of image sequences that say so.
+    pub fps: Option<f64>,
+    /// Of a static scene, or of frame 0.
+    pub points: Vec<SourcePoint>,
+    pub notes: Vec<String>,
+}
+
+/// How a source is read: its folder and where its footage is.
+#[derive(Clone, Copy)]
+struct Place<'a> {
+    settings: &'a PrepareSettings,
+    folder: &'a Path,
+    footage: &'a Path,
+}
+
+type Recogniser = fn(Place) -> bool;
+type Reader = fn(Place, &mut Faults) -> Source;
+
+/// Every format beyond those that are read as captures: its name, how a folder is recognised, how it is read. The first that
+/// fits is taken.
+const FORMATS: [(&str, Recogniser, Reader); 5] = [
+    ("Google Immersive", |place| place.folder.join("models.json").is_file(), immersive::read),
+    ("N3V", |place| place.folder.join("poses_bounds.npy").is_file(), llff::read),
+    ("caliscope", |place| place.folder.join("camera_array.toml").is_file(), caliscope::read),
+    ("Pose2Sim", |place| pose2sim::calibration(place.folder).is_some(), pose2sim::read),
+    ("COLMAP rig", rig::is_rig, rig::read),
+];
+
+impl Source {
+    /// Reads the source of the settings; the format is recognised from the folder's content.
+    ///
+    /// # Errors
+    /// [`Error::Data`] when the folder is in no known format.
+    pub fn read(settings: &PrepareSettings, faults: &mut Faults) -> Result<Source> {
+        let folder = settings.source.as_path();
+        let place = Place { settings, folder, footage: settings.footage.as_deref().unwrap_or(folder) };
+        let found = FORMATS.into_iter().find(|(_, is, _)| is(place));
+        let source = match found {
+            Some((format, _, read)) => Some(Source { format, ..read(place, faults) }),
+            None => captures::read(place, faults),
+        };
+        let Some(mut source) = source else {
+            let reason = if folder.is_dir() { "holds no recording in a known format" } else { "is no folder" };
+            let remedy = "give a folder with models.json, poses_bounds.npy, camera_array.toml, Pose2Sim's calibration/, \
+                          cameras.txt and images.txt beside videos, capture.toml, train_meta.json, transforms.json or a \
+                          COLMAP model in sparse/0";
+            return Err(Error::data(folder, "", reason, remedy));
+        };
+        source.cameras.sort_by(|a, b| a.name.cmp(&b.name));
+        if source.cameras.is_empty() && faults.n() == 0 {
+            faults.add(&source.calibration, "", "holds no camera", "give a calibration with at least one camera");
+        }
+        for pair in source.cameras.windows(2).filter(|pair| pair[0].name == pair[1].name) {
+            let place = format!("camera `{}`", pair[0].name.escape_debug());
+            faults.add(&source.calibration, place, "is listed twice", "give every camera its own name");
+        }
+        source.choose_test_cameras(settings, faults);
+        Ok(source)
+    }
+
+    fn choose_test_cameras(&mut self, settings: &PrepareSettings, faults: &mut Faults) {
+        let Some(chosen) = &settings.test_cameras else { return };
+        let names: Vec<&str> = self.cameras.iter().map(|camera| camera.name.as_str()).collect();
+        check_test_cameras(chosen, &names, &self.calibration, faults);
+        self.cameras.iter_mut().for_each(|camera| camera.is_test = chosen.contains(&camera.name));
+    }
+}

@@ -1,0 +1,161 @@
+//! Pose2Sim: videos and, in `calibration/`, Qualisys' `*.qca.txt` or a `Calib*.toml` (also Anipose's format).
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use roxmltree::{Document, Node};
+
+use super::{Place, Source, SourceCamera, footage, opencv};
+use crate::scene::capture::{Faults, Pose};
+use crate::scene::rotation_of_vector;
+use crate::scene::undistort::{Distortion, Lens};
+
+const REMEDY: &str = "calibrate the cameras again, or export the calibration again";
+/// Qualisys gives focal lengths and centres in parts of a pixel.
+const SUBPIXELS: f64 = 64.0;
+/// and lengths in millimetres.
+const MILLIMETRES: f64 = 1000.0;
+
+/// The calibration of a project: in its folder or, for one trial of several, beside it.
+pub(super) fn calibration(folder: &Path) -> Option<PathBuf> {
+    let files = std::fs::read_dir(folder.join("calibration")).ok()?.flatten().map(|entry| entry.path());
+    let name = |path: &PathBuf| path.file_name().and_then(|name| name.to_str()).unwrap_or_default().to_lowercase();
+    let mut found: Vec<_> = files
+        .filter(|path| {
+            let name = name(path);
+            name.ends_with(".qca.txt") || name.starts_with("calib") && name.ends_with(".toml")
+        })
+        .collect();
+    // What Pose2Sim made of the file of Qualisys comes before that.
+    found.sort_by_key(|path| (name(path).ends_with(".qca.txt"), path.clone()));
+    found.into_iter().next()
+}
+
+/// A camera with the name of the calibration.
+type Calibrated = (String, Result<(Lens, Pose), String>);
+
+pub(super) fn read(place: Place, faults: &mut Faults) -> Source {
+    let calibration = calibration(place.folder).unwrap_or_else(|| place.folder.join("calibration"));
+    let mut source = Source { calibration: calibration.clone(), ..Source::default() };
+    let is_toml = calibration.extension().is_some_and(|ending| ending == "toml");
+    let text = std::fs::read_to_string(&calibration).map_err(|fault| format!("cannot be read: {fault}"));
+    let cameras = match text.and_then(|text| if is_toml { of_toml(&text) } else { of_qualisys(&text) }) {
+        Ok(cameras) => cameras,
+        Err(reason) => {
+            faults.add(&calibration, "", reason, REMEDY);
+            return source;
+        }
+    };
+    let videos = [footage::video_names(place.footage), footage::sequence_names(place.footage)].concat();
+    for (name, calibrated) in cameras {
+        match calibrated {
+            Ok((lens, pose)) => {
+                // `cam_01`, `int_cam01_img` and `cam01` are one camera.
+                let bare = |name: &str| {
+                    let name = name.trim_start_matches("int_").trim_end_matches("_img").to_lowercase();
+                    name.chars().filter(char::is_ascii_alphanumeric).collect::<String>()
+                };
+                let alike = videos.iter().find(|video| bare(video) == bare(&name)).cloned();
+                let name = alike.unwrap_or(name);
+                let Some(footage) = footage::take(place.footage, &name, &calibration, faults) else { continue };
+                source.cameras.push(SourceCamera { name, lens, pose, poses: BTreeMap::new(), footage, is_test: false });
+            }
+            Err(reason) => faults.add(&calibration, format!("camera `{}`", name.escape_debug()), reason, REMEDY),
+        }
+    }
+    source
+}
+
+#[derive(serde::Deserialize)]
+struct Section {
+    name: String,
+    size: [f64; 2],
+    matrix: [[f64; 3]; 3],
+    distortions: Vec<f64>,
+    /// Rotation vector from world to camera.
+    rotation: [f64; 3],
+    translation: [f64; 3],
+    #[serde(default)]
+    fisheye: bool,
+}
+
+fn of_toml(text: &str) -> Result<Vec<Calibrated>, String> {
+    let table: toml::Table = toml::from_str(text).map_err(|fault| format!("is no TOML: {}", fault.message()))?;
+    let sections = table.into_iter().filter(|(key, value)| key != "metadata" && value.is_table());
+    Ok(sections
+        .map(|(key, value)| match value.try_into::<Section>() {
+            Ok(section) => (section.name.clone(), section.calibrated()),
+            Err(fault) => (key, Err(format!("is no camera: {}", fault.message()))),
+        })
+        .collect())
+}
+
+impl Section {
+    fn calibrated(&self) -> Result<(Lens, Pose), String> {
+        let size = side(self.size[0]).zip(side(self.size[1]));
+        let (width, height) = size.ok_or_else(|| format!("has the size {:?}", self.size))?;
+        let lens = opencv::lens([width, height], &self.matrix, &self.distortions, self.fisheye)?;
+        Ok((lens, opencv::pose(&rotation_of_vector(self.rotation), self.translation)))
+    }
+}
+
+fn side(side: f64) -> Option<u32> {
+    (side.fract() == 0.0 && (1.0..=65_536.0).contains(&side)).then_some(side as u32)
+}
+
+fn of_qualisys(text: &str) -> Result<Vec<Calibrated>, String> {
+    let document = Document::parse(text).map_err(|fault| format!("is no XML: {fault}"))?;
+    let cameras = document.descendants().filter(|node| node.has_tag_name("camera"));
+    Ok(cameras
+        .enumerate()
+        .map(|(index, camera)| {
+            let name = camera.attribute("serial").map_or_else(|| format!("number {index}"), str::to_owned);
+            (name, qualisys_camera(camera))
+        })
+        .collect())
+}
+
+fn qualisys_camera(camera: Node) -> Result<(Lens, Pose), String> {
+    let child =
+        |name: &str| camera.children().find(|node| node.has_tag_name(name)).ok_or_else(|| format!("has no <{name}>"));
+    let number = |node: Node, name: &str| {
+        let text = node.attribute(name).ok_or_else(|| format!("has no {name}"))?;
+        let value: f64 = text.parse().map_err(|_| format!("has {name} = `{}`", text.escape_debug()))?;
+        if value.is_finite() { Ok(value) } else { Err(format!("has {name} = {value}")) }
+    };
+    if camera.attribute("viewrotation").is_some_and(|turn| turn != "0") {
+        return Err("is turned (viewrotation is not 0), which is not read".to_owned());
+    }
+    let (view, intrinsic, transform) = (child("fov_video")?, child("intrinsic")?, child("transform")?);
+    let (left, top) = (number(view, "left")?, number(view, "top")?);
+    let size = side(number(view, "right")? - left + 1.0).zip(side(number(view, "bottom")? - top + 1.0));
+    let (width, height) = size.ok_or("has a <fov_video> that is no size of an image")?;
+    let pixels = |name: &str| Ok::<f64, String>(number(intrinsic, name)? / SUBPIXELS);
+    if number(intrinsic, "skew")? != 0.0 {
+        return Err("has skew".to_owned());
+    }
+    // The coefficients are of OpenCV's kind, without the factor of the lengths. Pose2Sim divides them too, which leaves
+    // nothing of the distortion.
+    let radial = ["radialDistortion1", "radialDistortion2", "radialDistortion3"].map(|name| number(intrinsic, name));
+    let [k1, k2, k3] = radial;
+    let tangential = [number(intrinsic, "tangentalDistortion1")?, number(intrinsic, "tangentalDistortion2")?];
+    let lens = Lens {
+        width,
+        height,
+        fx: pixels("focalLengthU")?,
+        fy: pixels("focalLengthV")?,
+        cx: pixels("centerPointU")? - left + 0.5,
+        cy: pixels("centerPointV")? - top + 0.5,
+        distortion: Distortion::brown([k1?, k2?, k3?, 0.0, 0.0, 0.0], tangential),
+    };
+    // The rows are the camera's axes, of which y points up and z backward.
+    let entry = |sign: f64, name: &str| Ok::<f64, String>(sign * number(transform, name)?);
+    let axes = [
+        [entry(1.0, "r11")?, entry(1.0, "r12")?, entry(1.0, "r13")?],
+        [entry(-1.0, "r21")?, entry(-1.0, "r22")?, entry(-1.0, "r23")?],
+        [entry(-1.0, "r31")?, entry(-1.0, "r32")?, entry(-1.0, "r33")?],
+    ];
+    let center = [number(transform, "x")?, number(transform, "y")?, number(transform, "z")?].map(|v| v / MILLIMETRES);
+    let pose = opencv::pose_of_axes(axes, center);
+    lens.fault().map_or(Ok((lens, pose)), Err)
+}

@@ -1,0 +1,79 @@
+//! COLMAP's calibration (text or binary) with a video or an image sequence of each camera: ImViD, and what others export for
+//! COLMAP. An image named `<camera>.<ext>` or `<camera>/<frame>.<ext>` gives a camera's pose; several of one camera, a moving
+//! camera's at those frames.
+
+use std::collections::BTreeMap;
+
+use super::{Footage, Place, Source, SourceCamera, footage};
+use crate::scene::capture::{Faults, Posed, model_folder, read_images};
+
+/// Whether the cameras of the model have footage: a video, or more images than the model has of them.
+pub(super) fn is_rig(place: Place) -> bool {
+    // A capture folder is read as one.
+    if place.folder.join("capture.toml").is_file() {
+        return false;
+    }
+    let Some(folder) = model_folder(place.folder) else { return false };
+    let model = read_images(&folder, &mut Faults::default());
+    by_camera(&model.images).iter().any(|(name, posed)| match footage::find(place.footage, name) {
+        Some(Footage::Video(_)) => true,
+        Some(Footage::Images(shots)) => posed.len() == 1 && shots.len() > 1,
+        None => false,
+    })
+}
+
+fn by_camera(images: &[Posed]) -> BTreeMap<String, Vec<&Posed>> {
+    let mut cameras: BTreeMap<String, Vec<&Posed>> = BTreeMap::new();
+    for posed in images {
+        let parts: Vec<_> = posed.name.iter().map(|part| part.to_string_lossy().into_owned()).collect();
+        let name = match parts.as_slice() {
+            [folders @ .., _] if !folders.is_empty() => folders.join("_"),
+            _ => posed.name.with_extension("").to_string_lossy().into_owned(),
+        };
+        cameras.entry(name).or_default().push(posed);
+    }
+    cameras
+}
+
+pub(super) fn read(place: Place, faults: &mut Faults) -> Source {
+    let model = model_folder(place.folder).map(|folder| read_images(&folder, faults)).unwrap_or_default();
+    let mut source = Source { calibration: model.file.clone(), ..Source::default() };
+    // Frames may be counted from 0 or from 1; the lowest number of all moving cameras tells.
+    let cameras = by_camera(&model.images);
+    let moving = cameras.values().filter(|posed| posed.len() > 1).flatten();
+    let first = moving.filter_map(|posed| number(posed)).min().unwrap_or(0).min(1);
+    if first == 1 {
+        source.notes.push("frames are counted from 1: <camera>/1 is the first of the video".to_owned());
+    }
+    for (name, posed) in cameras {
+        let mut fault = |reason: String, remedy: &str| {
+            faults.add(&model.file, format!("camera `{}`", name.escape_debug()), reason, remedy);
+        };
+        let lens = posed[0].lens;
+        if posed.iter().any(|other| other.lens != lens) {
+            fault("changes its intrinsics".to_owned(), "make it a camera for each of them");
+            continue;
+        }
+        let mut poses = BTreeMap::new();
+        if posed.len() > 1 {
+            for image in &posed {
+                let Some(frame) = number(image) else {
+                    let reason = format!("has several images and one named `{}`", image.name.display());
+                    fault(reason, "name the images of a moving camera <camera>/<frame>.<ext>");
+                    continue;
+                };
+                if poses.insert(frame - first, image.pose).is_some() {
+                    fault(format!("has two poses at frame {frame}"), "keep one");
+                }
+            }
+        }
+        let Some(footage) = footage::take(place.footage, &name, &model.file, faults) else { continue };
+        source.cameras.push(SourceCamera { pose: posed[0].pose, name, lens, poses, footage, is_test: false });
+    }
+    source
+}
+
+/// The frame that an image's name tells.
+fn number(posed: &Posed) -> Option<u32> {
+    posed.name.file_stem()?.to_str()?.parse().ok()
+}

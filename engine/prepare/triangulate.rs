@@ -1,0 +1,296 @@
+//! Points of each frame, triangulated by COLMAP from the known poses; and `sparse/0`.
+
+use std::collections::{BTreeSet, HashMap};
+use std::ffi::OsStr;
+use std::fmt::Write as _;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use serde_json::json;
+
+use super::images::{Camera, Images};
+use super::journal::{Journal, make_folder};
+use super::model::{self, ModelCamera, ModelPoint};
+use super::program::COLMAP;
+use super::source::Source;
+use super::{PrepareSettings, Progress, Triangulate};
+use crate::error::{Error, Result};
+use crate::parallel::in_parallel;
+use crate::scene::capture::{Pose, tracks};
+use crate::scene::undistort::Lens;
+use crate::scene::{SeenPoint, write_atomic, write_points};
+
+/// The frame of `sparse/0/points3D.txt`.
+const REFERENCE: u32 = 0;
+/// Up to so many cameras every pair is matched; of more, each with so many neighbours.
+const MAX_EXHAUSTIVE: usize = 40;
+const NEIGHBOURS: usize = 20;
+
+/// Triangulates what is not triangulated yet and returns the number of points of each triangulated frame.
+pub(super) fn make(
+    images: &Images,
+    source: &Source,
+    settings: &PrepareSettings,
+    journal: &mut Journal,
+    progress: &(dyn Fn(Progress) + Sync),
+) -> Result<Vec<(u32, usize)>> {
+    let of_source = if source.points.is_empty() { Triangulate::Every(1) } else { Triangulate::None };
+    let what = settings.triangulate.unwrap_or(of_source);
+    let posed: Vec<_> = images.cameras.iter().map(|c| json!([c.name, c.is_test, c.poses])).collect();
+    journal.begin("points", json!({ "triangulate": what, "cameras": posed, "source points": source.points.len() }))?;
+    let stage = Triangulation { images, work: images.output.join(".colmap"), threads: settings.threads };
+    let (model, points) = (images.output.join("sparse/0"), images.output.join("points"));
+    let file = |frame: u32| points.join(format!("{frame:05}.ply"));
+    let Triangulate::Every(every) = what else {
+        if !model.join("points3D.txt").is_file() {
+            let found = match what {
+                Triangulate::None => stage.of_source(source),
+                _ => stage.frame(source, REFERENCE)?,
+            };
+            // Who saw the points of a static scene is known.
+            if images.n_frames() == 1 && found.iter().any(|point| !point.camera_ids.is_empty()) {
+                make_folder(&points)?;
+                write_points(&file(REFERENCE), &found)?;
+            }
+            stage.write_model(&model, &found)?;
+            progress(Progress { stage: "points", done: 1, total: 1, piece: "the reference frame" });
+        }
+        let rows = fs::read_to_string(model.join("points3D.txt")).unwrap_or_default();
+        let n = rows.lines().filter(|line| !line.starts_with('#')).count();
+        stage.clear()?;
+        return Ok(Vec::from_iter((n > 0).then_some((REFERENCE, n))));
+    };
+    make_folder(&points)?;
+    let frames: Vec<u32> = (0..images.n_frames()).collect();
+    // The reference frame comes first: its points are in the model, too.
+    let is_done = |frame: u32| file(frame).is_file() && (frame != REFERENCE || model.join("points3D.txt").is_file());
+    let left: Vec<u32> = frames.iter().copied().filter(|frame| !is_done(*frame)).collect();
+    let done = AtomicUsize::new(frames.len() - left.len());
+    let one = |index: usize| {
+        let frame = left[index];
+        let found = if frame.is_multiple_of(every) { stage.frame(source, frame)? } else { Vec::new() };
+        write_points(&file(frame), &found)?;
+        if frame == REFERENCE {
+            stage.write_model(&model, &found)?;
+        }
+        let done = done.fetch_add(1, Ordering::Relaxed) + 1;
+        let piece = format!("frame {frame}: {} points", found.len());
+        progress(Progress { stage: "points", done, total: frames.len(), piece: &piece });
+        Ok(())
+    };
+    in_parallel(left.len(), settings.threads, one, |_| {})?;
+    stage.clear()?;
+    frames.into_iter().step_by(every as usize).map(|frame| Ok((frame, n_points(&file(frame))?))).collect()
+}
+
+/// The number in the header of a file of points.
+fn n_points(path: &Path) -> Result<usize> {
+    let fault = || Error::data(path, "", "is no file of points", "remove it and prepare again");
+    let bytes = fs::read(path).map_err(|_| fault())?;
+    let header = String::from_utf8_lossy(&bytes[..bytes.len().min(512)]);
+    let n = header.lines().find_map(|line| line.strip_prefix("element vertex ")?.parse().ok());
+    n.ok_or_else(fault)
+}
+
+struct Triangulation<'a> {
+    images: &'a Images,
+    /// Everything that COLMAP needs and nobody else.
+    work: PathBuf,
+    threads: usize,
+}
+
+impl Triangulation<'_> {
+    /// The id of a camera in COLMAP's files.
+    fn id(index: usize) -> u32 {
+        index as u32 + 1
+    }
+
+    /// The points of the source; who saw them, where it says so.
+    fn of_source(&self, source: &Source) -> Vec<SeenPoint> {
+        let names =
+            self.images.cameras.iter().enumerate().map(|(index, camera)| (camera.name.as_str(), Self::id(index)));
+        let ids: HashMap<&str, u32> = names.collect();
+        let seen = |by: &[String]| {
+            let ids: BTreeSet<u32> = by.iter().filter_map(|name| ids.get(name.as_str()).copied()).collect();
+            ids.into_iter().collect()
+        };
+        let points = source.points.iter();
+        points
+            .map(|(point, by)| SeenPoint { position: point.position, rgb: point.color, camera_ids: seen(by) })
+            .collect()
+    }
+
+    /// The model of all cameras, in the names of the finished images, with the points of the reference frame.
+    fn write_model(&self, folder: &Path, points: &[SeenPoint]) -> Result<()> {
+        let cameras: Vec<ModelCamera> = self
+            .images
+            .cameras
+            .iter()
+            .enumerate()
+            .map(|(index, camera)| {
+                let frames = (0_u32..).zip(&camera.poses);
+                let images = frames.map(|(frame, pose)| (self.images.image_name(camera, frame), *pose)).collect();
+                ModelCamera { id: Self::id(index), lens: camera.pinhole, images }
+            })
+            .collect();
+        let points: Vec<ModelPoint> = points
+            .iter()
+            .map(|point| {
+                let seen_by = point.camera_ids.iter().map(|id| *id as usize - 1).collect();
+                (point.position, point.rgb, seen_by)
+            })
+            .collect();
+        model::write(folder, &cameras, &points)
+    }
+
+    /// Has COLMAP triangulate the points of a frame that the training cameras see.
+    fn frame(&self, source: &Source, frame: u32) -> Result<Vec<SeenPoint>> {
+        let about = &source.calibration;
+        let all = self.images.cameras.iter().enumerate();
+        let cameras: Vec<(usize, &Camera)> = all.filter(|(_, camera)| !camera.is_test).collect();
+        if cameras.len() < 2 {
+            let reason = "has one training camera; points need two that see the same";
+            return Err(Error::data(about, "", reason, "give --triangulate none"));
+        }
+        let work = self.work.join(format!("{frame:05}"));
+        let _ = fs::remove_dir_all(&work);
+        let (input, found) = (work.join("model"), work.join("found"));
+        make_folder(&found)?;
+        let names: Vec<String> = cameras.iter().map(|(_, camera)| self.images.image_name(camera, frame)).collect();
+        let pose = |camera: &Camera| camera.poses.get(frame as usize).unwrap_or(&camera.poses[0]).to_owned();
+        let models: Vec<ModelCamera> = cameras
+            .iter()
+            .zip(&names)
+            .map(|((index, camera), name)| ModelCamera {
+                id: Self::id(*index),
+                lens: camera.pinhole,
+                images: vec![(name.clone(), pose(camera))],
+            })
+            .collect();
+        model::write(&input, &models, &[])?;
+        let (database, folder) = (work.join("database.db"), self.images.output.join("images"));
+        let threads = (self.threads / self.images.n_frames() as usize).max(1).to_string();
+        let attempt = |verb: &str, arguments: &[(&str, &OsStr)]| {
+            let given = [("--database_path", database.as_os_str())];
+            let pairs = given.iter().chain(arguments).flat_map(|(name, value)| [OsStr::new(name), value]);
+            COLMAP.attempt(std::iter::once(OsStr::new(verb)).chain(pairs), about)
+        };
+        let run = |verb: &str, arguments: &[(&str, &OsStr)]| attempt(verb, arguments)?.1;
+        let (on, off, threads) = (OsStr::new("1"), OsStr::new("0"), OsStr::new(&threads));
+        for (number, (lens, same)) in by_lens(&models).into_iter().enumerate() {
+            let list = work.join(format!("images{number}.txt"));
+            write_atomic(&list, |to| same.iter().try_for_each(|name| writeln!(to, "{name}")))?;
+            let Lens { fx, fy, cx, cy, .. } = lens;
+            run(
+                "feature_extractor",
+                &[
+                    ("--image_path", folder.as_os_str()),
+                    ("--image_list_path", list.as_os_str()),
+                    ("--ImageReader.single_camera", on),
+                    ("--ImageReader.camera_model", OsStr::new("PINHOLE")),
+                    ("--ImageReader.camera_params", OsStr::new(&format!("{fx},{fy},{cx},{cy}"))),
+                    ("--SiftExtraction.use_gpu", off),
+                    ("--SiftExtraction.num_threads", threads),
+                ],
+            )?;
+        }
+        let matching = [
+            ("--SiftMatching.use_gpu", off),
+            ("--SiftMatching.num_threads", threads),
+            // Matches along the epipolar lines that the first ones give: nearly twice as many points where views are few.
+            ("--SiftMatching.guided_matching", on),
+        ];
+        // A list of pairs has no way to tell of a name with a space.
+        if cameras.len() <= MAX_EXHAUSTIVE || names.iter().any(|name| name.contains(' ')) {
+            run("exhaustive_matcher", &matching)?;
+        } else {
+            let list = work.join("pairs.txt");
+            let poses: Vec<Pose> = cameras.iter().map(|(_, camera)| pose(camera)).collect();
+            let mut text = String::new();
+            for (a, b) in neighbours(&poses) {
+                // Writing to a string cannot fail.
+                let _ = writeln!(text, "{} {}", names[a], names[b]);
+            }
+            write_atomic(&list, |to| to.write_all(text.as_bytes()))?;
+            let pairs = [("--match_list_path", list.as_os_str()), ("--match_type", OsStr::new("pairs"))];
+            run("matches_importer", &[&pairs[..], &matching].concat())?;
+        }
+        let (said, outcome) = attempt(
+            "point_triangulator",
+            &[
+                ("--image_path", folder.as_os_str()),
+                ("--input_path", input.as_os_str()),
+                ("--output_path", found.as_os_str()),
+                ("--clear_points", on),
+                // The poses are known, so that two views of a point are enough.
+                ("--Mapper.tri_ignore_two_view_tracks", off),
+                ("--Mapper.num_threads", threads),
+            ],
+        )?;
+        if outcome.is_err() && found_nothing(&String::from_utf8_lossy(&said)) {
+            return Ok(Vec::new());
+        }
+        outcome?;
+        let ids: HashMap<&str, u32> =
+            names.iter().map(String::as_str).zip(models.iter().map(|model| model.id)).collect();
+        let points = tracks(&found)?.into_iter().map(|(point, by)| {
+            let ids: BTreeSet<u32> = by.iter().filter_map(|name| ids.get(name.to_str()?).copied()).collect();
+            SeenPoint { position: point.position, rgb: point.color, camera_ids: ids.into_iter().collect() }
+        });
+        let points = points.collect();
+        // What stays is removed with the whole folder at the end.
+        let _ = fs::remove_dir_all(&work);
+        Ok(points)
+    }
+
+    fn clear(&self) -> Result<()> {
+        if !self.work.exists() {
+            return Ok(());
+        }
+        fs::remove_dir_all(&self.work)
+            .map_err(|fault| Error::data(&self.work, "", format!("cannot be removed: {fault}"), "remove it by hand"))
+    }
+}
+
+/// Whether `point_triangulator` got as far as adjusting no point at all, which ends it with a failed check.
+fn found_nothing(said: &str) -> bool {
+    let mut counts = said.lines().filter_map(|line| line.trim().strip_prefix("=> Triangulated "));
+    said.contains("Bundle adjustment") && counts.all(|count| count == "0 points")
+}
+
+/// Names of images by their lens, in the order in which the lenses come.
+fn by_lens(models: &[ModelCamera]) -> Vec<(Lens, Vec<&str>)> {
+    let mut groups: Vec<(Lens, Vec<&str>)> = Vec::new();
+    for model in models {
+        let name = model.images[0].0.as_str();
+        match groups.iter_mut().find(|(lens, _)| *lens == model.lens) {
+            Some((_, names)) => names.push(name),
+            None => groups.push((model.lens, vec![name])),
+        }
+    }
+    groups
+}
+
+/// Pairs of cameras that are likely to see the same: of each, those whose axes and centres differ least.
+fn neighbours(poses: &[Pose]) -> BTreeSet<(usize, usize)> {
+    let center = |pose: &Pose| -> [f64; 3] {
+        std::array::from_fn(|k| -(0..3).map(|row| pose[row][k] * pose[row][3]).sum::<f64>())
+    };
+    let centers: Vec<_> = poses.iter().map(center).collect();
+    let distance = |a: usize, b: usize| (0..3).map(|k| (centers[a][k] - centers[b][k]).powi(2)).sum::<f64>().sqrt();
+    let n = poses.len();
+    let mean =
+        (0..n).flat_map(|a| (0..n).map(move |b| (a, b))).map(|(a, b)| distance(a, b)).sum::<f64>() / (n * n) as f64;
+    let mut pairs = BTreeSet::new();
+    for a in 0..n {
+        let unlike = |b: usize| {
+            let cosine = (0..3).map(|k| poses[a][2][k] * poses[b][2][k]).sum::<f64>();
+            (1.0 - cosine) + distance(a, b) / mean.max(f64::MIN_POSITIVE)
+        };
+        let mut others: Vec<usize> = (0..n).filter(|&b| b != a).collect();
+        others.sort_by(|&b, &c| unlike(b).total_cmp(&unlike(c)));
+        pairs.extend(others.into_iter().take(NEIGHBOURS).map(|b| (a.min(b), a.max(b))));
+    }
+    pairs
+}

@@ -1,0 +1,273 @@
+//! Lenses as COLMAP and OpenCV describe them, and their inverse.
+
+/// Beyond this tangent of the angle to the optical axis (87 degrees) no ray is followed.
+const MAX_TANGENT: f64 = 20.0;
+/// Steps in which the first fold of a lens is looked for.
+const FOLD_STEPS: u32 = 4000;
+const NEWTON_STEPS: usize = 50;
+/// Residual of the inverse, on the plane at distance 1.
+const CONVERGED: f64 = 1e-12;
+/// How far the rectangle of a pinhole may reach beyond the size of the image, in multiples of it, from the principal point
+/// to each side: wide lenses would ask for huge pictures whose borders hold no detail.
+const MAX_GROWTH: f64 = 2.0;
+
+/// What a lens does to a point (x, y) of the plane at distance 1.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub enum Distortion {
+    /// Nothing.
+    None,
+    /// Brown and Conrady's, as in OpenCV: SIMPLE_RADIAL, RADIAL, OPENCV and FULL_OPENCV of COLMAP.
+    Brown {
+        /// k1 to k6: r is scaled by `(1 + k1 r^2 + k2 r^4 + k3 r^6) / (1 + k4 r^2 + k5 r^4 + k6 r^6)`.
+        radial: [f64; 6],
+        /// p1, p2.
+        tangential: [f64; 2],
+    },
+    /// Kannala and Brandt's, as in OpenCV: OPENCV_FISHEYE, RADIAL_FISHEYE and SIMPLE_RADIAL_FISHEYE of COLMAP. The angle t
+    /// becomes the radius `t (1 + k1 t^2 + k2 t^4 + k3 t^6 + k4 t^8)`.
+    Fisheye([f64; 4]),
+}
+
+impl Distortion {
+    /// The distortion with k1 to k6, p1 and p2; [`Distortion::None`] when all are 0.
+    pub fn brown(radial: [f64; 6], tangential: [f64; 2]) -> Self {
+        if radial.iter().chain(&tangential).all(|k| *k == 0.0) {
+            return Distortion::None;
+        }
+        Distortion::Brown { radial, tangential }
+    }
+
+    /// COLMAP's name of the simplest model that holds the parameters.
+    pub fn model(&self) -> &'static str {
+        match self {
+            Distortion::None => "PINHOLE",
+            Distortion::Fisheye(_) => "OPENCV_FISHEYE",
+            Distortion::Brown { radial: [_, k2, rest @ ..], tangential } => {
+                match (rest == &[0.0; 4], tangential == &[0.0; 2], *k2 == 0.0) {
+                    (false, _, _) => "FULL_OPENCV",
+                    (true, false, _) => "OPENCV",
+                    (true, true, false) => "RADIAL",
+                    (true, true, true) => "SIMPLE_RADIAL",
+                }
+            }
+        }
+    }
+
+    fn parameters(&self) -> Vec<f64> {
+        match self {
+            Distortion::None => Vec::new(),
+            Distortion::Brown { radial, tangential } => radial.iter().chain(tangential).copied().collect(),
+            Distortion::Fisheye(k) => k.to_vec(),
+        }
+    }
+
+    /// What becomes of a radius (Brown, without the tangential part) or an angle (fisheye), and its derivative.
+    fn radial(&self, at: f64) -> (f64, f64) {
+        let square = at * at;
+        match self {
+            Distortion::None => (at, 1.0),
+            Distortion::Brown { radial, .. } => {
+                let (scale, slope) = ratio(radial, square);
+                (at * scale, scale + 2.0 * square * slope)
+            }
+            Distortion::Fisheye([k1, k2, k3, k4]) => {
+                let value = 1.0 + square * (k1 + square * (k2 + square * (k3 + square * k4)));
+                let slope = 1.0 + square * (3.0 * k1 + square * (5.0 * k2 + square * (7.0 * k3 + square * 9.0 * k4)));
+                (at * value, slope)
+            }
+        }
+    }
+
+    /// Up to where the lens maps in the order of the radius or, for a fisheye, the angle: beyond it the picture would fold
+    /// back over itself.
+    fn reach(&self) -> f64 {
+        let end = match self {
+            Distortion::None | Distortion::Brown { .. } => MAX_TANGENT,
+            Distortion::Fisheye(_) => MAX_TANGENT.atan(),
+        };
+        let rises = |step: u32| {
+            let (value, slope) = self.radial(end * f64::from(step) / f64::from(FOLD_STEPS));
+            value.is_finite() && value >= 0.0 && slope > 0.0
+        };
+        let last = (1..=FOLD_STEPS).find(|&step| !rises(step)).map_or(FOLD_STEPS, |step| step - 1);
+        end * f64::from(last) / f64::from(FOLD_STEPS)
+    }
+
+    /// The radius or angle below `reach` that becomes `value`; `reach` where the lens does not get that far.
+    fn radial_inverse(&self, value: f64, reach: f64) -> f64 {
+        let (mut low, mut high) = (0.0, reach);
+        let mut at = value.min(reach);
+        for _ in 0..NEWTON_STEPS {
+            let (found, slope) = self.radial(at);
+            if found > value {
+                high = at;
+            } else {
+                low = at;
+            }
+            let next = at - (found - value) / slope;
+            // Newton's step where it stays in the bracket, bisection elsewhere.
+            let next = if next > low && next < high { next } else { 0.5 * (low + high) };
+            if (next - at).abs() <= f64::EPSILON * at {
+                break;
+            }
+            at = next;
+        }
+        at
+    }
+
+    fn distort(&self, [x, y]: [f64; 2]) -> [f64; 2] {
+        match self {
+            Distortion::None => [x, y],
+            Distortion::Brown { radial, tangential: [p1, p2] } => {
+                let square = x * x + y * y;
+                let (scale, _) = ratio(radial, square);
+                [
+                    x * scale + 2.0 * p1 * x * y + p2 * (square + 2.0 * x * x),
+                    y * scale + p1 * (square + 2.0 * y * y) + 2.0 * p2 * x * y,
+                ]
+            }
+            Distortion::Fisheye(_) => {
+                let r = x.hypot(y);
+                let scale = if r > 0.0 { self.radial(r.atan()).0 / r } else { 1.0 };
+                [x * scale, y * scale]
+            }
+        }
+    }
+
+    /// The point that [`Distortion::distort`] maps to `at`; `None` where there is none within reach.
+    fn undistort(&self, at: [f64; 2], reach: f64) -> Option<[f64; 2]> {
+        let r = at[0].hypot(at[1]);
+        if r == 0.0 || *self == Distortion::None {
+            return Some(at);
+        }
+        let inverse = self.radial_inverse(r, reach);
+        let Distortion::Brown { radial, tangential: [p1, p2] } = self else {
+            let found = (self.radial(inverse).0 - r).abs() <= CONVERGED * r.max(1.0);
+            return found.then(|| at.map(|v| v / r * inverse.tan()));
+        };
+        // The radial part is where Newton's method in the plane begins.
+        let [mut x, mut y] = at.map(|v| v / r * inverse);
+        for _ in 0..NEWTON_STEPS {
+            let found = self.distort([x, y]);
+            let residual = [found[0] - at[0], found[1] - at[1]];
+            if residual[0].hypot(residual[1]) <= CONVERGED * r.max(1.0) {
+                return (x.hypot(y) <= reach).then_some([x, y]);
+            }
+            let (scale, slope) = ratio(radial, x * x + y * y);
+            let cross = 2.0 * (x * y * slope + p1 * x + p2 * y);
+            let a = scale + 2.0 * x * x * slope + 2.0 * p1 * y + 6.0 * p2 * x;
+            let d = scale + 2.0 * y * y * slope + 6.0 * p1 * y + 2.0 * p2 * x;
+            let determinant = a * d - cross * cross;
+            x -= (d * residual[0] - cross * residual[1]) / determinant;
+            y -= (a * residual[1] - cross * residual[0]) / determinant;
+        }
+        None
+    }
+}
+
+/// The ratio of polynomials in the squared radius, and its derivative by that.
+fn ratio([k1, k2, k3, k4, k5, k6]: &[f64; 6], s: f64) -> (f64, f64) {
+    let above = 1.0 + s * (k1 + s * (k2 + s * k3));
+    let below = 1.0 + s * (k4 + s * (k5 + s * k6));
+    let (above_slope, below_slope) = (k1 + s * (2.0 * k2 + s * 3.0 * k3), k4 + s * (2.0 * k5 + s * 3.0 * k6));
+    (above / below, (above_slope * below - above * below_slope) / (below * below))
+}
+
+/// A camera's intrinsics. Pixel (0, 0) has its centre at (0.5, 0.5).
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct Lens {
+    /// Pixels.
+    pub width: u32,
+    /// Pixels.
+    pub height: u32,
+    /// Focal length in x, pixels.
+    pub fx: f64,
+    /// Focal length in y, pixels.
+    pub fy: f64,
+    /// Principal point in x, pixels.
+    pub cx: f64,
+    /// Principal point in y, pixels.
+    pub cy: f64,
+    /// What makes it more than a pinhole.
+    pub distortion: Distortion,
+}
+
+impl Lens {
+    /// What is wrong with the numbers, if anything: focal lengths must be positive, all must be finite.
+    pub fn fault(&self) -> Option<String> {
+        let Lens { fx, fy, cx, cy, distortion, .. } = *self;
+        let numbers = [fx, fy, cx, cy].into_iter().chain(distortion.parameters());
+        let good = fx > 0.0 && fy > 0.0 && numbers.clone().all(f64::is_finite);
+        (!good).then(|| {
+            let numbers: Vec<f64> = numbers.collect();
+            format!("has the parameters {numbers:?}: a focal length is not positive or one is not finite")
+        })
+    }
+
+    /// The lens of pictures of another size that show the same: pixel edges stay where they are, each axis scales by the
+    /// ratio of the sizes.
+    pub fn resized(&self, width: u32, height: u32) -> Lens {
+        let (x, y) = (f64::from(width) / f64::from(self.width), f64::from(height) / f64::from(self.height));
+        let (fx, cx, fy, cy) = (self.fx * x, self.cx * x, self.fy * y, self.cy * y);
+        Lens { width, height, fx, fy, cx, cy, distortion: self.distortion }
+    }
+
+    /// The pinhole of the undistorted pictures. It has the lens's focal lengths, so the middle keeps its resolution, and
+    /// the largest rectangle around which the image's border runs, so that no pixel is black; to each side it reaches at
+    /// most twice as far from the principal point as the image. Where the inverse does not converge on the border the
+    /// rectangle may hold pixels that nothing shows: [`super::Undistortion::validity`] tells them.
+    ///
+    /// `None` when nothing is left.
+    pub fn pinhole(&self) -> Option<Lens> {
+        if self.distortion == Distortion::None {
+            return Some(*self);
+        }
+        let reach = self.distortion.reach();
+        let (w, h) = (f64::from(self.width), f64::from(self.height));
+        let plane = |x: f64, y: f64| self.plane([x, y], reach);
+        // Pixel centres on the border, so that nothing is interpolated beyond them.
+        let rows = || (0..self.height).map(|row| f64::from(row) + 0.5);
+        let columns = || (0..self.width).map(|column| f64::from(column) + 0.5);
+        let most = |limit: f64, values: &mut dyn Iterator<Item = f64>| values.fold(limit, f64::max);
+        let least = |limit: f64, values: &mut dyn Iterator<Item = f64>| values.fold(limit, f64::min);
+        let left = -MAX_GROWTH * (self.cx - 0.5) / self.fx;
+        let left = most(left, &mut rows().filter_map(|y| Some(plane(0.5, y)?[0])));
+        let right = MAX_GROWTH * (w - 0.5 - self.cx) / self.fx;
+        let right = least(right, &mut rows().filter_map(|y| Some(plane(w - 0.5, y)?[0])));
+        let top = -MAX_GROWTH * (self.cy - 0.5) / self.fy;
+        let top = most(top, &mut columns().filter_map(|x| Some(plane(x, 0.5)?[1])));
+        let bottom = MAX_GROWTH * (h - 0.5 - self.cy) / self.fy;
+        let bottom = least(bottom, &mut columns().filter_map(|x| Some(plane(x, h - 0.5)?[1])));
+        let side = |length: f64| (length >= 0.0).then(|| length as u32 + 1);
+        Some(Lens {
+            width: side((right - left) * self.fx)?,
+            height: side((bottom - top) * self.fy)?,
+            cx: 0.5 - left * self.fx,
+            cy: 0.5 - top * self.fy,
+            distortion: Distortion::None,
+            ..*self
+        })
+    }
+
+    /// Up to where [`Lens::pixel`] and [`Lens::plane`] go; found once for many points.
+    pub fn reach(&self) -> f64 {
+        self.distortion.reach()
+    }
+
+    /// The pixel that shows a point of the plane at distance 1; `None` beyond the lens's `reach`.
+    pub fn pixel(&self, at: [f64; 2], reach: f64) -> Option<[f64; 2]> {
+        let r = at[0].hypot(at[1]);
+        let measure = if let Distortion::Fisheye(_) = self.distortion { r.atan() } else { r };
+        if self.distortion != Distortion::None && measure > reach {
+            return None;
+        }
+        let [x, y] = self.distortion.distort(at);
+        Some([x * self.fx + self.cx, y * self.fy + self.cy])
+    }
+
+    /// The point of the plane at distance 1 that a pixel shows; `None` when it shows none, as beyond 90 degrees, or when
+    /// the inverse does not converge.
+    pub fn plane(&self, [x, y]: [f64; 2], reach: f64) -> Option<[f64; 2]> {
+        self.distortion.undistort([(x - self.cx) / self.fx, (y - self.cy) / self.fy], reach)
+    }
+}

@@ -1,0 +1,137 @@
+//! From pictures of a distorting lens to those of a pinhole (SPEC 7): images, masks, depth and flow.
+
+mod lens;
+
+pub use lens::{Distortion, Lens};
+
+/// Flow of at least this magnitude is none: Middlebury's mark in `.flo`.
+const UNKNOWN_FLOW: f32 = 1e9;
+/// What is written for it.
+const NO_FLOW: [f32; 2] = [1e10, 1e10];
+
+/// Takes pictures of one lens to another of the same place and direction. All planes are row by row, top first.
+#[derive(Clone, Copy, Debug)]
+pub struct Undistortion {
+    source: Lens,
+    target: Lens,
+    reach: f64,
+}
+
+impl Undistortion {
+    /// `target` must be a pinhole, as [`Lens::pinhole`] gives it.
+    pub fn new(source: Lens, target: Lens) -> Self {
+        Undistortion { source, target, reach: source.reach() }
+    }
+
+    /// The place in the source, pixels, of a place in the target; `None` where the source does not show it.
+    pub fn source_of(&self, at: [f64; 2]) -> Option<[f64; 2]> {
+        let Lens { fx, fy, cx, cy, .. } = self.target;
+        let [x, y] = self.source.pixel([(at[0] - cx) / fx, (at[1] - cy) / fy], self.reach)?;
+        let inside = x >= 0.0 && x <= f64::from(self.source.width) && y >= 0.0 && y <= f64::from(self.source.height);
+        inside.then_some([x, y])
+    }
+
+    /// The place in the target, pixels, of a place in the source, which may lie beyond its borders; `None` where no pinhole
+    /// shows it.
+    pub fn target_of(&self, at: [f64; 2]) -> Option<[f64; 2]> {
+        let Lens { fx, fy, cx, cy, .. } = self.target;
+        let [x, y] = self.source.plane(at, self.reach)?;
+        Some([x * fx + cx, y * fy + cy])
+    }
+
+    /// An image of C channels, interpolated bilinearly between the stored values; 0 where the source shows nothing.
+    pub fn image<const C: usize>(&self, pixels: &[[u8; C]]) -> Vec<[u8; C]> {
+        self.each(|[x, y]| {
+            let corners = self.corners([x, y]);
+            std::array::from_fn(|channel| {
+                let sum: f64 = corners.iter().map(|&(at, weight)| weight * f64::from(pixels[at][channel])).sum();
+                sum.round() as u8
+            })
+        })
+        .into_iter()
+        .map(|pixel| pixel.unwrap_or([0; C]))
+        .collect()
+    }
+
+    /// A mask: the nearest pixel; 0 where the source shows nothing.
+    pub fn mask(&self, pixels: &[u8]) -> Vec<u8> {
+        self.each(|at| pixels[self.nearest(at)]).into_iter().map(Option::unwrap_or_default).collect()
+    }
+
+    /// Depth along the optical axis, which a lens leaves as it is: the nearest pixel, because a mean across an edge is the
+    /// depth of nothing; NaN where the source shows nothing.
+    pub fn depth(&self, depth: &[f32]) -> Vec<f32> {
+        self.each(|at| depth[self.nearest(at)]).into_iter().map(|z| z.unwrap_or(f32::NAN)).collect()
+    }
+
+    /// Optical flow: both of its ends are undistorted, the start at the pixel, the end where the flow, interpolated
+    /// bilinearly, leads. Unknown (1e10) where one of the four neighbours is, or where an end is not seen by a pinhole.
+    pub fn flow(&self, flow: &[[f32; 2]]) -> Vec<[f32; 2]> {
+        let width = self.target.width;
+        let moved = self.each(|[x, y]| {
+            let mut end = [x, y];
+            for (at, weight) in self.corners([x, y]) {
+                let known = flow[at].iter().all(|v| v.abs() < UNKNOWN_FLOW);
+                if weight > 0.0 && !known {
+                    return None;
+                }
+                for axis in 0..2 {
+                    end[axis] += if weight > 0.0 { weight * f64::from(flow[at][axis]) } else { 0.0 };
+                }
+            }
+            self.target_of(end)
+        });
+        let starts = (0_u32..).map(|index| [f64::from(index % width) + 0.5, f64::from(index / width) + 0.5]);
+        moved
+            .into_iter()
+            .zip(starts)
+            .map(|(end, start)| {
+                end.flatten().map_or(NO_FLOW, |end| [(end[0] - start[0]) as f32, (end[1] - start[1]) as f32])
+            })
+            .collect()
+    }
+
+    /// 255 where the source shows a pixel of the target and 0 elsewhere; `None` when it shows them all.
+    pub fn validity(&self) -> Option<Vec<u8>> {
+        let seen = self.each(|_| 255);
+        if seen.iter().all(Option::is_some) {
+            return None;
+        }
+        Some(seen.into_iter().map(Option::unwrap_or_default).collect())
+    }
+
+    /// A value for each pixel of the target from its place in the source.
+    fn each<T>(&self, value: impl Fn([f64; 2]) -> T) -> Vec<Option<T>> {
+        let mut values = Vec::with_capacity(self.target.width as usize * self.target.height as usize);
+        for row in 0..self.target.height {
+            for column in 0..self.target.width {
+                let at = self.source_of([f64::from(column) + 0.5, f64::from(row) + 0.5]);
+                values.push(at.map(&value));
+            }
+        }
+        values
+    }
+
+    /// The four pixels around a place of the source and their weights; at the border a pixel comes twice.
+    fn corners(&self, [x, y]: [f64; 2]) -> [(usize, f64); 4] {
+        let side = |at: f64, n: u32| {
+            let at = (at - 0.5).clamp(0.0, f64::from(n - 1));
+            let low = at as usize;
+            (low, (low + 1).min(n as usize - 1), at - at.floor())
+        };
+        let (left, right, u) = side(x, self.source.width);
+        let (top, bottom, v) = side(y, self.source.height);
+        let width = self.source.width as usize;
+        [
+            (top * width + left, (1.0 - u) * (1.0 - v)),
+            (top * width + right, u * (1.0 - v)),
+            (bottom * width + left, (1.0 - u) * v),
+            (bottom * width + right, u * v),
+        ]
+    }
+
+    fn nearest(&self, [x, y]: [f64; 2]) -> usize {
+        let (column, row) = ((x as usize).min(self.source.width as usize - 1), y as usize);
+        row.min(self.source.height as usize - 1) * self.source.width as usize + column
+    }
+}

@@ -1,0 +1,57 @@
+//! Preparing captures: lenses are undone, every source is read, work is gone on with and never overwritten.
+
+mod programs;
+mod resume;
+mod sources;
+mod undistort;
+
+use std::path::Path;
+use std::sync::Mutex;
+
+use ivv::prepare::{PrepareSettings, Prepared, Triangulate, prepare};
+
+use crate::capture::Folder;
+
+/// Settings from a source to a new folder `out` in it, without programs of others.
+fn settings(folder: &Folder) -> PrepareSettings {
+    PrepareSettings {
+        triangulate: Some(Triangulate::None),
+        threads: 2,
+        ..PrepareSettings::new(&folder.0.join("source"), &folder.0.join("out"))
+    }
+}
+
+/// Prepares; returns also the pieces that were done now.
+fn run(settings: &PrepareSettings) -> ivv::Result<(Prepared, Vec<String>)> {
+    let pieces = Mutex::new(Vec::new());
+    let prepared = prepare(settings, &|progress| {
+        pieces.lock().unwrap().push(format!("{} {}", progress.stage, progress.piece));
+    })?;
+    Ok((prepared, pieces.into_inner().unwrap()))
+}
+
+/// Prepares what must have no fault.
+fn done(settings: &PrepareSettings) -> Prepared {
+    let (prepared, _) = run(settings).unwrap();
+    assert_eq!(crate::capture::told(&prepared.report), "");
+    prepared
+}
+
+/// Whether a program is there; says so when it is not.
+fn has(program: &str, argument: &str) -> bool {
+    let mut command = std::process::Command::new(program);
+    let found = command.arg(argument).stdout(std::process::Stdio::null()).stderr(std::process::Stdio::null()).status();
+    if found.is_err() {
+        eprintln!("skipped: {program} is not installed");
+    }
+    found.is_ok()
+}
+
+/// A 4-frame video of 64 x 48 at 10 frames per second.
+fn video(path: &Path, n_frames: u32) {
+    std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+    let source = format!("testsrc=size=64x48:rate=10:duration={}", f64::from(n_frames) / 10.0);
+    let mut command = std::process::Command::new("ffmpeg");
+    command.args(["-v", "error", "-y", "-f", "lavfi", "-i", &source, "-c:v", "mpeg4", "-q:v", "2"]).arg(path);
+    assert!(command.status().unwrap().success());
+}

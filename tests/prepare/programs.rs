@@ -1,0 +1,141 @@
+//! With the programs of others: ffmpeg, COLMAP and Python. Each test is skipped where its program is absent.
+
+use ivv::prepare::{PrepareSettings, Triangulate};
+use ivv::scene::capture::{Capture, Manifest};
+use ivv::synth::{Options, Preset, write_capture};
+
+use super::{done, has, run, settings, video};
+use crate::capture::model::{Model, binary};
+use crate::capture::{Folder, assert_told};
+
+/// ImViD's layout: cameras and images of COLMAP, a video of each camera; `left` distorts.
+fn imvid(folder: &Folder) {
+    let model = Model {
+        cameras: vec![
+            (1, 2, "SIMPLE_RADIAL", 64, 48, vec![60.0, 32.0, 24.0, -0.05]),
+            (2, 1, "PINHOLE", 128, 96, vec![120.0, 120.0, 64.0, 48.0]),
+        ],
+        images: vec![
+            (1, [1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0], 1, "left.png", vec![]),
+            (2, [1.0, 0.0, 0.0, 0.0], [1.0, 0.0, 1.0], 2, "right.png", vec![]),
+        ],
+        points: vec![],
+    };
+    let [cameras, images, _] = binary(&model);
+    folder.write("source/cameras.bin", cameras);
+    folder.write("source/images.bin", images);
+}
+
+#[test]
+fn videos_are_decoded_gone_on_with_and_compared() {
+    if !has("ffmpeg", "-version") {
+        return;
+    }
+    let folder = Folder::new("prepare-video");
+    imvid(&folder);
+    video(&folder.0.join("source/left.mp4"), 6);
+    video(&folder.0.join("source/right.mp4"), 5);
+    let settings = PrepareSettings { start: 1, every: 2, ..settings(&folder) };
+    let prepared = done(&settings);
+    let notes = prepared.notes.join("\n");
+    assert!(notes.contains("5 (`right`) to 6 (`left`)") && notes.contains("it is scaled"), "{notes}");
+    let capture = Capture::open(&settings.output).unwrap();
+    assert_eq!((capture.n_frames, capture.fps), (2, 5.0));
+    assert_eq!((capture.cameras[1].width, capture.cameras[1].fx), (64, 60.0));
+    // Every frame of the test picture differs from the others, and frames 1 and 3 are those of the whole video.
+    let whole = PrepareSettings { start: 0, every: 1, output: folder.0.join("whole"), ..settings.clone() };
+    done(&whole);
+    let whole = Capture::open(&whole.output).unwrap();
+    let pixels = |capture: &Capture, frame| capture.picture(1, frame).unwrap().pixels;
+    assert_eq!((pixels(&capture, 0), pixels(&capture, 1)), (pixels(&whole, 1), pixels(&whole, 3)));
+    assert_ne!(pixels(&whole, 1), pixels(&whole, 3));
+    assert!(pixels(&whole, 0).iter().any(|pixel| pixel & 0xff > 200), "the test picture has bright colours");
+    // The second of two frames is missing: only that is decoded.
+    let image = settings.output.join("images/right/00001.png");
+    let bytes = std::fs::read(&image).unwrap();
+    std::fs::remove_file(&image).unwrap();
+    done(&settings);
+    assert_eq!(std::fs::read(&image).unwrap(), bytes);
+}
+
+#[test]
+fn damaged_videos_are_told_in_the_words_of_ffmpeg() {
+    if !has("ffmpeg", "-version") {
+        return;
+    }
+    let folder = Folder::new("prepare-damaged");
+    imvid(&folder);
+    video(&folder.0.join("source/left.mp4"), 4);
+    video(&folder.0.join("source/right.mp4"), 4);
+    let left = folder.0.join("source/left.mp4");
+    let whole = std::fs::read(&left).unwrap();
+    std::fs::write(&left, &whole[..whole.len() / 2]).unwrap();
+    std::fs::write(folder.0.join("source/right.mp4"), b"").unwrap();
+    let (prepared, _) = run(&settings(&folder)).unwrap();
+    assert_told(&prepared.report, &["left.mp4: ffprobe failed", "right.mp4: ffprobe failed"]);
+    assert_eq!(prepared.report.n_faults, 2);
+    assert!(!folder.0.join("out").exists());
+}
+
+/// Noise, of which no two cameras see the same.
+#[test]
+fn a_frame_without_matches_has_no_points() {
+    if !has("colmap", "help") {
+        return;
+    }
+    let folder = Folder::new("prepare-blank");
+    imvid(&folder);
+    let noise = |seed: u32, side: u32| -> Vec<u8> {
+        let level = |i: u32| (i.wrapping_mul(2_654_435_761).wrapping_add(seed).wrapping_mul(2_246_822_519) >> 24) as u8;
+        crate::capture::encode(&(0..side).map(level).collect::<Vec<_>>(), 64, side / 64, image::ExtendedColorType::L8)
+    };
+    for frame in 0..2 {
+        folder.write(&format!("source/left/{frame}.png"), noise(1, 64 * 48));
+        folder.write(&format!("source/right/{frame}.png"), noise(99, 64 * 48));
+    }
+    let settings = PrepareSettings { triangulate: Some(Triangulate::Every(1)), ..settings(&folder) };
+    let prepared = done(&settings);
+    assert_eq!(prepared.points, [(0, 0), (1, 0)]);
+    assert!(!settings.output.join(".colmap").exists());
+}
+
+#[test]
+fn colmap_triangulates_and_opencv_estimates_flow() {
+    if !has("colmap", "help") || !has("/usr/bin/python3", "--version") {
+        return;
+    }
+    let folder = Folder::new("prepare-points");
+    let options = Options { cameras: 6, frames: 2, width: 256, height: 192, ..Preset::Tiny.options(3) };
+    write_capture(&folder.0.join("source"), &options, 2, &mut |_, _| {}).unwrap();
+    // As a rig of image sequences, without what the synthetic capture knows beyond.
+    for part in ["capture.toml", "truth.json", "synth.json"] {
+        std::fs::remove_file(folder.0.join("source").join(part)).unwrap();
+    }
+    for part in ["points", "flow", "depth", "truth", "keypoints", "audio"] {
+        std::fs::remove_dir_all(folder.0.join("source").join(part)).unwrap();
+    }
+    let settings = PrepareSettings { triangulate: Some(Triangulate::Every(1)), flow: true, ..settings(&folder) };
+    let prepared = match run(&settings) {
+        Ok((prepared, _)) => prepared,
+        Err(error) if error.to_string().contains("not installed") => return eprintln!("skipped: {error}"),
+        Err(error) => panic!("{error}"),
+    };
+    assert_eq!(crate::capture::told(&prepared.report), "");
+    assert_eq!(prepared.points.len(), 2);
+    assert!(prepared.points.iter().all(|(_, n)| *n > 20), "{:?}", prepared.points);
+    let manifest = Manifest::read(&settings.output).unwrap();
+    assert!(manifest.points && manifest.flow && !manifest.depth);
+    let capture = Capture::open(&settings.output).unwrap();
+    assert_eq!(capture.points.len(), prepared.points[0].1);
+    assert!(capture.points.iter().all(|point| point.n_views >= 2));
+    // The room is 6 units wide or so: what is triangulated lies in it.
+    let inside = |p: &[f64; 3]| p.iter().all(|v| v.abs() < 10.0);
+    let n_inside = capture.points.iter().filter(|point| inside(&point.position)).count();
+    assert!(n_inside * 10 >= capture.points.len() * 9, "{n_inside} of {}", capture.points.len());
+    let name = &capture.cameras[0].name;
+    let flow = std::fs::read(settings.output.join(format!("flow/{name}/00000.flo"))).unwrap();
+    assert_eq!((&flow[..4], flow.len()), (b"PIEH".as_slice(), 12 + 8 * 256 * 192));
+    assert!(!settings.output.join(format!("flow/{name}/00001.flo")).exists());
+    let (_, pieces) = run(&settings).unwrap();
+    assert!(pieces.iter().all(|piece| piece.starts_with("images")), "{pieces:?}");
+}

@@ -1,0 +1,117 @@
+//! A second run does nothing, a killed one is gone on with, and nothing is overwritten.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::time::SystemTime;
+
+use ivv::prepare::{ImageFormat, PrepareSettings};
+
+use super::{done, run, settings};
+use crate::capture::{Folder, dynamic};
+
+/// Every file below a folder with its bytes and the time of its last change.
+fn tree(path: &Path) -> BTreeMap<PathBuf, (Vec<u8>, SystemTime)> {
+    let mut found = BTreeMap::new();
+    let mut folders = vec![path.to_owned()];
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(folder).unwrap().flatten() {
+            if entry.path().is_dir() {
+                folders.push(entry.path());
+            } else {
+                let changed = entry.metadata().unwrap().modified().unwrap();
+                found.insert(entry.path(), (std::fs::read(entry.path()).unwrap(), changed));
+            }
+        }
+    }
+    found
+}
+
+fn capture(test: &str) -> (Folder, PrepareSettings) {
+    let folder = Folder::new(test);
+    dynamic::write_below(&folder, "source/", 3);
+    // Half the size: every image is made here.
+    let settings = PrepareSettings { scale: 0.5, ..settings(&folder) };
+    (folder, settings)
+}
+
+#[test]
+fn a_second_run_does_nothing() {
+    let (folder, settings) = capture("prepare-again");
+    let first = done(&settings);
+    assert_eq!((first.report.n_cameras, first.report.n_test_cameras, first.report.n_images), (3, 1, 9));
+    let before = tree(&folder.0.join("out"));
+    assert!(before.len() >= 9 + 3 + 2);
+    done(&settings);
+    assert_eq!(tree(&folder.0.join("out")), before);
+}
+
+#[test]
+fn a_killed_run_goes_on_where_it_stopped() {
+    let (folder, settings) = capture("prepare-killed");
+    done(&settings);
+    let out = folder.0.join("out");
+    let whole = tree(&out);
+    // As a run that was killed while it wrote the third image of a camera.
+    for name in ["capture.toml", "sparse/0/points3D.txt", "images/1/00002.png", "images/2/00000.png"] {
+        std::fs::remove_file(out.join(name)).unwrap();
+    }
+    std::fs::write(out.join("images/1/.00002.png.77-0.tmp"), b"half").unwrap();
+    done(&settings);
+    let again = tree(&out);
+    let bytes = |tree: &BTreeMap<PathBuf, (Vec<u8>, SystemTime)>| {
+        tree.iter().map(|(path, (bytes, _))| (path.clone(), bytes.clone())).collect::<BTreeMap<_, _>>()
+    };
+    assert_eq!(bytes(&again), bytes(&whole));
+    let image = out.join("images/0/00001.png");
+    assert_eq!(again[&image], whole[&image], "an image that was there is not made again");
+}
+
+#[test]
+fn other_settings_and_foreign_files_need_force() {
+    let (folder, settings) = capture("prepare-force");
+    done(&settings);
+    let out = folder.0.join("out");
+    let before = tree(&out);
+    let other = PrepareSettings { scale: 1.0, ..settings.clone() };
+    let error = run(&other).unwrap_err();
+    assert_eq!(error.exit_code(), 3);
+    let told = error.to_string();
+    assert!(told.contains("scale was 0.5 and is 1.0") && told.contains("--force"), "{told}");
+    assert_eq!(tree(&out), before, "a refusal changes nothing");
+    let forced = done(&PrepareSettings { force: true, ..other.clone() });
+    assert_eq!(forced.report.n_images, 9);
+    assert_eq!(image::image_dimensions(out.join("images/0/00000.png")).unwrap(), (6, 4));
+    // Fewer test cameras change the points, not the pictures.
+    let images = tree(&out.join("images"));
+    let fewer = PrepareSettings { test_cameras: Some(vec!["2".to_owned()]), ..other };
+    assert!(run(&fewer).unwrap_err().to_string().contains("cameras have changed"));
+    let (prepared, _) = run(&PrepareSettings { force: true, ..fewer }).unwrap();
+    assert_eq!((prepared.report.n_faults, prepared.report.n_test_cameras), (0, 1));
+    assert_eq!(tree(&out.join("images")), images);
+
+    let foreign = Folder::new("prepare-foreign");
+    foreign.write("out/notes.txt", "mine");
+    foreign.write("out/images/a.png", "mine too");
+    let into = PrepareSettings { output: foreign.0.join("out"), ..settings.clone() };
+    let told = run(&into).unwrap_err().to_string();
+    assert!(told.contains("is not empty and was not made by `ivv prepare`"), "{told}");
+    run(&PrepareSettings { force: true, ..into }).unwrap();
+    assert_eq!(std::fs::read(foreign.0.join("out/notes.txt")).unwrap(), b"mine");
+    assert!(!foreign.0.join("out/images/a.png").exists());
+
+    for output in [folder.0.clone(), folder.0.join("source")] {
+        let told = run(&PrepareSettings { output, ..settings.clone() }).unwrap_err().to_string();
+        assert!(told.contains("is the source or holds it"), "{told}");
+    }
+    for (change, says) in [
+        (PrepareSettings { scale: 1.5, ..settings.clone() }, "--scale"),
+        (PrepareSettings { every: 0, ..settings.clone() }, "--every"),
+        (PrepareSettings { fps: f64::NAN, ..settings.clone() }, "--fps"),
+    ] {
+        let error = run(&change).unwrap_err();
+        assert!(error.exit_code() == 3 && error.to_string().contains(says), "{error}");
+    }
+    let jpeg = PrepareSettings { format: ImageFormat::Jpeg, force: true, ..settings };
+    done(&jpeg);
+    assert!(out.join("images/0/00000.jpg").is_file() && !out.join("images/0/00000.png").exists());
+}

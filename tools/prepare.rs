@@ -1,0 +1,121 @@
+//! `ivv prepare`.
+
+use crate::check::{self, Faulty};
+use crate::progress::Pieces;
+use anyhow::Context;
+use ivv::prepare::{ImageFormat, PrepareSettings, Triangulate, prepare};
+use std::path::PathBuf;
+use std::sync::Mutex;
+
+/// Options of `ivv prepare`.
+#[derive(clap::Args)]
+pub struct Args {
+    /// A recording: ImViD or COLMAP's calibration beside videos, N3V, MeetRoom, Google Immersive, Dynamic3DGaussians,
+    /// transforms.json, plain COLMAP, Pose2Sim, caliscope, or a capture folder.
+    source: PathBuf,
+    /// The capture folder; a run that was interrupted is gone on with.
+    #[arg(short, long)]
+    output: PathBuf,
+    /// Where videos and image sequences are, when not beside the calibration; of plain COLMAP, the folder of images below
+    /// the source.
+    #[arg(long)]
+    footage: Option<PathBuf>,
+    /// First frame that is taken.
+    #[arg(long, default_value_t = 0)]
+    start: u32,
+    /// Most frames that are taken.
+    #[arg(long)]
+    frames: Option<u32>,
+    /// Takes every n-th frame.
+    #[arg(long, default_value_t = 1)]
+    every: u32,
+    /// Size of the images relative to the source's, at most 1.
+    #[arg(long, default_value_t = 1.0)]
+    scale: f64,
+    /// Format of the images that are made; those that need no change are taken over as they are.
+    #[arg(long, value_parser = ["png", "jpg"], default_value = "png")]
+    format: String,
+    /// Frames per second of image sequences.
+    #[arg(long, default_value_t = PrepareSettings::new("".as_ref(), "".as_ref()).fps)]
+    fps: f64,
+    /// Of which frames COLMAP triangulates points: none, reference, or every N-th. By default of every frame, unless the
+    /// source has points.
+    #[arg(long, num_args = 1..=2, value_names = ["none|reference|every", "N"])]
+    triangulate: Option<Vec<String>>,
+    /// Estimates optical flow; dis is OpenCV's, by Python.
+    #[arg(long, value_parser = ["dis"])]
+    flow: Option<String>,
+    /// Names of the test cameras, where the source declares none or others. No points are made from them.
+    #[arg(long, value_delimiter = ',')]
+    test_cameras: Option<Vec<String>>,
+    /// Every n-th image of plain COLMAP and transforms.json is a test image; 0 for none.
+    #[arg(long, default_value_t = PrepareSettings::new("".as_ref(), "".as_ref()).test_every)]
+    test_every: usize,
+    /// Replaces what was made with other settings, or a capture that was not made by `ivv prepare`.
+    #[arg(long)]
+    force: bool,
+    /// Threads, and the most programs that run at once; by default as many as there are cores.
+    #[arg(long)]
+    threads: Option<usize>,
+}
+
+pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
+    let settings = settings(args)?;
+    let pieces = Mutex::new(Pieces::new());
+    let prepared = prepare(&settings, &|progress| {
+        // A thread that panicked while it told of progress is no reason to stop.
+        pieces.lock().unwrap_or_else(std::sync::PoisonError::into_inner).show(&progress);
+    })?;
+    drop(pieces);
+    if json {
+        println!("{}", serde_json::to_string_pretty(&prepared)?);
+    } else {
+        let format = if prepared.source_format.is_empty() { "unknown format" } else { prepared.source_format };
+        println!("source:  {}, {format}", args.source.display());
+        for note in &prepared.notes {
+            println!("note:    {note}");
+        }
+        if !prepared.points.is_empty() {
+            let counts = prepared.points.iter().map(|(_, n)| *n);
+            let (least, most) = (counts.clone().min().unwrap_or(0), counts.clone().max().unwrap_or(0));
+            let mean = counts.sum::<usize>() as f64 / prepared.points.len() as f64;
+            println!("points:  {mean:.0} a frame, {least} to {most}, of {} frames", prepared.points.len());
+        }
+        check::print(&prepared.report);
+    }
+    match prepared.report.n_faults {
+        0 => Ok(()),
+        n => Err(Faulty(n).into()),
+    }
+}
+
+fn settings(args: &Args) -> anyhow::Result<PrepareSettings> {
+    let defaults = PrepareSettings::new(&args.source, &args.output);
+    Ok(PrepareSettings {
+        footage: args.footage.clone(),
+        start: args.start,
+        frames: args.frames,
+        every: args.every,
+        scale: args.scale,
+        format: if args.format == "jpg" { ImageFormat::Jpeg } else { ImageFormat::Png },
+        fps: args.fps,
+        triangulate: args.triangulate.as_deref().map(triangulate).transpose()?,
+        flow: args.flow.is_some(),
+        test_cameras: args.test_cameras.clone(),
+        test_every: args.test_every,
+        force: args.force,
+        threads: args.threads.unwrap_or(defaults.threads).max(1),
+        ..defaults
+    })
+}
+
+fn triangulate(words: &[String]) -> anyhow::Result<Triangulate> {
+    let words: Vec<&str> = words.iter().map(String::as_str).collect();
+    match words.as_slice() {
+        ["none"] => Ok(Triangulate::None),
+        ["reference"] => Ok(Triangulate::Reference),
+        ["every"] => Ok(Triangulate::Every(1)),
+        ["every", n] => Ok(Triangulate::Every(n.parse().with_context(|| format!("--triangulate every {n}"))?)),
+        _ => anyhow::bail!("--triangulate takes none, reference or every N, not `{}`", words.join(" ")),
+    }
+}
