@@ -4,14 +4,14 @@ use super::checkpoint::CameraState;
 use super::config::Config;
 use super::random::Random;
 use super::setup::Setup;
-use crate::error::Result;
-use crate::gpu::Buf;
-use crate::gpu::{Gpu, Recording, Slice};
+use crate::error::{Error, Result};
+use crate::gpu::{Buf, Gpu, Recording, Slice};
 use crate::scene::capture::Picture;
 use crate::stage::{
     Backward, Blend, ClockStep, Clocks, Compared, Cotangent, GridStep, Grids, Lpips, Outputs, Photometric, PriorLoss,
     PriorWeights, SSIM_WEIGHT, Workspace,
 };
+use std::path::Path;
 
 /// Pixels that a term needs to be used: a mean over fewer would pull hard on them.
 const LEAST_PIXELS: u32 = 64;
@@ -322,11 +322,15 @@ impl Objective {
         if !state.clocks.is_empty() {
             self.clocks = Some(Clocks::new(gpu, &state.clocks, &state.learns_offset)?);
         }
+        let n_grids = self.graded.as_ref().map_or(0, |graded| graded.steps.len());
+        if n_grids != state.grids.len() {
+            let reason = format!("has bilateral grids of {} cameras, the run of {n_grids}", state.grids.len());
+            let remedy = "go on with the capture and the test cameras that the run began with";
+            return Err(Error::data(Path::new("checkpoint"), "cameras", reason, remedy));
+        }
         if let Some(graded) = &mut self.graded {
-            if graded.steps.len() == state.grids.len() {
-                graded.grids = Grids::upload(gpu, &state.grids)?;
-                graded.steps = state.grid_steps.clone();
-            }
+            graded.grids = Grids::upload(gpu, &state.grids)?;
+            graded.steps = state.grid_steps.clone();
         }
         Ok(())
     }

@@ -66,8 +66,7 @@ pub fn fit_offset(
         let terms: Vec<[f64; 2]> = terms.collect::<Result<_>>()?;
         let sum = |of: &dyn Fn([f64; 2]) -> f64| terms.iter().map(|term| of(*term)).sum::<f64>();
         let (slope, curvature) = (sum(&|[g, _]| g), sum(&|[_, h]| h));
-        // Written so that NaN ends it.
-        if !(curvature > 0.0) {
+        if curvature.is_nan() || curvature <= 0.0 {
             return Ok(OffsetFit { standard_error: f64::INFINITY, ..fit });
         }
         let spread = sum(&|[g, h]| (g - slope / curvature * h).powi(2));

@@ -92,7 +92,7 @@ pub fn prior_word(depth: f32, flow: [f32; 2]) -> [u32; 2] {
 fn half_bits(x: f32) -> u16 {
     let sign = (x.to_bits() >> 16 & 0x8000) as u16;
     let size = x.abs();
-    if !(size < 65_520.0) {
+    if size.is_nan() || size >= 65_520.0 {
         return sign | 0x7c00;
     }
     // Steps of a half below 2^-14 are 2^-24; above, 2^-10 of the power of two.
