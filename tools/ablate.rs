@@ -29,6 +29,9 @@ pub struct Args {
     peripheral: Option<String>,
     #[command(flatten)]
     settings: SettingArgs,
+    /// Vulkan device, as `ivv train` takes it.
+    #[arg(long)]
+    device: Option<String>,
 }
 
 pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
@@ -116,6 +119,7 @@ fn train(args: &Args, folder: &Path, config: &Config) -> anyhow::Result<()> {
         .arg(folder)
         .arg("--config")
         .arg(&settings)
+        .args(args.device.iter().flat_map(|device| ["--device", device]))
         .stdin(Stdio::null())
         .stdout(Stdio::null())
         .stderr(log)

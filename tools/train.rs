@@ -86,6 +86,9 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         Some(checkpoint) => checkpoint.params.clone(),
         None => begin::first_gaussians(&capture, &config)?,
     };
+    if config.loss.lpips > 0.0 && config.loss.lpips_weights.is_none() {
+        eprintln!("LPIPS is off: there are no weights, see --set loss.lpips_weights");
+    }
     let (priors, depth_summary) = begin::priors(&capture, &config, &setup)?;
     let plan = begin::plan(&capture, &config, &setup, &splats, gpu.caps(), args.cache_bytes);
     eprintln!("{plan}");
@@ -247,6 +250,7 @@ impl Session<'_> {
         let mut totals = totals(gpu, trainer.step(), &splats, run, &self.log, &seconds)?;
         totals["plan"] = serde_json::to_value(&self.plan)?;
         totals["depth_priors"] = serde_json::to_value(&self.depth_summary)?;
+        totals["offsets"] = serde_json::to_value(&offsets)?;
         totals["offset_error"] = offsets::rms_error(&offsets).into();
         write_json(&output.join("train.json"), &totals)?;
         let (scores, examples) = self.scorer.all(&splats, &scene, trainer.step(), output)?;

@@ -73,6 +73,7 @@ impl Report<'_> {
         self.plots(&mut page);
         page += "</div>\n</section>\n";
         self.views(&mut page)?;
+        self.offsets(&mut page)?;
         self.time(&mut page)?;
         self.settings(&mut page)?;
         writeln!(page, "<footer>")?;
@@ -97,6 +98,9 @@ impl Report<'_> {
             held.test_images,
             held.points
         )?;
+        if self.config.loss.lpips > 0.0 && self.config.loss.lpips_weights.is_none() {
+            writeln!(page, "<p class=\"note\">LPIPS was off: the run had no weights for it.</p>")?;
+        }
         let mut tiles = Vec::new();
         match self.scores {
             Some(s) => {
@@ -138,6 +142,16 @@ impl Report<'_> {
         *page += &plot("plot-loss", "Loss of training images", true, false).figure(&[step("loss", "loss")]);
         *page += &plot("plot-l1", "L1 of training images", true, false).figure(&[step("L1", "l1")]);
         *page += &plot("plot-ssim", "SSIM of training images", false, false).figure(&[step("SSIM", "ssim")]);
+        for (id, title, key) in [
+            ("plot-depth", "Error of the depth against its priors", "depth"),
+            ("plot-flow", "End-point error of the flow, pixels", "flow"),
+            ("plot-lpips", "LPIPS of training images", "lpips"),
+        ] {
+            let series = step(title, key);
+            if !series.points.is_empty() {
+                *page += &plot(id, title, true, false).figure(&[series]);
+            }
+        }
         let counts = [step("all", "gaussians"), step("live", "active")];
         *page += &plot("plot-gaussians", "Gaussians", true, false).figure(&counts);
         *page += &plot("plot-intersections", "Pairs of a Gaussian and a tile", true, false)
@@ -181,6 +195,21 @@ impl Report<'_> {
         });
         details(page, "Scores of every view", &["view", "PSNR, dB", "aligned", "SSIM", "L1"], rows)?;
         writeln!(page, "</section>").map_err(Into::into)
+    }
+
+    fn offsets(&self, page: &mut String) -> std::fmt::Result {
+        let rows = self.totals["offsets"].as_array().map_or(&[][..], Vec::as_slice);
+        if rows.is_empty() {
+            return Ok(());
+        }
+        writeln!(page, "<section>\n<h2>Time offsets of the cameras</h2>")?;
+        let rows = rows.iter().map(|row| {
+            let frames = |key: &str| row[key].as_f64().map_or("-".to_owned(), |x| format!("{x:.3}"));
+            let text = |key: &str| row[key].as_str().unwrap_or_default().to_owned();
+            vec![text("camera"), frames("offset"), frames("standard_error"), frames("truth"), text("how")]
+        });
+        details(page, "Frames, with the scene held fixed", &["camera", "offset", "+-", "true", "how"], rows)?;
+        writeln!(page, "</section>")
     }
 
     fn time(&self, page: &mut String) -> std::fmt::Result {

@@ -11,7 +11,8 @@ use std::process::Output;
 fn ivv(arguments: &[&str]) -> Output {
     let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_ivv"));
     command.args(arguments);
-    if let (Ok(device), true) = (std::env::var("IVV_TEST_DEVICE"), ["train", "eval"].contains(&arguments[0])) {
+    if let (Ok(device), true) = (std::env::var("IVV_TEST_DEVICE"), ["train", "eval", "ablate"].contains(&arguments[0]))
+    {
         command.args(["--device", &device]);
     }
     command.output().unwrap()
@@ -214,4 +215,43 @@ fn a_run_and_a_scene_are_exported_in_every_format() {
     let told = fails(&["export", run.to_str().unwrap(), "-o", &file("b.spz")], 3);
     assert!(told.contains("dynamic") && told.contains("--time"), "{told}");
     assert!(fails(&["export", run.to_str().unwrap(), "-o", &file("b.obj")], 3).contains("--format"));
+}
+
+#[test]
+fn an_ablation_trains_each_setting_once_and_tables_what_came_of_it() {
+    let tiny = Tiny::new("ablate");
+    let (capture, output) = (tiny.folder.to_str().unwrap(), tiny.folder.join("ablation"));
+    let to = output.to_str().unwrap();
+    let arguments = [
+        "ablate",
+        capture,
+        "-o",
+        to,
+        "--studies",
+        "initialisation",
+        "--seeds",
+        "3",
+        "--steps",
+        "8",
+        "--sh-degree",
+        "0",
+    ];
+    let told = works(&arguments);
+    let found = json(&output.join("ablation.json"));
+    assert_eq!(found["studies"][0]["arms"].as_array().unwrap().len(), 2);
+    let first: Vec<f64> = found["studies"][0]["arms"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|arm| arm["values"][0][0].as_f64().unwrap())
+        .collect();
+    assert!(first[1] > 0.0 && first[1] < 0.7 * first[0], "{first:?} Gaussians at first");
+    let table = std::fs::read_to_string(output.join("ablation.md")).unwrap();
+    assert!(told.contains(&table) && table.contains("| flow-guided |") && table.contains("(33.51)"), "{table}");
+    assert!(std::fs::read_to_string(output.join("initialisation.svg")).unwrap().matches("<circle").count() == 2);
+    let scores = output.join("runs/full-3/eval.json");
+    let before = std::fs::metadata(&scores).unwrap().modified().unwrap();
+    works(&arguments);
+    assert_eq!(std::fs::metadata(&scores).unwrap().modified().unwrap(), before, "a run was made again");
+    assert!(fails(&["ablate", capture, "-o", to, "--studies", "colour"], 2).contains("--studies colour"));
 }

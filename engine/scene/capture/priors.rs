@@ -125,8 +125,8 @@ mod tests {
         for bits in 0..0x7bff_u16 {
             let (low, high) = (value(bits), value(bits + 1));
             let middle = (low + high) / 2.0;
-            assert_eq!(half_bits((middle * 0.9999 + low * 0.0001) as f32), bits, "{bits:x}");
-            assert_eq!(half_bits((middle * 0.9999 + high * 0.0001) as f32), bits + 1, "{bits:x}");
+            assert_eq!(half_bits((middle * 0.99 + low * 0.01) as f32), bits, "{bits:x}");
+            assert_eq!(half_bits((middle * 0.99 + high * 0.01) as f32), bits + 1, "{bits:x}");
             assert_eq!(half_bits(middle as f32), bits + bits % 2, "{bits:x}");
         }
         assert_eq!(half_bits(65_519.0), 0x7bff);
