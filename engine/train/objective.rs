@@ -121,7 +121,7 @@ impl Objective {
         self.clocks.is_some()
     }
 
-    /// Room for pictures of `pixels` pixels and `height` rows.
+    /// Room for pictures of `pixels` pixels.
     pub fn fit(&mut self, gpu: &Gpu, pixels: usize) -> Result<()> {
         self.photometric = Photometric::new(gpu, pixels)?;
         if let Some(graded) = &mut self.graded {
