@@ -17,11 +17,14 @@ pub fn run(root: &Path, bless: bool) -> Vec<String> {
     let mut manifest = String::new();
     let mut structs = BTreeMap::new();
     let mut modules = String::new();
+    let mut interfaces = BTreeMap::new();
     for spec in KERNELS {
         match build(root, spec, &mut structs) {
             Ok(kernel) => {
                 manifest += &line(spec.name, kernel.key, &kernel.spirv);
-                modules += &kernel.module;
+                // The first of a shader's variants with this interface; the others share it.
+                let first = *interfaces.entry((spec.file, kernel.reflected.interface.clone())).or_insert(spec.name);
+                modules += &kernel.reflected.module(spec.name, first);
                 outputs.insert(format!("shaders-glsl/spv/{}.spv", spec.name), kernel.spirv);
             }
             Err(fault) => faults.push(format!("{}: {fault}", spec.name)),
@@ -60,7 +63,41 @@ pub fn run(root: &Path, bless: bool) -> Vec<String> {
 struct Kernel {
     key: u64,
     spirv: Vec<u8>,
-    module: String,
+    reflected: Reflected,
+}
+
+/// What the plain module says of a kernel, as Rust.
+struct Reflected {
+    purpose: String,
+    /// Its push constants and buffers.
+    interface: String,
+    /// Their slices, in order.
+    slices: String,
+    /// The fields of its `KernelInfo` but for the name and the SPIR-V.
+    info: String,
+}
+
+impl Reflected {
+    /// The Rust module of kernel `name`, which has the interface of `first`.
+    fn module(&self, name: &str, first: &str) -> String {
+        let Reflected { purpose, interface, slices, info } = self;
+        let of_first = if name == first { String::new() } else { format!("super::{first}::") };
+        let own = if name == first {
+            format!(
+                "{interface}impl Kernel for Args<'_> {{\ntype Push = Push;\nconst INFO: &'static KernelInfo = INFO;\n\
+                 fn slices(&self) -> Vec<Slice> {{\nvec![\n{slices}]\n}}\n}}\n"
+            )
+        } else {
+            String::new()
+        };
+        let interface = if name == first { String::new() } else { format!(" A variant of [`super::{first}`].") };
+        format!(
+            "/// {purpose}\npub mod {name} {{\nuse super::super::kernel::*;\n{own}\
+             /// What the device needs to know.{interface}\npub const INFO: &KernelInfo = &KernelInfo {{\n\
+             name: \"{name}\", push_bytes: size_of::<{of_first}Push>() as u32,\n\
+             spirv: include_bytes!(\"../../shaders-glsl/spv/{name}.spv\"),\n{info}}};\n}}\n\n"
+        )
+    }
 }
 
 fn build(root: &Path, spec: &Spec, structs: &mut BTreeMap<String, String>) -> Result<Kernel, String> {
@@ -74,8 +111,8 @@ fn build(root: &Path, spec: &Spec, structs: &mut BTreeMap<String, String>) -> Re
     let text = std::fs::read_to_string(root.join("shaders-glsl").join(spec.file)).map_err(|e| e.to_string())?;
     let purpose =
         text.lines().find_map(|l| l.strip_prefix("// Purpose   ")).ok_or("its header has no `Purpose` line")?;
-    let module = reflect(spec, purpose, &module, uses_subgroups(&spirv), structs)?;
-    Ok(Kernel { key, spirv, module })
+    let reflected = reflect(purpose, &module, uses_subgroups(&spirv), structs)?;
+    Ok(Kernel { key, spirv, reflected })
 }
 
 fn compile(root: &Path, spec: &Spec, level: shaderc::OptimizationLevel) -> Result<Vec<u8>, String> {
@@ -178,14 +215,12 @@ fn rust_struct(
     Ok((name, text, end))
 }
 
-/// The Rust module of one kernel.
 fn reflect(
-    spec: &Spec,
     purpose: &str,
     module: &Module,
     subgroups: bool,
     structs: &mut BTreeMap<String, String>,
-) -> Result<String, String> {
+) -> Result<Reflected, String> {
     let entry = module.entry_points.first().ok_or("no entry point")?;
     let [local, 1, 1] = entry.workgroup_size else { return Err("workgroups are one-dimensional here".to_owned()) };
     let mut push = None;
@@ -238,15 +273,12 @@ fn reflect(
         )
         .ok();
     }
-    Ok(format!(
-        "/// {purpose}\npub mod {name} {{\nuse super::super::kernel::*;\n{push_text}\
-         /// The kernel's buffers.\npub struct Args<'a> {{\n{fields}}}\n\
-         impl Kernel for Args<'_> {{\ntype Push = Push;\nconst INFO: &'static KernelInfo = &KernelInfo {{\n\
-         name: \"{name}\", local: {local}, subgroups: {subgroups}, push_bytes: size_of::<Push>() as u32,\n\
-         spirv: include_bytes!(\"../../shaders-glsl/spv/{name}.spv\"),\nbindings: &[\n{infos}],\n}};\n\
-         fn slices(&self) -> Vec<Slice> {{\nvec![\n{list}]\n}}\n}}\n}}\n\n",
-        name = spec.name
-    ))
+    Ok(Reflected {
+        purpose: purpose.to_owned(),
+        interface: format!("{push_text}/// The kernel's buffers.\npub struct Args<'a> {{\n{fields}}}\n"),
+        slices: list,
+        info: format!("local: {local}, subgroups: {subgroups},\nbindings: &[\n{infos}],\n"),
+    })
 }
 
 fn snake(name: &str) -> String {

@@ -25,13 +25,7 @@ pub fn first_gaussians(capture: &Capture, config: &Config) -> ivv::Result<Splats
 /// The first Gaussians in the frame of training, with a line of progress.
 pub fn begin(capture: &Capture, config: &Config) -> ivv::Result<Initial> {
     let mut progress = Progress::new("initialisation", STEPS);
-    let mut steps = 0;
-    initialise(capture, config, &mut |done, total| {
-        while (steps + 1) * total <= done * STEPS {
-            steps += 1;
-            progress.step(&format!("{done} of {total} frames, pictures or depths"));
-        }
-    })
+    initialise(capture, config, &mut |done, total| progress.reach(done, total, "frames, pictures or depths"))
 }
 
 /// Which priors a run uses, with a line about those of the depth and what it says.
@@ -42,13 +36,8 @@ pub fn priors(capture: &Capture, config: &Config, setup: &Setup) -> ivv::Result<
         return Ok((plan, None));
     }
     let mut progress = Progress::new("depth priors", STEPS);
-    let mut steps = 0;
-    let fits = fit_depths(capture, config.loss.depth_space, THREADS, &mut |done, total| {
-        while (steps + 1) * total <= done * STEPS {
-            steps += 1;
-            progress.step(&format!("{done} of {total} frames"));
-        }
-    })?;
+    let space = config.loss.depth_space;
+    let fits = fit_depths(capture, space, THREADS, &mut |done, total| progress.reach(done, total, "frames"))?;
     let usable = fits.iter().filter_map(|(image, fit)| Some((image, fit.ok()?)));
     plan.depth = usable.map(|(image, fit)| (image, [fit.scale, fit.shift])).collect();
     let summary = fits.summary();

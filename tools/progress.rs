@@ -85,6 +85,13 @@ impl Progress {
         let line = format!("{what} {done}/{total}, {left:.0} s left: {note}");
         self.screen.show(self.done as u64, self.total as u64, &line);
     }
+
+    /// `done` of `total` things called `things` are done: so many pieces of this progress as that makes.
+    pub fn reach(&mut self, done: usize, total: usize, things: &str) {
+        while self.done < self.total && (self.done + 1) * total <= done * self.total {
+            self.step(&format!("{done} of {total} {things}"));
+        }
+    }
 }
 
 /// Progress of a training run.

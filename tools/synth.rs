@@ -52,13 +52,9 @@ pub struct Args {
 pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let options = options(args)?;
     let mut progress = Progress::new("synth", STEPS);
-    let mut steps = 0;
     let threads = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
     let summary = write_capture(&args.output, &options, threads, &mut |done, total| {
-        while (steps + 1) * total <= done * STEPS {
-            steps += 1;
-            progress.step(&format!("{done} of {total} pictures, point clouds and recordings"));
-        }
+        progress.reach(done, total, "pictures, point clouds and recordings");
     })?;
     if json {
         println!("{}", serde_json::json!({ "path": args.output, "options": options, "summary": summary }));

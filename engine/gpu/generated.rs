@@ -189,22 +189,24 @@ pub mod bound_static {
     }
     impl Kernel for Args<'_> {
         type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "bound_static",
-            local: 128,
-            subgroups: false,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/bound_static.spv"),
-            bindings: &[
-                BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "bound", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
-            ],
-        };
+        const INFO: &'static KernelInfo = INFO;
         fn slices(&self) -> Vec<Slice> {
             vec![self.geometry.slice(), self.bound.slice(), self.n_bad.slice()]
         }
     }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "bound_static",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/bound_static.spv"),
+        local: 128,
+        subgroups: false,
+        bindings: &[
+            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "bound", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
+        ],
+    };
 }
 
 /// derives from each Gaussian the numbers that culling reads: centre, reach, and time window.
@@ -239,20 +241,7 @@ pub mod bound_dynamic {
     }
     impl Kernel for Args<'_> {
         type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "bound_dynamic",
-            local: 128,
-            subgroups: false,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/bound_dynamic.spv"),
-            bindings: &[
-                BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "bound", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "window", kind: BindingKind::Storage, access: Access::Write },
-            ],
-        };
+        const INFO: &'static KernelInfo = INFO;
         fn slices(&self) -> Vec<Slice> {
             vec![
                 self.geometry.slice(),
@@ -263,6 +252,21 @@ pub mod bound_dynamic {
             ]
         }
     }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "bound_dynamic",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/bound_dynamic.spv"),
+        local: 128,
+        subgroups: false,
+        bindings: &[
+            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "bound", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "window", kind: BindingKind::Storage, access: Access::Write },
+        ],
+    };
 }
 
 /// marks the Gaussians of a group that may touch the strip at the view's time.
@@ -295,23 +299,25 @@ pub mod cull_static {
     }
     impl Kernel for Args<'_> {
         type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "cull_static",
-            local: 128,
-            subgroups: true,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/cull_static.spv"),
-            bindings: &[
-                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-                BindingInfo { name: "bound", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "bits", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "counts", kind: BindingKind::Storage, access: Access::Write },
-            ],
-        };
+        const INFO: &'static KernelInfo = INFO;
         fn slices(&self) -> Vec<Slice> {
             vec![self.view.slice(), self.bound.slice(), self.bits.slice(), self.counts.slice()]
         }
     }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "cull_static",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/cull_static.spv"),
+        local: 128,
+        subgroups: true,
+        bindings: &[
+            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+            BindingInfo { name: "bound", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "bits", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "counts", kind: BindingKind::Storage, access: Access::Write },
+        ],
+    };
 }
 
 /// marks the Gaussians of a group that may touch the strip at the view's time.
@@ -348,21 +354,7 @@ pub mod cull_dynamic {
     }
     impl Kernel for Args<'_> {
         type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "cull_dynamic",
-            local: 128,
-            subgroups: true,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/cull_dynamic.spv"),
-            bindings: &[
-                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-                BindingInfo { name: "bound", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "bits", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "counts", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "window", kind: BindingKind::Storage, access: Access::Read },
-            ],
-        };
+        const INFO: &'static KernelInfo = INFO;
         fn slices(&self) -> Vec<Slice> {
             vec![
                 self.view.slice(),
@@ -374,6 +366,22 @@ pub mod cull_dynamic {
             ]
         }
     }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "cull_dynamic",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/cull_dynamic.spv"),
+        local: 128,
+        subgroups: true,
+        bindings: &[
+            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+            BindingInfo { name: "bound", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "bits", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "counts", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "window", kind: BindingKind::Storage, access: Access::Read },
+        ],
+    };
 }
 
 /// lists the marked Gaussians in index order, and the others if asked for.
@@ -409,23 +417,25 @@ pub mod compact {
     }
     impl Kernel for Args<'_> {
         type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "compact",
-            local: 128,
-            subgroups: false,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/compact.spv"),
-            bindings: &[
-                BindingInfo { name: "bits", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "offsets", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "idle_id", kind: BindingKind::Storage, access: Access::Write },
-            ],
-        };
+        const INFO: &'static KernelInfo = INFO;
         fn slices(&self) -> Vec<Slice> {
             vec![self.bits.slice(), self.offsets.slice(), self.active_id.slice(), self.idle_id.slice()]
         }
     }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "compact",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/compact.spv"),
+        local: 128,
+        subgroups: false,
+        bindings: &[
+            BindingInfo { name: "bits", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "offsets", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "idle_id", kind: BindingKind::Storage, access: Access::Write },
+        ],
+    };
 }
 
 /// turns the number of active Gaussians into grids, and finds each group's range in the active list.
@@ -467,22 +477,7 @@ pub mod prepare_active {
     }
     impl Kernel for Args<'_> {
         type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "prepare_active",
-            local: 64,
-            subgroups: false,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/prepare_active.spv"),
-            bindings: &[
-                BindingInfo { name: "n_active", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "offsets", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "group_first", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "args", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "n_digits", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::ReadWrite },
-            ],
-        };
+        const INFO: &'static KernelInfo = INFO;
         fn slices(&self) -> Vec<Slice> {
             vec![
                 self.n_active.slice(),
@@ -495,6 +490,23 @@ pub mod prepare_active {
             ]
         }
     }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "prepare_active",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/prepare_active.spv"),
+        local: 64,
+        subgroups: false,
+        bindings: &[
+            BindingInfo { name: "n_active", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "offsets", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "group_first", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "args", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "n_digits", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::ReadWrite },
+        ],
+    };
 }
 
 /// projects the active Gaussians of a group, evaluates their colour and counts the tiles they touch.
@@ -547,29 +559,7 @@ pub mod project_static_sh0 {
     }
     impl Kernel for Args<'_> {
         type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "project_static_sh0",
-            local: 64,
-            subgroups: true,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/project_static_sh0.spv"),
-            bindings: &[
-                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-                BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "depth_keys", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "identity", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
-            ],
-        };
+        const INFO: &'static KernelInfo = INFO;
         fn slices(&self) -> Vec<Slice> {
             vec![
                 self.view.slice(),
@@ -589,664 +579,233 @@ pub mod project_static_sh0 {
             ]
         }
     }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "project_static_sh0",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/project_static_sh0.spv"),
+        local: 64,
+        subgroups: true,
+        bindings: &[
+            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+            BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "depth_keys", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "identity", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
+        ],
+    };
 }
 
 /// projects the active Gaussians of a group, evaluates their colour and counts the tiles they touch.
 pub mod project_static_sh1 {
     use super::super::kernel::*;
-    /// `Push` of the shaders.
-    #[repr(C)]
-    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-    pub struct Push {
-        /// `group` of the shader.
-        pub group: u32,
-        /// `first` of the shader.
-        pub first: u32,
-    }
-    const _: () = {
-        assert!(size_of::<Push>() == 8);
-        assert!(std::mem::offset_of!(Push, group) == 0);
-        assert!(std::mem::offset_of!(Push, first) == 4);
+    /// What the device needs to know. A variant of [`super::project_static_sh0`].
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "project_static_sh1",
+        push_bytes: size_of::<super::project_static_sh0::Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/project_static_sh1.spv"),
+        local: 64,
+        subgroups: true,
+        bindings: &[
+            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+            BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "depth_keys", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "identity", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
+        ],
     };
-    /// The kernel's buffers.
-    pub struct Args<'a> {
-        /// Reads.
-        pub view: &'a Buf<super::ViewParams>,
-        /// Reads.
-        pub ranges: &'a Buf<[u32; 2]>,
-        /// Reads.
-        pub active_id: &'a Buf<u32>,
-        /// Reads.
-        pub geometry: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub sh0: &'a Buf<[f32; 4]>,
-        /// Writes.
-        pub splats: &'a Buf<[f32; 4]>,
-        /// Writes.
-        pub depth_keys: &'a Buf<u32>,
-        /// Writes.
-        pub identity: &'a Buf<u32>,
-        /// Writes.
-        pub tile_counts: &'a Buf<u32>,
-        /// ReadWrites.
-        pub frame_status: &'a Buf<super::Status>,
-        /// Reads.
-        pub motion: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub sh1: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub sh2: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub sh3: &'a Buf<[f32; 4]>,
-    }
-    impl Kernel for Args<'_> {
-        type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "project_static_sh1",
-            local: 64,
-            subgroups: true,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/project_static_sh1.spv"),
-            bindings: &[
-                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-                BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "depth_keys", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "identity", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
-            ],
-        };
-        fn slices(&self) -> Vec<Slice> {
-            vec![
-                self.view.slice(),
-                self.ranges.slice(),
-                self.active_id.slice(),
-                self.geometry.slice(),
-                self.sh0.slice(),
-                self.splats.slice(),
-                self.depth_keys.slice(),
-                self.identity.slice(),
-                self.tile_counts.slice(),
-                self.frame_status.slice(),
-                self.motion.slice(),
-                self.sh1.slice(),
-                self.sh2.slice(),
-                self.sh3.slice(),
-            ]
-        }
-    }
 }
 
 /// projects the active Gaussians of a group, evaluates their colour and counts the tiles they touch.
 pub mod project_static_sh2 {
     use super::super::kernel::*;
-    /// `Push` of the shaders.
-    #[repr(C)]
-    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-    pub struct Push {
-        /// `group` of the shader.
-        pub group: u32,
-        /// `first` of the shader.
-        pub first: u32,
-    }
-    const _: () = {
-        assert!(size_of::<Push>() == 8);
-        assert!(std::mem::offset_of!(Push, group) == 0);
-        assert!(std::mem::offset_of!(Push, first) == 4);
+    /// What the device needs to know. A variant of [`super::project_static_sh0`].
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "project_static_sh2",
+        push_bytes: size_of::<super::project_static_sh0::Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/project_static_sh2.spv"),
+        local: 64,
+        subgroups: true,
+        bindings: &[
+            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+            BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "depth_keys", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "identity", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
+        ],
     };
-    /// The kernel's buffers.
-    pub struct Args<'a> {
-        /// Reads.
-        pub view: &'a Buf<super::ViewParams>,
-        /// Reads.
-        pub ranges: &'a Buf<[u32; 2]>,
-        /// Reads.
-        pub active_id: &'a Buf<u32>,
-        /// Reads.
-        pub geometry: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub sh0: &'a Buf<[f32; 4]>,
-        /// Writes.
-        pub splats: &'a Buf<[f32; 4]>,
-        /// Writes.
-        pub depth_keys: &'a Buf<u32>,
-        /// Writes.
-        pub identity: &'a Buf<u32>,
-        /// Writes.
-        pub tile_counts: &'a Buf<u32>,
-        /// ReadWrites.
-        pub frame_status: &'a Buf<super::Status>,
-        /// Reads.
-        pub motion: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub sh1: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub sh2: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub sh3: &'a Buf<[f32; 4]>,
-    }
-    impl Kernel for Args<'_> {
-        type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "project_static_sh2",
-            local: 64,
-            subgroups: true,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/project_static_sh2.spv"),
-            bindings: &[
-                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-                BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "depth_keys", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "identity", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
-            ],
-        };
-        fn slices(&self) -> Vec<Slice> {
-            vec![
-                self.view.slice(),
-                self.ranges.slice(),
-                self.active_id.slice(),
-                self.geometry.slice(),
-                self.sh0.slice(),
-                self.splats.slice(),
-                self.depth_keys.slice(),
-                self.identity.slice(),
-                self.tile_counts.slice(),
-                self.frame_status.slice(),
-                self.motion.slice(),
-                self.sh1.slice(),
-                self.sh2.slice(),
-                self.sh3.slice(),
-            ]
-        }
-    }
 }
 
 /// projects the active Gaussians of a group, evaluates their colour and counts the tiles they touch.
 pub mod project_static_sh3 {
     use super::super::kernel::*;
-    /// `Push` of the shaders.
-    #[repr(C)]
-    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-    pub struct Push {
-        /// `group` of the shader.
-        pub group: u32,
-        /// `first` of the shader.
-        pub first: u32,
-    }
-    const _: () = {
-        assert!(size_of::<Push>() == 8);
-        assert!(std::mem::offset_of!(Push, group) == 0);
-        assert!(std::mem::offset_of!(Push, first) == 4);
+    /// What the device needs to know. A variant of [`super::project_static_sh0`].
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "project_static_sh3",
+        push_bytes: size_of::<super::project_static_sh0::Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/project_static_sh3.spv"),
+        local: 64,
+        subgroups: true,
+        bindings: &[
+            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+            BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "depth_keys", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "identity", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
+        ],
     };
-    /// The kernel's buffers.
-    pub struct Args<'a> {
-        /// Reads.
-        pub view: &'a Buf<super::ViewParams>,
-        /// Reads.
-        pub ranges: &'a Buf<[u32; 2]>,
-        /// Reads.
-        pub active_id: &'a Buf<u32>,
-        /// Reads.
-        pub geometry: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub sh0: &'a Buf<[f32; 4]>,
-        /// Writes.
-        pub splats: &'a Buf<[f32; 4]>,
-        /// Writes.
-        pub depth_keys: &'a Buf<u32>,
-        /// Writes.
-        pub identity: &'a Buf<u32>,
-        /// Writes.
-        pub tile_counts: &'a Buf<u32>,
-        /// ReadWrites.
-        pub frame_status: &'a Buf<super::Status>,
-        /// Reads.
-        pub motion: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub sh1: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub sh2: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub sh3: &'a Buf<[f32; 4]>,
-    }
-    impl Kernel for Args<'_> {
-        type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "project_static_sh3",
-            local: 64,
-            subgroups: true,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/project_static_sh3.spv"),
-            bindings: &[
-                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-                BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "depth_keys", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "identity", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
-            ],
-        };
-        fn slices(&self) -> Vec<Slice> {
-            vec![
-                self.view.slice(),
-                self.ranges.slice(),
-                self.active_id.slice(),
-                self.geometry.slice(),
-                self.sh0.slice(),
-                self.splats.slice(),
-                self.depth_keys.slice(),
-                self.identity.slice(),
-                self.tile_counts.slice(),
-                self.frame_status.slice(),
-                self.motion.slice(),
-                self.sh1.slice(),
-                self.sh2.slice(),
-                self.sh3.slice(),
-            ]
-        }
-    }
 }
 
 /// projects the active Gaussians of a group, evaluates their colour and counts the tiles they touch.
 pub mod project_dynamic_sh0 {
     use super::super::kernel::*;
-    /// `Push` of the shaders.
-    #[repr(C)]
-    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-    pub struct Push {
-        /// `group` of the shader.
-        pub group: u32,
-        /// `first` of the shader.
-        pub first: u32,
-    }
-    const _: () = {
-        assert!(size_of::<Push>() == 8);
-        assert!(std::mem::offset_of!(Push, group) == 0);
-        assert!(std::mem::offset_of!(Push, first) == 4);
+    /// What the device needs to know. A variant of [`super::project_static_sh0`].
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "project_dynamic_sh0",
+        push_bytes: size_of::<super::project_static_sh0::Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/project_dynamic_sh0.spv"),
+        local: 64,
+        subgroups: true,
+        bindings: &[
+            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+            BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "depth_keys", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "identity", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
+        ],
     };
-    /// The kernel's buffers.
-    pub struct Args<'a> {
-        /// Reads.
-        pub view: &'a Buf<super::ViewParams>,
-        /// Reads.
-        pub ranges: &'a Buf<[u32; 2]>,
-        /// Reads.
-        pub active_id: &'a Buf<u32>,
-        /// Reads.
-        pub geometry: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub sh0: &'a Buf<[f32; 4]>,
-        /// Writes.
-        pub splats: &'a Buf<[f32; 4]>,
-        /// Writes.
-        pub depth_keys: &'a Buf<u32>,
-        /// Writes.
-        pub identity: &'a Buf<u32>,
-        /// Writes.
-        pub tile_counts: &'a Buf<u32>,
-        /// ReadWrites.
-        pub frame_status: &'a Buf<super::Status>,
-        /// Reads.
-        pub motion: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub sh1: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub sh2: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub sh3: &'a Buf<[f32; 4]>,
-    }
-    impl Kernel for Args<'_> {
-        type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "project_dynamic_sh0",
-            local: 64,
-            subgroups: true,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/project_dynamic_sh0.spv"),
-            bindings: &[
-                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-                BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "depth_keys", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "identity", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
-            ],
-        };
-        fn slices(&self) -> Vec<Slice> {
-            vec![
-                self.view.slice(),
-                self.ranges.slice(),
-                self.active_id.slice(),
-                self.geometry.slice(),
-                self.sh0.slice(),
-                self.splats.slice(),
-                self.depth_keys.slice(),
-                self.identity.slice(),
-                self.tile_counts.slice(),
-                self.frame_status.slice(),
-                self.motion.slice(),
-                self.sh1.slice(),
-                self.sh2.slice(),
-                self.sh3.slice(),
-            ]
-        }
-    }
 }
 
 /// projects the active Gaussians of a group, evaluates their colour and counts the tiles they touch.
 pub mod project_dynamic_sh1 {
     use super::super::kernel::*;
-    /// `Push` of the shaders.
-    #[repr(C)]
-    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-    pub struct Push {
-        /// `group` of the shader.
-        pub group: u32,
-        /// `first` of the shader.
-        pub first: u32,
-    }
-    const _: () = {
-        assert!(size_of::<Push>() == 8);
-        assert!(std::mem::offset_of!(Push, group) == 0);
-        assert!(std::mem::offset_of!(Push, first) == 4);
+    /// What the device needs to know. A variant of [`super::project_static_sh0`].
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "project_dynamic_sh1",
+        push_bytes: size_of::<super::project_static_sh0::Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/project_dynamic_sh1.spv"),
+        local: 64,
+        subgroups: true,
+        bindings: &[
+            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+            BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "depth_keys", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "identity", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
+        ],
     };
-    /// The kernel's buffers.
-    pub struct Args<'a> {
-        /// Reads.
-        pub view: &'a Buf<super::ViewParams>,
-        /// Reads.
-        pub ranges: &'a Buf<[u32; 2]>,
-        /// Reads.
-        pub active_id: &'a Buf<u32>,
-        /// Reads.
-        pub geometry: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub sh0: &'a Buf<[f32; 4]>,
-        /// Writes.
-        pub splats: &'a Buf<[f32; 4]>,
-        /// Writes.
-        pub depth_keys: &'a Buf<u32>,
-        /// Writes.
-        pub identity: &'a Buf<u32>,
-        /// Writes.
-        pub tile_counts: &'a Buf<u32>,
-        /// ReadWrites.
-        pub frame_status: &'a Buf<super::Status>,
-        /// Reads.
-        pub motion: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub sh1: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub sh2: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub sh3: &'a Buf<[f32; 4]>,
-    }
-    impl Kernel for Args<'_> {
-        type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "project_dynamic_sh1",
-            local: 64,
-            subgroups: true,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/project_dynamic_sh1.spv"),
-            bindings: &[
-                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-                BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "depth_keys", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "identity", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
-            ],
-        };
-        fn slices(&self) -> Vec<Slice> {
-            vec![
-                self.view.slice(),
-                self.ranges.slice(),
-                self.active_id.slice(),
-                self.geometry.slice(),
-                self.sh0.slice(),
-                self.splats.slice(),
-                self.depth_keys.slice(),
-                self.identity.slice(),
-                self.tile_counts.slice(),
-                self.frame_status.slice(),
-                self.motion.slice(),
-                self.sh1.slice(),
-                self.sh2.slice(),
-                self.sh3.slice(),
-            ]
-        }
-    }
 }
 
 /// projects the active Gaussians of a group, evaluates their colour and counts the tiles they touch.
 pub mod project_dynamic_sh2 {
     use super::super::kernel::*;
-    /// `Push` of the shaders.
-    #[repr(C)]
-    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-    pub struct Push {
-        /// `group` of the shader.
-        pub group: u32,
-        /// `first` of the shader.
-        pub first: u32,
-    }
-    const _: () = {
-        assert!(size_of::<Push>() == 8);
-        assert!(std::mem::offset_of!(Push, group) == 0);
-        assert!(std::mem::offset_of!(Push, first) == 4);
+    /// What the device needs to know. A variant of [`super::project_static_sh0`].
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "project_dynamic_sh2",
+        push_bytes: size_of::<super::project_static_sh0::Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/project_dynamic_sh2.spv"),
+        local: 64,
+        subgroups: true,
+        bindings: &[
+            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+            BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "depth_keys", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "identity", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
+        ],
     };
-    /// The kernel's buffers.
-    pub struct Args<'a> {
-        /// Reads.
-        pub view: &'a Buf<super::ViewParams>,
-        /// Reads.
-        pub ranges: &'a Buf<[u32; 2]>,
-        /// Reads.
-        pub active_id: &'a Buf<u32>,
-        /// Reads.
-        pub geometry: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub sh0: &'a Buf<[f32; 4]>,
-        /// Writes.
-        pub splats: &'a Buf<[f32; 4]>,
-        /// Writes.
-        pub depth_keys: &'a Buf<u32>,
-        /// Writes.
-        pub identity: &'a Buf<u32>,
-        /// Writes.
-        pub tile_counts: &'a Buf<u32>,
-        /// ReadWrites.
-        pub frame_status: &'a Buf<super::Status>,
-        /// Reads.
-        pub motion: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub sh1: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub sh2: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub sh3: &'a Buf<[f32; 4]>,
-    }
-    impl Kernel for Args<'_> {
-        type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "project_dynamic_sh2",
-            local: 64,
-            subgroups: true,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/project_dynamic_sh2.spv"),
-            bindings: &[
-                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-                BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "depth_keys", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "identity", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
-            ],
-        };
-        fn slices(&self) -> Vec<Slice> {
-            vec![
-                self.view.slice(),
-                self.ranges.slice(),
-                self.active_id.slice(),
-                self.geometry.slice(),
-                self.sh0.slice(),
-                self.splats.slice(),
-                self.depth_keys.slice(),
-                self.identity.slice(),
-                self.tile_counts.slice(),
-                self.frame_status.slice(),
-                self.motion.slice(),
-                self.sh1.slice(),
-                self.sh2.slice(),
-                self.sh3.slice(),
-            ]
-        }
-    }
 }
 
 /// projects the active Gaussians of a group, evaluates their colour and counts the tiles they touch.
 pub mod project_dynamic_sh3 {
     use super::super::kernel::*;
-    /// `Push` of the shaders.
-    #[repr(C)]
-    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-    pub struct Push {
-        /// `group` of the shader.
-        pub group: u32,
-        /// `first` of the shader.
-        pub first: u32,
-    }
-    const _: () = {
-        assert!(size_of::<Push>() == 8);
-        assert!(std::mem::offset_of!(Push, group) == 0);
-        assert!(std::mem::offset_of!(Push, first) == 4);
+    /// What the device needs to know. A variant of [`super::project_static_sh0`].
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "project_dynamic_sh3",
+        push_bytes: size_of::<super::project_static_sh0::Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/project_dynamic_sh3.spv"),
+        local: 64,
+        subgroups: true,
+        bindings: &[
+            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+            BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "depth_keys", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "identity", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
+        ],
     };
-    /// The kernel's buffers.
-    pub struct Args<'a> {
-        /// Reads.
-        pub view: &'a Buf<super::ViewParams>,
-        /// Reads.
-        pub ranges: &'a Buf<[u32; 2]>,
-        /// Reads.
-        pub active_id: &'a Buf<u32>,
-        /// Reads.
-        pub geometry: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub sh0: &'a Buf<[f32; 4]>,
-        /// Writes.
-        pub splats: &'a Buf<[f32; 4]>,
-        /// Writes.
-        pub depth_keys: &'a Buf<u32>,
-        /// Writes.
-        pub identity: &'a Buf<u32>,
-        /// Writes.
-        pub tile_counts: &'a Buf<u32>,
-        /// ReadWrites.
-        pub frame_status: &'a Buf<super::Status>,
-        /// Reads.
-        pub motion: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub sh1: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub sh2: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub sh3: &'a Buf<[f32; 4]>,
-    }
-    impl Kernel for Args<'_> {
-        type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "project_dynamic_sh3",
-            local: 64,
-            subgroups: true,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/project_dynamic_sh3.spv"),
-            bindings: &[
-                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-                BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "depth_keys", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "identity", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
-            ],
-        };
-        fn slices(&self) -> Vec<Slice> {
-            vec![
-                self.view.slice(),
-                self.ranges.slice(),
-                self.active_id.slice(),
-                self.geometry.slice(),
-                self.sh0.slice(),
-                self.splats.slice(),
-                self.depth_keys.slice(),
-                self.identity.slice(),
-                self.tile_counts.slice(),
-                self.frame_status.slice(),
-                self.motion.slice(),
-                self.sh1.slice(),
-                self.sh2.slice(),
-                self.sh3.slice(),
-            ]
-        }
-    }
 }
 
 /// sums each block of 1,024 values, for the spine.
@@ -1265,22 +824,24 @@ pub mod scan_reduce {
     }
     impl Kernel for Args<'_> {
         type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "scan_reduce",
-            local: 128,
-            subgroups: true,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/scan_reduce.spv"),
-            bindings: &[
-                BindingInfo { name: "count", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "values", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "partials", kind: BindingKind::Storage, access: Access::Write },
-            ],
-        };
+        const INFO: &'static KernelInfo = INFO;
         fn slices(&self) -> Vec<Slice> {
             vec![self.count.slice(), self.values.slice(), self.partials.slice()]
         }
     }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "scan_reduce",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/scan_reduce.spv"),
+        local: 128,
+        subgroups: true,
+        bindings: &[
+            BindingInfo { name: "count", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "values", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "partials", kind: BindingKind::Storage, access: Access::Write },
+        ],
+    };
 }
 
 /// scans the block sums and gives the total, which saturates at 2^32 - 1.
@@ -1299,22 +860,24 @@ pub mod scan_spine {
     }
     impl Kernel for Args<'_> {
         type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "scan_spine",
-            local: 128,
-            subgroups: true,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/scan_spine.spv"),
-            bindings: &[
-                BindingInfo { name: "count", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "partials", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "total", kind: BindingKind::Storage, access: Access::Write },
-            ],
-        };
+        const INFO: &'static KernelInfo = INFO;
         fn slices(&self) -> Vec<Slice> {
             vec![self.count.slice(), self.partials.slice(), self.total.slice()]
         }
     }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "scan_spine",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/scan_spine.spv"),
+        local: 128,
+        subgroups: true,
+        bindings: &[
+            BindingInfo { name: "count", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "partials", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "total", kind: BindingKind::Storage, access: Access::Write },
+        ],
+    };
 }
 
 /// replaces each value by the sum of all before it.
@@ -1333,22 +896,24 @@ pub mod scan_downsweep {
     }
     impl Kernel for Args<'_> {
         type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "scan_downsweep",
-            local: 128,
-            subgroups: true,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/scan_downsweep.spv"),
-            bindings: &[
-                BindingInfo { name: "count", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "partials", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "values", kind: BindingKind::Storage, access: Access::ReadWrite },
-            ],
-        };
+        const INFO: &'static KernelInfo = INFO;
         fn slices(&self) -> Vec<Slice> {
             vec![self.count.slice(), self.partials.slice(), self.values.slice()]
         }
     }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "scan_downsweep",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/scan_downsweep.spv"),
+        local: 128,
+        subgroups: true,
+        bindings: &[
+            BindingInfo { name: "count", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "partials", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "values", kind: BindingKind::Storage, access: Access::ReadWrite },
+        ],
+    };
 }
 
 /// counts the 8-bit digits of each block of 2,048 keys, digit-major.
@@ -1376,22 +941,24 @@ pub mod sort_count {
     }
     impl Kernel for Args<'_> {
         type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "sort_count",
-            local: 64,
-            subgroups: false,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/sort_count.spv"),
-            bindings: &[
-                BindingInfo { name: "count", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "keys", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "digits", kind: BindingKind::Storage, access: Access::Write },
-            ],
-        };
+        const INFO: &'static KernelInfo = INFO;
         fn slices(&self) -> Vec<Slice> {
             vec![self.count.slice(), self.keys.slice(), self.digits.slice()]
         }
     }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "sort_count",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/sort_count.spv"),
+        local: 64,
+        subgroups: false,
+        bindings: &[
+            BindingInfo { name: "count", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "keys", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "digits", kind: BindingKind::Storage, access: Access::Write },
+        ],
+    };
 }
 
 /// moves each key and its value to its place by one 8-bit digit, stably.
@@ -1425,21 +992,7 @@ pub mod sort_scatter {
     }
     impl Kernel for Args<'_> {
         type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "sort_scatter",
-            local: 64,
-            subgroups: true,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/sort_scatter.spv"),
-            bindings: &[
-                BindingInfo { name: "count", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "digits", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "keys_in", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "values_in", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "keys_out", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "values_out", kind: BindingKind::Storage, access: Access::Write },
-            ],
-        };
+        const INFO: &'static KernelInfo = INFO;
         fn slices(&self) -> Vec<Slice> {
             vec![
                 self.count.slice(),
@@ -1451,65 +1004,43 @@ pub mod sort_scatter {
             ]
         }
     }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "sort_scatter",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/sort_scatter.spv"),
+        local: 64,
+        subgroups: true,
+        bindings: &[
+            BindingInfo { name: "count", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "digits", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "keys_in", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "values_in", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "keys_out", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "values_out", kind: BindingKind::Storage, access: Access::Write },
+        ],
+    };
 }
 
 /// moves each key and its value to its place by one 8-bit digit, stably.
 pub mod sort_scatter_w32 {
     use super::super::kernel::*;
-    /// `Push` of the shaders.
-    #[repr(C)]
-    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-    pub struct Push {
-        /// `shift` of the shader.
-        pub shift: u32,
-    }
-    const _: () = {
-        assert!(size_of::<Push>() == 4);
-        assert!(std::mem::offset_of!(Push, shift) == 0);
+    /// What the device needs to know. A variant of [`super::sort_scatter`].
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "sort_scatter_w32",
+        push_bytes: size_of::<super::sort_scatter::Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/sort_scatter_w32.spv"),
+        local: 64,
+        subgroups: true,
+        bindings: &[
+            BindingInfo { name: "count", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "digits", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "keys_in", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "values_in", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "keys_out", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "values_out", kind: BindingKind::Storage, access: Access::Write },
+        ],
     };
-    /// The kernel's buffers.
-    pub struct Args<'a> {
-        /// Reads.
-        pub count: &'a Buf<u32>,
-        /// Reads.
-        pub digits: &'a Buf<u32>,
-        /// Reads.
-        pub keys_in: &'a Buf<u32>,
-        /// Reads.
-        pub values_in: &'a Buf<u32>,
-        /// Writes.
-        pub keys_out: &'a Buf<u32>,
-        /// Writes.
-        pub values_out: &'a Buf<u32>,
-    }
-    impl Kernel for Args<'_> {
-        type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "sort_scatter_w32",
-            local: 64,
-            subgroups: true,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/sort_scatter_w32.spv"),
-            bindings: &[
-                BindingInfo { name: "count", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "digits", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "keys_in", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "values_in", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "keys_out", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "values_out", kind: BindingKind::Storage, access: Access::Write },
-            ],
-        };
-        fn slices(&self) -> Vec<Slice> {
-            vec![
-                self.count.slice(),
-                self.digits.slice(),
-                self.keys_in.slice(),
-                self.values_in.slice(),
-                self.keys_out.slice(),
-                self.values_out.slice(),
-            ]
-        }
-    }
 }
 
 /// reads a table in the order of a list of indices.
@@ -1530,23 +1061,25 @@ pub mod gather {
     }
     impl Kernel for Args<'_> {
         type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "gather",
-            local: 64,
-            subgroups: false,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/gather.spv"),
-            bindings: &[
-                BindingInfo { name: "count", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "index", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "table", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "gathered", kind: BindingKind::Storage, access: Access::Write },
-            ],
-        };
+        const INFO: &'static KernelInfo = INFO;
         fn slices(&self) -> Vec<Slice> {
             vec![self.count.slice(), self.index.slice(), self.table.slice(), self.gathered.slice()]
         }
     }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "gather",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/gather.spv"),
+        local: 64,
+        subgroups: false,
+        bindings: &[
+            BindingInfo { name: "count", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "index", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "table", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "gathered", kind: BindingKind::Storage, access: Access::Write },
+        ],
+    };
 }
 
 /// turns the number of intersections into grids, and reports an overflow.
@@ -1578,20 +1111,7 @@ pub mod prepare_intersections {
     }
     impl Kernel for Args<'_> {
         type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "prepare_intersections",
-            local: 1,
-            subgroups: false,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/prepare_intersections.spv"),
-            bindings: &[
-                BindingInfo { name: "n_intersections", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "args", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "n_digits", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "emit_args", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::ReadWrite },
-            ],
-        };
+        const INFO: &'static KernelInfo = INFO;
         fn slices(&self) -> Vec<Slice> {
             vec![
                 self.n_intersections.slice(),
@@ -1602,6 +1122,21 @@ pub mod prepare_intersections {
             ]
         }
     }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "prepare_intersections",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/prepare_intersections.spv"),
+        local: 1,
+        subgroups: false,
+        bindings: &[
+            BindingInfo { name: "n_intersections", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "args", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "n_digits", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "emit_args", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::ReadWrite },
+        ],
+    };
 }
 
 /// writes one (tile, Gaussian) pair per tile that a Gaussian touches, in depth order.
@@ -1630,23 +1165,7 @@ pub mod emit {
     }
     impl Kernel for Args<'_> {
         type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "emit",
-            local: 64,
-            subgroups: true,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/emit.spv"),
-            bindings: &[
-                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-                BindingInfo { name: "n_active", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "order", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "offsets", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "tile_keys", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Write },
-            ],
-        };
+        const INFO: &'static KernelInfo = INFO;
         fn slices(&self) -> Vec<Slice> {
             vec![
                 self.view.slice(),
@@ -1660,6 +1179,24 @@ pub mod emit {
             ]
         }
     }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "emit",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/emit.spv"),
+        local: 64,
+        subgroups: true,
+        bindings: &[
+            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+            BindingInfo { name: "n_active", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "order", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "offsets", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tile_keys", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Write },
+        ],
+    };
 }
 
 /// writes one (tile, Gaussian) pair per tile that a Gaussian touches, in depth order.
@@ -1692,25 +1229,7 @@ pub mod emit_slots {
     }
     impl Kernel for Args<'_> {
         type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "emit_slots",
-            local: 64,
-            subgroups: true,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/emit_slots.spv"),
-            bindings: &[
-                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-                BindingInfo { name: "n_active", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "order", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "offsets", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "tile_keys", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "slots", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Write },
-            ],
-        };
+        const INFO: &'static KernelInfo = INFO;
         fn slices(&self) -> Vec<Slice> {
             vec![
                 self.view.slice(),
@@ -1726,6 +1245,26 @@ pub mod emit_slots {
             ]
         }
     }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "emit_slots",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/emit_slots.spv"),
+        local: 64,
+        subgroups: true,
+        bindings: &[
+            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+            BindingInfo { name: "n_active", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "order", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "offsets", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tile_keys", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "slots", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Write },
+        ],
+    };
 }
 
 /// finds where each tile's list begins and ends among the sorted intersections.
@@ -1755,23 +1294,25 @@ pub mod tile_ranges {
     }
     impl Kernel for Args<'_> {
         type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "tile_ranges",
-            local: 64,
-            subgroups: false,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/tile_ranges.spv"),
-            bindings: &[
-                BindingInfo { name: "n_intersections", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "tile_keys", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "tile_last", kind: BindingKind::Storage, access: Access::Write },
-            ],
-        };
+        const INFO: &'static KernelInfo = INFO;
         fn slices(&self) -> Vec<Slice> {
             vec![self.n_intersections.slice(), self.tile_keys.slice(), self.tile_first.slice(), self.tile_last.slice()]
         }
     }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "tile_ranges",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/tile_ranges.spv"),
+        local: 64,
+        subgroups: false,
+        bindings: &[
+            BindingInfo { name: "n_intersections", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tile_keys", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "tile_last", kind: BindingKind::Storage, access: Access::Write },
+        ],
+    };
 }
 
 /// counts the tiles by the logarithm of their list's length, and finds the longest list.
@@ -1804,23 +1345,25 @@ pub mod tile_buckets {
     }
     impl Kernel for Args<'_> {
         type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "tile_buckets",
-            local: 64,
-            subgroups: false,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/tile_buckets.spv"),
-            bindings: &[
-                BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "tile_last", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "buckets", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::ReadWrite },
-            ],
-        };
+        const INFO: &'static KernelInfo = INFO;
         fn slices(&self) -> Vec<Slice> {
             vec![self.tile_first.slice(), self.tile_last.slice(), self.buckets.slice(), self.frame_status.slice()]
         }
     }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "tile_buckets",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/tile_buckets.spv"),
+        local: 64,
+        subgroups: false,
+        bindings: &[
+            BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tile_last", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "buckets", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::ReadWrite },
+        ],
+    };
 }
 
 /// lists the tiles, heavy ones first, so that no device ends on its longest list.
@@ -1852,20 +1395,7 @@ pub mod tile_order {
     }
     impl Kernel for Args<'_> {
         type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "tile_order",
-            local: 64,
-            subgroups: false,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/tile_order.spv"),
-            bindings: &[
-                BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "tile_last", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "buckets", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "cursors", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Write },
-            ],
-        };
+        const INFO: &'static KernelInfo = INFO;
         fn slices(&self) -> Vec<Slice> {
             vec![
                 self.tile_first.slice(),
@@ -1876,6 +1406,21 @@ pub mod tile_order {
             ]
         }
     }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "tile_order",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/tile_order.spv"),
+        local: 64,
+        subgroups: false,
+        bindings: &[
+            BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tile_last", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "buckets", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "cursors", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Write },
+        ],
+    };
 }
 
 /// blends each tile's Gaussians front to back into colour, alpha, depth, inverse depth and flow.
@@ -1922,23 +1467,7 @@ pub mod blend_fwd_p4 {
     }
     impl Kernel for Args<'_> {
         type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "blend_fwd_p4",
-            local: 64,
-            subgroups: true,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/blend_fwd_p4.spv"),
-            bindings: &[
-                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-                BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "tile_last", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "image0", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "image1", kind: BindingKind::Storage, access: Access::ReadWrite },
-            ],
-        };
+        const INFO: &'static KernelInfo = INFO;
         fn slices(&self) -> Vec<Slice> {
             vec![
                 self.view.slice(),
@@ -1952,234 +1481,93 @@ pub mod blend_fwd_p4 {
             ]
         }
     }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "blend_fwd_p4",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/blend_fwd_p4.spv"),
+        local: 64,
+        subgroups: true,
+        bindings: &[
+            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+            BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tile_last", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "image0", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "image1", kind: BindingKind::Storage, access: Access::ReadWrite },
+        ],
+    };
 }
 
 /// blends each tile's Gaussians front to back into colour, alpha, depth, inverse depth and flow.
 pub mod blend_fwd_p8 {
     use super::super::kernel::*;
-    /// `Push` of the shaders.
-    #[repr(C)]
-    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-    pub struct Push {
-        /// `n_blocks` of the shader.
-        pub n_blocks: u32,
-        /// `stride` of the shader.
-        pub stride: u32,
-        /// `round` of the shader.
-        pub round: u32,
-        /// `last_round` of the shader.
-        pub last_round: u32,
-    }
-    const _: () = {
-        assert!(size_of::<Push>() == 16);
-        assert!(std::mem::offset_of!(Push, n_blocks) == 0);
-        assert!(std::mem::offset_of!(Push, stride) == 4);
-        assert!(std::mem::offset_of!(Push, round) == 8);
-        assert!(std::mem::offset_of!(Push, last_round) == 12);
+    /// What the device needs to know. A variant of [`super::blend_fwd_p4`].
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "blend_fwd_p8",
+        push_bytes: size_of::<super::blend_fwd_p4::Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/blend_fwd_p8.spv"),
+        local: 64,
+        subgroups: true,
+        bindings: &[
+            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+            BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tile_last", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "image0", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "image1", kind: BindingKind::Storage, access: Access::ReadWrite },
+        ],
     };
-    /// The kernel's buffers.
-    pub struct Args<'a> {
-        /// Reads.
-        pub view: &'a Buf<super::ViewParams>,
-        /// Reads.
-        pub tile_order: &'a Buf<u32>,
-        /// Reads.
-        pub tile_first: &'a Buf<u32>,
-        /// Reads.
-        pub tile_last: &'a Buf<u32>,
-        /// Reads.
-        pub splat_ids: &'a Buf<u32>,
-        /// Reads.
-        pub splats: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub image0: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub image1: &'a Buf<[f32; 4]>,
-    }
-    impl Kernel for Args<'_> {
-        type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "blend_fwd_p8",
-            local: 64,
-            subgroups: true,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/blend_fwd_p8.spv"),
-            bindings: &[
-                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-                BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "tile_last", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "image0", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "image1", kind: BindingKind::Storage, access: Access::ReadWrite },
-            ],
-        };
-        fn slices(&self) -> Vec<Slice> {
-            vec![
-                self.view.slice(),
-                self.tile_order.slice(),
-                self.tile_first.slice(),
-                self.tile_last.slice(),
-                self.splat_ids.slice(),
-                self.splats.slice(),
-                self.image0.slice(),
-                self.image1.slice(),
-            ]
-        }
-    }
 }
 
 /// blends each tile's Gaussians front to back into colour, alpha, depth, inverse depth and flow.
 pub mod blend_fwd_color_p4 {
     use super::super::kernel::*;
-    /// `Push` of the shaders.
-    #[repr(C)]
-    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-    pub struct Push {
-        /// `n_blocks` of the shader.
-        pub n_blocks: u32,
-        /// `stride` of the shader.
-        pub stride: u32,
-        /// `round` of the shader.
-        pub round: u32,
-        /// `last_round` of the shader.
-        pub last_round: u32,
-    }
-    const _: () = {
-        assert!(size_of::<Push>() == 16);
-        assert!(std::mem::offset_of!(Push, n_blocks) == 0);
-        assert!(std::mem::offset_of!(Push, stride) == 4);
-        assert!(std::mem::offset_of!(Push, round) == 8);
-        assert!(std::mem::offset_of!(Push, last_round) == 12);
+    /// What the device needs to know. A variant of [`super::blend_fwd_p4`].
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "blend_fwd_color_p4",
+        push_bytes: size_of::<super::blend_fwd_p4::Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/blend_fwd_color_p4.spv"),
+        local: 64,
+        subgroups: true,
+        bindings: &[
+            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+            BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tile_last", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "image0", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "image1", kind: BindingKind::Storage, access: Access::ReadWrite },
+        ],
     };
-    /// The kernel's buffers.
-    pub struct Args<'a> {
-        /// Reads.
-        pub view: &'a Buf<super::ViewParams>,
-        /// Reads.
-        pub tile_order: &'a Buf<u32>,
-        /// Reads.
-        pub tile_first: &'a Buf<u32>,
-        /// Reads.
-        pub tile_last: &'a Buf<u32>,
-        /// Reads.
-        pub splat_ids: &'a Buf<u32>,
-        /// Reads.
-        pub splats: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub image0: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub image1: &'a Buf<[f32; 4]>,
-    }
-    impl Kernel for Args<'_> {
-        type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "blend_fwd_color_p4",
-            local: 64,
-            subgroups: true,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/blend_fwd_color_p4.spv"),
-            bindings: &[
-                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-                BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "tile_last", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "image0", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "image1", kind: BindingKind::Storage, access: Access::ReadWrite },
-            ],
-        };
-        fn slices(&self) -> Vec<Slice> {
-            vec![
-                self.view.slice(),
-                self.tile_order.slice(),
-                self.tile_first.slice(),
-                self.tile_last.slice(),
-                self.splat_ids.slice(),
-                self.splats.slice(),
-                self.image0.slice(),
-                self.image1.slice(),
-            ]
-        }
-    }
 }
 
 /// blends each tile's Gaussians front to back into colour, alpha, depth, inverse depth and flow.
 pub mod blend_fwd_color_p8 {
     use super::super::kernel::*;
-    /// `Push` of the shaders.
-    #[repr(C)]
-    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-    pub struct Push {
-        /// `n_blocks` of the shader.
-        pub n_blocks: u32,
-        /// `stride` of the shader.
-        pub stride: u32,
-        /// `round` of the shader.
-        pub round: u32,
-        /// `last_round` of the shader.
-        pub last_round: u32,
-    }
-    const _: () = {
-        assert!(size_of::<Push>() == 16);
-        assert!(std::mem::offset_of!(Push, n_blocks) == 0);
-        assert!(std::mem::offset_of!(Push, stride) == 4);
-        assert!(std::mem::offset_of!(Push, round) == 8);
-        assert!(std::mem::offset_of!(Push, last_round) == 12);
+    /// What the device needs to know. A variant of [`super::blend_fwd_p4`].
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "blend_fwd_color_p8",
+        push_bytes: size_of::<super::blend_fwd_p4::Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/blend_fwd_color_p8.spv"),
+        local: 64,
+        subgroups: true,
+        bindings: &[
+            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+            BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tile_last", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "image0", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "image1", kind: BindingKind::Storage, access: Access::ReadWrite },
+        ],
     };
-    /// The kernel's buffers.
-    pub struct Args<'a> {
-        /// Reads.
-        pub view: &'a Buf<super::ViewParams>,
-        /// Reads.
-        pub tile_order: &'a Buf<u32>,
-        /// Reads.
-        pub tile_first: &'a Buf<u32>,
-        /// Reads.
-        pub tile_last: &'a Buf<u32>,
-        /// Reads.
-        pub splat_ids: &'a Buf<u32>,
-        /// Reads.
-        pub splats: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub image0: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub image1: &'a Buf<[f32; 4]>,
-    }
-    impl Kernel for Args<'_> {
-        type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "blend_fwd_color_p8",
-            local: 64,
-            subgroups: true,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/blend_fwd_color_p8.spv"),
-            bindings: &[
-                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-                BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "tile_last", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "image0", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "image1", kind: BindingKind::Storage, access: Access::ReadWrite },
-            ],
-        };
-        fn slices(&self) -> Vec<Slice> {
-            vec![
-                self.view.slice(),
-                self.tile_order.slice(),
-                self.tile_first.slice(),
-                self.tile_last.slice(),
-                self.splat_ids.slice(),
-                self.splats.slice(),
-                self.image0.slice(),
-                self.image1.slice(),
-            ]
-        }
-    }
 }
 
 /// blends each tile's Gaussians front to back into colour, alpha, depth, inverse depth and flow.
@@ -2228,24 +1616,7 @@ pub mod blend_fwd_train_p4 {
     }
     impl Kernel for Args<'_> {
         type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "blend_fwd_train_p4",
-            local: 64,
-            subgroups: true,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/blend_fwd_train_p4.spv"),
-            bindings: &[
-                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-                BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "tile_last", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "image0", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "image1", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::ReadWrite },
-            ],
-        };
+        const INFO: &'static KernelInfo = INFO;
         fn slices(&self) -> Vec<Slice> {
             vec![
                 self.view.slice(),
@@ -2260,246 +1631,97 @@ pub mod blend_fwd_train_p4 {
             ]
         }
     }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "blend_fwd_train_p4",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/blend_fwd_train_p4.spv"),
+        local: 64,
+        subgroups: true,
+        bindings: &[
+            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+            BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tile_last", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "image0", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "image1", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::ReadWrite },
+        ],
+    };
 }
 
 /// blends each tile's Gaussians front to back into colour, alpha, depth, inverse depth and flow.
 pub mod blend_fwd_train_p8 {
     use super::super::kernel::*;
-    /// `Push` of the shaders.
-    #[repr(C)]
-    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-    pub struct Push {
-        /// `n_blocks` of the shader.
-        pub n_blocks: u32,
-        /// `stride` of the shader.
-        pub stride: u32,
-        /// `round` of the shader.
-        pub round: u32,
-        /// `last_round` of the shader.
-        pub last_round: u32,
-    }
-    const _: () = {
-        assert!(size_of::<Push>() == 16);
-        assert!(std::mem::offset_of!(Push, n_blocks) == 0);
-        assert!(std::mem::offset_of!(Push, stride) == 4);
-        assert!(std::mem::offset_of!(Push, round) == 8);
-        assert!(std::mem::offset_of!(Push, last_round) == 12);
+    /// What the device needs to know. A variant of [`super::blend_fwd_train_p4`].
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "blend_fwd_train_p8",
+        push_bytes: size_of::<super::blend_fwd_train_p4::Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/blend_fwd_train_p8.spv"),
+        local: 64,
+        subgroups: true,
+        bindings: &[
+            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+            BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tile_last", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "image0", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "image1", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::ReadWrite },
+        ],
     };
-    /// The kernel's buffers.
-    pub struct Args<'a> {
-        /// Reads.
-        pub view: &'a Buf<super::ViewParams>,
-        /// Reads.
-        pub tile_order: &'a Buf<u32>,
-        /// Reads.
-        pub tile_first: &'a Buf<u32>,
-        /// Reads.
-        pub tile_last: &'a Buf<u32>,
-        /// Reads.
-        pub splat_ids: &'a Buf<u32>,
-        /// Reads.
-        pub splats: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub image0: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub image1: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub tail: &'a Buf<[u32; 2]>,
-    }
-    impl Kernel for Args<'_> {
-        type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "blend_fwd_train_p8",
-            local: 64,
-            subgroups: true,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/blend_fwd_train_p8.spv"),
-            bindings: &[
-                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-                BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "tile_last", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "image0", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "image1", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::ReadWrite },
-            ],
-        };
-        fn slices(&self) -> Vec<Slice> {
-            vec![
-                self.view.slice(),
-                self.tile_order.slice(),
-                self.tile_first.slice(),
-                self.tile_last.slice(),
-                self.splat_ids.slice(),
-                self.splats.slice(),
-                self.image0.slice(),
-                self.image1.slice(),
-                self.tail.slice(),
-            ]
-        }
-    }
 }
 
 /// blends each tile's Gaussians front to back into colour, alpha, depth, inverse depth and flow.
 pub mod blend_fwd_train_color_p4 {
     use super::super::kernel::*;
-    /// `Push` of the shaders.
-    #[repr(C)]
-    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-    pub struct Push {
-        /// `n_blocks` of the shader.
-        pub n_blocks: u32,
-        /// `stride` of the shader.
-        pub stride: u32,
-        /// `round` of the shader.
-        pub round: u32,
-        /// `last_round` of the shader.
-        pub last_round: u32,
-    }
-    const _: () = {
-        assert!(size_of::<Push>() == 16);
-        assert!(std::mem::offset_of!(Push, n_blocks) == 0);
-        assert!(std::mem::offset_of!(Push, stride) == 4);
-        assert!(std::mem::offset_of!(Push, round) == 8);
-        assert!(std::mem::offset_of!(Push, last_round) == 12);
+    /// What the device needs to know. A variant of [`super::blend_fwd_train_p4`].
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "blend_fwd_train_color_p4",
+        push_bytes: size_of::<super::blend_fwd_train_p4::Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/blend_fwd_train_color_p4.spv"),
+        local: 64,
+        subgroups: true,
+        bindings: &[
+            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+            BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tile_last", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "image0", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "image1", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::ReadWrite },
+        ],
     };
-    /// The kernel's buffers.
-    pub struct Args<'a> {
-        /// Reads.
-        pub view: &'a Buf<super::ViewParams>,
-        /// Reads.
-        pub tile_order: &'a Buf<u32>,
-        /// Reads.
-        pub tile_first: &'a Buf<u32>,
-        /// Reads.
-        pub tile_last: &'a Buf<u32>,
-        /// Reads.
-        pub splat_ids: &'a Buf<u32>,
-        /// Reads.
-        pub splats: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub image0: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub image1: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub tail: &'a Buf<[u32; 2]>,
-    }
-    impl Kernel for Args<'_> {
-        type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "blend_fwd_train_color_p4",
-            local: 64,
-            subgroups: true,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/blend_fwd_train_color_p4.spv"),
-            bindings: &[
-                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-                BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "tile_last", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "image0", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "image1", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::ReadWrite },
-            ],
-        };
-        fn slices(&self) -> Vec<Slice> {
-            vec![
-                self.view.slice(),
-                self.tile_order.slice(),
-                self.tile_first.slice(),
-                self.tile_last.slice(),
-                self.splat_ids.slice(),
-                self.splats.slice(),
-                self.image0.slice(),
-                self.image1.slice(),
-                self.tail.slice(),
-            ]
-        }
-    }
 }
 
 /// blends each tile's Gaussians front to back into colour, alpha, depth, inverse depth and flow.
 pub mod blend_fwd_train_color_p8 {
     use super::super::kernel::*;
-    /// `Push` of the shaders.
-    #[repr(C)]
-    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-    pub struct Push {
-        /// `n_blocks` of the shader.
-        pub n_blocks: u32,
-        /// `stride` of the shader.
-        pub stride: u32,
-        /// `round` of the shader.
-        pub round: u32,
-        /// `last_round` of the shader.
-        pub last_round: u32,
-    }
-    const _: () = {
-        assert!(size_of::<Push>() == 16);
-        assert!(std::mem::offset_of!(Push, n_blocks) == 0);
-        assert!(std::mem::offset_of!(Push, stride) == 4);
-        assert!(std::mem::offset_of!(Push, round) == 8);
-        assert!(std::mem::offset_of!(Push, last_round) == 12);
+    /// What the device needs to know. A variant of [`super::blend_fwd_train_p4`].
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "blend_fwd_train_color_p8",
+        push_bytes: size_of::<super::blend_fwd_train_p4::Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/blend_fwd_train_color_p8.spv"),
+        local: 64,
+        subgroups: true,
+        bindings: &[
+            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+            BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tile_last", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "image0", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "image1", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::ReadWrite },
+        ],
     };
-    /// The kernel's buffers.
-    pub struct Args<'a> {
-        /// Reads.
-        pub view: &'a Buf<super::ViewParams>,
-        /// Reads.
-        pub tile_order: &'a Buf<u32>,
-        /// Reads.
-        pub tile_first: &'a Buf<u32>,
-        /// Reads.
-        pub tile_last: &'a Buf<u32>,
-        /// Reads.
-        pub splat_ids: &'a Buf<u32>,
-        /// Reads.
-        pub splats: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub image0: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub image1: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub tail: &'a Buf<[u32; 2]>,
-    }
-    impl Kernel for Args<'_> {
-        type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "blend_fwd_train_color_p8",
-            local: 64,
-            subgroups: true,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/blend_fwd_train_color_p8.spv"),
-            bindings: &[
-                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-                BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "tile_last", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "image0", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "image1", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::ReadWrite },
-            ],
-        };
-        fn slices(&self) -> Vec<Slice> {
-            vec![
-                self.view.slice(),
-                self.tile_order.slice(),
-                self.tile_first.slice(),
-                self.tile_last.slice(),
-                self.splat_ids.slice(),
-                self.splats.slice(),
-                self.image0.slice(),
-                self.image1.slice(),
-                self.tail.slice(),
-            ]
-        }
-    }
 }
 
 /// carries the cotangents of a picture back to the splats, in one of four modes of accumulation.
@@ -2558,26 +1780,7 @@ pub mod blend_bwd_p4 {
     }
     impl Kernel for Args<'_> {
         type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "blend_bwd_p4",
-            local: 64,
-            subgroups: true,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/blend_bwd_p4.spv"),
-            bindings: &[
-                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-                BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "slots", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "d_image0", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "carry", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "d_image1", kind: BindingKind::Storage, access: Access::Read },
-            ],
-        };
+        const INFO: &'static KernelInfo = INFO;
         fn slices(&self) -> Vec<Slice> {
             vec![
                 self.view.slice(),
@@ -2594,288 +1797,105 @@ pub mod blend_bwd_p4 {
             ]
         }
     }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "blend_bwd_p4",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/blend_bwd_p4.spv"),
+        local: 64,
+        subgroups: true,
+        bindings: &[
+            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+            BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "slots", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_image0", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "carry", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "d_image1", kind: BindingKind::Storage, access: Access::Read },
+        ],
+    };
 }
 
 /// carries the cotangents of a picture back to the splats, in one of four modes of accumulation.
 pub mod blend_bwd_p8 {
     use super::super::kernel::*;
-    /// `Push` of the shaders.
-    #[repr(C)]
-    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-    pub struct Push {
-        /// `n_work` of the shader.
-        pub n_work: u32,
-        /// `stride` of the shader.
-        pub stride: u32,
-        /// `block` of the shader.
-        pub block: u32,
-        /// `segment` of the shader.
-        pub segment: u32,
-        /// `first_round` of the shader.
-        pub first_round: u32,
-        /// `scale` of the shader.
-        pub scale: f32,
-    }
-    const _: () = {
-        assert!(size_of::<Push>() == 24);
-        assert!(std::mem::offset_of!(Push, n_work) == 0);
-        assert!(std::mem::offset_of!(Push, stride) == 4);
-        assert!(std::mem::offset_of!(Push, block) == 8);
-        assert!(std::mem::offset_of!(Push, segment) == 12);
-        assert!(std::mem::offset_of!(Push, first_round) == 16);
-        assert!(std::mem::offset_of!(Push, scale) == 20);
+    /// What the device needs to know. A variant of [`super::blend_bwd_p4`].
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "blend_bwd_p8",
+        push_bytes: size_of::<super::blend_bwd_p4::Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/blend_bwd_p8.spv"),
+        local: 64,
+        subgroups: true,
+        bindings: &[
+            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+            BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "slots", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_image0", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "carry", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "d_image1", kind: BindingKind::Storage, access: Access::Read },
+        ],
     };
-    /// The kernel's buffers.
-    pub struct Args<'a> {
-        /// Reads.
-        pub view: &'a Buf<super::ViewParams>,
-        /// Reads.
-        pub tile_order: &'a Buf<u32>,
-        /// Reads.
-        pub tile_first: &'a Buf<u32>,
-        /// Reads.
-        pub splat_ids: &'a Buf<u32>,
-        /// Reads.
-        pub slots: &'a Buf<u32>,
-        /// Reads.
-        pub splats: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub tail: &'a Buf<[u32; 2]>,
-        /// Reads.
-        pub d_image0: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub carry: &'a Buf<[f32; 2]>,
-        /// ReadWrites.
-        pub d_slots: &'a Buf<[f32; 2]>,
-        /// Reads.
-        pub d_image1: &'a Buf<[f32; 4]>,
-    }
-    impl Kernel for Args<'_> {
-        type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "blend_bwd_p8",
-            local: 64,
-            subgroups: true,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/blend_bwd_p8.spv"),
-            bindings: &[
-                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-                BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "slots", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "d_image0", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "carry", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "d_image1", kind: BindingKind::Storage, access: Access::Read },
-            ],
-        };
-        fn slices(&self) -> Vec<Slice> {
-            vec![
-                self.view.slice(),
-                self.tile_order.slice(),
-                self.tile_first.slice(),
-                self.splat_ids.slice(),
-                self.slots.slice(),
-                self.splats.slice(),
-                self.tail.slice(),
-                self.d_image0.slice(),
-                self.carry.slice(),
-                self.d_slots.slice(),
-                self.d_image1.slice(),
-            ]
-        }
-    }
 }
 
 /// carries the cotangents of a picture back to the splats, in one of four modes of accumulation.
 pub mod blend_bwd_color_p4 {
     use super::super::kernel::*;
-    /// `Push` of the shaders.
-    #[repr(C)]
-    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-    pub struct Push {
-        /// `n_work` of the shader.
-        pub n_work: u32,
-        /// `stride` of the shader.
-        pub stride: u32,
-        /// `block` of the shader.
-        pub block: u32,
-        /// `segment` of the shader.
-        pub segment: u32,
-        /// `first_round` of the shader.
-        pub first_round: u32,
-        /// `scale` of the shader.
-        pub scale: f32,
-    }
-    const _: () = {
-        assert!(size_of::<Push>() == 24);
-        assert!(std::mem::offset_of!(Push, n_work) == 0);
-        assert!(std::mem::offset_of!(Push, stride) == 4);
-        assert!(std::mem::offset_of!(Push, block) == 8);
-        assert!(std::mem::offset_of!(Push, segment) == 12);
-        assert!(std::mem::offset_of!(Push, first_round) == 16);
-        assert!(std::mem::offset_of!(Push, scale) == 20);
+    /// What the device needs to know. A variant of [`super::blend_bwd_p4`].
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "blend_bwd_color_p4",
+        push_bytes: size_of::<super::blend_bwd_p4::Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/blend_bwd_color_p4.spv"),
+        local: 64,
+        subgroups: true,
+        bindings: &[
+            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+            BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "slots", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_image0", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "carry", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "d_image1", kind: BindingKind::Storage, access: Access::Read },
+        ],
     };
-    /// The kernel's buffers.
-    pub struct Args<'a> {
-        /// Reads.
-        pub view: &'a Buf<super::ViewParams>,
-        /// Reads.
-        pub tile_order: &'a Buf<u32>,
-        /// Reads.
-        pub tile_first: &'a Buf<u32>,
-        /// Reads.
-        pub splat_ids: &'a Buf<u32>,
-        /// Reads.
-        pub slots: &'a Buf<u32>,
-        /// Reads.
-        pub splats: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub tail: &'a Buf<[u32; 2]>,
-        /// Reads.
-        pub d_image0: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub carry: &'a Buf<[f32; 2]>,
-        /// ReadWrites.
-        pub d_slots: &'a Buf<[f32; 2]>,
-        /// Reads.
-        pub d_image1: &'a Buf<[f32; 4]>,
-    }
-    impl Kernel for Args<'_> {
-        type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "blend_bwd_color_p4",
-            local: 64,
-            subgroups: true,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/blend_bwd_color_p4.spv"),
-            bindings: &[
-                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-                BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "slots", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "d_image0", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "carry", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "d_image1", kind: BindingKind::Storage, access: Access::Read },
-            ],
-        };
-        fn slices(&self) -> Vec<Slice> {
-            vec![
-                self.view.slice(),
-                self.tile_order.slice(),
-                self.tile_first.slice(),
-                self.splat_ids.slice(),
-                self.slots.slice(),
-                self.splats.slice(),
-                self.tail.slice(),
-                self.d_image0.slice(),
-                self.carry.slice(),
-                self.d_slots.slice(),
-                self.d_image1.slice(),
-            ]
-        }
-    }
 }
 
 /// carries the cotangents of a picture back to the splats, in one of four modes of accumulation.
 pub mod blend_bwd_color_p8 {
     use super::super::kernel::*;
-    /// `Push` of the shaders.
-    #[repr(C)]
-    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-    pub struct Push {
-        /// `n_work` of the shader.
-        pub n_work: u32,
-        /// `stride` of the shader.
-        pub stride: u32,
-        /// `block` of the shader.
-        pub block: u32,
-        /// `segment` of the shader.
-        pub segment: u32,
-        /// `first_round` of the shader.
-        pub first_round: u32,
-        /// `scale` of the shader.
-        pub scale: f32,
-    }
-    const _: () = {
-        assert!(size_of::<Push>() == 24);
-        assert!(std::mem::offset_of!(Push, n_work) == 0);
-        assert!(std::mem::offset_of!(Push, stride) == 4);
-        assert!(std::mem::offset_of!(Push, block) == 8);
-        assert!(std::mem::offset_of!(Push, segment) == 12);
-        assert!(std::mem::offset_of!(Push, first_round) == 16);
-        assert!(std::mem::offset_of!(Push, scale) == 20);
+    /// What the device needs to know. A variant of [`super::blend_bwd_p4`].
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "blend_bwd_color_p8",
+        push_bytes: size_of::<super::blend_bwd_p4::Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/blend_bwd_color_p8.spv"),
+        local: 64,
+        subgroups: true,
+        bindings: &[
+            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+            BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "slots", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_image0", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "carry", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "d_image1", kind: BindingKind::Storage, access: Access::Read },
+        ],
     };
-    /// The kernel's buffers.
-    pub struct Args<'a> {
-        /// Reads.
-        pub view: &'a Buf<super::ViewParams>,
-        /// Reads.
-        pub tile_order: &'a Buf<u32>,
-        /// Reads.
-        pub tile_first: &'a Buf<u32>,
-        /// Reads.
-        pub splat_ids: &'a Buf<u32>,
-        /// Reads.
-        pub slots: &'a Buf<u32>,
-        /// Reads.
-        pub splats: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub tail: &'a Buf<[u32; 2]>,
-        /// Reads.
-        pub d_image0: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub carry: &'a Buf<[f32; 2]>,
-        /// ReadWrites.
-        pub d_slots: &'a Buf<[f32; 2]>,
-        /// Reads.
-        pub d_image1: &'a Buf<[f32; 4]>,
-    }
-    impl Kernel for Args<'_> {
-        type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "blend_bwd_color_p8",
-            local: 64,
-            subgroups: true,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/blend_bwd_color_p8.spv"),
-            bindings: &[
-                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-                BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "slots", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "d_image0", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "carry", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "d_image1", kind: BindingKind::Storage, access: Access::Read },
-            ],
-        };
-        fn slices(&self) -> Vec<Slice> {
-            vec![
-                self.view.slice(),
-                self.tile_order.slice(),
-                self.tile_first.slice(),
-                self.splat_ids.slice(),
-                self.slots.slice(),
-                self.splats.slice(),
-                self.tail.slice(),
-                self.d_image0.slice(),
-                self.carry.slice(),
-                self.d_slots.slice(),
-                self.d_image1.slice(),
-            ]
-        }
-    }
 }
 
 /// carries the cotangents of a picture back to the splats, in one of four modes of accumulation.
@@ -2934,26 +1954,7 @@ pub mod blend_bwd_float_p4 {
     }
     impl Kernel for Args<'_> {
         type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "blend_bwd_float_p4",
-            local: 64,
-            subgroups: true,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/blend_bwd_float_p4.spv"),
-            bindings: &[
-                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-                BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "slots", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "d_image0", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "carry", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "d_image1", kind: BindingKind::Storage, access: Access::Read },
-            ],
-        };
+        const INFO: &'static KernelInfo = INFO;
         fn slices(&self) -> Vec<Slice> {
             vec![
                 self.view.slice(),
@@ -2970,288 +1971,105 @@ pub mod blend_bwd_float_p4 {
             ]
         }
     }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "blend_bwd_float_p4",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/blend_bwd_float_p4.spv"),
+        local: 64,
+        subgroups: true,
+        bindings: &[
+            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+            BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "slots", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_image0", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "carry", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "d_image1", kind: BindingKind::Storage, access: Access::Read },
+        ],
+    };
 }
 
 /// carries the cotangents of a picture back to the splats, in one of four modes of accumulation.
 pub mod blend_bwd_float_p8 {
     use super::super::kernel::*;
-    /// `Push` of the shaders.
-    #[repr(C)]
-    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-    pub struct Push {
-        /// `n_work` of the shader.
-        pub n_work: u32,
-        /// `stride` of the shader.
-        pub stride: u32,
-        /// `block` of the shader.
-        pub block: u32,
-        /// `segment` of the shader.
-        pub segment: u32,
-        /// `first_round` of the shader.
-        pub first_round: u32,
-        /// `scale` of the shader.
-        pub scale: f32,
-    }
-    const _: () = {
-        assert!(size_of::<Push>() == 24);
-        assert!(std::mem::offset_of!(Push, n_work) == 0);
-        assert!(std::mem::offset_of!(Push, stride) == 4);
-        assert!(std::mem::offset_of!(Push, block) == 8);
-        assert!(std::mem::offset_of!(Push, segment) == 12);
-        assert!(std::mem::offset_of!(Push, first_round) == 16);
-        assert!(std::mem::offset_of!(Push, scale) == 20);
+    /// What the device needs to know. A variant of [`super::blend_bwd_float_p4`].
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "blend_bwd_float_p8",
+        push_bytes: size_of::<super::blend_bwd_float_p4::Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/blend_bwd_float_p8.spv"),
+        local: 64,
+        subgroups: true,
+        bindings: &[
+            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+            BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "slots", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_image0", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "carry", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "d_image1", kind: BindingKind::Storage, access: Access::Read },
+        ],
     };
-    /// The kernel's buffers.
-    pub struct Args<'a> {
-        /// Reads.
-        pub view: &'a Buf<super::ViewParams>,
-        /// Reads.
-        pub tile_order: &'a Buf<u32>,
-        /// Reads.
-        pub tile_first: &'a Buf<u32>,
-        /// Reads.
-        pub splat_ids: &'a Buf<u32>,
-        /// Reads.
-        pub slots: &'a Buf<u32>,
-        /// Reads.
-        pub splats: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub tail: &'a Buf<[u32; 2]>,
-        /// Reads.
-        pub d_image0: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub carry: &'a Buf<[f32; 2]>,
-        /// ReadWrites.
-        pub d_slots: &'a Buf<f32>,
-        /// Reads.
-        pub d_image1: &'a Buf<[f32; 4]>,
-    }
-    impl Kernel for Args<'_> {
-        type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "blend_bwd_float_p8",
-            local: 64,
-            subgroups: true,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/blend_bwd_float_p8.spv"),
-            bindings: &[
-                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-                BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "slots", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "d_image0", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "carry", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "d_image1", kind: BindingKind::Storage, access: Access::Read },
-            ],
-        };
-        fn slices(&self) -> Vec<Slice> {
-            vec![
-                self.view.slice(),
-                self.tile_order.slice(),
-                self.tile_first.slice(),
-                self.splat_ids.slice(),
-                self.slots.slice(),
-                self.splats.slice(),
-                self.tail.slice(),
-                self.d_image0.slice(),
-                self.carry.slice(),
-                self.d_slots.slice(),
-                self.d_image1.slice(),
-            ]
-        }
-    }
 }
 
 /// carries the cotangents of a picture back to the splats, in one of four modes of accumulation.
 pub mod blend_bwd_float_color_p4 {
     use super::super::kernel::*;
-    /// `Push` of the shaders.
-    #[repr(C)]
-    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-    pub struct Push {
-        /// `n_work` of the shader.
-        pub n_work: u32,
-        /// `stride` of the shader.
-        pub stride: u32,
-        /// `block` of the shader.
-        pub block: u32,
-        /// `segment` of the shader.
-        pub segment: u32,
-        /// `first_round` of the shader.
-        pub first_round: u32,
-        /// `scale` of the shader.
-        pub scale: f32,
-    }
-    const _: () = {
-        assert!(size_of::<Push>() == 24);
-        assert!(std::mem::offset_of!(Push, n_work) == 0);
-        assert!(std::mem::offset_of!(Push, stride) == 4);
-        assert!(std::mem::offset_of!(Push, block) == 8);
-        assert!(std::mem::offset_of!(Push, segment) == 12);
-        assert!(std::mem::offset_of!(Push, first_round) == 16);
-        assert!(std::mem::offset_of!(Push, scale) == 20);
+    /// What the device needs to know. A variant of [`super::blend_bwd_float_p4`].
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "blend_bwd_float_color_p4",
+        push_bytes: size_of::<super::blend_bwd_float_p4::Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/blend_bwd_float_color_p4.spv"),
+        local: 64,
+        subgroups: true,
+        bindings: &[
+            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+            BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "slots", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_image0", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "carry", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "d_image1", kind: BindingKind::Storage, access: Access::Read },
+        ],
     };
-    /// The kernel's buffers.
-    pub struct Args<'a> {
-        /// Reads.
-        pub view: &'a Buf<super::ViewParams>,
-        /// Reads.
-        pub tile_order: &'a Buf<u32>,
-        /// Reads.
-        pub tile_first: &'a Buf<u32>,
-        /// Reads.
-        pub splat_ids: &'a Buf<u32>,
-        /// Reads.
-        pub slots: &'a Buf<u32>,
-        /// Reads.
-        pub splats: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub tail: &'a Buf<[u32; 2]>,
-        /// Reads.
-        pub d_image0: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub carry: &'a Buf<[f32; 2]>,
-        /// ReadWrites.
-        pub d_slots: &'a Buf<f32>,
-        /// Reads.
-        pub d_image1: &'a Buf<[f32; 4]>,
-    }
-    impl Kernel for Args<'_> {
-        type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "blend_bwd_float_color_p4",
-            local: 64,
-            subgroups: true,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/blend_bwd_float_color_p4.spv"),
-            bindings: &[
-                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-                BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "slots", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "d_image0", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "carry", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "d_image1", kind: BindingKind::Storage, access: Access::Read },
-            ],
-        };
-        fn slices(&self) -> Vec<Slice> {
-            vec![
-                self.view.slice(),
-                self.tile_order.slice(),
-                self.tile_first.slice(),
-                self.splat_ids.slice(),
-                self.slots.slice(),
-                self.splats.slice(),
-                self.tail.slice(),
-                self.d_image0.slice(),
-                self.carry.slice(),
-                self.d_slots.slice(),
-                self.d_image1.slice(),
-            ]
-        }
-    }
 }
 
 /// carries the cotangents of a picture back to the splats, in one of four modes of accumulation.
 pub mod blend_bwd_float_color_p8 {
     use super::super::kernel::*;
-    /// `Push` of the shaders.
-    #[repr(C)]
-    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-    pub struct Push {
-        /// `n_work` of the shader.
-        pub n_work: u32,
-        /// `stride` of the shader.
-        pub stride: u32,
-        /// `block` of the shader.
-        pub block: u32,
-        /// `segment` of the shader.
-        pub segment: u32,
-        /// `first_round` of the shader.
-        pub first_round: u32,
-        /// `scale` of the shader.
-        pub scale: f32,
-    }
-    const _: () = {
-        assert!(size_of::<Push>() == 24);
-        assert!(std::mem::offset_of!(Push, n_work) == 0);
-        assert!(std::mem::offset_of!(Push, stride) == 4);
-        assert!(std::mem::offset_of!(Push, block) == 8);
-        assert!(std::mem::offset_of!(Push, segment) == 12);
-        assert!(std::mem::offset_of!(Push, first_round) == 16);
-        assert!(std::mem::offset_of!(Push, scale) == 20);
+    /// What the device needs to know. A variant of [`super::blend_bwd_float_p4`].
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "blend_bwd_float_color_p8",
+        push_bytes: size_of::<super::blend_bwd_float_p4::Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/blend_bwd_float_color_p8.spv"),
+        local: 64,
+        subgroups: true,
+        bindings: &[
+            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+            BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "slots", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_image0", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "carry", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "d_image1", kind: BindingKind::Storage, access: Access::Read },
+        ],
     };
-    /// The kernel's buffers.
-    pub struct Args<'a> {
-        /// Reads.
-        pub view: &'a Buf<super::ViewParams>,
-        /// Reads.
-        pub tile_order: &'a Buf<u32>,
-        /// Reads.
-        pub tile_first: &'a Buf<u32>,
-        /// Reads.
-        pub splat_ids: &'a Buf<u32>,
-        /// Reads.
-        pub slots: &'a Buf<u32>,
-        /// Reads.
-        pub splats: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub tail: &'a Buf<[u32; 2]>,
-        /// Reads.
-        pub d_image0: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub carry: &'a Buf<[f32; 2]>,
-        /// ReadWrites.
-        pub d_slots: &'a Buf<f32>,
-        /// Reads.
-        pub d_image1: &'a Buf<[f32; 4]>,
-    }
-    impl Kernel for Args<'_> {
-        type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "blend_bwd_float_color_p8",
-            local: 64,
-            subgroups: true,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/blend_bwd_float_color_p8.spv"),
-            bindings: &[
-                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-                BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "slots", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "d_image0", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "carry", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "d_image1", kind: BindingKind::Storage, access: Access::Read },
-            ],
-        };
-        fn slices(&self) -> Vec<Slice> {
-            vec![
-                self.view.slice(),
-                self.tile_order.slice(),
-                self.tile_first.slice(),
-                self.splat_ids.slice(),
-                self.slots.slice(),
-                self.splats.slice(),
-                self.tail.slice(),
-                self.d_image0.slice(),
-                self.carry.slice(),
-                self.d_slots.slice(),
-                self.d_image1.slice(),
-            ]
-        }
-    }
 }
 
 /// carries the cotangents of a picture back to the splats, in one of four modes of accumulation.
@@ -3310,26 +2128,7 @@ pub mod blend_bwd_fixed_p4 {
     }
     impl Kernel for Args<'_> {
         type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "blend_bwd_fixed_p4",
-            local: 64,
-            subgroups: true,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/blend_bwd_fixed_p4.spv"),
-            bindings: &[
-                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-                BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "slots", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "d_image0", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "carry", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "d_image1", kind: BindingKind::Storage, access: Access::Read },
-            ],
-        };
+        const INFO: &'static KernelInfo = INFO;
         fn slices(&self) -> Vec<Slice> {
             vec![
                 self.view.slice(),
@@ -3346,664 +2145,209 @@ pub mod blend_bwd_fixed_p4 {
             ]
         }
     }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "blend_bwd_fixed_p4",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/blend_bwd_fixed_p4.spv"),
+        local: 64,
+        subgroups: true,
+        bindings: &[
+            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+            BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "slots", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_image0", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "carry", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "d_image1", kind: BindingKind::Storage, access: Access::Read },
+        ],
+    };
 }
 
 /// carries the cotangents of a picture back to the splats, in one of four modes of accumulation.
 pub mod blend_bwd_fixed_p8 {
     use super::super::kernel::*;
-    /// `Push` of the shaders.
-    #[repr(C)]
-    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-    pub struct Push {
-        /// `n_work` of the shader.
-        pub n_work: u32,
-        /// `stride` of the shader.
-        pub stride: u32,
-        /// `block` of the shader.
-        pub block: u32,
-        /// `segment` of the shader.
-        pub segment: u32,
-        /// `first_round` of the shader.
-        pub first_round: u32,
-        /// `scale` of the shader.
-        pub scale: f32,
-    }
-    const _: () = {
-        assert!(size_of::<Push>() == 24);
-        assert!(std::mem::offset_of!(Push, n_work) == 0);
-        assert!(std::mem::offset_of!(Push, stride) == 4);
-        assert!(std::mem::offset_of!(Push, block) == 8);
-        assert!(std::mem::offset_of!(Push, segment) == 12);
-        assert!(std::mem::offset_of!(Push, first_round) == 16);
-        assert!(std::mem::offset_of!(Push, scale) == 20);
+    /// What the device needs to know. A variant of [`super::blend_bwd_fixed_p4`].
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "blend_bwd_fixed_p8",
+        push_bytes: size_of::<super::blend_bwd_fixed_p4::Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/blend_bwd_fixed_p8.spv"),
+        local: 64,
+        subgroups: true,
+        bindings: &[
+            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+            BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "slots", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_image0", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "carry", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "d_image1", kind: BindingKind::Storage, access: Access::Read },
+        ],
     };
-    /// The kernel's buffers.
-    pub struct Args<'a> {
-        /// Reads.
-        pub view: &'a Buf<super::ViewParams>,
-        /// Reads.
-        pub tile_order: &'a Buf<u32>,
-        /// Reads.
-        pub tile_first: &'a Buf<u32>,
-        /// Reads.
-        pub splat_ids: &'a Buf<u32>,
-        /// Reads.
-        pub slots: &'a Buf<u32>,
-        /// Reads.
-        pub splats: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub tail: &'a Buf<[u32; 2]>,
-        /// Reads.
-        pub d_image0: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub carry: &'a Buf<[f32; 2]>,
-        /// ReadWrites.
-        pub d_slots: &'a Buf<u32>,
-        /// Reads.
-        pub d_image1: &'a Buf<[f32; 4]>,
-    }
-    impl Kernel for Args<'_> {
-        type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "blend_bwd_fixed_p8",
-            local: 64,
-            subgroups: true,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/blend_bwd_fixed_p8.spv"),
-            bindings: &[
-                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-                BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "slots", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "d_image0", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "carry", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "d_image1", kind: BindingKind::Storage, access: Access::Read },
-            ],
-        };
-        fn slices(&self) -> Vec<Slice> {
-            vec![
-                self.view.slice(),
-                self.tile_order.slice(),
-                self.tile_first.slice(),
-                self.splat_ids.slice(),
-                self.slots.slice(),
-                self.splats.slice(),
-                self.tail.slice(),
-                self.d_image0.slice(),
-                self.carry.slice(),
-                self.d_slots.slice(),
-                self.d_image1.slice(),
-            ]
-        }
-    }
 }
 
 /// carries the cotangents of a picture back to the splats, in one of four modes of accumulation.
 pub mod blend_bwd_fixed_color_p4 {
     use super::super::kernel::*;
-    /// `Push` of the shaders.
-    #[repr(C)]
-    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-    pub struct Push {
-        /// `n_work` of the shader.
-        pub n_work: u32,
-        /// `stride` of the shader.
-        pub stride: u32,
-        /// `block` of the shader.
-        pub block: u32,
-        /// `segment` of the shader.
-        pub segment: u32,
-        /// `first_round` of the shader.
-        pub first_round: u32,
-        /// `scale` of the shader.
-        pub scale: f32,
-    }
-    const _: () = {
-        assert!(size_of::<Push>() == 24);
-        assert!(std::mem::offset_of!(Push, n_work) == 0);
-        assert!(std::mem::offset_of!(Push, stride) == 4);
-        assert!(std::mem::offset_of!(Push, block) == 8);
-        assert!(std::mem::offset_of!(Push, segment) == 12);
-        assert!(std::mem::offset_of!(Push, first_round) == 16);
-        assert!(std::mem::offset_of!(Push, scale) == 20);
+    /// What the device needs to know. A variant of [`super::blend_bwd_fixed_p4`].
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "blend_bwd_fixed_color_p4",
+        push_bytes: size_of::<super::blend_bwd_fixed_p4::Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/blend_bwd_fixed_color_p4.spv"),
+        local: 64,
+        subgroups: true,
+        bindings: &[
+            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+            BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "slots", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_image0", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "carry", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "d_image1", kind: BindingKind::Storage, access: Access::Read },
+        ],
     };
-    /// The kernel's buffers.
-    pub struct Args<'a> {
-        /// Reads.
-        pub view: &'a Buf<super::ViewParams>,
-        /// Reads.
-        pub tile_order: &'a Buf<u32>,
-        /// Reads.
-        pub tile_first: &'a Buf<u32>,
-        /// Reads.
-        pub splat_ids: &'a Buf<u32>,
-        /// Reads.
-        pub slots: &'a Buf<u32>,
-        /// Reads.
-        pub splats: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub tail: &'a Buf<[u32; 2]>,
-        /// Reads.
-        pub d_image0: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub carry: &'a Buf<[f32; 2]>,
-        /// ReadWrites.
-        pub d_slots: &'a Buf<u32>,
-        /// Reads.
-        pub d_image1: &'a Buf<[f32; 4]>,
-    }
-    impl Kernel for Args<'_> {
-        type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "blend_bwd_fixed_color_p4",
-            local: 64,
-            subgroups: true,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/blend_bwd_fixed_color_p4.spv"),
-            bindings: &[
-                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-                BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "slots", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "d_image0", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "carry", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "d_image1", kind: BindingKind::Storage, access: Access::Read },
-            ],
-        };
-        fn slices(&self) -> Vec<Slice> {
-            vec![
-                self.view.slice(),
-                self.tile_order.slice(),
-                self.tile_first.slice(),
-                self.splat_ids.slice(),
-                self.slots.slice(),
-                self.splats.slice(),
-                self.tail.slice(),
-                self.d_image0.slice(),
-                self.carry.slice(),
-                self.d_slots.slice(),
-                self.d_image1.slice(),
-            ]
-        }
-    }
 }
 
 /// carries the cotangents of a picture back to the splats, in one of four modes of accumulation.
 pub mod blend_bwd_fixed_color_p8 {
     use super::super::kernel::*;
-    /// `Push` of the shaders.
-    #[repr(C)]
-    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-    pub struct Push {
-        /// `n_work` of the shader.
-        pub n_work: u32,
-        /// `stride` of the shader.
-        pub stride: u32,
-        /// `block` of the shader.
-        pub block: u32,
-        /// `segment` of the shader.
-        pub segment: u32,
-        /// `first_round` of the shader.
-        pub first_round: u32,
-        /// `scale` of the shader.
-        pub scale: f32,
-    }
-    const _: () = {
-        assert!(size_of::<Push>() == 24);
-        assert!(std::mem::offset_of!(Push, n_work) == 0);
-        assert!(std::mem::offset_of!(Push, stride) == 4);
-        assert!(std::mem::offset_of!(Push, block) == 8);
-        assert!(std::mem::offset_of!(Push, segment) == 12);
-        assert!(std::mem::offset_of!(Push, first_round) == 16);
-        assert!(std::mem::offset_of!(Push, scale) == 20);
+    /// What the device needs to know. A variant of [`super::blend_bwd_fixed_p4`].
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "blend_bwd_fixed_color_p8",
+        push_bytes: size_of::<super::blend_bwd_fixed_p4::Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/blend_bwd_fixed_color_p8.spv"),
+        local: 64,
+        subgroups: true,
+        bindings: &[
+            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+            BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "slots", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_image0", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "carry", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "d_image1", kind: BindingKind::Storage, access: Access::Read },
+        ],
     };
-    /// The kernel's buffers.
-    pub struct Args<'a> {
-        /// Reads.
-        pub view: &'a Buf<super::ViewParams>,
-        /// Reads.
-        pub tile_order: &'a Buf<u32>,
-        /// Reads.
-        pub tile_first: &'a Buf<u32>,
-        /// Reads.
-        pub splat_ids: &'a Buf<u32>,
-        /// Reads.
-        pub slots: &'a Buf<u32>,
-        /// Reads.
-        pub splats: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub tail: &'a Buf<[u32; 2]>,
-        /// Reads.
-        pub d_image0: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub carry: &'a Buf<[f32; 2]>,
-        /// ReadWrites.
-        pub d_slots: &'a Buf<u32>,
-        /// Reads.
-        pub d_image1: &'a Buf<[f32; 4]>,
-    }
-    impl Kernel for Args<'_> {
-        type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "blend_bwd_fixed_color_p8",
-            local: 64,
-            subgroups: true,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/blend_bwd_fixed_color_p8.spv"),
-            bindings: &[
-                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-                BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "slots", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "d_image0", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "carry", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "d_image1", kind: BindingKind::Storage, access: Access::Read },
-            ],
-        };
-        fn slices(&self) -> Vec<Slice> {
-            vec![
-                self.view.slice(),
-                self.tile_order.slice(),
-                self.tile_first.slice(),
-                self.splat_ids.slice(),
-                self.slots.slice(),
-                self.splats.slice(),
-                self.tail.slice(),
-                self.d_image0.slice(),
-                self.carry.slice(),
-                self.d_slots.slice(),
-                self.d_image1.slice(),
-            ]
-        }
-    }
 }
 
 /// carries the cotangents of a picture back to the splats, in one of four modes of accumulation.
 pub mod blend_bwd_swap_p4 {
     use super::super::kernel::*;
-    /// `Push` of the shaders.
-    #[repr(C)]
-    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-    pub struct Push {
-        /// `n_work` of the shader.
-        pub n_work: u32,
-        /// `stride` of the shader.
-        pub stride: u32,
-        /// `block` of the shader.
-        pub block: u32,
-        /// `segment` of the shader.
-        pub segment: u32,
-        /// `first_round` of the shader.
-        pub first_round: u32,
-        /// `scale` of the shader.
-        pub scale: f32,
-    }
-    const _: () = {
-        assert!(size_of::<Push>() == 24);
-        assert!(std::mem::offset_of!(Push, n_work) == 0);
-        assert!(std::mem::offset_of!(Push, stride) == 4);
-        assert!(std::mem::offset_of!(Push, block) == 8);
-        assert!(std::mem::offset_of!(Push, segment) == 12);
-        assert!(std::mem::offset_of!(Push, first_round) == 16);
-        assert!(std::mem::offset_of!(Push, scale) == 20);
+    /// What the device needs to know. A variant of [`super::blend_bwd_fixed_p4`].
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "blend_bwd_swap_p4",
+        push_bytes: size_of::<super::blend_bwd_fixed_p4::Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/blend_bwd_swap_p4.spv"),
+        local: 64,
+        subgroups: true,
+        bindings: &[
+            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+            BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "slots", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_image0", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "carry", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "d_image1", kind: BindingKind::Storage, access: Access::Read },
+        ],
     };
-    /// The kernel's buffers.
-    pub struct Args<'a> {
-        /// Reads.
-        pub view: &'a Buf<super::ViewParams>,
-        /// Reads.
-        pub tile_order: &'a Buf<u32>,
-        /// Reads.
-        pub tile_first: &'a Buf<u32>,
-        /// Reads.
-        pub splat_ids: &'a Buf<u32>,
-        /// Reads.
-        pub slots: &'a Buf<u32>,
-        /// Reads.
-        pub splats: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub tail: &'a Buf<[u32; 2]>,
-        /// Reads.
-        pub d_image0: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub carry: &'a Buf<[f32; 2]>,
-        /// ReadWrites.
-        pub d_slots: &'a Buf<u32>,
-        /// Reads.
-        pub d_image1: &'a Buf<[f32; 4]>,
-    }
-    impl Kernel for Args<'_> {
-        type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "blend_bwd_swap_p4",
-            local: 64,
-            subgroups: true,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/blend_bwd_swap_p4.spv"),
-            bindings: &[
-                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-                BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "slots", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "d_image0", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "carry", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "d_image1", kind: BindingKind::Storage, access: Access::Read },
-            ],
-        };
-        fn slices(&self) -> Vec<Slice> {
-            vec![
-                self.view.slice(),
-                self.tile_order.slice(),
-                self.tile_first.slice(),
-                self.splat_ids.slice(),
-                self.slots.slice(),
-                self.splats.slice(),
-                self.tail.slice(),
-                self.d_image0.slice(),
-                self.carry.slice(),
-                self.d_slots.slice(),
-                self.d_image1.slice(),
-            ]
-        }
-    }
 }
 
 /// carries the cotangents of a picture back to the splats, in one of four modes of accumulation.
 pub mod blend_bwd_swap_p8 {
     use super::super::kernel::*;
-    /// `Push` of the shaders.
-    #[repr(C)]
-    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-    pub struct Push {
-        /// `n_work` of the shader.
-        pub n_work: u32,
-        /// `stride` of the shader.
-        pub stride: u32,
-        /// `block` of the shader.
-        pub block: u32,
-        /// `segment` of the shader.
-        pub segment: u32,
-        /// `first_round` of the shader.
-        pub first_round: u32,
-        /// `scale` of the shader.
-        pub scale: f32,
-    }
-    const _: () = {
-        assert!(size_of::<Push>() == 24);
-        assert!(std::mem::offset_of!(Push, n_work) == 0);
-        assert!(std::mem::offset_of!(Push, stride) == 4);
-        assert!(std::mem::offset_of!(Push, block) == 8);
-        assert!(std::mem::offset_of!(Push, segment) == 12);
-        assert!(std::mem::offset_of!(Push, first_round) == 16);
-        assert!(std::mem::offset_of!(Push, scale) == 20);
+    /// What the device needs to know. A variant of [`super::blend_bwd_fixed_p4`].
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "blend_bwd_swap_p8",
+        push_bytes: size_of::<super::blend_bwd_fixed_p4::Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/blend_bwd_swap_p8.spv"),
+        local: 64,
+        subgroups: true,
+        bindings: &[
+            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+            BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "slots", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_image0", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "carry", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "d_image1", kind: BindingKind::Storage, access: Access::Read },
+        ],
     };
-    /// The kernel's buffers.
-    pub struct Args<'a> {
-        /// Reads.
-        pub view: &'a Buf<super::ViewParams>,
-        /// Reads.
-        pub tile_order: &'a Buf<u32>,
-        /// Reads.
-        pub tile_first: &'a Buf<u32>,
-        /// Reads.
-        pub splat_ids: &'a Buf<u32>,
-        /// Reads.
-        pub slots: &'a Buf<u32>,
-        /// Reads.
-        pub splats: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub tail: &'a Buf<[u32; 2]>,
-        /// Reads.
-        pub d_image0: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub carry: &'a Buf<[f32; 2]>,
-        /// ReadWrites.
-        pub d_slots: &'a Buf<u32>,
-        /// Reads.
-        pub d_image1: &'a Buf<[f32; 4]>,
-    }
-    impl Kernel for Args<'_> {
-        type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "blend_bwd_swap_p8",
-            local: 64,
-            subgroups: true,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/blend_bwd_swap_p8.spv"),
-            bindings: &[
-                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-                BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "slots", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "d_image0", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "carry", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "d_image1", kind: BindingKind::Storage, access: Access::Read },
-            ],
-        };
-        fn slices(&self) -> Vec<Slice> {
-            vec![
-                self.view.slice(),
-                self.tile_order.slice(),
-                self.tile_first.slice(),
-                self.splat_ids.slice(),
-                self.slots.slice(),
-                self.splats.slice(),
-                self.tail.slice(),
-                self.d_image0.slice(),
-                self.carry.slice(),
-                self.d_slots.slice(),
-                self.d_image1.slice(),
-            ]
-        }
-    }
 }
 
 /// carries the cotangents of a picture back to the splats, in one of four modes of accumulation.
 pub mod blend_bwd_swap_color_p4 {
     use super::super::kernel::*;
-    /// `Push` of the shaders.
-    #[repr(C)]
-    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-    pub struct Push {
-        /// `n_work` of the shader.
-        pub n_work: u32,
-        /// `stride` of the shader.
-        pub stride: u32,
-        /// `block` of the shader.
-        pub block: u32,
-        /// `segment` of the shader.
-        pub segment: u32,
-        /// `first_round` of the shader.
-        pub first_round: u32,
-        /// `scale` of the shader.
-        pub scale: f32,
-    }
-    const _: () = {
-        assert!(size_of::<Push>() == 24);
-        assert!(std::mem::offset_of!(Push, n_work) == 0);
-        assert!(std::mem::offset_of!(Push, stride) == 4);
-        assert!(std::mem::offset_of!(Push, block) == 8);
-        assert!(std::mem::offset_of!(Push, segment) == 12);
-        assert!(std::mem::offset_of!(Push, first_round) == 16);
-        assert!(std::mem::offset_of!(Push, scale) == 20);
+    /// What the device needs to know. A variant of [`super::blend_bwd_fixed_p4`].
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "blend_bwd_swap_color_p4",
+        push_bytes: size_of::<super::blend_bwd_fixed_p4::Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/blend_bwd_swap_color_p4.spv"),
+        local: 64,
+        subgroups: true,
+        bindings: &[
+            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+            BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "slots", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_image0", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "carry", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "d_image1", kind: BindingKind::Storage, access: Access::Read },
+        ],
     };
-    /// The kernel's buffers.
-    pub struct Args<'a> {
-        /// Reads.
-        pub view: &'a Buf<super::ViewParams>,
-        /// Reads.
-        pub tile_order: &'a Buf<u32>,
-        /// Reads.
-        pub tile_first: &'a Buf<u32>,
-        /// Reads.
-        pub splat_ids: &'a Buf<u32>,
-        /// Reads.
-        pub slots: &'a Buf<u32>,
-        /// Reads.
-        pub splats: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub tail: &'a Buf<[u32; 2]>,
-        /// Reads.
-        pub d_image0: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub carry: &'a Buf<[f32; 2]>,
-        /// ReadWrites.
-        pub d_slots: &'a Buf<u32>,
-        /// Reads.
-        pub d_image1: &'a Buf<[f32; 4]>,
-    }
-    impl Kernel for Args<'_> {
-        type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "blend_bwd_swap_color_p4",
-            local: 64,
-            subgroups: true,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/blend_bwd_swap_color_p4.spv"),
-            bindings: &[
-                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-                BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "slots", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "d_image0", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "carry", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "d_image1", kind: BindingKind::Storage, access: Access::Read },
-            ],
-        };
-        fn slices(&self) -> Vec<Slice> {
-            vec![
-                self.view.slice(),
-                self.tile_order.slice(),
-                self.tile_first.slice(),
-                self.splat_ids.slice(),
-                self.slots.slice(),
-                self.splats.slice(),
-                self.tail.slice(),
-                self.d_image0.slice(),
-                self.carry.slice(),
-                self.d_slots.slice(),
-                self.d_image1.slice(),
-            ]
-        }
-    }
 }
 
 /// carries the cotangents of a picture back to the splats, in one of four modes of accumulation.
 pub mod blend_bwd_swap_color_p8 {
     use super::super::kernel::*;
-    /// `Push` of the shaders.
-    #[repr(C)]
-    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-    pub struct Push {
-        /// `n_work` of the shader.
-        pub n_work: u32,
-        /// `stride` of the shader.
-        pub stride: u32,
-        /// `block` of the shader.
-        pub block: u32,
-        /// `segment` of the shader.
-        pub segment: u32,
-        /// `first_round` of the shader.
-        pub first_round: u32,
-        /// `scale` of the shader.
-        pub scale: f32,
-    }
-    const _: () = {
-        assert!(size_of::<Push>() == 24);
-        assert!(std::mem::offset_of!(Push, n_work) == 0);
-        assert!(std::mem::offset_of!(Push, stride) == 4);
-        assert!(std::mem::offset_of!(Push, block) == 8);
-        assert!(std::mem::offset_of!(Push, segment) == 12);
-        assert!(std::mem::offset_of!(Push, first_round) == 16);
-        assert!(std::mem::offset_of!(Push, scale) == 20);
+    /// What the device needs to know. A variant of [`super::blend_bwd_fixed_p4`].
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "blend_bwd_swap_color_p8",
+        push_bytes: size_of::<super::blend_bwd_fixed_p4::Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/blend_bwd_swap_color_p8.spv"),
+        local: 64,
+        subgroups: true,
+        bindings: &[
+            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+            BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "slots", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_image0", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "carry", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "d_image1", kind: BindingKind::Storage, access: Access::Read },
+        ],
     };
-    /// The kernel's buffers.
-    pub struct Args<'a> {
-        /// Reads.
-        pub view: &'a Buf<super::ViewParams>,
-        /// Reads.
-        pub tile_order: &'a Buf<u32>,
-        /// Reads.
-        pub tile_first: &'a Buf<u32>,
-        /// Reads.
-        pub splat_ids: &'a Buf<u32>,
-        /// Reads.
-        pub slots: &'a Buf<u32>,
-        /// Reads.
-        pub splats: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub tail: &'a Buf<[u32; 2]>,
-        /// Reads.
-        pub d_image0: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub carry: &'a Buf<[f32; 2]>,
-        /// ReadWrites.
-        pub d_slots: &'a Buf<u32>,
-        /// Reads.
-        pub d_image1: &'a Buf<[f32; 4]>,
-    }
-    impl Kernel for Args<'_> {
-        type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "blend_bwd_swap_color_p8",
-            local: 64,
-            subgroups: true,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/blend_bwd_swap_color_p8.spv"),
-            bindings: &[
-                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-                BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "slots", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "d_image0", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "carry", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "d_image1", kind: BindingKind::Storage, access: Access::Read },
-            ],
-        };
-        fn slices(&self) -> Vec<Slice> {
-            vec![
-                self.view.slice(),
-                self.tile_order.slice(),
-                self.tile_first.slice(),
-                self.splat_ids.slice(),
-                self.slots.slice(),
-                self.splats.slice(),
-                self.tail.slice(),
-                self.d_image0.slice(),
-                self.carry.slice(),
-                self.d_slots.slice(),
-                self.d_image1.slice(),
-            ]
-        }
-    }
 }
 
 /// turns sums in fixed point into floats.
@@ -4031,22 +2375,24 @@ pub mod fixed_sums {
     }
     impl Kernel for Args<'_> {
         type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "fixed_sums",
-            local: 64,
-            subgroups: false,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/fixed_sums.spv"),
-            bindings: &[
-                BindingInfo { name: "count", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "words", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Write },
-            ],
-        };
+        const INFO: &'static KernelInfo = INFO;
         fn slices(&self) -> Vec<Slice> {
             vec![self.count.slice(), self.words.slice(), self.d_slots.slice()]
         }
     }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "fixed_sums",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/fixed_sums.spv"),
+        local: 64,
+        subgroups: false,
+        bindings: &[
+            BindingInfo { name: "count", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "words", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Write },
+        ],
+    };
 }
 
 /// carries each active Gaussian's sums back to its parameters; with ADAM it moves them there and then.
@@ -4119,36 +2465,7 @@ pub mod project_bwd_static_sh0 {
     }
     impl Kernel for Args<'_> {
         type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "project_bwd_static_sh0",
-            local: 64,
-            subgroups: false,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/project_bwd_static_sh0.spv"),
-            bindings: &[
-                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-                BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "d_camera", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "d_geometry", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "d_sh0", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "d_motion", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "d_sh1", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "d_sh2", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "d_sh3", kind: BindingKind::Storage, access: Access::Write },
-            ],
-        };
+        const INFO: &'static KernelInfo = INFO;
         fn slices(&self) -> Vec<Slice> {
             vec![
                 self.view.slice(),
@@ -4175,902 +2492,289 @@ pub mod project_bwd_static_sh0 {
             ]
         }
     }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "project_bwd_static_sh0",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/project_bwd_static_sh0.spv"),
+        local: 64,
+        subgroups: false,
+        bindings: &[
+            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+            BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_camera", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_geometry", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "d_sh0", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "d_motion", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "d_sh1", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "d_sh2", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "d_sh3", kind: BindingKind::Storage, access: Access::Write },
+        ],
+    };
 }
 
 /// carries each active Gaussian's sums back to its parameters; with ADAM it moves them there and then.
 pub mod project_bwd_static_sh1 {
     use super::super::kernel::*;
-    /// `Push` of the shaders.
-    #[repr(C)]
-    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-    pub struct Push {
-        /// `group` of the shader.
-        pub group: u32,
-        /// `first` of the shader.
-        pub first: u32,
-        /// `is_summed` of the shader.
-        pub is_summed: u32,
-        /// `wants_camera` of the shader.
-        pub wants_camera: u32,
-    }
-    const _: () = {
-        assert!(size_of::<Push>() == 16);
-        assert!(std::mem::offset_of!(Push, group) == 0);
-        assert!(std::mem::offset_of!(Push, first) == 4);
-        assert!(std::mem::offset_of!(Push, is_summed) == 8);
-        assert!(std::mem::offset_of!(Push, wants_camera) == 12);
+    /// What the device needs to know. A variant of [`super::project_bwd_static_sh0`].
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "project_bwd_static_sh1",
+        push_bytes: size_of::<super::project_bwd_static_sh0::Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/project_bwd_static_sh1.spv"),
+        local: 64,
+        subgroups: false,
+        bindings: &[
+            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+            BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_camera", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_geometry", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "d_sh0", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "d_motion", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "d_sh1", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "d_sh2", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "d_sh3", kind: BindingKind::Storage, access: Access::Write },
+        ],
     };
-    /// The kernel's buffers.
-    pub struct Args<'a> {
-        /// Reads.
-        pub view: &'a Buf<super::ViewParams>,
-        /// Reads.
-        pub ranges: &'a Buf<[u32; 2]>,
-        /// Reads.
-        pub active_id: &'a Buf<u32>,
-        /// Reads.
-        pub geometry: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub splats: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub tile_counts: &'a Buf<u32>,
-        /// Reads.
-        pub slot_first: &'a Buf<u32>,
-        /// Reads.
-        pub d_slots: &'a Buf<[f32; 2]>,
-        /// ReadWrites.
-        pub n_bad: &'a Buf<u32>,
-        /// Reads.
-        pub frame_status: &'a Buf<super::Status>,
-        /// Writes.
-        pub d_camera: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub motion: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub sh1: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub sh2: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub sh3: &'a Buf<[f32; 4]>,
-        /// Writes.
-        pub d_geometry: &'a Buf<[f32; 4]>,
-        /// Writes.
-        pub d_sh0: &'a Buf<[f32; 4]>,
-        /// Writes.
-        pub d_motion: &'a Buf<[f32; 4]>,
-        /// Writes.
-        pub d_sh1: &'a Buf<[f32; 4]>,
-        /// Writes.
-        pub d_sh2: &'a Buf<[f32; 4]>,
-        /// Writes.
-        pub d_sh3: &'a Buf<[f32; 4]>,
-    }
-    impl Kernel for Args<'_> {
-        type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "project_bwd_static_sh1",
-            local: 64,
-            subgroups: false,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/project_bwd_static_sh1.spv"),
-            bindings: &[
-                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-                BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "d_camera", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "d_geometry", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "d_sh0", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "d_motion", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "d_sh1", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "d_sh2", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "d_sh3", kind: BindingKind::Storage, access: Access::Write },
-            ],
-        };
-        fn slices(&self) -> Vec<Slice> {
-            vec![
-                self.view.slice(),
-                self.ranges.slice(),
-                self.active_id.slice(),
-                self.geometry.slice(),
-                self.splats.slice(),
-                self.tile_counts.slice(),
-                self.slot_first.slice(),
-                self.d_slots.slice(),
-                self.n_bad.slice(),
-                self.frame_status.slice(),
-                self.d_camera.slice(),
-                self.motion.slice(),
-                self.sh1.slice(),
-                self.sh2.slice(),
-                self.sh3.slice(),
-                self.d_geometry.slice(),
-                self.d_sh0.slice(),
-                self.d_motion.slice(),
-                self.d_sh1.slice(),
-                self.d_sh2.slice(),
-                self.d_sh3.slice(),
-            ]
-        }
-    }
 }
 
 /// carries each active Gaussian's sums back to its parameters; with ADAM it moves them there and then.
 pub mod project_bwd_static_sh2 {
     use super::super::kernel::*;
-    /// `Push` of the shaders.
-    #[repr(C)]
-    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-    pub struct Push {
-        /// `group` of the shader.
-        pub group: u32,
-        /// `first` of the shader.
-        pub first: u32,
-        /// `is_summed` of the shader.
-        pub is_summed: u32,
-        /// `wants_camera` of the shader.
-        pub wants_camera: u32,
-    }
-    const _: () = {
-        assert!(size_of::<Push>() == 16);
-        assert!(std::mem::offset_of!(Push, group) == 0);
-        assert!(std::mem::offset_of!(Push, first) == 4);
-        assert!(std::mem::offset_of!(Push, is_summed) == 8);
-        assert!(std::mem::offset_of!(Push, wants_camera) == 12);
+    /// What the device needs to know. A variant of [`super::project_bwd_static_sh0`].
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "project_bwd_static_sh2",
+        push_bytes: size_of::<super::project_bwd_static_sh0::Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/project_bwd_static_sh2.spv"),
+        local: 64,
+        subgroups: false,
+        bindings: &[
+            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+            BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_camera", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_geometry", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "d_sh0", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "d_motion", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "d_sh1", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "d_sh2", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "d_sh3", kind: BindingKind::Storage, access: Access::Write },
+        ],
     };
-    /// The kernel's buffers.
-    pub struct Args<'a> {
-        /// Reads.
-        pub view: &'a Buf<super::ViewParams>,
-        /// Reads.
-        pub ranges: &'a Buf<[u32; 2]>,
-        /// Reads.
-        pub active_id: &'a Buf<u32>,
-        /// Reads.
-        pub geometry: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub splats: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub tile_counts: &'a Buf<u32>,
-        /// Reads.
-        pub slot_first: &'a Buf<u32>,
-        /// Reads.
-        pub d_slots: &'a Buf<[f32; 2]>,
-        /// ReadWrites.
-        pub n_bad: &'a Buf<u32>,
-        /// Reads.
-        pub frame_status: &'a Buf<super::Status>,
-        /// Writes.
-        pub d_camera: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub motion: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub sh1: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub sh2: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub sh3: &'a Buf<[f32; 4]>,
-        /// Writes.
-        pub d_geometry: &'a Buf<[f32; 4]>,
-        /// Writes.
-        pub d_sh0: &'a Buf<[f32; 4]>,
-        /// Writes.
-        pub d_motion: &'a Buf<[f32; 4]>,
-        /// Writes.
-        pub d_sh1: &'a Buf<[f32; 4]>,
-        /// Writes.
-        pub d_sh2: &'a Buf<[f32; 4]>,
-        /// Writes.
-        pub d_sh3: &'a Buf<[f32; 4]>,
-    }
-    impl Kernel for Args<'_> {
-        type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "project_bwd_static_sh2",
-            local: 64,
-            subgroups: false,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/project_bwd_static_sh2.spv"),
-            bindings: &[
-                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-                BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "d_camera", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "d_geometry", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "d_sh0", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "d_motion", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "d_sh1", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "d_sh2", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "d_sh3", kind: BindingKind::Storage, access: Access::Write },
-            ],
-        };
-        fn slices(&self) -> Vec<Slice> {
-            vec![
-                self.view.slice(),
-                self.ranges.slice(),
-                self.active_id.slice(),
-                self.geometry.slice(),
-                self.splats.slice(),
-                self.tile_counts.slice(),
-                self.slot_first.slice(),
-                self.d_slots.slice(),
-                self.n_bad.slice(),
-                self.frame_status.slice(),
-                self.d_camera.slice(),
-                self.motion.slice(),
-                self.sh1.slice(),
-                self.sh2.slice(),
-                self.sh3.slice(),
-                self.d_geometry.slice(),
-                self.d_sh0.slice(),
-                self.d_motion.slice(),
-                self.d_sh1.slice(),
-                self.d_sh2.slice(),
-                self.d_sh3.slice(),
-            ]
-        }
-    }
 }
 
 /// carries each active Gaussian's sums back to its parameters; with ADAM it moves them there and then.
 pub mod project_bwd_static_sh3 {
     use super::super::kernel::*;
-    /// `Push` of the shaders.
-    #[repr(C)]
-    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-    pub struct Push {
-        /// `group` of the shader.
-        pub group: u32,
-        /// `first` of the shader.
-        pub first: u32,
-        /// `is_summed` of the shader.
-        pub is_summed: u32,
-        /// `wants_camera` of the shader.
-        pub wants_camera: u32,
-    }
-    const _: () = {
-        assert!(size_of::<Push>() == 16);
-        assert!(std::mem::offset_of!(Push, group) == 0);
-        assert!(std::mem::offset_of!(Push, first) == 4);
-        assert!(std::mem::offset_of!(Push, is_summed) == 8);
-        assert!(std::mem::offset_of!(Push, wants_camera) == 12);
+    /// What the device needs to know. A variant of [`super::project_bwd_static_sh0`].
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "project_bwd_static_sh3",
+        push_bytes: size_of::<super::project_bwd_static_sh0::Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/project_bwd_static_sh3.spv"),
+        local: 64,
+        subgroups: false,
+        bindings: &[
+            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+            BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_camera", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_geometry", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "d_sh0", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "d_motion", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "d_sh1", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "d_sh2", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "d_sh3", kind: BindingKind::Storage, access: Access::Write },
+        ],
     };
-    /// The kernel's buffers.
-    pub struct Args<'a> {
-        /// Reads.
-        pub view: &'a Buf<super::ViewParams>,
-        /// Reads.
-        pub ranges: &'a Buf<[u32; 2]>,
-        /// Reads.
-        pub active_id: &'a Buf<u32>,
-        /// Reads.
-        pub geometry: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub splats: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub tile_counts: &'a Buf<u32>,
-        /// Reads.
-        pub slot_first: &'a Buf<u32>,
-        /// Reads.
-        pub d_slots: &'a Buf<[f32; 2]>,
-        /// ReadWrites.
-        pub n_bad: &'a Buf<u32>,
-        /// Reads.
-        pub frame_status: &'a Buf<super::Status>,
-        /// Writes.
-        pub d_camera: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub motion: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub sh1: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub sh2: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub sh3: &'a Buf<[f32; 4]>,
-        /// Writes.
-        pub d_geometry: &'a Buf<[f32; 4]>,
-        /// Writes.
-        pub d_sh0: &'a Buf<[f32; 4]>,
-        /// Writes.
-        pub d_motion: &'a Buf<[f32; 4]>,
-        /// Writes.
-        pub d_sh1: &'a Buf<[f32; 4]>,
-        /// Writes.
-        pub d_sh2: &'a Buf<[f32; 4]>,
-        /// Writes.
-        pub d_sh3: &'a Buf<[f32; 4]>,
-    }
-    impl Kernel for Args<'_> {
-        type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "project_bwd_static_sh3",
-            local: 64,
-            subgroups: false,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/project_bwd_static_sh3.spv"),
-            bindings: &[
-                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-                BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "d_camera", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "d_geometry", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "d_sh0", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "d_motion", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "d_sh1", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "d_sh2", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "d_sh3", kind: BindingKind::Storage, access: Access::Write },
-            ],
-        };
-        fn slices(&self) -> Vec<Slice> {
-            vec![
-                self.view.slice(),
-                self.ranges.slice(),
-                self.active_id.slice(),
-                self.geometry.slice(),
-                self.splats.slice(),
-                self.tile_counts.slice(),
-                self.slot_first.slice(),
-                self.d_slots.slice(),
-                self.n_bad.slice(),
-                self.frame_status.slice(),
-                self.d_camera.slice(),
-                self.motion.slice(),
-                self.sh1.slice(),
-                self.sh2.slice(),
-                self.sh3.slice(),
-                self.d_geometry.slice(),
-                self.d_sh0.slice(),
-                self.d_motion.slice(),
-                self.d_sh1.slice(),
-                self.d_sh2.slice(),
-                self.d_sh3.slice(),
-            ]
-        }
-    }
 }
 
 /// carries each active Gaussian's sums back to its parameters; with ADAM it moves them there and then.
 pub mod project_bwd_dynamic_sh0 {
     use super::super::kernel::*;
-    /// `Push` of the shaders.
-    #[repr(C)]
-    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-    pub struct Push {
-        /// `group` of the shader.
-        pub group: u32,
-        /// `first` of the shader.
-        pub first: u32,
-        /// `is_summed` of the shader.
-        pub is_summed: u32,
-        /// `wants_camera` of the shader.
-        pub wants_camera: u32,
-    }
-    const _: () = {
-        assert!(size_of::<Push>() == 16);
-        assert!(std::mem::offset_of!(Push, group) == 0);
-        assert!(std::mem::offset_of!(Push, first) == 4);
-        assert!(std::mem::offset_of!(Push, is_summed) == 8);
-        assert!(std::mem::offset_of!(Push, wants_camera) == 12);
+    /// What the device needs to know. A variant of [`super::project_bwd_static_sh0`].
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "project_bwd_dynamic_sh0",
+        push_bytes: size_of::<super::project_bwd_static_sh0::Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/project_bwd_dynamic_sh0.spv"),
+        local: 64,
+        subgroups: false,
+        bindings: &[
+            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+            BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_camera", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_geometry", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "d_sh0", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "d_motion", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "d_sh1", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "d_sh2", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "d_sh3", kind: BindingKind::Storage, access: Access::Write },
+        ],
     };
-    /// The kernel's buffers.
-    pub struct Args<'a> {
-        /// Reads.
-        pub view: &'a Buf<super::ViewParams>,
-        /// Reads.
-        pub ranges: &'a Buf<[u32; 2]>,
-        /// Reads.
-        pub active_id: &'a Buf<u32>,
-        /// Reads.
-        pub geometry: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub splats: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub tile_counts: &'a Buf<u32>,
-        /// Reads.
-        pub slot_first: &'a Buf<u32>,
-        /// Reads.
-        pub d_slots: &'a Buf<[f32; 2]>,
-        /// ReadWrites.
-        pub n_bad: &'a Buf<u32>,
-        /// Reads.
-        pub frame_status: &'a Buf<super::Status>,
-        /// Writes.
-        pub d_camera: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub motion: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub sh1: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub sh2: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub sh3: &'a Buf<[f32; 4]>,
-        /// Writes.
-        pub d_geometry: &'a Buf<[f32; 4]>,
-        /// Writes.
-        pub d_sh0: &'a Buf<[f32; 4]>,
-        /// Writes.
-        pub d_motion: &'a Buf<[f32; 4]>,
-        /// Writes.
-        pub d_sh1: &'a Buf<[f32; 4]>,
-        /// Writes.
-        pub d_sh2: &'a Buf<[f32; 4]>,
-        /// Writes.
-        pub d_sh3: &'a Buf<[f32; 4]>,
-    }
-    impl Kernel for Args<'_> {
-        type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "project_bwd_dynamic_sh0",
-            local: 64,
-            subgroups: false,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/project_bwd_dynamic_sh0.spv"),
-            bindings: &[
-                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-                BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "d_camera", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "d_geometry", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "d_sh0", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "d_motion", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "d_sh1", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "d_sh2", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "d_sh3", kind: BindingKind::Storage, access: Access::Write },
-            ],
-        };
-        fn slices(&self) -> Vec<Slice> {
-            vec![
-                self.view.slice(),
-                self.ranges.slice(),
-                self.active_id.slice(),
-                self.geometry.slice(),
-                self.splats.slice(),
-                self.tile_counts.slice(),
-                self.slot_first.slice(),
-                self.d_slots.slice(),
-                self.n_bad.slice(),
-                self.frame_status.slice(),
-                self.d_camera.slice(),
-                self.motion.slice(),
-                self.sh1.slice(),
-                self.sh2.slice(),
-                self.sh3.slice(),
-                self.d_geometry.slice(),
-                self.d_sh0.slice(),
-                self.d_motion.slice(),
-                self.d_sh1.slice(),
-                self.d_sh2.slice(),
-                self.d_sh3.slice(),
-            ]
-        }
-    }
 }
 
 /// carries each active Gaussian's sums back to its parameters; with ADAM it moves them there and then.
 pub mod project_bwd_dynamic_sh1 {
     use super::super::kernel::*;
-    /// `Push` of the shaders.
-    #[repr(C)]
-    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-    pub struct Push {
-        /// `group` of the shader.
-        pub group: u32,
-        /// `first` of the shader.
-        pub first: u32,
-        /// `is_summed` of the shader.
-        pub is_summed: u32,
-        /// `wants_camera` of the shader.
-        pub wants_camera: u32,
-    }
-    const _: () = {
-        assert!(size_of::<Push>() == 16);
-        assert!(std::mem::offset_of!(Push, group) == 0);
-        assert!(std::mem::offset_of!(Push, first) == 4);
-        assert!(std::mem::offset_of!(Push, is_summed) == 8);
-        assert!(std::mem::offset_of!(Push, wants_camera) == 12);
+    /// What the device needs to know. A variant of [`super::project_bwd_static_sh0`].
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "project_bwd_dynamic_sh1",
+        push_bytes: size_of::<super::project_bwd_static_sh0::Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/project_bwd_dynamic_sh1.spv"),
+        local: 64,
+        subgroups: false,
+        bindings: &[
+            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+            BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_camera", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_geometry", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "d_sh0", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "d_motion", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "d_sh1", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "d_sh2", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "d_sh3", kind: BindingKind::Storage, access: Access::Write },
+        ],
     };
-    /// The kernel's buffers.
-    pub struct Args<'a> {
-        /// Reads.
-        pub view: &'a Buf<super::ViewParams>,
-        /// Reads.
-        pub ranges: &'a Buf<[u32; 2]>,
-        /// Reads.
-        pub active_id: &'a Buf<u32>,
-        /// Reads.
-        pub geometry: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub splats: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub tile_counts: &'a Buf<u32>,
-        /// Reads.
-        pub slot_first: &'a Buf<u32>,
-        /// Reads.
-        pub d_slots: &'a Buf<[f32; 2]>,
-        /// ReadWrites.
-        pub n_bad: &'a Buf<u32>,
-        /// Reads.
-        pub frame_status: &'a Buf<super::Status>,
-        /// Writes.
-        pub d_camera: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub motion: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub sh1: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub sh2: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub sh3: &'a Buf<[f32; 4]>,
-        /// Writes.
-        pub d_geometry: &'a Buf<[f32; 4]>,
-        /// Writes.
-        pub d_sh0: &'a Buf<[f32; 4]>,
-        /// Writes.
-        pub d_motion: &'a Buf<[f32; 4]>,
-        /// Writes.
-        pub d_sh1: &'a Buf<[f32; 4]>,
-        /// Writes.
-        pub d_sh2: &'a Buf<[f32; 4]>,
-        /// Writes.
-        pub d_sh3: &'a Buf<[f32; 4]>,
-    }
-    impl Kernel for Args<'_> {
-        type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "project_bwd_dynamic_sh1",
-            local: 64,
-            subgroups: false,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/project_bwd_dynamic_sh1.spv"),
-            bindings: &[
-                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-                BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "d_camera", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "d_geometry", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "d_sh0", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "d_motion", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "d_sh1", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "d_sh2", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "d_sh3", kind: BindingKind::Storage, access: Access::Write },
-            ],
-        };
-        fn slices(&self) -> Vec<Slice> {
-            vec![
-                self.view.slice(),
-                self.ranges.slice(),
-                self.active_id.slice(),
-                self.geometry.slice(),
-                self.splats.slice(),
-                self.tile_counts.slice(),
-                self.slot_first.slice(),
-                self.d_slots.slice(),
-                self.n_bad.slice(),
-                self.frame_status.slice(),
-                self.d_camera.slice(),
-                self.motion.slice(),
-                self.sh1.slice(),
-                self.sh2.slice(),
-                self.sh3.slice(),
-                self.d_geometry.slice(),
-                self.d_sh0.slice(),
-                self.d_motion.slice(),
-                self.d_sh1.slice(),
-                self.d_sh2.slice(),
-                self.d_sh3.slice(),
-            ]
-        }
-    }
 }
 
 /// carries each active Gaussian's sums back to its parameters; with ADAM it moves them there and then.
 pub mod project_bwd_dynamic_sh2 {
     use super::super::kernel::*;
-    /// `Push` of the shaders.
-    #[repr(C)]
-    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-    pub struct Push {
-        /// `group` of the shader.
-        pub group: u32,
-        /// `first` of the shader.
-        pub first: u32,
-        /// `is_summed` of the shader.
-        pub is_summed: u32,
-        /// `wants_camera` of the shader.
-        pub wants_camera: u32,
-    }
-    const _: () = {
-        assert!(size_of::<Push>() == 16);
-        assert!(std::mem::offset_of!(Push, group) == 0);
-        assert!(std::mem::offset_of!(Push, first) == 4);
-        assert!(std::mem::offset_of!(Push, is_summed) == 8);
-        assert!(std::mem::offset_of!(Push, wants_camera) == 12);
+    /// What the device needs to know. A variant of [`super::project_bwd_static_sh0`].
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "project_bwd_dynamic_sh2",
+        push_bytes: size_of::<super::project_bwd_static_sh0::Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/project_bwd_dynamic_sh2.spv"),
+        local: 64,
+        subgroups: false,
+        bindings: &[
+            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+            BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_camera", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_geometry", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "d_sh0", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "d_motion", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "d_sh1", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "d_sh2", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "d_sh3", kind: BindingKind::Storage, access: Access::Write },
+        ],
     };
-    /// The kernel's buffers.
-    pub struct Args<'a> {
-        /// Reads.
-        pub view: &'a Buf<super::ViewParams>,
-        /// Reads.
-        pub ranges: &'a Buf<[u32; 2]>,
-        /// Reads.
-        pub active_id: &'a Buf<u32>,
-        /// Reads.
-        pub geometry: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub splats: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub tile_counts: &'a Buf<u32>,
-        /// Reads.
-        pub slot_first: &'a Buf<u32>,
-        /// Reads.
-        pub d_slots: &'a Buf<[f32; 2]>,
-        /// ReadWrites.
-        pub n_bad: &'a Buf<u32>,
-        /// Reads.
-        pub frame_status: &'a Buf<super::Status>,
-        /// Writes.
-        pub d_camera: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub motion: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub sh1: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub sh2: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub sh3: &'a Buf<[f32; 4]>,
-        /// Writes.
-        pub d_geometry: &'a Buf<[f32; 4]>,
-        /// Writes.
-        pub d_sh0: &'a Buf<[f32; 4]>,
-        /// Writes.
-        pub d_motion: &'a Buf<[f32; 4]>,
-        /// Writes.
-        pub d_sh1: &'a Buf<[f32; 4]>,
-        /// Writes.
-        pub d_sh2: &'a Buf<[f32; 4]>,
-        /// Writes.
-        pub d_sh3: &'a Buf<[f32; 4]>,
-    }
-    impl Kernel for Args<'_> {
-        type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "project_bwd_dynamic_sh2",
-            local: 64,
-            subgroups: false,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/project_bwd_dynamic_sh2.spv"),
-            bindings: &[
-                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-                BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "d_camera", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "d_geometry", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "d_sh0", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "d_motion", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "d_sh1", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "d_sh2", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "d_sh3", kind: BindingKind::Storage, access: Access::Write },
-            ],
-        };
-        fn slices(&self) -> Vec<Slice> {
-            vec![
-                self.view.slice(),
-                self.ranges.slice(),
-                self.active_id.slice(),
-                self.geometry.slice(),
-                self.splats.slice(),
-                self.tile_counts.slice(),
-                self.slot_first.slice(),
-                self.d_slots.slice(),
-                self.n_bad.slice(),
-                self.frame_status.slice(),
-                self.d_camera.slice(),
-                self.motion.slice(),
-                self.sh1.slice(),
-                self.sh2.slice(),
-                self.sh3.slice(),
-                self.d_geometry.slice(),
-                self.d_sh0.slice(),
-                self.d_motion.slice(),
-                self.d_sh1.slice(),
-                self.d_sh2.slice(),
-                self.d_sh3.slice(),
-            ]
-        }
-    }
 }
 
 /// carries each active Gaussian's sums back to its parameters; with ADAM it moves them there and then.
 pub mod project_bwd_dynamic_sh3 {
     use super::super::kernel::*;
-    /// `Push` of the shaders.
-    #[repr(C)]
-    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-    pub struct Push {
-        /// `group` of the shader.
-        pub group: u32,
-        /// `first` of the shader.
-        pub first: u32,
-        /// `is_summed` of the shader.
-        pub is_summed: u32,
-        /// `wants_camera` of the shader.
-        pub wants_camera: u32,
-    }
-    const _: () = {
-        assert!(size_of::<Push>() == 16);
-        assert!(std::mem::offset_of!(Push, group) == 0);
-        assert!(std::mem::offset_of!(Push, first) == 4);
-        assert!(std::mem::offset_of!(Push, is_summed) == 8);
-        assert!(std::mem::offset_of!(Push, wants_camera) == 12);
+    /// What the device needs to know. A variant of [`super::project_bwd_static_sh0`].
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "project_bwd_dynamic_sh3",
+        push_bytes: size_of::<super::project_bwd_static_sh0::Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/project_bwd_dynamic_sh3.spv"),
+        local: 64,
+        subgroups: false,
+        bindings: &[
+            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+            BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_camera", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_geometry", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "d_sh0", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "d_motion", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "d_sh1", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "d_sh2", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "d_sh3", kind: BindingKind::Storage, access: Access::Write },
+        ],
     };
-    /// The kernel's buffers.
-    pub struct Args<'a> {
-        /// Reads.
-        pub view: &'a Buf<super::ViewParams>,
-        /// Reads.
-        pub ranges: &'a Buf<[u32; 2]>,
-        /// Reads.
-        pub active_id: &'a Buf<u32>,
-        /// Reads.
-        pub geometry: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub splats: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub tile_counts: &'a Buf<u32>,
-        /// Reads.
-        pub slot_first: &'a Buf<u32>,
-        /// Reads.
-        pub d_slots: &'a Buf<[f32; 2]>,
-        /// ReadWrites.
-        pub n_bad: &'a Buf<u32>,
-        /// Reads.
-        pub frame_status: &'a Buf<super::Status>,
-        /// Writes.
-        pub d_camera: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub motion: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub sh1: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub sh2: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub sh3: &'a Buf<[f32; 4]>,
-        /// Writes.
-        pub d_geometry: &'a Buf<[f32; 4]>,
-        /// Writes.
-        pub d_sh0: &'a Buf<[f32; 4]>,
-        /// Writes.
-        pub d_motion: &'a Buf<[f32; 4]>,
-        /// Writes.
-        pub d_sh1: &'a Buf<[f32; 4]>,
-        /// Writes.
-        pub d_sh2: &'a Buf<[f32; 4]>,
-        /// Writes.
-        pub d_sh3: &'a Buf<[f32; 4]>,
-    }
-    impl Kernel for Args<'_> {
-        type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "project_bwd_dynamic_sh3",
-            local: 64,
-            subgroups: false,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/project_bwd_dynamic_sh3.spv"),
-            bindings: &[
-                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-                BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "d_camera", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "d_geometry", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "d_sh0", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "d_motion", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "d_sh1", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "d_sh2", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "d_sh3", kind: BindingKind::Storage, access: Access::Write },
-            ],
-        };
-        fn slices(&self) -> Vec<Slice> {
-            vec![
-                self.view.slice(),
-                self.ranges.slice(),
-                self.active_id.slice(),
-                self.geometry.slice(),
-                self.splats.slice(),
-                self.tile_counts.slice(),
-                self.slot_first.slice(),
-                self.d_slots.slice(),
-                self.n_bad.slice(),
-                self.frame_status.slice(),
-                self.d_camera.slice(),
-                self.motion.slice(),
-                self.sh1.slice(),
-                self.sh2.slice(),
-                self.sh3.slice(),
-                self.d_geometry.slice(),
-                self.d_sh0.slice(),
-                self.d_motion.slice(),
-                self.d_sh1.slice(),
-                self.d_sh2.slice(),
-                self.d_sh3.slice(),
-            ]
-        }
-    }
 }
 
 /// carries each active Gaussian's sums back to its parameters; with ADAM it moves them there and then.
@@ -5149,39 +2853,7 @@ pub mod project_bwd_adam_static_sh0 {
     }
     impl Kernel for Args<'_> {
         type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "project_bwd_adam_static_sh0",
-            local: 64,
-            subgroups: false,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/project_bwd_adam_static_sh0.spv"),
-            bindings: &[
-                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-                BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "d_camera", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "moments_geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "moments_sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "moments_motion", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "moments_sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "moments_sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "moments_sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "state", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "adam", kind: BindingKind::Uniform, access: Access::Read },
-            ],
-        };
+        const INFO: &'static KernelInfo = INFO;
         fn slices(&self) -> Vec<Slice> {
             vec![
                 self.view.slice(),
@@ -5211,986 +2883,313 @@ pub mod project_bwd_adam_static_sh0 {
             ]
         }
     }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "project_bwd_adam_static_sh0",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/project_bwd_adam_static_sh0.spv"),
+        local: 64,
+        subgroups: false,
+        bindings: &[
+            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+            BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_camera", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_motion", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "state", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "adam", kind: BindingKind::Uniform, access: Access::Read },
+        ],
+    };
 }
 
 /// carries each active Gaussian's sums back to its parameters; with ADAM it moves them there and then.
 pub mod project_bwd_adam_static_sh1 {
     use super::super::kernel::*;
-    /// `Push` of the shaders.
-    #[repr(C)]
-    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-    pub struct Push {
-        /// `group` of the shader.
-        pub group: u32,
-        /// `first` of the shader.
-        pub first: u32,
-        /// `is_summed` of the shader.
-        pub is_summed: u32,
-        /// `wants_camera` of the shader.
-        pub wants_camera: u32,
-    }
-    const _: () = {
-        assert!(size_of::<Push>() == 16);
-        assert!(std::mem::offset_of!(Push, group) == 0);
-        assert!(std::mem::offset_of!(Push, first) == 4);
-        assert!(std::mem::offset_of!(Push, is_summed) == 8);
-        assert!(std::mem::offset_of!(Push, wants_camera) == 12);
+    /// What the device needs to know. A variant of [`super::project_bwd_adam_static_sh0`].
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "project_bwd_adam_static_sh1",
+        push_bytes: size_of::<super::project_bwd_adam_static_sh0::Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/project_bwd_adam_static_sh1.spv"),
+        local: 64,
+        subgroups: false,
+        bindings: &[
+            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+            BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_camera", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_motion", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "state", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "adam", kind: BindingKind::Uniform, access: Access::Read },
+        ],
     };
-    /// The kernel's buffers.
-    pub struct Args<'a> {
-        /// Reads.
-        pub view: &'a Buf<super::ViewParams>,
-        /// Reads.
-        pub ranges: &'a Buf<[u32; 2]>,
-        /// Reads.
-        pub active_id: &'a Buf<u32>,
-        /// ReadWrites.
-        pub geometry: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub splats: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub tile_counts: &'a Buf<u32>,
-        /// Reads.
-        pub slot_first: &'a Buf<u32>,
-        /// Reads.
-        pub d_slots: &'a Buf<[f32; 2]>,
-        /// ReadWrites.
-        pub n_bad: &'a Buf<u32>,
-        /// Reads.
-        pub frame_status: &'a Buf<super::Status>,
-        /// Writes.
-        pub d_camera: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub sh0: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub motion: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub sh1: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub sh2: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub sh3: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub moments_geometry: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub moments_sh0: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub moments_motion: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub moments_sh1: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub moments_sh2: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub moments_sh3: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub state: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub adam: &'a Buf<super::AdamParams>,
-    }
-    impl Kernel for Args<'_> {
-        type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "project_bwd_adam_static_sh1",
-            local: 64,
-            subgroups: false,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/project_bwd_adam_static_sh1.spv"),
-            bindings: &[
-                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-                BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "d_camera", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "moments_geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "moments_sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "moments_motion", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "moments_sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "moments_sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "moments_sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "state", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "adam", kind: BindingKind::Uniform, access: Access::Read },
-            ],
-        };
-        fn slices(&self) -> Vec<Slice> {
-            vec![
-                self.view.slice(),
-                self.ranges.slice(),
-                self.active_id.slice(),
-                self.geometry.slice(),
-                self.splats.slice(),
-                self.tile_counts.slice(),
-                self.slot_first.slice(),
-                self.d_slots.slice(),
-                self.n_bad.slice(),
-                self.frame_status.slice(),
-                self.d_camera.slice(),
-                self.sh0.slice(),
-                self.motion.slice(),
-                self.sh1.slice(),
-                self.sh2.slice(),
-                self.sh3.slice(),
-                self.moments_geometry.slice(),
-                self.moments_sh0.slice(),
-                self.moments_motion.slice(),
-                self.moments_sh1.slice(),
-                self.moments_sh2.slice(),
-                self.moments_sh3.slice(),
-                self.state.slice(),
-                self.adam.slice(),
-            ]
-        }
-    }
 }
 
 /// carries each active Gaussian's sums back to its parameters; with ADAM it moves them there and then.
 pub mod project_bwd_adam_static_sh2 {
     use super::super::kernel::*;
-    /// `Push` of the shaders.
-    #[repr(C)]
-    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-    pub struct Push {
-        /// `group` of the shader.
-        pub group: u32,
-        /// `first` of the shader.
-        pub first: u32,
-        /// `is_summed` of the shader.
-        pub is_summed: u32,
-        /// `wants_camera` of the shader.
-        pub wants_camera: u32,
-    }
-    const _: () = {
-        assert!(size_of::<Push>() == 16);
-        assert!(std::mem::offset_of!(Push, group) == 0);
-        assert!(std::mem::offset_of!(Push, first) == 4);
-        assert!(std::mem::offset_of!(Push, is_summed) == 8);
-        assert!(std::mem::offset_of!(Push, wants_camera) == 12);
+    /// What the device needs to know. A variant of [`super::project_bwd_adam_static_sh0`].
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "project_bwd_adam_static_sh2",
+        push_bytes: size_of::<super::project_bwd_adam_static_sh0::Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/project_bwd_adam_static_sh2.spv"),
+        local: 64,
+        subgroups: false,
+        bindings: &[
+            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+            BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_camera", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_motion", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "state", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "adam", kind: BindingKind::Uniform, access: Access::Read },
+        ],
     };
-    /// The kernel's buffers.
-    pub struct Args<'a> {
-        /// Reads.
-        pub view: &'a Buf<super::ViewParams>,
-        /// Reads.
-        pub ranges: &'a Buf<[u32; 2]>,
-        /// Reads.
-        pub active_id: &'a Buf<u32>,
-        /// ReadWrites.
-        pub geometry: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub splats: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub tile_counts: &'a Buf<u32>,
-        /// Reads.
-        pub slot_first: &'a Buf<u32>,
-        /// Reads.
-        pub d_slots: &'a Buf<[f32; 2]>,
-        /// ReadWrites.
-        pub n_bad: &'a Buf<u32>,
-        /// Reads.
-        pub frame_status: &'a Buf<super::Status>,
-        /// Writes.
-        pub d_camera: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub sh0: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub motion: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub sh1: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub sh2: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub sh3: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub moments_geometry: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub moments_sh0: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub moments_motion: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub moments_sh1: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub moments_sh2: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub moments_sh3: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub state: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub adam: &'a Buf<super::AdamParams>,
-    }
-    impl Kernel for Args<'_> {
-        type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "project_bwd_adam_static_sh2",
-            local: 64,
-            subgroups: false,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/project_bwd_adam_static_sh2.spv"),
-            bindings: &[
-                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-                BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "d_camera", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "moments_geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "moments_sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "moments_motion", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "moments_sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "moments_sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "moments_sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "state", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "adam", kind: BindingKind::Uniform, access: Access::Read },
-            ],
-        };
-        fn slices(&self) -> Vec<Slice> {
-            vec![
-                self.view.slice(),
-                self.ranges.slice(),
-                self.active_id.slice(),
-                self.geometry.slice(),
-                self.splats.slice(),
-                self.tile_counts.slice(),
-                self.slot_first.slice(),
-                self.d_slots.slice(),
-                self.n_bad.slice(),
-                self.frame_status.slice(),
-                self.d_camera.slice(),
-                self.sh0.slice(),
-                self.motion.slice(),
-                self.sh1.slice(),
-                self.sh2.slice(),
-                self.sh3.slice(),
-                self.moments_geometry.slice(),
-                self.moments_sh0.slice(),
-                self.moments_motion.slice(),
-                self.moments_sh1.slice(),
-                self.moments_sh2.slice(),
-                self.moments_sh3.slice(),
-                self.state.slice(),
-                self.adam.slice(),
-            ]
-        }
-    }
 }
 
 /// carries each active Gaussian's sums back to its parameters; with ADAM it moves them there and then.
 pub mod project_bwd_adam_static_sh3 {
     use super::super::kernel::*;
-    /// `Push` of the shaders.
-    #[repr(C)]
-    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-    pub struct Push {
-        /// `group` of the shader.
-        pub group: u32,
-        /// `first` of the shader.
-        pub first: u32,
-        /// `is_summed` of the shader.
-        pub is_summed: u32,
-        /// `wants_camera` of the shader.
-        pub wants_camera: u32,
-    }
-    const _: () = {
-        assert!(size_of::<Push>() == 16);
-        assert!(std::mem::offset_of!(Push, group) == 0);
-        assert!(std::mem::offset_of!(Push, first) == 4);
-        assert!(std::mem::offset_of!(Push, is_summed) == 8);
-        assert!(std::mem::offset_of!(Push, wants_camera) == 12);
+    /// What the device needs to know. A variant of [`super::project_bwd_adam_static_sh0`].
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "project_bwd_adam_static_sh3",
+        push_bytes: size_of::<super::project_bwd_adam_static_sh0::Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/project_bwd_adam_static_sh3.spv"),
+        local: 64,
+        subgroups: false,
+        bindings: &[
+            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+            BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_camera", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_motion", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "state", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "adam", kind: BindingKind::Uniform, access: Access::Read },
+        ],
     };
-    /// The kernel's buffers.
-    pub struct Args<'a> {
-        /// Reads.
-        pub view: &'a Buf<super::ViewParams>,
-        /// Reads.
-        pub ranges: &'a Buf<[u32; 2]>,
-        /// Reads.
-        pub active_id: &'a Buf<u32>,
-        /// ReadWrites.
-        pub geometry: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub splats: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub tile_counts: &'a Buf<u32>,
-        /// Reads.
-        pub slot_first: &'a Buf<u32>,
-        /// Reads.
-        pub d_slots: &'a Buf<[f32; 2]>,
-        /// ReadWrites.
-        pub n_bad: &'a Buf<u32>,
-        /// Reads.
-        pub frame_status: &'a Buf<super::Status>,
-        /// Writes.
-        pub d_camera: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub sh0: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub motion: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub sh1: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub sh2: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub sh3: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub moments_geometry: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub moments_sh0: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub moments_motion: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub moments_sh1: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub moments_sh2: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub moments_sh3: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub state: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub adam: &'a Buf<super::AdamParams>,
-    }
-    impl Kernel for Args<'_> {
-        type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "project_bwd_adam_static_sh3",
-            local: 64,
-            subgroups: false,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/project_bwd_adam_static_sh3.spv"),
-            bindings: &[
-                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-                BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "d_camera", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "moments_geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "moments_sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "moments_motion", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "moments_sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "moments_sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "moments_sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "state", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "adam", kind: BindingKind::Uniform, access: Access::Read },
-            ],
-        };
-        fn slices(&self) -> Vec<Slice> {
-            vec![
-                self.view.slice(),
-                self.ranges.slice(),
-                self.active_id.slice(),
-                self.geometry.slice(),
-                self.splats.slice(),
-                self.tile_counts.slice(),
-                self.slot_first.slice(),
-                self.d_slots.slice(),
-                self.n_bad.slice(),
-                self.frame_status.slice(),
-                self.d_camera.slice(),
-                self.sh0.slice(),
-                self.motion.slice(),
-                self.sh1.slice(),
-                self.sh2.slice(),
-                self.sh3.slice(),
-                self.moments_geometry.slice(),
-                self.moments_sh0.slice(),
-                self.moments_motion.slice(),
-                self.moments_sh1.slice(),
-                self.moments_sh2.slice(),
-                self.moments_sh3.slice(),
-                self.state.slice(),
-                self.adam.slice(),
-            ]
-        }
-    }
 }
 
 /// carries each active Gaussian's sums back to its parameters; with ADAM it moves them there and then.
 pub mod project_bwd_adam_dynamic_sh0 {
     use super::super::kernel::*;
-    /// `Push` of the shaders.
-    #[repr(C)]
-    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-    pub struct Push {
-        /// `group` of the shader.
-        pub group: u32,
-        /// `first` of the shader.
-        pub first: u32,
-        /// `is_summed` of the shader.
-        pub is_summed: u32,
-        /// `wants_camera` of the shader.
-        pub wants_camera: u32,
-    }
-    const _: () = {
-        assert!(size_of::<Push>() == 16);
-        assert!(std::mem::offset_of!(Push, group) == 0);
-        assert!(std::mem::offset_of!(Push, first) == 4);
-        assert!(std::mem::offset_of!(Push, is_summed) == 8);
-        assert!(std::mem::offset_of!(Push, wants_camera) == 12);
+    /// What the device needs to know. A variant of [`super::project_bwd_adam_static_sh0`].
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "project_bwd_adam_dynamic_sh0",
+        push_bytes: size_of::<super::project_bwd_adam_static_sh0::Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/project_bwd_adam_dynamic_sh0.spv"),
+        local: 64,
+        subgroups: false,
+        bindings: &[
+            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+            BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_camera", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_motion", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "state", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "adam", kind: BindingKind::Uniform, access: Access::Read },
+        ],
     };
-    /// The kernel's buffers.
-    pub struct Args<'a> {
-        /// Reads.
-        pub view: &'a Buf<super::ViewParams>,
-        /// Reads.
-        pub ranges: &'a Buf<[u32; 2]>,
-        /// Reads.
-        pub active_id: &'a Buf<u32>,
-        /// ReadWrites.
-        pub geometry: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub splats: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub tile_counts: &'a Buf<u32>,
-        /// Reads.
-        pub slot_first: &'a Buf<u32>,
-        /// Reads.
-        pub d_slots: &'a Buf<[f32; 2]>,
-        /// ReadWrites.
-        pub n_bad: &'a Buf<u32>,
-        /// Reads.
-        pub frame_status: &'a Buf<super::Status>,
-        /// Writes.
-        pub d_camera: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub sh0: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub motion: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub sh1: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub sh2: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub sh3: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub moments_geometry: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub moments_sh0: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub moments_motion: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub moments_sh1: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub moments_sh2: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub moments_sh3: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub state: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub adam: &'a Buf<super::AdamParams>,
-    }
-    impl Kernel for Args<'_> {
-        type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "project_bwd_adam_dynamic_sh0",
-            local: 64,
-            subgroups: false,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/project_bwd_adam_dynamic_sh0.spv"),
-            bindings: &[
-                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-                BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "d_camera", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "moments_geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "moments_sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "moments_motion", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "moments_sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "moments_sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "moments_sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "state", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "adam", kind: BindingKind::Uniform, access: Access::Read },
-            ],
-        };
-        fn slices(&self) -> Vec<Slice> {
-            vec![
-                self.view.slice(),
-                self.ranges.slice(),
-                self.active_id.slice(),
-                self.geometry.slice(),
-                self.splats.slice(),
-                self.tile_counts.slice(),
-                self.slot_first.slice(),
-                self.d_slots.slice(),
-                self.n_bad.slice(),
-                self.frame_status.slice(),
-                self.d_camera.slice(),
-                self.sh0.slice(),
-                self.motion.slice(),
-                self.sh1.slice(),
-                self.sh2.slice(),
-                self.sh3.slice(),
-                self.moments_geometry.slice(),
-                self.moments_sh0.slice(),
-                self.moments_motion.slice(),
-                self.moments_sh1.slice(),
-                self.moments_sh2.slice(),
-                self.moments_sh3.slice(),
-                self.state.slice(),
-                self.adam.slice(),
-            ]
-        }
-    }
 }
 
 /// carries each active Gaussian's sums back to its parameters; with ADAM it moves them there and then.
 pub mod project_bwd_adam_dynamic_sh1 {
     use super::super::kernel::*;
-    /// `Push` of the shaders.
-    #[repr(C)]
-    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-    pub struct Push {
-        /// `group` of the shader.
-        pub group: u32,
-        /// `first` of the shader.
-        pub first: u32,
-        /// `is_summed` of the shader.
-        pub is_summed: u32,
-        /// `wants_camera` of the shader.
-        pub wants_camera: u32,
-    }
-    const _: () = {
-        assert!(size_of::<Push>() == 16);
-        assert!(std::mem::offset_of!(Push, group) == 0);
-        assert!(std::mem::offset_of!(Push, first) == 4);
-        assert!(std::mem::offset_of!(Push, is_summed) == 8);
-        assert!(std::mem::offset_of!(Push, wants_camera) == 12);
+    /// What the device needs to know. A variant of [`super::project_bwd_adam_static_sh0`].
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "project_bwd_adam_dynamic_sh1",
+        push_bytes: size_of::<super::project_bwd_adam_static_sh0::Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/project_bwd_adam_dynamic_sh1.spv"),
+        local: 64,
+        subgroups: false,
+        bindings: &[
+            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+            BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_camera", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_motion", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "state", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "adam", kind: BindingKind::Uniform, access: Access::Read },
+        ],
     };
-    /// The kernel's buffers.
-    pub struct Args<'a> {
-        /// Reads.
-        pub view: &'a Buf<super::ViewParams>,
-        /// Reads.
-        pub ranges: &'a Buf<[u32; 2]>,
-        /// Reads.
-        pub active_id: &'a Buf<u32>,
-        /// ReadWrites.
-        pub geometry: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub splats: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub tile_counts: &'a Buf<u32>,
-        /// Reads.
-        pub slot_first: &'a Buf<u32>,
-        /// Reads.
-        pub d_slots: &'a Buf<[f32; 2]>,
-        /// ReadWrites.
-        pub n_bad: &'a Buf<u32>,
-        /// Reads.
-        pub frame_status: &'a Buf<super::Status>,
-        /// Writes.
-        pub d_camera: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub sh0: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub motion: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub sh1: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub sh2: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub sh3: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub moments_geometry: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub moments_sh0: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub moments_motion: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub moments_sh1: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub moments_sh2: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub moments_sh3: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub state: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub adam: &'a Buf<super::AdamParams>,
-    }
-    impl Kernel for Args<'_> {
-        type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "project_bwd_adam_dynamic_sh1",
-            local: 64,
-            subgroups: false,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/project_bwd_adam_dynamic_sh1.spv"),
-            bindings: &[
-                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-                BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "d_camera", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "moments_geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "moments_sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "moments_motion", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "moments_sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "moments_sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "moments_sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "state", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "adam", kind: BindingKind::Uniform, access: Access::Read },
-            ],
-        };
-        fn slices(&self) -> Vec<Slice> {
-            vec![
-                self.view.slice(),
-                self.ranges.slice(),
-                self.active_id.slice(),
-                self.geometry.slice(),
-                self.splats.slice(),
-                self.tile_counts.slice(),
-                self.slot_first.slice(),
-                self.d_slots.slice(),
-                self.n_bad.slice(),
-                self.frame_status.slice(),
-                self.d_camera.slice(),
-                self.sh0.slice(),
-                self.motion.slice(),
-                self.sh1.slice(),
-                self.sh2.slice(),
-                self.sh3.slice(),
-                self.moments_geometry.slice(),
-                self.moments_sh0.slice(),
-                self.moments_motion.slice(),
-                self.moments_sh1.slice(),
-                self.moments_sh2.slice(),
-                self.moments_sh3.slice(),
-                self.state.slice(),
-                self.adam.slice(),
-            ]
-        }
-    }
 }
 
 /// carries each active Gaussian's sums back to its parameters; with ADAM it moves them there and then.
 pub mod project_bwd_adam_dynamic_sh2 {
     use super::super::kernel::*;
-    /// `Push` of the shaders.
-    #[repr(C)]
-    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-    pub struct Push {
-        /// `group` of the shader.
-        pub group: u32,
-        /// `first` of the shader.
-        pub first: u32,
-        /// `is_summed` of the shader.
-        pub is_summed: u32,
-        /// `wants_camera` of the shader.
-        pub wants_camera: u32,
-    }
-    const _: () = {
-        assert!(size_of::<Push>() == 16);
-        assert!(std::mem::offset_of!(Push, group) == 0);
-        assert!(std::mem::offset_of!(Push, first) == 4);
-        assert!(std::mem::offset_of!(Push, is_summed) == 8);
-        assert!(std::mem::offset_of!(Push, wants_camera) == 12);
+    /// What the device needs to know. A variant of [`super::project_bwd_adam_static_sh0`].
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "project_bwd_adam_dynamic_sh2",
+        push_bytes: size_of::<super::project_bwd_adam_static_sh0::Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/project_bwd_adam_dynamic_sh2.spv"),
+        local: 64,
+        subgroups: false,
+        bindings: &[
+            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+            BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_camera", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_motion", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "state", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "adam", kind: BindingKind::Uniform, access: Access::Read },
+        ],
     };
-    /// The kernel's buffers.
-    pub struct Args<'a> {
-        /// Reads.
-        pub view: &'a Buf<super::ViewParams>,
-        /// Reads.
-        pub ranges: &'a Buf<[u32; 2]>,
-        /// Reads.
-        pub active_id: &'a Buf<u32>,
-        /// ReadWrites.
-        pub geometry: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub splats: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub tile_counts: &'a Buf<u32>,
-        /// Reads.
-        pub slot_first: &'a Buf<u32>,
-        /// Reads.
-        pub d_slots: &'a Buf<[f32; 2]>,
-        /// ReadWrites.
-        pub n_bad: &'a Buf<u32>,
-        /// Reads.
-        pub frame_status: &'a Buf<super::Status>,
-        /// Writes.
-        pub d_camera: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub sh0: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub motion: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub sh1: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub sh2: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub sh3: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub moments_geometry: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub moments_sh0: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub moments_motion: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub moments_sh1: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub moments_sh2: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub moments_sh3: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub state: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub adam: &'a Buf<super::AdamParams>,
-    }
-    impl Kernel for Args<'_> {
-        type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "project_bwd_adam_dynamic_sh2",
-            local: 64,
-            subgroups: false,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/project_bwd_adam_dynamic_sh2.spv"),
-            bindings: &[
-                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-                BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "d_camera", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "moments_geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "moments_sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "moments_motion", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "moments_sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "moments_sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "moments_sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "state", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "adam", kind: BindingKind::Uniform, access: Access::Read },
-            ],
-        };
-        fn slices(&self) -> Vec<Slice> {
-            vec![
-                self.view.slice(),
-                self.ranges.slice(),
-                self.active_id.slice(),
-                self.geometry.slice(),
-                self.splats.slice(),
-                self.tile_counts.slice(),
-                self.slot_first.slice(),
-                self.d_slots.slice(),
-                self.n_bad.slice(),
-                self.frame_status.slice(),
-                self.d_camera.slice(),
-                self.sh0.slice(),
-                self.motion.slice(),
-                self.sh1.slice(),
-                self.sh2.slice(),
-                self.sh3.slice(),
-                self.moments_geometry.slice(),
-                self.moments_sh0.slice(),
-                self.moments_motion.slice(),
-                self.moments_sh1.slice(),
-                self.moments_sh2.slice(),
-                self.moments_sh3.slice(),
-                self.state.slice(),
-                self.adam.slice(),
-            ]
-        }
-    }
 }
 
 /// carries each active Gaussian's sums back to its parameters; with ADAM it moves them there and then.
 pub mod project_bwd_adam_dynamic_sh3 {
     use super::super::kernel::*;
-    /// `Push` of the shaders.
-    #[repr(C)]
-    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-    pub struct Push {
-        /// `group` of the shader.
-        pub group: u32,
-        /// `first` of the shader.
-        pub first: u32,
-        /// `is_summed` of the shader.
-        pub is_summed: u32,
-        /// `wants_camera` of the shader.
-        pub wants_camera: u32,
-    }
-    const _: () = {
-        assert!(size_of::<Push>() == 16);
-        assert!(std::mem::offset_of!(Push, group) == 0);
-        assert!(std::mem::offset_of!(Push, first) == 4);
-        assert!(std::mem::offset_of!(Push, is_summed) == 8);
-        assert!(std::mem::offset_of!(Push, wants_camera) == 12);
+    /// What the device needs to know. A variant of [`super::project_bwd_adam_static_sh0`].
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "project_bwd_adam_dynamic_sh3",
+        push_bytes: size_of::<super::project_bwd_adam_static_sh0::Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/project_bwd_adam_dynamic_sh3.spv"),
+        local: 64,
+        subgroups: false,
+        bindings: &[
+            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+            BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_camera", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_motion", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "state", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "adam", kind: BindingKind::Uniform, access: Access::Read },
+        ],
     };
-    /// The kernel's buffers.
-    pub struct Args<'a> {
-        /// Reads.
-        pub view: &'a Buf<super::ViewParams>,
-        /// Reads.
-        pub ranges: &'a Buf<[u32; 2]>,
-        /// Reads.
-        pub active_id: &'a Buf<u32>,
-        /// ReadWrites.
-        pub geometry: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub splats: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub tile_counts: &'a Buf<u32>,
-        /// Reads.
-        pub slot_first: &'a Buf<u32>,
-        /// Reads.
-        pub d_slots: &'a Buf<[f32; 2]>,
-        /// ReadWrites.
-        pub n_bad: &'a Buf<u32>,
-        /// Reads.
-        pub frame_status: &'a Buf<super::Status>,
-        /// Writes.
-        pub d_camera: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub sh0: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub motion: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub sh1: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub sh2: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub sh3: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub moments_geometry: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub moments_sh0: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub moments_motion: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub moments_sh1: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub moments_sh2: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub moments_sh3: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub state: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub adam: &'a Buf<super::AdamParams>,
-    }
-    impl Kernel for Args<'_> {
-        type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "project_bwd_adam_dynamic_sh3",
-            local: 64,
-            subgroups: false,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/project_bwd_adam_dynamic_sh3.spv"),
-            bindings: &[
-                BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-                BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "d_camera", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "moments_geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "moments_sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "moments_motion", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "moments_sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "moments_sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "moments_sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "state", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "adam", kind: BindingKind::Uniform, access: Access::Read },
-            ],
-        };
-        fn slices(&self) -> Vec<Slice> {
-            vec![
-                self.view.slice(),
-                self.ranges.slice(),
-                self.active_id.slice(),
-                self.geometry.slice(),
-                self.splats.slice(),
-                self.tile_counts.slice(),
-                self.slot_first.slice(),
-                self.d_slots.slice(),
-                self.n_bad.slice(),
-                self.frame_status.slice(),
-                self.d_camera.slice(),
-                self.sh0.slice(),
-                self.motion.slice(),
-                self.sh1.slice(),
-                self.sh2.slice(),
-                self.sh3.slice(),
-                self.moments_geometry.slice(),
-                self.moments_sh0.slice(),
-                self.moments_motion.slice(),
-                self.moments_sh1.slice(),
-                self.moments_sh2.slice(),
-                self.moments_sh3.slice(),
-                self.state.slice(),
-                self.adam.slice(),
-            ]
-        }
-    }
 }
 
 /// adds the active Gaussians' gradients of the camera.
@@ -6209,22 +3208,24 @@ pub mod camera_sum {
     }
     impl Kernel for Args<'_> {
         type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "camera_sum",
-            local: 64,
-            subgroups: false,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/camera_sum.spv"),
-            bindings: &[
-                BindingInfo { name: "count", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "d_camera", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "partials", kind: BindingKind::Storage, access: Access::Write },
-            ],
-        };
+        const INFO: &'static KernelInfo = INFO;
         fn slices(&self) -> Vec<Slice> {
             vec![self.count.slice(), self.d_camera.slice(), self.partials.slice()]
         }
     }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "camera_sum",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/camera_sum.spv"),
+        local: 64,
+        subgroups: false,
+        bindings: &[
+            BindingInfo { name: "count", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_camera", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "partials", kind: BindingKind::Storage, access: Access::Write },
+        ],
+    };
 }
 
 /// adds the workgroups' gradients of camera and background.
@@ -6241,21 +3242,23 @@ pub mod camera_total {
     }
     impl Kernel for Args<'_> {
         type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "camera_total",
-            local: 64,
-            subgroups: false,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/camera_total.spv"),
-            bindings: &[
-                BindingInfo { name: "partials", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "total", kind: BindingKind::Storage, access: Access::Write },
-            ],
-        };
+        const INFO: &'static KernelInfo = INFO;
         fn slices(&self) -> Vec<Slice> {
             vec![self.partials.slice(), self.total.slice()]
         }
     }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "camera_total",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/camera_total.spv"),
+        local: 64,
+        subgroups: false,
+        bindings: &[
+            BindingInfo { name: "partials", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "total", kind: BindingKind::Storage, access: Access::Write },
+        ],
+    };
 }
 
 /// adds the pixels' gradients of the background.
@@ -6283,22 +3286,24 @@ pub mod background_sum {
     }
     impl Kernel for Args<'_> {
         type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "background_sum",
-            local: 64,
-            subgroups: false,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/background_sum.spv"),
-            bindings: &[
-                BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "d_image0", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "partials", kind: BindingKind::Storage, access: Access::Write },
-            ],
-        };
+        const INFO: &'static KernelInfo = INFO;
         fn slices(&self) -> Vec<Slice> {
             vec![self.tail.slice(), self.d_image0.slice(), self.partials.slice()]
         }
     }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "background_sum",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/background_sum.spv"),
+        local: 64,
+        subgroups: false,
+        bindings: &[
+            BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_image0", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "partials", kind: BindingKind::Storage, access: Access::Write },
+        ],
+    };
 }
 
 /// filters the moments of picture and truth along the rows.
@@ -6329,22 +3334,24 @@ pub mod ssim_rows {
     }
     impl Kernel for Args<'_> {
         type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "ssim_rows",
-            local: 64,
-            subgroups: false,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/ssim_rows.spv"),
-            bindings: &[
-                BindingInfo { name: "image", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "truth", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "moments", kind: BindingKind::Storage, access: Access::Write },
-            ],
-        };
+        const INFO: &'static KernelInfo = INFO;
         fn slices(&self) -> Vec<Slice> {
             vec![self.image.slice(), self.truth.slice(), self.moments.slice()]
         }
     }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "ssim_rows",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/ssim_rows.spv"),
+        local: 64,
+        subgroups: false,
+        bindings: &[
+            BindingInfo { name: "image", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "truth", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "moments", kind: BindingKind::Storage, access: Access::Write },
+        ],
+    };
 }
 
 /// filters the moments along the columns, forms SSIM and its derivatives, and sums 1 - SSIM and the absolute error.
@@ -6379,24 +3386,26 @@ pub mod ssim_columns {
     }
     impl Kernel for Args<'_> {
         type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "ssim_columns",
-            local: 64,
-            subgroups: false,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/ssim_columns.spv"),
-            bindings: &[
-                BindingInfo { name: "moments", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "image", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "truth", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "partials", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "sums", kind: BindingKind::Storage, access: Access::Write },
-            ],
-        };
+        const INFO: &'static KernelInfo = INFO;
         fn slices(&self) -> Vec<Slice> {
             vec![self.moments.slice(), self.image.slice(), self.truth.slice(), self.partials.slice(), self.sums.slice()]
         }
     }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "ssim_columns",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/ssim_columns.spv"),
+        local: 64,
+        subgroups: false,
+        bindings: &[
+            BindingInfo { name: "moments", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "image", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "truth", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "partials", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "sums", kind: BindingKind::Storage, access: Access::Write },
+        ],
+    };
 }
 
 /// filters the derivatives of SSIM along the rows.
@@ -6425,21 +3434,23 @@ pub mod ssim_bwd_rows {
     }
     impl Kernel for Args<'_> {
         type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "ssim_bwd_rows",
-            local: 64,
-            subgroups: false,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/ssim_bwd_rows.spv"),
-            bindings: &[
-                BindingInfo { name: "partials", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "filtered", kind: BindingKind::Storage, access: Access::Write },
-            ],
-        };
+        const INFO: &'static KernelInfo = INFO;
         fn slices(&self) -> Vec<Slice> {
             vec![self.partials.slice(), self.filtered.slice()]
         }
     }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "ssim_bwd_rows",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/ssim_bwd_rows.spv"),
+        local: 64,
+        subgroups: false,
+        bindings: &[
+            BindingInfo { name: "partials", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "filtered", kind: BindingKind::Storage, access: Access::Write },
+        ],
+    };
 }
 
 /// filters the derivatives of SSIM along the columns and forms the cotangent of the colour.
@@ -6478,23 +3489,25 @@ pub mod ssim_bwd_columns {
     }
     impl Kernel for Args<'_> {
         type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "ssim_bwd_columns",
-            local: 64,
-            subgroups: false,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/ssim_bwd_columns.spv"),
-            bindings: &[
-                BindingInfo { name: "filtered", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "image", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "truth", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "d_image", kind: BindingKind::Storage, access: Access::Write },
-            ],
-        };
+        const INFO: &'static KernelInfo = INFO;
         fn slices(&self) -> Vec<Slice> {
             vec![self.filtered.slice(), self.image.slice(), self.truth.slice(), self.d_image.slice()]
         }
     }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "ssim_bwd_columns",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/ssim_bwd_columns.spv"),
+        local: 64,
+        subgroups: false,
+        bindings: &[
+            BindingInfo { name: "filtered", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "image", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "truth", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_image", kind: BindingKind::Storage, access: Access::Write },
+        ],
+    };
 }
 
 /// adds the workgroups' sums of 1 - SSIM, absolute and squared error.
@@ -6520,21 +3533,23 @@ pub mod loss_sum {
     }
     impl Kernel for Args<'_> {
         type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "loss_sum",
-            local: 64,
-            subgroups: false,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/loss_sum.spv"),
-            bindings: &[
-                BindingInfo { name: "sums", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "loss", kind: BindingKind::Storage, access: Access::Write },
-            ],
-        };
+        const INFO: &'static KernelInfo = INFO;
         fn slices(&self) -> Vec<Slice> {
             vec![self.sums.slice(), self.loss.slice()]
         }
     }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "loss_sum",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/loss_sum.spv"),
+        local: 64,
+        subgroups: false,
+        bindings: &[
+            BindingInfo { name: "sums", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "loss", kind: BindingKind::Storage, access: Access::Write },
+        ],
+    };
 }
 
 /// compares depth and flow with their priors: cotangents and sums.
@@ -6575,24 +3590,26 @@ pub mod prior_loss {
     }
     impl Kernel for Args<'_> {
         type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "prior_loss",
-            local: 64,
-            subgroups: false,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/prior_loss.spv"),
-            bindings: &[
-                BindingInfo { name: "image1", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "truth", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "priors", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "d_image1", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "sums", kind: BindingKind::Storage, access: Access::Write },
-            ],
-        };
+        const INFO: &'static KernelInfo = INFO;
         fn slices(&self) -> Vec<Slice> {
             vec![self.image1.slice(), self.truth.slice(), self.priors.slice(), self.d_image1.slice(), self.sums.slice()]
         }
     }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "prior_loss",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/prior_loss.spv"),
+        local: 64,
+        subgroups: false,
+        bindings: &[
+            BindingInfo { name: "image1", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "truth", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "priors", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_image1", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "sums", kind: BindingKind::Storage, access: Access::Write },
+        ],
+    };
 }
 
 /// adds the camera's time offset, which only the device knows, to the view's time.
@@ -6618,21 +3635,23 @@ pub mod clock_apply {
     }
     impl Kernel for Args<'_> {
         type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "clock_apply",
-            local: 1,
-            subgroups: false,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/clock_apply.spv"),
-            bindings: &[
-                BindingInfo { name: "clocks", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "view", kind: BindingKind::Storage, access: Access::ReadWrite },
-            ],
-        };
+        const INFO: &'static KernelInfo = INFO;
         fn slices(&self) -> Vec<Slice> {
             vec![self.clocks.slice(), self.view.slice()]
         }
     }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "clock_apply",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/clock_apply.spv"),
+        local: 1,
+        subgroups: false,
+        bindings: &[
+            BindingInfo { name: "clocks", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "view", kind: BindingKind::Storage, access: Access::ReadWrite },
+        ],
+    };
 }
 
 /// moves the cameras' time offsets: Adam on the image's gradient and the L2 term, bound, gauge.
@@ -6680,23 +3699,25 @@ pub mod clock_step {
     }
     impl Kernel for Args<'_> {
         type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "clock_step",
-            local: 64,
-            subgroups: false,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/clock_step.spv"),
-            bindings: &[
-                BindingInfo { name: "total", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "free", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "clocks", kind: BindingKind::Storage, access: Access::ReadWrite },
-            ],
-        };
+        const INFO: &'static KernelInfo = INFO;
         fn slices(&self) -> Vec<Slice> {
             vec![self.total.slice(), self.free.slice(), self.frame_status.slice(), self.clocks.slice()]
         }
     }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "clock_step",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/clock_step.spv"),
+        local: 64,
+        subgroups: false,
+        bindings: &[
+            BindingInfo { name: "total", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "free", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "clocks", kind: BindingKind::Storage, access: Access::ReadWrite },
+        ],
+    };
 }
 
 /// cuts the crop out of picture and truth and scales both as LPIPS's trunk wants them.
@@ -6738,23 +3759,25 @@ pub mod lpips_input {
     }
     impl Kernel for Args<'_> {
         type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "lpips_input",
-            local: 64,
-            subgroups: false,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/lpips_input.spv"),
-            bindings: &[
-                BindingInfo { name: "image", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "truth", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "features", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "truth_features", kind: BindingKind::Storage, access: Access::Write },
-            ],
-        };
+        const INFO: &'static KernelInfo = INFO;
         fn slices(&self) -> Vec<Slice> {
             vec![self.image.slice(), self.truth.slice(), self.features.slice(), self.truth_features.slice()]
         }
     }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "lpips_input",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/lpips_input.spv"),
+        local: 64,
+        subgroups: false,
+        bindings: &[
+            BindingInfo { name: "image", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "truth", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "features", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "truth_features", kind: BindingKind::Storage, access: Access::Write },
+        ],
+    };
 }
 
 /// convolves feature maps: forward with bias and ReLU, or a cotangent back to the maps it came from.
@@ -6829,23 +3852,25 @@ pub mod lpips_conv {
     }
     impl Kernel for Args<'_> {
         type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "lpips_conv",
-            local: 64,
-            subgroups: true,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/lpips_conv.spv"),
-            bindings: &[
-                BindingInfo { name: "features", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "weights", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "bias", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "maps", kind: BindingKind::Storage, access: Access::Write },
-            ],
-        };
+        const INFO: &'static KernelInfo = INFO;
         fn slices(&self) -> Vec<Slice> {
             vec![self.features.slice(), self.weights.slice(), self.bias.slice(), self.maps.slice()]
         }
     }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "lpips_conv",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/lpips_conv.spv"),
+        local: 64,
+        subgroups: true,
+        bindings: &[
+            BindingInfo { name: "features", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "weights", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "bias", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "maps", kind: BindingKind::Storage, access: Access::Write },
+        ],
+    };
 }
 
 /// takes the greatest of each 3 x 3 window, two pixels apart, and keeps which it was.
@@ -6885,22 +3910,24 @@ pub mod lpips_pool {
     }
     impl Kernel for Args<'_> {
         type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "lpips_pool",
-            local: 64,
-            subgroups: false,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/lpips_pool.spv"),
-            bindings: &[
-                BindingInfo { name: "features", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "pooled", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "choices", kind: BindingKind::Storage, access: Access::Write },
-            ],
-        };
+        const INFO: &'static KernelInfo = INFO;
         fn slices(&self) -> Vec<Slice> {
             vec![self.features.slice(), self.pooled.slice(), self.choices.slice()]
         }
     }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "lpips_pool",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/lpips_pool.spv"),
+        local: 64,
+        subgroups: false,
+        bindings: &[
+            BindingInfo { name: "features", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "pooled", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "choices", kind: BindingKind::Storage, access: Access::Write },
+        ],
+    };
 }
 
 /// compares the features of picture and truth at one depth of LPIPS's trunk, and forms the cotangent.
@@ -6939,23 +3966,25 @@ pub mod lpips_tap {
     }
     impl Kernel for Args<'_> {
         type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "lpips_tap",
-            local: 64,
-            subgroups: true,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/lpips_tap.spv"),
-            bindings: &[
-                BindingInfo { name: "features", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "truth_features", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "linear", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "sums", kind: BindingKind::Storage, access: Access::Write },
-            ],
-        };
+        const INFO: &'static KernelInfo = INFO;
         fn slices(&self) -> Vec<Slice> {
             vec![self.features.slice(), self.truth_features.slice(), self.linear.slice(), self.sums.slice()]
         }
     }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "lpips_tap",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/lpips_tap.spv"),
+        local: 64,
+        subgroups: true,
+        bindings: &[
+            BindingInfo { name: "features", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "truth_features", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "linear", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sums", kind: BindingKind::Storage, access: Access::Write },
+        ],
+    };
 }
 
 /// compares the features of picture and truth at one depth of LPIPS's trunk, and forms the cotangent.
@@ -6996,20 +4025,7 @@ pub mod lpips_tap_bwd {
     }
     impl Kernel for Args<'_> {
         type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "lpips_tap_bwd",
-            local: 64,
-            subgroups: true,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/lpips_tap_bwd.spv"),
-            bindings: &[
-                BindingInfo { name: "features", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "truth_features", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "linear", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "sums", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "d_features", kind: BindingKind::Storage, access: Access::Write },
-            ],
-        };
+        const INFO: &'static KernelInfo = INFO;
         fn slices(&self) -> Vec<Slice> {
             vec![
                 self.features.slice(),
@@ -7020,6 +4036,21 @@ pub mod lpips_tap_bwd {
             ]
         }
     }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "lpips_tap_bwd",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/lpips_tap_bwd.spv"),
+        local: 64,
+        subgroups: true,
+        bindings: &[
+            BindingInfo { name: "features", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "truth_features", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "linear", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sums", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "d_features", kind: BindingKind::Storage, access: Access::Write },
+        ],
+    };
 }
 
 /// adds the workgroups' shares of LPIPS.
@@ -7045,21 +4076,23 @@ pub mod lpips_sum {
     }
     impl Kernel for Args<'_> {
         type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "lpips_sum",
-            local: 64,
-            subgroups: false,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/lpips_sum.spv"),
-            bindings: &[
-                BindingInfo { name: "sums", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "value", kind: BindingKind::Storage, access: Access::Write },
-            ],
-        };
+        const INFO: &'static KernelInfo = INFO;
         fn slices(&self) -> Vec<Slice> {
             vec![self.sums.slice(), self.value.slice()]
         }
     }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "lpips_sum",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/lpips_sum.spv"),
+        local: 64,
+        subgroups: false,
+        bindings: &[
+            BindingInfo { name: "sums", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "value", kind: BindingKind::Storage, access: Access::Write },
+        ],
+    };
 }
 
 /// convolves feature maps: forward with bias and ReLU, or a cotangent back to the maps it came from.
@@ -7134,23 +4167,25 @@ pub mod lpips_conv_bwd {
     }
     impl Kernel for Args<'_> {
         type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "lpips_conv_bwd",
-            local: 64,
-            subgroups: true,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/lpips_conv_bwd.spv"),
-            bindings: &[
-                BindingInfo { name: "features", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "weights", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "forward", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "maps", kind: BindingKind::Storage, access: Access::ReadWrite },
-            ],
-        };
+        const INFO: &'static KernelInfo = INFO;
         fn slices(&self) -> Vec<Slice> {
             vec![self.features.slice(), self.weights.slice(), self.forward.slice(), self.maps.slice()]
         }
     }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "lpips_conv_bwd",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/lpips_conv_bwd.spv"),
+        local: 64,
+        subgroups: true,
+        bindings: &[
+            BindingInfo { name: "features", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "weights", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "forward", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "maps", kind: BindingKind::Storage, access: Access::ReadWrite },
+        ],
+    };
 }
 
 /// carries the cotangent of a pool back to the greatest value of each window.
@@ -7192,23 +4227,25 @@ pub mod lpips_pool_bwd {
     }
     impl Kernel for Args<'_> {
         type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "lpips_pool_bwd",
-            local: 64,
-            subgroups: false,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/lpips_pool_bwd.spv"),
-            bindings: &[
-                BindingInfo { name: "features", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "choices", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "d_pooled", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "d_features", kind: BindingKind::Storage, access: Access::ReadWrite },
-            ],
-        };
+        const INFO: &'static KernelInfo = INFO;
         fn slices(&self) -> Vec<Slice> {
             vec![self.features.slice(), self.choices.slice(), self.d_pooled.slice(), self.d_features.slice()]
         }
     }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "lpips_pool_bwd",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/lpips_pool_bwd.spv"),
+        local: 64,
+        subgroups: false,
+        bindings: &[
+            BindingInfo { name: "features", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "choices", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_pooled", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_features", kind: BindingKind::Storage, access: Access::ReadWrite },
+        ],
+    };
 }
 
 /// adds the cotangent of LPIPS's input to that of the picture.
@@ -7260,22 +4297,24 @@ pub mod lpips_input_bwd {
     }
     impl Kernel for Args<'_> {
         type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "lpips_input_bwd",
-            local: 64,
-            subgroups: false,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/lpips_input_bwd.spv"),
-            bindings: &[
-                BindingInfo { name: "d_blocks", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "truth", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "d_image", kind: BindingKind::Storage, access: Access::ReadWrite },
-            ],
-        };
+        const INFO: &'static KernelInfo = INFO;
         fn slices(&self) -> Vec<Slice> {
             vec![self.d_blocks.slice(), self.truth.slice(), self.d_image.slice()]
         }
     }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "lpips_input_bwd",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/lpips_input_bwd.spv"),
+        local: 64,
+        subgroups: false,
+        bindings: &[
+            BindingInfo { name: "d_blocks", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "truth", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_image", kind: BindingKind::Storage, access: Access::ReadWrite },
+        ],
+    };
 }
 
 /// maps each pixel's colour by the affine map that the camera's bilateral grid has at its place and luma; with
@@ -7312,22 +4351,24 @@ pub mod bilateral_slice {
     }
     impl Kernel for Args<'_> {
         type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "bilateral_slice",
-            local: 64,
-            subgroups: true,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/bilateral_slice.spv"),
-            bindings: &[
-                BindingInfo { name: "camera_grid", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "image", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "graded", kind: BindingKind::Storage, access: Access::Write },
-            ],
-        };
+        const INFO: &'static KernelInfo = INFO;
         fn slices(&self) -> Vec<Slice> {
             vec![self.camera_grid.slice(), self.image.slice(), self.graded.slice()]
         }
     }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "bilateral_slice",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/bilateral_slice.spv"),
+        local: 64,
+        subgroups: true,
+        bindings: &[
+            BindingInfo { name: "camera_grid", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "image", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "graded", kind: BindingKind::Storage, access: Access::Write },
+        ],
+    };
 }
 
 /// maps each pixel's colour by the affine map that the camera's bilateral grid has at its place and luma; with
@@ -7366,23 +4407,25 @@ pub mod bilateral_slice_bwd {
     }
     impl Kernel for Args<'_> {
         type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "bilateral_slice_bwd",
-            local: 64,
-            subgroups: true,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/bilateral_slice_bwd.spv"),
-            bindings: &[
-                BindingInfo { name: "camera_grid", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "image", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "d_graded", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "d_image", kind: BindingKind::Storage, access: Access::Write },
-            ],
-        };
+        const INFO: &'static KernelInfo = INFO;
         fn slices(&self) -> Vec<Slice> {
             vec![self.camera_grid.slice(), self.image.slice(), self.d_graded.slice(), self.d_image.slice()]
         }
     }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "bilateral_slice_bwd",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/bilateral_slice_bwd.spv"),
+        local: 64,
+        subgroups: true,
+        bindings: &[
+            BindingInfo { name: "camera_grid", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "image", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_graded", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_image", kind: BindingKind::Storage, access: Access::Write },
+        ],
+    };
 }
 
 /// sums the cotangents of a part's pixels into the four columns of cells at its corners.
@@ -7419,22 +4462,24 @@ pub mod bilateral_bwd {
     }
     impl Kernel for Args<'_> {
         type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "bilateral_bwd",
-            local: 64,
-            subgroups: true,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/bilateral_bwd.spv"),
-            bindings: &[
-                BindingInfo { name: "image", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "d_graded", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "partials", kind: BindingKind::Storage, access: Access::Write },
-            ],
-        };
+        const INFO: &'static KernelInfo = INFO;
         fn slices(&self) -> Vec<Slice> {
             vec![self.image.slice(), self.d_graded.slice(), self.partials.slice()]
         }
     }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "bilateral_bwd",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/bilateral_bwd.spv"),
+        local: 64,
+        subgroups: true,
+        bindings: &[
+            BindingInfo { name: "image", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_graded", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "partials", kind: BindingKind::Storage, access: Access::Write },
+        ],
+    };
 }
 
 /// adds the parts' sums around each cell: the gradient of the camera's grid.
@@ -7460,21 +4505,23 @@ pub mod bilateral_sum {
     }
     impl Kernel for Args<'_> {
         type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "bilateral_sum",
-            local: 64,
-            subgroups: false,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/bilateral_sum.spv"),
-            bindings: &[
-                BindingInfo { name: "partials", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "d_grid", kind: BindingKind::Storage, access: Access::Write },
-            ],
-        };
+        const INFO: &'static KernelInfo = INFO;
         fn slices(&self) -> Vec<Slice> {
             vec![self.partials.slice(), self.d_grid.slice()]
         }
     }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "bilateral_sum",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/bilateral_sum.spv"),
+        local: 64,
+        subgroups: false,
+        bindings: &[
+            BindingInfo { name: "partials", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_grid", kind: BindingKind::Storage, access: Access::Write },
+        ],
+    };
 }
 
 /// one step of Adam on one camera's grid, along its gradient and that of the total variation.
@@ -7525,22 +4572,7 @@ pub mod bilateral_adam {
     }
     impl Kernel for Args<'_> {
         type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "bilateral_adam",
-            local: 64,
-            subgroups: false,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/bilateral_adam.spv"),
-            bindings: &[
-                BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "camera_grid", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "d_grid", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "first", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "second", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "stepped", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "sums", kind: BindingKind::Storage, access: Access::Write },
-            ],
-        };
+        const INFO: &'static KernelInfo = INFO;
         fn slices(&self) -> Vec<Slice> {
             vec![
                 self.frame_status.slice(),
@@ -7553,6 +4585,23 @@ pub mod bilateral_adam {
             ]
         }
     }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "bilateral_adam",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/bilateral_adam.spv"),
+        local: 64,
+        subgroups: false,
+        bindings: &[
+            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "camera_grid", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_grid", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "first", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "second", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "stepped", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "sums", kind: BindingKind::Storage, access: Access::Write },
+        ],
+    };
 }
 
 /// takes the mean deviation from the identity over the cameras off every camera's grid.
@@ -7578,21 +4627,23 @@ pub mod bilateral_gauge {
     }
     impl Kernel for Args<'_> {
         type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "bilateral_gauge",
-            local: 64,
-            subgroups: false,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/bilateral_gauge.spv"),
-            bindings: &[
-                BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "grids", kind: BindingKind::Storage, access: Access::ReadWrite },
-            ],
-        };
+        const INFO: &'static KernelInfo = INFO;
         fn slices(&self) -> Vec<Slice> {
             vec![self.frame_status.slice(), self.grids.slice()]
         }
     }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "bilateral_gauge",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/bilateral_gauge.spv"),
+        local: 64,
+        subgroups: false,
+        bindings: &[
+            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "grids", kind: BindingKind::Storage, access: Access::ReadWrite },
+        ],
+    };
 }
 
 /// one step of dense Adam on one buffer of the Gaussians that the frame did not see.
@@ -7640,22 +4691,7 @@ pub mod adam_idle {
     }
     impl Kernel for Args<'_> {
         type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "adam_idle",
-            local: 64,
-            subgroups: false,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/adam_idle.spv"),
-            bindings: &[
-                BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "adam", kind: BindingKind::Uniform, access: Access::Read },
-                BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "idle_id", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "parameter", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "moments", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "state", kind: BindingKind::Storage, access: Access::ReadWrite },
-            ],
-        };
+        const INFO: &'static KernelInfo = INFO;
         fn slices(&self) -> Vec<Slice> {
             vec![
                 self.frame_status.slice(),
@@ -7668,6 +4704,23 @@ pub mod adam_idle {
             ]
         }
     }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "adam_idle",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/adam_idle.spv"),
+        local: 64,
+        subgroups: false,
+        bindings: &[
+            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "adam", kind: BindingKind::Uniform, access: Access::Read },
+            BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "idle_id", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "parameter", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "state", kind: BindingKind::Storage, access: Access::ReadWrite },
+        ],
+    };
 }
 
 /// gives one buffer of the Gaussians in view the steps of dense Adam that they missed while they were not.
@@ -7732,23 +4785,7 @@ pub mod adam_catch_up {
     }
     impl Kernel for Args<'_> {
         type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "adam_catch_up",
-            local: 64,
-            subgroups: false,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/adam_catch_up.spv"),
-            bindings: &[
-                BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "adam", kind: BindingKind::Uniform, access: Access::Read },
-                BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "sums", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "parameter", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "moments", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "state", kind: BindingKind::Storage, access: Access::ReadWrite },
-            ],
-        };
+        const INFO: &'static KernelInfo = INFO;
         fn slices(&self) -> Vec<Slice> {
             vec![
                 self.frame_status.slice(),
@@ -7762,6 +4799,24 @@ pub mod adam_catch_up {
             ]
         }
     }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "adam_catch_up",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/adam_catch_up.spv"),
+        local: 64,
+        subgroups: false,
+        bindings: &[
+            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "adam", kind: BindingKind::Uniform, access: Access::Read },
+            BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sums", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "parameter", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "state", kind: BindingKind::Storage, access: Access::ReadWrite },
+        ],
+    };
 }
 
 /// decides for each Gaussian of a group whether it is kept, how hard it is pulled and where it is stored.
@@ -7823,23 +4878,7 @@ pub mod density_classify_static {
     }
     impl Kernel for Args<'_> {
         type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "density_classify_static",
-            local: 128,
-            subgroups: true,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/density_classify_static.spv"),
-            bindings: &[
-                BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "state", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "flags", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "scores", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "identity", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "entries", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "codes", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "counters", kind: BindingKind::Storage, access: Access::ReadWrite },
-            ],
-        };
+        const INFO: &'static KernelInfo = INFO;
         fn slices(&self) -> Vec<Slice> {
             vec![
                 self.geometry.slice(),
@@ -7853,6 +4892,24 @@ pub mod density_classify_static {
             ]
         }
     }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "density_classify_static",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/density_classify_static.spv"),
+        local: 128,
+        subgroups: true,
+        bindings: &[
+            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "state", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "flags", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "scores", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "identity", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "entries", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "codes", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "counters", kind: BindingKind::Storage, access: Access::ReadWrite },
+        ],
+    };
 }
 
 /// decides for each Gaussian of a group whether it is kept, how hard it is pulled and where it is stored.
@@ -7916,24 +4973,7 @@ pub mod density_classify_dynamic {
     }
     impl Kernel for Args<'_> {
         type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "density_classify_dynamic",
-            local: 128,
-            subgroups: true,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/density_classify_dynamic.spv"),
-            bindings: &[
-                BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "state", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "flags", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "scores", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "identity", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "entries", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "codes", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "counters", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
-            ],
-        };
+        const INFO: &'static KernelInfo = INFO;
         fn slices(&self) -> Vec<Slice> {
             vec![
                 self.geometry.slice(),
@@ -7948,6 +4988,25 @@ pub mod density_classify_dynamic {
             ]
         }
     }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "density_classify_dynamic",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/density_classify_dynamic.spv"),
+        local: 128,
+        subgroups: true,
+        bindings: &[
+            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "state", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "flags", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "scores", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "identity", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "entries", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "codes", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "counters", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
+        ],
+    };
 }
 
 /// lets the Gaussians that are pulled hardest grow, as many as the budget allows.
@@ -7985,24 +5044,26 @@ pub mod density_choose {
     }
     impl Kernel for Args<'_> {
         type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "density_choose",
-            local: 64,
-            subgroups: false,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/density_choose.spv"),
-            bindings: &[
-                BindingInfo { name: "keys", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "order", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "counters", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "flags", kind: BindingKind::Storage, access: Access::ReadWrite },
-                BindingInfo { name: "entries", kind: BindingKind::Storage, access: Access::Write },
-            ],
-        };
+        const INFO: &'static KernelInfo = INFO;
         fn slices(&self) -> Vec<Slice> {
             vec![self.keys.slice(), self.order.slice(), self.counters.slice(), self.flags.slice(), self.entries.slice()]
         }
     }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "density_choose",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/density_choose.spv"),
+        local: 64,
+        subgroups: false,
+        bindings: &[
+            BindingInfo { name: "keys", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "order", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "counters", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "flags", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "entries", kind: BindingKind::Storage, access: Access::Write },
+        ],
+    };
 }
 
 /// lists where each new Gaussian comes from: who is kept, the copy of a clone, the halves of a split.
@@ -8036,21 +5097,7 @@ pub mod density_list {
     }
     impl Kernel for Args<'_> {
         type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "density_list",
-            local: 128,
-            subgroups: true,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/density_list.spv"),
-            bindings: &[
-                BindingInfo { name: "flags", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "offsets", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "codes", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "sources", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "source_codes", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "counters", kind: BindingKind::Storage, access: Access::ReadWrite },
-            ],
-        };
+        const INFO: &'static KernelInfo = INFO;
         fn slices(&self) -> Vec<Slice> {
             vec![
                 self.flags.slice(),
@@ -8062,6 +5109,22 @@ pub mod density_list {
             ]
         }
     }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "density_list",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/density_list.spv"),
+        local: 128,
+        subgroups: true,
+        bindings: &[
+            BindingInfo { name: "flags", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "offsets", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "codes", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sources", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "source_codes", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "counters", kind: BindingKind::Storage, access: Access::ReadWrite },
+        ],
+    };
 }
 
 /// draws for every dead and every new Gaussian a living one whose place it takes, with odds like its opacity.
@@ -8099,24 +5162,26 @@ pub mod density_sample {
     }
     impl Kernel for Args<'_> {
         type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "density_sample",
-            local: 64,
-            subgroups: false,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/density_sample.spv"),
-            bindings: &[
-                BindingInfo { name: "flags", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "before", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "total", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "targets", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "copies", kind: BindingKind::Storage, access: Access::ReadWrite },
-            ],
-        };
+        const INFO: &'static KernelInfo = INFO;
         fn slices(&self) -> Vec<Slice> {
             vec![self.flags.slice(), self.before.slice(), self.total.slice(), self.targets.slice(), self.copies.slice()]
         }
     }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "density_sample",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/density_sample.spv"),
+        local: 64,
+        subgroups: false,
+        bindings: &[
+            BindingInfo { name: "flags", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "before", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "total", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "targets", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "copies", kind: BindingKind::Storage, access: Access::ReadWrite },
+        ],
+    };
 }
 
 /// lists where each new Gaussian comes from when the dead are relocated: the living stay, the dead and the new
@@ -8160,23 +5225,7 @@ pub mod density_relocate {
     }
     impl Kernel for Args<'_> {
         type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "density_relocate",
-            local: 128,
-            subgroups: true,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/density_relocate.spv"),
-            bindings: &[
-                BindingInfo { name: "flags", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "offsets", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "codes", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "targets", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "copies", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "sources", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "source_codes", kind: BindingKind::Storage, access: Access::Write },
-                BindingInfo { name: "counters", kind: BindingKind::Storage, access: Access::ReadWrite },
-            ],
-        };
+        const INFO: &'static KernelInfo = INFO;
         fn slices(&self) -> Vec<Slice> {
             vec![
                 self.flags.slice(),
@@ -8190,6 +5239,24 @@ pub mod density_relocate {
             ]
         }
     }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "density_relocate",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/density_relocate.spv"),
+        local: 128,
+        subgroups: true,
+        bindings: &[
+            BindingInfo { name: "flags", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "offsets", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "codes", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "targets", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "copies", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sources", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "source_codes", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "counters", kind: BindingKind::Storage, access: Access::ReadWrite },
+        ],
+    };
 }
 
 /// carries numbers of an old group of Gaussians to a new one, in the order of the list of sources.
@@ -8238,22 +5305,24 @@ pub mod density_gather {
     }
     impl Kernel for Args<'_> {
         type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "density_gather",
-            local: 64,
-            subgroups: false,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/density_gather.spv"),
-            bindings: &[
-                BindingInfo { name: "sources", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "old", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "gathered", kind: BindingKind::Storage, access: Access::Write },
-            ],
-        };
+        const INFO: &'static KernelInfo = INFO;
         fn slices(&self) -> Vec<Slice> {
             vec![self.sources.slice(), self.old.slice(), self.gathered.slice()]
         }
     }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "density_gather",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/density_gather.spv"),
+        local: 64,
+        subgroups: false,
+        bindings: &[
+            BindingInfo { name: "sources", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "old", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "gathered", kind: BindingKind::Storage, access: Access::Write },
+        ],
+    };
 }
 
 /// writes the geometry of a new group of Gaussians: those that stay, clones, halves of splits, and copies that
@@ -8298,23 +5367,25 @@ pub mod density_children {
     }
     impl Kernel for Args<'_> {
         type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "density_children",
-            local: 64,
-            subgroups: false,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/density_children.spv"),
-            bindings: &[
-                BindingInfo { name: "sources", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "copies", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "old", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Write },
-            ],
-        };
+        const INFO: &'static KernelInfo = INFO;
         fn slices(&self) -> Vec<Slice> {
             vec![self.sources.slice(), self.copies.slice(), self.old.slice(), self.geometry.slice()]
         }
     }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "density_children",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/density_children.spv"),
+        local: 64,
+        subgroups: false,
+        bindings: &[
+            BindingInfo { name: "sources", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "copies", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "old", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Write },
+        ],
+    };
 }
 
 /// lets faint Gaussians wander: adds noise of their own shape to their positions after each step.
@@ -8349,19 +5420,21 @@ pub mod mcmc_noise {
     }
     impl Kernel for Args<'_> {
         type Push = Push;
-        const INFO: &'static KernelInfo = &KernelInfo {
-            name: "mcmc_noise",
-            local: 64,
-            subgroups: false,
-            push_bytes: size_of::<Push>() as u32,
-            spirv: include_bytes!("../../shaders-glsl/spv/mcmc_noise.spv"),
-            bindings: &[
-                BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
-                BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
-            ],
-        };
+        const INFO: &'static KernelInfo = INFO;
         fn slices(&self) -> Vec<Slice> {
             vec![self.frame_status.slice(), self.geometry.slice()]
         }
     }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "mcmc_noise",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/mcmc_noise.spv"),
+        local: 64,
+        subgroups: false,
+        bindings: &[
+            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
+        ],
+    };
 }

@@ -13,7 +13,7 @@ use crate::gpu::generated::{
     self as g, Status, ViewParams, background_sum, blend_bwd_p4, camera_sum, camera_total, fixed_sums,
     project_bwd_adam_static_sh0, project_bwd_static_sh0,
 };
-use crate::gpu::{Buf, Gpu, Grid, Kernel, KernelInfo, Recording};
+use crate::gpu::{Buf, Gpu, Grid, KernelInfo, Recording};
 
 /// vec2 per slot: the twelve sums that one intersection gives its splat.
 pub const SLOT_PAIRS: usize = 6;
@@ -64,22 +64,22 @@ impl Accumulation {
     fn kernel(self, outputs: Outputs, pixels_per_lane: u32) -> &'static KernelInfo {
         use Accumulation::{CompareExchange, FixedPoint, FloatAtomics, Slots};
         match (self, outputs, pixels_per_lane) {
-            (Slots, Outputs::All, 4) => blend_bwd_p4::Args::INFO,
-            (Slots, Outputs::All, _) => g::blend_bwd_p8::Args::INFO,
-            (Slots, Outputs::Color, 4) => g::blend_bwd_color_p4::Args::INFO,
-            (Slots, Outputs::Color, _) => g::blend_bwd_color_p8::Args::INFO,
-            (FloatAtomics, Outputs::All, 4) => g::blend_bwd_float_p4::Args::INFO,
-            (FloatAtomics, Outputs::All, _) => g::blend_bwd_float_p8::Args::INFO,
-            (FloatAtomics, Outputs::Color, 4) => g::blend_bwd_float_color_p4::Args::INFO,
-            (FloatAtomics, Outputs::Color, _) => g::blend_bwd_float_color_p8::Args::INFO,
-            (FixedPoint, Outputs::All, 4) => g::blend_bwd_fixed_p4::Args::INFO,
-            (FixedPoint, Outputs::All, _) => g::blend_bwd_fixed_p8::Args::INFO,
-            (FixedPoint, Outputs::Color, 4) => g::blend_bwd_fixed_color_p4::Args::INFO,
-            (FixedPoint, Outputs::Color, _) => g::blend_bwd_fixed_color_p8::Args::INFO,
-            (CompareExchange, Outputs::All, 4) => g::blend_bwd_swap_p4::Args::INFO,
-            (CompareExchange, Outputs::All, _) => g::blend_bwd_swap_p8::Args::INFO,
-            (CompareExchange, Outputs::Color, 4) => g::blend_bwd_swap_color_p4::Args::INFO,
-            (CompareExchange, Outputs::Color, _) => g::blend_bwd_swap_color_p8::Args::INFO,
+            (Slots, Outputs::All, 4) => blend_bwd_p4::INFO,
+            (Slots, Outputs::All, _) => g::blend_bwd_p8::INFO,
+            (Slots, Outputs::Color, 4) => g::blend_bwd_color_p4::INFO,
+            (Slots, Outputs::Color, _) => g::blend_bwd_color_p8::INFO,
+            (FloatAtomics, Outputs::All, 4) => g::blend_bwd_float_p4::INFO,
+            (FloatAtomics, Outputs::All, _) => g::blend_bwd_float_p8::INFO,
+            (FloatAtomics, Outputs::Color, 4) => g::blend_bwd_float_color_p4::INFO,
+            (FloatAtomics, Outputs::Color, _) => g::blend_bwd_float_color_p8::INFO,
+            (FixedPoint, Outputs::All, 4) => g::blend_bwd_fixed_p4::INFO,
+            (FixedPoint, Outputs::All, _) => g::blend_bwd_fixed_p8::INFO,
+            (FixedPoint, Outputs::Color, 4) => g::blend_bwd_fixed_color_p4::INFO,
+            (FixedPoint, Outputs::Color, _) => g::blend_bwd_fixed_color_p8::INFO,
+            (CompareExchange, Outputs::All, 4) => g::blend_bwd_swap_p4::INFO,
+            (CompareExchange, Outputs::All, _) => g::blend_bwd_swap_p8::INFO,
+            (CompareExchange, Outputs::Color, 4) => g::blend_bwd_swap_color_p4::INFO,
+            (CompareExchange, Outputs::Color, _) => g::blend_bwd_swap_color_p8::INFO,
         }
     }
 }
@@ -122,28 +122,28 @@ pub enum Target<'a> {
 /// The kernel of a population and a degree that writes gradients.
 fn gradient_kernel(dynamic: bool, degree: usize) -> &'static KernelInfo {
     match (dynamic, degree) {
-        (false, 0) => g::project_bwd_static_sh0::Args::INFO,
-        (false, 1) => g::project_bwd_static_sh1::Args::INFO,
-        (false, 2) => g::project_bwd_static_sh2::Args::INFO,
-        (false, _) => g::project_bwd_static_sh3::Args::INFO,
-        (true, 0) => g::project_bwd_dynamic_sh0::Args::INFO,
-        (true, 1) => g::project_bwd_dynamic_sh1::Args::INFO,
-        (true, 2) => g::project_bwd_dynamic_sh2::Args::INFO,
-        (true, _) => g::project_bwd_dynamic_sh3::Args::INFO,
+        (false, 0) => g::project_bwd_static_sh0::INFO,
+        (false, 1) => g::project_bwd_static_sh1::INFO,
+        (false, 2) => g::project_bwd_static_sh2::INFO,
+        (false, _) => g::project_bwd_static_sh3::INFO,
+        (true, 0) => g::project_bwd_dynamic_sh0::INFO,
+        (true, 1) => g::project_bwd_dynamic_sh1::INFO,
+        (true, 2) => g::project_bwd_dynamic_sh2::INFO,
+        (true, _) => g::project_bwd_dynamic_sh3::INFO,
     }
 }
 
 /// The kernel of a population and a degree that moves the parameters.
 fn adam_kernel(dynamic: bool, degree: usize) -> &'static KernelInfo {
     match (dynamic, degree) {
-        (false, 0) => g::project_bwd_adam_static_sh0::Args::INFO,
-        (false, 1) => g::project_bwd_adam_static_sh1::Args::INFO,
-        (false, 2) => g::project_bwd_adam_static_sh2::Args::INFO,
-        (false, _) => g::project_bwd_adam_static_sh3::Args::INFO,
-        (true, 0) => g::project_bwd_adam_dynamic_sh0::Args::INFO,
-        (true, 1) => g::project_bwd_adam_dynamic_sh1::Args::INFO,
-        (true, 2) => g::project_bwd_adam_dynamic_sh2::Args::INFO,
-        (true, _) => g::project_bwd_adam_dynamic_sh3::Args::INFO,
+        (false, 0) => g::project_bwd_adam_static_sh0::INFO,
+        (false, 1) => g::project_bwd_adam_static_sh1::INFO,
+        (false, 2) => g::project_bwd_adam_static_sh2::INFO,
+        (false, _) => g::project_bwd_adam_static_sh3::INFO,
+        (true, 0) => g::project_bwd_adam_dynamic_sh0::INFO,
+        (true, 1) => g::project_bwd_adam_dynamic_sh1::INFO,
+        (true, 2) => g::project_bwd_adam_dynamic_sh2::INFO,
+        (true, _) => g::project_bwd_adam_dynamic_sh3::INFO,
     }
 }
 

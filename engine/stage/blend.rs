@@ -8,7 +8,7 @@ use crate::gpu::generated::{
     ViewParams, blend_fwd_color_p4, blend_fwd_color_p8, blend_fwd_p4, blend_fwd_p8, blend_fwd_train_color_p4,
     blend_fwd_train_color_p8, blend_fwd_train_p4, blend_fwd_train_p8,
 };
-use crate::gpu::{Buf, Gpu, Grid, Kernel, KernelInfo, Recording};
+use crate::gpu::{Buf, Gpu, Grid, KernelInfo, Recording};
 use crate::vk::DeviceKind;
 
 /// Entries of a list that one round walks, `SEGMENT` of the shader.
@@ -56,14 +56,14 @@ impl Blend {
         // Eight pixels per lane pay where registers cost nothing; 64 lanes with eight would outgrow a tile.
         let pixels_per_lane = if is_cpu && caps.subgroup_size <= 32 { 8 } else { 4 };
         let kernel = match (purpose, outputs, pixels_per_lane) {
-            (Purpose::Picture, Outputs::All, 4) => blend_fwd_p4::Args::INFO,
-            (Purpose::Picture, Outputs::All, _) => blend_fwd_p8::Args::INFO,
-            (Purpose::Picture, Outputs::Color, 4) => blend_fwd_color_p4::Args::INFO,
-            (Purpose::Picture, Outputs::Color, _) => blend_fwd_color_p8::Args::INFO,
-            (_, Outputs::All, 4) => blend_fwd_train_p4::Args::INFO,
-            (_, Outputs::All, _) => blend_fwd_train_p8::Args::INFO,
-            (_, Outputs::Color, 4) => blend_fwd_train_color_p4::Args::INFO,
-            (_, Outputs::Color, _) => blend_fwd_train_color_p8::Args::INFO,
+            (Purpose::Picture, Outputs::All, 4) => blend_fwd_p4::INFO,
+            (Purpose::Picture, Outputs::All, _) => blend_fwd_p8::INFO,
+            (Purpose::Picture, Outputs::Color, 4) => blend_fwd_color_p4::INFO,
+            (Purpose::Picture, Outputs::Color, _) => blend_fwd_color_p8::INFO,
+            (_, Outputs::All, 4) => blend_fwd_train_p4::INFO,
+            (_, Outputs::All, _) => blend_fwd_train_p8::INFO,
+            (_, Outputs::Color, 4) => blend_fwd_train_color_p4::INFO,
+            (_, Outputs::Color, _) => blend_fwd_train_color_p8::INFO,
         };
         Ok(Blend {
             image0: gpu.alloc("image color", pixels)?,

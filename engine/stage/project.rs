@@ -4,7 +4,7 @@ use super::cull::{ARGS_FIRST_GROUP, Cull, indirect};
 use super::scene::SceneBuffers;
 use crate::error::Result;
 use crate::gpu::generated::{self as g, Status, ViewParams, project_static_sh0};
-use crate::gpu::{Buf, Gpu, Kernel, KernelInfo, Recording};
+use crate::gpu::{Buf, Gpu, KernelInfo, Recording};
 
 /// vec4 per splat, `SPLAT_PLANES` of the shaders; the layout is told in `include/splat.glsl`.
 pub const SPLAT_PLANES: usize = 4;
@@ -24,14 +24,14 @@ pub struct Projected {
 /// The kernel of a population and a degree.
 fn kernel_of(dynamic: bool, degree: usize) -> &'static KernelInfo {
     match (dynamic, degree) {
-        (false, 0) => g::project_static_sh0::Args::INFO,
-        (false, 1) => g::project_static_sh1::Args::INFO,
-        (false, 2) => g::project_static_sh2::Args::INFO,
-        (false, _) => g::project_static_sh3::Args::INFO,
-        (true, 0) => g::project_dynamic_sh0::Args::INFO,
-        (true, 1) => g::project_dynamic_sh1::Args::INFO,
-        (true, 2) => g::project_dynamic_sh2::Args::INFO,
-        (true, _) => g::project_dynamic_sh3::Args::INFO,
+        (false, 0) => g::project_static_sh0::INFO,
+        (false, 1) => g::project_static_sh1::INFO,
+        (false, 2) => g::project_static_sh2::INFO,
+        (false, _) => g::project_static_sh3::INFO,
+        (true, 0) => g::project_dynamic_sh0::INFO,
+        (true, 1) => g::project_dynamic_sh1::INFO,
+        (true, 2) => g::project_dynamic_sh2::INFO,
+        (true, _) => g::project_dynamic_sh3::INFO,
     }
 }
 

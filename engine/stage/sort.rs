@@ -3,7 +3,7 @@
 use super::scan::Scan;
 use crate::error::Result;
 use crate::gpu::generated::{sort_count, sort_scatter, sort_scatter_w32};
-use crate::gpu::{Buf, Gpu, Grid, Kernel, Recording};
+use crate::gpu::{Buf, Gpu, Grid, Recording};
 
 /// Keys per workgroup, `SORT_BLOCK` of the shaders.
 pub const SORT_BLOCK: usize = 2048;
@@ -62,7 +62,7 @@ impl Sort {
                 grids.blocks.clone(),
             );
             self.scan.record(rec, n_digits, &self.digits, &self.total, grids.digits.clone());
-            let kernel = if self.wide { sort_scatter_w32::Args::INFO } else { sort_scatter::Args::INFO };
+            let kernel = if self.wide { sort_scatter_w32::INFO } else { sort_scatter::INFO };
             let args = sort_scatter::Args {
                 count,
                 digits: &self.digits,

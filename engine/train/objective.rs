@@ -42,7 +42,7 @@ struct Graded {
 }
 
 /// What of one picture goes to the device.
-pub(super) struct Target {
+pub(super) struct Truth {
     size: [u32; 2],
     n_visible: u32,
     truth: Slice,
@@ -135,7 +135,7 @@ impl Objective {
     }
 
     /// Stages the picture of step `step`, which `camera` took.
-    pub fn stage(&mut self, gpu: &Gpu, picture: &Picture, camera: usize, step: u64) -> Result<Target> {
+    pub fn stage(&mut self, gpu: &Gpu, picture: &Picture, camera: usize, step: u64) -> Result<Truth> {
         let n_visible = picture.pixels.iter().filter(|word| **word >> 24 != 0).count().max(1) as u32;
         let loss = &self.config.loss;
         let used = |weight: f64, n: u32| if n >= LEAST_PIXELS { weight } else { 0.0 };
@@ -160,11 +160,11 @@ impl Objective {
             let place = |axis: usize| (random.bits(axis as u64) % u64::from(size[axis] - crop[axis] + 1)) as u32;
             [[place(0), place(1)], crop]
         });
-        Ok(Target { size, n_visible, truth, priors, grid, crop })
+        Ok(Truth { size, n_visible, truth, priors, grid, crop })
     }
 
     /// Appends the upload of `target` and the shift of the view by the clock of `camera`.
-    pub fn record_upload(&self, rec: &mut Recording, work: &Workspace, target: &Target, camera: usize) {
+    pub fn record_upload(&self, rec: &mut Recording, work: &Workspace, target: &Truth, camera: usize) {
         let n = (target.size[0] * target.size[1]) as usize;
         rec.copy(target.truth.clone(), self.photometric.truth.range(0, n).slice());
         if let (Some(loss), Some((staged, _))) = (&self.priors, &target.priors) {
@@ -185,7 +185,7 @@ impl Objective {
         rec: &mut Recording,
         blend: &Blend,
         backward: &Backward,
-        target: &Target,
+        target: &Truth,
     ) -> Result<()> {
         let (rendered, d_rendered) = (&blend.image0, &backward.d_image0);
         let grid = self.graded.as_mut().zip(target.grid);
@@ -219,7 +219,7 @@ impl Objective {
         &self,
         rec: &mut Recording,
         work: &Workspace,
-        target: &Target,
+        target: &Truth,
         camera: usize,
         step: u64,
         total: u64,
@@ -241,7 +241,7 @@ impl Objective {
     }
 
     /// Appends copies of the terms' sums to where the host can read them.
-    pub fn record_report(&self, rec: &mut Recording, gpu: &Gpu, target: &Target) -> Result<Sums> {
+    pub fn record_report(&self, rec: &mut Recording, gpu: &Gpu, target: &Truth) -> Result<Sums> {
         let photometric = gpu.readback::<[f32; 4]>("loss of a step", 1)?;
         rec.copy(self.photometric.sums.slice(), photometric.clone());
         let mut sums = Sums { photometric, priors: None, lpips: None, variation: None };
@@ -264,7 +264,7 @@ impl Objective {
     }
 
     /// The values of a step that has ended.
-    pub fn values(&self, gpu: &Gpu, target: &Target, sums: &Sums) -> Result<Values> {
+    pub fn values(&self, gpu: &Gpu, target: &Truth, sums: &Sums) -> Result<Values> {
         let read = |slice: &Slice| -> Result<[f32; 4]> { Ok(gpu.peek(slice)?.first().copied().unwrap_or_default()) };
         let [ssim, l1, mse] = Photometric::values(read(&sums.photometric)?, target.n_visible);
         let weight = f64::from(SSIM_WEIGHT);

@@ -7,7 +7,7 @@ use super::checkpoint::Checkpoint;
 use super::config::Config;
 use super::density::{density_round, noise, regularisers};
 use super::metrics::psnr;
-use super::objective::{Objective, Sums, Target as Truth};
+use super::objective::{Objective, Sums, Truth};
 use super::schedule::rates;
 use super::setup::Setup;
 use crate::error::{Error, Result};

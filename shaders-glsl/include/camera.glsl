@@ -1,21 +1,20 @@
 // World to camera. `precise`, and from the camera's centre: the difference is exact where the two are close, and cull
 // and projection must see the same depth.
 
-vec3 to_camera(ViewParams view, vec3 mean_world) {
-    precise vec3 d = mean_world - vec3(view.row0.w, view.row1.w, view.row2.w);
-    precise float x = view.row0.x * d.x + view.row0.y * d.y + view.row0.z * d.z;
-    precise float y = view.row1.x * d.x + view.row1.y * d.y + view.row1.z * d.z;
-    precise float z = view.row2.x * d.x + view.row2.y * d.y + view.row2.z * d.z;
+// Rows of a rotation; w: the camera's centre.
+vec3 along_rows(vec4 row0, vec4 row1, vec4 row2, vec3 mean_world) {
+    precise vec3 d = mean_world - vec3(row0.w, row1.w, row2.w);
+    precise float x = row0.x * d.x + row0.y * d.y + row0.z * d.z;
+    precise float y = row1.x * d.x + row1.y * d.y + row1.z * d.z;
+    precise float z = row2.x * d.x + row2.y * d.y + row2.z * d.z;
     return vec3(x, y, z);
 }
 
+vec3 to_camera(ViewParams view, vec3 mean_world) { return along_rows(view.row0, view.row1, view.row2, mean_world); }
+
 // The same for the camera one frame on.
 vec3 to_next_camera(ViewParams view, vec3 mean_world) {
-    precise vec3 d = mean_world - vec3(view.next0.w, view.next1.w, view.next2.w);
-    precise float x = view.next0.x * d.x + view.next0.y * d.y + view.next0.z * d.z;
-    precise float y = view.next1.x * d.x + view.next1.y * d.y + view.next1.z * d.z;
-    precise float z = view.next2.x * d.x + view.next2.y * d.y + view.next2.z * d.z;
-    return vec3(x, y, z);
+    return along_rows(view.next0, view.next1, view.next2, mean_world);
 }
 
 // A direction in camera axes.

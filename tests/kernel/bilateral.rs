@@ -475,39 +475,3 @@ fn states_go_up_and_come_back_and_unsound_ones_are_known() {
     assert!(unsound(|s| s.second[7] = f32::NAN) && unsound(|s| s.second[7] = -1.0));
     assert!(unsound(|s| s.grid.truncate(12)) && unsound(|s| s.second.push(0.0)));
 }
-
-/// Prints nanoseconds per pixel: `cargo test --release --test it -- --ignored --nocapture times_of_the_bilateral`.
-#[test]
-#[ignore = "prints times and asserts nothing"]
-fn times_of_the_bilateral_kernels() {
-    let gpu = gpu();
-    for size in [[256, 256], [480, 270]] {
-        let case = Case::random(18, size);
-        let n_cameras = 8;
-        let mut grids = Grids::upload(&gpu, &vec![case.state.clone(); n_cameras]).unwrap();
-        grids.fit(&gpu, size[1]).unwrap();
-        let n = case.image.len();
-        let image: Vec<[f32; 4]> = case.image.iter().map(|[r, g, b]| [*r, *g, *b, 1.0]).collect();
-        let image = gpu.upload("image", &image).unwrap();
-        let d_graded = gpu.upload("d graded", &vec![[1e-5f32; 4]; n]).unwrap();
-        let [graded, d_image] = ["graded", "d image"].map(|name| gpu.alloc::<[f32; 4]>(name, n).unwrap());
-        let status = gpu.upload("status", &[Status::default()]).unwrap();
-        let mut best = Vec::new();
-        for _ in 0..10 {
-            let mut rec = Recording::new();
-            grids.record_slice(&mut rec, 1, &image, &graded, size);
-            grids.record_backward(&mut rec, 1, &image, &d_graded, &d_image, size);
-            let numbers = GridStep { step: 8, camera_step: 1, rate: 2e-3, tv_weight: 10.0 };
-            grids.record_step(&mut rec, 1, &numbers, &status);
-            let times = gpu.run_timed(&rec).unwrap();
-            if best.is_empty() {
-                best = times;
-            } else {
-                best.iter_mut().zip(times).for_each(|(best, time)| best.ns = best.ns.min(time.ns));
-            }
-        }
-        for time in best {
-            println!("{size:?} {:<32} {:>8.1} us {:>8.1} ns/pixel", time.label, time.ns / 1e3, time.ns / n as f64);
-        }
-    }
-}

@@ -4,7 +4,7 @@ use crate::common::device::gpu;
 use crate::common::random::Random;
 use crate::scene::{Folder, fault, shared};
 use ivv::Error;
-use ivv::gpu::{Gpu, PassTime, Recording};
+use ivv::gpu::{Gpu, Recording};
 use ivv::scene::{read_tensors, write_tensors};
 use ivv::stage::{Compared, Cotangent, Lpips, Trunk};
 use ivv::twin::{self, Dual};
@@ -17,11 +17,8 @@ const GUARD: [f32; 4] = [1.5, -2.5, 3.5, -4.5];
 /// A tensor of a file of weights.
 type Weights = BTreeMap<String, (Vec<usize>, Vec<f32>)>;
 
-/// Channels of AlexNet's layers; of SqueezeNet's first layer and of its modules, each squeezed and expanded twice.
-const ALEXNET: [usize; 5] = [64, 192, 384, 256, 256];
-const SQUEEZENET: [usize; 25] =
-    [64, 16, 64, 64, 16, 64, 64, 32, 128, 128, 32, 128, 128, 48, 192, 192, 48, 192, 192, 64, 256, 256, 64, 256, 256];
-/// The same architectures, narrow: no width but one is a multiple of 16.
+/// Channels of AlexNet's layers; of SqueezeNet's first layer and of its modules, each squeezed and expanded twice. Narrower
+/// than they are: no width but one is a multiple of 16.
 const NARROW_ALEXNET: [usize; 5] = [12, 20, 16, 8, 4];
 const NARROW_SQUEEZENET: [usize; 25] =
     [12, 4, 8, 12, 8, 4, 8, 4, 12, 8, 8, 8, 4, 4, 8, 8, 4, 4, 12, 8, 8, 4, 4, 16, 20];
@@ -503,71 +500,5 @@ fn the_published_examples_have_the_published_lpips() {
         let found = pair.on_device(&gpu, &mut lpips);
         assert!((found.value() - expected).abs() <= 1e-4, "{name}: {} for {expected}", found.value());
         assert_eq!(found.largest() > 0.0, expected > 0.0, "{name}");
-    }
-}
-
-/// Multiplications and additions of a trunk over one square picture.
-fn flops(weights: &Weights, trunk: Trunk, size: u32) -> f64 {
-    let mut total = 0.0;
-    let (first, pools) = match trunk {
-        Trunk::AlexNet => ((size + 4 - 11) / 4 + 1, &[2, 5][..]),
-        Trunk::SqueezeNet => ((size - 3) / 2 + 1, &[2, 5, 8][..]),
-    };
-    let pooled = |n: u32| if trunk == Trunk::AlexNet { (n - 1) / 2 } else { n / 2 };
-    for (name, (_, values)) in weights.iter().filter(|(_, (shape, _))| shape.len() == 4 && shape[0] > 1) {
-        let layer: u32 = name.split('.').nth(1).unwrap().parse().unwrap();
-        let n_pools = pools.iter().filter(|after| layer > **after).count();
-        let side = (0..n_pools).fold(first, |n, _| pooled(n));
-        total += 2.0 * values.len() as f64 * f64::from(side * side);
-    }
-    total
-}
-
-/// Seconds that all threads of this process have computed; none where the system does not tell. Unlike the device's
-/// clock it says the same on a busy machine, for a CPU driver.
-fn cpu_seconds() -> Option<f64> {
-    let stat = std::fs::read_to_string("/proc/self/stat").ok()?;
-    let mut fields = stat.rsplit(')').next()?.split_whitespace().skip(11);
-    let mut ticks = || fields.next()?.parse::<f64>().ok();
-    Some((ticks()? + ticks()?) / 100.0)
-}
-
-#[test]
-#[ignore = "a measurement"]
-fn rate_of_lpips() {
-    let gpu = gpu();
-    let (side, runs) = (128, 10);
-    for (trunk, widths) in [(Trunk::AlexNet, &ALEXNET[..]), (Trunk::SqueezeNet, &SQUEEZENET[..])] {
-        let weights = weights(1, trunk, widths);
-        let mut lpips = load(&gpu, &weights);
-        let pair = Pair::random(1, [side; 2], |_| 255);
-        let image: Vec<[f32; 4]> = pair.image.iter().map(|[r, g, b]| [*r, *g, *b, 1.0]).collect();
-        let (image, truth) = (gpu.upload("image", &image).unwrap(), gpu.upload("truth", &pair.truth).unwrap());
-        let d_image = gpu.upload("d image", &vec![[0.0; 4]; pair.image.len()]).unwrap();
-        let what = Compared { image: &image, truth: &truth, size: pair.size, origin: [0, 0], crop: pair.crop };
-        let mut rec = Recording::new();
-        lpips.record(&gpu, &mut rec, &what, Some(Cotangent { d_image: &d_image, weight: 1.0 })).unwrap();
-        gpu.run(&rec).unwrap();
-        let before = cpu_seconds();
-        let times: Vec<_> = (0..runs).map(|_| gpu.run_timed(&rec).unwrap()).collect();
-        let cpu = cpu_seconds().zip(before).map(|(after, before)| (after - before) / f64::from(runs));
-        let ms = |times: &[PassTime]| times.iter().map(|pass| pass.ns).sum::<f64>() / 1e6;
-        let best = times.iter().min_by(|a, b| ms(a).total_cmp(&ms(b))).unwrap();
-        // Two pictures forward and one backward.
-        let gflop = 3.0 * flops(&weights, trunk, side) / 1e9;
-        let pixels = f64::from(side * side);
-        println!("{trunk}, {side}x{side}: {:.1} ms, {:.2} GFLOP/s", ms(best), 1e3 * gflop / ms(best));
-        println!(
-            "  {:.1} kFLOP a pixel, {:?} GFLOP per second of CPU",
-            1e6 * gflop / pixels,
-            cpu.map(|cpu| gflop / cpu)
-        );
-        for with_cotangent in [false, true] {
-            let bytes = lpips.scratch_bytes([side; 2], with_cotangent).unwrap() as f64;
-            println!("  {:.0} bytes of scratch a pixel, cotangent {with_cotangent}", bytes / pixels);
-        }
-        let mut by_label: BTreeMap<&str, f64> = BTreeMap::new();
-        best.iter().for_each(|pass| *by_label.entry(&pass.label).or_default() += pass.ns / 1e6);
-        by_label.iter().for_each(|(label, ms)| println!("  {label:<24} {ms:8.2} ms"));
     }
 }

@@ -188,7 +188,7 @@ fn synchronisation_validation_reports_a_missing_barrier_and_is_silent_with_it() 
 fn dispatch_twice(barrier: bool) -> Vec<String> {
     let device = own_device(true);
     let [count, index, a, b, c] = ["count", "index", "a", "b", "c"].map(|name| binding(&device, name));
-    let info = gather::Args::INFO;
+    let info = gather::INFO;
     let kinds: Vec<BindingKind> = info.bindings.iter().map(|b| b.kind).collect();
     let desc =
         PipelineDesc { name: info.name, spirv: info.spirv, bindings: &kinds, push_bytes: 0, subgroups: info.subgroups };
