@@ -17,7 +17,7 @@ pub struct Args {
     /// point of every frame.
     #[arg(long, default_value = "flow")]
     mode: Mode,
-    /// With --mode flow: a point moves if the flow at it exceeds this in any view, pixels per frame.
+    /// With --mode flow: a point moves if the flow at it exceeds this in two views, or its only one; pixels per frame.
     #[arg(long, default_value_t = Config::default().init_flow_threshold)]
     threshold: f64,
 }

@@ -27,7 +27,7 @@ pub struct Config {
     pub init_opacity: f64,
     /// Tau of Gaussians from hulls, in times between two hulls.
     pub init_tau: f64,
-    /// `flow`: a point moves if the flow at it exceeds this in any view, pixels per frame.
+    /// `flow`: a point moves if the flow at it exceeds this in two views, or its only one; pixels per frame.
     pub init_flow_threshold: f64,
     /// `flow` and `concat`: tau of points that belong to their frame, in frames.
     pub init_point_tau: f64,

@@ -149,8 +149,8 @@ fn what_moves_is_told_from_what_stands_still_and_how_it_moves() {
         "{counts}; {on_bodies} points on bodies that move; precision {precision:.3}, recall {recall:.3}; velocity off by \
          {error:.3} at {speed:.3}, {without} moving points without one of {true_dynamic}"
     );
-    // What stands still is taken for moving where one of eight views shows it in a pixel that a moving thing covers too.
-    assert!(true_dynamic > 200 && precision > 0.55 && recall > 0.96);
+    // When one view of eight was enough, precision was 0.62 and recall 0.987.
+    assert!(true_dynamic > 200 && precision > 0.8 && recall > 0.96);
     assert!(error < 0.1 * speed && without < true_dynamic / 5, "{error} {speed} {without}");
 }
 

@@ -80,7 +80,8 @@ pub(super) fn from_frames(
         let found: Vec<Found> =
             points.iter().map(|point| Found { position: point.position, color: color(point) }).collect();
         let sizes = spacings(&found, radius);
-        let sights = if by_flow { sights(capture, &points, frame, threads)? } else { Vec::new() };
+        let sights =
+            if by_flow { sights(capture, &points, frame, config.init_flow_threshold, threads)? } else { Vec::new() };
         counts.before += points.len();
         for (i, (found, &size)) in found.iter().zip(&sizes).enumerate() {
             let sights = sights.get(i).map_or(&[][..], Vec::as_slice);
@@ -91,7 +92,7 @@ pub(super) fn from_frames(
                 t_center,
                 t_scale: tau.ln() as f32,
             };
-            let is_dynamic = !by_flow || sights.iter().any(|sight| sight.moved > config.init_flow_threshold);
+            let is_dynamic = !by_flow || moves(sights, config.init_flow_threshold);
             if is_dynamic && capture.n_frames > 1 {
                 let way = movement(DVec3::from_array(found.position), sights, config.init_flow_threshold);
                 let motion = motion((way / dt).to_array(), config.init_point_tau * dt);
@@ -120,11 +121,31 @@ struct Sight {
     to: DVec2,
     /// How far the point itself moved, pixels: the flow less what the camera's own movement makes of a point at rest.
     moved: f64,
+    /// The four pixels nearest to the point agree on whether it moves. At the rim of a moving thing they do not, and whose
+    /// flow the point's pixel has is a matter of chance.
+    is_clear: bool,
+}
+
+/// Whether a point moves by more than `threshold` pixels (SPEC 5), as two views show, or the one there is: one of many is
+/// often wrong, where its clock is off and something else has moved before the point. Views that are not clear are asked
+/// only where none is.
+fn moves(sights: &[Sight], threshold: f64) -> bool {
+    let moving = |sight: &&Sight| sight.moved > threshold;
+    match sights.iter().filter(|sight| sight.is_clear).count() {
+        0 => sights.iter().any(|sight| moving(&sight)),
+        n_clear => sights.iter().filter(|sight| sight.is_clear).filter(moving).count() >= n_clear.min(2),
+    }
 }
 
 /// By point, who knows its flow. A camera without flow of the frame, as every one at the last, tells with that of the frame
 /// before at the same place.
-fn sights(capture: &Capture, points: &[FramePoint], frame: u32, threads: usize) -> Result<Vec<Vec<Sight>>> {
+fn sights(
+    capture: &Capture,
+    points: &[FramePoint],
+    frame: u32,
+    threshold: f64,
+    threads: usize,
+) -> Result<Vec<Vec<Sight>>> {
     let of_camera = |camera: usize| -> Result<Vec<(usize, Sight)>> {
         let has_flow = |from: &u32| capture.cameras[camera].shot(*from).is_some_and(|shot| shot.flow.is_some());
         let from = [Some(frame), frame.checked_sub(1)].into_iter().flatten().find(has_flow);
@@ -143,7 +164,12 @@ fn sights(capture: &Capture, points: &[FramePoint], frame: u32, threads: usize) 
             let (at_rest, _) = after.project(position)?;
             // The pixel's own flow: between pixels it would mix what moves with what stands still behind it.
             let to = at + DVec2::from(flow[before.pixel(at)?].map(f64::from));
-            to.is_finite().then_some(Sight { camera: after, to, moved: (to - at_rest).length() })
+            let moved = |at: DVec2, flow: [f32; 2]| (at + DVec2::from(flow.map(f64::from)) - at_rest).length();
+            let own = (to - at_rest).length();
+            let corners = [(-0.5, -0.5), (0.5, -0.5), (-0.5, 0.5), (0.5, 0.5)];
+            let mut nearest = corners.into_iter().filter_map(|corner| before.pixel(at + DVec2::from(corner)));
+            let is_clear = nearest.all(|pixel| (moved(at, flow[pixel]) > threshold) == (own > threshold));
+            to.is_finite().then_some(Sight { camera: after, to, moved: own, is_clear })
         };
         let seen = points.iter().enumerate().filter(|(_, point)| point.seen_by.contains(&camera));
         Ok(seen.filter_map(|(i, point)| Some((i, sight(point)?))).collect())
