@@ -58,6 +58,7 @@ pub fn totals(
         "sh_degree": summary.sh_degree,
         "scene_bytes": summary.ply_bytes,
         "peak_bytes": gpu.device().memory().1,
+        "host_peak_bytes": host_peak_bytes(),
         "bytes_by_buffer": bytes_by_buffer,
         "profile": {
             "steps": steps,
@@ -71,4 +72,11 @@ pub fn totals(
         all.extend(times);
     }
     Ok(value)
+}
+
+/// Most memory that this process ever held, a software driver's included; `None` where the system does not tell (not Linux).
+fn host_peak_bytes() -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+    Some(1024 * line.trim().strip_suffix(" kB")?.parse::<u64>().ok()?)
 }

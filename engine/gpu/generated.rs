@@ -2498,7 +2498,7 @@ pub mod project_bwd_static_sh0 {
         push_bytes: size_of::<Push>() as u32,
         spirv: include_bytes!("../../shaders-glsl/spv/project_bwd_static_sh0.spv"),
         local: 64,
-        subgroups: false,
+        subgroups: true,
         bindings: &[
             BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
             BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
@@ -2534,7 +2534,7 @@ pub mod project_bwd_static_sh1 {
         push_bytes: size_of::<super::project_bwd_static_sh0::Push>() as u32,
         spirv: include_bytes!("../../shaders-glsl/spv/project_bwd_static_sh1.spv"),
         local: 64,
-        subgroups: false,
+        subgroups: true,
         bindings: &[
             BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
             BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
@@ -2570,7 +2570,7 @@ pub mod project_bwd_static_sh2 {
         push_bytes: size_of::<super::project_bwd_static_sh0::Push>() as u32,
         spirv: include_bytes!("../../shaders-glsl/spv/project_bwd_static_sh2.spv"),
         local: 64,
-        subgroups: false,
+        subgroups: true,
         bindings: &[
             BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
             BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
@@ -2606,7 +2606,7 @@ pub mod project_bwd_static_sh3 {
         push_bytes: size_of::<super::project_bwd_static_sh0::Push>() as u32,
         spirv: include_bytes!("../../shaders-glsl/spv/project_bwd_static_sh3.spv"),
         local: 64,
-        subgroups: false,
+        subgroups: true,
         bindings: &[
             BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
             BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
@@ -2642,7 +2642,7 @@ pub mod project_bwd_dynamic_sh0 {
         push_bytes: size_of::<super::project_bwd_static_sh0::Push>() as u32,
         spirv: include_bytes!("../../shaders-glsl/spv/project_bwd_dynamic_sh0.spv"),
         local: 64,
-        subgroups: false,
+        subgroups: true,
         bindings: &[
             BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
             BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
@@ -2678,7 +2678,7 @@ pub mod project_bwd_dynamic_sh1 {
         push_bytes: size_of::<super::project_bwd_static_sh0::Push>() as u32,
         spirv: include_bytes!("../../shaders-glsl/spv/project_bwd_dynamic_sh1.spv"),
         local: 64,
-        subgroups: false,
+        subgroups: true,
         bindings: &[
             BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
             BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
@@ -2714,7 +2714,7 @@ pub mod project_bwd_dynamic_sh2 {
         push_bytes: size_of::<super::project_bwd_static_sh0::Push>() as u32,
         spirv: include_bytes!("../../shaders-glsl/spv/project_bwd_dynamic_sh2.spv"),
         local: 64,
-        subgroups: false,
+        subgroups: true,
         bindings: &[
             BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
             BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
@@ -2750,7 +2750,7 @@ pub mod project_bwd_dynamic_sh3 {
         push_bytes: size_of::<super::project_bwd_static_sh0::Push>() as u32,
         spirv: include_bytes!("../../shaders-glsl/spv/project_bwd_dynamic_sh3.spv"),
         local: 64,
-        subgroups: false,
+        subgroups: true,
         bindings: &[
             BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
             BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
@@ -2889,7 +2889,7 @@ pub mod project_bwd_adam_static_sh0 {
         push_bytes: size_of::<Push>() as u32,
         spirv: include_bytes!("../../shaders-glsl/spv/project_bwd_adam_static_sh0.spv"),
         local: 64,
-        subgroups: false,
+        subgroups: true,
         bindings: &[
             BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
             BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
@@ -2928,7 +2928,7 @@ pub mod project_bwd_adam_static_sh1 {
         push_bytes: size_of::<super::project_bwd_adam_static_sh0::Push>() as u32,
         spirv: include_bytes!("../../shaders-glsl/spv/project_bwd_adam_static_sh1.spv"),
         local: 64,
-        subgroups: false,
+        subgroups: true,
         bindings: &[
             BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
             BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
@@ -2967,7 +2967,7 @@ pub mod project_bwd_adam_static_sh2 {
         push_bytes: size_of::<super::project_bwd_adam_static_sh0::Push>() as u32,
         spirv: include_bytes!("../../shaders-glsl/spv/project_bwd_adam_static_sh2.spv"),
         local: 64,
-        subgroups: false,
+        subgroups: true,
         bindings: &[
             BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
             BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
@@ -3006,7 +3006,7 @@ pub mod project_bwd_adam_static_sh3 {
         push_bytes: size_of::<super::project_bwd_adam_static_sh0::Push>() as u32,
         spirv: include_bytes!("../../shaders-glsl/spv/project_bwd_adam_static_sh3.spv"),
         local: 64,
-        subgroups: false,
+        subgroups: true,
         bindings: &[
             BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
             BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
@@ -3045,7 +3045,7 @@ pub mod project_bwd_adam_dynamic_sh0 {
         push_bytes: size_of::<super::project_bwd_adam_static_sh0::Push>() as u32,
         spirv: include_bytes!("../../shaders-glsl/spv/project_bwd_adam_dynamic_sh0.spv"),
         local: 64,
-        subgroups: false,
+        subgroups: true,
         bindings: &[
             BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
             BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
@@ -3084,7 +3084,7 @@ pub mod project_bwd_adam_dynamic_sh1 {
         push_bytes: size_of::<super::project_bwd_adam_static_sh0::Push>() as u32,
         spirv: include_bytes!("../../shaders-glsl/spv/project_bwd_adam_dynamic_sh1.spv"),
         local: 64,
-        subgroups: false,
+        subgroups: true,
         bindings: &[
             BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
             BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
@@ -3123,7 +3123,7 @@ pub mod project_bwd_adam_dynamic_sh2 {
         push_bytes: size_of::<super::project_bwd_adam_static_sh0::Push>() as u32,
         spirv: include_bytes!("../../shaders-glsl/spv/project_bwd_adam_dynamic_sh2.spv"),
         local: 64,
-        subgroups: false,
+        subgroups: true,
         bindings: &[
             BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
             BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
@@ -3162,7 +3162,7 @@ pub mod project_bwd_adam_dynamic_sh3 {
         push_bytes: size_of::<super::project_bwd_adam_static_sh0::Push>() as u32,
         spirv: include_bytes!("../../shaders-glsl/spv/project_bwd_adam_dynamic_sh3.spv"),
         local: 64,
-        subgroups: false,
+        subgroups: true,
         bindings: &[
             BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
             BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
@@ -4516,7 +4516,7 @@ pub mod bilateral_sum {
         push_bytes: size_of::<Push>() as u32,
         spirv: include_bytes!("../../shaders-glsl/spv/bilateral_sum.spv"),
         local: 64,
-        subgroups: false,
+        subgroups: true,
         bindings: &[
             BindingInfo { name: "partials", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "d_grid", kind: BindingKind::Storage, access: Access::Write },
@@ -4638,7 +4638,7 @@ pub mod bilateral_gauge {
         push_bytes: size_of::<Push>() as u32,
         spirv: include_bytes!("../../shaders-glsl/spv/bilateral_gauge.spv"),
         local: 64,
-        subgroups: false,
+        subgroups: true,
         bindings: &[
             BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "grids", kind: BindingKind::Storage, access: Access::ReadWrite },
@@ -4710,7 +4710,7 @@ pub mod adam_idle {
         push_bytes: size_of::<Push>() as u32,
         spirv: include_bytes!("../../shaders-glsl/spv/adam_idle.spv"),
         local: 64,
-        subgroups: false,
+        subgroups: true,
         bindings: &[
             BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "adam", kind: BindingKind::Uniform, access: Access::Read },
@@ -4805,7 +4805,7 @@ pub mod adam_catch_up {
         push_bytes: size_of::<Push>() as u32,
         spirv: include_bytes!("../../shaders-glsl/spv/adam_catch_up.spv"),
         local: 64,
-        subgroups: false,
+        subgroups: true,
         bindings: &[
             BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "adam", kind: BindingKind::Uniform, access: Access::Read },
@@ -5173,7 +5173,7 @@ pub mod density_sample {
         push_bytes: size_of::<Push>() as u32,
         spirv: include_bytes!("../../shaders-glsl/spv/density_sample.spv"),
         local: 64,
-        subgroups: false,
+        subgroups: true,
         bindings: &[
             BindingInfo { name: "flags", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "before", kind: BindingKind::Storage, access: Access::Read },

@@ -122,7 +122,9 @@ impl Report<'_> {
             tiles.push(("Training", duration(seconds), detail));
         }
         if let Some(bytes) = number("peak_bytes") {
-            tiles.push(("Device memory", format!("{:.0} MiB", mib(bytes)), "peak, evaluation included".to_owned()));
+            let host = number("host_peak_bytes").map(|bytes| format!("; the process {:.0} MiB", mib(bytes)));
+            let detail = format!("peak, evaluation included{}", host.unwrap_or_default());
+            tiles.push(("Device memory", format!("{:.0} MiB", mib(bytes)), detail));
         }
         writeln!(page, "<dl class=\"tiles\">")?;
         for (term, value, detail) in tiles {

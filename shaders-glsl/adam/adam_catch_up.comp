@@ -7,7 +7,9 @@
 //           frame failed.
 #version 460
 #extension GL_GOOGLE_include_directive : require
+#extension GL_KHR_shader_subgroup_ballot : require
 #include "types.glsl"
+#include "unfolded.glsl"
 #include "grid.glsl"
 #include "adam.glsl"
 
@@ -37,10 +39,13 @@ layout(set = 0, binding = 6) restrict buffer Moments { vec4 moments[]; };
 layout(set = 0, binding = 7) restrict buffer State { vec4 state[]; };
 
 void main() {
-    const uvec2 range = pc.all != 0u ? uvec2(0u, pc.n) : ranges[pc.group];
+    const uint kind = unfolded(pc.kind);
+    const uint planes = unfolded(pc.planes);
+    const bool is_all = unfolded(pc.all) != 0u;
+    const uvec2 range = is_all ? uvec2(0u, pc.n) : ranges[pc.group];
     const uint at = range.x + linear_thread(gl_WorkGroupSize.x);
     if (at >= range.y || status.failed != 0u) return;
-    const uint i = pc.all != 0u ? at : active_id[at] - pc.first;
+    const uint i = is_all ? at : active_id[at] - pc.first;
     const vec4 own = state[i];
     const uint from = uint(own.w);
     if (from >= pc.until) return;
@@ -49,20 +54,20 @@ void main() {
     const float fade2 = exp2(k * pc.log2_beta2);
     const float r_k = exp2(k * (pc.log2_beta1 - 0.5 * pc.log2_beta2));
     float residual = own.z;
-    for (uint p = 0u; p < pc.planes; ++p) {
+    for (uint p = 0u; p < planes; ++p) {
         const uint a = 3u * from;
         const uint b = 3u * pc.until;
-        const vec4 sum = plane_rates(sums[a], sums[a + 1u], sums[a + 2u], pc.kind, p)
-            - r_k * plane_rates(sums[b], sums[b + 1u], sums[b + 2u], pc.kind, p);
-        const uint first = plane_index(i, 2u * pc.planes, 2u * p);
-        const uint place = plane_index(i, pc.planes, p);
+        const vec4 sum = plane_rates(sums[a], sums[a + 1u], sums[a + 2u], kind, p)
+            - r_k * plane_rates(sums[b], sums[b + 1u], sums[b + 2u], kind, p);
+        const uint first = plane_index(i, 2u * planes, 2u * p);
+        const uint place = plane_index(i, planes, p);
         const vec4 m = moments[first];
         const vec4 v = moments[first + 32u];
         const vec4 change = -sum * m / (sqrt(v) + adam.eps);
-        parameter[pc.planes == 1u ? i : place] = moved(adam, pc.kind, p, parameter[pc.planes == 1u ? i : place], change, residual);
+        parameter[planes == 1u ? i : place] = moved(adam, kind, p, parameter[planes == 1u ? i : place], change, residual);
         moments[first] = m * fade1;
         moments[first + 32u] = v * fade2;
     }
-    if (pc.kind == MOTION) state[i].z = residual;
-    if (pc.is_last != 0u) state[i].w = float(pc.until);
+    if (kind == MOTION) state[i].z = residual;
+    if (unfolded(pc.is_last) != 0u) state[i].w = float(pc.until);
 }

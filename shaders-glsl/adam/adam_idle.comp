@@ -5,7 +5,9 @@
 // Numerics  a component whose rate is 0 keeps its bits; v = infinity gives a step of 0. Nothing moves when the frame failed.
 #version 460
 #extension GL_GOOGLE_include_directive : require
+#extension GL_KHR_shader_subgroup_ballot : require
 #include "types.glsl"
+#include "unfolded.glsl"
 #include "grid.glsl"
 #include "adam.glsl"
 
@@ -29,18 +31,20 @@ void main() {
     // Those before the group's first in the list: all flat indices below it but the active ones.
     const uint i = idle_id[pc.first - seen.x + at] - pc.first;
     if (i >= pc.n) return;
-    float residual = pc.kind == MOTION ? state[i].z : 0.0;
-    for (uint p = 0u; p < pc.planes; ++p) {
-        const uint place = pc.planes == 1u ? i : plane_index(i, pc.planes, p);
-        const uint first = plane_index(i, 2u * pc.planes, 2u * p);
+    const uint kind = unfolded(pc.kind);
+    const uint planes = unfolded(pc.planes);
+    float residual = kind == MOTION ? state[i].z : 0.0;
+    for (uint p = 0u; p < planes; ++p) {
+        const uint place = planes == 1u ? i : plane_index(i, planes, p);
+        const uint first = plane_index(i, 2u * planes, 2u * p);
         const vec4 x = parameter[place];
         vec4 m = moments[first];
         vec4 v = moments[first + 32u];
-        const vec4 rate = plane_rates(adam.rates0, adam.rates1, adam.rates2, pc.kind, p);
-        const vec4 change = adam_change(adam, rate, regulariser(adam, pc.kind, p, x), m, v);
-        parameter[place] = moved(adam, pc.kind, p, x, change, residual);
+        const vec4 rate = plane_rates(adam.rates0, adam.rates1, adam.rates2, kind, p);
+        const vec4 change = adam_change(adam, rate, regulariser(adam, kind, p, x), m, v);
+        parameter[place] = moved(adam, kind, p, x, change, residual);
         moments[first] = m;
         moments[first + 32u] = v;
     }
-    if (pc.kind == MOTION) state[i].z = residual;
+    if (kind == MOTION) state[i].z = residual;
 }

@@ -7,8 +7,10 @@
 //           cotangent is not finite has no share.
 #version 460
 #extension GL_GOOGLE_include_directive : require
+#extension GL_KHR_shader_subgroup_ballot : require
 #extension GL_KHR_shader_subgroup_basic : require
 #extension GL_KHR_shader_subgroup_shuffle : require
+#include "unfolded.glsl"
 #include "grid.glsl"
 #include "finite.glsl"
 #include "bilateral.glsl"
@@ -33,7 +35,8 @@ void main() {
     vec4 above[12];
     vec4 below[12];
     for (uint k = 0u; k < 12u; ++k) above[k] = below[k] = vec4(0.0);
-    const uint steps = div_ceil(div_ceil(pc.width, PANELS), TEAM);
+    const uint steps = unfolded(div_ceil(div_ceil(pc.width, PANELS), TEAM));
+    const uint rows = unfolded(pc.rows);
     uint row = 0u;
     do {
         const uint y = part.first.y + row;
@@ -71,7 +74,7 @@ void main() {
             above[k] += (1.0 - down) * sum[k];
             below[k] += down * sum[k];
         }
-    } while (++row < pc.rows);
+    } while (++row < rows);
     for (uint k = 0u; k < 12u; ++k) {
         const uint z = 2u * lane + k / 6u;
         const uint at = PART_SUMS * index + 3u * (k / 3u % 2u * LEVELS + z) + k % 3u;

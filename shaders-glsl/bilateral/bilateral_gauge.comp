@@ -5,7 +5,9 @@
 // Numerics  deviations are summed in the cameras' order. Nothing changes when the frame failed.
 #version 460
 #extension GL_GOOGLE_include_directive : require
+#extension GL_KHR_shader_subgroup_ballot : require
 #include "types.glsl"
+#include "unfolded.glsl"
 #include "grid.glsl"
 #include "bilateral.glsl"
 
@@ -19,8 +21,9 @@ void main() {
     const uint i = linear_thread(gl_WorkGroupSize.x);
     if (i >= GRID_ROWS || status.failed != 0u) return;
     const vec4 identity = vec4(equal(uvec4(i % 3u), uvec4(0u, 1u, 2u, 3u)));
+    const uint n_cameras = unfolded(pc.n_cameras);
     vec4 sum = vec4(0.0);
-    for (uint k = 0u; k < pc.n_cameras; ++k) sum += grids[k * GRID_ROWS + i] - identity;
-    const vec4 mean = sum / float(pc.n_cameras);
-    for (uint k = 0u; k < pc.n_cameras; ++k) grids[k * GRID_ROWS + i] -= mean;
+    for (uint k = 0u; k < n_cameras; ++k) sum += grids[k * GRID_ROWS + i] - identity;
+    const vec4 mean = sum / float(n_cameras);
+    for (uint k = 0u; k < n_cameras; ++k) grids[k * GRID_ROWS + i] -= mean;
 }

@@ -7,8 +7,10 @@
 //           that the identity gives every finite colour its bits.
 #version 460
 #extension GL_GOOGLE_include_directive : require
+#extension GL_KHR_shader_subgroup_ballot : require
 #extension GL_KHR_shader_subgroup_basic : require
 #extension GL_KHR_shader_subgroup_shuffle : require
+#include "unfolded.glsl"
 #include "grid.glsl"
 #include "bilateral.glsl"
 
@@ -45,7 +47,8 @@ void main() {
             change[3u * k + c] = camera_grid[below + c] - upper[3u * k + c];
         }
     }
-    const uint steps = div_ceil(div_ceil(pc.width, PANELS), TEAM);
+    const uint steps = unfolded(div_ceil(div_ceil(pc.width, PANELS), TEAM));
+    const uint rows = unfolded(pc.rows);
     uint row = 0u;
     do {
         const uint y = part.first.y + row;
@@ -97,5 +100,5 @@ void main() {
             if (valid) graded[pixel] = vec4(mapped, seen.w);
 #endif
         } while (++step < steps);
-    } while (++row < pc.rows);
+    } while (++row < rows);
 }

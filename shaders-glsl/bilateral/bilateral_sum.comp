@@ -5,6 +5,8 @@
 // Numerics  panel by panel and part by part in a fixed order: the same bits in every run.
 #version 460
 #extension GL_GOOGLE_include_directive : require
+#extension GL_KHR_shader_subgroup_ballot : require
+#include "unfolded.glsl"
 #include "grid.glsl"
 #include "bilateral.glsl"
 
@@ -21,13 +23,14 @@ void main() {
     const uint cell = i / 3u;
     const uvec2 xy = uvec2(cell % CELLS, cell / CELLS % CELLS);
     const uint z = cell / (CELLS * CELLS);
+    const uint parts = unfolded(pc.parts);
     vec4 sum = vec4(0.0);
     for (uint corner = 0u; corner < 4u; ++corner) {
         // Wraps where there is no panel on that side.
         const uvec2 panel = xy - uvec2(corner & 1u, corner / 2u);
         if (panel.x < PANELS && panel.y < PANELS) {
-            for (uint k = 0u; k < pc.parts; ++k) {
-                const uint index = (panel.y * pc.parts + k) * PANELS + panel.x;
+            for (uint k = 0u; k < parts; ++k) {
+                const uint index = (panel.y * parts + k) * PANELS + panel.x;
                 sum += partials[PART_SUMS * index + 3u * (corner * LEVELS + z) + i % 3u];
             }
         }

@@ -19,6 +19,7 @@
 #extension GL_KHR_shader_subgroup_ballot : require
 #extension GL_KHR_shader_subgroup_shuffle : require
 #include "types.glsl"
+#include "unfolded.glsl"
 #include "grid.glsl"
 #include "splat.glsl"
 #include "block.glsl"
@@ -116,6 +117,8 @@ void main() {
     const float center_x = float(x) + 0.5;
     const float center_y = float(view.first_row + y) + 0.5;
 
+    const uint segment = unfolded(pc.segment);
+    const bool is_first_round = unfolded(pc.first_round) != 0u;
     // Of each pixel: transmittance behind the entry at hand, sum over later entries, entries added, cotangents.
     float T[PIXELS];
     float S[PIXELS];
@@ -141,14 +144,14 @@ void main() {
 #ifdef FULL
         g_extra[k] = d_image1[pixel];
 #endif
-        if (pc.first_round == 0u) {
+        if (!is_first_round) {
             const vec2 saved = carry[pixel];
             T[k] = saved.x;
             S[k] = saved.y;
         }
         last = max(last, n_last[k]);
     }
-    const uint begin = tile_first[tile] + pc.segment * SEGMENT;
+    const uint begin = tile_first[tile] + segment * SEGMENT;
     uint end = min(subgroupMax(last), begin + SEGMENT);
     bool more = begin < end;
     while (more) {
@@ -262,6 +265,6 @@ void main() {
     }
     for (uint k = 0u; k < PIXELS; ++k) {
         const uint row = y + k * shape.lane_rows;
-        if (pc.segment > 0u && x < view.width && row < view.n_rows) carry[row * view.width + x] = vec2(T[k], S[k]);
+        if (segment > 0u && x < view.width && row < view.n_rows) carry[row * view.width + x] = vec2(T[k], S[k]);
     }
 }

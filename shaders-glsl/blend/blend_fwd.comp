@@ -14,6 +14,7 @@
 #extension GL_KHR_shader_subgroup_shuffle : require
 #extension GL_KHR_shader_subgroup_vote : require
 #include "types.glsl"
+#include "unfolded.glsl"
 #include "grid.glsl"
 #include "splat.glsl"
 #include "block.glsl"
@@ -54,6 +55,8 @@ void main() {
     const float center_x = float(x) + 0.5;
     const float center_y = float(view.first_row + y) + 0.5;
 
+    const uint round = unfolded(pc.round);
+    const bool is_last_round = unfolded(pc.last_round) != 0u;
     // A pixel's threshold is alpha_min while it is alive and out of reach once it is finished.
     float threshold[PIXELS];
     float T[PIXELS];
@@ -77,7 +80,7 @@ void main() {
 #ifdef TRAIN
         n_last[k] = 0u;
 #endif
-        if (inside && pc.round > 0u) {
+        if (inside && round > 0u) {
             const vec4 saved = image0[pixel];
             color[k] = saved.xyz;
             T[k] = abs(saved.w);
@@ -92,7 +95,7 @@ void main() {
     }
 
     const uint last = tile_last[tile];
-    uint e = min(tile_first[tile] + pc.round * SEGMENT, last);
+    uint e = min(tile_first[tile] + round * SEGMENT, last);
     const uint end = min(e + SEGMENT, last);
     bool alive = e < end;
     while (alive) {
@@ -150,7 +153,7 @@ void main() {
         const uint row = y + k * shape.lane_rows;
         if (x < view.width && row < view.n_rows) {
             const uint pixel = row * view.width + x;
-            image0[pixel] = pc.last_round != 0u
+            image0[pixel] = is_last_round
                 ? vec4(color[k] + T[k] * view.background.xyz, 1.0 - T[k])
                 : vec4(color[k], threshold[k] < NEVER ? T[k] : -T[k]);
 #ifdef FULL

@@ -8,7 +8,9 @@
 // Numerics  what is not finite, cannot turn or is too large is not kept. Comparisons are the f32 twin's own.
 #version 460
 #extension GL_GOOGLE_include_directive : require
+#extension GL_KHR_shader_subgroup_ballot : require
 #extension GL_KHR_shader_subgroup_arithmetic : require
+#include "unfolded.glsl"
 #include "grid.glsl"
 #include "finite.glsl"
 #include "temporal.glsl"
@@ -85,7 +87,7 @@ void main() {
     const bool kept = exists && good && opacity >= pc.prune_opacity && scale <= pc.largest;
     const float pull = stat.y > 0.0 ? stat.x / stat.y : 0.0;
     uint score = kept && pull > pc.gradient ? ~floatBitsToUint(pull) : 0xffffffffu;
-    if (pc.weight != 0u) score = kept ? 1u + uint(float(pc.weight) * opacity) : 0u;
+    if (unfolded(pc.weight) != 0u) score = kept ? 1u + uint(float(pc.weight) * opacity) : 0u;
 
     const uint place = pc.first + i;
     flags[place] = (exists ? EXISTS : 0u) | (kept ? KEPT : 0u) | (scale > pc.split_above ? LARGE : 0u);

@@ -7,6 +7,8 @@
 // Numerics  integers only. Weight 0 is never drawn while the sum is not 0; the host checks that someone lives.
 #version 460
 #extension GL_GOOGLE_include_directive : require
+#extension GL_KHR_shader_subgroup_ballot : require
+#include "unfolded.glsl"
 #include "grid.glsl"
 #include "random.glsl"
 #include "density.glsl"
@@ -25,7 +27,7 @@ void main() {
     if (i >= pc.n + pc.n_new) return;
     const uint u = multiply_high(random_bits(pc.key, i, 0u), total[0]);
     uint drawn = 0u;
-    for (uint span = 1u << uint(findMSB(pc.n)); span > 0u; span >>= 1u) {
+    for (uint span = 1u << uint(findMSB(unfolded(pc.n))); span > 0u; span >>= 1u) {
         const uint at = drawn + span;
         if (at < pc.n && before[min(at, pc.n - 1u)] <= u) drawn = at;
     }

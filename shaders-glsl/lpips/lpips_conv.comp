@@ -10,8 +10,10 @@
 // Numerics  one sum a lane, in the order of the weights: the same bits in every run. ReLU lets NaN through.
 #version 460
 #extension GL_GOOGLE_include_directive : require
+#extension GL_KHR_shader_subgroup_ballot : require
 #extension GL_KHR_shader_subgroup_basic : require
 #extension GL_KHR_shader_subgroup_shuffle : require
+#include "unfolded.glsl"
 #include "grid.glsl"
 
 layout(local_size_x = 64) in;
@@ -84,6 +86,7 @@ void main() {
 #endif
         for (uint q = 0u; q < PIXELS; ++q) sum[b][q] = start;
     }
+    const uint steps = unfolded(pc.steps);
     uint step = 0u;
     uint tap_column = 0u;
     int tap_row = 0;
@@ -121,7 +124,7 @@ void main() {
         const bool row_ends = tap_column == pc.columns;
         tap_column = row_ends ? 0u : tap_column;
         tap_row += row_ends ? 1 : 0;
-    } while (++step < pc.steps);
+    } while (++step < steps);
 
     for (uint b = 0u; b < BLOCKS; ++b) {
         for (uint q = 0u; q < PIXELS; ++q) {
@@ -129,8 +132,8 @@ void main() {
                 const uint at = (first + q) * pc.out_stride + pc.out_first + channel[b];
                 float s = sum[b][q];
 #ifdef BACKWARD
-                if (pc.add != 0u) s += maps[at];
-                if (pc.mask != 0u) s = forward[at] > 0.0 ? s : 0.0;
+                if (unfolded(pc.add) != 0u) s += maps[at];
+                if (unfolded(pc.mask) != 0u) s = forward[at] > 0.0 ? s : 0.0;
                 maps[at] = s;
 #else
                 maps[at] = s < 0.0 ? 0.0 : s;

@@ -10,6 +10,7 @@
 #extension GL_GOOGLE_include_directive : require
 #extension GL_KHR_shader_subgroup_ballot : require
 #include "types.glsl"
+#include "unfolded.glsl"
 #include "grid.glsl"
 #include "finite.glsl"
 #include "camera.glsl"
@@ -84,7 +85,7 @@ void main() {
         flow = view.background.w * f_z * (v_cam.xy - uv * v_cam.z);
 #endif
         const vec3 p_later = to_next_camera(view, later);
-        if (view.flow_model == FLOW_DISPLACEMENT && p_later.z > view.near) {
+        if (unfolded(view.flow_model) == FLOW_DISPLACEMENT && p_later.z > view.near) {
             flow = view.intrinsics.xy * (p_later.xy / p_later.z - uv);
         }
         float q_norm;

@@ -10,7 +10,9 @@
 //           counted. Nothing moves when the frame failed.
 #version 460
 #extension GL_GOOGLE_include_directive : require
+#extension GL_KHR_shader_subgroup_ballot : require
 #include "types.glsl"
+#include "unfolded.glsl"
 #include "grid.glsl"
 #include "finite.glsl"
 #include "camera.glsl"
@@ -148,8 +150,9 @@ void main() {
 
     vec2 sum[6] = vec2[6](vec2(0.0), vec2(0.0), vec2(0.0), vec2(0.0), vec2(0.0), vec2(0.0));
     const uint n_tiles = tile_counts[at];
-    const uint begin = 6u * (pc.is_summed != 0u ? at : slot_first[at]);
-    const uint n_slots = pc.is_summed != 0u ? min(n_tiles, 1u) : n_tiles;
+    const bool is_summed = unfolded(pc.is_summed) != 0u;
+    const uint begin = 6u * (is_summed ? at : slot_first[at]);
+    const uint n_slots = is_summed ? min(n_tiles, 1u) : n_tiles;
     for (uint k = 0u; k < n_slots; ++k) {
         for (uint c = 0u; c < 6u; ++c) sum[c] += d_slots[begin + 6u * k + c];
     }
@@ -211,7 +214,7 @@ void main() {
     const vec2 inside = vec2(equal(uv, uv_j));
     // The displacement's flow is the difference of two projections; that of the later one is added to d_mean below.
     const vec3 p_later = to_next_camera(view, later);
-    const bool displaced = view.flow_model == FLOW_DISPLACEMENT && p_later.z > view.near;
+    const bool displaced = unfolded(view.flow_model) == FLOW_DISPLACEMENT && p_later.z > view.near;
     const vec2 d_uv_later = displaced ? view.intrinsics.xy * sum[5] : vec2(0.0);
     const vec2 uv_later = p_later.xy / p_later.z;
     const vec3 d_p_later = displaced ? vec3(d_uv_later, -dot(d_uv_later, uv_later)) / p_later.z : vec3(0.0);
@@ -252,7 +255,7 @@ void main() {
 #endif
     const bool good = finite4(d_mean_opacity) && finite4(d_q) && finite4(d_scale_t) && finite4(d_v) && finite3(d_color);
     if (!good) atomicAdd(n_bad[0], 1u);
-    if (pc.wants_camera != 0u) {
+    if (unfolded(pc.wants_camera) != 0u) {
         const vec3 d_row0 = f_z.x * d_a0;
         const vec3 d_row1 = f_z.y * d_a1;
         const vec3 d_row2 = -f_z.x * uv_j.x * d_a0 - f_z.y * uv_j.y * d_a1;
