@@ -428,7 +428,7 @@ pub mod compact {
         push_bytes: size_of::<Push>() as u32,
         spirv: include_bytes!("../../shaders-glsl/spv/compact.spv"),
         local: 128,
-        subgroups: false,
+        subgroups: true,
         bindings: &[
             BindingInfo { name: "bits", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "offsets", kind: BindingKind::Storage, access: Access::Read },

@@ -5,6 +5,8 @@
 // Numerics  integers only; nothing is written past the capacity.
 #version 460
 #extension GL_GOOGLE_include_directive : require
+#extension GL_KHR_shader_subgroup_ballot : require
+#include "unfolded.glsl"
 #include "grid.glsl"
 
 layout(local_size_x = 128) in;
@@ -28,5 +30,5 @@ void main() {
     rank += bitCount(mask & ((1u << (i & 31u)) - 1u));
     const bool marked = ((mask >> (i & 31u)) & 1u) != 0u;
     if (marked && rank < pc.capacity) active_id[rank] = i;
-    if (!marked && pc.wants_idle != 0u) idle_id[i - rank] = i;
+    if (!marked && unfolded(pc.wants_idle) != 0u) idle_id[i - rank] = i;
 }

@@ -100,6 +100,43 @@ fn no_shader_orders_memory_but_by_barrier() {
 }
 
 #[test]
+fn no_push_constant_or_uniform_alone_decides_a_branch_or_a_loop() {
+    // lavapipe would compile the kernel again at every dispatch: see unfolded.glsl.
+    let is_bare = |side: &str| {
+        let mut atoms =
+            side.split(|c: char| !(c.is_alphanumeric() || c == '_' || c == '.')).filter(|atom| !atom.is_empty());
+        let is_literal = |atom: &str| atom.starts_with(|c: char| c.is_ascii_digit() || c.is_ascii_uppercase());
+        atoms.all(|atom| is_literal(atom) || ["pc.", "view.", "adam."].iter().any(|block| atom.starts_with(block)))
+    };
+    let mut n_conditions = 0;
+    for (file, code) in all_code() {
+        for keyword in ["if (", "while (", "for ("] {
+            for (at, _) in code.match_indices(keyword) {
+                let text = &code[at + keyword.len()..];
+                let mut depth = 1;
+                let end = text.find(|c: char| {
+                    depth += i32::from(c == '(') - i32::from(c == ')');
+                    depth == 0
+                });
+                let condition = &text[..end.unwrap_or(text.len())];
+                let is_loop = keyword == "for (";
+                let condition = if is_loop { condition.split(';').nth(1).unwrap_or("") } else { condition };
+                for part in condition.split("&&").flat_map(|part| part.split("||")) {
+                    n_conditions += 1;
+                    // Of a comparison with a counter from a constant, the bound is what would be folded.
+                    let counts = is_loop || part.contains("++");
+                    let bound = if counts { part.split(['<', '>']).next_back().unwrap_or(part) } else { part };
+                    let names_one = ["pc.", "view.", "adam."].iter().any(|block| bound.contains(block));
+                    let from_lane = is_loop && !text.starts_with("uint k = 0u") && !text.starts_with("uint p = 0u");
+                    assert!(!names_one || from_lane || !is_bare(bound), "{file}: {part}");
+                }
+            }
+        }
+    }
+    assert!(n_conditions > 150, "only {n_conditions} conditions were found");
+}
+
+#[test]
 fn no_buffer_holds_a_vector_of_three() {
     // std430 pads it to four and Rust does not.
     let mut n_blocks = 0;
