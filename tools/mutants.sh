@@ -18,6 +18,11 @@ row 27, a clamped alpha has a derivative|blend/blend_bwd.comp|s/added \&\& raw <
 row 36, the gradient of tau instead of log tau|project/project_bwd.comp|s/2.0 \* u \* u \* d_exponent/2.0 * u * u * rate * d_exponent/|grad::
 cull without its reach|cull/bound.comp|s/float reach = s \*/float reach = 0.5 * s */|kernel::
 sort that is not stable|sort/sort_scatter.comp|s/peers.x \& below.x/peers.x \& ~below.x/|kernel::
+row 42, the end-point error of no error is divided by|loss/prior_loss.comp|s/distance > 0.0 ? pc.flow_weight \* (flow_error \/ distance) : vec2(0.0)/pc.flow_weight * (flow_error \/ distance)/|kernel::priors
+row 45, LPIPS without its guard at zero features|lpips/lpips_tap.comp|s/team_sum(x_square) + EPS/team_sum(x_square)/|kernel::lpips::n22
+row 53, the luma past the end has a derivative|include/bilateral.glsl|s/return luma > 0.0 \&\& luma < 1.0;/return luma > -1e30;/|kernel::bilateral
+grids without their gauge|bilateral/bilateral_gauge.comp|s/-= mean;/-= 0.0 * mean;/|kernel::bilateral
+offsets without their gauge|clock/clock_step.comp|s/clocks\[k\].x -= mean;/clocks[k].x -= 0.0 * mean;/|kernel::clock
 alpha_min as a strict bound|blend/blend_fwd.comp|s/raw >= threshold\[k\]/raw > threshold[k] * 1.0001/|extreme::
 '
 
