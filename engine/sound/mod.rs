@@ -4,6 +4,7 @@
 
 pub mod align;
 pub mod ambix;
+pub mod bench;
 pub mod fir;
 pub mod geometry;
 pub mod hrtf;
@@ -14,6 +15,7 @@ pub mod pose;
 pub mod render;
 mod sadie;
 pub mod scene_file;
+pub mod simulate;
 pub mod sinc;
 mod sofa;
 pub mod source_track;
