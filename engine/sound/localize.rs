@@ -23,8 +23,8 @@ const DENSITY: f64 = 2.0;
 const SPEED: f64 = 2.0;
 /// Width of a mouth, metres.
 const MOUTH_WIDTH: f64 = 0.05;
-/// No detector is better than this, relative to the noise that is taken for it at first.
-const MIN_NOISE: f64 = 0.02;
+/// The middle of a mouth is not the same point from all sides and with every vowel; standard deviation, metres.
+const VAGUENESS: f64 = 0.01;
 /// Gaps up to this are smoothed through; up to this the place is held; seconds.
 const FILLED: f64 = 0.5;
 const HELD: f64 = 3.0;
@@ -104,10 +104,14 @@ pub fn localize(rig: &Rig, mouths: &[Mouths], settings: &LocalizeSettings) -> Lo
         .map(|seen| triangulate_all(&seen.iter().map(|(sight, _)| *sight).collect::<Vec<_>>()))
         .collect();
     let noise = noise(&seen, &fixes);
-    // A place whose sights disagree by more than chance allows keeps its own covariance.
-    fixes.iter_mut().flatten().filter(|fix| fix.excess == 1.0).for_each(|fix| fix.cov *= noise * noise);
     let scale = settings.metres_per_unit.or_else(|| scale(&seen, &fixes));
     let metres_per_unit = scale.unwrap_or(1.0);
+    let vague = DMat3::from_diagonal(DVec3::splat((VAGUENESS / metres_per_unit).powi(2)));
+    for fix in fixes.iter_mut().flatten() {
+        // A place whose sights disagree by more than chance allows keeps its own covariance.
+        let noise = if fix.excess > 1.0 { 1.0 } else { noise };
+        fix.cov = fix.cov * noise * noise + vague;
+    }
     let motion = Motion { density: DENSITY / (metres_per_unit * metres_per_unit), speed: SPEED / metres_per_unit };
     let mut persons = associate(&fixes, dt, motion);
     let enough = MIN_FRAMES.max((MIN_SECONDS * rig.fps).round() as usize);
@@ -241,7 +245,7 @@ fn noise(seen: &[Vec<(Sight, Mouth)>], fixes: &[Vec<Fix>]) -> f64 {
         chi2 += fix.sights.iter().filter_map(error).sum::<f64>();
         freedom += 2.0 * fix.sights.len() as f64 - 3.0;
     }
-    if freedom > 0.0 { (chi2 / freedom).sqrt().max(MIN_NOISE) } else { 1.0 }
+    if freedom > 0.0 { (chi2 / freedom).sqrt() } else { 1.0 }
 }
 
 /// Metres in a scene unit, if mouths have the width of a mouth: the median over all places of what their widest sight says.

@@ -90,10 +90,10 @@ fn nobody_is_no_track() {
 fn the_synthetic_speaker_is_found() {
     let folder = Folder::new("speaker");
     let options =
-        Options { cameras: 8, test_cameras: 2, width: 32, height: 24, samples: 1, points: 20, noise: Noise::None, ..Preset::Tiny.options(7) };
+        Options { cameras: 4, test_cameras: 1, width: 32, height: 24, frames: 40, samples: 1, points: 20, noise: Noise::None, ..Preset::Tiny.options(7) };
     write_capture(&folder.0, &options, 2, &mut |_, _| {}).unwrap();
     let rig = Rig::open(&folder.0).unwrap();
-    assert_eq!((rig.cameras.len(), rig.fps, rig.n_frames), (8, 30.0, 8));
+    assert_eq!((rig.cameras.len(), rig.fps, rig.n_frames), (4, 30.0, 40));
     let read = |camera: &ivv::sound::RigCamera| {
         let path = keypoints_of(&folder.0.join("keypoints"), &camera.name).unwrap();
         Mouths::read(&path, &camera.lens, &KeypointSettings::default()).unwrap()

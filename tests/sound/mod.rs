@@ -2,6 +2,7 @@
 
 mod keypoints;
 mod localize;
+mod path;
 mod tracks;
 mod triangulate;
 
