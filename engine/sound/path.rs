@@ -33,7 +33,7 @@ pub enum Convention {
 
 impl Convention {
     /// Turns the head's frame into the one of the convention.
-    fn of_head(self) -> DQuat {
+    pub(super) fn of_head(self) -> DQuat {
         let (x, y, z) = (DVec3::X, DVec3::Y, DVec3::Z);
         let axes = match self {
             Convention::OpenCv => DMat3::from_cols(z, -x, -y),

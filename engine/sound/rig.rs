@@ -4,6 +4,8 @@ use std::path::Path;
 
 use glam::{DMat3, DQuat, DVec2, DVec3};
 
+use super::path::Convention;
+use super::pose::{Pose, PoseTrack};
 use crate::error::{Error, Result};
 use crate::scene::capture::{Camera, CaptureSettings, Faults, Pose, describe};
 use crate::scene::undistort::Lens;
@@ -41,6 +43,19 @@ impl RigCamera {
         let (from, to) = (self.poses[next.saturating_sub(1)], self.poses[next]);
         let part = if to.0 > from.0 { ((frame - from.0) / (to.0 - from.0)).clamp(0.0, 1.0) } else { 0.0 };
         (DMat3::from_quat(from.1.slerp(to.1, part)), from.2.lerp(to.2, part))
+    }
+
+    /// The camera as a head, or as a microphone, in the clip's time.
+    ///
+    /// # Errors
+    /// [`Error::Data`] when the poses are not in the order of time.
+    pub fn head(&self, fps: f64) -> Result<PoseTrack> {
+        let pose = |(frame, rotation, center): &(f64, DQuat, DVec3)| Pose {
+            t: (frame + self.offset) / fps,
+            p: *center,
+            q: rotation.inverse() * Convention::OpenCv.of_head(),
+        };
+        PoseTrack::new(self.poses.iter().map(pose).collect())
     }
 
     /// The point of the plane at distance 1 that a pixel shows.
@@ -91,6 +106,12 @@ impl Rig {
         };
         let cameras = draft.cameras.iter().filter_map(camera).collect();
         Ok(Rig { cameras, fps: draft.fps, n_frames: draft.n_frames })
+    }
+
+    /// Up: the mean of the cameras' upper sides at the beginning; minus y where they have none in common.
+    pub fn up(&self) -> DVec3 {
+        let sum: DVec3 = self.cameras.iter().map(|camera| camera.pose(0.0).0.transpose() * DVec3::NEG_Y).sum();
+        sum.try_normalize().unwrap_or(DVec3::NEG_Y)
     }
 
     /// Takes the clocks from the `offsets.json` that `ivv train` writes; a camera that it does not name keeps the true time.

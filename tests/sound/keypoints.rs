@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use ivv::scene::undistort::{Distortion, Lens};
-use ivv::sound::{KeypointSettings, Mouths, keypoints_of};
+use ivv::sound::keypoints::{KeypointSettings, Mouths, keypoints_of};
 use serde_json::{Value, json};
 
 use crate::capture::Folder;

@@ -1,7 +1,10 @@
 //! From keypoints to tracks as a whole.
 
 use glam::DVec3;
-use ivv::sound::{Flag, KeypointSettings, LocalizeSettings, Localized, Mouths, Rig, keypoints_of, localize};
+use ivv::sound::keypoints::{KeypointSettings, Mouths, keypoints_of};
+use ivv::sound::localize::{LocalizeSettings, Localized, localize};
+use ivv::sound::rig::{Rig, RigCamera};
+use ivv::sound::source_track::Flag;
 use ivv::synth::{Noise, Options, Preset, write_capture};
 
 use super::{mouths, rig};
@@ -94,7 +97,7 @@ fn the_synthetic_speaker_is_found() {
     write_capture(&folder.0, &options, 2, &mut |_, _| {}).unwrap();
     let rig = Rig::open(&folder.0).unwrap();
     assert_eq!((rig.cameras.len(), rig.fps, rig.n_frames), (4, 30.0, 40));
-    let read = |camera: &ivv::sound::RigCamera| {
+    let read = |camera: &RigCamera| {
         let path = keypoints_of(&folder.0.join("keypoints"), &camera.name).unwrap();
         Mouths::read(&path, &camera.lens, &KeypointSettings::default()).unwrap()
     };

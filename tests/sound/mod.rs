@@ -3,12 +3,16 @@
 mod keypoints;
 mod localize;
 mod path;
+mod speaker;
 mod tracks;
 mod triangulate;
 
 use glam::{DMat3, DVec2, DVec3};
 use ivv::scene::undistort::{Distortion, Lens};
-use ivv::sound::{Mouth, Mouths, Rig, RigCamera, Sight};
+use ivv::sound::keypoints::Mouths;
+use ivv::sound::mouth::Mouth;
+use ivv::sound::rig::{Rig, RigCamera};
+use ivv::sound::triangulate::Sight;
 
 use crate::common::random::Random;
 

@@ -1,7 +1,8 @@
 //! Paths of heads in every kind of file.
 
 use glam::{DMat3, DQuat, DVec3};
-use ivv::sound::{Convention, HeadPath, Pose, read_path};
+use ivv::sound::path::{Convention, HeadPath, read_path};
+use ivv::sound::pose::Pose;
 
 use crate::capture::Folder;
 

@@ -3,9 +3,11 @@
 use std::f64::consts::TAU;
 
 use glam::{DMat3, DVec3};
-use ivv::sound::{
-    Fix, Flag, LocalizeSettings, Motion, SourceSample, SourceTrack, associate, localize, smooth, triangulate_all,
-};
+use ivv::sound::associate::associate;
+use ivv::sound::localize::{LocalizeSettings, localize};
+use ivv::sound::smooth::{Motion, smooth};
+use ivv::sound::source_track::{Flag, SourceSample, SourceTrack};
+use ivv::sound::triangulate::{Fix, triangulate_all};
 
 use super::{mouths, normal, rig, sights};
 use crate::capture::Folder;

@@ -4,7 +4,8 @@ use std::collections::BTreeMap;
 
 use glam::{DMat3, DVec2, DVec3};
 use ivv::scene::undistort::{Distortion, Lens};
-use ivv::sound::{RigCamera, Sight, triangulate, triangulate_all};
+use ivv::sound::rig::RigCamera;
+use ivv::sound::triangulate::{Sight, triangulate, triangulate_all};
 
 use super::{normal, pixel, rig, sights};
 use crate::capture::shared;
