@@ -7,7 +7,7 @@ use ivv::sound::rig::{Rig, RigCamera};
 use ivv::sound::source_track::Flag;
 use ivv::synth::{Noise, Options, Preset, write_capture};
 
-use super::{mouths, rig};
+use super::rigs::{mouths, rig};
 use crate::capture::Folder;
 
 /// Root mean square distance of a track from the truth at its frames, where it is seen.

@@ -1,80 +1,106 @@
-//! The sound field: where sources are, against truth known in closed form.
+//! The sound field; T-numbers are those of research/sound_playback.md F.5.
 
+mod convolution;
+mod gain;
+mod geometry;
+mod hrtf;
 mod keypoints;
 mod localize;
+mod motion;
+mod output;
 mod path;
+mod rigs;
+mod sets;
 mod speaker;
 mod tracks;
 mod triangulate;
 
-use glam::{DMat3, DVec2, DVec3};
-use ivv::scene::undistort::{Distortion, Lens};
-use ivv::sound::keypoints::Mouths;
-use ivv::sound::mouth::Mouth;
-use ivv::sound::rig::{Rig, RigCamera};
-use ivv::sound::triangulate::Sight;
+use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 
-use crate::common::random::Random;
+use glam::{DQuat, DVec3};
+use ivv::sound::hrtf::HrtfSet;
+use ivv::sound::pose::{Pose, PoseTrack};
+use ivv::sound::scene_file::{Mic, SoundScene, Source};
+use ivv::sound::source_track::{Flag, SourceSample, SourceTrack};
+use ivv::sound::sphere::Sphere;
+use ivv::sound::wav::Channel;
 
-/// Of mean 0 and variance 1 (Box and Muller).
-fn normal(random: &mut Random) -> f64 {
-    let (u, v) = (random.uniform(0.0, 1.0), random.uniform(0.0, std::f64::consts::TAU));
-    (-2.0 * (1.0 - u).ln()).sqrt() * v.cos()
+/// A file shared with the project, where it is there.
+fn shared(path: &str) -> Option<PathBuf> {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data").join(path);
+    if !path.exists() {
+        println!("skipped: {} is absent", path.display());
+        return None;
+    }
+    Some(path)
 }
 
-/// `n` cameras on an arc of 120 degrees about `(0, 0, 3)`, 3 units from it, looking there.
-fn rig(n: usize, fps: f64, n_frames: u32) -> Rig {
-    let lens = Lens { width: 1280, height: 720, fx: 1000.0, fy: 990.0, cx: 630.0, cy: 370.0, distortion: Distortion::None };
-    let camera = |index: usize| {
-        let angle = (index as f64 / (n - 1) as f64 - 0.5) * 120_f64.to_radians();
-        let center = DVec3::new(3.0 * angle.sin(), 0.2 * (index % 2) as f64, 3.0 - 3.0 * angle.cos());
-        let forward = (DVec3::new(0.0, 0.0, 3.0) - center).normalize();
-        let right = DVec3::Y.cross(forward).normalize();
-        let rotation = DMat3::from_cols(right, forward.cross(right), forward).transpose();
-        let shift = -(rotation * center);
-        let row = |k: usize| [rotation.x_axis[k], rotation.y_axis[k], rotation.z_axis[k], shift[k]];
-        RigCamera::new(&format!("cam{index:02}"), lens, &[(0, [row(0), row(1), row(2), [0.0, 0.0, 0.0, 1.0]])]).unwrap()
+/// The head as a sphere, coarse: 92 directions.
+fn sphere() -> &'static HrtfSet {
+    static SET: OnceLock<HrtfSet> = OnceLock::new();
+    SET.get_or_init(|| HrtfSet::new(Sphere::default().measured(3), Path::new("sphere")).unwrap())
+}
+
+/// The same with 642 directions, for what moves.
+fn fine_sphere() -> &'static HrtfSet {
+    static SET: OnceLock<HrtfSet> = OnceLock::new();
+    SET.get_or_init(|| HrtfSet::new(Sphere::default().measured(8), Path::new("sphere")).unwrap())
+}
+
+fn sample(t: f64, p: DVec3) -> SourceSample {
+    SourceSample { t, p, cov: [0.0; 6], views: 4, reproj_px: 0.5, flag: Flag::Seen }
+}
+
+/// A source through places at times.
+fn track(id: &str, way: &[(f64, DVec3)]) -> SourceTrack {
+    SourceTrack { id: id.into(), samples: way.iter().map(|(t, p)| sample(*t, *p)).collect(), fps: 30.0 }
+}
+
+/// z is up, the microphone is at the origin and looks along y; a unit is a metre.
+fn scene(source: SourceTrack) -> SoundScene {
+    SoundScene {
+        metres_per_unit: Some(1.0),
+        up: DVec3::Z,
+        mic: Mic {
+            camera: "a".into(),
+            pose: PoseTrack::still(DVec3::ZERO, Pose::looking(DVec3::Y, DVec3::Z)),
+            wav: PathBuf::new(),
+            channel: Channel::Left,
+            offset_s: 0.0,
+        },
+        sources: vec![Source { track: source, wav: None, gain_db: 0.0, gates: Vec::new() }],
+    }
+}
+
+/// A head that stays at `p`, turned by `yaw` degrees to the left of y.
+fn head(p: DVec3, yaw: f64) -> PoseTrack {
+    PoseTrack::still(p, DQuat::from_rotation_z((90.0 + yaw).to_radians()))
+}
+
+/// A sine.
+fn tone(frequency: f64, n: usize) -> Vec<f32> {
+    (0..n).map(|i| (std::f64::consts::TAU * frequency * i as f64 / 48_000.0).sin() as f32).collect()
+}
+
+/// Numbers in [-1, 1) that look random.
+fn noise(n: usize, seed: u64) -> Vec<f32> {
+    let mut state = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1;
+    let mut next = || {
+        state ^= state << 13;
+        state ^= state >> 7;
+        state ^= state << 17;
+        (state >> 40) as f32 / (1u32 << 23) as f32 - 1.0
     };
-    Rig { cameras: (0..n).map(camera).collect(), fps, n_frames }
+    (0..n).map(|_| next()).collect()
 }
 
-/// The pixel of a camera that shows `point`.
-fn pixel(camera: &RigCamera, point: DVec3) -> DVec2 {
-    let (rotation, center) = camera.pose(0.0);
-    let local = rotation * (point - center);
-    assert!(local.z > 0.0);
-    let Lens { fx, fy, cx, cy, .. } = camera.lens;
-    local.truncate() / local.z * DVec2::new(fx, fy) + DVec2::new(cx, cy)
+/// One ear of frames.
+fn ear(frames: &[[f32; 2]], ear: usize) -> Vec<f32> {
+    frames.iter().map(|frame| frame[ear]).collect()
 }
 
-/// What each camera sees of `point` with noise of `sigma` pixels; exactly, and believed to a pixel, where it is 0.
-fn sights(rig: &Rig, point: DVec3, sigma: f64, random: &mut Random) -> Vec<Sight> {
-    let sight = |(index, camera): (usize, &RigCamera)| {
-        let noise = DVec2::new(normal(random), normal(random)) * sigma;
-        let (rotation, center) = camera.pose(0.0);
-        let focal = DVec2::new(camera.lens.fx, camera.lens.fy);
-        let at = camera.plane(pixel(camera, point) + noise).unwrap();
-        let sigma = if sigma > 0.0 { sigma } else { 1.0 };
-        Sight { camera: index, rotation, center, focal, at, sigma, weight: 1.0 }
-    };
-    rig.cameras.iter().enumerate().map(sight).collect()
-}
-
-/// The mouths that each camera sees, with noise of a pixel; `place` gives them by the time in frames and the camera.
-fn mouths(rig: &Rig, seed: u64, place: impl Fn(f64, usize) -> Vec<DVec3>) -> Vec<Mouths> {
-    let mut random = Random::new(seed);
-    let mut of = |index: usize, camera: &RigCamera| {
-        let mut mouths = Mouths::default();
-        for frame in 0..rig.n_frames {
-            for point in place(f64::from(frame) + camera.offset, index) {
-                let at = pixel(camera, point) + DVec2::new(normal(&mut random), normal(&mut random));
-                let (rotation, center) = camera.pose(0.0);
-                let width = 0.05 * camera.lens.fx / (rotation * (point - center)).z;
-                let mouth = Mouth { at, sigma: 1.0, weight: 0.9, width, opening: Some(0.1), approx: false };
-                mouths.frames.entry(frame).or_default().push(mouth);
-            }
-        }
-        mouths
-    };
-    rig.cameras.iter().enumerate().map(|(index, camera)| of(index, camera)).collect()
+/// Decibels of a ratio of energies.
+fn db(ratio: f64) -> f64 {
+    10.0 * ratio.max(1e-40).log10()
 }

@@ -9,7 +9,7 @@ use ivv::sound::smooth::{Motion, smooth};
 use ivv::sound::source_track::{Flag, SourceSample, SourceTrack};
 use ivv::sound::triangulate::{Fix, triangulate_all};
 
-use super::{mouths, normal, rig, sights};
+use super::rigs::{mouths, normal, rig, sights};
 use crate::capture::Folder;
 use crate::common::random::Random;
 

@@ -7,7 +7,7 @@ use ivv::scene::undistort::{Distortion, Lens};
 use ivv::sound::rig::RigCamera;
 use ivv::sound::triangulate::{Sight, triangulate, triangulate_all};
 
-use super::{normal, pixel, rig, sights};
+use super::rigs::{normal, pixel, rig, sights};
 use crate::capture::shared;
 use crate::common::random::Random;
 
