@@ -1,11 +1,11 @@
 //! `ivv render --path`: a video of the way of a head, with what it hears.
 
+use crate::device::DeviceArgs;
 use crate::files::make_folder;
 use crate::interrupt::{Interrupted, Stop};
 use crate::progress::Progress;
 use crate::render::{ConstantArgs, check_finite};
 use crate::synth::size;
-use crate::device::DeviceArgs;
 use anyhow::Context;
 use ivv::scene::{FlowModel, View, read_scene};
 use ivv::sound::hrtf::HrtfSet;

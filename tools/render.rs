@@ -1,8 +1,8 @@
 //! `ivv render`.
 
 use crate::device::DeviceArgs;
-use crate::film::{self, PathArgs};
 use crate::files::make_folder;
+use crate::film::{self, PathArgs};
 use crate::interrupt::{Interrupted, Stop};
 use crate::profile::{self, TimedPass};
 use crate::progress::Progress;

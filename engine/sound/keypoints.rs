@@ -101,7 +101,8 @@ impl Mouths {
                 return Err(Error::data(path, "", reason, "give the number of the first frame with --first-frame"));
             };
             for person in persons {
-                let found = mouth(&person).map_err(|reason| Error::data(path, format!("frame {number}"), reason, REMEDY))?;
+                let found =
+                    mouth(&person).map_err(|reason| Error::data(path, format!("frame {number}"), reason, REMEDY))?;
                 match found {
                     Some(found) => mouths.frames.entry(frame).or_default().push(found),
                     None => mouths.n_hidden += 1,
@@ -118,8 +119,14 @@ impl Mouths {
         if let Some((width, height)) = image_size {
             let (from_w, from_h) = (f64::from(width), f64::from(height));
             if (from_w * h - from_h * w).abs() > w.max(h) {
-                let reason = format!("is of {width} x {height} pixels, the camera has {} x {}", lens.width, lens.height);
-                return Err(Error::data(path, "", reason, "detect on pictures of the camera's shape, not cropped ones"));
+                let reason =
+                    format!("is of {width} x {height} pixels, the camera has {} x {}", lens.width, lens.height);
+                return Err(Error::data(
+                    path,
+                    "",
+                    reason,
+                    "detect on pictures of the camera's shape, not cropped ones",
+                ));
             }
             let scale = DVec2::new(w / from_w, h / from_h);
             for mouth in self.frames.values_mut().flatten() {

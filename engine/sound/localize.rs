@@ -99,10 +99,8 @@ pub fn localize(rig: &Rig, mouths: &[Mouths], settings: &LocalizeSettings) -> Lo
     let n_frames = if rig.n_frames > 1 { rig.n_frames as usize } else { n_seen };
     let dt = 1.0 / rig.fps;
     let seen: Vec<Vec<(Sight, Mouth)>> = (0..n_frames).map(|frame| sights(rig, mouths, frame as f64)).collect();
-    let mut fixes: Vec<Vec<Fix>> = seen
-        .iter()
-        .map(|seen| triangulate_all(&seen.iter().map(|(sight, _)| *sight).collect::<Vec<_>>()))
-        .collect();
+    let mut fixes: Vec<Vec<Fix>> =
+        seen.iter().map(|seen| triangulate_all(&seen.iter().map(|(sight, _)| *sight).collect::<Vec<_>>())).collect();
     let noise = noise(&seen, &fixes);
     let scale = settings.metres_per_unit.or_else(|| scale(&seen, &fixes));
     let metres_per_unit = scale.unwrap_or(1.0);
@@ -127,7 +125,12 @@ pub fn localize(rig: &Rig, mouths: &[Mouths], settings: &LocalizeSettings) -> Lo
         openings: Vec::new(),
         report: LocalizeReport {
             frames: n_frames,
-            mouths: rig.cameras.iter().zip(mouths).map(|(c, m)| (c.name.clone(), m.frames.values().flatten().count())).collect(),
+            mouths: rig
+                .cameras
+                .iter()
+                .zip(mouths)
+                .map(|(c, m)| (c.name.clone(), m.frames.values().flatten().count()))
+                .collect(),
             agreeing: share(fixes.iter().flatten().map(|fix| fix.sights.len()).sum(), seen.iter().map(Vec::len).sum()),
             noise,
             stray_places,
@@ -137,7 +140,8 @@ pub fn localize(rig: &Rig, mouths: &[Mouths], settings: &LocalizeSettings) -> Lo
         },
     };
     for (index, places) in persons.iter().enumerate() {
-        let by_frame: BTreeMap<usize, &Fix> = places.iter().map(|(frame, fix)| (*frame, &fixes[*frame][*fix])).collect();
+        let by_frame: BTreeMap<usize, &Fix> =
+            places.iter().map(|(frame, fix)| (*frame, &fixes[*frame][*fix])).collect();
         let is_approx = |frame: usize, fix: &Fix| fix.sights.iter().all(|sight| seen[frame][*sight].1.approx);
         let samples = samples(&by_frame, n_frames, dt, motion, settings.hold, &is_approx);
         let track = SourceTrack { id: format!("p{index}"), samples, fps: rig.fps };
@@ -241,7 +245,8 @@ fn at(mouths: &Mouths, local: f64, fps: f64) -> Vec<Mouth> {
 fn noise(seen: &[Vec<(Sight, Mouth)>], fixes: &[Vec<Fix>]) -> f64 {
     let (mut chi2, mut freedom) = (0.0, 0.0);
     for (seen, fix) in seen.iter().zip(fixes).flat_map(|(seen, fixes)| fixes.iter().map(move |fix| (seen, fix))) {
-        let error = |sight: &usize| Some(seen[*sight].0.residual(fix.p)?.length_squared() / seen[*sight].0.sigma.powi(2));
+        let error =
+            |sight: &usize| Some(seen[*sight].0.residual(fix.p)?.length_squared() / seen[*sight].0.sigma.powi(2));
         chi2 += fix.sights.iter().filter_map(error).sum::<f64>();
         freedom += 2.0 * fix.sights.len() as f64 - 3.0;
     }

@@ -65,8 +65,9 @@ pub(super) fn mouth(points: &[Keypoint]) -> Result<Option<Mouth>, String> {
     if points.is_empty() {
         return Ok(None);
     }
-    let layout = layout(points.len())
-        .ok_or_else(|| format!("has a person of {} points; 17, 25, 26, 68, 70, 133, 134 and 136 are known", points.len()))?;
+    let layout = layout(points.len()).ok_or_else(|| {
+        format!("has a person of {} points; 17, 25, 26, 68, 70, 133, 134 and 136 are known", points.len())
+    })?;
     let seen = |index: usize| {
         let (at, score) = points[index];
         (score >= MIN_SCORE && at.is_finite()).then_some((at, score.min(1.0)))
@@ -95,5 +96,12 @@ fn by_nose(head: &[usize], seen: &dyn Fn(usize) -> Option<Keypoint>) -> Option<M
     let pairs = others.iter().flat_map(|a| others.iter().map(|b| (*a - *b).length()));
     let size = pairs.fold(0.0, f64::max);
     let sigma = NOSE_TO_MOUTH * size;
-    (size > 0.0).then(|| Mouth { at: nose, sigma: sigma.max(MIN_SIGMA), weight, width: 0.0, opening: None, approx: true })
+    (size > 0.0).then(|| Mouth {
+        at: nose,
+        sigma: sigma.max(MIN_SIGMA),
+        weight,
+        width: 0.0,
+        opening: None,
+        approx: true,
+    })
 }

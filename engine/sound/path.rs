@@ -185,7 +185,8 @@ fn nerfstudio(path: &Path, text: &str) -> Result<(Vec<Pose>, Option<PathCamera>,
         let column = |k: usize| DVec3::new(m[0][k], m[1][k], m[2][k]);
         let rotation = DMat3::from_cols(column(0), column(1), column(2));
         let off = rotation.transpose() * rotation - DMat3::IDENTITY;
-        let is_rotation = off.to_cols_array().iter().all(|v| v.abs() <= ROTATION_TOLERANCE) && rotation.determinant() > 0.0;
+        let is_rotation =
+            off.to_cols_array().iter().all(|v| v.abs() <= ROTATION_TOLERANCE) && rotation.determinant() > 0.0;
         if !is_rotation {
             return Err(fault(format!("pose {index}"), "has a `camera_to_world` that does not rotate".to_owned()));
         }

@@ -7,7 +7,7 @@ use glam::{DMat3, DQuat, DVec2, DVec3};
 use super::path::Convention;
 use super::pose::{Pose, PoseTrack};
 use crate::error::{Error, Result};
-use crate::scene::capture::{Camera, CaptureSettings, Faults, Pose, describe};
+use crate::scene::capture::{self, Camera, CaptureSettings, Faults, describe};
 use crate::scene::undistort::Lens;
 
 /// A camera with its clock.
@@ -26,8 +26,8 @@ pub struct RigCamera {
 
 impl RigCamera {
     /// A camera with its poses by frame, at least one; `None` without.
-    pub fn new(name: &str, lens: Lens, poses: &[(u32, Pose)]) -> Option<RigCamera> {
-        let pose = |(frame, pose): &(u32, Pose)| {
+    pub fn new(name: &str, lens: Lens, poses: &[(u32, capture::Pose)]) -> Option<RigCamera> {
+        let pose = |(frame, pose): &(u32, capture::Pose)| {
             let column = |k: usize| DVec3::new(pose[0][k], pose[1][k], pose[2][k]);
             let rotation = DMat3::from_cols(column(0), column(1), column(2));
             (f64::from(*frame), DQuat::from_mat3(&rotation), -(rotation.transpose() * column(3)))
@@ -99,7 +99,7 @@ impl Rig {
             return Err(Error::data(path, "", "is in no known capture format", remedy));
         };
         let camera = |camera: &Camera| {
-            let moving: Vec<(u32, Pose)> =
+            let moving: Vec<(u32, capture::Pose)> =
                 camera.shots.iter().filter_map(|shot| Some((shot.frame, shot.world_to_camera?))).collect();
             let poses = if moving.is_empty() { vec![(0, camera.world_to_camera)] } else { moving };
             RigCamera::new(&camera.name, draft.lens(camera), &poses)

@@ -96,10 +96,7 @@ pub fn smooth(seen: &[Option<(DVec3, DMat3)>], dt: f64, motion: Motion) -> Vec<S
         smoothed[i] = State {
             p: here.p + gain[0][0] * off_p + gain[0][1] * off_v,
             v: here.v + gain[1][0] * off_p + gain[1][1] * off_v,
-            cov: [
-                [symmetric(a + change[0][0]), b + change[0][1]],
-                [bt + change[1][0], symmetric(c + change[1][1])],
-            ],
+            cov: [[symmetric(a + change[0][0]), b + change[0][1]], [bt + change[1][0], symmetric(c + change[1][1])]],
         };
     }
     smoothed

@@ -83,7 +83,8 @@ pub fn triangulate_all(sights: &[Sight]) -> Vec<Fix> {
             agreeing(sights, &is_free, *point).iter().map(|(_, score)| score).sum::<f64>()
         };
         // The first of equals: the order of sights decides, never chance.
-        let best = proposals.iter().map(|proposal| (score(proposal), proposal.0)).reduce(|a, b| if b.0 > a.0 { b } else { a });
+        let best =
+            proposals.iter().map(|proposal| (score(proposal), proposal.0)).reduce(|a, b| if b.0 > a.0 { b } else { a });
         let Some((score, point)) = best.filter(|(score, _)| *score > 0.0) else { break };
         let fix = settled(sights, &is_free, point).filter(|_| score > 0.0);
         let Some(fix) = fix else {

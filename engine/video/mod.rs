@@ -12,7 +12,8 @@ use std::thread::JoinHandle;
 use crate::error::{Error, Result};
 use crate::scene::Frame;
 
-const INSTALL: &str = "install ffmpeg 5.1 or newer (Debian: apt-get install ffmpeg), or choose a file that ends in .y4m";
+const INSTALL: &str =
+    "install ffmpeg 5.1 or newer (Debian: apt-get install ffmpeg), or choose a file that ends in .y4m";
 
 /// What a video is made of.
 #[derive(Clone, Debug, PartialEq)]
@@ -75,7 +76,10 @@ impl Video {
         let VideoSettings { width, height, fps, .. } = settings;
         let ending = path.extension().map_or_else(String::new, |ending| ending.to_string_lossy().to_lowercase());
         if !["mp4", "mov", "mkv", "y4m"].contains(&ending.as_str()) {
-            return fault("is no video that can be written".to_owned(), "choose a name that ends in .mp4, .mov, .mkv or .y4m");
+            return fault(
+                "is no video that can be written".to_owned(),
+                "choose a name that ends in .mp4, .mov, .mkv or .y4m",
+            );
         }
         if width == 0 || height == 0 || (ending != "y4m" && (width % 2, height % 2) != (0, 0)) {
             return fault(format!("has {width} x {height} pixels"), "choose even numbers of pixels, or a .y4m");
@@ -171,9 +175,10 @@ impl Video {
                 Ok(())
             }
             // A program that ended early says why.
-            (Err(_), Some(Sink::Ffmpeg(encoder))) => Err(encoder.end(&self.path).err().unwrap_or_else(|| {
-                Error::data(&self.path, "", "ffmpeg stopped reading", "try again")
-            })),
+            (Err(_), Some(Sink::Ffmpeg(encoder))) => Err(encoder
+                .end(&self.path)
+                .err()
+                .unwrap_or_else(|| Error::data(&self.path, "", "ffmpeg stopped reading", "try again"))),
             (Err(fault), _) => Err(self.cannot_write(&fault)),
         }
     }
@@ -235,7 +240,10 @@ impl Encoder {
     fn end(mut self, path: &Path) -> Result<()> {
         let flushed = self.to.flush();
         drop(self.to);
-        let status = self.child.wait().map_err(|fault| Error::data(path, "", format!("ffmpeg is lost: {fault}"), "try again"))?;
+        let status = self
+            .child
+            .wait()
+            .map_err(|fault| Error::data(path, "", format!("ffmpeg is lost: {fault}"), "try again"))?;
         let said = self.said.join().unwrap_or_default();
         if status.success() && flushed.is_ok() {
             return Ok(());
@@ -258,5 +266,9 @@ fn beside(path: &Path, ending: &str) -> Result<PathBuf> {
 /// A word for a POSIX shell.
 fn quoted(word: &str) -> String {
     let is_plain = |c: char| c.is_ascii_alphanumeric() || "-_./:,=+".contains(c);
-    if !word.is_empty() && word.chars().all(is_plain) { word.to_owned() } else { format!("'{}'", word.replace('\'', "'\\''")) }
+    if !word.is_empty() && word.chars().all(is_plain) {
+        word.to_owned()
+    } else {
+        format!("'{}'", word.replace('\'', "'\\''"))
+    }
 }

@@ -16,7 +16,9 @@ const N_FRAMES: u64 = 3;
 fn person(frame: u64) -> (Vec<[f64; 2]>, Vec<f64>) {
     let mut points = vec![[0.0; 2]; 133];
     let mut scores = vec![0.0; 133];
-    for (index, (first, n, w, h)) in (71..91).map(|i| (i, if i < 83 { (71, 12.0, 20.0, 8.0) } else { (83, 8.0, 16.0, 4.0) })) {
+    for (index, (first, n, w, h)) in
+        (71..91).map(|i| (i, if i < 83 { (71, 12.0, 20.0, 8.0) } else { (83, 8.0, 16.0, 4.0) }))
+    {
         let turn = std::f64::consts::TAU * f64::from(index - first) / n;
         points[index as usize] = [300.25 + frame as f64 - w * turn.cos(), 200.5 - h * turn.sin()];
         scores[index as usize] = if index % 2 == 0 { 1.11 } else { 0.875 };
@@ -164,8 +166,14 @@ fn damaged_files_are_told() {
         ("", "EOF"),
         ("[{\"frame_id\": 0}]", "neither `instances`"),
         ("{\"version\": 1.3}", "neither `instance_info`"),
-        ("[{\"frame_id\": 0, \"instances\": [{\"keypoints\": [[1, 2]], \"keypoint_scores\": []}]}]", "1 points and 0 scores"),
-        ("[{\"frame_id\": 0, \"instances\": [{\"keypoints\": [[1, 2]], \"keypoint_scores\": [1]}]}]", "a person of 1 points"),
+        (
+            "[{\"frame_id\": 0, \"instances\": [{\"keypoints\": [[1, 2]], \"keypoint_scores\": []}]}]",
+            "1 points and 0 scores",
+        ),
+        (
+            "[{\"frame_id\": 0, \"instances\": [{\"keypoints\": [[1, 2]], \"keypoint_scores\": [1]}]}]",
+            "a person of 1 points",
+        ),
         ("[{\"frame_id\": -3, \"instances\": []}]", "line 1"),
         ("[{\"frame_id\": 18446744073709551615, \"instances\": []}]", "--first-frame"),
         ("[{\"keypoints\": [], \"keypoint_scores\": []}]", "one picture"),

@@ -1,9 +1,12 @@
 //! From keypoints to tracks as a whole.
 
+use std::process::Command;
+
 use glam::DVec3;
 use ivv::sound::keypoints::{KeypointSettings, Mouths, keypoints_of};
 use ivv::sound::localize::{LocalizeSettings, Localized, localize};
 use ivv::sound::rig::{Rig, RigCamera};
+use ivv::sound::scene_file::SoundScene;
 use ivv::sound::source_track::Flag;
 use ivv::synth::{Noise, Options, Preset, write_capture};
 
@@ -30,7 +33,11 @@ fn learnt_clocks_are_respected() {
     let settings = LocalizeSettings::default();
     let known = localize(&rig, &seen, &settings);
     let folder = Folder::new("clocks");
-    let rows: Vec<_> = rig.cameras.iter().map(|c| serde_json::json!({ "camera": c.name, "how": "learnt", "offset": c.offset, "standard_error": null })).collect();
+    let rows: Vec<_> = rig
+        .cameras
+        .iter()
+        .map(|c| serde_json::json!({ "camera": c.name, "how": "learnt", "offset": c.offset, "standard_error": null }))
+        .collect();
     let table = folder.write("offsets.json", serde_json::to_vec(&rows).unwrap());
     let mut unknown = rig.clone();
     unknown.cameras.iter_mut().for_each(|camera| camera.offset = 0.0);
@@ -38,7 +45,10 @@ fn learnt_clocks_are_respected() {
     let right = error(&known, 0, truth);
     assert!(right < 0.004 && blind > 2.0 * right, "{right} with the clocks, {blind} without");
     unknown.read_offsets(&table).unwrap();
-    assert_eq!(unknown.cameras.iter().map(|c| c.offset).collect::<Vec<_>>(), rig.cameras.iter().map(|c| c.offset).collect::<Vec<_>>());
+    assert_eq!(
+        unknown.cameras.iter().map(|c| c.offset).collect::<Vec<_>>(),
+        rig.cameras.iter().map(|c| c.offset).collect::<Vec<_>>()
+    );
     // The width of a mouth tells the scale.
     assert!(known.report.is_scale_estimated && (known.report.metres_per_unit - 1.0).abs() < 0.02, "{:?}", known.report);
     let strange = folder.write("strange.json", "[{\"camera\": \"x\", \"offset\": 1}]");
@@ -92,8 +102,17 @@ fn nobody_is_no_track() {
 #[test]
 fn the_synthetic_speaker_is_found() {
     let folder = Folder::new("speaker");
-    let options =
-        Options { cameras: 4, test_cameras: 1, width: 32, height: 24, frames: 40, samples: 1, points: 20, noise: Noise::None, ..Preset::Tiny.options(7) };
+    let options = Options {
+        cameras: 4,
+        test_cameras: 1,
+        width: 32,
+        height: 24,
+        frames: 40,
+        samples: 1,
+        points: 20,
+        noise: Noise::None,
+        ..Preset::Tiny.options(7)
+    };
     write_capture(&folder.0, &options, 2, &mut |_, _| {}).unwrap();
     let rig = Rig::open(&folder.0).unwrap();
     assert_eq!((rig.cameras.len(), rig.fps, rig.n_frames), (4, 30.0, 40));
@@ -103,14 +122,35 @@ fn the_synthetic_speaker_is_found() {
     };
     let seen: Vec<Mouths> = rig.cameras.iter().map(read).collect();
     let found = localize(&rig, &seen, &LocalizeSettings { metres_per_unit: Some(1.0), hold: false });
-    let truth: serde_json::Value = serde_json::from_slice(&std::fs::read(folder.0.join("truth.json")).unwrap()).unwrap();
+    let truth: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(folder.0.join("truth.json")).unwrap()).unwrap();
     let truth = |time: f64| {
         let at: Vec<f64> = serde_json::from_value(truth["source"]["position"][time.round() as usize].clone()).unwrap();
         DVec3::from_slice(&at)
     };
     assert_eq!(found.tracks.len(), 1, "{:?}", found.report);
     let error = error(&found, 0, truth);
-    println!("{error} units from the truth; {:?}", found.report);
     // The middle of the lips lies behind the point between them.
     assert!(error < 0.02, "{error}");
+    let output = folder.0.join("out");
+    let run = |arguments: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_ivv"));
+        command.args(["sound", "localize"]).arg(&folder.0).arg("-o").arg(&output).args(arguments).output().unwrap()
+    };
+    let done = run(&["--metres-per-unit", "1", "--microphone", "cam02", "--json"]);
+    assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+    let scene = SoundScene::read(&output.join("scene.json")).unwrap();
+    assert_eq!(scene.sources[0].track.samples, found.tracks[0].samples);
+    assert_eq!((scene.metres_per_unit, scene.mic.camera.as_str()), (Some(1.0), "cam02"));
+    assert!(scene.mic.wav.is_file() && scene.sources.len() == 1 && scene.sources[0].gates.is_empty());
+    // The microphone is the camera, and looks where it looks.
+    let camera = rig.cameras.iter().find(|camera| camera.name == "cam02").unwrap();
+    let (rotation, center) = camera.pose(0.0);
+    let mic = scene.mic.pose.at(0.3);
+    assert!((mic.p - center).length() < 1e-9 && (mic.forward() - rotation.transpose() * DVec3::Z).length() < 1e-9);
+    assert!(scene.up.dot(DVec3::NEG_Y) > 0.9);
+    let failed = run(&["--keypoints", folder.0.to_str().unwrap()]);
+    let told = String::from_utf8_lossy(&failed.stderr).into_owned();
+    assert!(failed.status.code() == Some(3) && told.contains("keypoints of 0 cameras"), "{told}");
+    assert_eq!(run(&["--microphone", "cam77"]).status.code(), Some(2));
 }

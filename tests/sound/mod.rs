@@ -12,6 +12,7 @@ mod path;
 mod rigs;
 mod sets;
 mod speaker;
+mod step;
 mod tracks;
 mod triangulate;
 

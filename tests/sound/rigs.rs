@@ -17,7 +17,8 @@ pub fn normal(random: &mut Random) -> f64 {
 
 /// `n` cameras on an arc of 120 degrees about `(0, 0, 3)`, 3 units from it, looking there.
 pub fn rig(n: usize, fps: f64, n_frames: u32) -> Rig {
-    let lens = Lens { width: 1280, height: 720, fx: 1000.0, fy: 990.0, cx: 630.0, cy: 370.0, distortion: Distortion::None };
+    let lens =
+        Lens { width: 1280, height: 720, fx: 1000.0, fy: 990.0, cx: 630.0, cy: 370.0, distortion: Distortion::None };
     let camera = |index: usize| {
         let angle = (index as f64 / (n - 1) as f64 - 0.5) * 120_f64.to_radians();
         let center = DVec3::new(3.0 * angle.sin(), 0.2 * (index % 2) as f64, 3.0 - 3.0 * angle.cos());

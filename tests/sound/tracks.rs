@@ -37,9 +37,7 @@ fn two_who_cross_keep_their_names() {
                 seen.extend(sights(&rig, at(1, frame), 2.0, &mut random));
             }
             let found = triangulate_all(&seen);
-            let nearest = |fix: &Fix| {
-                usize::from((fix.p - at(1, frame)).length() < (fix.p - at(0, frame)).length())
-            };
+            let nearest = |fix: &Fix| usize::from((fix.p - at(1, frame)).length() < (fix.p - at(0, frame)).length());
             truth.push(found.iter().map(nearest).collect());
             fixes.push(found);
         }
@@ -59,7 +57,8 @@ fn sway_is_smoothed_without_lag() {
     let (fps, sd) = (60.0, 0.01);
     let mut random = Random::new(7);
     let truth = |i: usize| DVec3::new(0.3 * (TAU * i as f64 / fps).sin(), 0.0, 2.0);
-    let raw: Vec<DVec3> = (0..300).map(|i| truth(i) + sd * DVec3::from_array([0; 3].map(|_| normal(&mut random)))).collect();
+    let raw: Vec<DVec3> =
+        (0..300).map(|i| truth(i) + sd * DVec3::from_array([0; 3].map(|_| normal(&mut random)))).collect();
     let cov = DMat3::from_diagonal(DVec3::splat(sd * sd));
     let seen: Vec<_> = raw.iter().map(|p| Some((*p, cov))).collect();
     let smoothed: Vec<DVec3> = smooth(&seen, 1.0 / fps, MOTION).iter().map(|state| state.p).collect();
@@ -70,9 +69,8 @@ fn sway_is_smoothed_without_lag() {
     };
     let ratio = rms(&smoothed) / rms(&raw);
     assert!(ratio <= 0.6, "{ratio} of the raw error");
-    let part = |f: fn(f64) -> f64| -> f64 {
-        smoothed.iter().enumerate().map(|(i, p)| p.x * f(TAU * i as f64 / fps)).sum()
-    };
+    let part =
+        |f: fn(f64) -> f64| -> f64 { smoothed.iter().enumerate().map(|(i, p)| p.x * f(TAU * i as f64 / fps)).sum() };
     let lag = (-part(f64::cos)).atan2(part(f64::sin)) / TAU;
     assert!(lag.abs() < 2e-3, "{lag} s behind");
     assert!((part(f64::sin) / 150.0 / 0.3 - 1.0).abs() < 0.02);
@@ -155,7 +153,11 @@ fn a_track_is_a_smooth_curve_through_its_samples() {
 fn a_track_returns_from_its_file_as_it_was() {
     let folder = Folder::new("track");
     let flags = [Flag::Seen, Flag::Filled, Flag::Held, Flag::Inactive, Flag::Approx];
-    let samples: Vec<_> = flags.iter().enumerate().map(|(i, flag)| sample(i as f64 / 30.0, DVec3::new(0.1, -2e-7, i as f64 / 7.0), *flag)).collect();
+    let samples: Vec<_> = flags
+        .iter()
+        .enumerate()
+        .map(|(i, flag)| sample(i as f64 / 30.0, DVec3::new(0.1, -2e-7, i as f64 / 7.0), *flag))
+        .collect();
     let track = SourceTrack { id: "p7".into(), samples, fps: 30.0 };
     let path = folder.0.join("p7.csv");
     track.write_csv(&path).unwrap();

@@ -71,7 +71,8 @@ fn outliers_are_left_out() {
         let point = place(&mut random);
         let mut seen = sights(&rig, point, 1.0, &mut random);
         let is_outlier: Vec<bool> = seen.iter().map(|_| random.uniform(0.0, 1.0) < 0.3).collect();
-        for (sight, camera) in seen.iter_mut().zip(&rig.cameras).zip(&is_outlier).filter(|(_, is)| **is).map(|(s, _)| s) {
+        for (sight, camera) in seen.iter_mut().zip(&rig.cameras).zip(&is_outlier).filter(|(_, is)| **is).map(|(s, _)| s)
+        {
             let anywhere = DVec2::new(random.uniform(0.0, 1280.0), random.uniform(0.0, 720.0));
             sight.at = camera.plane(anywhere).unwrap();
         }
@@ -170,7 +171,12 @@ fn corners_of_caliscope_meet_its_own_places() {
     let n: i32 = squares.iter().map(|(_, n)| n).sum();
     println!("{} corners, {n} sights, reprojection {rms:.2?} px", truth.len());
     let quantile = |part: f64| 1e3 * distances[(part * (distances.len() - 1) as f64) as usize];
-    println!("from caliscope's own: median {:.2} mm, 0.95 quantile {:.2} mm, at most {:.2} mm", quantile(0.5), quantile(0.95), quantile(1.0));
+    println!(
+        "from caliscope's own: median {:.2} mm, 0.95 quantile {:.2} mm, at most {:.2} mm",
+        quantile(0.5),
+        quantile(0.95),
+        quantile(1.0)
+    );
     // Metres; a corner of the board is 54 mm from the next.
     assert!(quantile(0.5) < 2.0 && quantile(0.95) < 10.0);
     assert!(rms.iter().all(|rms| (0.9..2.15).contains(rms)), "{rms:?}");
@@ -178,9 +184,8 @@ fn corners_of_caliscope_meet_its_own_places() {
 
 fn caliscope_camera(calibration: &toml::Table, index: usize) -> RigCamera {
     let camera = &calibration["cameras"][index.to_string()];
-    let numbers = |value: &toml::Value| -> Vec<f64> {
-        value.as_array().unwrap().iter().map(|v| v.as_float().unwrap()).collect()
-    };
+    let numbers =
+        |value: &toml::Value| -> Vec<f64> { value.as_array().unwrap().iter().map(|v| v.as_float().unwrap()).collect() };
     let rows = |name: &str| -> Vec<Vec<f64>> { camera[name].as_array().unwrap().iter().map(numbers).collect() };
     let (matrix, rotation, shift) = (rows("matrix"), rows("rotation"), numbers(&camera["translation"]));
     let [k1, k2, p1, p2, k3] = numbers(&camera["distortions"]).try_into().unwrap();

@@ -1,5 +1,7 @@
 //! Moving pictures, read back by ffmpeg.
 
+mod command;
+
 use std::path::Path;
 use std::process::Command;
 
@@ -38,7 +40,8 @@ fn write(path: &Path, sound: Option<&Path>, from: f64) -> Made {
 
 /// What ffmpeg decodes of a file.
 fn decoded(path: &Path, arguments: &[&str]) -> Vec<u8> {
-    let output = Command::new("ffmpeg").args(["-v", "error", "-i"]).arg(path).args(arguments).arg("pipe:1").output().unwrap();
+    let output =
+        Command::new("ffmpeg").args(["-v", "error", "-i"]).arg(path).args(arguments).arg("pipe:1").output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     output.stdout
 }
@@ -85,7 +88,10 @@ fn sound_is_in_step_with_the_pictures() {
             let is_light = *mean > 128.0;
             assert_eq!(is_light, index == FLASH, "{name}: frame {index} has {mean}");
         }
-        let heard = decoded(&path, &["-map", "0:a", "-af", "aresample=async=1:first_pts=0", "-ac", "1", "-ar", "48000", "-f", "s16le"]);
+        let heard = decoded(
+            &path,
+            &["-map", "0:a", "-af", "aresample=async=1:first_pts=0", "-ac", "1", "-ar", "48000", "-f", "s16le"],
+        );
         let heard: Vec<i16> = heard.as_chunks().0.iter().map(|b| i16::from_le_bytes(*b)).collect();
         let loudest = (0..heard.len()).max_by_key(|i| heard[*i].unsigned_abs()).unwrap();
         assert!(heard[loudest].unsigned_abs() > 2000, "{name} is silent");
@@ -143,7 +149,8 @@ fn a_file_of_pictures_needs_no_program() {
     // One that is not finished leaves nothing.
     let _ = Video::create(&folder.0.join("b.y4m"), settings.clone()).unwrap();
     assert_eq!(std::fs::read_dir(&folder.0).unwrap().count(), 1);
-    let refused = |name: &str, settings: VideoSettings| Video::create(&folder.0.join(name), settings).err().unwrap().to_string();
+    let refused =
+        |name: &str, settings: VideoSettings| Video::create(&folder.0.join(name), settings).err().unwrap().to_string();
     assert!(refused("a.avi", settings.clone()).contains(".mp4, .mov, .mkv or .y4m"));
     assert!(refused("a.mp4", settings.clone()).contains("3 x 1"));
     assert!(refused("a.y4m", VideoSettings { fps: f64::NAN, ..settings.clone() }).contains("NaN frames per second"));

@@ -186,6 +186,9 @@ fn print(args: &Args, found: &Localized, scene: Option<&Path>) {
     match scene {
         Some(scene) => println!("{}", scene.display()),
         None if found.tracks.is_empty() => println!("{}: nobody was found", args.output.display()),
-        None => println!("{}: tracks without a scene, since the capture has no recording audio/<camera>.wav", args.output.display()),
+        None => println!(
+            "{}: tracks without a scene, since the capture has no recording audio/<camera>.wav",
+            args.output.display()
+        ),
     }
 }
