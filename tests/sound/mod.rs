@@ -4,9 +4,17 @@ mod convolution;
 mod gain;
 mod geometry;
 mod hrtf;
+mod keypoints;
+mod localize;
 mod motion;
 mod output;
+mod path;
+mod rigs;
 mod sets;
+mod speaker;
+mod step;
+mod tracks;
+mod triangulate;
 mod truth;
 
 use std::path::{Path, PathBuf};
