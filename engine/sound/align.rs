@@ -27,24 +27,51 @@ pub struct Aligned {
     pub lost: f64,
 }
 
+/// A delay that a response may have.
+#[derive(Clone, Copy, Debug)]
+pub struct Candidate {
+    /// Whole samples.
+    pub delay: f64,
+    /// The correlation there, relative to the highest.
+    pub height: f64,
+}
+
 impl Aligner {
     /// For responses of `taps` samples.
     pub fn new(taps: usize) -> Self {
         Aligner { taps, spectra: Spectra::new(good_length(4 * taps.max(EXTRA))) }
     }
 
-    /// Finds the delay as the lag at which a response is most like its own minimum-phase version (Nam, Abel and Smith
-    /// 2008), which stands up to the ringing before the onset that a threshold takes for it.
-    pub fn align(&mut self, response: &[f32]) -> Aligned {
-        let n = self.spectra.len();
+    /// Bins of a response, and of its correlation with its own minimum-phase version (Nam, Abel and Smith 2008). Where that
+    /// is high the onset lies; a threshold would take the ringing before the onset for it.
+    fn correlate(&mut self, response: &[f32]) -> [Vec<Complex64>; 2] {
         let bins = self.spectra.forward(response.iter().map(|value| f64::from(*value)));
         let minimum = self.minimum_phase(&bins);
-        let cross: Vec<Complex64> = bins.iter().zip(&minimum).map(|(h, m)| h * m.conj()).collect();
+        let cross = bins.iter().zip(&minimum).map(|(h, m)| h * m.conj()).collect();
+        [bins, cross]
+    }
+
+    /// The delays that a response may have: maxima of at least half the highest, which comes first.
+    pub fn candidates(&mut self, response: &[f32]) -> Vec<Candidate> {
+        let [_, cross] = self.correlate(response);
         let correlation = self.spectra.inverse(&cross);
-        let coarse = (0..self.taps).max_by(|a, b| correlation[*a].total_cmp(&correlation[*b])).unwrap_or(0);
-        let delay = peak(&cross, n, coarse as f64);
-        let moved = shifted(&bins, n, LEAD as f64 - delay);
-        let signal = self.spectra.inverse(&moved);
+        let highest = correlation[..self.taps].iter().copied().fold(f64::MIN_POSITIVE, f64::max);
+        let is_peak = |at: &usize| {
+            let before = correlation[at.checked_sub(1).unwrap_or(correlation.len() - 1)];
+            correlation[*at] >= before && correlation[*at] > correlation[at + 1] && correlation[*at] >= 0.5 * highest
+        };
+        let candidate = |at: usize| Candidate { delay: at as f64, height: correlation[at] / highest };
+        let mut found: Vec<Candidate> = (0..self.taps).filter(is_peak).map(candidate).collect();
+        found.sort_by(|a, b| b.height.total_cmp(&a.height));
+        if found.is_empty() { vec![candidate(0)] } else { found }
+    }
+
+    /// Takes out the delay that is nearest to `coarse`, whole samples.
+    pub fn align(&mut self, response: &[f32], coarse: f64) -> Aligned {
+        let n = self.spectra.len();
+        let [bins, cross] = self.correlate(response);
+        let delay = peak(&cross, n, coarse);
+        let signal = self.spectra.inverse(&shifted(&bins, n, LEAD as f64 - delay));
         let kept = self.taps + EXTRA;
         let energy = |part: &[f64]| part.iter().map(|value| value * value).sum::<f64>();
         let lost = energy(&signal[kept..]) / energy(&signal).max(f64::MIN_POSITIVE);
@@ -102,4 +129,39 @@ pub fn peak(bins: &[Complex64], n: usize, coarse: f64) -> f64 {
         }
     }
     0.5 * (low + high)
+}
+
+/// Chooses among the candidates of each direction so that neighbours agree: in the head's shadow the highest correlation may
+/// be a ripple away from the onset, and mixing it with a neighbour's onset would comb.
+///
+/// `expected` are delays by a model of the head, up to a constant; `neighbours` are those of each direction on the sphere.
+pub fn choose(candidates: &[Vec<Candidate>], expected: &[f64], neighbours: &[Vec<usize>]) -> Vec<f64> {
+    /// Samples by which a head may differ from the model, and a direction from its neighbours.
+    const FROM_MODEL: f64 = 8.0;
+    const FROM_NEIGHBOURS: f64 = 2.0;
+    let best = |at: usize, wanted: f64, scale: f64| {
+        let score = |c: &Candidate| c.height - ((c.delay - wanted) / scale).powi(2);
+        let best = candidates[at].iter().max_by(|a, b| score(a).total_cmp(&score(b)));
+        best.map_or(wanted, |candidate| candidate.delay)
+    };
+    let highest = candidates.iter().zip(expected).map(|(found, model)| found[0].delay - model);
+    let offset = median(highest.collect());
+    let mut chosen: Vec<f64> =
+        (0..candidates.len()).map(|at| best(at, expected[at] + offset, FROM_MODEL)).collect();
+    // It settles in a few rounds; a pair that goes on swapping is as good either way.
+    for _ in 0..20 {
+        let around = |at: usize| median(neighbours[at].iter().map(|other| chosen[*other]).collect());
+        let next: Vec<f64> = (0..candidates.len()).map(|at| best(at, around(at), FROM_NEIGHBOURS)).collect();
+        if next == chosen {
+            break;
+        }
+        chosen = next;
+    }
+    chosen
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    let n = values.len();
+    if n == 0 { 0.0 } else { 0.5 * (values[(n - 1) / 2] + values[n / 2]) }
 }

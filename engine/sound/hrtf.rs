@@ -1,11 +1,12 @@
 //! Head-related transfer functions: what a direction does to a sound on its way to the two ears.
 
+use std::f64::consts::FRAC_PI_2;
 use std::path::Path;
 
 use glam::DVec3;
 
 use super::FS;
-use super::align::{Aligner, EXTRA, LEAD};
+use super::align::{Aligner, EXTRA, LEAD, choose};
 use super::geometry::{angles, direction};
 use super::hull::Hull;
 use super::sinc::Resampler;
@@ -121,13 +122,14 @@ impl HrtfSet {
 
         let taps = raw_taps + EXTRA;
         let mut aligner = Aligner::new(raw_taps);
+        let onsets = onsets(&mut aligner, &directions, &irs, &hull);
         let (mut raw, mut aligned) = (Vec::new(), Vec::new());
         let mut delays = Vec::with_capacity(irs.len());
         let mut lost: f64 = 0.0;
-        for (ears, extra) in irs.iter().zip(extra) {
+        for ((ears, onsets), extra) in irs.iter().zip(onsets).zip(extra) {
             let mut both = extra;
-            for (ear, delay) in ears.iter().zip(&mut both) {
-                let found = aligner.align(ear);
+            for ((ear, onset), delay) in ears.iter().zip(onsets).zip(&mut both) {
+                let found = aligner.align(ear, onset);
                 *delay += found.delay;
                 lost = lost.max(found.lost);
                 raw.extend_from_slice(ear);
@@ -294,6 +296,23 @@ impl HrtfSet {
             ..*self
         })
     }
+}
+
+/// By direction and ear, the onset in whole samples.
+fn onsets(aligner: &mut Aligner, directions: &[DVec3], irs: &[[Vec<f32>; 2]], hull: &Hull) -> Vec<[f64; 2]> {
+    let neighbours = hull.neighbours();
+    let by_ear = [(0, DVec3::Y), (1, -DVec3::Y)].map(|(ear, side)| {
+        let candidates: Vec<_> = irs.iter().map(|ears| aligner.candidates(&ears[ear])).collect();
+        // Woodworth's sphere: straight to an ear in sight, around the head to one in its shadow.
+        let way = |to: &DVec3| {
+            let incidence = to.dot(side).clamp(-1.0, 1.0).acos();
+            if incidence < FRAC_PI_2 { -incidence.cos() } else { incidence - FRAC_PI_2 }
+        };
+        let scale = sphere::Sphere::default().radius / sphere::SPEED_OF_SOUND * f64::from(FS);
+        let expected: Vec<f64> = directions.iter().map(|to| scale * way(to)).collect();
+        choose(&candidates, &expected, &neighbours)
+    });
+    by_ear[0].iter().zip(&by_ear[1]).map(|(left, right)| [*left, *right]).collect()
 }
 
 /// Mean energy of both ears.

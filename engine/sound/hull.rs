@@ -14,7 +14,7 @@ pub struct Hull {
     /// Corners, counter-clockwise from outside.
     triangles: Vec<[usize; 3]>,
     /// By triangle, its neighbour across the edge opposite each corner.
-    neighbours: Vec<[usize; 3]>,
+    across: Vec<[usize; 3]>,
 }
 
 impl Hull {
@@ -29,20 +29,32 @@ impl Hull {
         if faces.iter().any(|face| plane(&points, face).1 <= 1e-9) {
             return None;
         }
-        let mut across: HashMap<(usize, usize), usize> = HashMap::new();
+        let mut owner: HashMap<(usize, usize), usize> = HashMap::new();
         for (index, [a, b, c]) in faces.iter().enumerate() {
-            across.extend([((*b, *c), index), ((*c, *a), index), ((*a, *b), index)]);
+            owner.extend([((*b, *c), index), ((*c, *a), index), ((*a, *b), index)]);
         }
-        let neighbours: Option<Vec<[usize; 3]>> = faces
+        let across: Option<Vec<[usize; 3]>> = faces
             .iter()
-            .map(|[a, b, c]| Some([*across.get(&(*c, *b))?, *across.get(&(*a, *c))?, *across.get(&(*b, *a))?]))
+            .map(|[a, b, c]| Some([*owner.get(&(*c, *b))?, *owner.get(&(*a, *c))?, *owner.get(&(*b, *a))?]))
             .collect();
-        Some(Hull { points, triangles: faces, neighbours: neighbours? })
+        Some(Hull { points, triangles: faces, across: across? })
     }
 
     /// Corners of the triangles.
     pub fn triangles(&self) -> &[[usize; 3]] {
         &self.triangles
+    }
+
+    /// By corner, the corners that it shares an edge with.
+    pub fn neighbours(&self) -> Vec<Vec<usize>> {
+        let mut all = vec![Vec::new(); self.points.len()];
+        // Each edge belongs to two triangles, once in each direction.
+        for [a, b, c] in &self.triangles {
+            all[*a].push(*b);
+            all[*b].push(*c);
+            all[*c].push(*a);
+        }
+        all
     }
 
     /// The triangle that a direction passes through: its corners and their weights, which are not negative and sum to 1.
@@ -56,7 +68,7 @@ impl Hull {
             if inside[worst] >= 0.0 {
                 return self.weights(at, inside);
             }
-            at = self.neighbours[at][worst];
+            at = self.across[at][worst];
         }
         // Rounding at a corner can make it go in circles: take the triangle that is least wrong.
         let wrong = |at: &usize| self.inside(*at, to).into_iter().fold(f64::INFINITY, f64::min);

@@ -6,6 +6,7 @@
 pub mod align;
 pub mod ambix;
 pub mod associate;
+pub mod bench;
 pub mod fir;
 pub mod geometry;
 pub mod hrtf;
@@ -21,6 +22,7 @@ pub mod render;
 pub mod rig;
 mod sadie;
 pub mod scene_file;
+pub mod simulate;
 pub mod sinc;
 pub mod smooth;
 mod sofa;

@@ -50,6 +50,10 @@ pub struct RenderConfig {
     pub jump_fade: f64,
     /// Whether the way's delay is heard, physical mode.
     pub propagation: bool,
+    /// Whether the direction is heard; else both ears get the recording (for the paper's ablation).
+    pub direction: bool,
+    /// Whether the distance is; else the recording's level stays (for the paper's ablation).
+    pub distance: bool,
     /// Loudness of the result; `None` to leave it. In any case peaks stay below -1 dBTP.
     pub lufs: Option<f64>,
 }
@@ -65,6 +69,8 @@ impl Default for RenderConfig {
             r_min_m: 0.2,
             jump_fade: 0.02,
             propagation: true,
+            direction: true,
+            distance: true,
             lufs: None,
         }
     }
@@ -258,6 +264,8 @@ fn r_min(scene: &SoundScene, config: &RenderConfig) -> f64 {
 struct Course<'a> {
     mode: Mode,
     propagation: bool,
+    direction: bool,
+    distance: bool,
     plane: SoundPlane,
     head: &'a PoseTrack,
     scene: &'a SoundScene,
@@ -283,6 +291,8 @@ impl<'a> Course<'a> {
         Ok(Course {
             mode: config.mode,
             propagation: config.propagation && config.mode == Mode::Physical,
+            direction: config.direction,
+            distance: config.distance,
             plane,
             head,
             scene,
@@ -314,10 +324,14 @@ impl<'a> Course<'a> {
             t,
             az: bearing.az,
             el: bearing.el,
-            gain: self.gain * self.gate(t) * gain(self.mode, &bearing, self.r_min),
+            gain: self.gain * self.gate(t) * self.relative_gain(&bearing),
             distance: bearing.r_l,
             delay: if self.propagation { way } else { 0.0 },
         }
+    }
+
+    fn relative_gain(&self, bearing: &Bearing) -> f64 {
+        if self.distance { gain(self.mode, bearing, self.r_min) } else { 1.0 }
     }
 
     fn gate(&self, t: f64) -> f64 {
@@ -333,7 +347,7 @@ impl<'a> Course<'a> {
         let (mut range, mut clamped, mut beyond, mut heard) = ([f64::INFINITY, f64::NEG_INFINITY], 0, 0, 0);
         for cue in cues.iter().filter(|cue| self.gate(cue.t) > 0.0) {
             let bearing = self.bearing(cue.t);
-            let db = 20.0 * gain(self.mode, &bearing, self.r_min).log10();
+            let db = 20.0 * self.relative_gain(&bearing).log10();
             range = [range[0].min(db), range[1].max(db)];
             clamped += usize::from(bearing.r_l.min(bearing.r_m) < self.r_min);
             beyond += usize::from(db.abs() > FAR_FROM_RECORDING_DB);
@@ -353,6 +367,11 @@ impl<'a> Course<'a> {
 
     /// What the ears hear of a cue. Close to the head both come to hear the same, since no response is measured there.
     fn filter(&self, cue: &Cue, hrtf: &HrtfSet, lookup: Lookup) -> Filter {
+        if !self.direction {
+            let mut response = vec![0.0; hrtf.taps(lookup)];
+            response[LEAD] = 1.0;
+            return Filter { responses: [response.clone(), response], delays: [0.0; 2] };
+        }
         let mut filter = hrtf.filter(super::geometry::direction(cue.az, cue.el), lookup);
         let inside = (NEAR[0] - cue.distance * self.metres) / (NEAR[0] - NEAR[1]);
         let both = if self.mode == Mode::Physical { inside.clamp(0.0, 1.0) } else { 0.0 };

@@ -78,11 +78,13 @@ impl Sphere {
         let nyquist = f64::from(FS) / 2.0;
         let down = ((frequency - ROLL_OFF) / (nyquist - ROLL_OFF)).max(0.0);
         let late = Complex64::from_polar(0.5 + 0.5 * (PI * down).cos(), -2.0 * PI * k as f64 * LEAD / TAPS as f64);
+        let rho = self.distance / self.radius;
         if k == 0 {
-            return Bin { terms: vec![Complex64::from(1.0)] };
+            // The limit of the series below.
+            let term = |m: i32| f64::from(2 * m + 1) / f64::from(m + 1) * rho.powi(-m);
+            return Bin { terms: (0..60).map(|m| Complex64::from(term(m))).collect() };
         }
         let mu = 2.0 * PI * frequency * self.radius / SPEED_OF_SOUND;
-        let rho = self.distance / self.radius;
         // With time as e^{i w t} an outgoing wave is the Hankel function of the second kind. It is divided by the wave
         // at the centre of the head, were that not there.
         let scale = -(rho / mu) * Complex64::from_polar(1.0, mu * rho) * late;

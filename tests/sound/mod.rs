@@ -15,12 +15,13 @@ mod speaker;
 mod step;
 mod tracks;
 mod triangulate;
+mod truth;
 
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
 use glam::{DQuat, DVec3};
-use ivv::sound::hrtf::HrtfSet;
+use ivv::sound::hrtf::{HrtfSet, degrees};
 use ivv::sound::pose::{Pose, PoseTrack};
 use ivv::sound::scene_file::{Mic, SoundScene, Source};
 use ivv::sound::source_track::{Flag, SourceSample, SourceTrack};
@@ -43,10 +44,12 @@ fn sphere() -> &'static HrtfSet {
     SET.get_or_init(|| HrtfSet::new(Sphere::default().measured(3), Path::new("sphere")).unwrap())
 }
 
-/// The same with 642 directions, for what moves.
-fn fine_sphere() -> &'static HrtfSet {
+/// The same, measured every 5 degrees on the horizon, for what moves there.
+fn horizon() -> &'static HrtfSet {
     static SET: OnceLock<HrtfSet> = OnceLock::new();
-    SET.get_or_init(|| HrtfSet::new(Sphere::default().measured(8), Path::new("sphere")).unwrap())
+    let ring = |el: i32, step: usize| (0..360).step_by(step).map(move |az| degrees(f64::from(az), f64::from(el)));
+    let to: Vec<DVec3> = ring(0, 5).chain(ring(40, 45)).chain(ring(-40, 45)).chain([DVec3::Z, -DVec3::Z]).collect();
+    SET.get_or_init(|| HrtfSet::new(Sphere::default().responses(&to), Path::new("horizon")).unwrap())
 }
 
 fn sample(t: f64, p: DVec3) -> SourceSample {
