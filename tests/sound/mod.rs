@@ -16,6 +16,7 @@ mod step;
 mod tracks;
 mod triangulate;
 mod truth;
+mod whole;
 
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
