@@ -61,7 +61,7 @@ pub struct PathArgs {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-enum Axes {
+pub enum Axes {
     /// x right, y down, z forward.
     Opencv,
     /// x right, y up, z backward.

@@ -146,8 +146,7 @@ pub fn choose(candidates: &[Vec<Candidate>], expected: &[f64], neighbours: &[Vec
     };
     let highest = candidates.iter().zip(expected).map(|(found, model)| found[0].delay - model);
     let offset = median(highest.collect());
-    let mut chosen: Vec<f64> =
-        (0..candidates.len()).map(|at| best(at, expected[at] + offset, FROM_MODEL)).collect();
+    let mut chosen: Vec<f64> = (0..candidates.len()).map(|at| best(at, expected[at] + offset, FROM_MODEL)).collect();
     // It settles in a few rounds; a pair that goes on swapping is as good either way.
     for _ in 0..20 {
         let around = |at: usize| median(neighbours[at].iter().map(|other| chosen[*other]).collect());

@@ -12,10 +12,8 @@ pub fn encode(to: DVec3) -> [f64; 4] {
 
 /// The direction that a sound field comes from: of its mean energy flow.
 pub fn decode(frames: &[[f32; 4]]) -> (f64, f64) {
-    let flow: DVec3 = frames
-        .iter()
-        .map(|[w, y, z, x]| f64::from(*w) * DVec3::new(f64::from(*x), f64::from(*y), f64::from(*z)))
-        .sum();
+    let flow: DVec3 =
+        frames.iter().map(|[w, y, z, x]| f64::from(*w) * DVec3::new(f64::from(*x), f64::from(*y), f64::from(*z))).sum();
     angles(flow)
 }
 

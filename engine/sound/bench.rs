@@ -37,7 +37,12 @@ pub struct Difference {
 ///
 /// # Errors
 /// [`Error::Data`] where no frame of both holds sound.
-pub fn compare(rendered: &[[f32; 2]], truth: &[[f32; 2]], hrtf: &HrtfSet, late: impl Fn(f64) -> f64) -> Result<Difference> {
+pub fn compare(
+    rendered: &[[f32; 2]],
+    truth: &[[f32; 2]],
+    hrtf: &HrtfSet,
+    late: impl Fn(f64) -> f64,
+) -> Result<Difference> {
     let mut localiser = Localiser::new(hrtf, FRAME);
     let (mut azimuths, mut levels) = (Vec::new(), Vec::new());
     // Nothing was said before the recording began, so its first moments are no matter.
@@ -47,14 +52,22 @@ pub fn compare(rendered: &[[f32; 2]], truth: &[[f32; 2]], hrtf: &HrtfSet, late: 
         if there < 0.0 || there as usize + FRAME > truth.len() {
             continue;
         }
-        let (heard, meant) = (&rendered[start..start + FRAME], &truth[there.round() as usize..][..FRAME.min(truth.len() - there.round() as usize)]);
+        let (heard, meant) = (
+            &rendered[start..start + FRAME],
+            &truth[there.round() as usize..][..FRAME.min(truth.len() - there.round() as usize)],
+        );
         if let (Some(a), Some(b)) = (localiser.azimuth(heard), localiser.azimuth(meant)) {
             azimuths.push(wrap_degrees(a - b).abs());
             levels.push((level_db(heard) - level_db(meant)).abs());
         }
     }
     if azimuths.is_empty() {
-        return Err(Error::data(Path::new("rendered sound"), "", "it has no frame to compare", "give a longer sound, 0.2 s and more"));
+        return Err(Error::data(
+            Path::new("rendered sound"),
+            "",
+            "it has no frame to compare",
+            "give a longer sound, 0.2 s and more",
+        ));
     }
     azimuths.sort_by(f64::total_cmp);
     let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;

@@ -36,11 +36,7 @@ impl SoundPlane {
     /// its sides.
     pub fn yaw(&self, head: &Pose) -> f64 {
         let forward = self.level(head.forward());
-        let forward = if forward.length() > 1e-6 {
-            forward
-        } else {
-            self.level((head.q * DVec3::Y).cross(self.up))
-        };
+        let forward = if forward.length() > 1e-6 { forward } else { self.level((head.q * DVec3::Y).cross(self.up)) };
         f64::atan2(-forward.x, forward.y)
     }
 }

@@ -106,7 +106,9 @@ impl HrtfSet {
         let fault = |place: &str, reason: String, remedy: &str| Error::data(source, place, reason, remedy);
         let keep = distinct(&measured.directions);
         let directions: Vec<DVec3> = keep.iter().map(|i| measured.directions[*i].normalize()).collect();
-        let resampler = Resampler::new(measured.fs.round() as u32, FS, 0.0);
+        // A change of rate rings a little before a response begins; it is moved so that this is kept.
+        let rate = measured.fs.round() as u32;
+        let resampler = Resampler::new(rate, FS, if rate == FS { 0.0 } else { 16.0 / f64::from(FS) });
         let irs: Vec<[Vec<f32>; 2]> =
             keep.iter().map(|i| measured.irs[*i].each_ref().map(|ir| resampler.apply(ir))).collect();
         let extra = keep.iter().map(|i| measured.delays[*i].map(|delay| delay * f64::from(FS) / measured.fs));
@@ -284,7 +286,12 @@ impl HrtfSet {
             keep.iter().flat_map(|at| from[2 * at * taps..][..2 * taps].to_vec()).collect()
         };
         let hull = Hull::new(&directions).ok_or_else(|| {
-            Error::data(Path::new(&self.meta.title), "", "the directions left do not surround the head", "leave out fewer")
+            Error::data(
+                Path::new(&self.meta.title),
+                "",
+                "the directions left do not surround the head",
+                "leave out fewer",
+            )
         })?;
         Ok(HrtfSet {
             raw: pick(&self.raw, self.raw_taps),

@@ -20,7 +20,8 @@ pub struct Hull {
 impl Hull {
     /// The hull of directions of any length; `None` where they do not surround the origin.
     pub fn new(directions: &[DVec3]) -> Option<Hull> {
-        let points: Vec<DVec3> = directions.iter().enumerate().map(|(i, to)| (to.normalize() + jitter(i)).normalize()).collect();
+        let points: Vec<DVec3> =
+            directions.iter().enumerate().map(|(i, to)| (to.normalize() + jitter(i)).normalize()).collect();
         let mut faces = first_faces(&points)?;
         let done: HashSet<usize> = faces.iter().flatten().copied().collect();
         for at in (0..points.len()).filter(|at| !done.contains(at)) {
@@ -64,7 +65,11 @@ impl Hull {
         // From triangle to triangle across the edge that is most in the way; on a convex hull that arrives.
         for _ in 0..self.triangles.len() {
             let inside = self.inside(at, to);
-            let worst = if inside[0] <= inside[1] && inside[0] <= inside[2] { 0 } else { 1 + usize::from(inside[2] < inside[1]) };
+            let worst = if inside[0] <= inside[1] && inside[0] <= inside[2] {
+                0
+            } else {
+                1 + usize::from(inside[2] < inside[1])
+            };
             if inside[worst] >= 0.0 {
                 return self.weights(at, inside);
             }

@@ -33,7 +33,8 @@ pub fn measure(frames: &[[f32; 2]]) -> Result<Loudness> {
             true_peak_db: Some(20.0 * peak.log10()).filter(|value| value.is_finite()),
         })
     };
-    meter().map_err(|e| Error::data(Path::new("rendered sound"), "", format!("loudness: {e}"), "check the input's level"))
+    meter()
+        .map_err(|e| Error::data(Path::new("rendered sound"), "", format!("loudness: {e}"), "check the input's level"))
 }
 
 /// The gain in decibels that brings a sound to `target` LUFS (none: leaves it), and no higher than its peaks allow.

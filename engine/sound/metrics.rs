@@ -38,6 +38,34 @@ pub fn itd(left: &[f32], right: &[f32]) -> f64 {
     peak(bins, n, coarse as f64) / f64::from(FS)
 }
 
+/// What lies between the ears at a time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Between {
+    /// Seconds, the middle of a window of 0.1 s.
+    pub t: f64,
+    /// By how much the left ear leads, seconds.
+    pub itd: f64,
+    /// By how much the left ear is louder, decibels.
+    pub ild_db: f64,
+}
+
+/// Time and level between the ears over time, every 0.1 s, without windows 40 dB below the loudest.
+pub fn ear_course(frames: &[[f32; 2]]) -> Vec<Between> {
+    let window = FS as usize / 10;
+    let windows: Vec<&[[f32; 2]]> = frames.chunks_exact(window).collect();
+    let loudest = windows.iter().map(|frames| level_db(frames)).fold(f64::NEG_INFINITY, f64::max);
+    let between = |(index, frames): (usize, &&[[f32; 2]])| {
+        let [left, right] = [0, 1].map(|ear| frames.iter().map(|frame| frame[ear]).collect::<Vec<f32>>());
+        let t = (index as f64 + 0.5) * window as f64 / f64::from(FS);
+        (level_db(frames) > loudest - 40.0).then(|| Between {
+            t,
+            itd: itd(&left, &right),
+            ild_db: ild_db(&left, &right),
+        })
+    };
+    windows.iter().enumerate().filter_map(between).collect()
+}
+
 /// Energy of a signal.
 pub fn energy(signal: &[f32]) -> f64 {
     signal.iter().map(|value| f64::from(*value).powi(2)).sum()
@@ -79,7 +107,8 @@ pub fn splatter_db(signal: &[f32], tone: f64) -> f64 {
     };
     let bins = Spectra::new(n).forward(signal.iter().enumerate().map(|(i, value)| f64::from(*value) * window(i)));
     let is_off = |k: usize| (k as f64 * f64::from(FS) / n as f64 - tone).abs() > 100.0;
-    let sum = |off: bool| bins.iter().enumerate().filter(|(k, _)| !off || is_off(*k)).map(|(_, b)| b.norm_sqr()).sum::<f64>();
+    let sum =
+        |off: bool| bins.iter().enumerate().filter(|(k, _)| !off || is_off(*k)).map(|(_, b)| b.norm_sqr()).sum::<f64>();
     10.0 * (sum(true) / sum(false).max(f64::MIN_POSITIVE)).max(1e-40).log10()
 }
 

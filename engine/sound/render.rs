@@ -279,7 +279,8 @@ struct Course<'a> {
 
 impl<'a> Course<'a> {
     fn new(scene: &'a SoundScene, source: &'a Source, head: &'a PoseTrack, config: &RenderConfig) -> Result<Self> {
-        let fault = |place: &str, reason: &str, remedy: &str| Error::data(Path::new("sound scene"), place, reason, remedy);
+        let fault =
+            |place: &str, reason: &str, remedy: &str| Error::data(Path::new("sound scene"), place, reason, remedy);
         if config.mode == Mode::Physical && scene.metres_per_unit.is_none() {
             let reason = "the physical mode needs to know how long a scene unit is";
             return Err(fault("metres_per_unit", reason, "set it, or render in a paper mode"));
@@ -410,7 +411,13 @@ fn gates(source: &Source) -> Vec<(f64, f64)> {
 }
 
 /// The paper's modes: one filter and one gain for each frame, at the time of its centre.
-fn paper(course: &Course, signal: &[f32], hrtf: &HrtfSet, config: &RenderConfig, out: &mut [[f32; 2]]) -> Result<Vec<Cue>> {
+fn paper(
+    course: &Course,
+    signal: &[f32],
+    hrtf: &HrtfSet,
+    config: &RenderConfig,
+    out: &mut [[f32; 2]],
+) -> Result<Vec<Cue>> {
     let wola = Wola::new(config.frame, config.hop, hrtf.taps(config.lookup), hrtf.max_delay());
     let mut wola = wola.ok_or_else(|| {
         let reason = format!("frames of {} samples every {} do not add up to 1", config.frame, config.hop);

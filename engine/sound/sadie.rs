@@ -69,6 +69,9 @@ fn angles(name: &str) -> Option<[f64; 2]> {
 
 /// The first line of the nearest licence that has words.
 fn licence(folder: &Path) -> Option<String> {
-    let text = folder.ancestors().take(6).find_map(|folder| LICENCES.iter().find_map(|name| fs::read_to_string(folder.join(name)).ok()))?;
+    let text = folder
+        .ancestors()
+        .take(6)
+        .find_map(|folder| LICENCES.iter().find_map(|name| fs::read_to_string(folder.join(name)).ok()))?;
     text.lines().map(str::trim).find(|line| !line.is_empty()).map(str::to_owned)
 }

@@ -143,7 +143,10 @@ impl SoundScene {
         for source in file.sources {
             let is_gate = |(from, to): &(f64, f64)| from.is_finite() && to.is_finite() && from < to;
             if !(source.gates.iter().all(is_gate) && source.gain_db.is_finite()) {
-                return Err(fault(&format!("source {}", source.id), "a gate ends before it begins, or a gain is no number".into()));
+                return Err(fault(
+                    &format!("source {}", source.id),
+                    "a gate ends before it begins, or a gain is no number".into(),
+                ));
             }
             let track = SourceTrack { id: source.id, ..SourceTrack::read_csv(&folder.join(source.track))? };
             let wav = source.wav.map(|wav| folder.join(wav));

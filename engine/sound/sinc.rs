@@ -65,10 +65,12 @@ impl DelayTable {
         let (low, high) = (&self.rows[row], &self.rows[row + 1]);
         if first >= 0 && first as usize + DELAY_TAPS <= signal.len() {
             let from = &signal[first as usize..first as usize + DELAY_TAPS];
-            let sums = from.iter().zip(low.iter().zip(high)).fold((0.0, 0.0), |(a, b), (x, (l, h))| (a + x * l, b + x * h));
+            let sums =
+                from.iter().zip(low.iter().zip(high)).fold((0.0, 0.0), |(a, b), (x, (l, h))| (a + x * l, b + x * h));
             return sums.0 + part * (sums.1 - sums.0);
         }
-        let value = |k: usize| usize::try_from(first + k as i64).ok().and_then(|i| signal.get(i)).copied().unwrap_or(0.0);
+        let value =
+            |k: usize| usize::try_from(first + k as i64).ok().and_then(|i| signal.get(i)).copied().unwrap_or(0.0);
         (0..DELAY_TAPS).map(|k| value(k) * (low[k] + part * (high[k] - low[k]))).sum()
     }
 }

@@ -23,7 +23,12 @@ const MAX_BYTES: u64 = 1 << 30;
 /// [`Error::Data`] where the file is not HDF5, is damaged, or holds something else than free-field responses of two ears.
 pub fn read(path: &Path) -> Result<Measured> {
     let fault = |place: &str, reason: String| {
-        Error::data(path, place, reason, "give a SOFA file of the convention SimpleFreeFieldHRIR; the file may be damaged")
+        Error::data(
+            path,
+            place,
+            reason,
+            "give a SOFA file of the convention SimpleFreeFieldHRIR; the file may be damaged",
+        )
     };
     let bytes = fs::metadata(path).map(|file| file.len()).unwrap_or(0);
     if bytes > MAX_BYTES {
@@ -54,7 +59,8 @@ const VARIABLES: [&str; 5] = ["Data.IR", "Data.SamplingRate", "Data.Delay", "Sou
 
 impl File {
     fn read(bytes: &[u8]) -> std::result::Result<Self, (String, String)> {
-        let hdf = parse_with_children(bytes).map_err(|e| (String::new(), format!("it is no HDF5 file that can be read: {e}")))?;
+        let hdf = parse_with_children(bytes)
+            .map_err(|e| (String::new(), format!("it is no HDF5 file that can be read: {e}")))?;
         let attributes = attributes(&hdf.root);
         let convention = attributes.get("SOFAConventions").map_or("none", String::as_str);
         if convention != "SimpleFreeFieldHRIR" {
@@ -77,12 +83,17 @@ impl File {
             return Err(("Data.IR", format!("it has {} dimensions, not 3", ir.dimensions.len())));
         };
         if ears != 2 || ir.values.len() != n * ears * taps || n == 0 || taps == 0 {
-            return Err(("Data.IR", format!("{n} x {ears} x {taps} for {} values; two ears are needed", ir.values.len())));
+            return Err((
+                "Data.IR",
+                format!("{n} x {ears} x {taps} for {} values; two ears are needed", ir.values.len()),
+            ));
         }
         if at.values.len() != 3 * n {
             return Err(("SourcePosition", format!("{} values for {n} directions", at.values.len())));
         }
-        if view.is_some_and(|view| view.values.len() == 3 && view.is_cartesian() && view.values[0] <= view.values[1].hypot(view.values[2])) {
+        if view.is_some_and(|view| {
+            view.values.len() == 3 && view.is_cartesian() && view.values[0] <= view.values[1].hypot(view.values[2])
+        }) {
             return Err(("ListenerView", "the listener does not look along x".into()));
         }
         let is_cartesian = at.is_cartesian();
@@ -98,7 +109,8 @@ impl File {
             all if all.len() == 2 * n => all.chunks(2).map(pair).collect(),
             other => return Err(("Data.Delay", format!("{} values for {n} directions", other.len()))),
         };
-        let responses: Vec<Vec<f32>> = ir.values.chunks(taps).map(|row| row.iter().map(|v| *v as f32).collect()).collect();
+        let responses: Vec<Vec<f32>> =
+            ir.values.chunks(taps).map(|row| row.iter().map(|v| *v as f32).collect()).collect();
         let irs = responses.chunks(2).map(|ears| [ears[0].clone(), ears[1].clone()]).collect();
         let named = ["Title", "DatabaseName", "ListenerShortName"].map(|name| self.attributes.get(name).cloned());
         let title: Vec<String> = named.into_iter().flatten().filter(|part| !part.is_empty()).collect();
@@ -132,13 +144,15 @@ fn array(hdf: &ParsedHdf<'_>, name: &str) -> std::result::Result<Option<Array>, 
     let object = object.map_err(|e| format!("it cannot be read: {e}"))?;
     let width = object.dt.size as usize;
     // Class 1 is floating point.
-    let is_float = object.dt.class_and_version & 0x0f == 1 && matches!(object.dt.data_fmt, Some(DataFormat::Float { .. }));
+    let is_float =
+        object.dt.class_and_version & 0x0f == 1 && matches!(object.dt.data_fmt, Some(DataFormat::Float { .. }));
     let value = |bytes: &[u8]| match bytes.len() {
         8 => bytes.try_into().map(f64::from_le_bytes).ok(),
         4 => bytes.try_into().map(|bytes| f64::from(f32::from_le_bytes(bytes))).ok(),
         _ => None,
     };
-    let values: Option<Vec<f64>> = if is_float && width > 0 { object.data.chunks(width).map(value).collect() } else { None };
+    let values: Option<Vec<f64>> =
+        if is_float && width > 0 { object.data.chunks(width).map(value).collect() } else { None };
     Ok(Some(Array {
         dimensions: object.ds.dimension_size.iter().map(|size| *size as usize).collect(),
         values: values.ok_or("its values are not floats of 32 or 64 bits")?,

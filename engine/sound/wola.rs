@@ -94,7 +94,8 @@ impl Wola {
             if let Some(spectra) = changed {
                 now = spectra;
             }
-            let sample = |i: usize| usize::try_from(start + i as i64).ok().and_then(|at| signal.get(at)).copied().unwrap_or(0.0);
+            let sample =
+                |i: usize| usize::try_from(start + i as i64).ok().and_then(|at| signal.get(at)).copied().unwrap_or(0.0);
             frame.fill(0.0);
             for (i, (value, window)) in frame.iter_mut().zip(&self.window).enumerate() {
                 *value = gain * window * sample(i);

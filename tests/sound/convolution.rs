@@ -12,7 +12,7 @@ use ivv::sound::sinc::DelayTable;
 use ivv::sound::wola::{Baker, Wola};
 use realfft::RealFftPlanner;
 
-use super::{db, ear, horizon, head, noise, scene, sphere, track};
+use super::{db, ear, head, horizon, noise, scene, sphere, track};
 
 /// Decibels of what differs between two signals, relative to the second.
 fn off(a: &[f32], b: &[f32]) -> f64 {
@@ -24,7 +24,9 @@ fn off(a: &[f32], b: &[f32]) -> f64 {
 fn direct(signal: &[f32], response: &[f32], lead: usize) -> Vec<f32> {
     let value = |n: usize| -> f64 {
         let first = (n + lead + 1).saturating_sub(signal.len());
-        (first..response.len().min(n + lead + 1)).map(|k| f64::from(response[k]) * f64::from(signal[n + lead - k])).sum()
+        (first..response.len().min(n + lead + 1))
+            .map(|k| f64::from(response[k]) * f64::from(signal[n + lead - k]))
+            .sum()
     };
     (0..signal.len()).map(|n| value(n) as f32).collect()
 }
@@ -94,7 +96,8 @@ fn t19_windows_sum_to_one() {
 
 /// A signal with nothing above 16 kHz.
 fn below_16_khz(n: usize) -> Vec<f32> {
-    let tones = |i: usize| (0..12).map(|k| (i as f64 * (0.05 + 0.17 * f64::from(k)) + f64::from(k * k)).sin()).sum::<f64>();
+    let tones =
+        |i: usize| (0..12).map(|k| (i as f64 * (0.05 + 0.17 * f64::from(k)) + f64::from(k * k)).sin()).sum::<f64>();
     (0..n).map(|i| (0.05 * tones(i)) as f32).collect()
 }
 
@@ -128,10 +131,13 @@ fn t21_the_size_of_blocks_does_not_matter() {
     let signal = below_16_khz(9600);
     let heard = |block: usize, turn: f64| {
         let source = |az: f64| DVec3::new(-(az.to_radians().sin()), az.to_radians().cos(), 0.0) * 2.0;
-        let way: Vec<(f64, DVec3)> = (0..=20).map(|k| (0.01 * f64::from(k), source(40.0 + turn * 0.01 * f64::from(k)))).collect();
+        let way: Vec<(f64, DVec3)> =
+            (0..=20).map(|k| (0.01 * f64::from(k), source(40.0 + turn * 0.01 * f64::from(k)))).collect();
         let config = RenderConfig { mode: Mode::Physical, block, ..RenderConfig::default() };
         let scene = scene(track("a", &way));
-        render_signals(&scene, std::slice::from_ref(&signal), &head(DVec3::ZERO, 0.0), horizon(), &config).unwrap().samples
+        render_signals(&scene, std::slice::from_ref(&signal), &head(DVec3::ZERO, 0.0), horizon(), &config)
+            .unwrap()
+            .samples
     };
     for (turn, bound) in [(0.0, -110.0), (30.0, -60.0)] {
         let reference = heard(64, turn);
@@ -152,7 +158,15 @@ fn t24_a_crossfade_between_equal_filters_is_none() {
         let mut voice = Voice::new(&table, &signal, 0, state(&filters[0]));
         let mut out = vec![[0.0; 2]; 512];
         for start in [0, 256] {
-            voice.block(&table, &signal, start, state(&filters[start / 256]), 256, &mut out[start..start + 256], |_| 1.0);
+            voice.block(
+                &table,
+                &signal,
+                start,
+                state(&filters[start / 256]),
+                256,
+                &mut out[start..start + 256],
+                |_| 1.0,
+            );
         }
         out
     };

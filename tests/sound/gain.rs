@@ -52,7 +52,9 @@ fn t8_at_the_microphone_the_recording_keeps_its_level() {
 fn t9_places_that_meet_are_finite() {
     let source = DVec3::new(0.0, 4.0, 0.0);
     for mode in MODES {
-        for (source, at) in [(source, source), (source, source + DVec3::X * 1e-9), (DVec3::ZERO, DVec3::ZERO), (DVec3::ZERO, DVec3::X)] {
+        for (source, at) in
+            [(source, source), (source, source + DVec3::X * 1e-9), (DVec3::ZERO, DVec3::ZERO), (DVec3::ZERO, DVec3::X)]
+        {
             let rendered = heard(mode, source, at);
             assert!(rendered.samples.iter().flatten().all(|value| value.is_finite()));
             let highest = rendered.cues[0].iter().map(|cue| cue.gain).fold(0.0, f64::max);
@@ -70,7 +72,8 @@ fn t10_a_step_of_20_db_does_not_click() {
         let config = RenderConfig { mode, propagation: false, r_min_m: 1e-3, ..RenderConfig::default() };
         let step = [(0.0, near), (0.0499, near), (0.05, near), (0.0501, far), (0.0502, far), (0.1, far)];
         let mut way = scene(track("a", &step));
-        way.mic.pose = ivv::sound::pose::PoseTrack::still(DVec3::new(0.0, -40.0, 0.0), glam::DQuat::from_rotation_z(1.6));
+        way.mic.pose =
+            ivv::sound::pose::PoseTrack::still(DVec3::new(0.0, -40.0, 0.0), glam::DQuat::from_rotation_z(1.6));
         let rendered = render_signals(&way, &[vec![1e-3; 4800]], &head(DVec3::ZERO, 0.0), sphere(), &config).unwrap();
         // A constant in front stays one, so that all that changes is the gain.
         let steady = |at: usize| f64::from(rendered.samples[at][0]);

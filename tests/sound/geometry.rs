@@ -22,7 +22,13 @@ fn t1_the_table_of_signs() {
         let pose = head(DVec3::ZERO, yaw).at(0.0);
         bearing(Mode::Paper2d, &plane(), &pose, DVec3::X, DVec3::new(x, y, 0.0)).az.to_degrees()
     };
-    let rows = [(0.0, 0.0, 2.0, 0.0), (0.0, -2.0, 0.0, 90.0), (0.0, 2.0, 0.0, -90.0), (90.0, -2.0, 0.0, 0.0), (90.0, 0.0, 2.0, -90.0)];
+    let rows = [
+        (0.0, 0.0, 2.0, 0.0),
+        (0.0, -2.0, 0.0, 90.0),
+        (0.0, 2.0, 0.0, -90.0),
+        (90.0, -2.0, 0.0, 0.0),
+        (90.0, 0.0, 2.0, -90.0),
+    ];
     for (yaw, x, y, expected) in rows {
         assert!((angle(yaw, x, y) - expected).abs() < 1e-12 * 180.0, "yaw {yaw}, ({x}, {y}): {}", angle(yaw, x, y));
     }
@@ -68,8 +74,8 @@ fn t5_on_the_plane_the_two_paper_modes_agree() {
     for at in 0..57 {
         let flat = |p: DVec3| DVec3::new(p.x, p.y, 0.0);
         let pose = head(flat(v[at]), 40.0 * v[at].z).at(0.0);
-        let [two, three] = [Mode::Paper2d, Mode::Paper3d]
-            .map(|mode| bearing(mode, &plane(), &pose, flat(v[at + 1]), flat(v[at + 2])));
+        let [two, three] =
+            [Mode::Paper2d, Mode::Paper3d].map(|mode| bearing(mode, &plane(), &pose, flat(v[at + 1]), flat(v[at + 2])));
         assert!((two.az - three.az).abs() < 1e-9 && three.el.abs() < 1e-9);
         assert!((two.r_l - three.r_l).abs() < 1e-9 && (two.r_m - three.r_m).abs() < 1e-9);
     }

@@ -8,7 +8,7 @@ use ivv::sound::hull::Hull;
 use ivv::sound::metrics::{energy, itd, lsd_db};
 use ivv::sound::wola::Baker;
 
-use super::{db, horizon, noise, shared, sphere};
+use super::{db, horizon, noise, sadie, shared, sphere};
 
 fn directions(n: usize, seed: u64) -> Vec<DVec3> {
     noise(3 * n, seed).chunks(3).map(|v| DVec3::new(v[0].into(), v[1].into(), v[2].into()).normalize()).collect()
@@ -16,7 +16,8 @@ fn directions(n: usize, seed: u64) -> Vec<DVec3> {
 
 /// Rings as measurements have them, many points to a plane, and nothing below -40 degrees.
 fn rings() -> Vec<DVec3> {
-    let ring = |el: i32| (0..360).step_by(if el > 60 { 30 } else { 10 }).map(move |az| degrees(f64::from(az), f64::from(el)));
+    let ring =
+        |el: i32| (0..360).step_by(if el > 60 { 30 } else { 10 }).map(move |az| degrees(f64::from(az), f64::from(el)));
     (-4..9).flat_map(|k| ring(10 * k)).chain([DVec3::Z]).collect()
 }
 
@@ -46,7 +47,8 @@ fn t11_a_hull_is_closed_and_holds_every_direction_once() {
             };
             assert!(hull.triangles().iter().filter(|face| holds(face)).count() <= 1);
         }
-        let sees_itself = |at: usize| hull.locate(points[at]).iter().any(|(found, weight)| *found == at && *weight > 1.0 - 1e-5);
+        let sees_itself =
+            |at: usize| hull.locate(points[at]).iter().any(|(found, weight)| *found == at && *weight > 1.0 - 1e-5);
         assert!((0..points.len()).all(sees_itself));
     }
     assert!(Hull::new(&[DVec3::X, DVec3::Y, DVec3::Z]).is_none());
@@ -123,12 +125,19 @@ fn check_left_out(name: &str, set: &HrtfSet, every: usize, gap: f64) {
     let without = set.without(&all).unwrap();
     let is_near = |at: &usize| {
         let to = set.directions()[*at];
-        without.hull().locate(to).iter().all(|(corner, weight)| *weight < 1e-6 || without.directions()[*corner].angle_between(to) < gap)
+        without
+            .hull()
+            .locate(to)
+            .iter()
+            .all(|(corner, weight)| *weight < 1e-6 || without.directions()[*corner].angle_between(to) < gap)
     };
     let some: Vec<usize> = all.into_iter().filter(is_near).collect();
     assert!(some.len() > 8);
     let [time, time_95, aligned, unaligned] = left_out(set, &some);
-    println!("{name}: {} directions left out: {time:.1} us, p95 {time_95:.1} us, {aligned:.2} dB, unaligned {unaligned:.2} dB", some.len());
+    println!(
+        "{name}: {} directions left out: {time:.1} us, p95 {time_95:.1} us, {aligned:.2} dB, unaligned {unaligned:.2} dB",
+        some.len()
+    );
     assert!(time <= 5.0 && time_95 <= 12.0, "{name}: {time} us, p95 {time_95} us");
     assert!(aligned <= 2.5 && aligned <= 0.6 * unaligned, "{name}: {aligned} dB, unaligned {unaligned} dB");
 }
@@ -144,17 +153,16 @@ fn t13_directions_left_out_are_met_on_the_kemar() {
     let set = HrtfSet::open(&path).unwrap();
     assert_eq!((set.directions().len(), set.radius_m), (710, 1.4));
     check_left_out("KEMAR", &set, 13, 0.2);
-    println!("{:?}", (0..710).step_by(71).map(|at| error_db(&set, at, Lookup::Aligned)).collect::<Vec<_>>());
+    println!("{:?}", (0..710).step_by(71).map(|at| error_db(&set, at, Lookup::Aligned) as i32).collect::<Vec<_>>());
     assert!((0..710).step_by(71).all(|at| error_db(&set, at, Lookup::Aligned) < -70.0));
 }
 
 #[test]
 fn t13_directions_left_out_are_met_on_sadie() {
-    let Some(path) = shared("hrtf_sadie_subject002/WAV/Subject_002/DFC/48K_24bit") else { return };
-    let set = HrtfSet::open(&path).unwrap();
+    let Some(set) = sadie() else { return };
     assert_eq!((set.directions().len(), set.meta.licence.as_str()), (1550, "Apache License"));
-    check_left_out("SADIE 002", &set, 19, 0.1);
-    assert!((0..1550).step_by(155).all(|at| error_db(&set, at, Lookup::Aligned) < -70.0));
+    check_left_out("SADIE 002", set, 19, 0.3);
+    assert!((0..1550).step_by(155).all(|at| error_db(set, at, Lookup::Aligned) < -70.0));
 }
 
 #[test]

@@ -1,5 +1,6 @@
 //! The sound field; T-numbers are those of research/sound_playback.md F.5.
 
+mod command;
 mod convolution;
 mod gain;
 mod geometry;
@@ -9,6 +10,7 @@ mod localize;
 mod motion;
 mod output;
 mod path;
+mod real;
 mod rigs;
 mod sets;
 mod speaker;
@@ -51,6 +53,16 @@ fn horizon() -> &'static HrtfSet {
     let ring = |el: i32, step: usize| (0..360).step_by(step).map(move |az| degrees(f64::from(az), f64::from(el)));
     let to: Vec<DVec3> = ring(0, 5).chain(ring(40, 45)).chain(ring(-40, 45)).chain([DVec3::Z, -DVec3::Z]).collect();
     SET.get_or_init(|| HrtfSet::new(Sphere::default().responses(&to), Path::new("horizon")).unwrap())
+}
+
+/// SADIE's subject 002, where it is there.
+fn sadie() -> Option<&'static HrtfSet> {
+    static SET: OnceLock<Option<HrtfSet>> = OnceLock::new();
+    let open = || {
+        let folder = shared("hrtf_sadie_subject002/WAV/Subject_002/DFC/48K_24bit")?;
+        Some(HrtfSet::open(&folder).unwrap())
+    };
+    SET.get_or_init(open).as_ref()
 }
 
 fn sample(t: f64, p: DVec3) -> SourceSample {

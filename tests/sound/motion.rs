@@ -7,7 +7,7 @@ use ivv::sound::metrics::splatter_db;
 use ivv::sound::pose::{Pose, PoseTrack};
 use ivv::sound::render::{RenderConfig, Rendered, render_signals};
 
-use super::{ear, horizon, head, scene, sphere, tone, track};
+use super::{ear, head, horizon, scene, sphere, tone, track};
 
 /// A tone in front of a head that turns `speed` degrees a second.
 fn turning(speed: f64, seconds: f64, config: &RenderConfig) -> Rendered {
@@ -47,7 +47,8 @@ fn no_click_at_a_blocks_edge() {
     let (coarse, fine) = (heard(256), heard(16));
     let near_edges = (256..coarse.len()).filter(|at| (at + 8) % 256 < 16);
     // The tone's amplitude is a quarter.
-    let worst = near_edges.flat_map(|at| [0, 1].map(|ear| 4.0 * (coarse[at][ear] - fine[at][ear]).abs())).fold(0.0, f32::max);
+    let worst =
+        near_edges.flat_map(|at| [0, 1].map(|ear| 4.0 * (coarse[at][ear] - fine[at][ear]).abs())).fold(0.0, f32::max);
     assert!(worst < 1e-3, "{} dBFS", 20.0 * worst.log10());
     assert!(coarse.iter().any(|frame| frame[0].abs() > 0.1));
 }

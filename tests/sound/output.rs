@@ -51,7 +51,12 @@ fn t39_files_hold_the_rounded_samples() {
 fn recordings_are_read_by_channel_rate_and_offset() {
     let folder = folder("read");
     let path = folder.join("a.wav");
-    let spec = hound::WavSpec { channels: 2, sample_rate: 16_000, bits_per_sample: 16, sample_format: hound::SampleFormat::Int };
+    let spec = hound::WavSpec {
+        channels: 2,
+        sample_rate: 16_000,
+        bits_per_sample: 16,
+        sample_format: hound::SampleFormat::Int,
+    };
     let mut writer = hound::WavWriter::create(&path, spec).unwrap();
     for i in 0..1600 {
         let value = (8000.0 * (std::f64::consts::TAU * 440.0 * f64::from(i) / 16_000.0).sin()) as i16;
@@ -134,7 +139,8 @@ fn t41_the_same_input_gives_the_same_bytes() {
         let config = RenderConfig { mode, ..RenderConfig::default() };
         let bytes = |name: &str| {
             let rendered =
-                render_signals(&scene(source.clone()), &[noise(6000, 4)], &head(DVec3::ZERO, 10.0), sphere(), &config).unwrap();
+                render_signals(&scene(source.clone()), &[noise(6000, 4)], &head(DVec3::ZERO, 10.0), sphere(), &config)
+                    .unwrap();
             write(&folder.join(name), &rendered.samples, Depth::Int24).unwrap();
             fs::read(folder.join(name)).unwrap()
         };
@@ -151,8 +157,10 @@ fn gates_let_one_source_through_at_a_time() {
     both.sources[0].gates = vec![(-1.0, 0.2)];
     let signal = tone(700.0, 19_200);
     let config = RenderConfig::default();
-    let rendered = render_signals(&both, &[signal.clone(), signal], &head(DVec3::ZERO, 0.0), sphere(), &config).unwrap();
-    let level = |side: usize, from: usize| -> f32 { rendered.samples[from..from + 2000].iter().map(|f| f[side].powi(2)).sum() };
+    let rendered =
+        render_signals(&both, &[signal.clone(), signal], &head(DVec3::ZERO, 0.0), sphere(), &config).unwrap();
+    let level =
+        |side: usize, from: usize| -> f32 { rendered.samples[from..from + 2000].iter().map(|f| f[side].powi(2)).sum() };
     assert!(level(0, 4000) > 2.0 * level(1, 4000), "the first source is on the left");
     assert!(level(1, 15_000) > 2.0 * level(0, 15_000), "the second one is on the right");
     // Where the track says that nobody speaks, nothing is heard.

@@ -3,6 +3,7 @@
 use std::fs;
 use std::path::Path;
 
+use glam::DVec3;
 use ivv::Error;
 use ivv::sound::geometry::Mode;
 use ivv::sound::hrtf::{HrtfSet, Lookup, Measured, degrees};
@@ -11,7 +12,6 @@ use ivv::sound::render::{RenderConfig, render_signals};
 use ivv::sound::sinc::Resampler;
 use ivv::sound::sphere::{Sphere, icosphere};
 use ivv::sound::wav::{Depth, write};
-use glam::DVec3;
 use realfft::RealFftPlanner;
 
 use super::{head, noise, scene, shared, sphere, track};
@@ -94,7 +94,8 @@ fn t3_a_mirrored_scene_swaps_the_ears() {
         let config = RenderConfig { mode, ..RenderConfig::default() };
         let heard = |side: f64| {
             let mirrored = |p: DVec3| DVec3::new(side * p.x, p.y, p.z);
-            let way = track("a", &[(0.0, mirrored(DVec3::new(1.0, 1.5, 0.3))), (0.1, mirrored(DVec3::new(0.5, 2.0, 0.6)))]);
+            let way =
+                track("a", &[(0.0, mirrored(DVec3::new(1.0, 1.5, 0.3))), (0.1, mirrored(DVec3::new(0.5, 2.0, 0.6)))]);
             let scene = scene(way);
             let head = head(mirrored(DVec3::new(0.3, 0.2, 0.0)), side * 25.0);
             render_signals(&scene, &[signal.clone()], &head, sphere(), &config).unwrap()
@@ -122,7 +123,8 @@ fn the_icosphere_is_symmetric_and_holds_the_axes() {
 #[test]
 fn t15_another_rate_keeps_times_and_magnitudes() {
     // A response at 44.1 kHz: two bursts, band-limited to 16 kHz by the change from 32 kHz.
-    let narrow: Vec<f32> = (0..256).map(|n| (-(0.3 * (n as f32 - 60.0)).powi(2)).exp() * (1.9 * n as f32).cos()).collect();
+    let narrow: Vec<f32> =
+        (0..256).map(|n| (-(0.3 * (n as f32 - 60.0)).powi(2)).exp() * (1.9 * n as f32).cos()).collect();
     let at_44 = Resampler::new(32_000, 44_100, 0.0).apply(&narrow);
     let direct = Resampler::new(32_000, 48_000, 0.0).apply(&narrow);
     let twice = Resampler::new(44_100, 48_000, 0.0).apply(&at_44);
@@ -233,7 +235,11 @@ fn a_folder_of_wav_files_is_read_by_their_names() {
         let (az, el) = ivv::sound::geometry::angles(*to);
         let [az, el] = [az, el].map(|angle| format!("{:.5}", angle.to_degrees()));
         // Both of the database's spellings.
-        let name = if index % 2 == 0 { format!("azi_{az}_ele_{el}_DFC.wav") } else { format!("azi_{}_ele_{}.wav", az.replace('.', ","), el.replace('.', ",")) };
+        let name = if index % 2 == 0 {
+            format!("azi_{az}_ele_{el}_DFC.wav")
+        } else {
+            format!("azi_{}_ele_{}.wav", az.replace('.', ","), el.replace('.', ","))
+        };
         let frames: Vec<[f32; 2]> = ears[0].iter().zip(&ears[1]).map(|(l, r)| [0.1 * l, 0.1 * r]).collect();
         write(&folder.join("deep").join(name), &frames, Depth::Float32).unwrap();
     }
