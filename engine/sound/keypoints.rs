@@ -20,6 +20,8 @@ use crate::scene::undistort::Lens;
 
 /// Largest file of keypoints, bytes.
 const MAX_BYTES: u64 = 1 << 31;
+/// Most frames of a clip.
+const MAX_FRAMES: u32 = 1 << 20;
 /// How far beyond the picture a detector may guess, relative to its size.
 const BEYOND: f64 = 0.05;
 /// The part of the mouths that may lie still farther out.
@@ -96,8 +98,9 @@ impl Mouths {
         let base = base(path, &mut frames, settings)?;
         let mut mouths = Mouths::default();
         for (number, persons) in frames.frames {
-            let Some(frame) = number.checked_sub(base).and_then(|frame| u32::try_from(frame).ok()) else {
-                let reason = format!("has the frame {number}, before the first, {base}");
+            let frame = number.checked_sub(base).and_then(|frame| u32::try_from(frame).ok());
+            let Some(frame) = frame.filter(|frame| *frame < MAX_FRAMES) else {
+                let reason = format!("has the frame {number}; the first is {base}, and at most {MAX_FRAMES} are read");
                 return Err(Error::data(path, "", reason, "give the number of the first frame with --first-frame"));
             };
             for person in persons {

@@ -98,6 +98,21 @@ impl Rig {
             let remedy = "give a capture folder; `ivv prepare` makes one";
             return Err(Error::data(path, "", "is in no known capture format", remedy));
         };
+        let bad = |place: String, reason: String| {
+            Err(Error::data(&draft.calibration, place, reason, "`ivv check` lists all faults of the capture"))
+        };
+        if !(draft.fps.is_finite() && draft.fps > 0.0) || draft.n_frames == 0 {
+            return bad(String::new(), format!("has {} frames, {} a second", draft.n_frames, draft.fps));
+        }
+        for camera in &draft.cameras {
+            let shots = camera.shots.iter().filter_map(|shot| shot.world_to_camera.as_ref());
+            let mut numbers = shots.chain([&camera.world_to_camera]).flatten().flatten();
+            let not_finite =
+                || numbers.any(|number| !number.is_finite()).then(|| "has a pose that is not finite".to_owned());
+            if let Some(reason) = draft.lens(camera).fault().or_else(not_finite) {
+                return bad(format!("camera `{}`", camera.name.escape_debug()), reason);
+            }
+        }
         let camera = |camera: &Camera| {
             let moving: Vec<(u32, capture::Pose)> =
                 camera.shots.iter().filter_map(|shot| Some((shot.frame, shot.world_to_camera?))).collect();

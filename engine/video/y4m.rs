@@ -33,7 +33,7 @@ pub(super) fn frame(color: &[[f32; 3]]) -> Vec<u8> {
     let (luma, chroma) = bytes[MARK.len()..].split_at_mut(n);
     let (blue, red) = chroma.split_at_mut(n);
     for (((color, y_out), b_out), r_out) in color.iter().zip(luma).zip(blue).zip(red) {
-        let [r, g, b] = color.map(|c| f64::from(c.max(0.0).min(1.0)));
+        let [r, g, b] = color.map(|c| if c > 0.0 { f64::from(c.min(1.0)) } else { 0.0 });
         let y = LUMA[0] * r + LUMA[1] * g + LUMA[2] * b;
         *y_out = (16.0 + 219.0 * y).round() as u8;
         *b_out = (128.0 + 112.0 * (b - y) / (1.0 - LUMA[2])).round() as u8;

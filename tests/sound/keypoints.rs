@@ -114,7 +114,7 @@ fn where_a_clip_begins_is_known_or_asked_for() {
     assert!(with(1, &list).unwrap().frames.keys().eq(&[0, 1, 2]));
     assert!(with(0, &list).unwrap().frames.keys().eq(&[1, 2, 3]));
     assert!(with(5, &folder.0.join("pictures")).unwrap().frames.keys().eq(&[2]));
-    assert!(with(2, &list).unwrap_err().to_string().contains("before the first"));
+    assert!(with(2, &list).unwrap_err().to_string().contains("the first is 2"));
 }
 
 #[test]
@@ -182,6 +182,8 @@ fn damaged_files_are_told() {
         let error = read(&folder.write("cam.json", text)).unwrap_err().to_string();
         assert!(error.contains(says) && error.contains("cam.json"), "{error} does not say {says}");
     }
+    let far = "[{\"frame_id\": 0, \"instances\": []}, {\"frame_id\": 4000000000, \"instances\": []}]";
+    assert!(read(&folder.write("far.json", far)).unwrap_err().to_string().contains("at most 1048576"));
     let open_pose = "{\"people\": [{\"pose_keypoints_2d\": [1, 2]}]}";
     folder.write("odd/f_0.json", open_pose);
     assert!(read(&folder.0.join("odd")).unwrap_err().to_string().contains("triples"));

@@ -18,6 +18,7 @@ mod step;
 mod tracks;
 mod triangulate;
 mod truth;
+mod whole;
 
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;

@@ -12,7 +12,7 @@ use ivv::sound::sinc::Resampler;
 
 use super::{db, ear, head, horizon, noise, scene, track};
 
-fn walk() -> &'static Simulated {
+pub fn walk() -> &'static Simulated {
     static WALK: OnceLock<Simulated> = OnceLock::new();
     WALK.get_or_init(|| simulate(Motion::Walk, 0.4, 35, horizon()))
 }

@@ -24,7 +24,7 @@ fn ivv(arguments: &[&str]) -> Output {
 /// Ears by 18 directions: what is on a side comes there two thirds of a millisecond earlier and twice as loud.
 fn ears(folder: &Path) {
     std::fs::create_dir_all(folder).unwrap();
-    let ring = |el: i32, step: usize| (0..360).step_by(step).map(move |az| (az as i32, el));
+    let ring = |el: i32, step: usize| (0..360).step_by(step).map(move |az| (az, el));
     for (az, el) in ring(0, 45).chain(ring(45, 90)).chain(ring(-45, 90)).chain([(0, 90), (0, -90)]) {
         let left = f64::from(az).to_radians().sin() * f64::from(el).to_radians().cos();
         let mut response = [[0.0_f32; 2]; 64];
