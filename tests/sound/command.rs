@@ -34,10 +34,12 @@ fn a_scene_is_made_rendered_and_measured() {
     let (code, _, error) = run(&["sound", "synth", "-o", &name(""), "--seconds", "0.4", "--still", "--hrtf", &hrtf]);
     assert_eq!(code, 0, "{error}");
     for (mode, extra) in [("paper3d", "--plot"), ("physical", "--ambix")] {
-        let (scene, path, out, more) = (name("scene.json"), name("path.csv"), name("out.wav"), name(&format!("more{extra}")));
+        let (scene, path, out, more) =
+            (name("scene.json"), name("path.csv"), name("out.wav"), name(&format!("more{extra}")));
         let report = name("report.json");
         let (code, said, error) = run(&[
-            "sound", "render", &scene, "--path", &path, "-o", &out, "--hrtf", &hrtf, "--mode", mode, extra, &more, "--report", &report,
+            "sound", "render", &scene, "--path", &path, "-o", &out, "--hrtf", &hrtf, "--mode", mode, extra, &more,
+            "--report", &report,
         ]);
         assert_eq!(code, 0, "{error}");
         assert!(said.contains("licence: not stated") && said.contains("sha256"), "{said}");
@@ -45,7 +47,8 @@ fn a_scene_is_made_rendered_and_measured() {
         assert_eq!((heard.channels.len(), heard.channels[0].len(), heard.fs), (2, 19_200, 48_000));
         let report: serde_json::Value = serde_json::from_slice(&fs::read(report).unwrap()).unwrap();
         assert_eq!((report["mode"].as_str(), report["seconds"].as_f64()), (Some(mode), Some(0.4)));
-        let (code, said, error) = run(&["--json", "sound", "bench", &scene, "--truth", &name(""), "--hrtf", &hrtf, "--mode", mode]);
+        let (code, said, error) =
+            run(&["--json", "sound", "bench", &scene, "--truth", &name(""), "--hrtf", &hrtf, "--mode", mode]);
         assert_eq!(code, 0, "{error}");
         let error: serde_json::Value = serde_json::from_str(&said).unwrap();
         assert!(error["azimuth"].as_f64().unwrap() < 2.0 && error["level"].as_f64().unwrap() < 0.3, "{mode}: {said}");
@@ -57,7 +60,8 @@ fn a_scene_is_made_rendered_and_measured() {
     // Bad data is exit 3, bad usage 2.
     let (code, _, error) = run(&["sound", "inspect-hrtf", &name("mic.wav")]);
     assert!(code == 3 && error.contains("mic.wav"), "{error}");
-    let (code, _, _) = run(&["sound", "render", &name("scene.json"), "--path", &name("path.csv"), "-o", "x.wav", "--mode", "loud"]);
+    let (code, _, _) =
+        run(&["sound", "render", &name("scene.json"), "--path", &name("path.csv"), "-o", "x.wav", "--mode", "loud"]);
     assert_eq!(code, 2);
     fs::remove_dir_all(folder).unwrap();
 }

@@ -20,14 +20,9 @@ fn speech_on_a_circle_leads_in_the_ear_on_its_side_throughout() {
         (seconds * f64::from(k) / 120.0, 2.0 * DVec3::new(-sin, cos, 0.0))
     };
     let way: Vec<(f64, DVec3)> = (0..=120).map(place).collect();
-    let rendered = render_signals(
-        &scene(track("a", &way)),
-        &[speech],
-        &head(DVec3::ZERO, 0.0),
-        hrtf,
-        &RenderConfig::default(),
-    )
-    .unwrap();
+    let rendered =
+        render_signals(&scene(track("a", &way)), &[speech], &head(DVec3::ZERO, 0.0), hrtf, &RenderConfig::default())
+            .unwrap();
     let mut judged = [0, 0];
     for at in ear_course(&rendered.samples) {
         let cue = rendered.cues[0].iter().min_by(|a, b| (a.t - at.t).abs().total_cmp(&(b.t - at.t).abs())).unwrap();
