@@ -12,10 +12,12 @@ mod parallel;
 pub mod prepare;
 pub mod scene;
 pub mod settings;
+pub mod sound;
 pub mod stage;
 pub mod synth;
 pub mod train;
 pub mod twin;
+pub mod video;
 pub mod vk;
 
 pub use error::{Error, Result};

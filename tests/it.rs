@@ -8,6 +8,8 @@ mod prepare;
 mod render;
 mod repo;
 mod scene;
+mod sound;
 mod synth;
 mod train;
 mod twin;
+mod video;

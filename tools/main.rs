@@ -10,6 +10,7 @@ mod due;
 mod eval;
 mod export;
 mod files;
+mod film;
 mod init;
 mod inspect;
 mod interrupt;
@@ -19,6 +20,7 @@ mod profile;
 mod progress;
 mod render;
 mod settings;
+mod sound;
 mod synth;
 mod totals;
 mod train;
@@ -51,8 +53,10 @@ enum Verb {
     Check(check::Args),
     /// Says what a scene holds: counts by population, SH degree, bytes, extent.
     Inspect(inspect::Args),
-    /// Renders views of a scene: one file per view and format, named after the view.
+    /// Renders views of a scene, one file per view and format, named after the view; or a video along a path, with sound.
     Render(render::Args),
+    /// The sound field: where speakers are, and how they sound along a path.
+    Sound(sound::Args),
     /// Writes the first Gaussians of a capture from the points of its frames.
     Init(init::Args),
     /// Fits Gaussians to the images of a capture.
@@ -80,6 +84,7 @@ fn main() -> ExitCode {
         Verb::Check(args) => check::run(args, cli.json),
         Verb::Inspect(args) => inspect::run(args, cli.json),
         Verb::Render(args) => render::run(args, cli.json),
+        Verb::Sound(args) => sound::run(args, cli.json),
         Verb::Init(args) => init::run(args, cli.json),
         Verb::Train(args) => train::run(args, cli.json),
         Verb::Eval(args) => eval::run(args, cli.json),

@@ -2,9 +2,11 @@
 
 use crate::device::DeviceArgs;
 use crate::files::make_folder;
+use crate::film::{self, PathArgs};
 use crate::interrupt::{Interrupted, Stop};
 use crate::profile::{self, TimedPass};
 use crate::progress::Progress;
+use anyhow::Context;
 use ivv::Constants;
 use ivv::scene::{Frame, View, read_scene, read_views};
 use ivv::stage::{FrameReport, Outputs, Renderer};
@@ -18,17 +20,19 @@ pub struct Args {
     #[arg(long)]
     scene: PathBuf,
     /// Cameras, JSON (SPEC 9).
-    #[arg(long)]
-    cameras: PathBuf,
-    /// The folder for the pictures.
+    #[arg(long, required_unless_present = "path", conflicts_with = "path")]
+    cameras: Option<PathBuf>,
+    /// The folder for the pictures; with --path the video: .mp4, .mov or .mkv (by ffmpeg), or .y4m.
     #[arg(short, long)]
     output: PathBuf,
     /// What to write: png (colour), exr (all outputs as named channels), safetensors (all outputs).
-    #[arg(long, value_delimiter = ',', default_value = "png")]
+    #[arg(long, value_delimiter = ',', default_value = "png", conflicts_with = "path")]
     format: Vec<Format>,
     /// Print the time of every pass, its share and its fraction of the ideal-limit model.
-    #[arg(long)]
+    #[arg(long, conflicts_with = "path")]
     profile: bool,
+    #[command(flatten)]
+    film: PathArgs,
     #[command(flatten)]
     device: DeviceArgs,
     #[command(flatten)]
@@ -101,9 +105,12 @@ struct ViewReport {
 }
 
 pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
+    if let Some(path) = args.film.path() {
+        return film::run(&args.film, path, &args.scene, &args.output, &args.device, &args.constants, json);
+    }
     let constants = args.constants.checked()?;
     let stop = Stop::listen()?;
-    let views = read_views(&args.cameras)?;
+    let views = read_views(args.cameras.as_deref().context("--cameras or --path is needed")?)?;
     let splats = read_scene(&args.scene)?;
     make_folder(&args.output)?;
     let gpu = args.device.open()?;
@@ -175,7 +182,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
 }
 
 /// SPEC 10: a picture with a value that is not finite is an error, not a picture.
-fn check_finite(frame: &Frame, view: &View) -> ivv::Result<()> {
+pub fn check_finite(frame: &Frame, view: &View) -> ivv::Result<()> {
     let values = frame.color.as_flattened().iter().chain(&frame.alpha).chain(&frame.depth);
     let values = values.chain(&frame.inverse_depth).chain(frame.flow.as_flattened());
     let count = values.filter(|v| !v.is_finite()).count() as u64;

@@ -99,7 +99,7 @@ fn options(args: &Args) -> anyhow::Result<Options> {
 }
 
 /// WIDTHxHEIGHT.
-fn size(text: &str) -> Result<(u32, u32), String> {
+pub fn size(text: &str) -> Result<(u32, u32), String> {
     let number = |text: &str| text.parse::<u32>().map_err(|e| format!("{text}: {e}"));
     let (width, height) = text.split_once('x').ok_or("WIDTHxHEIGHT is needed, as 128x96")?;
     Ok((number(width)?, number(height)?))

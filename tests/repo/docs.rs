@@ -10,8 +10,14 @@ use std::collections::BTreeSet;
 use std::path::Path;
 use std::process::Command;
 
-const DOCUMENTS: [&str; 5] =
-    ["README.md", "engine/ARCHITECTURE.md", "engine/TRAINING.md", "shaders-glsl/README.md", "assets/README.md"];
+const DOCUMENTS: [&str; 6] = [
+    "README.md",
+    "engine/ARCHITECTURE.md",
+    "engine/TRAINING.md",
+    "engine/sound/README.md",
+    "shaders-glsl/README.md",
+    "assets/README.md",
+];
 const KERNEL_TABLE: &str = "shaders-glsl/README.md";
 
 /// Code of a document: each inline span, each line of a fenced block.

@@ -1,0 +1,166 @@
+//! Taking the delay out of a response, so that responses of neighbouring directions can be mixed without a comb.
+
+use std::f64::consts::PI;
+
+use realfft::num_complex::Complex64;
+
+use super::spectrum::{Spectra, good_length};
+
+/// Samples before the onset that an aligned response keeps: most measured responses ring a little before it.
+pub const LEAD: usize = 64;
+/// Samples that an aligned response has more than the measured one.
+pub const EXTRA: usize = 128;
+
+/// Aligns responses of one length.
+pub struct Aligner {
+    taps: usize,
+    spectra: Spectra,
+}
+
+/// A response without its delay.
+pub struct Aligned {
+    /// Delay of the onset, samples.
+    pub delay: f64,
+    /// The response with its onset at [`LEAD`]; `taps + EXTRA` samples.
+    pub response: Vec<f32>,
+    /// Energy that fell out at the ends, as a part of all.
+    pub lost: f64,
+}
+
+/// A delay that a response may have.
+#[derive(Clone, Copy, Debug)]
+pub struct Candidate {
+    /// Whole samples.
+    pub delay: f64,
+    /// The correlation there, relative to the highest.
+    pub height: f64,
+}
+
+impl Aligner {
+    /// For responses of `taps` samples.
+    pub fn new(taps: usize) -> Self {
+        Aligner { taps, spectra: Spectra::new(good_length(4 * taps.max(EXTRA))) }
+    }
+
+    /// Bins of a response, and of its correlation with its own minimum-phase version (Nam, Abel and Smith 2008). Where that
+    /// is high the onset lies; a threshold would take the ringing before the onset for it.
+    fn correlate(&mut self, response: &[f32]) -> [Vec<Complex64>; 2] {
+        let bins = self.spectra.forward(response.iter().map(|value| f64::from(*value)));
+        let minimum = self.minimum_phase(&bins);
+        let cross = bins.iter().zip(&minimum).map(|(h, m)| h * m.conj()).collect();
+        [bins, cross]
+    }
+
+    /// The delays that a response may have: maxima of at least half the highest, which comes first.
+    pub fn candidates(&mut self, response: &[f32]) -> Vec<Candidate> {
+        let [_, cross] = self.correlate(response);
+        let correlation = self.spectra.inverse(&cross);
+        let highest = correlation[..self.taps].iter().copied().fold(f64::MIN_POSITIVE, f64::max);
+        let is_peak = |at: &usize| {
+            let before = correlation[at.checked_sub(1).unwrap_or(correlation.len() - 1)];
+            correlation[*at] >= before && correlation[*at] > correlation[at + 1] && correlation[*at] >= 0.5 * highest
+        };
+        let candidate = |at: usize| Candidate { delay: at as f64, height: correlation[at] / highest };
+        let mut found: Vec<Candidate> = (0..self.taps).filter(is_peak).map(candidate).collect();
+        found.sort_by(|a, b| b.height.total_cmp(&a.height));
+        if found.is_empty() { vec![candidate(0)] } else { found }
+    }
+
+    /// Takes out the delay that is nearest to `coarse`, whole samples.
+    pub fn align(&mut self, response: &[f32], coarse: f64) -> Aligned {
+        let n = self.spectra.len();
+        let [bins, cross] = self.correlate(response);
+        let delay = peak(&cross, n, coarse);
+        let signal = self.spectra.inverse(&shifted(&bins, n, LEAD as f64 - delay));
+        let kept = self.taps + EXTRA;
+        let energy = |part: &[f64]| part.iter().map(|value| value * value).sum::<f64>();
+        let lost = energy(&signal[kept..]) / energy(&signal).max(f64::MIN_POSITIVE);
+        Aligned { delay, response: signal[..kept].iter().map(|value| *value as f32).collect(), lost }
+    }
+
+    /// The spectrum with the same magnitudes whose energy comes as early as it can, by the folded cepstrum.
+    fn minimum_phase(&mut self, bins: &[Complex64]) -> Vec<Complex64> {
+        let n = self.spectra.len();
+        let floor = 1e-6 * bins.iter().map(|bin| bin.norm()).fold(0.0, f64::max).max(f64::MIN_POSITIVE);
+        let logs: Vec<Complex64> = bins.iter().map(|bin| Complex64::from(bin.norm().max(floor).ln())).collect();
+        let cepstrum = self.spectra.inverse(&logs);
+        let fold = |i: usize| match i {
+            0 => 1.0,
+            i if i == n / 2 => 1.0,
+            i if i < n / 2 => 2.0,
+            _ => 0.0,
+        };
+        let folded = self.spectra.forward(cepstrum.iter().enumerate().map(|(i, value)| value * fold(i)));
+        folded.into_iter().map(Complex64::exp).collect()
+    }
+}
+
+/// Bins of a signal that is later by `by` samples, of transforms of `n`.
+pub fn shifted(bins: &[Complex64], n: usize, by: f64) -> Vec<Complex64> {
+    let turn = |(k, bin): (usize, &Complex64)| bin * Complex64::from_polar(1.0, -2.0 * PI * k as f64 * by / n as f64);
+    bins.iter().enumerate().map(turn).collect()
+}
+
+/// The lag within a sample of `coarse` at which a correlation, given by its bins, is highest.
+pub fn peak(bins: &[Complex64], n: usize, coarse: f64) -> f64 {
+    let at = |lag: f64| -> f64 {
+        let turn = Complex64::from_polar(1.0, 2.0 * PI * lag / n as f64);
+        let mut phase = Complex64::ONE;
+        bins.iter().fold(0.0, |sum, bin| {
+            let term = (bin * phase).re;
+            phase *= turn;
+            sum + term
+        })
+    };
+    // Golden sections: the peak is smooth and alone within a sample.
+    let golden = (5f64.sqrt() - 1.0) / 2.0;
+    let (mut low, mut high) = (coarse - 1.0, coarse + 1.0);
+    let (mut a, mut b) = (high - golden * (high - low), low + golden * (high - low));
+    let (mut at_a, mut at_b) = (at(a), at(b));
+    while high - low > 1e-4 {
+        if at_a > at_b {
+            (high, b, at_b) = (b, a, at_a);
+            a = high - golden * (high - low);
+            at_a = at(a);
+        } else {
+            (low, a, at_a) = (a, b, at_b);
+            b = low + golden * (high - low);
+            at_b = at(b);
+        }
+    }
+    0.5 * (low + high)
+}
+
+/// Chooses among the candidates of each direction so that neighbours agree: in the head's shadow the highest correlation may
+/// be a ripple away from the onset, and mixing it with a neighbour's onset would comb.
+///
+/// `expected` are delays by a model of the head, up to a constant; `neighbours` are those of each direction on the sphere.
+pub fn choose(candidates: &[Vec<Candidate>], expected: &[f64], neighbours: &[Vec<usize>]) -> Vec<f64> {
+    /// Samples by which a head may differ from the model, and a direction from its neighbours.
+    const FROM_MODEL: f64 = 8.0;
+    const FROM_NEIGHBOURS: f64 = 2.0;
+    let best = |at: usize, wanted: f64, scale: f64| {
+        let score = |c: &Candidate| c.height - ((c.delay - wanted) / scale).powi(2);
+        let best = candidates[at].iter().max_by(|a, b| score(a).total_cmp(&score(b)));
+        best.map_or(wanted, |candidate| candidate.delay)
+    };
+    let highest = candidates.iter().zip(expected).map(|(found, model)| found[0].delay - model);
+    let offset = median(highest.collect());
+    let mut chosen: Vec<f64> = (0..candidates.len()).map(|at| best(at, expected[at] + offset, FROM_MODEL)).collect();
+    // It settles in a few rounds; a pair that goes on swapping is as good either way.
+    for _ in 0..20 {
+        let around = |at: usize| median(neighbours[at].iter().map(|other| chosen[*other]).collect());
+        let next: Vec<f64> = (0..candidates.len()).map(|at| best(at, around(at), FROM_NEIGHBOURS)).collect();
+        if next == chosen {
+            break;
+        }
+        chosen = next;
+    }
+    chosen
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    let n = values.len();
+    if n == 0 { 0.0 } else { 0.5 * (values[(n - 1) / 2] + values[n / 2]) }
+}

@@ -1,0 +1,38 @@
+//! The sound field: where sources are, by what cameras see; from a microphone's recording and the places of sources to
+//! what a head hears on its way.
+//!
+//! What it does, its formats, its limits and its measured trade of speed for accuracy: `engine/sound/README.md`.
+
+pub mod align;
+pub mod ambix;
+pub mod associate;
+pub mod bench;
+pub mod fir;
+pub mod geometry;
+pub mod hrtf;
+pub mod hull;
+pub mod keypoints;
+pub mod localize;
+pub mod loudness;
+pub mod metrics;
+pub mod mouth;
+pub mod path;
+pub mod pose;
+pub mod render;
+pub mod rig;
+mod sadie;
+pub mod scene_file;
+pub mod simulate;
+pub mod sinc;
+pub mod smooth;
+mod sofa;
+pub mod source_track;
+pub mod speaker;
+pub mod spectrum;
+pub mod sphere;
+pub mod triangulate;
+pub mod wav;
+pub mod wola;
+
+/// Samples per second of everything inside the sound field.
+pub const FS: u32 = 48_000;

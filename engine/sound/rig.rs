@@ -1,0 +1,153 @@
+//! The cameras of a capture as the localiser needs them: lenses, poses, clocks; no image is read.
+
+use std::path::Path;
+
+use glam::{DMat3, DQuat, DVec2, DVec3};
+
+use super::path::Convention;
+use super::pose::{Pose, PoseTrack};
+use crate::error::{Error, Result};
+use crate::scene::capture::{self, Camera, CaptureSettings, Faults, describe};
+use crate::scene::undistort::Lens;
+
+/// A camera with its clock.
+#[derive(Clone, Debug)]
+pub struct RigCamera {
+    /// Unique.
+    pub name: String,
+    /// Distortion included.
+    pub lens: Lens,
+    /// By frame; a camera that stands still has one.
+    poses: Vec<(f64, DQuat, DVec3)>,
+    /// Its picture of frame f is of frame f + this.
+    pub offset: f64,
+    reach: f64,
+}
+
+impl RigCamera {
+    /// A camera with its poses by frame, at least one; `None` without.
+    pub fn new(name: &str, lens: Lens, poses: &[(u32, capture::Pose)]) -> Option<RigCamera> {
+        let pose = |(frame, pose): &(u32, capture::Pose)| {
+            let column = |k: usize| DVec3::new(pose[0][k], pose[1][k], pose[2][k]);
+            let rotation = DMat3::from_cols(column(0), column(1), column(2));
+            (f64::from(*frame), DQuat::from_mat3(&rotation), -(rotation.transpose() * column(3)))
+        };
+        let poses: Vec<_> = poses.iter().map(pose).collect();
+        let reach = lens.reach();
+        (!poses.is_empty()).then(|| RigCamera { name: name.to_owned(), lens, poses, offset: 0.0, reach })
+    }
+
+    /// Rotation from world to camera, and the centre, at a frame of its own clock.
+    pub fn pose(&self, frame: f64) -> (DMat3, DVec3) {
+        let next = self.poses.partition_point(|(at, ..)| *at <= frame).min(self.poses.len() - 1);
+        let (from, to) = (self.poses[next.saturating_sub(1)], self.poses[next]);
+        let part = if to.0 > from.0 { ((frame - from.0) / (to.0 - from.0)).clamp(0.0, 1.0) } else { 0.0 };
+        (DMat3::from_quat(from.1.slerp(to.1, part)), from.2.lerp(to.2, part))
+    }
+
+    /// The camera as a head, or as a microphone, in the clip's time.
+    ///
+    /// # Errors
+    /// [`Error::Data`] when the poses are not in the order of time.
+    pub fn head(&self, fps: f64) -> Result<PoseTrack> {
+        let pose = |(frame, rotation, center): &(f64, DQuat, DVec3)| Pose {
+            t: (frame + self.offset) / fps,
+            p: *center,
+            q: rotation.inverse() * Convention::OpenCv.of_head(),
+        };
+        PoseTrack::new(self.poses.iter().map(pose).collect())
+    }
+
+    /// The point of the plane at distance 1 that a pixel shows.
+    pub fn plane(&self, pixel: DVec2) -> Option<DVec2> {
+        self.lens.plane(pixel.to_array(), self.reach).map(DVec2::from_array)
+    }
+}
+
+/// The cameras of a capture.
+#[derive(Clone, Debug)]
+pub struct Rig {
+    /// Training and test cameras.
+    pub cameras: Vec<RigCamera>,
+    /// Frames per second.
+    pub fps: f64,
+    /// Frames of the clip.
+    pub n_frames: u32,
+}
+
+/// A row of `offsets.json`.
+#[derive(serde::Deserialize)]
+struct Offset {
+    camera: String,
+    offset: f64,
+}
+
+impl Rig {
+    /// Reads the calibration of a capture in any format that [`check_capture`](crate::scene::capture::check_capture) knows.
+    /// Lenses may distort: then the keypoints are of the pictures as they were taken.
+    ///
+    /// # Errors
+    /// [`Error::Data`] with the first fault.
+    pub fn open(path: &Path) -> Result<Rig> {
+        let mut faults = Faults::default();
+        let described = describe(path, &CaptureSettings::default(), &mut faults);
+        if let Some(error) = faults.first() {
+            return Err(error);
+        }
+        let Some((_, draft)) = described else {
+            let remedy = "give a capture folder; `ivv prepare` makes one";
+            return Err(Error::data(path, "", "is in no known capture format", remedy));
+        };
+        let bad = |place: String, reason: String| {
+            Err(Error::data(&draft.calibration, place, reason, "`ivv check` lists all faults of the capture"))
+        };
+        if !(draft.fps.is_finite() && draft.fps > 0.0) || draft.n_frames == 0 {
+            return bad(String::new(), format!("has {} frames, {} a second", draft.n_frames, draft.fps));
+        }
+        for camera in &draft.cameras {
+            let shots = camera.shots.iter().filter_map(|shot| shot.world_to_camera.as_ref());
+            let mut numbers = shots.chain([&camera.world_to_camera]).flatten().flatten();
+            let not_finite =
+                || numbers.any(|number| !number.is_finite()).then(|| "has a pose that is not finite".to_owned());
+            if let Some(reason) = draft.lens(camera).fault().or_else(not_finite) {
+                return bad(format!("camera `{}`", camera.name.escape_debug()), reason);
+            }
+        }
+        let camera = |camera: &Camera| {
+            let moving: Vec<(u32, capture::Pose)> =
+                camera.shots.iter().filter_map(|shot| Some((shot.frame, shot.world_to_camera?))).collect();
+            let poses = if moving.is_empty() { vec![(0, camera.world_to_camera)] } else { moving };
+            RigCamera::new(&camera.name, draft.lens(camera), &poses)
+        };
+        let cameras = draft.cameras.iter().filter_map(camera).collect();
+        Ok(Rig { cameras, fps: draft.fps, n_frames: draft.n_frames })
+    }
+
+    /// Up: the mean of the cameras' upper sides at the beginning; minus y where they have none in common.
+    pub fn up(&self) -> DVec3 {
+        let sum: DVec3 = self.cameras.iter().map(|camera| camera.pose(0.0).0.transpose() * DVec3::NEG_Y).sum();
+        sum.try_normalize().unwrap_or(DVec3::NEG_Y)
+    }
+
+    /// Takes the clocks from the `offsets.json` that `ivv train` writes; a camera that it does not name keeps the true time.
+    ///
+    /// # Errors
+    /// [`Error::Data`] when the file cannot be read, is no such table, or names none of the cameras.
+    pub fn read_offsets(&mut self, path: &Path) -> Result<()> {
+        let remedy = "give the offsets.json of a run on this capture";
+        let fault = |reason: String| Error::data(path, "", reason, remedy);
+        let text = std::fs::read(path).map_err(|e| fault(format!("cannot be read: {e}")))?;
+        let rows: Vec<Offset> = serde_json::from_slice(&text).map_err(|e| fault(e.to_string()))?;
+        let mut n_found = 0;
+        for camera in &mut self.cameras {
+            if let Some(row) = rows.iter().find(|row| row.camera == camera.name) {
+                camera.offset = row.offset;
+                n_found += 1;
+            }
+        }
+        if n_found == 0 {
+            return Err(fault("names no camera of the capture".to_owned()));
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,161 @@
+//! SOFA files (AES69): the convention SimpleFreeFieldHRIR, read through `sofar`'s HDF5 parser as it stands in the file.
+//!
+//! Nothing is resampled, normalised or interpolated by the crate: its interpolation mixes responses that are not aligned.
+
+use std::collections::HashMap;
+use std::fs;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::Path;
+
+use glam::DVec3;
+use sha2::{Digest, Sha256};
+use sofar::hdf::{DataFormat, DataObject, ParsedHdf, parse_with_children};
+
+use super::hrtf::{Measured, Meta, degrees};
+use crate::error::{Error, Result};
+
+/// Sets are far smaller: SADIE II's largest has 36 MB.
+const MAX_BYTES: u64 = 1 << 30;
+
+/// Reads the responses of a SOFA file.
+///
+/// # Errors
+/// [`Error::Data`] where the file is not HDF5, is damaged, or holds something else than free-field responses of two ears.
+pub fn read(path: &Path) -> Result<Measured> {
+    let fault = |place: &str, reason: String| {
+        Error::data(
+            path,
+            place,
+            reason,
+            "give a SOFA file of the convention SimpleFreeFieldHRIR; the file may be damaged",
+        )
+    };
+    let bytes = fs::metadata(path).map(|file| file.len()).unwrap_or(0);
+    if bytes > MAX_BYTES {
+        return Err(fault("", format!("it has {bytes} bytes, more than {MAX_BYTES}")));
+    }
+    let bytes = fs::read(path).map_err(|e| fault("", format!("cannot be read: {e}")))?;
+    // The parser has checked arithmetic and indexing only, so a damaged file can make it panic; that ends here.
+    let file = catch_unwind(AssertUnwindSafe(|| File::read(&bytes)))
+        .unwrap_or_else(|_| Err(("".into(), "its HDF5 structure is damaged".into())))
+        .map_err(|(place, reason)| fault(&place, reason))?;
+    file.measured(format!("{:x}", Sha256::digest(&bytes))).map_err(|(place, reason)| fault(place, reason))
+}
+
+/// What is needed of a file, not yet believed.
+struct File {
+    attributes: HashMap<String, String>,
+    arrays: HashMap<&'static str, Array>,
+}
+
+/// Numbers of a variable, row by row, with its attributes.
+struct Array {
+    dimensions: Vec<usize>,
+    values: Vec<f64>,
+    attributes: HashMap<String, String>,
+}
+
+const VARIABLES: [&str; 5] = ["Data.IR", "Data.SamplingRate", "Data.Delay", "SourcePosition", "ListenerView"];
+
+impl File {
+    fn read(bytes: &[u8]) -> std::result::Result<Self, (String, String)> {
+        let hdf = parse_with_children(bytes)
+            .map_err(|e| (String::new(), format!("it is no HDF5 file that can be read: {e}")))?;
+        let attributes = attributes(&hdf.root);
+        let convention = attributes.get("SOFAConventions").map_or("none", String::as_str);
+        if convention != "SimpleFreeFieldHRIR" {
+            return Err(("SOFAConventions".into(), format!("its convention is {convention}")));
+        }
+        let mut arrays = HashMap::new();
+        for name in VARIABLES {
+            if let Some(array) = array(&hdf, name).map_err(|reason| (name.to_owned(), reason))? {
+                arrays.insert(name, array);
+            }
+        }
+        Ok(File { attributes, arrays })
+    }
+
+    fn measured(mut self, sha256: String) -> std::result::Result<Measured, (&'static str, String)> {
+        let mut take = |name| self.arrays.remove(name).ok_or((name, "it is missing".to_owned()));
+        let (ir, rate, at) = (take("Data.IR")?, take("Data.SamplingRate")?, take("SourcePosition")?);
+        let (delay, view) = (take("Data.Delay").ok(), take("ListenerView").ok());
+        let [n, ears, taps] = ir.dimensions[..] else {
+            return Err(("Data.IR", format!("it has {} dimensions, not 3", ir.dimensions.len())));
+        };
+        if ears != 2 || ir.values.len() != n * ears * taps || n == 0 || taps == 0 {
+            return Err((
+                "Data.IR",
+                format!("{n} x {ears} x {taps} for {} values; two ears are needed", ir.values.len()),
+            ));
+        }
+        if at.values.len() != 3 * n {
+            return Err(("SourcePosition", format!("{} values for {n} directions", at.values.len())));
+        }
+        if view.is_some_and(|view| {
+            view.values.len() == 3 && view.is_cartesian() && view.values[0] <= view.values[1].hypot(view.values[2])
+        }) {
+            return Err(("ListenerView", "the listener does not look along x".into()));
+        }
+        let is_cartesian = at.is_cartesian();
+        let place = |row: &[f64]| {
+            let [a, b, c] = [row[0], row[1], row[2]];
+            if is_cartesian { (DVec3::new(a, b, c), DVec3::new(a, b, c).length()) } else { (degrees(a, b), c) }
+        };
+        let places: Vec<(DVec3, f64)> = at.values.chunks(3).map(place).collect();
+        let pair = |row: &[f64]| [row[0], row[1]];
+        let delays = match delay.map(|delay| delay.values).unwrap_or_default() {
+            none if none.is_empty() => vec![[0.0; 2]; n],
+            one if one.len() == 2 => vec![pair(&one); n],
+            all if all.len() == 2 * n => all.chunks(2).map(pair).collect(),
+            other => return Err(("Data.Delay", format!("{} values for {n} directions", other.len()))),
+        };
+        let responses: Vec<Vec<f32>> =
+            ir.values.chunks(taps).map(|row| row.iter().map(|v| *v as f32).collect()).collect();
+        let irs = responses.chunks(2).map(|ears| [ears[0].clone(), ears[1].clone()]).collect();
+        let named = ["Title", "DatabaseName", "ListenerShortName"].map(|name| self.attributes.get(name).cloned());
+        let title: Vec<String> = named.into_iter().flatten().filter(|part| !part.is_empty()).collect();
+        Ok(Measured {
+            fs: rate.values.first().copied().unwrap_or(0.0),
+            radius_m: places[0].1,
+            directions: places.into_iter().map(|(to, _)| to).collect(),
+            irs,
+            delays,
+            meta: Meta {
+                title: title.join(", "),
+                licence: self.attributes.get("License").cloned().unwrap_or_else(|| "not stated".into()),
+                sha256,
+            },
+        })
+    }
+}
+
+impl Array {
+    fn is_cartesian(&self) -> bool {
+        self.attributes.get("Type").is_some_and(|kind| kind == "cartesian")
+    }
+}
+
+fn attributes(object: &DataObject) -> HashMap<String, String> {
+    object.parsed_attributes.iter().filter_map(|a| Some((a.name.clone(), a.value.clone()?))).collect()
+}
+
+fn array(hdf: &ParsedHdf<'_>, name: &str) -> std::result::Result<Option<Array>, String> {
+    let Some(object) = hdf.get_child(name) else { return Ok(None) };
+    let object = object.map_err(|e| format!("it cannot be read: {e}"))?;
+    let width = object.dt.size as usize;
+    // Class 1 is floating point.
+    let is_float =
+        object.dt.class_and_version & 0x0f == 1 && matches!(object.dt.data_fmt, Some(DataFormat::Float { .. }));
+    let value = |bytes: &[u8]| match bytes.len() {
+        8 => bytes.try_into().map(f64::from_le_bytes).ok(),
+        4 => bytes.try_into().map(|bytes| f64::from(f32::from_le_bytes(bytes))).ok(),
+        _ => None,
+    };
+    let values: Option<Vec<f64>> =
+        if is_float && width > 0 { object.data.chunks(width).map(value).collect() } else { None };
+    Ok(Some(Array {
+        dimensions: object.ds.dimension_size.iter().map(|size| *size as usize).collect(),
+        values: values.ok_or("its values are not floats of 32 or 64 bits")?,
+        attributes: attributes(&object),
+    }))
+}

@@ -1,0 +1,124 @@
+//! WAV files: one channel in, at the engine's rate; several channels out.
+
+use std::io::Cursor;
+use std::path::Path;
+
+use super::FS;
+use super::sinc::Resampler;
+use crate::error::{Error, Result};
+use crate::scene::write_atomic;
+
+/// Which channel of a recording is the microphone.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Channel {
+    /// The first one.
+    #[default]
+    Left,
+    /// The second one.
+    Right,
+    /// The mean of the first two; capsules that stand apart comb.
+    Mid,
+}
+
+/// A recording as it is in its file.
+#[derive(Clone, Debug)]
+pub struct Recording {
+    /// Samples per second.
+    pub fs: u32,
+    /// Samples by channel, full range 1.
+    pub channels: Vec<Vec<f32>>,
+}
+
+/// Reads a WAV file of 8 to 32 bit integers or 32 bit floats.
+///
+/// # Errors
+/// [`Error::Data`] where the file is no WAV, ends early, is empty, or holds a value that is not finite.
+pub fn read(path: &Path) -> Result<Recording> {
+    let fault = |place: String, reason: String| {
+        Error::data(path, place, reason, "give a WAV file of 16, 24 or 32 bits (ffmpeg -i IN -c:a pcm_s24le OUT.wav)")
+    };
+    let reader = hound::WavReader::open(path).map_err(|e| fault(String::new(), format!("cannot be read: {e}")))?;
+    let spec = reader.spec();
+    let n_channels = usize::from(spec.channels);
+    if n_channels == 0 || spec.sample_rate == 0 {
+        return Err(fault("header".into(), "it has no channel or no sample rate".into()));
+    }
+    let full = 2f32.powi(i32::from(spec.bits_per_sample) - 1);
+    let samples: std::result::Result<Vec<f32>, hound::Error> = match spec.sample_format {
+        hound::SampleFormat::Float => reader.into_samples::<f32>().collect(),
+        hound::SampleFormat::Int => reader.into_samples::<i32>().map(|value| Ok(value? as f32 / full)).collect(),
+    };
+    let samples = samples.map_err(|e| fault(String::new(), format!("its samples cannot be read: {e}")))?;
+    if samples.len() < n_channels {
+        return Err(fault(String::new(), "it holds no samples".into()));
+    }
+    if let Some(at) = samples.iter().position(|value| !value.is_finite()) {
+        return Err(fault(format!("sample {}", at / n_channels), "its value is not finite".into()));
+    }
+    let channel = |k: usize| samples.iter().skip(k).step_by(n_channels).copied().collect();
+    Ok(Recording { fs: spec.sample_rate, channels: (0..n_channels).map(channel).collect() })
+}
+
+/// One channel of a WAV file at 48 kHz, where sample 0 is the time 0 and the file begins at `offset` seconds.
+///
+/// # Errors
+/// As [`read`]; also where a stereo channel of a mono file is asked for.
+pub fn read_channel(path: &Path, channel: Channel, offset: f64) -> Result<Vec<f32>> {
+    let recording = read(path)?;
+    let samples = match (channel, recording.channels.as_slice()) {
+        (_, [only]) | (Channel::Left, [only, ..]) | (Channel::Right, [_, only, ..]) => only.clone(),
+        (Channel::Mid, [left, right, ..]) => left.iter().zip(right).map(|(l, r)| 0.5 * (l + r)).collect(),
+        (_, []) => Vec::new(),
+    };
+    Ok(Resampler::new(recording.fs, FS, offset).apply(&samples))
+}
+
+/// How samples are written.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Depth {
+    /// 24 bit integers, rounded to the nearest, clipped at the full range.
+    #[default]
+    Int24,
+    /// 32 bit floats.
+    Float32,
+}
+
+/// Writes frames of `N` channels at 48 kHz, atomically.
+///
+/// # Errors
+/// [`Error::NonFinite`] where a sample is not finite; [`Error::Data`] where the file cannot be written.
+pub fn write<const N: usize>(path: &Path, frames: &[[f32; N]], depth: Depth) -> Result<()> {
+    let count = frames.as_flattened().iter().filter(|value| !value.is_finite()).count() as u64;
+    if count > 0 {
+        return Err(Error::NonFinite { what: format!("the sound of {}", path.display()), count });
+    }
+    let bytes = encode(frames, depth).map_err(|e| {
+        Error::data(path, "", format!("cannot be encoded: {e}"), "a WAV file holds at most 4 GiB: render in parts")
+    })?;
+    write_atomic(path, |to| to.write_all(&bytes))
+}
+
+fn encode<const N: usize>(frames: &[[f32; N]], depth: Depth) -> std::result::Result<Vec<u8>, hound::Error> {
+    let (bits_per_sample, sample_format) = match depth {
+        Depth::Int24 => (24, hound::SampleFormat::Int),
+        Depth::Float32 => (32, hound::SampleFormat::Float),
+    };
+    let spec = hound::WavSpec { channels: N as u16, sample_rate: FS, bits_per_sample, sample_format };
+    let mut bytes = Cursor::new(Vec::new());
+    let mut writer = hound::WavWriter::new(&mut bytes, spec)?;
+    for value in frames.as_flattened() {
+        match depth {
+            Depth::Int24 => writer.write_sample(int24(*value))?,
+            Depth::Float32 => writer.write_sample(*value)?,
+        }
+    }
+    writer.finalize()?;
+    Ok(bytes.into_inner())
+}
+
+/// The nearest integer of 24 bits; the full range is 1.
+pub fn int24(value: f32) -> i32 {
+    let full = f64::from(1 << 23);
+    (f64::from(value) * full).round().clamp(-full, full - 1.0) as i32
+}

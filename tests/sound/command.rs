@@ -1,0 +1,67 @@
+//! The verbs, through the command line.
+
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+
+use ivv::sound::sphere::Sphere;
+use ivv::sound::wav::{Depth, read, write};
+
+fn run(args: &[&str]) -> (i32, String, String) {
+    let output = Command::new(env!("CARGO_BIN_EXE_ivv")).args(args).output().unwrap();
+    let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
+    (output.status.code().unwrap(), text(output.stdout), text(output.stderr))
+}
+
+/// A folder of responses with few directions, which opens at once.
+fn ears(folder: &Path) {
+    fs::create_dir_all(folder).unwrap();
+    let model = Sphere::default().measured(2);
+    for (to, [left, right]) in model.directions.iter().zip(&model.irs) {
+        let (az, el) = ivv::sound::geometry::angles(*to);
+        let frames: Vec<[f32; 2]> = left.iter().zip(right).map(|(l, r)| [0.2 * l, 0.2 * r]).collect();
+        let name = format!("azi_{:.4}_ele_{:.4}.wav", az.to_degrees(), el.to_degrees());
+        write(&folder.join(name), &frames, Depth::Float32).unwrap();
+    }
+}
+
+#[test]
+fn a_scene_is_made_rendered_and_measured() {
+    let folder = std::env::temp_dir().join(format!("ivv-sound-verbs-{}", std::process::id()));
+    let name = |file: &str| folder.join(file).to_str().unwrap().to_owned();
+    ears(&folder.join("ears"));
+    let hrtf = name("ears");
+    let (code, _, error) = run(&["sound", "synth", "-o", &name(""), "--seconds", "0.4", "--still", "--hrtf", &hrtf]);
+    assert_eq!(code, 0, "{error}");
+    for (mode, extra) in [("paper3d", "--plot"), ("physical", "--ambix")] {
+        let (scene, path, out, more) =
+            (name("scene.json"), name("path.csv"), name("out.wav"), name(&format!("more{extra}")));
+        let report = name("report.json");
+        let (code, said, error) = run(&[
+            "sound", "render", &scene, "--path", &path, "-o", &out, "--hrtf", &hrtf, "--mode", mode, extra, &more,
+            "--report", &report,
+        ]);
+        assert_eq!(code, 0, "{error}");
+        assert!(said.contains("licence: not stated") && said.contains("sha256"), "{said}");
+        let heard = read(Path::new(&out)).unwrap();
+        assert_eq!((heard.channels.len(), heard.channels[0].len(), heard.fs), (2, 19_200, 48_000));
+        let report: serde_json::Value = serde_json::from_slice(&fs::read(report).unwrap()).unwrap();
+        assert_eq!((report["mode"].as_str(), report["seconds"].as_f64()), (Some(mode), Some(0.4)));
+        let (code, said, error) =
+            run(&["--json", "sound", "bench", &scene, "--truth", &name(""), "--hrtf", &hrtf, "--mode", mode]);
+        assert_eq!(code, 0, "{error}");
+        let error: serde_json::Value = serde_json::from_str(&said).unwrap();
+        assert!(error["azimuth"].as_f64().unwrap() < 2.0 && error["level"].as_f64().unwrap() < 0.3, "{mode}: {said}");
+    }
+    assert!(fs::read_to_string(name("more--plot")).unwrap().contains("<circle"));
+    assert_eq!(read(Path::new(&name("more--ambix"))).unwrap().channels.len(), 4);
+    let (code, said, _) = run(&["sound", "inspect-hrtf", &hrtf]);
+    assert!(code == 0 && said.contains("42 in 80 triangles"), "{said}");
+    // Bad data is exit 3, bad usage 2.
+    let (code, _, error) = run(&["sound", "inspect-hrtf", &name("mic.wav")]);
+    assert!(code == 3 && error.contains("mic.wav"), "{error}");
+    let (code, _, _) =
+        run(&["sound", "render", &name("scene.json"), "--path", &name("path.csv"), "-o", "x.wav", "--mode", "loud"]);
+    assert_eq!(code, 2);
+    fs::remove_dir_all(folder).unwrap();
+}

@@ -1,0 +1,189 @@
+//! Responses between the measured directions: T11, T12, T13.
+
+use std::path::Path;
+
+use glam::DVec3;
+use ivv::sound::hrtf::{HrtfSet, Lookup, degrees};
+use ivv::sound::hull::Hull;
+use ivv::sound::metrics::{energy, itd, lsd_db};
+use ivv::sound::wola::Baker;
+
+use super::{db, horizon, noise, sadie, shared, sphere};
+
+fn directions(n: usize, seed: u64) -> Vec<DVec3> {
+    noise(3 * n, seed).chunks(3).map(|v| DVec3::new(v[0].into(), v[1].into(), v[2].into()).normalize()).collect()
+}
+
+/// Rings as measurements have them, many points to a plane, and nothing below -40 degrees.
+fn rings() -> Vec<DVec3> {
+    let ring =
+        |el: i32| (0..360).step_by(if el > 60 { 30 } else { 10 }).map(move |az| degrees(f64::from(az), f64::from(el)));
+    (-4..9).flat_map(|k| ring(10 * k)).chain([DVec3::Z]).collect()
+}
+
+#[test]
+fn t11_a_hull_is_closed_and_holds_every_direction_once() {
+    for points in [rings(), directions(200, 11), sphere().directions().to_vec()] {
+        let hull = Hull::new(&points).unwrap();
+        let faces = hull.triangles().len();
+        let mut edges: Vec<[usize; 2]> = hull
+            .triangles()
+            .iter()
+            .flat_map(|[a, b, c]| [[*a.min(b), *a.max(b)], [*b.min(c), *b.max(c)], [*c.min(a), *c.max(a)]])
+            .collect();
+        edges.sort_unstable();
+        edges.dedup();
+        assert_eq!(points.len() + faces, edges.len() + 2);
+        for to in directions(300, 12) {
+            let weights = hull.locate(to);
+            let sum: f64 = weights.iter().map(|(_, weight)| weight).sum();
+            assert!(weights.iter().all(|(_, weight)| *weight >= 0.0) && (sum - 1.0).abs() < 1e-6);
+            // The weighted corners lie in the direction.
+            let mixed: DVec3 = weights.iter().map(|(at, weight)| points[*at].normalize() * *weight).sum();
+            assert!((mixed.normalize() - to).length() < 1e-6);
+            let holds = |[a, b, c]: &[usize; 3]| {
+                let [a, b, c] = [a, b, c].map(|at| points[*at].normalize());
+                to.dot(b.cross(c)) > 0.0 && to.dot(c.cross(a)) > 0.0 && to.dot(a.cross(b)) > 0.0
+            };
+            assert!(hull.triangles().iter().filter(|face| holds(face)).count() <= 1);
+        }
+        let sees_itself =
+            |at: usize| hull.locate(points[at]).iter().any(|(found, weight)| *found == at && *weight > 1.0 - 1e-5);
+        assert!((0..points.len()).all(sees_itself));
+    }
+    assert!(Hull::new(&[DVec3::X, DVec3::Y, DVec3::Z]).is_none());
+    assert!(Hull::new(&rings().into_iter().filter(|to| to.z == 0.0).collect::<Vec<_>>()).is_none());
+}
+
+#[test]
+fn t11_responses_are_continuous_across_edges() {
+    let set = sphere();
+    let points = set.directions();
+    for [a, b, _] in set.hull().triangles().iter().step_by(7) {
+        let on_edge = (points[*a] * 0.6 + points[*b] * 0.4).normalize();
+        let across = on_edge.cross(points[*a] - points[*b]).normalize();
+        let [one, other] = [1.0, -1.0].map(|side| set.filter(on_edge + side * 1e-6 * across, Lookup::Aligned));
+        let worst = one.responses.iter().flatten().zip(other.responses.iter().flatten()).map(|(a, b)| (a - b).abs());
+        assert!(worst.fold(0.0, f32::max) < 1e-5);
+        assert!((0..2).all(|ear| (one.delays[ear] - other.delays[ear]).abs() < 1e-3));
+    }
+}
+
+/// The response to an ear as it sounds, its onset where the set has it.
+fn sounding(set: &HrtfSet, to: DVec3, ear: usize, lookup: Lookup) -> Vec<f32> {
+    let baked = Baker::new(set.taps(lookup), set.max_delay()).bake(&set.filter(to, lookup));
+    baked[ear][64 - set.latency()..].to_vec()
+}
+
+/// What differs between a response and what the set gives in its direction, decibels.
+fn error_db(set: &HrtfSet, at: usize, lookup: Lookup) -> f64 {
+    let errors = [0, 1].map(|ear| {
+        let (raw, given) = (set.raw(at, ear), sounding(set, set.directions()[at], ear, lookup));
+        let differences: Vec<f32> = raw.iter().zip(&given).map(|(a, b)| a - b).collect();
+        energy(&differences) / energy(raw)
+    });
+    db(errors[0].max(errors[1]))
+}
+
+#[test]
+fn t12_in_a_measured_direction_the_measured_response_sounds() {
+    let set = sphere();
+    for at in (0..set.directions().len()).step_by(9) {
+        let (aligned, nearest) = (error_db(set, at, Lookup::Aligned), error_db(set, at, Lookup::Nearest));
+        assert!(aligned < -70.0 && nearest < -110.0, "{at}: {aligned} {nearest} dB");
+    }
+    assert!(set.alignment_db() < -70.0);
+}
+
+/// Errors of a set in directions that were left out of it: mean and 95th percentile of time between the ears in
+/// microseconds, mean spectral distance, and that of mixing without alignment.
+fn left_out(set: &HrtfSet, left_out: &[usize]) -> [f64; 4] {
+    let without = set.without(left_out).unwrap();
+    let (mut times, mut aligned, mut unaligned) = (Vec::new(), Vec::new(), Vec::new());
+    for at in left_out {
+        let to = set.directions()[*at];
+        let ears = [0, 1].map(|ear| sounding(&without, to, ear, Lookup::Aligned));
+        times.push(1e6 * (itd(&ears[0], &ears[1]) - itd(set.raw(*at, 0), set.raw(*at, 1))).abs());
+        let corners = without.hull().locate(to);
+        for (ear, given) in ears.iter().enumerate() {
+            let mut mixed = vec![0.0; set.raw(*at, ear).len()];
+            for (corner, weight) in corners {
+                mixed.iter_mut().zip(without.raw(corner, ear)).for_each(|(to, from)| *to += weight as f32 * from);
+            }
+            aligned.push(lsd_db(&given[..mixed.len()], set.raw(*at, ear)));
+            unaligned.push(lsd_db(&mixed, set.raw(*at, ear)));
+        }
+    }
+    times.sort_by(f64::total_cmp);
+    let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
+    [mean(&times), times[times.len() * 95 / 100], mean(&aligned), mean(&unaligned)]
+}
+
+fn check_left_out(name: &str, set: &HrtfSet, every: usize, gap: f64) {
+    // Those whose neighbours are not far: elsewhere leaving one out is a hole.
+    let all: Vec<usize> = (0..set.directions().len()).step_by(every).collect();
+    let without = set.without(&all).unwrap();
+    let is_near = |at: &usize| {
+        let to = set.directions()[*at];
+        without
+            .hull()
+            .locate(to)
+            .iter()
+            .all(|(corner, weight)| *weight < 1e-6 || without.directions()[*corner].angle_between(to) < gap)
+    };
+    let some: Vec<usize> = all.into_iter().filter(is_near).collect();
+    assert!(some.len() > 8);
+    let [time, time_95, aligned, unaligned] = left_out(set, &some);
+    println!(
+        "{name}: {} directions left out: {time:.1} us, p95 {time_95:.1} us, {aligned:.2} dB, unaligned {unaligned:.2} dB",
+        some.len()
+    );
+    assert!(time <= 5.0 && time_95 <= 12.0, "{name}: {time} us, p95 {time_95} us");
+    assert!(aligned <= 2.5 && aligned <= 0.6 * unaligned, "{name}: {aligned} dB, unaligned {unaligned} dB");
+}
+
+#[test]
+fn t13_directions_left_out_are_met_on_the_sphere() {
+    check_left_out("sphere", horizon(), 7, 0.1);
+}
+
+#[test]
+fn t13_directions_left_out_are_met_on_the_kemar() {
+    let Some(path) = shared("hrtf_sofa/share/MIT_KEMAR_normal_pinna.sofa") else { return };
+    let set = HrtfSet::open(&path).unwrap();
+    assert_eq!((set.directions().len(), set.radius_m), (710, 1.4));
+    check_left_out("KEMAR", &set, 13, 0.2);
+
+    // What is cut is noise that was recorded more than 64 samples before the sound.
+    assert!((0..710).step_by(71).all(|at| error_db(&set, at, Lookup::Aligned) < -65.0));
+}
+
+#[test]
+fn t13_directions_left_out_are_met_on_sadie() {
+    let Some(set) = sadie() else { return };
+    assert_eq!((set.directions().len(), set.meta.licence.as_str()), (1550, "Apache License"));
+    check_left_out("SADIE 002", set, 19, 0.3);
+    assert!((0..1550).step_by(155).all(|at| error_db(set, at, Lookup::Aligned) < -70.0));
+}
+
+#[test]
+fn other_sets_are_taken_as_they_are() {
+    for (name, n) in [("LISTEN_1002_IRC_1002_C_HRIR.sofa", 187)] {
+        let Some(path) = shared("hrtf_sofa/tests").map(|folder| folder.join(name)) else { return };
+        let set = HrtfSet::open(&path).unwrap();
+        assert_eq!(set.directions().len(), n, "{name}");
+        let left = set.filter(DVec3::Y, Lookup::Aligned);
+        assert!(left.delays[1] - left.delays[0] > 20.0, "{name}: {:?}", left.delays);
+    }
+}
+
+#[test]
+fn fewer_taps_are_a_cut_and_no_other_change() {
+    let full = HrtfSet::new(ivv::sound::sphere::Sphere::default().measured(2), Path::new("sphere")).unwrap();
+    let to = degrees(70.0, 10.0);
+    let all = full.filter(to, Lookup::Aligned);
+    let few = full.with_taps(160).filter(to, Lookup::Aligned);
+    assert_eq!((few.responses[0].len(), all.delays), (160, few.delays));
+    assert_eq!(few.responses[0][..140], all.responses[0][..140]);
+    assert!(few.responses[0][159].abs() <= all.responses[0][159].abs());
+}

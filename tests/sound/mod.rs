@@ -1,0 +1,123 @@
+//! The sound field; T-numbers are those of research/sound_playback.md F.5.
+
+mod command;
+mod convolution;
+mod gain;
+mod geometry;
+mod hrtf;
+mod keypoints;
+mod localize;
+mod motion;
+mod output;
+mod path;
+mod real;
+mod rigs;
+mod sets;
+mod speaker;
+mod step;
+mod tracks;
+mod triangulate;
+mod truth;
+mod whole;
+
+use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
+
+use glam::{DQuat, DVec3};
+use ivv::sound::hrtf::{HrtfSet, degrees};
+use ivv::sound::pose::{Pose, PoseTrack};
+use ivv::sound::scene_file::{Mic, SoundScene, Source};
+use ivv::sound::source_track::{Flag, SourceSample, SourceTrack};
+use ivv::sound::sphere::Sphere;
+use ivv::sound::wav::Channel;
+
+/// A file shared with the project, where it is there.
+fn shared(path: &str) -> Option<PathBuf> {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data").join(path);
+    if !path.exists() {
+        println!("skipped: {} is absent", path.display());
+        return None;
+    }
+    Some(path)
+}
+
+/// The head as a sphere, coarse: 92 directions.
+fn sphere() -> &'static HrtfSet {
+    static SET: OnceLock<HrtfSet> = OnceLock::new();
+    SET.get_or_init(|| HrtfSet::new(Sphere::default().measured(3), Path::new("sphere")).unwrap())
+}
+
+/// The same, measured every 5 degrees on the horizon, for what moves there.
+fn horizon() -> &'static HrtfSet {
+    static SET: OnceLock<HrtfSet> = OnceLock::new();
+    let ring = |el: i32, step: usize| (0..360).step_by(step).map(move |az| degrees(f64::from(az), f64::from(el)));
+    let to: Vec<DVec3> = ring(0, 5).chain(ring(40, 45)).chain(ring(-40, 45)).chain([DVec3::Z, -DVec3::Z]).collect();
+    SET.get_or_init(|| HrtfSet::new(Sphere::default().responses(&to), Path::new("horizon")).unwrap())
+}
+
+/// SADIE's subject 002, where it is there.
+fn sadie() -> Option<&'static HrtfSet> {
+    static SET: OnceLock<Option<HrtfSet>> = OnceLock::new();
+    let open = || {
+        let folder = shared("hrtf_sadie_subject002/WAV/Subject_002/DFC/48K_24bit")?;
+        Some(HrtfSet::open(&folder).unwrap())
+    };
+    SET.get_or_init(open).as_ref()
+}
+
+fn sample(t: f64, p: DVec3) -> SourceSample {
+    SourceSample { t, p, cov: [0.0; 6], views: 4, reproj_px: 0.5, flag: Flag::Seen }
+}
+
+/// A source through places at times.
+fn track(id: &str, way: &[(f64, DVec3)]) -> SourceTrack {
+    SourceTrack { id: id.into(), samples: way.iter().map(|(t, p)| sample(*t, *p)).collect(), fps: 30.0 }
+}
+
+/// z is up, the microphone is at the origin and looks along y; a unit is a metre.
+fn scene(source: SourceTrack) -> SoundScene {
+    SoundScene {
+        metres_per_unit: Some(1.0),
+        up: DVec3::Z,
+        mic: Mic {
+            camera: "a".into(),
+            pose: PoseTrack::still(DVec3::ZERO, Pose::looking(DVec3::Y, DVec3::Z)),
+            wav: PathBuf::new(),
+            channel: Channel::Left,
+            offset_s: 0.0,
+        },
+        sources: vec![Source { track: source, wav: None, gain_db: 0.0, gates: Vec::new() }],
+    }
+}
+
+/// A head that stays at `p`, turned by `yaw` degrees to the left of y.
+fn head(p: DVec3, yaw: f64) -> PoseTrack {
+    PoseTrack::still(p, DQuat::from_rotation_z((90.0 + yaw).to_radians()))
+}
+
+/// A sine.
+fn tone(frequency: f64, n: usize) -> Vec<f32> {
+    (0..n).map(|i| (std::f64::consts::TAU * frequency * i as f64 / 48_000.0).sin() as f32).collect()
+}
+
+/// Numbers in [-1, 1) that look random.
+fn noise(n: usize, seed: u64) -> Vec<f32> {
+    let mut state = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1;
+    let mut next = || {
+        state ^= state << 13;
+        state ^= state >> 7;
+        state ^= state << 17;
+        (state >> 40) as f32 / (1u32 << 23) as f32 - 1.0
+    };
+    (0..n).map(|_| next()).collect()
+}
+
+/// One ear of frames.
+fn ear(frames: &[[f32; 2]], ear: usize) -> Vec<f32> {
+    frames.iter().map(|frame| frame[ear]).collect()
+}
+
+/// Decibels of a ratio of energies.
+fn db(ratio: f64) -> f64 {
+    10.0 * ratio.max(1e-40).log10()
+}

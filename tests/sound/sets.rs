@@ -1,0 +1,253 @@
+//! Sets of responses: the sphere and its laws, files good and bad. T3, T14 to T17.
+
+use std::fs;
+use std::path::Path;
+
+use glam::DVec3;
+use ivv::Error;
+use ivv::sound::geometry::Mode;
+use ivv::sound::hrtf::{HrtfSet, Lookup, Measured, degrees};
+use ivv::sound::metrics::{ild_db, itd, lsd_db};
+use ivv::sound::render::{RenderConfig, render_signals};
+use ivv::sound::sinc::Resampler;
+use ivv::sound::sphere::{Sphere, icosphere};
+use ivv::sound::wav::{Depth, write};
+use realfft::RealFftPlanner;
+
+use super::{head, noise, scene, shared, sphere, track};
+
+/// A sphere with its ears at the sides and sources far away, as the closed formulas have it.
+fn far_sphere() -> Sphere {
+    Sphere { ear: 90f64.to_radians(), distance: 30.0, ..Sphere::default() }
+}
+
+/// The phase of left against right at a frequency, as the time by which the left ear leads.
+fn phase_lead(ears: &[Vec<f32>; 2], frequency: f64) -> f64 {
+    let [left, right] = ears.each_ref().map(|response| {
+        response.iter().enumerate().fold((0.0, 0.0), |(re, im), (n, value)| {
+            let angle = std::f64::consts::TAU * frequency * n as f64 / 48_000.0;
+            (re + f64::from(*value) * angle.cos(), im - f64::from(*value) * angle.sin())
+        })
+    });
+    // Of left times the conjugate of right.
+    let phase = f64::atan2(left.1 * right.0 - left.0 * right.1, left.0 * right.0 + left.1 * right.1);
+    phase / (std::f64::consts::TAU * frequency)
+}
+
+/// How long after its beginning the energy above 6 kHz of a response comes: the onset of its envelope.
+fn high_onset(response: &[f32]) -> f64 {
+    let n = 16 * response.len();
+    let mut planner = RealFftPlanner::<f64>::new();
+    let mut padded: Vec<f64> = response.iter().map(|value| f64::from(*value)).collect();
+    let forward = planner.plan_fft_forward(response.len());
+    let mut bins = forward.make_output_vec();
+    forward.process(&mut padded, &mut bins).unwrap();
+    let first = 6000 * response.len() / 48_000;
+    bins[..first].fill(Default::default());
+    bins.resize(n / 2 + 1, Default::default());
+    let inverse = planner.plan_fft_inverse(n);
+    let mut signal = inverse.make_output_vec();
+    inverse.process(&mut bins, &mut signal).unwrap();
+    let highest = (0..n).max_by(|a, b| signal[*a].abs().total_cmp(&signal[*b].abs())).unwrap();
+    highest as f64 / 16.0 / 48_000.0
+}
+
+#[test]
+fn t14_the_sphere_follows_its_laws() {
+    let model = far_sphere();
+    let azimuths = [30.0, 60.0, 90.0f64];
+    let set = model.responses(&azimuths.map(|az| degrees(az, 0.0)));
+    let c = 343.0;
+    for (az, ears) in azimuths.iter().zip(&set.irs) {
+        let az = az.to_radians();
+        // Towards low frequencies the lead is 3a/c sin(az), at high ones Woodworth's a/c (az + sin az). At 500 Hz the
+        // series itself is 4 % above the limit.
+        let kuhn = 3.0 * model.radius / c * az.sin();
+        assert!((phase_lead(ears, 100.0) / kuhn - 1.0).abs() < 0.015, "{az}: {} {kuhn}", phase_lead(ears, 100.0));
+        assert!((phase_lead(ears, 500.0) / kuhn - 1.0).abs() < 0.05, "{az}: {} {kuhn}", phase_lead(ears, 500.0));
+        let (high, woodworth) = (high_onset(&ears[1]) - high_onset(&ears[0]), model.radius / c * (az + az.sin()));
+        assert!((high / woodworth - 1.0).abs() < 0.04, "{az}: {high} {woodworth}");
+    }
+    // At the lowest frequencies the head is only a little way nearer or farther: 1 + 3/2 a/r cos of the incidence.
+    for (az, ears) in azimuths.iter().zip(&set.irs) {
+        for (ear, response) in [1.0, -1.0].iter().zip(ears) {
+            let sum: f64 = response.iter().map(|value| f64::from(*value)).sum();
+            let expected = 1.0 + ear * 1.5 * model.radius / model.distance * az.to_radians().sin();
+            assert!((sum - expected).abs() < 1e-4, "{az}: {sum} {expected}");
+        }
+    }
+}
+
+#[test]
+fn t14_the_sphere_is_symmetric_to_its_ears() {
+    let to = [degrees(37.0, 21.0), degrees(-37.0, 21.0), degrees(37.0, -21.0)];
+    let set = Sphere::default().responses(&to);
+    let same = |a: &[f32], b: &[f32]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-6);
+    assert!(same(&set.irs[0][0], &set.irs[1][1]) && same(&set.irs[0][1], &set.irs[1][0]));
+    assert!(same(&set.irs[0][0], &set.irs[2][0]) && !same(&set.irs[0][0], &set.irs[0][1]));
+}
+
+#[test]
+fn t3_a_mirrored_scene_swaps_the_ears() {
+    let signal: Vec<f32> = noise(2048, 8).iter().map(|x| 0.1 * x).collect();
+    for mode in [Mode::Paper2d, Mode::Paper3d, Mode::Physical] {
+        let config = RenderConfig { mode, ..RenderConfig::default() };
+        let heard = |side: f64| {
+            let mirrored = |p: DVec3| DVec3::new(side * p.x, p.y, p.z);
+            let way =
+                track("a", &[(0.0, mirrored(DVec3::new(1.0, 1.5, 0.3))), (0.1, mirrored(DVec3::new(0.5, 2.0, 0.6)))]);
+            let scene = scene(way);
+            let head = head(mirrored(DVec3::new(0.3, 0.2, 0.0)), side * 25.0);
+            render_signals(&scene, &[signal.clone()], &head, sphere(), &config).unwrap()
+        };
+        let (right, left) = (heard(1.0), heard(-1.0));
+        assert!(right.cues[0].iter().zip(&left.cues[0]).all(|(a, b)| (a.az + b.az).abs() < 1e-9 && a.az != 0.0));
+        let worst = right.samples.iter().zip(&left.samples).map(|(a, b)| (a[0] - b[1]).abs().max((a[1] - b[0]).abs()));
+        let worst = worst.fold(0.0, f32::max);
+        assert!(worst <= 1e-6, "{mode:?}: {worst}");
+    }
+}
+
+#[test]
+fn the_icosphere_is_symmetric_and_holds_the_axes() {
+    let all = icosphere(4);
+    assert_eq!(all.len(), 162);
+    for mirror in [DVec3::new(-1.0, 1.0, 1.0), DVec3::new(1.0, -1.0, 1.0), DVec3::new(1.0, 1.0, -1.0)] {
+        assert!(all.iter().all(|a| all.iter().any(|b| (*a * mirror - *b).length() < 1e-9)));
+    }
+    for axis in [DVec3::X, DVec3::Y, DVec3::Z] {
+        assert!(all.iter().any(|a| (*a - axis).length() < 1e-9));
+    }
+}
+
+#[test]
+fn t15_another_rate_keeps_times_and_magnitudes() {
+    // A response at 44.1 kHz: two bursts, band-limited to 16 kHz by the change from 32 kHz.
+    let narrow: Vec<f32> =
+        (0..256).map(|n| (-(0.3 * (n as f32 - 60.0)).powi(2)).exp() * (1.9 * n as f32).cos()).collect();
+    let at_44 = Resampler::new(32_000, 44_100, 0.0).apply(&narrow);
+    let direct = Resampler::new(32_000, 48_000, 0.0).apply(&narrow);
+    let twice = Resampler::new(44_100, 48_000, 0.0).apply(&at_44);
+    // The sums of samples differ by the ratio of rates only through the samples' distance.
+    let n = direct.len().min(twice.len());
+    assert!(lsd_db(&direct[..n], &twice[..n]) < 0.2, "{}", lsd_db(&direct[..n], &twice[..n]));
+    assert!(itd(&direct[..n], &twice[..n]).abs() < 5e-6);
+    // A set keeps the time between its ears.
+    let set = Sphere::default().responses(&[degrees(60.0, 0.0)]);
+    let there = Resampler::new(48_000, 44_100, 0.0);
+    let back = Resampler::new(44_100, 48_000, 0.0);
+    let [left, right] = set.irs[0].each_ref().map(|response| back.apply(&there.apply(response)));
+    let expected = itd(&set.irs[0][0], &set.irs[0][1]);
+    assert!((itd(&left, &right) - expected).abs() < 5e-6 && expected > 4e-4);
+    // Moved by a time that is no whole sample, and a rate that stays.
+    let moved = Resampler::new(48_000, 48_000, 0.25e-3).apply(&left);
+    assert!((itd(&left, &moved) - 0.25e-3).abs() < 1e-6);
+    assert_eq!(Resampler::new(48_000, 48_000, 0.0).apply(&left), left);
+}
+
+/// A coarse sphere, as a file would give it.
+fn measured() -> Measured {
+    Sphere::default().measured(2)
+}
+
+fn refused(measured: Measured) -> String {
+    match HrtfSet::new(measured, Path::new("test set")) {
+        Err(error @ Error::Data { .. }) => error.to_string(),
+        Err(error) => panic!("{error}"),
+        Ok(_) => panic!("it was taken"),
+    }
+}
+
+#[test]
+fn t16_a_set_that_counts_azimuth_the_other_way_is_refused() {
+    let mut mirrored = measured();
+    mirrored.directions.iter_mut().for_each(|to| to.y = -to.y);
+    assert!(refused(mirrored).contains("left ear hears"));
+    let mut swapped = measured();
+    swapped.irs.iter_mut().for_each(|ears| ears.swap(0, 1));
+    assert!(refused(swapped).contains("counter-clockwise"));
+}
+
+#[test]
+fn t17_what_is_no_set_of_responses_is_refused() {
+    let mut broken = measured();
+    broken.irs[7][1][30] = f32::NAN;
+    assert!(refused(broken).contains("direction 7"));
+    let mut silent = measured();
+    silent.irs[3][0].fill(0.0);
+    assert!(refused(silent).contains("silent"));
+    let mut uneven = measured();
+    uneven.irs[3][0].pop();
+    assert!(refused(uneven).contains("direction 3"));
+    let mut late = measured();
+    late.delays[5][0] = f64::INFINITY;
+    assert!(refused(late).contains("delay"));
+    let mut half = measured();
+    let keep: Vec<bool> = half.directions.iter().map(|to| to.z > 0.1).collect();
+    let mut kept = keep.iter();
+    half.directions.retain(|_| *kept.next().unwrap());
+    half.irs.truncate(half.directions.len());
+    half.delays.truncate(half.directions.len());
+    assert!(refused(half).contains("surround"));
+    let mut slow = measured();
+    slow.fs = 0.0;
+    assert!(refused(slow).contains("sample rate"));
+}
+
+#[test]
+fn t17_damaged_sofa_files_are_refused() {
+    let Some(folder) = shared("hrtf_sofa/tests") else { return };
+    let mut n = 0;
+    for entry in fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        let name = path.file_name().unwrap().to_str().unwrap();
+        if name.starts_with("fail-issue-") || name == "testfile.sofa" {
+            let error = HrtfSet::open(&path).err().unwrap_or_else(|| panic!("{name} was taken"));
+            assert!(matches!(error, Error::Data { .. }) && error.to_string().contains(name), "{error}");
+            n += 1;
+        }
+    }
+    assert_eq!(n, 8);
+}
+
+#[test]
+fn t17_a_cut_sofa_file_is_refused() {
+    let Some(path) = shared("hrtf_sofa/tests/Pulse.sofa") else { return };
+    let bytes = fs::read(path).unwrap();
+    let folder = std::env::temp_dir().join(format!("ivv-sofa-{}", std::process::id()));
+    fs::create_dir_all(&folder).unwrap();
+    for part in [0, 1, 100, bytes.len() / 2, bytes.len() - 1] {
+        let cut = folder.join("cut.sofa");
+        fs::write(&cut, &bytes[..part]).unwrap();
+        assert!(HrtfSet::open(&cut).is_err(), "{part} bytes were taken");
+    }
+    assert!(HrtfSet::open(&folder.join("absent.sofa")).is_err());
+    fs::remove_dir_all(folder).unwrap();
+}
+
+#[test]
+fn a_folder_of_wav_files_is_read_by_their_names() {
+    let folder = std::env::temp_dir().join(format!("ivv-sadie-{}", std::process::id()));
+    fs::create_dir_all(folder.join("deep")).unwrap();
+    fs::write(folder.join("LICENSE"), "\n\nFree of all\nterms").unwrap();
+    let model = measured();
+    for (index, (to, ears)) in model.directions.iter().zip(&model.irs).enumerate() {
+        let (az, el) = ivv::sound::geometry::angles(*to);
+        let [az, el] = [az, el].map(|angle| format!("{:.5}", angle.to_degrees()));
+        // Both of the database's spellings.
+        let name = if index % 2 == 0 {
+            format!("azi_{az}_ele_{el}_DFC.wav")
+        } else {
+            format!("azi_{}_ele_{}.wav", az.replace('.', ","), el.replace('.', ","))
+        };
+        let frames: Vec<[f32; 2]> = ears[0].iter().zip(&ears[1]).map(|(l, r)| [0.1 * l, 0.1 * r]).collect();
+        write(&folder.join("deep").join(name), &frames, Depth::Float32).unwrap();
+    }
+    let set = HrtfSet::open(&folder.join("deep")).unwrap();
+    assert_eq!(set.directions().len(), model.directions.len());
+    assert_eq!((set.meta.licence.as_str(), set.meta.sha256.len()), ("Free of all", 64));
+    let left = set.filter(DVec3::Y, Lookup::Aligned);
+    assert!(left.delays[0] < left.delays[1] && ild_db(&left.responses[0], &left.responses[1]) > 3.0);
+    assert!(HrtfSet::open(&folder).is_err(), "the folder above holds no responses");
+    fs::remove_dir_all(folder).unwrap();
+}

@@ -1,0 +1,94 @@
+//! Renderings against simulated truth: T35, T36, T37.
+
+use std::sync::OnceLock;
+
+use glam::DVec3;
+use ivv::sound::bench::{ablation, compare, lateness};
+use ivv::sound::geometry::Mode;
+use ivv::sound::metrics::{energy, residual_db};
+use ivv::sound::render::{RenderConfig, render_signals};
+use ivv::sound::simulate::{Emitter, Motion, Simulated, Speech, simulate};
+use ivv::sound::sinc::Resampler;
+
+use super::{db, ear, head, horizon, noise, scene, track};
+
+pub fn walk() -> &'static Simulated {
+    static WALK: OnceLock<Simulated> = OnceLock::new();
+    WALK.get_or_init(|| simulate(Motion::Walk, 0.4, 35, horizon()))
+}
+
+#[test]
+fn t35_at_rest_the_truth_is_met_but_for_the_delay() {
+    let Simulated { scene, recording, head, truth } = simulate(Motion::Still, 0.15, 35, horizon());
+    let late = lateness(&scene, &head, 0.0);
+    assert!(late.abs() > 1e-4);
+    for mode in [Mode::Paper2d, Mode::Paper3d, Mode::Physical] {
+        let config = RenderConfig { mode, ..RenderConfig::default() };
+        let rendered = render_signals(&scene, std::slice::from_ref(&recording), &head, horizon(), &config).unwrap();
+        // The physical gain is rounded by its floor: r_l^2 + 0.2^2.
+        let floor = if mode == Mode::Physical { (1.0 + (0.2f64 / 1.5).powi(2)).sqrt() } else { 1.0 };
+        let shift = Resampler::new(48_000, 48_000, if mode == Mode::Physical { 0.0 } else { late });
+        let shifted = [0, 1].map(|side| shift.apply(&ear(&rendered.samples, side)));
+        let frames: Vec<[f32; 2]> = (0..truth.len().min(shifted[0].len()))
+            .map(|i| [shifted[0][i], shifted[1][i]].map(|value| value * floor as f32))
+            .collect();
+        let error = residual_db(&frames[1500..6000], &truth[1500..6000]);
+        assert!(error <= -60.0, "{mode:?}: {error} dB");
+    }
+}
+
+#[test]
+fn t35_a_walking_source_is_heard_where_it_is() {
+    let Simulated { scene, recording, head, truth } = walk();
+    for mode in [Mode::Paper2d, Mode::Physical] {
+        let config = RenderConfig { mode, ..RenderConfig::default() };
+        let rendered = render_signals(scene, std::slice::from_ref(recording), head, horizon(), &config).unwrap();
+        let late = |t: f64| if mode == Mode::Physical { 0.0 } else { lateness(scene, head, t) };
+        let error = compare(&rendered.samples, truth, horizon(), late).unwrap();
+        println!("{mode:?}: {error:?}");
+        assert!(error.azimuth <= 2.0 && error.level <= 0.3 && error.frames > 4, "{mode:?}: {error:?}");
+    }
+}
+
+#[test]
+fn t36_the_ablation_of_the_paper() {
+    let rows = ablation(walk(), horizon()).unwrap();
+    let [none, distance, direction, both] = rows.as_slice() else { panic!("{} rows", rows.len()) };
+    assert_eq!((distance.distance, distance.direction, both.distance, both.direction), (true, false, true, true));
+    for row in [none, distance] {
+        assert!(row.error.azimuth > 30.0, "{row:?}");
+    }
+    for row in [direction, both] {
+        assert!(row.error.azimuth < 2.0, "{row:?}");
+    }
+    assert!(both.error.level < 0.3 && none.error.level > 1.0 && direction.error.level > 1.0, "{rows:?}");
+    assert!(distance.error.level < none.error.level, "{rows:?}");
+}
+
+#[test]
+fn t37_the_room_follows_the_voice() {
+    // The assumption of the paper: the recording's room gets the gain of its voice. In a room whose late part is the same
+    // everywhere, the ratio of direct to late sound is then wrong by that gain.
+    let source = DVec3::new(0.0, 4.0, 0.0);
+    let still = scene(track("a", &[(0.0, source)]));
+    let speech = Speech::new(3);
+    let emitter = Emitter { voice: &|t| speech.at(t), place: &|_| source, speed_of_sound: 343.2 };
+    let n = 9600;
+    let direct = emitter.recording(&still.mic.pose, n);
+    let late: Vec<f32> = noise(n, 37).iter().map(|x| 0.02 * x).collect();
+    for (y, gain) in [(2.0, 2.0f64), (3.0, 4.0)] {
+        let head = head(DVec3::new(0.0, y, 0.0), 0.0);
+        let heard = |signal: &Vec<f32>| {
+            let config = RenderConfig { lufs: None, ..RenderConfig::default() };
+            let quiet: Vec<f32> = signal.iter().map(|x| 0.05 * x).collect();
+            let rendered = render_signals(&still, &[quiet], &head, horizon(), &config).unwrap();
+            energy(rendered.samples[2000..8000].as_flattened())
+        };
+        // The true late part does not change; through the frontal responses, whose mean energy is 1, it would be as loud.
+        let truth = energy(emitter.binaural(&head, horizon(), n)[2000..8000].as_flattened()) * 0.05f64.powi(2);
+        let true_ratio = truth / (heard(&late) / gain.powi(2));
+        let ratio = heard(&direct) / heard(&late);
+        let expected = 20.0 * gain.log10();
+        assert!((db(true_ratio / ratio) - expected).abs() < 1.0, "{} dB, not {expected}", db(true_ratio / ratio));
+    }
+}

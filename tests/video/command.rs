@@ -1,0 +1,111 @@
+//! `ivv render --path`.
+
+use std::path::Path;
+use std::process::{Command, Output};
+
+use glam::DVec3;
+use ivv::sound::pose::{Pose, PoseTrack};
+use ivv::sound::scene_file::{Mic, SoundScene, Source};
+use ivv::sound::source_track::{Flag, SourceSample, SourceTrack};
+use ivv::sound::wav::{self, Channel, Depth};
+use ivv::synth::{Options, Preset, write_capture};
+
+use crate::capture::Folder;
+
+fn ivv(arguments: &[&str]) -> Output {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_ivv"));
+    command.args(arguments);
+    if let Ok(device) = std::env::var("IVV_TEST_DEVICE") {
+        command.args(["--device", &device]);
+    }
+    command.output().unwrap()
+}
+
+/// Ears by 18 directions: what is on a side comes there two thirds of a millisecond earlier and twice as loud.
+fn ears(folder: &Path) {
+    std::fs::create_dir_all(folder).unwrap();
+    let ring = |el: i32, step: usize| (0..360).step_by(step).map(move |az| (az, el));
+    for (az, el) in ring(0, 45).chain(ring(45, 90)).chain(ring(-45, 90)).chain([(0, 90), (0, -90)]) {
+        let left = f64::from(az).to_radians().sin() * f64::from(el).to_radians().cos();
+        let mut response = [[0.0_f32; 2]; 64];
+        for (ear, side) in [left, -left].into_iter().enumerate() {
+            response[24 - (16.0 * side).round() as usize][ear] = 2_f32.powf(0.5 * side as f32);
+        }
+        wav::write(&folder.join(format!("azi_{az}_ele_{el}.wav")), &response, Depth::Float32).unwrap();
+    }
+}
+
+/// A click at 0.4 s, from a mouth two units ahead of the demo's middle.
+fn click(folder: &Path) {
+    let mut sound = vec![[0.0_f32; 1]; 48_000];
+    sound[19_200][0] = 0.9;
+    let wav = folder.join("click.wav");
+    wav::write(&wav, &sound, Depth::Int24).unwrap();
+    let sample = SourceSample { t: 0.0, p: DVec3::ZERO, cov: [0.0; 6], views: 2, reproj_px: 0.0, flag: Flag::Seen };
+    let pose = PoseTrack::still(DVec3::new(0.0, 0.0, -2.0), Pose::looking(DVec3::Z, DVec3::NEG_Y));
+    let scene = SoundScene {
+        metres_per_unit: None,
+        up: DVec3::NEG_Y,
+        mic: Mic { camera: "a".into(), pose, wav, channel: Channel::Left, offset_s: 0.0 },
+        sources: vec![Source {
+            track: SourceTrack { id: "p0".into(), samples: vec![sample], fps: 30.0 },
+            wav: None,
+            gain_db: 0.0,
+            gates: Vec::new(),
+        }],
+    };
+    scene.write(&folder.join("scene.json")).unwrap();
+}
+
+#[test]
+fn a_path_becomes_a_video_with_what_is_heard_on_it() {
+    let folder = Folder::new("film");
+    let at = |name: &str| folder.0.join(name).to_str().unwrap().to_owned();
+    ears(&folder.0.join("ears"));
+    click(&folder.0);
+    let tiny = Preset::Tiny.options(3);
+    let tiny =
+        Options { cameras: 3, test_cameras: 0, width: 16, height: 16, frames: 30, samples: 1, points: 8, ..tiny };
+    write_capture(&folder.0.join("capture"), &tiny, 2, &mut |_, _| {}).unwrap();
+    // From 0.2 to 0.7 s, sideways before the scene and looking along z (OpenCV's axes).
+    let path = folder.write("path.txt", "0.2 -0.3 0 -4 0 0 0 1\n0.7 0.3 0 -4 0 0 0 1\n");
+    let scene = concat!(env!("CARGO_MANIFEST_DIR"), "/assets/demo/scene.ply");
+    let output = at("film.y4m");
+    let mut arguments = vec!["render", "--scene", scene, "--path", path.to_str().unwrap(), "-o", &output];
+    let sound = at("scene.json");
+    let hrtf = at("ears");
+    arguments.extend(["--size", "32x24", "--fps", "10", "--sound", &sound, "--hrtf", &hrtf, "--json"]);
+
+    let without_clock = ivv(&arguments);
+    let told = String::from_utf8_lossy(&without_clock.stderr).into_owned();
+    assert!(without_clock.status.code() == Some(2) && told.contains("--capture"), "{told}");
+
+    let capture = at("capture");
+    arguments.extend(["--capture", &capture]);
+    let done = ivv(&arguments);
+    assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+    let report: serde_json::Value = serde_json::from_slice(&done.stdout).unwrap();
+    assert_eq!((report["frames"].as_u64(), report["fps"].as_f64()), (Some(6), Some(10.0)));
+    assert_eq!(report["sound"]["sources"][0]["id"], "p0");
+
+    let film = std::fs::read(&output).unwrap();
+    let header = film.iter().position(|byte| *byte == b'\n').unwrap() + 1;
+    let frames: Vec<&[u8]> = film[header..].chunks(6 + 3 * 32 * 24).map(|frame| &frame[6..]).collect();
+    assert!(frames.len() == 6 && frames.iter().all(|frame| frame.len() == 3 * 32 * 24));
+    for (index, frame) in frames.iter().enumerate() {
+        let luma = &frame[..32 * 24];
+        assert!(luma.iter().max().unwrap() - luma.iter().min().unwrap() > 40, "frame {index} is empty");
+        assert!(index == 0 || *frame != frames[index - 1], "frame {index} is the one before");
+    }
+
+    // The sound begins where the film does.
+    let heard = wav::read(&folder.0.join("film.wav")).unwrap();
+    for (side, ear) in heard.channels.iter().enumerate() {
+        assert_eq!(ear.len(), 28_800);
+        let loudest = (0..ear.len()).max_by(|a, b| ear[*a].abs().total_cmp(&ear[*b].abs())).unwrap();
+        assert!(ear[loudest].abs() > 0.05 && loudest.abs_diff(9_600) <= 48, "ear {side}: the click is at {loudest}");
+    }
+
+    let both = ivv(&[&arguments[..], &["--cameras", "c.json"]].concat());
+    assert_eq!(both.status.code(), Some(2));
+}

@@ -1,0 +1,95 @@
+//! `ivv sound bench`.
+
+use super::render::ConfigArgs;
+use ivv::sound::bench::{Ablation, Difference, Trade, ablation, compare, lateness, trade};
+use ivv::sound::geometry::Mode;
+use ivv::sound::hrtf::HrtfSet;
+use ivv::sound::path::read_path;
+use ivv::sound::render::render;
+use ivv::sound::scene_file::SoundScene;
+use ivv::sound::simulate::{Motion, simulate};
+use ivv::sound::wav;
+use std::path::{Path, PathBuf};
+
+/// Seconds of the ablation's scene.
+const SECONDS: f64 = 4.0;
+
+/// Options of `ivv sound bench`.
+#[derive(clap::Args)]
+pub struct Args {
+    /// The scene.json to measure; without one the built-in scene is, with the paper's ablation and the table of settings.
+    scene: Option<PathBuf>,
+    /// The folder of `ivv sound synth` that tells the truth of the scene.
+    #[arg(long, requires = "scene", required_unless_present = "built_in")]
+    truth: Option<PathBuf>,
+    /// Measure the built-in scene.
+    #[arg(long, conflicts_with_all = ["scene", "truth"])]
+    built_in: bool,
+    /// The ears, which must be those of the truth.
+    #[arg(long, default_value = "sphere")]
+    hrtf: PathBuf,
+    #[command(flatten)]
+    config: ConfigArgs,
+}
+
+pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
+    match (&args.scene, &args.truth) {
+        (Some(scene), Some(truth)) => measure(args, scene, truth, json),
+        _ => built_in(args, json),
+    }
+}
+
+fn measure(args: &Args, scene: &Path, truth: &Path, json: bool) -> anyhow::Result<()> {
+    let config = args.config.config()?;
+    let hrtf = HrtfSet::open(&args.hrtf)?;
+    let scene = SoundScene::read(scene)?;
+    let head = read_path(&truth.join("path.csv"), None)?.track;
+    let channels = wav::read(&truth.join("truth.wav"))?.channels;
+    anyhow::ensure!(channels.len() == 2, "truth.wav must have two channels");
+    let truth: Vec<[f32; 2]> = channels[0].iter().zip(&channels[1]).map(|(left, right)| [*left, *right]).collect();
+    let rendered = render(&scene, &head, &hrtf, &config)?;
+    // The synthetic scenes are in metres, also where localisation was not told so.
+    let metric = SoundScene { metres_per_unit: scene.metres_per_unit.or(Some(1.0)), ..scene };
+    let late = |t: f64| if config.mode == Mode::Physical { 0.0 } else { lateness(&metric, &head, t) };
+    let scale = 10f32.powf(-rendered.report.gain_db as f32 / 20.0);
+    let heard: Vec<[f32; 2]> = rendered.samples.iter().map(|frame| frame.map(|value| scale * value)).collect();
+    let difference = compare(&heard, &truth, &hrtf, late)?;
+    if json {
+        println!("{}", serde_json::to_string(&difference)?);
+    } else {
+        let Difference { azimuth, azimuth_95, level, frames } = difference;
+        println!("azimuth {azimuth:.2} degrees off (95 %: {azimuth_95:.2}), level {level:.2} dB off, {frames} frames");
+    }
+    Ok(())
+}
+
+fn built_in(args: &Args, json: bool) -> anyhow::Result<()> {
+    let open = || HrtfSet::open(&args.hrtf);
+    let hrtf = open()?;
+    let rows = ablation(&simulate(Motion::Walk, SECONDS, 1, &hrtf), &hrtf)?;
+    let table = trade(open)?;
+    if json {
+        println!("{}", serde_json::json!({ "ablation": rows, "trade": table }));
+        return Ok(());
+    }
+    println!("ears: {}\n", hrtf.meta.title);
+    println!("| rendered | azimuth off, degrees | level off, dB |\n| --- | --- | --- |");
+    for Ablation { direction, distance, error } in rows {
+        let name = match (direction, distance) {
+            (false, false) => "neither",
+            (false, true) => "distance",
+            (true, false) => "direction",
+            (true, true) => "both",
+        };
+        println!("| {name} | {:.1} | {:.2} |", error.azimuth, error.level);
+    }
+    println!("\n| setting | azimuth off, degrees | level off, dB | splatter, dB | filters off, dB | times real time |");
+    println!("| --- | --- | --- | --- | --- | --- |");
+    for Trade { setting, error, splatter, spectrum, real_time } in table {
+        println!(
+            "| {setting} | {:.2} | {:.2} | {splatter:.0} | {spectrum:.2} | {real_time:.0} |",
+            error.azimuth, error.level
+        );
+    }
+    Ok(())
+}
