@@ -42,11 +42,11 @@ fn t18_the_paper_mode_is_the_direct_sum_and_wrapping_is_not() {
     let spectra = wola.spectra(&filter);
     let mut out = vec![[0.0; 2]; signal.len()];
     wola.process(&signal, &mut out, |_, _| (Some(spectra.clone()), 1.0));
-    for side in 0..2 {
-        let expected = direct(&signal, &baked[side], 64);
+    for (side, baked) in baked.iter().enumerate() {
+        let expected = direct(&signal, baked, 64);
         assert!(off(&ear(&out, side), &expected) < -110.0, "{}", off(&ear(&out, side), &expected));
         // Transforms of a frame's length wrap. The same windows, filter and sums, so it is the padding that counts.
-        let wrapped = circular(&signal, wola.window(), &baked[side], 64);
+        let wrapped = circular(&signal, wola.window(), baked, 64);
         let wrapping = off(&wrapped[1024..2000], &expected[1024..2000]);
         assert!(wrapping > -70.0, "without padding: {wrapping} dB");
     }
@@ -118,8 +118,8 @@ fn t20_the_physical_mode_is_the_direct_sum_with_a_fractional_delay() {
     filter.delays = filter.delays.map(|delay| delay + cue.delay * 48_000.0);
     filter.responses.iter_mut().flatten().for_each(|value| *value *= cue.gain as f32);
     let baked = Baker::new(set.taps(Lookup::Aligned), set.max_delay() + 600.0).bake(&filter);
-    for side in 0..2 {
-        let expected = direct(&signal, &baked[side], 64);
+    for (side, baked) in baked.iter().enumerate() {
+        let expected = direct(&signal, baked, 64);
         // The signal begins at once, so its first samples have no limited band.
         let error = off(&ear(&rendered.samples, side)[1200..], &expected[1200..]);
         assert!(error < -80.0, "{error} dB");

@@ -167,14 +167,12 @@ fn t13_directions_left_out_are_met_on_sadie() {
 }
 
 #[test]
-fn other_sets_are_taken_as_they_are() {
-    for (name, n) in [("LISTEN_1002_IRC_1002_C_HRIR.sofa", 187)] {
-        let Some(path) = shared("hrtf_sofa/tests").map(|folder| folder.join(name)) else { return };
-        let set = HrtfSet::open(&path).unwrap();
-        assert_eq!(set.directions().len(), n, "{name}");
-        let left = set.filter(DVec3::Y, Lookup::Aligned);
-        assert!(left.delays[1] - left.delays[0] > 20.0, "{name}: {:?}", left.delays);
-    }
+fn a_set_of_a_human_is_taken() {
+    let Some(path) = shared("hrtf_sofa/tests/LISTEN_1002_IRC_1002_C_HRIR.sofa") else { return };
+    let set = HrtfSet::open(&path).unwrap();
+    assert_eq!(set.directions().len(), 187);
+    let left = set.filter(DVec3::Y, Lookup::Aligned);
+    assert!(left.delays[1] - left.delays[0] > 20.0, "{:?}", left.delays);
 }
 
 #[test]

@@ -98,7 +98,7 @@ fn t3_a_mirrored_scene_swaps_the_ears() {
                 track("a", &[(0.0, mirrored(DVec3::new(1.0, 1.5, 0.3))), (0.1, mirrored(DVec3::new(0.5, 2.0, 0.6)))]);
             let scene = scene(way);
             let head = head(mirrored(DVec3::new(0.3, 0.2, 0.0)), side * 25.0);
-            render_signals(&scene, &[signal.clone()], &head, sphere(), &config).unwrap()
+            render_signals(&scene, std::slice::from_ref(&signal), &head, sphere(), &config).unwrap()
         };
         let (right, left) = (heard(1.0), heard(-1.0));
         assert!(right.cues[0].iter().zip(&left.cues[0]).all(|(a, b)| (a.az + b.az).abs() < 1e-9 && a.az != 0.0));
