@@ -19,8 +19,6 @@ pub struct Aligner {
 
 /// A response without its delay.
 pub struct Aligned {
-    /// Delay of the onset, samples.
-    pub delay: f64,
     /// The response with its onset at [`LEAD`]; `taps + EXTRA` samples.
     pub response: Vec<f32>,
     /// Energy that fell out at the ends, as a part of all.
@@ -30,7 +28,7 @@ pub struct Aligned {
 /// A delay that a response may have.
 #[derive(Clone, Copy, Debug)]
 pub struct Candidate {
-    /// Whole samples.
+    /// Samples.
     pub delay: f64,
     /// The correlation there, relative to the highest.
     pub height: f64,
@@ -42,40 +40,35 @@ impl Aligner {
         Aligner { taps, spectra: Spectra::new(good_length(4 * taps.max(EXTRA))) }
     }
 
-    /// Bins of a response, and of its correlation with its own minimum-phase version (Nam, Abel and Smith 2008). Where that
-    /// is high the onset lies; a threshold would take the ringing before the onset for it.
-    fn correlate(&mut self, response: &[f32]) -> [Vec<Complex64>; 2] {
+    /// The delays that a response may have, from its correlation with its own minimum-phase version (Nam, Abel and Smith
+    /// 2008): maxima of at least half the highest, which comes first. A threshold would take the ringing before an onset for
+    /// it.
+    pub fn candidates(&mut self, response: &[f32]) -> Vec<Candidate> {
+        let n = self.spectra.len();
         let bins = self.spectra.forward(response.iter().map(|value| f64::from(*value)));
         let minimum = self.minimum_phase(&bins);
-        let cross = bins.iter().zip(&minimum).map(|(h, m)| h * m.conj()).collect();
-        [bins, cross]
-    }
-
-    /// The delays that a response may have: maxima of at least half the highest, which comes first.
-    pub fn candidates(&mut self, response: &[f32]) -> Vec<Candidate> {
-        let [_, cross] = self.correlate(response);
+        let cross: Vec<Complex64> = bins.iter().zip(&minimum).map(|(h, m)| h * m.conj()).collect();
         let correlation = self.spectra.inverse(&cross);
         let highest = correlation[..self.taps].iter().copied().fold(f64::MIN_POSITIVE, f64::max);
         let is_peak = |at: &usize| {
-            let before = correlation[at.checked_sub(1).unwrap_or(correlation.len() - 1)];
+            let before = correlation[at.checked_sub(1).unwrap_or(n - 1)];
             correlation[*at] >= before && correlation[*at] > correlation[at + 1] && correlation[*at] >= 0.5 * highest
         };
-        let candidate = |at: usize| Candidate { delay: at as f64, height: correlation[at] / highest };
+        let candidate = |at: usize| Candidate { delay: peak(&cross, n, at as f64), height: correlation[at] / highest };
         let mut found: Vec<Candidate> = (0..self.taps).filter(is_peak).map(candidate).collect();
         found.sort_by(|a, b| b.height.total_cmp(&a.height));
         if found.is_empty() { vec![candidate(0)] } else { found }
     }
 
-    /// Takes out the delay that is nearest to `coarse`, whole samples.
-    pub fn align(&mut self, response: &[f32], coarse: f64) -> Aligned {
+    /// Takes a delay out of a response.
+    pub fn align(&mut self, response: &[f32], delay: f64) -> Aligned {
         let n = self.spectra.len();
-        let [bins, cross] = self.correlate(response);
-        let delay = peak(&cross, n, coarse);
+        let bins = self.spectra.forward(response.iter().map(|value| f64::from(*value)));
         let signal = self.spectra.inverse(&shifted(&bins, n, LEAD as f64 - delay));
         let kept = self.taps + EXTRA;
         let energy = |part: &[f64]| part.iter().map(|value| value * value).sum::<f64>();
         let lost = energy(&signal[kept..]) / energy(&signal).max(f64::MIN_POSITIVE);
-        Aligned { delay, response: signal[..kept].iter().map(|value| *value as f32).collect(), lost }
+        Aligned { response: signal[..kept].iter().map(|value| *value as f32).collect(), lost }
     }
 
     /// The spectrum with the same magnitudes whose energy comes as early as it can, by the folded cepstrum.
@@ -112,23 +105,13 @@ pub fn peak(bins: &[Complex64], n: usize, coarse: f64) -> f64 {
             sum + term
         })
     };
-    // Golden sections: the peak is smooth and alone within a sample.
-    let golden = (5f64.sqrt() - 1.0) / 2.0;
-    let (mut low, mut high) = (coarse - 1.0, coarse + 1.0);
-    let (mut a, mut b) = (high - golden * (high - low), low + golden * (high - low));
-    let (mut at_a, mut at_b) = (at(a), at(b));
-    while high - low > 1e-4 {
-        if at_a > at_b {
-            (high, b, at_b) = (b, a, at_a);
-            a = high - golden * (high - low);
-            at_a = at(a);
-        } else {
-            (low, a, at_a) = (a, b, at_b);
-            b = low + golden * (high - low);
-            at_b = at(b);
-        }
-    }
-    0.5 * (low + high)
+    // Vertices of ever smaller parabolas: the peak is smooth and alone within a sample.
+    [0.5, 0.1, 0.02].into_iter().fold(coarse, |middle, step| {
+        let (before, here, after) = (at(middle - step), at(middle), at(middle + step));
+        let bend = before - 2.0 * here + after;
+        let vertex = if bend < 0.0 { 0.5 * (before - after) / bend } else { 0.0 };
+        middle + step * vertex.clamp(-2.0, 2.0)
+    })
 }
 
 /// Chooses among the candidates of each direction so that neighbours agree: in the head's shadow the highest correlation may

@@ -132,7 +132,7 @@ impl HrtfSet {
             let mut both = extra;
             for ((ear, onset), delay) in ears.iter().zip(onsets).zip(&mut both) {
                 let found = aligner.align(ear, onset);
-                *delay += found.delay;
+                *delay += onset;
                 lost = lost.max(found.lost);
                 raw.extend_from_slice(ear);
                 aligned.extend_from_slice(&found.response);
@@ -305,7 +305,7 @@ impl HrtfSet {
     }
 }
 
-/// By direction and ear, the onset in whole samples.
+/// By direction and ear, the onset, samples.
 fn onsets(aligner: &mut Aligner, directions: &[DVec3], irs: &[[Vec<f32>; 2]], hull: &Hull) -> Vec<[f64; 2]> {
     let neighbours = hull.neighbours();
     let by_ear = [(0, DVec3::Y), (1, -DVec3::Y)].map(|(ear, side)| {

@@ -97,12 +97,11 @@ fn t12_in_a_measured_direction_the_measured_response_sounds() {
 
 /// Errors of a set in directions that were left out of it: mean and 95th percentile of time between the ears in
 /// microseconds, mean spectral distance, and that of mixing without alignment.
-fn left_out(set: &HrtfSet, left_out: &[usize]) -> [f64; 4] {
-    let without = set.without(left_out).unwrap();
+fn left_out(set: &HrtfSet, without: &HrtfSet, left_out: &[usize]) -> [f64; 4] {
     let (mut times, mut aligned, mut unaligned) = (Vec::new(), Vec::new(), Vec::new());
     for at in left_out {
         let to = set.directions()[*at];
-        let ears = [0, 1].map(|ear| sounding(&without, to, ear, Lookup::Aligned));
+        let ears = [0, 1].map(|ear| sounding(without, to, ear, Lookup::Aligned));
         times.push(1e6 * (itd(&ears[0], &ears[1]) - itd(set.raw(*at, 0), set.raw(*at, 1))).abs());
         let corners = without.hull().locate(to);
         for (ear, given) in ears.iter().enumerate() {
@@ -133,7 +132,7 @@ fn check_left_out(name: &str, set: &HrtfSet, every: usize, gap: f64) {
     };
     let some: Vec<usize> = all.into_iter().filter(is_near).collect();
     assert!(some.len() > 8);
-    let [time, time_95, aligned, unaligned] = left_out(set, &some);
+    let [time, time_95, aligned, unaligned] = left_out(set, &without, &some);
     println!(
         "{name}: {} directions left out: {time:.1} us, p95 {time_95:.1} us, {aligned:.2} dB, unaligned {unaligned:.2} dB",
         some.len()
@@ -152,7 +151,7 @@ fn t13_directions_left_out_are_met_on_the_kemar() {
     let Some(path) = shared("hrtf_sofa/share/MIT_KEMAR_normal_pinna.sofa") else { return };
     let set = HrtfSet::open(&path).unwrap();
     assert_eq!((set.directions().len(), set.radius_m), (710, 1.4));
-    check_left_out("KEMAR", &set, 13, 0.2);
+    check_left_out("KEMAR", &set, 29, 0.2);
 
     // What is cut is noise that was recorded more than 64 samples before the sound.
     assert!((0..710).step_by(71).all(|at| error_db(&set, at, Lookup::Aligned) < -65.0));
