@@ -28,6 +28,9 @@ mod vjp;
 
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
+use tracing::level_filters::LevelFilter;
+use tracing_subscriber::filter::Targets;
+use tracing_subscriber::prelude::*;
 
 /// Immersive volumetric video: spatio-temporal 3D Gaussians, rendered in Vulkan compute.
 #[derive(Parser)]
@@ -77,7 +80,12 @@ enum Verb {
 
 fn main() -> ExitCode {
     let cli = Cli::parse();
-    tracing_subscriber::fmt().with_max_level(cli.log_level).with_writer(std::io::stderr).init();
+    // The reader of SOFA files warns of good files; what is wrong with bad ones is in the error.
+    let told = Targets::new().with_default(cli.log_level).with_target("sofar", LevelFilter::OFF);
+    tracing_subscriber::registry()
+        .with(tracing_subscriber::fmt::layer().with_writer(std::io::stderr))
+        .with(told)
+        .init();
     let done = match &cli.verb {
         Verb::Devices(args) => devices::run(args, cli.json),
         Verb::Prepare(args) => prepare::run(args, cli.json),
