@@ -19,7 +19,9 @@ pub struct State {
 }
 
 /// A signal on its way to both ears.
-pub struct Voice {
+pub struct Voice<'a> {
+    table: &'a DelayTable,
+    signal: &'a [f32],
     /// The delayed signal at each ear: the past that a response reaches, then the block.
     ears: [Vec<f32>; 2],
     state: State,
@@ -27,33 +29,30 @@ pub struct Voice {
     new: Vec<f32>,
 }
 
-impl Voice {
+impl<'a> Voice<'a> {
     /// A voice that has been in `state` for as long as its responses last, at the sample `start` of `signal`.
-    pub fn new(table: &DelayTable, signal: &[f32], start: usize, state: State) -> Self {
+    pub fn new(table: &'a DelayTable, signal: &'a [f32], start: usize, state: State) -> Self {
         let past = state.filter.responses[0].len() - 1;
         let ears = [0, 1].map(|ear| {
             let late = arrival(&state, ear);
             (0..past).map(|i| table.at(signal, start as f64 + i as f64 - past as f64 - late)).collect()
         });
-        Voice { ears, state, old: Vec::new(), new: Vec::new() }
+        Voice { table, signal, ears, state, old: Vec::new(), new: Vec::new() }
     }
 
     /// Adds the block of `out`, whose first sample is the signal's sample `start`, on the way to `next`, where it is
     /// `glide` samples after `start`. Only the last block is shorter than that.
     ///
     /// Each sample is weighted by `weight`, a function of its index in the block.
-    #[allow(clippy::too_many_arguments)] // One block of one signal: all of them differ from call to call.
     pub fn block(
         &mut self,
-        table: &DelayTable,
-        signal: &[f32],
         start: usize,
         next: State,
         glide: usize,
         out: &mut [[f32; 2]],
         weight: impl Fn(usize) -> f32,
     ) {
-        let n = out.len();
+        let (table, signal, n) = (self.table, self.signal, out.len());
         let past = next.filter.responses[0].len() - 1;
         for ear in 0..2 {
             let (from, to) = (arrival(&self.state, ear), arrival(&next, ear));

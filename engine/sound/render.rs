@@ -469,7 +469,7 @@ fn physical(
         let next = state(start + block);
         if (next.delay - voice.state().delay).abs() <= JUMP * block as f64 {
             let end = (start + block).min(signal.len());
-            voice.block(&table, signal, start, next, block, &mut out[start..end], |_| 1.0);
+            voice.block(start, next, block, &mut out[start..end], |_| 1.0);
             start += block;
             continue;
         }
@@ -481,8 +481,8 @@ fn physical(
         for from in (start..(start + fade).min(signal.len())).step_by(block) {
             let part = &mut out[from..(from + block).min(signal.len())];
             let a = |i: usize| (from + i - start) as f32 / fade as f32;
-            old.block(&table, signal, from, held.clone(), block, part, |i| 1.0 - a(i));
-            voice.block(&table, signal, from, arrived.clone(), block, part, a);
+            old.block(from, held.clone(), block, part, |i| 1.0 - a(i));
+            voice.block(from, arrived.clone(), block, part, a);
         }
         start += fade;
     }

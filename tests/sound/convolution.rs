@@ -158,15 +158,7 @@ fn t24_a_crossfade_between_equal_filters_is_none() {
         let mut voice = Voice::new(&table, &signal, 0, state(&filters[0]));
         let mut out = vec![[0.0; 2]; 512];
         for start in [0, 256] {
-            voice.block(
-                &table,
-                &signal,
-                start,
-                state(&filters[start / 256]),
-                256,
-                &mut out[start..start + 256],
-                |_| 1.0,
-            );
+            voice.block(start, state(&filters[start / 256]), 256, &mut out[start..start + 256], |_| 1.0);
         }
         out
     };
