@@ -148,7 +148,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         return Err(ivv::Error::data(&own_scene, "", "is absent: the run has not ended", remedy).into());
     }
     let scene = args.scene.as_ref().unwrap_or(&own_scene);
-    let splats = run.world.splats(&read_scene(scene)?);
+    let splats = run.world.splats(&read_scene(scene)?.by_degree());
     let output = match args.scene.as_ref().and_then(|scene| scene.file_stem()) {
         Some(name) => args.run.join("eval").join(name),
         None => args.run.clone(),

@@ -173,7 +173,7 @@ pub fn run(
     let constants = constants.checked()?;
     let stop = Stop::listen()?;
     let film = Film::new(args, path)?;
-    let splats = read_scene(scene)?;
+    let splats = read_scene(scene)?.by_degree();
     let is_still = splats.motion.is_empty();
     anyhow::ensure!(is_still || film.clip.is_some(), "{} moves: give --capture, which tells its time", scene.display());
     make_folder(output.parent().context("-o names no file")?)?;

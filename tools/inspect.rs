@@ -11,7 +11,7 @@ pub struct Args {
 }
 
 pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
-    let summary = read_scene(&args.scene)?.summary();
+    let summary = read_scene(&args.scene)?.by_degree().summary();
     if json {
         println!("{}", serde_json::to_string_pretty(&summary)?);
         return Ok(());

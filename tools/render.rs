@@ -111,7 +111,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let constants = args.constants.checked()?;
     let stop = Stop::listen()?;
     let views = read_views(args.cameras.as_deref().context("--cameras or --path is needed")?)?;
-    let splats = read_scene(&args.scene)?;
+    let splats = read_scene(&args.scene)?.by_degree();
     make_folder(&args.output)?;
     let gpu = args.device.open()?;
     let mut renderer = Renderer::new(gpu.clone(), &splats, constants)?;

@@ -4844,9 +4844,11 @@ pub mod density_classify_static {
         pub split_above: f32,
         /// `gradient` of the shader.
         pub gradient: f32,
+        /// `bucket` of the shader.
+        pub bucket: u32,
     }
     const _: () = {
-        assert!(size_of::<Push>() == 48);
+        assert!(size_of::<Push>() == 52);
         assert!(std::mem::offset_of!(Push, center) == 0);
         assert!(std::mem::offset_of!(Push, n) == 16);
         assert!(std::mem::offset_of!(Push, first) == 20);
@@ -4856,6 +4858,7 @@ pub mod density_classify_static {
         assert!(std::mem::offset_of!(Push, largest) == 36);
         assert!(std::mem::offset_of!(Push, split_above) == 40);
         assert!(std::mem::offset_of!(Push, gradient) == 44);
+        assert!(std::mem::offset_of!(Push, bucket) == 48);
     };
     /// The kernel's buffers.
     pub struct Args<'a> {
@@ -4937,9 +4940,11 @@ pub mod density_classify_dynamic {
         pub split_above: f32,
         /// `gradient` of the shader.
         pub gradient: f32,
+        /// `bucket` of the shader.
+        pub bucket: u32,
     }
     const _: () = {
-        assert!(size_of::<Push>() == 48);
+        assert!(size_of::<Push>() == 52);
         assert!(std::mem::offset_of!(Push, center) == 0);
         assert!(std::mem::offset_of!(Push, n) == 16);
         assert!(std::mem::offset_of!(Push, first) == 20);
@@ -4949,6 +4954,7 @@ pub mod density_classify_dynamic {
         assert!(std::mem::offset_of!(Push, largest) == 36);
         assert!(std::mem::offset_of!(Push, split_above) == 40);
         assert!(std::mem::offset_of!(Push, gradient) == 44);
+        assert!(std::mem::offset_of!(Push, bucket) == 48);
     };
     /// The kernel's buffers.
     pub struct Args<'a> {
@@ -5245,7 +5251,7 @@ pub mod density_relocate {
         push_bytes: size_of::<Push>() as u32,
         spirv: include_bytes!("../../shaders-glsl/spv/density_relocate.spv"),
         local: 128,
-        subgroups: true,
+        subgroups: false,
         bindings: &[
             BindingInfo { name: "flags", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "offsets", kind: BindingKind::Storage, access: Access::Read },

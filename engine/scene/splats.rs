@@ -24,8 +24,11 @@ pub struct Motion {
 pub struct Splats {
     /// Gaussians `0..n_static` are static, the rest dynamic.
     pub n_static: usize,
-    /// Degree of the spherical harmonics, 0 to 3.
+    /// Degree of the spherical harmonics, 0 to 3: the highest that a Gaussian may have.
     pub sh_degree: u32,
+    /// Degree of each Gaussian, falling within each population; the coefficients above it are 0. Empty where all have
+    /// `sh_degree`.
+    pub degree: Vec<u8>,
     /// Centres at the temporal centre, world, scene units.
     pub position: Vec<[f32; 3]>,
     /// Quaternions (w, x, y, z), not necessarily of unit length.
@@ -64,7 +67,13 @@ impl Splats {
         side * side
     }
 
-    /// Says which array has the wrong length, if one has; every array must fit `len()`, `n_static` and `sh_degree`.
+    /// Degree of Gaussian `i`.
+    pub fn degree_of(&self, i: usize) -> usize {
+        self.degree.get(i).map_or(self.sh_degree as usize, |degree| usize::from(*degree))
+    }
+
+    /// Says which array has the wrong length, if one has; every array must fit `len()`, `n_static` and `sh_degree`. Also
+    /// when degrees are above `sh_degree` or not in order.
     ///
     /// # Errors
     /// A sentence that names the array, its length and the one it should have.
@@ -84,9 +93,55 @@ impl Splats {
             ("motion", self.motion.len(), n_dynamic),
             ("source_row", self.source_row.len(), n),
         ];
-        match lengths.iter().find(|(_, length, expected)| length != expected) {
-            Some((name, length, expected)) => Err(format!("{name} has {length} entries, it should have {expected}")),
-            None => Ok(()),
+        if let Some((name, length, expected)) = lengths.iter().find(|(_, length, expected)| length != expected) {
+            return Err(format!("{name} has {length} entries, it should have {expected}"));
+        }
+        if self.degree.is_empty() {
+            return Ok(());
+        }
+        if self.degree.len() != n {
+            return Err(format!("degree has {} entries, it should have {n} or none", self.degree.len()));
+        }
+        let (still, moving) = self.degree.split_at(self.n_static);
+        let falls = |degrees: &[u8]| degrees.is_sorted_by(|a, b| a >= b);
+        if !falls(still) || !falls(moving) || self.degree.iter().any(|degree| u32::from(*degree) > self.sh_degree) {
+            return Err(format!("degrees are not falling from {} within each population", self.sh_degree));
+        }
+        Ok(())
+    }
+
+    /// Gives each Gaussian the degree of its highest band with a coefficient that is not 0, and orders them by population
+    /// and falling degree, otherwise as they were. What is 0 needs neither memory nor time.
+    #[must_use]
+    pub fn by_degree(self) -> Splats {
+        let k = self.n_coefficients();
+        let band = |c: usize| c.isqrt() as u8;
+        let degree: Vec<u8> = (0..self.len())
+            .map(|i| {
+                let last = self.sh[i * k..(i + 1) * k].iter().rposition(|coefficient| *coefficient != [0.0; 3]);
+                last.map_or(0, band)
+            })
+            .collect();
+        let mut order: Vec<usize> = (0..self.len()).collect();
+        order.sort_by_key(|&i| (i >= self.n_static, std::cmp::Reverse(degree[i])));
+        Splats { degree, ..self }.in_order(&order)
+    }
+
+    /// The Gaussians that `order` names, in that order; static ones must come first and degrees must fall.
+    #[must_use]
+    pub fn in_order(&self, order: &[usize]) -> Splats {
+        let k = self.n_coefficients();
+        Splats {
+            n_static: order.iter().filter(|&&i| i < self.n_static).count(),
+            sh_degree: self.sh_degree,
+            degree: if self.degree.is_empty() { Vec::new() } else { order.iter().map(|&i| self.degree[i]).collect() },
+            position: order.iter().map(|&i| self.position[i]).collect(),
+            rotation: order.iter().map(|&i| self.rotation[i]).collect(),
+            scale: order.iter().map(|&i| self.scale[i]).collect(),
+            opacity: order.iter().map(|&i| self.opacity[i]).collect(),
+            sh: order.iter().flat_map(|&i| self.sh[i * k..(i + 1) * k].iter().copied()).collect(),
+            motion: order.iter().filter_map(|&i| i.checked_sub(self.n_static)).map(|at| self.motion[at]).collect(),
+            source_row: order.iter().map(|&i| self.source_row[i]).collect(),
         }
     }
 
@@ -107,7 +162,7 @@ impl Splats {
         Ok(rows)
     }
 
-    /// Appends the Gaussians of `dynamic`, which has the same degree and no static ones.
+    /// Appends the Gaussians of `dynamic`, which has the same degree throughout and no static ones.
     pub(crate) fn append_dynamic(&mut self, mut dynamic: Splats) {
         debug_assert!(dynamic.n_static == 0 && dynamic.sh_degree == self.sh_degree);
         self.position.append(&mut dynamic.position);

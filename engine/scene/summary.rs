@@ -21,8 +21,12 @@ pub struct Summary {
     pub n_dynamic: usize,
     /// Gaussians with a parameter that is not finite; the renderer culls them.
     pub n_non_finite: usize,
-    /// Degree of the spherical harmonics, 0 to 3.
+    /// Degree of the spherical harmonics, 0 to 3: the highest of any Gaussian.
     pub sh_degree: u32,
+    /// Static Gaussians by SH degree, 0 to 3.
+    pub static_by_degree: [usize; 4],
+    /// Dynamic Gaussians by SH degree, 0 to 3.
+    pub dynamic_by_degree: [usize; 4],
     /// Bytes of a row in this project's PLY.
     pub ply_bytes_per_gaussian: u64,
     /// Bytes of all rows in this project's PLY, without the header.
@@ -101,7 +105,10 @@ impl Splats {
         let (n, n_dynamic) = (self.len() as u64, self.motion.len() as u64);
         // Position, normal, opacity, scale, rotation; velocity, time of peak visibility and tau when it is dynamic.
         let floats = 14 + 3 * self.n_coefficients() as u64 + if n_dynamic > 0 { 5 } else { 0 };
-        let sh_bands: Vec<u64> = BAND_BYTES.iter().take(self.sh_degree as usize + 1).map(|bytes| bytes * n).collect();
+        let mut by_degree = [[0usize; 4]; 2];
+        (0..self.len()).for_each(|i| by_degree[usize::from(i >= self.n_static)][self.degree_of(i)] += 1);
+        let with_band = |band: usize| by_degree.iter().flat_map(|counts| &counts[band..]).sum::<usize>() as u64;
+        let sh_bands: Vec<u64> = (0..=self.sh_degree as usize).map(|band| BAND_BYTES[band] * with_band(band)).collect();
         let (geometry, motion) = (GEOMETRY_BYTES * n, MOTION_BYTES * n_dynamic);
         let total = geometry + motion + sh_bands.iter().sum::<u64>();
         let times = Quantiles::of(self.motion.iter().map(|m| m.t_center));
@@ -111,6 +118,8 @@ impl Splats {
             n_dynamic: self.motion.len(),
             n_non_finite: (0..self.len()).filter(|&i| !self.is_finite(i)).count(),
             sh_degree: self.sh_degree,
+            static_by_degree: by_degree[0],
+            dynamic_by_degree: by_degree[1],
             ply_bytes_per_gaussian: 4 * floats,
             ply_bytes: 4 * floats * n,
             device: DeviceBytes { geometry, motion, sh_bands, total },

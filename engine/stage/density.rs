@@ -1,7 +1,7 @@
 //! Density control (SPEC 6): which Gaussians go, which grow and where each is stored, decided and carried out on the device.
 
 use super::scan::{SCAN_BLOCK, Scan};
-use super::scene::{Group, Planes, SceneBuffers};
+use super::scene::{BUCKETS, Group, Planes, SceneBuffers};
 use super::sort::{SORT_BLOCK, Sort, SortGrids};
 use crate::error::{Error, Result};
 use crate::gpu::generated::{
@@ -20,10 +20,10 @@ const LARGEST: f32 = 44.0;
 /// Places in the counters, `N_*` of the shaders.
 const N_LISTED: usize = 0;
 const N_KEPT: usize = 1;
-const N_STATIC: usize = 2;
-const N_CLONED: usize = 3;
-const N_SPLIT: usize = 4;
-const N_COUNTERS: usize = 5;
+const N_CLONED: usize = 2;
+const N_SPLIT: usize = 3;
+const N_BUCKET: usize = 4;
+const N_COUNTERS: usize = N_BUCKET + BUCKETS;
 
 /// How Gaussians are chosen.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -163,7 +163,8 @@ impl DensityRound {
         };
         let n = (counters[N_LISTED] + n_new) as usize;
         let sources = scratch.sorted_sources(gpu, n)?;
-        let scene = SceneBuffers::reshaped(gpu, scene, counters[N_STATIC] as usize, n)?;
+        let counts_by_bucket = std::array::from_fn(|bucket| counters[N_BUCKET + bucket] as usize);
+        let scene = SceneBuffers::reshaped(gpu, scene, &counts_by_bucket)?;
         self.carry(gpu, old, scene, &scratch, &sources, counts, alpha_min)
     }
 
@@ -198,6 +199,7 @@ impl DensityRound {
                 largest,
                 split_above,
                 gradient,
+                bucket: group.bucket() as u32,
             };
             let (geometry, grid) = (&group.params.geometry, Grid::Threads(group.n));
             if let Some(motion) = &group.params.motion {
@@ -282,7 +284,7 @@ impl DensityRound {
         for (index, group) in scene.groups.iter().enumerate() {
             rec.group(Some(index));
             for (from, source) in old.scene.groups.iter().enumerate() {
-                if source.params.motion.is_some() != group.params.motion.is_some() {
+                if source.bucket() != group.bucket() {
                     continue;
                 }
                 let args = density_children::Args {

@@ -54,6 +54,8 @@ pub struct SceneBuffers {
     pub group_first: Buf<u32>,
     /// Most Gaussians of a group, a multiple of `CULL_BLOCK`.
     pub group_limit: usize,
+    /// SH degree that a Gaussian has at most.
+    pub sh_degree: usize,
     /// Subtracted from every position, and from the cameras; zero unless the scene is far from its origin.
     pub origin: [f64; 3],
     /// Gaussians with a non-finite parameter or no rotation: never drawn.
@@ -75,11 +77,12 @@ impl SceneBuffers {
     /// As [`SceneBuffers::upload`].
     pub fn upload_in_groups(gpu: &Gpu, splats: &Splats, alpha_min: f32, limit: usize) -> Result<Self> {
         let origin = far_origin(splats);
-        let (groups, n_flat) = cut(splats.n_static, splats.len(), limit, |slot| {
+        let degree = splats.sh_degree as usize;
+        let (groups, n_flat) = cut(&counts(splats), limit, |slot| {
             Group::new(gpu, slot, Planes::upload(gpu, splats, slot.start, slot.n, origin)?)
         })?;
         let n_bad = gpu.upload("bad Gaussians", &[0u32])?;
-        let mut scene = Self::from_groups(gpu, groups, n_flat, limit, origin)?;
+        let mut scene = Self::from_groups(gpu, groups, n_flat, limit, degree, origin)?;
         let mut rec = Recording::new();
         scene.record_bounds(&mut rec, alpha_min, &n_bad);
         gpu.run(&rec)?;
@@ -87,20 +90,26 @@ impl SceneBuffers {
         Ok(scene)
     }
 
-    /// Groups with undefined contents for `n` Gaussians, the first `n_static` of them static, in the shape of `other`.
-    pub(super) fn reshaped(gpu: &Gpu, other: &SceneBuffers, n_static: usize, n: usize) -> Result<Self> {
-        let degree = other.groups.first().map_or(0, Group::degree);
-        let (groups, n_flat) = cut(n_static, n, other.group_limit, |slot| {
-            Group::new(gpu, slot, Planes::alloc(gpu, "parameters", slot.n, degree, slot.dynamic, 1)?)
+    /// Groups with undefined contents for so many Gaussians of each bucket, for a scene like `other`.
+    pub(super) fn reshaped(gpu: &Gpu, other: &SceneBuffers, counts: &[usize; BUCKETS]) -> Result<Self> {
+        let (groups, n_flat) = cut(counts, other.group_limit, |slot| {
+            Group::new(gpu, slot, Planes::alloc(gpu, "parameters", slot.n, slot.degree, slot.dynamic, 1)?)
         })?;
-        Self::from_groups(gpu, groups, n_flat, other.group_limit, other.origin)
+        Self::from_groups(gpu, groups, n_flat, other.group_limit, other.sh_degree, other.origin)
     }
 
-    fn from_groups(gpu: &Gpu, groups: Vec<Group>, n_flat: u32, group_limit: usize, origin: [f64; 3]) -> Result<Self> {
+    fn from_groups(
+        gpu: &Gpu,
+        groups: Vec<Group>,
+        n_flat: u32,
+        group_limit: usize,
+        sh_degree: usize,
+        origin: [f64; 3],
+    ) -> Result<Self> {
         let group_first: Vec<u32> = groups.iter().map(|g| g.first / CULL_BLOCK).collect();
         let n = groups.iter().map(|g| g.n).sum();
         let group_first = gpu.upload("group starts", &group_first)?;
-        Ok(SceneBuffers { groups, n_flat, n, group_first, group_limit, origin, n_bad: 0 })
+        Ok(SceneBuffers { groups, n_flat, n, group_first, group_limit, sh_degree, origin, n_bad: 0 })
     }
 
     /// Appends the derivation of what culling reads; due whenever the parameters have changed. `n_bad` grows by the
@@ -133,7 +142,6 @@ impl SceneBuffers {
     }
 
     fn assemble(&self, arrays: &[Arrays]) -> Splats {
-        let degree = self.groups.first().map_or(0, Group::degree);
         let (n, k) = (self.n as usize, self.n_coefficients());
         let n_static = self.groups.iter().filter(|g| g.params.motion.is_none()).map(|g| g.n as usize).sum();
         let mut out = Splats {
@@ -145,8 +153,11 @@ impl SceneBuffers {
             sh: vec![[0.0; 3]; n * k],
             motion: vec![Motion { velocity: [0.0; 3], t_center: 0.0, t_scale: 0.0 }; n - n_static],
             source_row: (0..n as u32).collect(),
-            ..Splats::new(degree as u32)
+            ..Splats::new(self.sh_degree as u32)
         };
+        if self.groups.iter().any(|group| group.degree() != self.sh_degree) {
+            out.degree = self.groups.iter().flat_map(|g| std::iter::repeat_n(g.degree() as u8, g.n as usize)).collect();
+        }
         for (group, arrays) in self.groups.iter().zip(arrays) {
             arrays.write_into(&mut out, group.start, group.n as usize);
         }
@@ -305,7 +316,7 @@ impl Arrays {
 impl SceneBuffers {
     /// SH coefficients per Gaussian.
     pub fn n_coefficients(&self) -> usize {
-        let side = self.groups.first().map_or(0, Group::degree) + 1;
+        let side = self.sh_degree + 1;
         side * side
     }
 }
@@ -325,6 +336,11 @@ impl Group {
     /// SH degree.
     pub fn degree(&self) -> usize {
         self.params.bands.len()
+    }
+
+    /// Its bucket.
+    pub(super) fn bucket(&self) -> usize {
+        bucket(self.params.motion.is_some(), self.degree())
     }
 
     fn record_bound(&self, rec: &mut Recording, alpha_min: f32, n_bad: &Buf<u32>) {
@@ -355,6 +371,21 @@ fn planes<const P: usize>(n: usize, value: impl Fn(usize) -> [[f32; 4]; P]) -> V
     out
 }
 
+/// Kinds of Gaussians that are stored apart: static ones of degree 3 to 0, then dynamic ones.
+pub(super) const BUCKETS: usize = 8;
+
+/// The bucket of a population and a degree, `bucket` of `include/density.glsl`.
+pub(super) fn bucket(dynamic: bool, degree: usize) -> usize {
+    usize::from(dynamic) * 4 + 3 - degree
+}
+
+/// Gaussians of each bucket.
+fn counts(splats: &Splats) -> [usize; BUCKETS] {
+    let mut counts = [0; BUCKETS];
+    (0..splats.len()).for_each(|i| counts[bucket(i >= splats.n_static, splats.degree_of(i))] += 1);
+    counts
+}
+
 /// Where a group lies.
 struct Slot {
     /// Index of its first Gaussian in the scene's order.
@@ -363,30 +394,34 @@ struct Slot {
     /// Flat index of the first.
     first: u32,
     dynamic: bool,
+    degree: usize,
 }
 
-/// Cuts `n` Gaussians, the first `n_static` of them static, into groups of at most `limit`. Returns what `group` makes of
-/// each, and the length of the flat index.
-fn cut(n_static: usize, n: usize, limit: usize, group: impl Fn(&Slot) -> Result<Group>) -> Result<(Vec<Group>, u32)> {
-    let (mut groups, mut first) = (Vec::new(), 0u32);
-    for (range, dynamic) in [(0..n_static, false), (n_static..n, true)] {
-        for start in range.clone().step_by(limit) {
-            let slot = Slot { start, n: limit.min(range.end - start), first, dynamic };
+/// Cuts so many Gaussians of each bucket into groups of at most `limit`. Returns what `group` makes of each, and the length
+/// of the flat index.
+fn cut(counts: &[usize; BUCKETS], limit: usize, group: impl Fn(&Slot) -> Result<Group>) -> Result<(Vec<Group>, u32)> {
+    let (mut groups, mut first, mut begin) = (Vec::new(), 0u32, 0);
+    for (bucket, count) in counts.iter().enumerate() {
+        let end = begin + count;
+        for start in (begin..end).step_by(limit) {
+            let slot =
+                Slot { start, n: limit.min(end - start), first, dynamic: bucket >= 4, degree: 3 - bucket % 4 };
             let flat = (slot.n as u64).next_multiple_of(u64::from(CULL_BLOCK));
             groups.push(group(&slot)?);
             first = u32::try_from(u64::from(first) + flat).map_err(|_| Error::OutOfMemory {
                 what: "the scene (Gaussians)".to_owned(),
-                needed: n as u64,
+                needed: counts.iter().sum::<usize>() as u64,
                 limit: u64::from(u32::MAX),
                 remedy: "split the scene".to_owned(),
             })?;
         }
+        begin = end;
     }
     Ok((groups, first))
 }
 
 impl Arrays {
-    /// The values of Gaussians `start..start + n` of `splats`, positions relative to `origin`.
+    /// The values of Gaussians `start..start + n` of `splats`, all of one bucket, positions relative to `origin`.
     fn of(splats: &Splats, origin: [f64; 3], start: usize, n: usize) -> Self {
         let dynamic = start >= splats.n_static;
         let motion_of = |i: usize| splats.motion[start + i - splats.n_static];
@@ -407,7 +442,7 @@ impl Arrays {
         };
         let vec4 = |i: usize, band: usize, p: usize| std::array::from_fn(|j| float(i, band, 4 * p + j));
         let mut bands = Vec::new();
-        for band in 1..=splats.sh_degree as usize {
+        for band in 1..=splats.degree_of(start) {
             let data = match band {
                 1 => planes::<3>(n, |i| std::array::from_fn(|p| vec4(i, 1, p))),
                 2 => planes::<4>(n, |i| std::array::from_fn(|p| vec4(i, 2, p))),

@@ -10,7 +10,7 @@ use crate::scene::{Similarity, Splats, write_atomic};
 use crate::stage::GridState;
 use std::path::{Path, PathBuf};
 
-const MAGIC: &[u8; 8] = b"IVVCKPT3";
+const MAGIC: &[u8; 8] = b"IVVCKPT4";
 /// Longest header that is believed, bytes.
 const MAX_HEADER: usize = 1 << 20;
 /// Checkpoints kept in a folder.
@@ -64,6 +64,8 @@ struct Header {
     origin: [f64; 3],
     n_static: usize,
     sh_degree: u32,
+    /// Runs of Gaussians of one SH degree: how many, and the degree. None where all have `sh_degree`.
+    degrees: Vec<(usize, u8)>,
     learns_offset: Vec<bool>,
     grid_steps: Vec<u64>,
     sections: Vec<Section>,
@@ -87,6 +89,11 @@ fn arrays(splats: &Splats) -> [(&'static str, &[f32]); 6] {
         ("sh", splats.sh.as_flattened()),
         ("motion", bytemuck::cast_slice(&splats.motion)),
     ]
+}
+
+/// Runs of equal values: how many, and the value.
+fn runs(values: &[u8]) -> Vec<(usize, u8)> {
+    values.chunk_by(|a, b| a == b).map(|run| (run.len(), run[0])).collect()
 }
 
 /// FNV-1a over 32-bit words.
@@ -147,6 +154,7 @@ impl Checkpoint {
             origin: self.origin,
             n_static: self.params.n_static,
             sh_degree: self.params.sh_degree,
+            degrees: runs(&self.params.degree),
             learns_offset: self.cameras.learns_offset.clone(),
             grid_steps: self.cameras.grid_steps.clone(),
             sections: sections.iter().map(told).collect(),
@@ -244,6 +252,11 @@ impl Checkpoint {
             values.insert(section.name.clone(), data);
             rest = tail;
         }
+        let n_degrees = header.degrees.iter().try_fold(0usize, |sum, (n, _)| sum.checked_add(*n));
+        if n_degrees.is_none_or(|n| n > bytes.len()) {
+            return Err(fault("header", "has more SH degrees than the file can have Gaussians".to_owned()));
+        }
+        let degree: Vec<u8> = header.degrees.iter().flat_map(|(n, degree)| std::iter::repeat_n(*degree, *n)).collect();
         let mut take = |name: &str| values.remove(name).ok_or_else(|| fault(name, "is missing".to_owned()));
         let mut set = |set: &str| -> Result<Splats> {
             let mut array = |name: &str| take(&format!("{set}.{name}"));
@@ -255,6 +268,7 @@ impl Checkpoint {
                 opacity: array("opacity")?,
                 sh: array("sh")?.as_chunks().0.to_vec(),
                 motion: bytemuck::allocation::pod_collect_to_vec(&array("motion")?),
+                degree: degree.clone(),
                 ..Splats::new(header.sh_degree.min(3))
             };
             let source_row = (0..splats.len() as u32).collect();

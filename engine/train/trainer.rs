@@ -517,6 +517,7 @@ fn zeros_like(splats: &Splats) -> Splats {
         opacity: vec![0.0; n],
         sh: vec![[0.0; 3]; splats.sh.len()],
         motion: vec![bytemuck::Zeroable::zeroed(); splats.motion.len()],
+        degree: splats.degree.clone(),
         source_row: splats.source_row.clone(),
         ..Splats::new(splats.sh_degree)
     }

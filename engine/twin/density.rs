@@ -172,7 +172,8 @@ impl Density<'_> {
             && self.largest(i) <= 44f32.exp()
     }
 
-    /// Where a Gaussian is stored: population, sixty-third of the clip (0: longer than a quarter of it), Morton's code.
+    /// Where a Gaussian is stored: population and falling SH degree, thirty-first of the clip (0: longer than a quarter of
+    /// it), Morton's code.
     pub fn code(&self, i: usize) -> u32 {
         let cell = |k: usize| {
             let x = (self.splats.position[i][k] - self.center[k]) / self.extent;
@@ -182,11 +183,11 @@ impl Density<'_> {
             (0..8).flat_map(|bit| (0..3).map(move |k| (bit, k))).map(|(bit, k)| (cell(k) >> bit & 1) << (3 * bit + k));
         let time = i.checked_sub(self.splats.n_static).map_or(0, |at| {
             let motion = self.splats.motion[at];
-            let bucket =
-                if motion.t_scale > 0.25f32.ln() { 0 } else { 1 + (62.0 * motion.t_center.clamp(0.0, 1.0)) as u32 };
-            1 << 30 | bucket << 24
+            let time =
+                if motion.t_scale > 0.25f32.ln() { 0 } else { 1 + (30.0 * motion.t_center.clamp(0.0, 1.0)) as u32 };
+            1 << 31 | time << 24
         });
-        morton.sum::<u32>() | time
+        morton.sum::<u32>() | time | (3 - self.splats.degree_of(i) as u32) << 29
     }
 }
 

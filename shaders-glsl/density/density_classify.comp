@@ -28,6 +28,7 @@ layout(push_constant) uniform Push {
     float largest;        // log of the standard deviation above which a Gaussian is not kept
     float split_above;    // log of that above which it splits
     float gradient;
+    uint bucket;
 } pc;
 layout(set = 0, binding = 0) restrict readonly buffer Geometry { vec4 geometry[]; };
 layout(set = 0, binding = 1) restrict readonly buffer State { vec4 state[]; };
@@ -70,7 +71,7 @@ void main() {
     float opacity = sigmoid(mean_opacity.w);
     bool good = finite4(mean_opacity) && finite4(q) && finite3(scale_t.xyz);
     good = good && max(max(q_abs.x, q_abs.y), max(q_abs.z, q_abs.w)) > 1e-37;
-    uint code = 0u;
+    uint code = pc.bucket << CODE_BUCKET;
 #ifdef DYNAMIC
     const vec4 v = motion[at];
     const float t_scale = scale_t.w;
@@ -80,8 +81,7 @@ void main() {
     opacity *= temporal_weight(v.w, t_scale, frame / n_frames);
     // Those that last longer than a quarter of the clip belong to no time.
     const bool lasts = t_scale > log(0.25);
-    const uint bucket = lasts ? 0u : 1u + uint(62.0 * clamp(v.w, 0.0, 1.0));
-    code = CODE_DYNAMIC | (bucket << CODE_TIME);
+    code |= (lasts ? 0u : 1u + uint(30.0 * clamp(v.w, 0.0, 1.0))) << CODE_TIME;
 #endif
     code |= morton(mean_opacity.xyz);
     const bool kept = exists && good && opacity >= pc.prune_opacity && scale <= pc.largest;

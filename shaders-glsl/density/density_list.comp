@@ -38,12 +38,10 @@ void main() {
         sources[at + 1u] = source_word(i, splits ? HALF_B : COPY);
         source_codes[at + 1u] = code;
     }
-    const bool is_static = (code & CODE_DYNAMIC) == 0u;
-    const uint n_static = subgroupAdd(is_static ? uint(kept) + uint(grows) : 0u);
+    if (kept) atomicAdd(counters[N_BUCKET + (code >> CODE_BUCKET)], 1u + uint(grows));
     const uint n_cloned = subgroupAdd(uint(grows && !splits));
     const uint n_split = subgroupAdd(uint(splits));
     if (gl_SubgroupInvocationID == 0u) {
-        atomicAdd(counters[N_STATIC], n_static);
         atomicAdd(counters[N_CLONED], n_cloned);
         atomicAdd(counters[N_SPLIT], n_split);
     }

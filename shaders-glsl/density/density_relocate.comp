@@ -3,11 +3,10 @@
 //           become copies.
 // Equation  none.
 // Grid      one thread per flat index, then one per new Gaussian.
-// Writes    source words and storage codes, in flat order, the new ones last; the number of static ones.
+// Writes    source words and storage codes, in flat order, the new ones last; the number of each bucket.
 // Numerics  integers only. A living one that was copied is a copy itself: it shares its opacity and loses its moments.
 #version 460
 #extension GL_GOOGLE_include_directive : require
-#extension GL_KHR_shader_subgroup_arithmetic : require
 #include "grid.glsl"
 #include "density.glsl"
 
@@ -27,19 +26,17 @@ layout(set = 0, binding = 7) restrict buffer Counters { uint counters[]; };
 void main() {
     const uint i = linear_thread(gl_WorkGroupSize.x);
     const uint n_threads = pc.n + pc.n_new;
-    // Whole workgroups leave here, so that every lane is counted.
-    if (i >= div_ceil(n_threads, 128u) * 128u) return;
-    const bool is_new = i >= pc.n && i < n_threads;
+    if (i >= n_threads) return;
+    const bool is_new = i >= pc.n;
     const uint old = min(i, pc.n - 1u);
     const bool listed = is_new || (i < pc.n && (flags[old] & EXISTS) != 0u);
-    const uint origin = targets[min(i, n_threads - 1u)];
+    const uint origin = targets[i];
     const uint code = codes[origin];
     if (listed) {
         const uint at = is_new ? pc.n_old + (i - pc.n) : offsets[old];
         const bool untouched = origin == i && copies[origin] == 0u;
         sources[at] = source_word(origin, untouched ? AS_IT_WAS : COPY);
         source_codes[at] = code;
+        atomicAdd(counters[N_BUCKET + (code >> CODE_BUCKET)], 1u);
     }
-    const uint n_static = subgroupAdd(uint(listed && (code & CODE_DYNAMIC) == 0u));
-    if (gl_SubgroupInvocationID == 0u) atomicAdd(counters[N_STATIC], n_static);
 }

@@ -20,10 +20,10 @@ uint kind_of(uint word) { return word >> SOURCE_BITS; }
 // Places in `counters`.
 const uint N_LISTED = 0u;
 const uint N_KEPT = 1u;
-const uint N_STATIC = 2u;
-const uint N_CLONED = 3u;
-const uint N_SPLIT = 4u;
+const uint N_CLONED = 2u;
+const uint N_SPLIT = 3u;
+const uint N_BUCKET = 4u;  // eight: Gaussians of each bucket, 4 * is dynamic + 3 - SH degree
 
-// Population, time and place of a Gaussian, most significant first: 1, 6 and 24 bits.
-const uint CODE_DYNAMIC = 1u << 30u;
+// Bucket, time and place of a Gaussian, most significant first: 3, 5 and 24 bits.
+const uint CODE_BUCKET = 29u;
 const uint CODE_TIME = 24u;

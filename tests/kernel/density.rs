@@ -202,7 +202,7 @@ fn scene(seed: u64, n_static: usize, n_dynamic: usize, sh_degree: u32) -> (Splat
     for i in 0..n_static + n_dynamic {
         let mut weight = 1.0;
         if i >= n_static {
-            let t_center = half(&mut random, 62) / 62.0;
+            let t_center = half(&mut random, 30) / 30.0;
             let t_scale = random.pick(&[-3.0, -1.5, -1.2, 0.0, f64::INFINITY]);
             let frame = (t_center * 5.0).round().min(4.0);
             weight = (-((frame / 5.0 - t_center) / t_scale.exp()).powi(2)).exp();
@@ -221,7 +221,13 @@ fn scene(seed: u64, n_static: usize, n_dynamic: usize, sh_degree: u32) -> (Splat
         let opacity = (half(&mut random, steps) / 1023.0).min(0.98 * weight);
         splats.opacity.push(logit(opacity / weight));
         splats.sh.push([i as f32, 0.25, 0.5]);
-        splats.sh.extend((1..splats.n_coefficients()).map(|_| random.vector::<3>(-0.5, 0.5)));
+        // Degrees fall within each population.
+        let (at, n) = if i < n_static { (i, n_static) } else { (i - n_static, n_dynamic) };
+        let degree = sh_degree as usize * (n - at) / n;
+        splats.degree.push(degree as u8);
+        let modelled = |c: usize| if c.isqrt() <= degree { 1.0 } else { 0.0 };
+        let coefficients = (1..splats.n_coefficients()).map(|c| random.vector::<3>(-0.5, 0.5).map(|x| modelled(c) * x));
+        splats.sh.extend(coefficients.collect::<Vec<_>>());
         splats.source_row.push(i as u32);
         let pull = random.pick(&[0.0, 1e-4, 3e-4, 6e-4, 1e-2]) as f32;
         let frames = random.pick(&[0.0, 1.0, 4.0]) as f32;
