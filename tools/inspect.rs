@@ -25,6 +25,13 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         summary.n_dynamic,
         summary.sh_degree
     );
+    let by_degree = |counts: [usize; 4]| counts.map(|n| n.to_string()).join(" / ");
+    println!(
+        "modelled:      {:.1} MiB of parameters; SH degree 0 / 1 / 2 / 3: {} static, {} dynamic",
+        mib(summary.parameter_bytes),
+        by_degree(summary.static_by_degree),
+        by_degree(summary.dynamic_by_degree)
+    );
     println!("as PLY:        {} bytes each, {:.1} MiB in all", summary.ply_bytes_per_gaussian, mib(summary.ply_bytes));
     println!(
         "on the device: {:.1} MiB: geometry {:.1}, motion {:.1}, SH by band {}",

@@ -19,6 +19,7 @@ mod prepare;
 mod profile;
 mod progress;
 mod render;
+mod require;
 mod settings;
 mod sound;
 mod synth;

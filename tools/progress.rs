@@ -109,6 +109,11 @@ impl Steps {
         Steps { total, before, psnr: None, screen: Screen::new() }
     }
 
+    /// A line that stays.
+    pub fn note(&mut self, text: &str) {
+        self.screen.say(text);
+    }
+
     /// After a step, `seconds` of stepping into this process; at most five lines a second on a terminal and one in five
     /// seconds elsewhere.
     pub fn show(&mut self, report: &StepReport, seconds: f64) {

@@ -56,7 +56,7 @@ pub fn totals(
         "gaussians": summary.n,
         "dynamic_gaussians": summary.n_dynamic,
         "sh_degree": summary.sh_degree,
-        "scene_bytes": summary.ply_bytes,
+        "scene_bytes": summary.parameter_bytes,
         "peak_bytes": gpu.device().memory().1,
         "host_peak_bytes": host_peak_bytes(),
         "bytes_by_buffer": bytes_by_buffer,

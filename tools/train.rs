@@ -10,6 +10,7 @@ use crate::offsets;
 use crate::profile::{self, TimedPass};
 use crate::progress::Steps;
 use crate::render::ConstantArgs;
+use crate::require;
 use crate::settings::SettingArgs;
 use crate::totals::{ProfiledStep, Seconds, totals};
 use anyhow::Context;
@@ -118,6 +119,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         args,
         scorer: Scorer { gpu: &gpu, capture: &capture, run: &run, config: &config },
         trainer,
+        total,
         plan,
         priors,
         depth_summary,
@@ -140,6 +142,7 @@ struct Session<'a> {
     args: &'a Args,
     scorer: Scorer<'a>,
     trainer: Trainer,
+    total: u64,
     plan: Plan,
     priors: PriorPlan,
     depth_summary: Option<DepthSummary>,
@@ -173,7 +176,12 @@ impl Session<'_> {
                 Vec::new()
             };
             let step = self.trainer.step();
-            if self.due.evaluation(step) || self.due.checkpoint(step) || self.due.offset_check(step) {
+            let review_due = ivv::train::review_due(self.scorer.config, step, self.total);
+            if review_due.is_some()
+                || self.due.evaluation(step)
+                || self.due.checkpoint(step)
+                || self.due.offset_check(step)
+            {
                 self.trainer.finish()?;
             }
             self.seconds += begun.elapsed().as_secs_f64();
@@ -184,6 +192,9 @@ impl Session<'_> {
             }
             reports.iter().try_for_each(|report| self.note(report))?;
 
+            if let Some(due) = review_due {
+                self.review(due)?;
+            }
             if self.due.offset_check(step) {
                 offsets::freeze(&mut self.trainer, &self.scorer)?;
             }
@@ -201,6 +212,17 @@ impl Session<'_> {
                 return Err(Interrupted("a checkpoint was written; go on with --resume").into());
             }
         }
+        Ok(())
+    }
+
+    /// Looks what the scene requires, and goes on with that.
+    fn review(&mut self, due: ivv::train::Due) -> anyhow::Result<()> {
+        let Scorer { gpu, capture, run, .. } = self.scorer;
+        let begun = Instant::now();
+        let review = ivv::train::review(&mut self.trainer, gpu, capture, run.constants, due)?;
+        self.seconds += begun.elapsed().as_secs_f64();
+        self.progress.note(&require::told(&review));
+        self.log.push(Kind::Review, &review)?;
         Ok(())
     }
 
@@ -248,6 +270,7 @@ impl Session<'_> {
         let offsets = offsets::table(trainer, &self.scorer, &splats, output)?;
         let Scorer { gpu, run, capture, .. } = self.scorer;
         let mut totals = totals(gpu, trainer.step(), &splats, run, &self.log, &seconds)?;
+        totals["reviews"] = self.log.lines(Kind::Review).cloned().collect();
         totals["plan"] = serde_json::to_value(&self.plan)?;
         totals["depth_priors"] = serde_json::to_value(&self.depth_summary)?;
         totals["offsets"] = serde_json::to_value(&offsets)?;

@@ -3192,6 +3192,278 @@ pub mod project_bwd_adam_dynamic_sh3 {
     };
 }
 
+/// adds up what a picture says of each Gaussian: how much would change without one of its parts, or with a new one.
+pub mod fisher_static_sh0 {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `n` of the shader.
+        pub n: u32,
+        /// `time` of the shader.
+        pub time: f32,
+        /// `middle` of the shader.
+        pub middle: f32,
+        /// `squares` of the shader.
+        pub squares: f32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 16);
+        assert!(std::mem::offset_of!(Push, n) == 0);
+        assert!(std::mem::offset_of!(Push, time) == 4);
+        assert!(std::mem::offset_of!(Push, middle) == 8);
+        assert!(std::mem::offset_of!(Push, squares) == 12);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub geometry: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub d_geometry: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub d_sh0: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub sums: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub motion: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub sh1: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub sh2: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub sh3: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub d_sh1: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub d_sh2: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub d_sh3: &'a Buf<[f32; 4]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = INFO;
+        fn slices(&self) -> Vec<Slice> {
+            vec![
+                self.geometry.slice(),
+                self.d_geometry.slice(),
+                self.d_sh0.slice(),
+                self.sums.slice(),
+                self.motion.slice(),
+                self.sh1.slice(),
+                self.sh2.slice(),
+                self.sh3.slice(),
+                self.d_sh1.slice(),
+                self.d_sh2.slice(),
+                self.d_sh3.slice(),
+            ]
+        }
+    }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "fisher_static_sh0",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/fisher_static_sh0.spv"),
+        local: 64,
+        subgroups: false,
+        bindings: &[
+            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_geometry", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_sh0", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sums", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_sh1", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_sh2", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_sh3", kind: BindingKind::Storage, access: Access::Read },
+        ],
+    };
+}
+
+/// adds up what a picture says of each Gaussian: how much would change without one of its parts, or with a new one.
+pub mod fisher_static_sh1 {
+    use super::super::kernel::*;
+    /// What the device needs to know. A variant of [`super::fisher_static_sh0`].
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "fisher_static_sh1",
+        push_bytes: size_of::<super::fisher_static_sh0::Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/fisher_static_sh1.spv"),
+        local: 64,
+        subgroups: false,
+        bindings: &[
+            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_geometry", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_sh0", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sums", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_sh1", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_sh2", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_sh3", kind: BindingKind::Storage, access: Access::Read },
+        ],
+    };
+}
+
+/// adds up what a picture says of each Gaussian: how much would change without one of its parts, or with a new one.
+pub mod fisher_static_sh2 {
+    use super::super::kernel::*;
+    /// What the device needs to know. A variant of [`super::fisher_static_sh0`].
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "fisher_static_sh2",
+        push_bytes: size_of::<super::fisher_static_sh0::Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/fisher_static_sh2.spv"),
+        local: 64,
+        subgroups: false,
+        bindings: &[
+            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_geometry", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_sh0", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sums", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_sh1", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_sh2", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_sh3", kind: BindingKind::Storage, access: Access::Read },
+        ],
+    };
+}
+
+/// adds up what a picture says of each Gaussian: how much would change without one of its parts, or with a new one.
+pub mod fisher_static_sh3 {
+    use super::super::kernel::*;
+    /// What the device needs to know. A variant of [`super::fisher_static_sh0`].
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "fisher_static_sh3",
+        push_bytes: size_of::<super::fisher_static_sh0::Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/fisher_static_sh3.spv"),
+        local: 64,
+        subgroups: false,
+        bindings: &[
+            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_geometry", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_sh0", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sums", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_sh1", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_sh2", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_sh3", kind: BindingKind::Storage, access: Access::Read },
+        ],
+    };
+}
+
+/// adds up what a picture says of each Gaussian: how much would change without one of its parts, or with a new one.
+pub mod fisher_dynamic_sh0 {
+    use super::super::kernel::*;
+    /// What the device needs to know. A variant of [`super::fisher_static_sh0`].
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "fisher_dynamic_sh0",
+        push_bytes: size_of::<super::fisher_static_sh0::Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/fisher_dynamic_sh0.spv"),
+        local: 64,
+        subgroups: false,
+        bindings: &[
+            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_geometry", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_sh0", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sums", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_sh1", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_sh2", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_sh3", kind: BindingKind::Storage, access: Access::Read },
+        ],
+    };
+}
+
+/// adds up what a picture says of each Gaussian: how much would change without one of its parts, or with a new one.
+pub mod fisher_dynamic_sh1 {
+    use super::super::kernel::*;
+    /// What the device needs to know. A variant of [`super::fisher_static_sh0`].
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "fisher_dynamic_sh1",
+        push_bytes: size_of::<super::fisher_static_sh0::Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/fisher_dynamic_sh1.spv"),
+        local: 64,
+        subgroups: false,
+        bindings: &[
+            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_geometry", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_sh0", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sums", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_sh1", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_sh2", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_sh3", kind: BindingKind::Storage, access: Access::Read },
+        ],
+    };
+}
+
+/// adds up what a picture says of each Gaussian: how much would change without one of its parts, or with a new one.
+pub mod fisher_dynamic_sh2 {
+    use super::super::kernel::*;
+    /// What the device needs to know. A variant of [`super::fisher_static_sh0`].
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "fisher_dynamic_sh2",
+        push_bytes: size_of::<super::fisher_static_sh0::Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/fisher_dynamic_sh2.spv"),
+        local: 64,
+        subgroups: false,
+        bindings: &[
+            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_geometry", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_sh0", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sums", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_sh1", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_sh2", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_sh3", kind: BindingKind::Storage, access: Access::Read },
+        ],
+    };
+}
+
+/// adds up what a picture says of each Gaussian: how much would change without one of its parts, or with a new one.
+pub mod fisher_dynamic_sh3 {
+    use super::super::kernel::*;
+    /// What the device needs to know. A variant of [`super::fisher_static_sh0`].
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "fisher_dynamic_sh3",
+        push_bytes: size_of::<super::fisher_static_sh0::Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/fisher_dynamic_sh3.spv"),
+        local: 64,
+        subgroups: false,
+        bindings: &[
+            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_geometry", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_sh0", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sums", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_sh1", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_sh2", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_sh3", kind: BindingKind::Storage, access: Access::Read },
+        ],
+    };
+}
+
 /// adds the active Gaussians' gradients of the camera.
 pub mod camera_sum {
     use super::super::kernel::*;

@@ -72,6 +72,12 @@ impl Splats {
         self.degree.get(i).map_or(self.sh_degree as usize, |degree| usize::from(*degree))
     }
 
+    /// exp(-u^2) of Gaussian `i` at normalised time `time` (SPEC 2); 1 for a static one.
+    pub fn weight_at(&self, i: usize, time: f64) -> f64 {
+        let motion = i.checked_sub(self.n_static).and_then(|at| self.motion.get(at));
+        motion.map_or(1.0, |m| (-((time - f64::from(m.t_center)) / f64::from(m.t_scale).exp()).powi(2)).exp())
+    }
+
     /// Says which array has the wrong length, if one has; every array must fit `len()`, `n_static` and `sh_degree`. Also
     /// when degrees are above `sh_degree` or not in order.
     ///

@@ -27,6 +27,9 @@ pub struct Summary {
     pub static_by_degree: [usize; 4],
     /// Dynamic Gaussians by SH degree, 0 to 3.
     pub dynamic_by_degree: [usize; 4],
+    /// Bytes of the numbers that are modelled, 4 each: 14 of a static Gaussian of degree 0 (SPEC 2), 5 more of a dynamic
+    /// one, 9, 15 and 21 of the bands above.
+    pub parameter_bytes: u64,
     /// Bytes of a row in this project's PLY.
     pub ply_bytes_per_gaussian: u64,
     /// Bytes of all rows in this project's PLY, without the header.
@@ -109,6 +112,7 @@ impl Splats {
         (0..self.len()).for_each(|i| by_degree[usize::from(i >= self.n_static)][self.degree_of(i)] += 1);
         let with_band = |band: usize| by_degree.iter().flat_map(|counts| &counts[band..]).sum::<usize>() as u64;
         let sh_bands: Vec<u64> = (0..=self.sh_degree as usize).map(|band| BAND_BYTES[band] * with_band(band)).collect();
+        let numbers = 14 * n + 5 * n_dynamic + 9 * with_band(1) + 15 * with_band(2) + 21 * with_band(3);
         let (geometry, motion) = (GEOMETRY_BYTES * n, MOTION_BYTES * n_dynamic);
         let total = geometry + motion + sh_bands.iter().sum::<u64>();
         let times = Quantiles::of(self.motion.iter().map(|m| m.t_center));
@@ -120,6 +124,7 @@ impl Splats {
             sh_degree: self.sh_degree,
             static_by_degree: by_degree[0],
             dynamic_by_degree: by_degree[1],
+            parameter_bytes: 4 * numbers,
             ply_bytes_per_gaussian: 4 * floats,
             ply_bytes: 4 * floats * n,
             device: DeviceBytes { geometry, motion, sh_bands, total },

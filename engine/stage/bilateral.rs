@@ -66,8 +66,10 @@ impl GridState {
 /// What a step does to the grid of its camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GridStep {
-    /// Number of the step in the run, from 1: every so many steps as there are cameras the gauge is restored.
+    /// Number of the step in the run, from 1: every so many steps as there are cameras the gauge is restored,
     pub step: u64,
+    /// if it is free: a camera without a grid fixes it.
+    pub is_free: bool,
     /// Number of the step among this camera's, from 1: for the bias corrections.
     pub camera_step: u64,
     /// Learning rate (SPEC 6: 2e-3).
@@ -271,7 +273,7 @@ impl Grids {
         rec.copy(stepped.slice(), grid.slice());
         let n = tv_sums.len() as u32;
         rec.pass(loss_sum::Args { sums: tv_sums, loss: tv }, loss_sum::Push { n }, Grid::Groups(1));
-        if step.step.is_multiple_of(self.n_cameras as u64) {
+        if step.is_free && step.step.is_multiple_of(self.n_cameras as u64) {
             rec.pass(
                 bilateral_gauge::Args { frame_status: status, grids: &self.grids },
                 bilateral_gauge::Push { n_cameras: self.n_cameras as u32 },

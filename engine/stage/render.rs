@@ -3,6 +3,7 @@
 
 use super::backward::{Accumulation, Backward, Target};
 use super::blend::{Blend, Outputs, Purpose};
+use super::fisher::{Census, Fisher, Response};
 use super::gradients::Gradients;
 use super::params::{Strip, TILE, view_params};
 use super::scene::SceneBuffers;
@@ -138,6 +139,53 @@ impl Renderer {
             Ok(())
         })?;
         Ok((gradients, report))
+    }
+
+    /// An empty census of this renderer's scene.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`] naming the buffer that does not fit.
+    pub fn census(&self) -> Result<Census> {
+        Census::new(&self.gpu, &self.scene)
+    }
+
+    /// Adds `view` to `census`, which this renderer made: by the cotangents of colour `signs`, which must be random signs, the
+    /// information; by those that `errors` makes of the picture, its errors, the slope of half their square.
+    ///
+    /// # Errors
+    /// As [`Renderer::render`].
+    pub fn count(
+        &mut self,
+        census: &Census,
+        view: &View,
+        signs: &Frame,
+        errors: impl FnOnce(Frame) -> Frame,
+    ) -> Result<()> {
+        let gpu = self.gpu.clone();
+        let time = view.time + view.time_offset * view.flow_dt;
+        let mut frame = Frame { width: view.width, height: view.height, ..Frame::default() };
+        let add = |fisher: &Fisher, scene: &SceneBuffers, work: &Workspace| {
+            let Some(backward) = &work.backward else { return Ok(()) };
+            let mut rec = Recording::new();
+            fisher.record(&mut rec, scene, &backward.gradients, time);
+            gpu.run(&rec)
+        };
+        self.strips(view, Outputs::Color, Some(signs), false, |scene, work, strip| {
+            append(&mut frame, &gpu, &work.blend, (view.width * strip.n_rows) as usize)?;
+            add(&census.information, scene, work)
+        })?;
+        self.strips(view, Outputs::Color, Some(&errors(frame)), false, |scene, work, _| {
+            add(&census.slope, scene, work)
+        })?;
+        Ok(())
+    }
+
+    /// What `census` has counted of every Gaussian, in the scene's order: information, and slope of half the squared error.
+    ///
+    /// # Errors
+    /// [`Error::DeviceLost`].
+    pub fn counted(&self, census: &Census) -> Result<(Vec<Response>, Vec<Response>)> {
+        Ok((census.information.read(&self.gpu, &self.scene)?, census.slope.read(&self.gpu, &self.scene)?))
     }
 
     fn render_with(&mut self, view: &View, outputs: Outputs, timed: bool) -> Result<(Frame, FrameReport)> {

@@ -8,7 +8,7 @@ use crate::gpu::{Buf, Gpu, Grid, Recording};
 use crate::scene::{Motion, Splats};
 
 /// Items in one block of planes; `plane_index` of the shaders.
-const PLANE_BLOCK: usize = 32;
+pub(super) const PLANE_BLOCK: usize = 32;
 /// Gaussians per workgroup of the cull; groups begin at multiples of it in the flat index.
 pub const CULL_BLOCK: u32 = 128;
 /// vec4 planes of bands 1 to 3.
@@ -404,8 +404,7 @@ fn cut(counts: &[usize; BUCKETS], limit: usize, group: impl Fn(&Slot) -> Result<
     for (bucket, count) in counts.iter().enumerate() {
         let end = begin + count;
         for start in (begin..end).step_by(limit) {
-            let slot =
-                Slot { start, n: limit.min(end - start), first, dynamic: bucket >= 4, degree: 3 - bucket % 4 };
+            let slot = Slot { start, n: limit.min(end - start), first, dynamic: bucket >= 4, degree: 3 - bucket % 4 };
             let flat = (slot.n as u64).next_multiple_of(u64::from(CULL_BLOCK));
             groups.push(group(&slot)?);
             first = u32::try_from(u64::from(first) + flat).map_err(|_| Error::OutOfMemory {

@@ -53,6 +53,8 @@ pub struct CameraState {
     pub grids: Vec<GridState>,
     /// Steps of each grid.
     pub grid_steps: Vec<u64>,
+    /// By camera, whether it has a grid; empty where none has.
+    pub has_grid: Vec<bool>,
 }
 
 #[derive(serde::Serialize, serde::Deserialize)]
@@ -68,6 +70,7 @@ struct Header {
     degrees: Vec<(usize, u8)>,
     learns_offset: Vec<bool>,
     grid_steps: Vec<u64>,
+    has_grid: Vec<bool>,
     sections: Vec<Section>,
 }
 
@@ -157,6 +160,7 @@ impl Checkpoint {
             degrees: runs(&self.params.degree),
             learns_offset: self.cameras.learns_offset.clone(),
             grid_steps: self.cameras.grid_steps.clone(),
+            has_grid: self.cameras.has_grid.clone(),
             sections: sections.iter().map(told).collect(),
         };
         write_atomic(&file, |to| {
@@ -282,7 +286,7 @@ impl Checkpoint {
             return Err(fault("sections", "are of different numbers of Gaussians".to_owned()));
         }
         let clocks: Vec<[f32; 4]> = take("clocks")?.as_chunks().0.to_vec();
-        let Header { step, total, config, world, origin, learns_offset, grid_steps, .. } = header;
+        let Header { step, total, config, world, origin, learns_offset, grid_steps, has_grid, .. } = header;
         let mut grids = Vec::new();
         for index in 0..grid_steps.len() {
             let mut part = |part: &str| take(&format!("grid{index}.{part}"));
@@ -295,7 +299,7 @@ impl Checkpoint {
         if clocks.len() != learns_offset.len() {
             return Err(fault("sections", "are of different numbers of cameras".to_owned()));
         }
-        let cameras = CameraState { clocks, learns_offset, grids, grid_steps };
+        let cameras = CameraState { clocks, learns_offset, grids, grid_steps, has_grid };
         Ok(Checkpoint { step, total, config, world, origin, params, first, second, state, cameras })
     }
 

@@ -49,6 +49,33 @@ pub struct Config {
     pub accumulation: Accumulation,
     /// Where Gaussians are added and removed.
     pub density: Density,
+    /// What is kept of the model: everything, or only what the scene requires.
+    pub required: Required,
+}
+
+/// Reviews of what the scene requires (SPEC 12). Without any, all that the settings ask for is modelled.
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Required {
+    /// How often the Gaussians are reviewed; 0 for a model of everything.
+    pub reviews: u32,
+    /// First review, as a fraction of the run.
+    pub first: f64,
+    /// Last review, as a fraction of the run.
+    pub last: f64,
+    /// Training images that a review looks at.
+    pub images: usize,
+    /// What a number must be worth, in units of half the logarithm of the number of observations (Schwarz 1978).
+    pub price: f64,
+    /// Cameras get bilateral grids, where [`Config::grids`] allows any, after this fraction of the run, and only those that
+    /// need one.
+    pub grids_at: f64,
+}
+
+impl Default for Required {
+    fn default() -> Self {
+        Required { reviews: 0, first: 0.4, last: 0.8, images: 64, price: 1.0, grids_at: 0.1 }
+    }
 }
 
 /// The terms of the loss beside the photometric one, whose weight is 1 (SPEC 4). A term of weight 0, or without data,
@@ -273,6 +300,15 @@ impl Config {
         if lpips_every == 0 {
             return Err("loss.lpips_every is 0: LPIPS is due in every n-th step, n at least 1".to_owned());
         }
+        let Required { first, last, images, price, grids_at, .. } = self.required;
+        if !(0.0..=last).contains(&first) || last >= 1.0 || !(0.0..1.0).contains(&grids_at) {
+            return Err(format!(
+                "required.first is {first}, last {last}, grids_at {grids_at}: fractions of the run, in order"
+            ));
+        }
+        if images == 0 || !(price > 0.0 && price.is_finite()) {
+            return Err(format!("required.images is {images}, price {price}: both must be positive"));
+        }
         for (name, weight) in weights {
             if !(weight >= 0.0 && weight.is_finite()) {
                 return Err(format!("loss.{name} is {weight}: a weight is 0 or more"));
@@ -360,6 +396,7 @@ impl Default for Config {
             adam: AdamMode::default(),
             accumulation: Accumulation::default(),
             density: Density::default(),
+            required: Required::default(),
         }
     }
 }

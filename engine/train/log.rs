@@ -14,6 +14,8 @@ pub enum Kind {
     Evaluation,
     /// A step whose passes were timed.
     Profile,
+    /// What a review found that the scene requires: a [`super::Review`].
+    Review,
 }
 
 impl Kind {
@@ -22,6 +24,7 @@ impl Kind {
             Kind::Step => "step",
             Kind::Evaluation => "evaluation",
             Kind::Profile => "profile",
+            Kind::Review => "review",
         }
     }
 }

@@ -140,7 +140,7 @@ pub struct SceneScores {
     pub dynamic_gaussians: usize,
     /// Degree of the spherical harmonics.
     pub sh_degree: u32,
-    /// Bytes of the scene as a PLY, without the header.
+    /// Bytes of the numbers that are modelled, see [`crate::scene::Summary::parameter_bytes`].
     pub bytes: u64,
     /// Pictures per second on the device: colour, read back to the host, one after the other.
     pub frames_per_second: f64,
@@ -169,7 +169,7 @@ impl SceneScores {
             gaussians: summary.n,
             dynamic_gaussians: summary.n_dynamic,
             sh_degree: summary.sh_degree,
-            bytes: summary.ply_bytes,
+            bytes: summary.parameter_bytes,
             frames_per_second: evaluation.frames_per_second(),
             device: device.to_owned(),
             rounded_to_8_bits: false,

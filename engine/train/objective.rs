@@ -35,10 +35,19 @@ struct Graded {
     grids: Grids,
     /// By camera, its place among the grids.
     of_camera: Vec<Option<usize>>,
+    /// Whether all cameras that are trained on have one.
+    is_free: bool,
     /// By place, steps of this grid so far.
     steps: Vec<u64>,
     image: Buf<[f32; 4]>,
     d_image: Buf<[f32; 4]>,
+}
+
+impl Graded {
+    /// By camera, whether it has one.
+    fn has_grid(&self) -> Vec<bool> {
+        self.of_camera.iter().map(Option::is_some).collect()
+    }
 }
 
 /// What of one picture goes to the device.
@@ -96,6 +105,7 @@ impl Objective {
             objective.graded = Some(Graded {
                 grids: Grids::new(gpu, n_grids)?,
                 of_camera: setup.has_grid.iter().map(|has| if *has { place.next() } else { None }).collect(),
+                is_free: n_grids == setup.n_trained,
                 steps: vec![0; n_grids],
                 image: gpu.alloc("image graded", 1)?,
                 d_image: gpu.alloc("d image graded", 1)?,
@@ -227,7 +237,8 @@ impl Objective {
         let done = (step - 1) as f64 / total.max(1) as f64;
         if let (Some(graded), Some((place, camera_step))) = (&self.graded, target.grid) {
             let (rate, tv_weight) = (self.config.lr.grid.at(done), self.config.loss.grid_variation);
-            graded.grids.record_step(rec, place, &GridStep { step, camera_step, rate, tv_weight }, &work.status);
+            let at = GridStep { step, is_free: graded.is_free, camera_step, rate, tv_weight };
+            graded.grids.record_step(rec, place, &at, &work.status);
         }
         let (Some(clocks), Some(backward)) = (&self.clocks, &work.backward) else { return };
         let at = ClockStep {
@@ -312,7 +323,8 @@ impl Objective {
         let clocks = self.clocks.as_ref().map_or(Ok(Vec::new()), |clocks| gpu.read(&clocks.state))?;
         let grids = self.graded.as_ref().map_or(Ok(Vec::new()), |graded| graded.grids.download(gpu))?;
         let grid_steps = self.graded.as_ref().map_or(Vec::new(), |graded| graded.steps.clone());
-        Ok(CameraState { clocks, learns_offset: self.learns_offset.clone(), grids, grid_steps })
+        let has_grid = self.graded.as_ref().map_or(Vec::new(), |graded| graded.has_grid());
+        Ok(CameraState { clocks, learns_offset: self.learns_offset.clone(), grids, grid_steps, has_grid })
     }
 
     /// Goes on with the cameras' parameters of `state`.

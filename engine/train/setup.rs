@@ -11,6 +11,8 @@ pub struct Setup {
     pub extent: Extent,
     /// Normalised time between two frames.
     pub dt: f64,
+    /// Cameras that are trained on.
+    pub n_trained: usize,
     /// By camera, whether its time offset is learnt; empty where none is.
     pub learns_offset: Vec<bool>,
     /// By camera, whether it has a bilateral grid; empty where none has.
@@ -27,6 +29,7 @@ impl Setup {
         Setup {
             extent,
             dt,
+            n_trained: 1,
             learns_offset: Vec::new(),
             has_grid: Vec::new(),
             has_priors: false,
@@ -38,9 +41,7 @@ impl Setup {
     /// took; a static scene's cameras have one image each, too few to tell a grid from the scene.
     pub fn new(capture: &Capture, config: &Config) -> Self {
         let trained: Vec<bool> = capture.cameras.iter().map(|camera| !camera.is_test).collect();
-        // Of one camera alone, the scene's own times and colours take up what is off.
-        let is_clip = capture.n_frames > 1 && trained.iter().filter(|trained| **trained).count() > 1;
-        let where_set = |is_set: bool| if is_set && is_clip { trained.clone() } else { Vec::new() };
+        let where_set = |is_set: bool| if is_set && is_rig(capture) { trained.clone() } else { Vec::new() };
         let shots = || capture.cameras.iter().filter(|camera| !camera.is_test).flat_map(|camera| &camera.shots);
         let has_depth = config.loss.depth > 0.0 && shots().any(|shot| shot.depth.is_some());
         let has_flow = config.loss.flow > 0.0 && shots().any(|shot| shot.flow.is_some());
@@ -48,8 +49,10 @@ impl Setup {
         Setup {
             extent: capture.extent(),
             dt: 1.0 / f64::from(capture.n_frames.max(1)),
+            n_trained: trained.iter().filter(|trained| **trained).count(),
             learns_offset: where_set(config.offsets),
-            has_grid: where_set(config.grids),
+            // Those that are required come later.
+            has_grid: where_set(config.grids && config.required.reviews == 0),
             has_priors: has_depth || has_flow,
             flow_model: match config.loss.flow_model {
                 FlowChoice::Velocity => FlowModel::Velocity,
@@ -59,4 +62,10 @@ impl Setup {
             },
         }
     }
+}
+
+/// Whether `capture` is a clip that several training cameras took: of one alone, the scene's own times and colours take up
+/// what is off.
+pub(super) fn is_rig(capture: &Capture) -> bool {
+    capture.n_frames > 1 && capture.cameras.iter().filter(|camera| !camera.is_test).count() > 1
 }

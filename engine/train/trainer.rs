@@ -172,6 +172,7 @@ impl Trainer {
     /// As [`Trainer::new`].
     pub fn resume(gpu: Arc<Gpu>, checkpoint: &Checkpoint, constants: Constants, setup: Setup) -> Result<Self> {
         let Checkpoint { step, total, config, origin, params, first, second, state, cameras, .. } = checkpoint;
+        let setup = Setup { has_grid: cameras.has_grid.clone(), ..setup };
         let mut trainer = Self::new(gpu, params, constants, config.clone(), *total, setup)?;
         trainer.objective.restore(&trainer.gpu, cameras)?;
         trainer.scene.origin = *origin;
@@ -278,6 +279,19 @@ impl Trainer {
     pub fn freeze_offsets(&mut self, freeze: &[bool]) -> Result<()> {
         self.finish()?;
         self.objective.freeze(&self.gpu, freeze)
+    }
+
+    /// Goes on from `checkpoint`, one of this run at its present step whose Gaussians or cameras have been changed.
+    ///
+    /// # Errors
+    /// As [`Trainer::new`].
+    pub fn replace(&mut self, checkpoint: &Checkpoint) -> Result<()> {
+        let reports = std::mem::take(&mut self.reports);
+        // Two scenes need not fit the device.
+        self.work = None;
+        *self = Self::resume(self.gpu.clone(), checkpoint, self.constants, self.setup.clone())?;
+        self.reports = reports;
+        Ok(())
     }
 
     fn adam_params(&self, step: u64) -> AdamParams {

@@ -210,7 +210,7 @@ fn n20_without_a_cotangent_there_is_no_gradient_and_no_step() {
     // Nor has the identity a variation.
     let states = [GridState::identity(), GridState::identity()];
     let grids = Grids::upload(&gpu, &states).unwrap();
-    step(&grids, 0, &found.d_grid, &GridStep { step: 2, camera_step: 1, rate: 0.1, tv_weight: 10.0 }, 0);
+    step(&grids, 0, &found.d_grid, &GridStep { step: 2, is_free: true, camera_step: 1, rate: 0.1, tv_weight: 10.0 }, 0);
     assert_eq!(grids.download(&gpu).unwrap(), states);
     assert_eq!(gpu.read(&grids.tv).unwrap()[0][0], 0.0);
 }
@@ -331,7 +331,7 @@ fn a_step_is_the_twins_and_a_gradient_that_is_not_finite_moves_nothing() {
         let grids = Grids::upload(&gpu, &states).unwrap();
         let rate = 2e-3;
         // No gauge: 7 is no multiple of 3.
-        step(&grids, 1, &d_grid, &GridStep { step: 7, camera_step, rate, tv_weight: 0.0 }, 0);
+        step(&grids, 1, &d_grid, &GridStep { step: 7, is_free: true, camera_step, rate, tv_weight: 0.0 }, 0);
         let found = grids.download(&gpu).unwrap();
         assert!(found[0] == states[0] && found[2] == states[2], "other cameras moved");
         let found = &found[1];
@@ -367,7 +367,13 @@ fn total_variation_and_its_gradient_are_the_twins() {
     let state = random_grid(&mut Random::new(13), 0.3);
     let grids = Grids::upload(&gpu, &[state.clone(), state.clone()]).unwrap();
     let tv_weight = 10.0;
-    step(&grids, 0, &[0.0; GRID_NUMBERS], &GridStep { step: 1, camera_step: 1, rate: 0.0, tv_weight }, 0);
+    step(
+        &grids,
+        0,
+        &[0.0; GRID_NUMBERS],
+        &GridStep { step: 1, is_free: true, camera_step: 1, rate: 0.0, tv_weight },
+        0,
+    );
     let found = &grids.download(&gpu).unwrap()[0];
     assert_eq!(found.grid, state.grid, "rate 0 moves the moments alone");
     let value = gpu.read(&grids.tv).unwrap()[0][0];
@@ -404,7 +410,13 @@ fn the_gauge_keeps_the_mean_over_the_cameras_at_the_identity() {
     for number in 1..=60u64 {
         let camera = (number as usize - 1) % n_cameras;
         let d_grid: Vec<f32> = tint.iter().map(|t| t + random.uniform(-0.5, 0.5) as f32).collect();
-        let numbers = GridStep { step: number, camera_step: (number - 1) / n_cameras as u64 + 1, rate, tv_weight: 0.1 };
+        let numbers = GridStep {
+            step: number,
+            is_free: true,
+            camera_step: (number - 1) / n_cameras as u64 + 1,
+            rate,
+            tv_weight: 0.1,
+        };
         step(&grids, camera, &d_grid, &numbers, 0);
         if number.is_multiple_of(n_cameras as u64) || number % n_cameras as u64 == 4 {
             let states = grids.download(&gpu).unwrap();
@@ -429,7 +441,7 @@ fn a_failed_frame_leaves_all_bits() {
     states[0].first.iter_mut().for_each(|m| *m = random.uniform(-1.0, 1.0) as f32);
     let d_grid: Vec<f32> = (0..GRID_NUMBERS).map(|_| random.uniform(-1.0, 1.0) as f32).collect();
     // With the gauge, which is due after an even step.
-    let numbers = GridStep { step: 4, camera_step: 3, rate: 2e-3, tv_weight: 10.0 };
+    let numbers = GridStep { step: 4, is_free: true, camera_step: 3, rate: 2e-3, tv_weight: 10.0 };
     let grids = Grids::upload(&gpu, &states).unwrap();
     for failed in [1, 2, 1 << 31] {
         step(&grids, 0, &d_grid, &numbers, failed);

@@ -128,7 +128,16 @@ fn many_groups_share_one_list() {
     }
     let starts: Vec<u32> = groups.iter().map(|group| group.first / BLOCK).collect();
     let group_first = gpu.upload("group starts", &starts).unwrap();
-    let scene = SceneBuffers { groups, n_flat: first, n, group_first, group_limit: 384, origin: [0.0; 3], n_bad: 0 };
+    let scene = SceneBuffers {
+        groups,
+        n_flat: first,
+        n,
+        group_first,
+        group_limit: 384,
+        sh_degree: 0,
+        origin: [0.0; 3],
+        n_bad: 0,
+    };
     let rig = Rig::with(gpu, scene, &camera(64, 48), n);
     let (status, ids) = rig.cull();
     assert!(ids.len() > 300);

@@ -45,6 +45,7 @@ pub fn single(position: [f32; 3]) -> Splats {
     Splats {
         n_static: 1,
         sh_degree: 0,
+        degree: vec![],
         position: vec![position],
         rotation: vec![[1.0, 0.0, 0.0, 0.0]],
         scale: vec![[0.1f32.ln(); 3]],

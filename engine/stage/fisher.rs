@@ -1,0 +1,120 @@
+//! What pictures say of each part of each Gaussian: Fisher information and slopes, added up behind the backward pass.
+
+use super::scene::{Group, Planes, SceneBuffers};
+use crate::error::Result;
+use crate::gpu::generated::{self as g, fisher_static_sh0};
+use crate::gpu::{Buf, Gpu, Grid, KernelInfo, Recording};
+
+/// vec4 per Gaussian of the sums.
+const PLANES: usize = 3;
+
+/// Sums over pictures of one Gaussian. Of each part: the response of the pictures to the step that leaves it out, or that
+/// adds what a static Gaussian lacks; squared, with cotangents of random signs, it is the information along that step.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Response {
+    /// Of a dynamic Gaussian: standing still, and visible, as it is in the middle of the clip.
+    pub rest: f64,
+    /// Without bands 1 to 3.
+    pub bands: [f64; 3],
+    /// Without the Gaussian.
+    pub whole: f64,
+    /// Per unit of colour, the three channels together.
+    pub color: f64,
+    /// Pictures that see it.
+    pub seen: f64,
+    /// Of a static Gaussian, per unit of velocity (scene units per clip), of a relative opacity that grows evenly with time,
+    /// and of one that is larger at both ends than in the middle.
+    pub lacks: [f64; 5],
+}
+
+/// The sums of a scene.
+pub(super) struct Fisher {
+    sums: Vec<Buf<[f32; 4]>>,
+    squares: bool,
+}
+
+/// What pictures have said of a scene so far; made by [`super::Renderer::census`].
+pub struct Census {
+    pub(super) information: Fisher,
+    pub(super) slope: Fisher,
+}
+
+impl Census {
+    pub(super) fn new(gpu: &Gpu, scene: &SceneBuffers) -> Result<Self> {
+        let [information, slope] = [Fisher::new(gpu, scene, true)?, Fisher::new(gpu, scene, false)?];
+        Ok(Census { information, slope })
+    }
+}
+
+/// The kernel of a population and a degree.
+fn kernel_of(dynamic: bool, degree: usize) -> &'static KernelInfo {
+    match (dynamic, degree) {
+        (false, 0) => fisher_static_sh0::INFO,
+        (false, 1) => g::fisher_static_sh1::INFO,
+        (false, 2) => g::fisher_static_sh2::INFO,
+        (false, _) => g::fisher_static_sh3::INFO,
+        (true, 0) => g::fisher_dynamic_sh0::INFO,
+        (true, 1) => g::fisher_dynamic_sh1::INFO,
+        (true, 2) => g::fisher_dynamic_sh2::INFO,
+        (true, _) => g::fisher_dynamic_sh3::INFO,
+    }
+}
+
+impl Fisher {
+    /// Sums of 0 for `scene`: of squared responses, or of responses.
+    pub fn new(gpu: &Gpu, scene: &SceneBuffers, squares: bool) -> Result<Self> {
+        let zeros = |group: &Group| {
+            let n = (group.n as usize).next_multiple_of(super::scene::PLANE_BLOCK) * PLANES;
+            gpu.upload("fisher sums", &vec![[0.0f32; 4]; n])
+        };
+        Ok(Fisher { sums: scene.groups.iter().map(zeros).collect::<Result<_>>()?, squares })
+    }
+
+    /// Appends the addition of the gradients that a backward pass left of a view at `time`, normalised.
+    pub fn record(&self, rec: &mut Recording, scene: &SceneBuffers, gradients: &[Planes], time: f64) {
+        rec.stage("fisher");
+        for (index, ((group, d), sums)) in scene.groups.iter().zip(gradients).zip(&self.sums).enumerate() {
+            rec.group(Some(index));
+            let Planes { geometry, sh0, bands, motion } = &group.params;
+            let band = |b: usize| bands.get(b).unwrap_or(sh0);
+            let d_band = |b: usize| d.bands.get(b).unwrap_or(&d.sh0);
+            let args = fisher_static_sh0::Args {
+                geometry,
+                d_geometry: &d.geometry,
+                d_sh0: &d.sh0,
+                sums,
+                motion: motion.as_ref().unwrap_or(sh0),
+                sh1: band(0),
+                sh2: band(1),
+                sh3: band(2),
+                d_sh1: d_band(0),
+                d_sh2: d_band(1),
+                d_sh3: d_band(2),
+            };
+            let squares = if self.squares { 1.0 } else { 0.0 };
+            let push = fisher_static_sh0::Push { n: group.n, time: time as f32, middle: 0.5, squares };
+            rec.pass_variant(kernel_of(motion.is_some(), group.degree()), args, push, Grid::Threads(group.n));
+        }
+        rec.group(None);
+    }
+
+    /// The sums in the scene's order.
+    pub fn read(&self, gpu: &Gpu, scene: &SceneBuffers) -> Result<Vec<Response>> {
+        let mut all = Vec::with_capacity(scene.n as usize);
+        for (group, sums) in scene.groups.iter().zip(&self.sums) {
+            let sums = gpu.read(sums)?;
+            all.extend((0..group.n as usize).map(|i| {
+                let [part, own, lacks] = [0, 1, 2].map(|p| sums[super::scene::plane_of(i, PLANES, p)].map(f64::from));
+                Response {
+                    rest: part[0],
+                    bands: [part[1], part[2], part[3]],
+                    whole: own[0],
+                    color: own[1],
+                    seen: own[3],
+                    lacks: [lacks[0], lacks[1], lacks[2], lacks[3], own[2]],
+                }
+            }));
+        }
+        Ok(all)
+    }
+}

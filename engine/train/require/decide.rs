@@ -1,0 +1,118 @@
+//! Which parts of which Gaussians pay (SPEC 12): a part stays when the pictures need it more than its numbers cost.
+
+use super::evidence::Evidence;
+use crate::scene::Splats;
+use crate::stage::Response;
+use crate::train::random::Random;
+
+/// Numbers of a static Gaussian of degree 0, a quaternion's length not counted: position, rotation, scale, opacity, colour.
+const GEOMETRY_NUMBERS: f64 = 13.0;
+/// Velocity, time of peak visibility, tau.
+const MOTION_NUMBERS: f64 = 5.0;
+/// Least temporal weight over the clip of a Gaussian that may come to rest: below, the pictures that do not show it say
+/// nothing about what it would do to them.
+const LEAST_WEIGHT: f64 = 0.25;
+/// Pictures within a Gaussian's time that must have been looked at before it may go.
+const LEAST_PICTURES: usize = 4;
+/// Median of chi squared with five degrees of freedom.
+const MEDIAN_OF_5: f64 = 4.351_46;
+/// Tau of a Gaussian that begins to move, clips.
+const NEW_TAU: f32 = 2.0;
+
+/// What becomes of a Gaussian.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Fate {
+    /// Whether it stays.
+    pub stays: bool,
+    /// SH degree from now on.
+    pub degree: u8,
+    /// How it goes on in time.
+    pub time: InTime,
+}
+
+/// How a Gaussian goes on in time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum InTime {
+    /// As it did.
+    AsBefore,
+    /// It stands still and is always visible, as it is in the middle of the clip.
+    ComesToRest,
+    /// It moves by this velocity, scene units per clip, around where it was.
+    BeginsToMove([f32; 3]),
+}
+
+/// Bits are natural here: half a logarithm of the number of observations for each number (Schwarz 1978).
+fn cost(numbers: f64, evidence: &Evidence, price: f64) -> f64 {
+    0.5 * price * numbers * evidence.n_values.max(2.0).ln()
+}
+
+/// The log-likelihood that the pictures lose by a step along which their information and slope are given.
+fn loss(information: f64, slope: f64, evidence: &Evidence) -> f64 {
+    evidence.scale * (slope + 0.5 * information) / evidence.variance.max(f64::MIN_POSITIVE)
+}
+
+/// Fates of all Gaussians. `frame_times` are the normalised times of the training frames; `price` multiplies the cost of a
+/// number; `key` chooses which of those that are not worth their numbers go now.
+pub fn fates(splats: &Splats, evidence: &Evidence, frame_times: &[f64], price: f64, key: &[u64]) -> Vec<Fate> {
+    let random = Random::new(key);
+    let overdispersion = overdispersion(splats, evidence);
+    let of = |i: usize| {
+        let (information, slope) = (&evidence.information[i], &evidence.slope[i]);
+        let is_dynamic = i >= splats.n_static;
+        let part = |of: fn(&Response) -> f64| loss(of(information), of(slope), evidence);
+        let mut degree = splats.degree_of(i);
+        while degree > 0 {
+            let numbers = (3 * (2 * degree + 1)) as f64;
+            let band = loss(information.bands[degree - 1], slope.bands[degree - 1], evidence);
+            // NaN stays.
+            if band >= cost(numbers, evidence, price) || band.is_nan() {
+                break;
+            }
+            degree -= 1;
+        }
+        let numbers = GEOMETRY_NUMBERS
+            + if is_dynamic { MOTION_NUMBERS } else { 0.0 }
+            + (3 * ((degree + 1) * (degree + 1) - 1)) as f64;
+        let looked_at = evidence.times.iter().filter(|time| splats.weight_at(i, **time) > 0.1).count();
+        // Two that hide each other must not go together: half of them go at a time.
+        let is_needed = part(|r| r.whole) >= cost(numbers, evidence, price) || part(|r| r.whole).is_nan();
+        let stays = is_needed || looked_at < LEAST_PICTURES || random.bits(i as u64) & 1 == 0;
+        let time = if is_dynamic {
+            let always = frame_times.iter().all(|time| splats.weight_at(i, *time) >= LEAST_WEIGHT);
+            let pays = part(|r| r.rest) >= cost(MOTION_NUMBERS, evidence, price);
+            if always && !pays { InTime::ComesToRest } else { InTime::AsBefore }
+        } else if 0.5 * score(information, slope, evidence) / overdispersion > cost(MOTION_NUMBERS, evidence, price) {
+            let newton = |k: usize| -(slope.lacks[k] / information.lacks[k].max(f64::MIN_POSITIVE)) as f32;
+            InTime::BeginsToMove(std::array::from_fn(newton))
+        } else {
+            InTime::AsBefore
+        };
+        Fate { stays, degree: degree as u8, time }
+    };
+    (0..splats.len()).map(of).collect()
+}
+
+/// The score statistic of what a static Gaussian lacks (Rao 1948), chi squared with five degrees of freedom where it lacks
+/// nothing and errors are independent.
+fn score(information: &Response, slope: &Response, evidence: &Evidence) -> f64 {
+    let terms = slope.lacks.iter().zip(&information.lacks).filter(|(_, h)| **h > 0.0).map(|(g, h)| g * g / h);
+    evidence.scale * terms.sum::<f64>() / evidence.variance.max(f64::MIN_POSITIVE)
+}
+
+/// By how much scores are larger than independent errors would make them, at least 1: errors of neighbouring pixels and of
+/// successive frames are alike. The median tells, as most of what stands still does so rightly (genomic control, Devlin and
+/// Roeder 1999).
+fn overdispersion(splats: &Splats, evidence: &Evidence) -> f64 {
+    let mut scores: Vec<f64> = (0..splats.n_static)
+        .filter(|&i| evidence.information[i].seen >= LEAST_PICTURES as f64)
+        .map(|i| score(&evidence.information[i], &evidence.slope[i], evidence))
+        .filter(|score| score.is_finite())
+        .collect();
+    scores.sort_unstable_by(f64::total_cmp);
+    scores.get(scores.len() / 2).map_or(1.0, |median| (median / MEDIAN_OF_5).max(1.0))
+}
+
+/// log tau of a Gaussian that begins to move.
+pub(super) fn new_t_scale() -> f32 {
+    NEW_TAU.ln()
+}

@@ -1,0 +1,118 @@
+//! Which cameras' colours differ so much that they need a bilateral grid.
+
+use crate::error::Result;
+use crate::stage::{Outputs, Renderer};
+use crate::train::metrics::Sight;
+
+/// Side of the blocks whose mean colours are compared, pixels: errors within one are alike, those of two are not.
+const BLOCK: u32 = 16;
+/// Pictures of a camera that are looked at, evenly spread over the clip. A block's mean is over all of them: what is wrong
+/// at a place is wrong in every frame, so more frames are no more evidence.
+const PICTURES: usize = 8;
+/// Numbers of the map that is tried: gain and offset of each channel.
+const NUMBERS: f64 = 2.0;
+
+/// What a camera's pictures say of its colours.
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct GridCheck {
+    /// Name of the camera.
+    pub camera: String,
+    /// Log-likelihood that a gain and an offset of each channel gain, less what these numbers cost.
+    pub gain: f64,
+    /// Whether a grid pays.
+    pub is_needed: bool,
+}
+
+/// Whether a map of the colours of `camera` would pay (SPEC 12). What is tried is the least that a bilateral grid can do: a gain
+/// and an offset of each channel, on the mean colours of blocks of pixels.
+///
+/// # Errors
+/// Those of the renderer and of the capture's pictures.
+pub(super) fn check(renderer: &mut Renderer, sight: &Sight, camera: usize) -> Result<GridCheck> {
+    let shots = &sight.capture.cameras[camera].shots;
+    let n = shots.len().min(PICTURES);
+    let mut blocks: Vec<Block> = Vec::new();
+    for k in 0..n {
+        let frame = shots[(2 * k + 1) * shots.len() / (2 * n)].frame;
+        let view = sight.view(camera, frame)?;
+        let (shown, _) = renderer.render(&view, Outputs::Color)?;
+        let picture = sight.capture.picture(camera, frame)?;
+        let across = view.width.div_ceil(BLOCK);
+        blocks.resize((across * view.height.div_ceil(BLOCK)) as usize, Block::default());
+        for (pixel, (color, word)) in (0..).zip(shown.color.iter().zip(&picture.pixels)) {
+            let [r, g, b, mask] = word.to_le_bytes();
+            if mask > 0 {
+                let block = &mut blocks[(pixel / view.width / BLOCK * across + pixel % view.width / BLOCK) as usize];
+                block.add(color.map(f64::from), [r, g, b].map(|level| f64::from(level) / 255.0));
+            }
+        }
+    }
+    let gain = gain(&blocks.iter().filter_map(Block::means).collect::<Vec<_>>());
+    Ok(GridCheck { camera: sight.capture.cameras[camera].name.clone(), gain, is_needed: gain > 0.0 })
+}
+
+/// Sums over the pixels of a block.
+#[derive(Clone, Copy, Debug, Default)]
+struct Block {
+    n: f64,
+    shown: [f64; 3],
+    truth: [f64; 3],
+}
+
+impl Block {
+    fn add(&mut self, shown: [f64; 3], truth: [f64; 3]) {
+        self.n += 1.0;
+        self.shown.iter_mut().zip(shown).for_each(|(sum, x)| *sum += x);
+        self.truth.iter_mut().zip(truth).for_each(|(sum, x)| *sum += x);
+    }
+
+    /// Mean colours shown and true; none where too little of it is seen.
+    fn means(&self) -> Option<([f64; 3], [f64; 3])> {
+        (self.n >= f64::from(BLOCK)).then(|| (self.shown.map(|x| x / self.n), self.truth.map(|x| x / self.n)))
+    }
+}
+
+/// Gain of a line per channel over the identity, by Schwarz's criterion, summed over the channels.
+fn gain(blocks: &[([f64; 3], [f64; 3])]) -> f64 {
+    let n = blocks.len() as f64;
+    if n < 8.0 {
+        return 0.0;
+    }
+    let of_channel = |c: usize| {
+        let mean = |of: &dyn Fn(&([f64; 3], [f64; 3])) -> f64| blocks.iter().map(of).sum::<f64>() / n;
+        let (x, y) = (mean(&|b| b.0[c]), mean(&|b| b.1[c]));
+        let xx = mean(&|b| (b.0[c] - x).powi(2));
+        let xy = mean(&|b| (b.0[c] - x) * (b.1[c] - y));
+        let yy = mean(&|b| (b.1[c] - y).powi(2));
+        let before = mean(&|b| (b.1[c] - b.0[c]).powi(2));
+        // Colours have eight bits.
+        let after = (yy - if xx > 0.0 { xy * xy / xx } else { 0.0 }).max(1.0 / (255.0 * 255.0 * 12.0));
+        0.5 * n * (before.max(after) / after).ln() - 0.5 * NUMBERS * n.ln()
+    };
+    (0..3).map(of_channel).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::gain;
+    use crate::train::random::Random;
+
+    /// Blocks of a camera whose colours are `map` of what is shown, with errors of standard deviation `error`.
+    fn blocks(error: f64, map: impl Fn(f64) -> f64) -> Vec<([f64; 3], [f64; 3])> {
+        let random = Random::new(&[3]);
+        let block = |i: u64| {
+            let shown: [f64; 3] = std::array::from_fn(|c| random.uniform(100 + 3 * i + c as u64));
+            (shown, std::array::from_fn(|c| map(shown[c]) + error * random.normal(1000 + 3 * i + c as u64)))
+        };
+        (0..48).map(block).collect()
+    }
+
+    #[test]
+    fn a_gain_of_a_tenth_pays_and_errors_alone_do_not() {
+        assert!(gain(&blocks(0.03, |x| x)) < 0.0);
+        assert!(gain(&blocks(0.1, |x| x)) < 0.0);
+        assert!(gain(&blocks(0.03, |x| 1.1 * x)) > 10.0);
+        assert!(gain(&blocks(0.03, |x| x + 0.05)) > 10.0);
+        assert_eq!(gain(&blocks(0.03, |x| 1.1 * x)[..7]), 0.0, "too few to tell");
+    }
+}

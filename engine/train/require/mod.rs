@@ -1,0 +1,221 @@
+//! Only what a scene requires (SPEC 12): every so often the run asks the training pictures which parts of which Gaussians
+//! pay for their numbers, and goes on with those.
+
+mod decide;
+mod evidence;
+mod grids;
+mod merge;
+
+pub use decide::{Fate, InTime, fates};
+pub use evidence::Evidence;
+pub use grids::GridCheck;
+pub use merge::merge;
+
+use super::checkpoint::{CameraState, Checkpoint};
+use super::config::{Config, Required};
+use super::metrics::Sight;
+use super::setup::is_rig;
+use super::trainer::Trainer;
+use crate::error::Result;
+use crate::gpu::Gpu;
+use crate::scene::capture::Capture;
+use crate::scene::{Motion, Splats};
+use crate::settings::Constants;
+use crate::stage::{GridState, Renderer};
+use std::sync::Arc;
+
+/// Purpose of the random numbers of a review; those of a step have 1 to 3.
+const REVIEW: u64 = 4;
+/// Largest velocity of a Gaussian that begins to move, scene units per clip; the cameras' extent is 3.
+const FASTEST: f32 = 3.0;
+
+/// What a review found and did.
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct Review {
+    /// Step after which it was.
+    pub step: u64,
+    /// Standard deviation of the errors of the colours, in [0, 1].
+    pub noise: f64,
+    /// Gaussians before it.
+    pub before: usize,
+    /// Gaussians after it.
+    pub after: usize,
+    /// Gaussians that were not worth their numbers.
+    pub removed: usize,
+    /// Gaussians that became part of another.
+    pub merged: usize,
+    /// Dynamic Gaussians that became static.
+    pub came_to_rest: usize,
+    /// Static Gaussians that became dynamic.
+    pub began_to_move: usize,
+    /// Gaussians that lost band 1, 2, 3.
+    pub lost_bands: [usize; 3],
+    /// Training cameras that had no grid: what their pictures said.
+    pub grids: Vec<GridCheck>,
+}
+
+/// What is due after a step.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Due {
+    /// Cameras are looked at for whether they need a grid.
+    Grids,
+    /// Gaussians too.
+    Everything,
+}
+
+/// What is due after step `step` of `total`.
+pub fn review_due(config: &Config, step: u64, total: u64) -> Option<Due> {
+    let Required { reviews, first, last, grids_at, .. } = config.required;
+    let at = |fraction: f64| (fraction * total as f64).round() as u64;
+    let nth = |k: u32| at(first + (last - first) * f64::from(k) / f64::from((reviews - 1).max(1)));
+    if step == 0 || step >= total || reviews == 0 {
+        None
+    } else if (0..reviews).any(|k| nth(k) == step) {
+        Some(Due::Everything)
+    } else {
+        (step == at(grids_at)).then_some(Due::Grids)
+    }
+}
+
+/// Reviews the cameras and the Gaussians of `trainer`, which is trained on `capture`, and lets it go on with what the pictures
+/// require.
+///
+/// # Errors
+/// Those of the device and of the capture's pictures.
+pub fn review(
+    trainer: &mut Trainer,
+    gpu: &Arc<Gpu>,
+    capture: &Capture,
+    constants: Constants,
+    due: Due,
+) -> Result<Review> {
+    let mut checkpoint = trainer.checkpoint()?;
+    let (offsets, _) = trainer.offsets()?;
+    let Config { background, seed, ref required, grids, .. } = checkpoint.config;
+    let mut renderer = Renderer::new(gpu.clone(), &trainer.splats()?, constants)?;
+    let sight = Sight { offsets: offsets.into_iter().enumerate().collect(), ..Sight::new(capture, background) };
+    let grids =
+        if grids && is_rig(capture) { give_grids(&mut renderer, &sight, &mut checkpoint.cameras)? } else { Vec::new() };
+    if due == Due::Grids {
+        trainer.replace(&checkpoint)?;
+        let n = checkpoint.params.len();
+        return Ok(Review { step: checkpoint.step, before: n, after: n, grids, ..Review::default() });
+    }
+    let key = [seed, checkpoint.step, REVIEW];
+    let has_grid = &checkpoint.cameras.has_grid;
+    let mut evidence = Evidence::gather(&mut renderer, &sight, has_grid, required.images, &key)?;
+    drop(renderer);
+    let n_frames = capture.n_frames.max(1);
+    let times: Vec<f64> = (0..n_frames).map(|f| f64::from(f) / f64::from(n_frames)).collect();
+    let mut fates = fates(&checkpoint.params, &evidence, &times, required.price, &key);
+    let mut merged = vec![false; fates.len()];
+    let n_merged = merge(&mut checkpoint.params, &mut evidence, required.price, &mut merged);
+    fates.iter_mut().zip(&merged).for_each(|(fate, merged)| fate.stays &= !merged);
+    let noise = evidence.variance.sqrt();
+    let report = Review { merged: n_merged, noise, grids, ..tally(&checkpoint, &fates, &merged) };
+    carry_out(&mut checkpoint, &fates);
+    trainer.replace(&checkpoint)?;
+    Ok(report)
+}
+
+/// Gives a grid, the identity as yet, to each training camera that needs one and has none; returns what their pictures said.
+fn give_grids(renderer: &mut Renderer, sight: &Sight, cameras: &mut CameraState) -> Result<Vec<GridCheck>> {
+    let n = sight.capture.cameras.len();
+    let mut states: Vec<Option<(GridState, u64)>> = vec![None; n];
+    let old = std::mem::take(&mut cameras.grids).into_iter().zip(std::mem::take(&mut cameras.grid_steps));
+    let places = (0..n).filter(|camera| cameras.has_grid.get(*camera).copied().unwrap_or(false));
+    places.zip(old).for_each(|(camera, state)| states[camera] = Some(state));
+    let mut checks = Vec::new();
+    for camera in (0..n).filter(|camera| !sight.capture.cameras[*camera].is_test) {
+        if states[camera].is_none() {
+            let check = grids::check(renderer, sight, camera)?;
+            if check.is_needed {
+                states[camera] = Some((GridState::identity(), 0));
+            }
+            checks.push(check);
+        }
+    }
+    cameras.has_grid = states.iter().map(Option::is_some).collect();
+    (cameras.grids, cameras.grid_steps) = states.into_iter().flatten().unzip();
+    if cameras.grids.is_empty() {
+        cameras.has_grid.clear();
+    }
+    Ok(checks)
+}
+
+/// What `fates` do.
+fn tally(checkpoint: &Checkpoint, fates: &[Fate], merged: &[bool]) -> Review {
+    let staying = || fates.iter().enumerate().filter(|(_, fate)| fate.stays);
+    let params = &checkpoint.params;
+    let lost = |band: usize| {
+        staying().filter(|(i, fate)| params.degree_of(*i) >= band && usize::from(fate.degree) < band).count()
+    };
+    Review {
+        step: checkpoint.step,
+        before: fates.len(),
+        after: staying().count(),
+        removed: fates.iter().zip(merged).filter(|(fate, merged)| !fate.stays && !**merged).count(),
+        came_to_rest: staying().filter(|(_, fate)| fate.time == InTime::ComesToRest).count(),
+        began_to_move: staying().filter(|(_, fate)| matches!(fate.time, InTime::BeginsToMove(_))).count(),
+        lost_bands: [lost(1), lost(2), lost(3)],
+        ..Review::default()
+    }
+}
+
+/// Gives the Gaussians of `checkpoint`, with their moments and state, the fates that were decided, in the order of their
+/// buckets.
+pub fn carry_out(checkpoint: &mut Checkpoint, fates: &[Fate]) {
+    let params = &checkpoint.params;
+    let is_dynamic = |i: usize| match fates[i].time {
+        InTime::AsBefore => i >= params.n_static,
+        InTime::ComesToRest => false,
+        InTime::BeginsToMove(_) => true,
+    };
+    let mut order: Vec<usize> = (0..fates.len()).filter(|&i| fates[i].stays).collect();
+    order.sort_by_key(|&i| (is_dynamic(i), std::cmp::Reverse(fates[i].degree)));
+    let none = Motion { velocity: [0.0; 3], t_center: 0.0, t_scale: 0.0 };
+    let carry = |from: &Splats, motion: &dyn Fn(usize) -> Motion| -> Splats {
+        let k = from.n_coefficients();
+        let sh = order.iter().flat_map(|&i| {
+            let kept = (usize::from(fates[i].degree) + 1).pow(2);
+            (0..k).map(move |c| if c < kept { from.sh[i * k + c] } else { [0.0; 3] })
+        });
+        Splats {
+            n_static: order.iter().filter(|&&i| !is_dynamic(i)).count(),
+            sh_degree: from.sh_degree,
+            degree: order.iter().map(|&i| fates[i].degree).collect(),
+            position: order.iter().map(|&i| from.position[i]).collect(),
+            rotation: order.iter().map(|&i| from.rotation[i]).collect(),
+            scale: order.iter().map(|&i| from.scale[i]).collect(),
+            opacity: order.iter().map(|&i| from.opacity[i]).collect(),
+            sh: sh.collect(),
+            motion: order.iter().filter(|&&i| is_dynamic(i)).map(|&i| motion(i)).collect(),
+            source_row: (0..order.len() as u32).collect(),
+        }
+    };
+    let motion_of = |from: &Splats, i: usize| i.checked_sub(from.n_static).and_then(|at| from.motion.get(at)).copied();
+    let mut now = carry(params, &|i| match fates[i].time {
+        InTime::BeginsToMove(velocity) => Motion {
+            velocity: velocity.map(|v| if v.is_finite() { v.clamp(-FASTEST, FASTEST) } else { 0.0 }),
+            t_center: 0.5,
+            t_scale: decide::new_t_scale(),
+        },
+        InTime::AsBefore | InTime::ComesToRest => motion_of(params, i).unwrap_or(none),
+    });
+    for (at, &i) in order.iter().enumerate().filter(|(_, i)| fates[**i].time == InTime::ComesToRest) {
+        let Some(motion) = motion_of(params, i) else { continue };
+        let ahead = 0.5 - motion.t_center;
+        now.position[at] = std::array::from_fn(|c| params.position[i][c] + motion.velocity[c] * ahead);
+        let opacity = params.weight_at(i, 0.5) / (1.0 + (-f64::from(params.opacity[i])).exp());
+        now.opacity[at] = (opacity / (1.0 - opacity).max(1e-9)).ln() as f32;
+    }
+    let moments = |of: &Splats| {
+        carry(of, &|i| match fates[i].time {
+            InTime::AsBefore => motion_of(of, i).unwrap_or(none),
+            InTime::ComesToRest | InTime::BeginsToMove(_) => none,
+        })
+    };
+    (checkpoint.first, checkpoint.second) = (moments(&checkpoint.first), moments(&checkpoint.second));
+    checkpoint.state = order.iter().map(|&i| checkpoint.state[i]).collect();
+    checkpoint.params = now;
+}

@@ -1,0 +1,25 @@
+//! What the reviews of a run found that its scene requires, in words.
+
+use ivv::train::Review;
+
+/// A review in one line, two where cameras were looked at.
+pub fn told(review: &Review) -> String {
+    let Review { step, before, after, removed, merged, came_to_rest, began_to_move, lost_bands, grids, .. } = review;
+    let mut lines = Vec::new();
+    if !grids.is_empty() {
+        let needing: Vec<&str> = grids.iter().filter(|check| check.is_needed).map(|check| &*check.camera).collect();
+        let list = if needing.is_empty() { "none".to_owned() } else { needing.join(", ") };
+        lines.push(format!(
+            "step {step}: of {} cameras without a grid of colours one is needed by: {list}",
+            grids.len()
+        ));
+    }
+    if review.noise > 0.0 {
+        let [one, two, three] = lost_bands;
+        lines.push(format!(
+            "step {step}: {before} Gaussians, {after} required: {removed} removed, {merged} merged; {came_to_rest} came to \
+             rest, {began_to_move} began to move; bands 1 / 2 / 3 dropped of {one} / {two} / {three}"
+        ));
+    }
+    lines.join("\n")
+}
