@@ -183,7 +183,7 @@ impl Case {
 
 /// Planes of each buffer of moments.
 fn planes_of(splats: &Splats, i: usize) -> Vec<usize> {
-    let bands = [6, 8, 12].into_iter().take(splats.sh_degree as usize);
+    let bands = [6, 8, 12].into_iter().take(splats.degree_of(i));
     let motion = (i >= splats.n_static).then_some(2);
     [6, 2].into_iter().chain(bands).chain(motion).collect()
 }

@@ -1,9 +1,9 @@
 //! Which parts of which Gaussians pay (SPEC 12): a part stays when the pictures need it more than its numbers cost.
 
-use super::evidence::Evidence;
 use crate::scene::Splats;
 use crate::stage::Response;
 use crate::train::random::Random;
+use crate::train::require::evidence::Evidence;
 
 /// Numbers of a static Gaussian of degree 0, a quaternion's length not counted: position, rotation, scale, opacity, colour.
 const GEOMETRY_NUMBERS: f64 = 13.0;

@@ -11,23 +11,25 @@ pub use evidence::Evidence;
 pub use grids::GridCheck;
 pub use merge::merge;
 
-use super::checkpoint::{CameraState, Checkpoint};
-use super::config::{Config, Required};
-use super::metrics::Sight;
-use super::setup::is_rig;
-use super::trainer::Trainer;
 use crate::error::Result;
 use crate::gpu::Gpu;
 use crate::scene::capture::Capture;
 use crate::scene::{Motion, Splats};
 use crate::settings::Constants;
 use crate::stage::{GridState, Renderer};
+use crate::train::checkpoint::{CameraState, Checkpoint};
+use crate::train::config::{Config, Required};
+use crate::train::metrics::Sight;
+use crate::train::setup::is_rig;
+use crate::train::trainer::Trainer;
 use std::sync::Arc;
 
 /// Purpose of the random numbers of a review; those of a step have 1 to 3.
 const REVIEW: u64 = 4;
 /// Largest velocity of a Gaussian that begins to move, scene units per clip; the cameras' extent is 3.
 const FASTEST: f32 = 3.0;
+/// A bucket of Gaussians is stored apart if there are more than one in so many: each costs some twenty dispatches a step.
+const FEW: usize = 32;
 
 /// What a review found and did.
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -172,7 +174,9 @@ pub fn carry_out(checkpoint: &mut Checkpoint, fates: &[Fate]) {
         InTime::BeginsToMove(_) => true,
     };
     let mut order: Vec<usize> = (0..fates.len()).filter(|&i| fates[i].stays).collect();
-    order.sort_by_key(|&i| (is_dynamic(i), std::cmp::Reverse(fates[i].degree)));
+    let stored = stored_degrees(order.iter().map(|&i| (is_dynamic(i), usize::from(fates[i].degree))));
+    let degree_of = |i: usize| stored[usize::from(is_dynamic(i))][usize::from(fates[i].degree)];
+    order.sort_by_key(|&i| (is_dynamic(i), std::cmp::Reverse(degree_of(i))));
     let none = Motion { velocity: [0.0; 3], t_center: 0.0, t_scale: 0.0 };
     let carry = |from: &Splats, motion: &dyn Fn(usize) -> Motion| -> Splats {
         let k = from.n_coefficients();
@@ -183,7 +187,7 @@ pub fn carry_out(checkpoint: &mut Checkpoint, fates: &[Fate]) {
         Splats {
             n_static: order.iter().filter(|&&i| !is_dynamic(i)).count(),
             sh_degree: from.sh_degree,
-            degree: order.iter().map(|&i| fates[i].degree).collect(),
+            degree: order.iter().map(|&i| degree_of(i)).collect(),
             position: order.iter().map(|&i| from.position[i]).collect(),
             rotation: order.iter().map(|&i| from.rotation[i]).collect(),
             scale: order.iter().map(|&i| from.scale[i]).collect(),
@@ -218,4 +222,24 @@ pub fn carry_out(checkpoint: &mut Checkpoint, fates: &[Fate]) {
     (checkpoint.first, checkpoint.second) = (moments(&checkpoint.first), moments(&checkpoint.second));
     checkpoint.state = order.iter().map(|&i| checkpoint.state[i]).collect();
     checkpoint.params = now;
+}
+
+/// By population and degree, the degree that its Gaussians are stored with: a few that would have kernels of their own join
+/// the next higher degree that there is.
+fn stored_degrees(all: impl Iterator<Item = (bool, usize)>) -> [[u8; 4]; 2] {
+    let mut counts = [[0usize; 4]; 2];
+    all.for_each(|(is_dynamic, degree)| counts[usize::from(is_dynamic)][degree] += 1);
+    let few = counts.as_flattened().iter().sum::<usize>() / FEW;
+    counts.map(|mut counts| {
+        let mut stored = [0, 1, 2, 3];
+        for degree in 0..3 {
+            let higher = (degree + 1..4).find(|higher| counts[*higher] > 0);
+            if let (1.., Some(higher)) = (counts[degree], higher.filter(|_| counts[degree] < few)) {
+                counts[higher] += std::mem::take(&mut counts[degree]);
+                // Those that joined it before go with it.
+                stored.iter_mut().filter(|to| usize::from(**to) == degree).for_each(|to| *to = higher as u8);
+            }
+        }
+        stored
+    })
 }
