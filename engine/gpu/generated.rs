@@ -3207,13 +3207,16 @@ pub mod fisher_static_sh0 {
         pub middle: f32,
         /// `squares` of the shader.
         pub squares: f32,
+        /// `n_cameras` of the shader.
+        pub n_cameras: u32,
     }
     const _: () = {
-        assert!(size_of::<Push>() == 16);
+        assert!(size_of::<Push>() == 20);
         assert!(std::mem::offset_of!(Push, n) == 0);
         assert!(std::mem::offset_of!(Push, time) == 4);
         assert!(std::mem::offset_of!(Push, middle) == 8);
         assert!(std::mem::offset_of!(Push, squares) == 12);
+        assert!(std::mem::offset_of!(Push, n_cameras) == 16);
     };
     /// The kernel's buffers.
     pub struct Args<'a> {
@@ -3239,6 +3242,8 @@ pub mod fisher_static_sh0 {
         pub d_sh2: &'a Buf<[f32; 4]>,
         /// Reads.
         pub d_sh3: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub cameras: &'a Buf<[f32; 4]>,
     }
     impl Kernel for Args<'_> {
         type Push = Push;
@@ -3256,6 +3261,7 @@ pub mod fisher_static_sh0 {
                 self.d_sh1.slice(),
                 self.d_sh2.slice(),
                 self.d_sh3.slice(),
+                self.cameras.slice(),
             ]
         }
     }
@@ -3265,7 +3271,7 @@ pub mod fisher_static_sh0 {
         push_bytes: size_of::<Push>() as u32,
         spirv: include_bytes!("../../shaders-glsl/spv/fisher_static_sh0.spv"),
         local: 64,
-        subgroups: false,
+        subgroups: true,
         bindings: &[
             BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "d_geometry", kind: BindingKind::Storage, access: Access::Read },
@@ -3278,6 +3284,7 @@ pub mod fisher_static_sh0 {
             BindingInfo { name: "d_sh1", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "d_sh2", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "d_sh3", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "cameras", kind: BindingKind::Storage, access: Access::Read },
         ],
     };
 }
@@ -3291,7 +3298,7 @@ pub mod fisher_static_sh1 {
         push_bytes: size_of::<super::fisher_static_sh0::Push>() as u32,
         spirv: include_bytes!("../../shaders-glsl/spv/fisher_static_sh1.spv"),
         local: 64,
-        subgroups: false,
+        subgroups: true,
         bindings: &[
             BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "d_geometry", kind: BindingKind::Storage, access: Access::Read },
@@ -3304,6 +3311,7 @@ pub mod fisher_static_sh1 {
             BindingInfo { name: "d_sh1", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "d_sh2", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "d_sh3", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "cameras", kind: BindingKind::Storage, access: Access::Read },
         ],
     };
 }
@@ -3317,7 +3325,7 @@ pub mod fisher_static_sh2 {
         push_bytes: size_of::<super::fisher_static_sh0::Push>() as u32,
         spirv: include_bytes!("../../shaders-glsl/spv/fisher_static_sh2.spv"),
         local: 64,
-        subgroups: false,
+        subgroups: true,
         bindings: &[
             BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "d_geometry", kind: BindingKind::Storage, access: Access::Read },
@@ -3330,6 +3338,7 @@ pub mod fisher_static_sh2 {
             BindingInfo { name: "d_sh1", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "d_sh2", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "d_sh3", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "cameras", kind: BindingKind::Storage, access: Access::Read },
         ],
     };
 }
@@ -3343,7 +3352,7 @@ pub mod fisher_static_sh3 {
         push_bytes: size_of::<super::fisher_static_sh0::Push>() as u32,
         spirv: include_bytes!("../../shaders-glsl/spv/fisher_static_sh3.spv"),
         local: 64,
-        subgroups: false,
+        subgroups: true,
         bindings: &[
             BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "d_geometry", kind: BindingKind::Storage, access: Access::Read },
@@ -3356,6 +3365,7 @@ pub mod fisher_static_sh3 {
             BindingInfo { name: "d_sh1", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "d_sh2", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "d_sh3", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "cameras", kind: BindingKind::Storage, access: Access::Read },
         ],
     };
 }
@@ -3369,7 +3379,7 @@ pub mod fisher_dynamic_sh0 {
         push_bytes: size_of::<super::fisher_static_sh0::Push>() as u32,
         spirv: include_bytes!("../../shaders-glsl/spv/fisher_dynamic_sh0.spv"),
         local: 64,
-        subgroups: false,
+        subgroups: true,
         bindings: &[
             BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "d_geometry", kind: BindingKind::Storage, access: Access::Read },
@@ -3382,6 +3392,7 @@ pub mod fisher_dynamic_sh0 {
             BindingInfo { name: "d_sh1", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "d_sh2", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "d_sh3", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "cameras", kind: BindingKind::Storage, access: Access::Read },
         ],
     };
 }
@@ -3395,7 +3406,7 @@ pub mod fisher_dynamic_sh1 {
         push_bytes: size_of::<super::fisher_static_sh0::Push>() as u32,
         spirv: include_bytes!("../../shaders-glsl/spv/fisher_dynamic_sh1.spv"),
         local: 64,
-        subgroups: false,
+        subgroups: true,
         bindings: &[
             BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "d_geometry", kind: BindingKind::Storage, access: Access::Read },
@@ -3408,6 +3419,7 @@ pub mod fisher_dynamic_sh1 {
             BindingInfo { name: "d_sh1", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "d_sh2", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "d_sh3", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "cameras", kind: BindingKind::Storage, access: Access::Read },
         ],
     };
 }
@@ -3421,7 +3433,7 @@ pub mod fisher_dynamic_sh2 {
         push_bytes: size_of::<super::fisher_static_sh0::Push>() as u32,
         spirv: include_bytes!("../../shaders-glsl/spv/fisher_dynamic_sh2.spv"),
         local: 64,
-        subgroups: false,
+        subgroups: true,
         bindings: &[
             BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "d_geometry", kind: BindingKind::Storage, access: Access::Read },
@@ -3434,6 +3446,7 @@ pub mod fisher_dynamic_sh2 {
             BindingInfo { name: "d_sh1", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "d_sh2", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "d_sh3", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "cameras", kind: BindingKind::Storage, access: Access::Read },
         ],
     };
 }
@@ -3447,7 +3460,7 @@ pub mod fisher_dynamic_sh3 {
         push_bytes: size_of::<super::fisher_static_sh0::Push>() as u32,
         spirv: include_bytes!("../../shaders-glsl/spv/fisher_dynamic_sh3.spv"),
         local: 64,
-        subgroups: false,
+        subgroups: true,
         bindings: &[
             BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "d_geometry", kind: BindingKind::Storage, access: Access::Read },
@@ -3460,6 +3473,7 @@ pub mod fisher_dynamic_sh3 {
             BindingInfo { name: "d_sh1", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "d_sh2", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "d_sh3", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "cameras", kind: BindingKind::Storage, access: Access::Read },
         ],
     };
 }

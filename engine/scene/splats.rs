@@ -78,6 +78,11 @@ impl Splats {
         motion.map_or(1.0, |m| (-((time - f64::from(m.t_center)) / f64::from(m.t_scale).exp()).powi(2)).exp())
     }
 
+    /// The mean of [`Splats::weight_at`] over the clip, from eight times.
+    pub fn mean_weight(&self, i: usize) -> f64 {
+        (0..8).map(|k| self.weight_at(i, (f64::from(k) + 0.5) / 8.0)).sum::<f64>() / 8.0
+    }
+
     /// Says which array has the wrong length, if one has; every array must fit `len()`, `n_static` and `sh_degree`. Also
     /// when degrees are above `sh_degree` or not in order.
     ///

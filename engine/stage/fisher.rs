@@ -6,16 +6,18 @@ use crate::gpu::generated::{self as g, fisher_static_sh0};
 use crate::gpu::{Buf, Gpu, Grid, KernelInfo, Recording};
 
 /// vec4 per Gaussian of the sums.
-const PLANES: usize = 3;
+const PLANES: usize = 6;
 
 /// Sums over pictures of one Gaussian. Of each part: the response of the pictures to the step that leaves it out, or that
 /// adds what a static Gaussian lacks; squared, with cotangents of random signs, it is the information along that step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Response {
-    /// Of a dynamic Gaussian: standing still, and visible, as it is in the middle of the clip.
+    /// Of a dynamic Gaussian: standing still, where it is in the middle of the clip and as opaque as it is in the mean.
     pub rest: f64,
-    /// Without bands 1 to 3.
+    /// Without bands 1 to 3, their mean over the cameras in the constant band.
     pub bands: [f64; 3],
+    /// Colours of bands 1 to 3 in the mean over the cameras; no sum.
+    pub band_means: [[f64; 3]; 3],
     /// Without the Gaussian.
     pub whole: f64,
     /// Per unit of colour, the three channels together.
@@ -30,6 +32,7 @@ pub struct Response {
 /// The sums of a scene.
 pub(super) struct Fisher {
     sums: Vec<Buf<[f32; 4]>>,
+    cameras: Buf<[f32; 4]>,
     squares: bool,
 }
 
@@ -40,8 +43,8 @@ pub struct Census {
 }
 
 impl Census {
-    pub(super) fn new(gpu: &Gpu, scene: &SceneBuffers) -> Result<Self> {
-        let [information, slope] = [Fisher::new(gpu, scene, true)?, Fisher::new(gpu, scene, false)?];
+    pub(super) fn new(gpu: &Gpu, scene: &SceneBuffers, cameras: &[[f64; 3]]) -> Result<Self> {
+        let [information, slope] = [Fisher::new(gpu, scene, cameras, true)?, Fisher::new(gpu, scene, cameras, false)?];
         Ok(Census { information, slope })
     }
 }
@@ -62,12 +65,18 @@ fn kernel_of(dynamic: bool, degree: usize) -> &'static KernelInfo {
 
 impl Fisher {
     /// Sums of 0 for `scene`: of squared responses, or of responses.
-    pub fn new(gpu: &Gpu, scene: &SceneBuffers, squares: bool) -> Result<Self> {
+    pub fn new(gpu: &Gpu, scene: &SceneBuffers, cameras: &[[f64; 3]], squares: bool) -> Result<Self> {
         let zeros = |group: &Group| {
             let n = (group.n as usize).next_multiple_of(super::scene::PLANE_BLOCK) * PLANES;
             gpu.upload("fisher sums", &vec![[0.0f32; 4]; n])
         };
-        Ok(Fisher { sums: scene.groups.iter().map(zeros).collect::<Result<_>>()?, squares })
+        let weight = 1.0 / cameras.len().max(1) as f32;
+        let place = |camera: &[f64; 3]| {
+            let [x, y, z] = [0, 1, 2].map(|c| (camera[c] - scene.origin[c]) as f32);
+            [x, y, z, weight]
+        };
+        let cameras = gpu.upload("fisher cameras", &cameras.iter().map(place).collect::<Vec<_>>())?;
+        Ok(Fisher { cameras, sums: scene.groups.iter().map(zeros).collect::<Result<_>>()?, squares })
     }
 
     /// Appends the addition of the gradients that a backward pass left of a view at `time`, normalised.
@@ -90,9 +99,16 @@ impl Fisher {
                 d_sh1: d_band(0),
                 d_sh2: d_band(1),
                 d_sh3: d_band(2),
+                cameras: &self.cameras,
             };
             let squares = if self.squares { 1.0 } else { 0.0 };
-            let push = fisher_static_sh0::Push { n: group.n, time: time as f32, middle: 0.5, squares };
+            let push = fisher_static_sh0::Push {
+                n: group.n,
+                time: time as f32,
+                middle: 0.5,
+                squares,
+                n_cameras: self.cameras.len() as u32,
+            };
             rec.pass_variant(kernel_of(motion.is_some(), group.degree()), args, push, Grid::Threads(group.n));
         }
         rec.group(None);
@@ -104,10 +120,13 @@ impl Fisher {
         for (group, sums) in scene.groups.iter().zip(&self.sums) {
             let sums = gpu.read(sums)?;
             all.extend((0..group.n as usize).map(|i| {
-                let [part, own, lacks] = [0, 1, 2].map(|p| sums[super::scene::plane_of(i, PLANES, p)].map(f64::from));
+                let plane = |p: usize| sums[super::scene::plane_of(i, PLANES, p)].map(f64::from);
+                let [part, own, lacks] = [0, 1, 2].map(plane);
+                let band_means = [3, 4, 5].map(plane).map(|[r, g, b, _]| [r, g, b]);
                 Response {
                     rest: part[0],
                     bands: [part[1], part[2], part[3]],
+                    band_means,
                     whole: own[0],
                     color: own[1],
                     seen: own[3],

@@ -141,12 +141,12 @@ impl Renderer {
         Ok((gradients, report))
     }
 
-    /// An empty census of this renderer's scene.
+    /// An empty census of this renderer's scene, for cameras with these centres (world), over which the means of bands are.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`] naming the buffer that does not fit.
-    pub fn census(&self) -> Result<Census> {
-        Census::new(&self.gpu, &self.scene)
+    pub fn census(&self, cameras: &[[f64; 3]]) -> Result<Census> {
+        Census::new(&self.gpu, &self.scene, cameras)
     }
 
     /// Adds `view` to `census`, which this renderer made: by the cotangents of colour `signs`, which must be random signs, the

@@ -74,7 +74,7 @@ pub struct Required {
 
 impl Default for Required {
     fn default() -> Self {
-        Required { reviews: 0, first: 0.4, last: 0.8, images: 64, price: 1.0, grids_at: 0.1 }
+        Required { reviews: 0, first: 0.4, last: 0.8, images: 64, price: 1.0, grids_at: 0.3 }
     }
 }
 

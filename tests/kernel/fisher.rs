@@ -7,6 +7,8 @@ use ivv::scene::{Frame, Splats, View};
 use ivv::stage::{Census, Outputs, Renderer, Response};
 use ivv::twin::responses;
 
+const CAMERAS: [[f64; 3]; 3] = [[0.0, 0.0, -4.0], [3.0, 0.5, -2.0], [-2.0, 1.0, -3.0]];
+
 /// A scene of all degrees in both populations.
 fn mixed(seed: u64, n: usize) -> Splats {
     let mut splats = scene(seed, n, 3);
@@ -67,7 +69,7 @@ fn assert_close(found: &[Response], expected: &[[f64; 11]]) {
 fn sums_over_views_are_those_of_the_gradients() {
     let splats = mixed(4, 301);
     let mut renderer = Renderer::new(gpu().clone(), &splats, Constants::default()).unwrap();
-    let census = renderer.census().unwrap();
+    let census = renderer.census(&CAMERAS).unwrap();
     let (mut squares, mut plain) = (vec![[0.0; 11]; splats.len()], vec![[0.0; 11]; splats.len()]);
     for (seed, view) in (0..).zip(views()) {
         let (signs, errors) = (signs(&view, seed), signs(&view, 10 + seed));
@@ -76,7 +78,7 @@ fn sums_over_views_are_those_of_the_gradients() {
         for (cotangents, sums, square) in [(signs, &mut squares, true), (errors, &mut plain, false)] {
             let (d, _) = renderer.vjp(&view, &whole(&cotangents)).unwrap();
             for (i, sum) in sums.iter_mut().enumerate() {
-                let (part, color, lacks) = responses(&splats, &d.params, i, time);
+                let (part, color, lacks) = responses(&splats, &d.params, i, time, &CAMERAS);
                 let term = |s: f64| if square { s * s } else { s };
                 let color = color.map(term).iter().sum();
                 let all = [part.map(term).as_slice(), &[color], &lacks.map(term)].concat();
@@ -100,7 +102,7 @@ fn a_gaussian_and_a_band_are_worth_what_the_picture_without_them_tells() {
     };
     let own = show(&splats);
     let mut renderer = Renderer::new(gpu.clone(), &splats, Constants::default()).unwrap();
-    let census = renderer.census().unwrap();
+    let census = renderer.census(&CAMERAS).unwrap();
     let errors = signs(&view, 99);
     const DRAWS: u64 = 48;
     for draw in 0..DRAWS {
@@ -114,6 +116,8 @@ fn a_gaussian_and_a_band_are_worth_what_the_picture_without_them_tells() {
         without.opacity[i] = -40.0;
         let mut plain = splats.clone();
         plain.sh[i * k + 1..i * k + 4].fill([0.0; 3]);
+        let mean = information[i].band_means[0];
+        plain.sh[i * k].iter_mut().zip(mean).for_each(|(x, mean)| *x += (mean / 0.282_094_8) as f32);
         let cases =
             [(without, information[i].whole, slope[i].whole), (plain, information[i].bands[0], slope[i].bands[0])];
         for (changed, information, slope) in cases {

@@ -6,6 +6,7 @@ mod init;
 mod plan;
 mod points;
 mod report;
+mod require;
 mod run;
 mod scores;
 mod terms;

@@ -26,6 +26,8 @@ pub struct Fate {
     pub stays: bool,
     /// SH degree from now on.
     pub degree: u8,
+    /// Added to its colour: what the bands that go are in the mean over the cameras.
+    pub color: [f64; 3],
     /// How it goes on in time.
     pub time: InTime,
 }
@@ -35,7 +37,7 @@ pub struct Fate {
 pub enum InTime {
     /// As it did.
     AsBefore,
-    /// It stands still and is always visible, as it is in the middle of the clip.
+    /// It stands still, where it is in the middle of the clip and as opaque as it is in the mean.
     ComesToRest,
     /// It moves by this velocity, scene units per clip, around where it was.
     BeginsToMove([f32; 3]),
@@ -60,7 +62,7 @@ pub fn fates(splats: &Splats, evidence: &Evidence, frame_times: &[f64], price: f
         let (information, slope) = (&evidence.information[i], &evidence.slope[i]);
         let is_dynamic = i >= splats.n_static;
         let part = |of: fn(&Response) -> f64| loss(of(information), of(slope), evidence);
-        let mut degree = splats.degree_of(i);
+        let (mut degree, mut color) = (splats.degree_of(i), [0.0; 3]);
         while degree > 0 {
             let numbers = (3 * (2 * degree + 1)) as f64;
             let band = loss(information.bands[degree - 1], slope.bands[degree - 1], evidence);
@@ -69,6 +71,7 @@ pub fn fates(splats: &Splats, evidence: &Evidence, frame_times: &[f64], price: f
                 break;
             }
             degree -= 1;
+            color.iter_mut().zip(information.band_means[degree]).for_each(|(sum, mean)| *sum += mean);
         }
         let numbers = GEOMETRY_NUMBERS
             + if is_dynamic { MOTION_NUMBERS } else { 0.0 }
@@ -87,7 +90,7 @@ pub fn fates(splats: &Splats, evidence: &Evidence, frame_times: &[f64], price: f
         } else {
             InTime::AsBefore
         };
-        Fate { stays, degree: degree as u8, time }
+        Fate { stays, degree: degree as u8, color, time }
     };
     (0..splats.len()).map(of).collect()
 }

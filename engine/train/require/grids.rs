@@ -4,8 +4,10 @@ use crate::error::Result;
 use crate::stage::{Outputs, Renderer};
 use crate::train::metrics::Sight;
 
-/// Side of the blocks whose mean colours are compared, pixels: errors within one are alike, those of two are not.
-const BLOCK: u32 = 16;
+/// Blocks of a picture whose mean colours are compared, across and down: errors within one are alike, those of two hardly.
+const BLOCKS: [u32; 2] = [6, 4];
+/// Least pixels of a block that tell a mean.
+const LEAST_PIXELS: f64 = 16.0;
 /// Pictures of a camera that are looked at, evenly spread over the clip. A block's mean is over all of them: what is wrong
 /// at a place is wrong in every frame, so more frames are no more evidence.
 const PICTURES: usize = 8;
@@ -31,18 +33,18 @@ pub struct GridCheck {
 pub(super) fn check(renderer: &mut Renderer, sight: &Sight, camera: usize) -> Result<GridCheck> {
     let shots = &sight.capture.cameras[camera].shots;
     let n = shots.len().min(PICTURES);
-    let mut blocks: Vec<Block> = Vec::new();
+    let mut blocks = vec![Block::default(); (BLOCKS[0] * BLOCKS[1]) as usize];
     for k in 0..n {
         let frame = shots[(2 * k + 1) * shots.len() / (2 * n)].frame;
         let view = sight.view(camera, frame)?;
         let (shown, _) = renderer.render(&view, Outputs::Color)?;
         let picture = sight.capture.picture(camera, frame)?;
-        let across = view.width.div_ceil(BLOCK);
-        blocks.resize((across * view.height.div_ceil(BLOCK)) as usize, Block::default());
         for (pixel, (color, word)) in (0..).zip(shown.color.iter().zip(&picture.pixels)) {
             let [r, g, b, mask] = word.to_le_bytes();
             if mask > 0 {
-                let block = &mut blocks[(pixel / view.width / BLOCK * across + pixel % view.width / BLOCK) as usize];
+                let (x, y) =
+                    (pixel % view.width * BLOCKS[0] / view.width, pixel / view.width * BLOCKS[1] / view.height);
+                let block = &mut blocks[(y * BLOCKS[0] + x) as usize];
                 block.add(color.map(f64::from), [r, g, b].map(|level| f64::from(level) / 255.0));
             }
         }
@@ -68,7 +70,7 @@ impl Block {
 
     /// Mean colours shown and true; none where too little of it is seen.
     fn means(&self) -> Option<([f64; 3], [f64; 3])> {
-        (self.n >= f64::from(BLOCK)).then(|| (self.shown.map(|x| x / self.n), self.truth.map(|x| x / self.n)))
+        (self.n >= LEAST_PIXELS).then(|| (self.shown.map(|x| x / self.n), self.truth.map(|x| x / self.n)))
     }
 }
 
@@ -85,8 +87,8 @@ fn gain(blocks: &[([f64; 3], [f64; 3])]) -> f64 {
         let xy = mean(&|b| (b.0[c] - x) * (b.1[c] - y));
         let yy = mean(&|b| (b.1[c] - y).powi(2));
         let before = mean(&|b| (b.1[c] - b.0[c]).powi(2));
-        // Colours have eight bits.
-        let after = (yy - if xx > 0.0 { xy * xy / xx } else { 0.0 }).max(1.0 / (255.0 * 255.0 * 12.0));
+        // What is less than a level of eight bits is no other colour.
+        let after = (yy - if xx > 0.0 { xy * xy / xx } else { 0.0 }).max(1.0 / (255.0 * 255.0));
         0.5 * n * (before.max(after) / after).ln() - 0.5 * NUMBERS * n.ln()
     };
     (0..3).map(of_channel).sum()
@@ -104,7 +106,7 @@ mod tests {
             let shown: [f64; 3] = std::array::from_fn(|c| random.uniform(100 + 3 * i + c as u64));
             (shown, std::array::from_fn(|c| map(shown[c]) + error * random.normal(1000 + 3 * i + c as u64)))
         };
-        (0..48).map(block).collect()
+        (0..24).map(block).collect()
     }
 
     #[test]

@@ -28,6 +28,8 @@ use std::sync::Arc;
 const REVIEW: u64 = 4;
 /// Largest velocity of a Gaussian that begins to move, scene units per clip; the cameras' extent is 3.
 const FASTEST: f32 = 3.0;
+/// Value of the constant band.
+const SH_0: f64 = 0.282_094_791_773_878_14;
 /// A bucket of Gaussians is stored apart if there are more than one in so many: each costs some twenty dispatches a step.
 const FEW: usize = 32;
 
@@ -61,8 +63,8 @@ pub struct Review {
 pub enum Due {
     /// Cameras are looked at for whether they need a grid.
     Grids,
-    /// Gaussians too.
-    Everything,
+    /// Gaussians are looked at.
+    Gaussians,
 }
 
 /// What is due after step `step` of `total`.
@@ -73,7 +75,7 @@ pub fn review_due(config: &Config, step: u64, total: u64) -> Option<Due> {
     if step == 0 || step >= total || reviews == 0 {
         None
     } else if (0..reviews).any(|k| nth(k) == step) {
-        Some(Due::Everything)
+        Some(Due::Gaussians)
     } else {
         (step == at(grids_at)).then_some(Due::Grids)
     }
@@ -96,12 +98,14 @@ pub fn review(
     let Config { background, seed, ref required, grids, .. } = checkpoint.config;
     let mut renderer = Renderer::new(gpu.clone(), &trainer.splats()?, constants)?;
     let sight = Sight { offsets: offsets.into_iter().enumerate().collect(), ..Sight::new(capture, background) };
-    let grids =
-        if grids && is_rig(capture) { give_grids(&mut renderer, &sight, &mut checkpoint.cameras)? } else { Vec::new() };
     if due == Due::Grids {
-        trainer.replace(&checkpoint)?;
         let n = checkpoint.params.len();
-        return Ok(Review { step: checkpoint.step, before: n, after: n, grids, ..Review::default() });
+        let mut report = Review { step: checkpoint.step, before: n, after: n, ..Review::default() };
+        if grids && is_rig(capture) {
+            report.grids = give_grids(&mut renderer, &sight, &mut checkpoint.cameras)?;
+            trainer.replace(&checkpoint)?;
+        }
+        return Ok(report);
     }
     let key = [seed, checkpoint.step, REVIEW];
     let has_grid = &checkpoint.cameras.has_grid;
@@ -114,33 +118,27 @@ pub fn review(
     let n_merged = merge(&mut checkpoint.params, &mut evidence, required.price, &mut merged);
     fates.iter_mut().zip(&merged).for_each(|(fate, merged)| fate.stays &= !merged);
     let noise = evidence.variance.sqrt();
-    let report = Review { merged: n_merged, noise, grids, ..tally(&checkpoint, &fates, &merged) };
+    let report = Review { merged: n_merged, noise, ..tally(&checkpoint, &fates, &merged) };
     carry_out(&mut checkpoint, &fates);
     trainer.replace(&checkpoint)?;
     Ok(report)
 }
 
-/// Gives a grid, the identity as yet, to each training camera that needs one and has none; returns what their pictures said.
-fn give_grids(renderer: &mut Renderer, sight: &Sight, cameras: &mut CameraState) -> Result<Vec<GridCheck>> {
-    let n = sight.capture.cameras.len();
-    let mut states: Vec<Option<(GridState, u64)>> = vec![None; n];
-    let old = std::mem::take(&mut cameras.grids).into_iter().zip(std::mem::take(&mut cameras.grid_steps));
-    let places = (0..n).filter(|camera| cameras.has_grid.get(*camera).copied().unwrap_or(false));
-    places.zip(old).for_each(|(camera, state)| states[camera] = Some(state));
+/// Gives a grid, the identity as yet, to each training camera that needs one, and to no other; returns what their pictures
+/// said.
+fn give_grids(renderer: &mut Renderer, sight: &Sight, state: &mut CameraState) -> Result<Vec<GridCheck>> {
+    let cameras = &sight.capture.cameras;
     let mut checks = Vec::new();
-    for camera in (0..n).filter(|camera| !sight.capture.cameras[*camera].is_test) {
-        if states[camera].is_none() {
-            let check = grids::check(renderer, sight, camera)?;
-            if check.is_needed {
-                states[camera] = Some((GridState::identity(), 0));
-            }
-            checks.push(check);
-        }
+    state.has_grid = vec![false; cameras.len()];
+    for camera in (0..cameras.len()).filter(|camera| !cameras[*camera].is_test) {
+        let check = grids::check(renderer, sight, camera)?;
+        state.has_grid[camera] = check.is_needed;
+        checks.push(check);
     }
-    cameras.has_grid = states.iter().map(Option::is_some).collect();
-    (cameras.grids, cameras.grid_steps) = states.into_iter().flatten().unzip();
-    if cameras.grids.is_empty() {
-        cameras.has_grid.clear();
+    let n = state.has_grid.iter().filter(|has| **has).count();
+    (state.grids, state.grid_steps) = (vec![GridState::identity(); n], vec![0; n]);
+    if n == 0 {
+        state.has_grid.clear();
     }
     Ok(checks)
 }
@@ -210,8 +208,12 @@ pub fn carry_out(checkpoint: &mut Checkpoint, fates: &[Fate]) {
         let Some(motion) = motion_of(params, i) else { continue };
         let ahead = 0.5 - motion.t_center;
         now.position[at] = std::array::from_fn(|c| params.position[i][c] + motion.velocity[c] * ahead);
-        let opacity = params.weight_at(i, 0.5) / (1.0 + (-f64::from(params.opacity[i])).exp());
+        let opacity = params.mean_weight(i) / (1.0 + (-f64::from(params.opacity[i])).exp());
         now.opacity[at] = (opacity / (1.0 - opacity).max(1e-9)).ln() as f32;
+    }
+    let k = params.n_coefficients();
+    for (at, &i) in order.iter().enumerate() {
+        now.sh[at * k].iter_mut().zip(fates[i].color).for_each(|(x, color)| *x += (color / SH_0) as f32);
     }
     let moments = |of: &Splats| {
         carry(of, &|i| match fates[i].time {
