@@ -31,8 +31,12 @@ struct Tiny {
 
 impl Tiny {
     fn new(name: &str) -> Self {
+        Self::of_frames(name, 4)
+    }
+
+    fn of_frames(name: &str, frames: u32) -> Self {
         let folder = std::env::temp_dir().join(format!("ivv-train-{name}-{}", std::process::id()));
-        let options = Options { frames: 4, ..Preset::Tiny.options(7) };
+        let options = Options { frames, ..Preset::Tiny.options(7) };
         write_capture(&folder, &options, 2, &mut |_, _| {}).unwrap();
         let capture = Capture::open(&folder).unwrap();
         Tiny { folder, capture }

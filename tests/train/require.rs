@@ -4,21 +4,34 @@ use super::Tiny;
 use crate::common::device::gpu;
 use crate::common::random::Random;
 use ivv::Constants;
-use ivv::scene::capture::Capture;
+use ivv::scene::capture::{Capture, Shot};
 use ivv::scene::{Motion, Splats, View};
 use ivv::stage::{Outputs, Renderer};
-use ivv::synth::{Options, Preset, write_capture};
-use ivv::train::{Config, Due, Required, Review, Setup, Trainer, review};
+use ivv::train::{Config, Due, Required, Review, Setup, Trainer, psnr, review};
+use std::path::PathBuf;
+use std::sync::OnceLock;
 
 /// So that noise is not clamped.
 const BACKGROUND: [f32; 3] = [0.4; 3];
 
-/// A capture of eight frames and five training cameras whose pictures show `truth`, with the noise of 8 bits and a half.
-fn capture_of(name: &str, truth: impl Fn(&Capture) -> Splats) -> (Tiny, Splats) {
+/// A capture whose pictures show Gaussians; its folder goes with it.
+struct Shown {
+    folder: PathBuf,
+    capture: Capture,
+}
+
+impl Drop for Shown {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_dir_all(&self.folder);
+    }
+}
+
+/// The cameras and points of a capture of eight frames, with pictures that show `truth`, a little noisy.
+fn capture_of(name: &str, truth: impl Fn(&Capture) -> Splats) -> (Shown, Splats) {
+    static CAMERAS: OnceLock<Capture> = OnceLock::new();
+    let mut capture = CAMERAS.get_or_init(|| Tiny::of_frames("require-cameras", 8).capture.clone()).clone();
     let folder = std::env::temp_dir().join(format!("ivv-train-{name}-{}", std::process::id()));
-    let options = Options { frames: 8, ..Preset::Tiny.options(7) };
-    write_capture(&folder, &options, 2, &mut |_, _| {}).unwrap();
-    let capture = Capture::open(&folder).unwrap();
+    std::fs::create_dir_all(&folder).unwrap();
     let truth = truth(&capture);
     let mut renderer = Renderer::new(gpu().clone(), &truth, Constants::default()).unwrap();
     let mut random = Random::new(5);
@@ -27,16 +40,17 @@ fn capture_of(name: &str, truth: impl Fn(&Capture) -> Splats) -> (Tiny, Splats) 
         let (mut picture, _) = renderer.render(&view, Outputs::Color).unwrap();
         let noise = |x: &mut f32| *x += 0.02 * random.uniform(-1.0, 1.0) as f32;
         picture.color.as_flattened_mut().iter_mut().for_each(noise);
-        let shot = capture.cameras[camera].shot(frame).unwrap();
-        picture.write_png(&shot.image).unwrap();
+        let image = folder.join(format!("{camera}-{frame}.png"));
+        picture.write_png(&image).unwrap();
+        let shot = capture.cameras[camera].shots.iter_mut().find(|shot| shot.frame == frame).unwrap();
+        *shot = Shot { frame, image, ..Shot::default() };
     }
-    let capture = Capture::open(&folder).unwrap();
-    (Tiny { folder, capture }, truth)
+    (Shown { folder, capture }, truth)
 }
 
-/// Gaussians where the capture's points are, far enough from each other to be told apart: every fourth moves, every third
-/// of the others has a first band.
-fn known(capture: &Capture, moves: bool) -> Splats {
+/// Gaussians where the capture's points are, far enough from each other to be told apart: every fourth moves if
+/// there is a speed, scene units per clip; every third has a first band.
+fn known(capture: &Capture, speed: f32) -> Splats {
     let mut random = Random::new(11);
     let mut chosen: Vec<[f64; 3]> = Vec::new();
     for point in &capture.points {
@@ -45,7 +59,7 @@ fn known(capture: &Capture, moves: bool) -> Splats {
             chosen.push(point.position);
         }
     }
-    let n_static = if moves { chosen.len() - chosen.len() / 4 } else { chosen.len() };
+    let n_static = if speed > 0.0 { chosen.len() - chosen.len() / 4 } else { chosen.len() };
     let mut splats = Splats { n_static, ..Splats::new(1) };
     for (i, place) in chosen.iter().enumerate() {
         splats.position.push(place.map(|x| x as f32));
@@ -59,7 +73,7 @@ fn known(capture: &Capture, moves: bool) -> Splats {
         if i >= n_static {
             let way: [f32; 3] = random.vector(-1.0, 1.0);
             let length = way.iter().map(|x| x * x).sum::<f32>().sqrt().max(0.1);
-            splats.motion.push(Motion { velocity: way.map(|x| 1.2 * x / length), t_center: 0.5, t_scale: 1.5 });
+            splats.motion.push(Motion { velocity: way.map(|x| speed * x / length), t_center: 0.5, t_scale: 1.5 });
         }
         splats.source_row.push(i as u32);
     }
@@ -113,7 +127,7 @@ fn names(found: &Splats, truth: &Splats) -> Vec<usize> {
 
 #[test]
 fn what_moves_and_what_shines_is_told_from_what_does_not() {
-    let (tiny, truth) = capture_of("require", |capture| known(capture, true));
+    let (tiny, truth) = capture_of("require", |capture| known(capture, 1.2));
     let (n, n_moving) = (truth.len(), truth.motion.len());
     assert!(n_moving >= 8 && n > 30, "{n_moving} of {n} move");
     let (review, mut trainer) = reviewed(&tiny.capture, &everything(&truth), 40);
@@ -135,5 +149,102 @@ fn what_moves_and_what_shines_is_told_from_what_does_not() {
     let shining = names.iter().filter(|i| shines(**i)).count();
     println!("{kept} bands kept, {rightly} of them rightly, of {shining}");
     assert!(rightly as f64 >= 0.95 * f64::from(kept) && rightly as f64 >= 0.8 * shining as f64);
-    assert!(review.grids.iter().all(|check| !check.is_needed) && review.grids.len() == 5, "{:?}", review.grids);
+}
+
+#[test]
+fn a_scene_that_stands_still_ends_without_a_dynamic_gaussian_and_without_a_grid() {
+    let (tiny, truth) = capture_of("require-still", |capture| known(capture, 0.0));
+    let (first, mut trainer) = reviewed(&tiny.capture, &everything(&truth), 40);
+    super::drive(&mut trainer, &tiny.capture, config().seed, 60);
+    let again = review(&mut trainer, &gpu(), &tiny.capture, Constants::default(), Due::Gaussians).unwrap();
+    let splats = trainer.splats().unwrap();
+    assert!(splats.len() + 2 >= truth.len() && splats.motion.is_empty(), "{first:?} {again:?}");
+    let grids = review(&mut trainer, &gpu(), &tiny.capture, Constants::default(), Due::Grids).unwrap();
+    assert!(grids.grids.len() == 4 && grids.grids.iter().all(|check| !check.is_needed), "{grids:?}");
+    // Nothing moves, so no picture tells any offset.
+    let mut renderer = Renderer::new(gpu().clone(), &splats, Constants::default()).unwrap();
+    let pictures = ivv::train::offset_pictures(&tiny.capture, BACKGROUND, 0).unwrap();
+    assert!(!ivv::train::fit_offset(&mut renderer, &pictures, 0.0, 0).unwrap().is_identifiable());
+}
+
+#[test]
+fn one_camera_of_another_exposure_gets_the_only_grid() {
+    let (tiny, truth) = capture_of("require-grid", |capture| known(capture, 0.0));
+    let odd = tiny.capture.training_frames()[0].0;
+    for shot in &tiny.capture.cameras[odd].shots {
+        let picture = image::open(&shot.image).unwrap().to_rgb8();
+        let brighter = image::ImageBuffer::from_fn(picture.width(), picture.height(), |x, y| {
+            image::Rgb(picture.get_pixel(x, y).0.map(|level| (0.8 * f64::from(level)).round() as u8))
+        });
+        brighter.save(&shot.image).unwrap();
+    }
+    let config = config();
+    let setup = Setup::new(&tiny.capture, &config);
+    assert!(setup.has_grid.is_empty(), "grids come when they are needed");
+    let mut trainer = Trainer::new(gpu().clone(), &truth, Constants::default(), config.clone(), 100, setup).unwrap();
+    super::drive(&mut trainer, &tiny.capture, config.seed, 8);
+    let found = review(&mut trainer, &gpu(), &tiny.capture, Constants::default(), Due::Grids).unwrap();
+    let name = &tiny.capture.cameras[odd].name;
+    let needing: Vec<&String> = found.grids.iter().filter(|check| check.is_needed).map(|check| &check.camera).collect();
+    assert_eq!(needing, [name], "{found:?}");
+    // The grid is learnt from then on, and a checkpoint knows whose it is.
+    super::drive(&mut trainer, &tiny.capture, config.seed, 30);
+    let state = trainer.checkpoint().unwrap().cameras;
+    assert_eq!((state.grids.len(), state.has_grid.iter().filter(|has| **has).count()), (1, 1));
+    assert!(state.has_grid[odd] && state.grids[0].identity_deviation() > 1e-3);
+}
+
+#[test]
+fn what_moves_and_was_taken_for_static_begins_to_move() {
+    let (tiny, truth) = capture_of("require-wake", |capture| known(capture, 0.5));
+    // So slow that a static Gaussian overlaps with what it shows.
+    let still = Splats { n_static: truth.len(), motion: Vec::new(), ..truth.clone() };
+    let (review, mut trainer) = reviewed(&tiny.capture, &still, 20);
+    let splats = trainer.splats().unwrap();
+    let names = names(&splats, &truth);
+    let woken: Vec<usize> = (splats.n_static..splats.len()).map(|at| names[at]).collect();
+    let right = woken.iter().filter(|i| **i >= truth.n_static).count();
+    println!("{} begin to move, {right} rightly, of {}; {review:?}", woken.len(), truth.motion.len());
+    assert!(right + 1 >= woken.len() && right + 1 >= truth.motion.len());
+}
+
+#[test]
+fn what_was_dropped_brings_nothing_when_it_is_given_back() {
+    let (tiny, truth) = capture_of("require-back", |capture| known(capture, 1.2));
+    let (_, mut trainer) = reviewed(&tiny.capture, &everything(&truth), 40);
+    super::drive(&mut trainer, &tiny.capture, config().seed, 72);
+    let required = trainer.splats().unwrap();
+    // Everything again, at its null values, for one more epoch; beside it the same epoch without.
+    let n = required.len();
+    let at_rest = Motion { velocity: [0.0; 3], t_center: 0.5, t_scale: 2.0 };
+    let motion = (0..n).map(|i| i.checked_sub(required.n_static).map_or(at_rest, |at| required.motion[at]));
+    let back = Splats { n_static: 0, motion: motion.collect(), degree: Vec::new(), ..required.clone() };
+    let after_an_epoch = |splats: &Splats| {
+        let config = Config { required: Required::default(), grids: false, ..config() };
+        let setup = Setup::new(&tiny.capture, &config);
+        let mut trainer =
+            Trainer::new(gpu().clone(), splats, Constants::default(), config.clone(), 1000, setup).unwrap();
+        super::drive(&mut trainer, &tiny.capture, config.seed, 32);
+        test_psnr(&tiny.capture, &trainer.splats().unwrap())
+    };
+    let (with, without) = (after_an_epoch(&back), after_an_epoch(&required));
+    println!("{with:.3} dB with everything, {without:.3} dB with what is required");
+    assert!(without > 30.0 && with < without + 0.05);
+}
+
+/// Mean PSNR of the test views, dB.
+fn test_psnr(capture: &Capture, splats: &Splats) -> f64 {
+    let mut renderer = Renderer::new(gpu().clone(), splats, Constants::default()).unwrap();
+    let psnrs = capture.test_frames().into_iter().map(|(camera, frame)| {
+        let view = View { background: BACKGROUND, ..capture.view(camera, frame).unwrap() };
+        let (seen, _) = renderer.render(&view, Outputs::Color).unwrap();
+        let truth = capture.picture(camera, frame).unwrap();
+        let errors = seen.color.iter().zip(&truth.pixels).flat_map(|(color, word)| {
+            let truth = word.to_le_bytes();
+            (0..3).map(move |c| (f64::from(color[c]) - f64::from(truth[c]) / 255.0).powi(2))
+        });
+        psnr(errors.sum::<f64>() / (3.0 * truth.pixels.len() as f64))
+    });
+    let all: Vec<f64> = psnrs.collect();
+    all.iter().sum::<f64>() / all.len() as f64
 }
