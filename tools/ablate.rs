@@ -21,7 +21,7 @@ pub struct Args {
     /// Seeds; every setting is run with each of them.
     #[arg(long, value_delimiter = ',', default_value = "1,2,3")]
     seeds: Vec<u64>,
-    /// Studies, separated by commas: initialisation, offsets, supervision.
+    /// Studies, separated by commas: initialisation, offsets, supervision, required.
     #[arg(long, value_delimiter = ',', default_value = "initialisation,offsets,supervision")]
     studies: Vec<String>,
     /// The test camera that is called peripheral; the one farthest from the middle of all without it.
@@ -39,7 +39,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     anyhow::ensure!(!args.seeds.is_empty(), "--seeds names none");
     let studies = args.studies.iter().map(|name| {
         let known = STUDIES.iter().find(|study| study.name == name);
-        known.with_context(|| format!("--studies {name}: there are initialisation, offsets and supervision"))
+        known.with_context(|| format!("--studies {name}: there are initialisation, offsets, supervision and required"))
     });
     let studies: Vec<&Study> = studies.collect::<Result<_, _>>()?;
     let capture = Capture::open(&args.capture)?;
@@ -160,6 +160,12 @@ fn value(measure: Measure, eval: &Value, train: &Value, peripheral: &str) -> Opt
             let scores: Vec<f64> = views.filter_map(|view| view["psnr"].as_f64()).collect();
             (!scores.is_empty()).then(|| scores.iter().sum::<f64>() / scores.len() as f64)
         }
+        Measure::PsnrWorst => {
+            let views = eval["views"].as_array()?.iter().filter_map(|view| view["psnr"].as_f64());
+            views.min_by(f64::total_cmp)
+        }
+        Measure::SceneBytes => eval["bytes"].as_f64(),
+        Measure::StepTime => train["seconds_per_step"].as_f64().map(|seconds| 1e3 * seconds),
         Measure::OffsetError => train["offset_error"].as_f64(),
     }
 }

@@ -18,6 +18,12 @@ pub enum Measure {
     PsnrForeground,
     /// The same of the test camera farthest from the middle of all.
     PsnrPeripheral,
+    /// PSNR of the test view that has the lowest, dB.
+    PsnrWorst,
+    /// Bytes of the numbers of the scene, see [`crate::scene::Summary::parameter_bytes`].
+    SceneBytes,
+    /// Milliseconds a step, reviews included; of a machine that was left alone.
+    StepTime,
     /// Root mean square error of the learnt time offsets, frames, where the capture knows the true ones.
     OffsetError,
 }
@@ -31,13 +37,17 @@ impl Measure {
             Measure::Psnr => "PSNR, dB",
             Measure::PsnrForeground => "PSNR of what moves, dB",
             Measure::PsnrPeripheral => "PSNR of the peripheral camera, dB",
+            Measure::PsnrWorst => "PSNR of the worst view, dB",
+            Measure::SceneBytes => "bytes",
+            Measure::StepTime => "ms a step",
             Measure::OffsetError => "error of the offsets, frames",
         }
     }
 
     fn decimals(self) -> usize {
         match self {
-            Measure::FirstGaussians | Measure::LastGaussians => 0,
+            Measure::FirstGaussians | Measure::LastGaussians | Measure::SceneBytes => 0,
+            Measure::StepTime => 1,
             Measure::OffsetError => 3,
             _ => 2,
         }
@@ -72,7 +82,7 @@ pub struct Study {
 const FULL: &str = "full";
 
 /// The studies of the paper.
-pub const STUDIES: [Study; 3] = [
+pub const STUDIES: [Study; 4] = [
     Study {
         name: "initialisation",
         title: "Initialisation",
@@ -124,7 +134,38 @@ pub const STUDIES: [Study; 3] = [
         ],
         measures: &[Measure::Psnr, Measure::PsnrPeripheral],
     },
+    Study {
+        name: "required",
+        title: "Only what the scene requires",
+        arms: &[
+            Arm {
+                name: "everything modelled",
+                key: "everything",
+                change: |config| config.init_static_tau = LONG_TAU,
+                paper: &[],
+            },
+            Arm {
+                name: "reviewed",
+                key: "reviewed",
+                change: |config| (config.init_static_tau, config.required.reviews) = (LONG_TAU, REVIEWS),
+                paper: &[],
+            },
+            Arm { name: "told apart by flow", key: FULL, change: |_| (), paper: &[] },
+            Arm {
+                name: "told apart by flow, reviewed",
+                key: "flow-reviewed",
+                change: |config| config.required.reviews = REVIEWS,
+                paper: &[],
+            },
+        ],
+        measures: &[Measure::LastGaussians, Measure::SceneBytes, Measure::StepTime, Measure::PsnrWorst, Measure::Psnr],
+    },
 ];
+
+/// Tau of points that stand still where everything is modelled, clips.
+const LONG_TAU: f64 = 10.0;
+/// Reviews of what the scene requires.
+const REVIEWS: u32 = 3;
 
 /// A mean with the half-width of its interval of 95 % confidence.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]

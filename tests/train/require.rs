@@ -6,8 +6,8 @@ use crate::common::random::Random;
 use ivv::Constants;
 use ivv::scene::capture::{Capture, Shot};
 use ivv::scene::{Motion, Splats, View};
-use ivv::stage::{Outputs, Renderer};
-use ivv::train::{Config, Due, Required, Review, Setup, Trainer, psnr, review};
+use ivv::stage::{Outputs, Renderer, Response};
+use ivv::train::{Config, Due, Evidence, Required, Review, Setup, Trainer, merge, psnr, review};
 use std::path::PathBuf;
 use std::sync::OnceLock;
 
@@ -247,4 +247,53 @@ fn test_psnr(capture: &Capture, splats: &Splats) -> f64 {
     });
     let all: Vec<f64> = psnrs.collect();
     all.iter().sum::<f64>() / all.len() as f64
+}
+
+/// Dynamic Gaussians at rest at one place, each around its time, with a colour of their own where `colors` says so.
+fn chain(colors: [f32; 5]) -> (Splats, Evidence) {
+    let n = colors.len();
+    let splats = Splats {
+        position: (0..n).map(|i| [0.01 * i as f32, 0.0, 2.0]).collect(),
+        rotation: vec![[1.0, 0.0, 0.0, 0.0]; n],
+        scale: vec![[-2.0, -2.1, -2.2]; n],
+        opacity: vec![1.0; n],
+        sh: colors.map(|c| [c, 0.2, 0.1]).to_vec(),
+        motion: (0..n)
+            .map(|i| Motion { velocity: [0.01, 0.0, 0.0], t_center: 0.1 + 0.2 * i as f32, t_scale: -2.0 })
+            .collect(),
+        source_row: (0..n as u32).collect(),
+        ..Splats::new(0)
+    };
+    let seen = Response { whole: 40.0, color: 120.0, seen: 9.0, ..Response::default() };
+    let evidence = Evidence {
+        information: vec![seen; n],
+        slope: vec![Response::default(); n],
+        variance: 1e-3,
+        scale: 1.0,
+        n_values: 1e6,
+        times: vec![0.0, 0.5],
+    };
+    (splats, evidence)
+}
+
+#[test]
+fn gaussians_that_show_one_resting_thing_one_after_the_other_become_one() {
+    let (mut splats, mut evidence) = chain([0.5; 5]);
+    let mut gone = vec![false; 5];
+    assert_eq!(merge(&mut splats, &mut evidence, 1.0, &mut gone), 4);
+    assert_eq!(gone, [false, true, true, true, true]);
+    // From the beginning of the first to the end of the last.
+    let (tau, motion) = ((-2.0f32).exp(), splats.motion[0]);
+    assert!((motion.t_center - 0.5).abs() < 1e-5 && (motion.t_scale.exp() - (0.4 + tau)).abs() < 1e-5, "{motion:?}");
+    assert!(motion.velocity == [0.0; 3] && (splats.position[0][0] - 0.02).abs() < 5e-3, "{:?}", splats.position[0]);
+    // Another colour, which the pictures know well, stays apart, and so does what is only near.
+    let (mut splats, mut evidence) = chain([0.5, 0.5, 2.5, 0.5, 0.5]);
+    splats.position[4] = [0.3, 0.0, 2.0];
+    let mut gone = vec![false; 5];
+    merge(&mut splats, &mut evidence, 1.0, &mut gone);
+    assert_eq!(gone, [false, true, false, false, false]);
+    // What moves fast does not rest.
+    let (mut splats, mut evidence) = chain([0.5; 5]);
+    splats.motion.iter_mut().for_each(|motion| motion.velocity = [2.0, 0.0, 0.0]);
+    assert_eq!(merge(&mut splats, &mut evidence, 1.0, &mut [false; 5]), 0);
 }
