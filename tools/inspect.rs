@@ -1,25 +1,31 @@
 //! `ivv inspect`.
 
+use crate::require;
 use ivv::scene::{Quantiles, read_scene};
-use std::path::PathBuf;
+use ivv::train::Review;
+use serde_json::Value;
+use std::path::{Path, PathBuf};
 
 /// Options of `ivv inspect`.
 #[derive(clap::Args)]
 pub struct Args {
-    /// A scene file: 3DGS or compressed PLY, .splat, .spz, or the folder or meta.json of a SOG.
+    /// A scene file: 3DGS or compressed PLY, .splat, .spz, or the folder or meta.json of a SOG; or the folder of a run.
     scene: PathBuf,
 }
 
 pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
-    let summary = read_scene(&args.scene)?.by_degree().summary();
+    let (scene, reviews) = scene_and_reviews(&args.scene);
+    let summary = read_scene(&scene)?.by_degree().summary();
     if json {
-        println!("{}", serde_json::to_string_pretty(&summary)?);
+        let mut value = serde_json::to_value(&summary)?;
+        value["reviews"] = serde_json::to_value(&reviews)?;
+        println!("{}", serde_json::to_string_pretty(&value)?);
         return Ok(());
     }
     let mib = |bytes: u64| bytes as f64 / f64::from(1 << 20);
     println!(
         "{}: {} Gaussians, {} static and {} dynamic, SH degree {}",
-        args.scene.display(),
+        scene.display(),
         summary.n,
         summary.n_static,
         summary.n_dynamic,
@@ -53,5 +59,17 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     if summary.n_non_finite > 0 {
         println!("not finite:    {} Gaussians, which are never drawn", summary.n_non_finite);
     }
+    for review in &reviews {
+        println!("{}", require::told(review));
+    }
     Ok(())
+}
+
+/// The scene file of `path`, which may be a run's folder, and what the reviews of its run said; none of another file.
+fn scene_and_reviews(path: &Path) -> (PathBuf, Vec<Review>) {
+    let scene = if path.join("train.json").is_file() { path.join("scene.ply") } else { path.to_owned() };
+    let totals = scene.with_file_name("train.json");
+    let totals: Value =
+        std::fs::read(totals).ok().and_then(|text| serde_json::from_slice(&text).ok()).unwrap_or_default();
+    (scene, serde_json::from_value(totals["reviews"].clone()).unwrap_or_default())
 }

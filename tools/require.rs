@@ -18,7 +18,9 @@ pub fn told(review: &Review) -> String {
         let [one, two, three] = lost_bands;
         lines.push(format!(
             "step {step}: {before} Gaussians, {after} required: {removed} removed, {merged} merged; {came_to_rest} came to \
-             rest, {began_to_move} began to move; bands 1 / 2 / 3 dropped of {one} / {two} / {three}"
+             rest, {began_to_move} began to move; bands 1 / 2 / 3 dropped of {one} / {two} / {three}, since each was worth \
+             less than its numbers cost (errors of the colours {:.3})",
+            review.noise
         ));
     }
     lines.join("\n")

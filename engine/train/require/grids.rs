@@ -53,6 +53,9 @@ pub(super) fn check(renderer: &mut Renderer, sight: &Sight, camera: usize) -> Re
     Ok(GridCheck { camera: sight.capture.cameras[camera].name.clone(), gain, is_needed: gain > 0.0 })
 }
 
+/// Mean colours of a block, shown and true.
+type Means = ([f64; 3], [f64; 3]);
+
 /// Sums over the pixels of a block.
 #[derive(Clone, Copy, Debug, Default)]
 struct Block {
@@ -69,19 +72,19 @@ impl Block {
     }
 
     /// Mean colours shown and true; none where too little of it is seen.
-    fn means(&self) -> Option<([f64; 3], [f64; 3])> {
+    fn means(&self) -> Option<Means> {
         (self.n >= LEAST_PIXELS).then(|| (self.shown.map(|x| x / self.n), self.truth.map(|x| x / self.n)))
     }
 }
 
 /// Gain of a line per channel over the identity, by Schwarz's criterion, summed over the channels.
-fn gain(blocks: &[([f64; 3], [f64; 3])]) -> f64 {
+fn gain(blocks: &[Means]) -> f64 {
     let n = blocks.len() as f64;
     if n < 8.0 {
         return 0.0;
     }
     let of_channel = |c: usize| {
-        let mean = |of: &dyn Fn(&([f64; 3], [f64; 3])) -> f64| blocks.iter().map(of).sum::<f64>() / n;
+        let mean = |of: &dyn Fn(&Means) -> f64| blocks.iter().map(of).sum::<f64>() / n;
         let (x, y) = (mean(&|b| b.0[c]), mean(&|b| b.1[c]));
         let xx = mean(&|b| (b.0[c] - x).powi(2));
         let xy = mean(&|b| (b.0[c] - x) * (b.1[c] - y));
@@ -96,11 +99,11 @@ fn gain(blocks: &[([f64; 3], [f64; 3])]) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::gain;
+    use super::{Means, gain};
     use crate::train::random::Random;
 
     /// Blocks of a camera whose colours are `map` of what is shown, with errors of standard deviation `error`.
-    fn blocks(error: f64, map: impl Fn(f64) -> f64) -> Vec<([f64; 3], [f64; 3])> {
+    fn blocks(error: f64, map: impl Fn(f64) -> f64) -> Vec<Means> {
         let random = Random::new(&[3]);
         let block = |i: u64| {
             let shown: [f64; 3] = std::array::from_fn(|c| random.uniform(100 + 3 * i + c as u64));
