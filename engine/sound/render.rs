@@ -381,7 +381,7 @@ impl<'a> Course<'a> {
             filter.delays = filter.delays.map(|delay| delay + both * (middle - delay));
             for response in &mut filter.responses {
                 response.iter_mut().for_each(|value| *value *= 1.0 - both as f32);
-                response[LEAD] += both as f32;
+                response[hrtf.onset(lookup)] += both as f32;
             }
         }
         filter
@@ -457,9 +457,7 @@ fn physical(
         })
         .collect();
     // A glide through a jump would be a chirp.
-    let is_jump = |k: usize| {
-        (edges[k + 1].cue.delay - edges[k].cue.delay).abs() * f64::from(FS) > JUMP * block as f64
-    };
+    let is_jump = |k: usize| (edges[k + 1].cue.delay - edges[k].cue.delay).abs() * f64::from(FS) > JUMP * block as f64;
     let delays = |at: usize| {
         let (k, part) = (at / block, (at % block) as f64 / block as f64);
         let (from, to) = (edges[k].delays, edges[k + 1].delays);
