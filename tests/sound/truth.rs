@@ -118,8 +118,7 @@ fn images(size: DVec3, source: DVec3) -> Vec<(DVec3, f64)> {
 }
 
 /// Adds a response that is heard `late` samples after 0, between samples.
-fn add(to: &mut [f64], response: &[f32], late: f64, amplitude: f64) {
-    let table = DelayTable::new();
+fn add(table: &DelayTable, to: &mut [f64], response: &[f32], late: f64, amplitude: f64) {
     let (first, n) = ((late - 16.0).max(0.0) as usize, response.len() + 32);
     for (i, value) in to.iter_mut().enumerate().skip(first).take(n) {
         *value += amplitude * f64::from(table.at(response, i as f64 - late));
@@ -134,12 +133,12 @@ fn t37_in_a_room_of_mirror_images_too() {
     let images = images(size, voice);
     assert_eq!(images.len(), 231);
     let late = |from: DVec3, to: DVec3| from.distance(to) / 343.2 * 48_000.0;
-    let n = 9600;
+    let (table, n) = (DelayTable::new(), 9600);
     // The recording's direct part and the rest; the level keeps every peak free.
     let recorded = [&images[..1], &images[1..]].map(|part| {
         let mut sum = vec![0.0; n];
         for (place, amplitude) in part {
-            add(&mut sum, &[1.0], late(*place, microphone), 0.02 * amplitude / place.distance(microphone));
+            add(&table, &mut sum, &[1.0], late(*place, microphone), 0.02 * amplitude / place.distance(microphone));
         }
         sum.into_iter().map(|value| value as f32).collect::<Vec<f32>>()
     });
@@ -160,7 +159,7 @@ fn t37_in_a_room_of_mirror_images_too() {
             for (place, amplitude) in part {
                 let baked = baker.bake(&set.filter(pose.at(0.0).q.inverse() * (*place - at), Lookup::Aligned));
                 for (sum, response) in ears.iter_mut().zip(&baked) {
-                    add(sum, response, late(*place, at), amplitude / place.distance(at));
+                    add(&table, sum, response, late(*place, at), amplitude / place.distance(at));
                 }
             }
             ears.iter().flatten().map(|value| value * value).sum()
