@@ -4,8 +4,8 @@
     python3 tools/rtmlib_to_json.py VIDEO -o CAPTURE/keypoints/CAMERA.json [--mode balanced] [--device cpu]
 
 Needs `pip install rtmlib opencv-python`; RTMLib fetches its networks at the first run. VIDEO may also be a folder of images,
-taken in the order of their names. The points are those of COCO-WholeBody, 133 for each person. Tested with a stand-in for
-RTMLib only: its networks are not in reach of the tests.
+taken in the order of their names. The points are those of COCO-WholeBody, 133 for each person. Written after RTMLib's source
+(`rtmlib/tools/solution/wholebody.py`): its networks are not in reach of the tests.
 """
 
 import argparse
@@ -50,7 +50,9 @@ def main():
     detect = Wholebody(mode=args.mode, to_openpose=False, backend="onnxruntime", device=args.device)
     clip = []
     for number, picture in enumerate(frames(args.source)):
-        keypoints, scores = detect(picture)
+        # Asked for the points of nobody, RTMLib takes the whole picture for a person.
+        boxes = detect.det_model(picture)
+        keypoints, scores = detect.pose_model(picture, bboxes=boxes) if len(boxes) else ([], [])
         persons = [{"keypoints": k.tolist(), "keypoint_scores": s.tolist()} for k, s in zip(keypoints, scores)]
         clip.append({"frame_id": number, "instances": persons})
     if not clip:

@@ -6,10 +6,12 @@ use realfft::num_complex::Complex64;
 
 use super::spectrum::{Spectra, good_length};
 
-/// Samples before the onset that an aligned response keeps: most measured responses ring a little before it.
+/// Samples before the onset that an aligned response keeps at least: most measured responses ring a little before it.
 pub const LEAD: usize = 64;
-/// Samples that an aligned response has more than the measured one.
+/// Samples that an aligned response has more than the measured one, with the onset at [`LEAD`].
 pub const EXTRA: usize = 128;
+/// What a response holds before this part of its energy has come is silence.
+const SILENT: f64 = 1e-8;
 
 /// Aligns responses of one length.
 pub struct Aligner {
@@ -19,7 +21,7 @@ pub struct Aligner {
 
 /// A response without its delay.
 pub struct Aligned {
-    /// The response with its onset at [`LEAD`]; `taps + EXTRA` samples.
+    /// The response with its onset at `lead`; `taps + EXTRA + lead - LEAD` samples.
     pub response: Vec<f32>,
     /// Energy that fell out at the ends, as a part of all.
     pub lost: f64,
@@ -60,12 +62,12 @@ impl Aligner {
         if found.is_empty() { vec![candidate(0)] } else { found }
     }
 
-    /// Takes a delay out of a response.
-    pub fn align(&mut self, response: &[f32], delay: f64) -> Aligned {
+    /// Takes a delay out of a response, so that its onset comes to lie at `lead`, which is [`LEAD`] to `LEAD + taps`.
+    pub fn align(&mut self, response: &[f32], delay: f64, lead: usize) -> Aligned {
         let n = self.spectra.len();
         let bins = self.spectra.forward(response.iter().map(|value| f64::from(*value)));
-        let signal = self.spectra.inverse(&shifted(&bins, n, LEAD as f64 - delay));
-        let kept = self.taps + EXTRA;
+        let signal = self.spectra.inverse(&shifted(&bins, n, lead as f64 - delay));
+        let kept = self.taps + EXTRA + lead - LEAD;
         let energy = |part: &[f64]| part.iter().map(|value| value * value).sum::<f64>();
         let lost = energy(&signal[kept..]) / energy(&signal).max(f64::MIN_POSITIVE);
         Aligned { response: signal[..kept].iter().map(|value| *value as f32).collect(), lost }
@@ -86,6 +88,18 @@ impl Aligner {
         let folded = self.spectra.forward(cepstrum.iter().enumerate().map(|(i, value)| value * fold(i)));
         folded.into_iter().map(Complex64::exp).collect()
     }
+}
+
+/// The part of a response before an onset that is not silence, whole samples.
+pub fn before_onset(response: &[f32], onset: f64) -> usize {
+    let energy = |part: &[f32]| part.iter().map(|value| f64::from(*value).powi(2)).sum::<f64>();
+    let silent = SILENT * energy(response);
+    let mut sum = 0.0;
+    let first = response.iter().position(|value| {
+        sum += f64::from(*value).powi(2);
+        sum > silent
+    });
+    (onset.ceil().max(0.0) as usize).saturating_sub(first.unwrap_or(0))
 }
 
 /// Bins of a signal that is later by `by` samples, of transforms of `n`.

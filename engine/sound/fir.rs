@@ -1,5 +1,9 @@
 //! The physical mode's filtering: a delay that glides, then responses in blocks, from one filter to the next by a linear
 //! crossfade over the block. The signals of old and new filter are alike, so a crossfade of equal power would bulge.
+//!
+//! A response sounds at its tap [`LEAD`], so the delay that belongs to it is that of the sample when it is heard, not of the
+//! sample when it is delayed. Behind a turning head that matters: where the wave from the other side begins to arrive first,
+//! the delay has a kink and the response has the opposite one, and both must come at once to cancel.
 
 use std::rc::Rc;
 
@@ -10,10 +14,8 @@ use super::sinc::DelayTable;
 /// What is heard at a block's edge.
 #[derive(Clone)]
 pub struct State {
-    /// Responses to both ears.
+    /// Responses to both ears; their delays are not used.
     pub filter: Rc<Filter>,
-    /// Delay of the way to the head, samples; negative where the microphone was farther away.
-    pub delay: f64,
     /// Amplitude.
     pub gain: f64,
 }
@@ -30,35 +32,39 @@ pub struct Voice<'a> {
 }
 
 impl<'a> Voice<'a> {
-    /// A voice that has been in `state` for as long as its responses last, at the sample `start` of `signal`.
-    pub fn new(table: &'a DelayTable, signal: &'a [f32], start: usize, state: State) -> Self {
+    /// A voice that has been in `state` for as long as its responses last, at the sample `start` of `signal`; both ears hear
+    /// it `delays` samples late.
+    pub fn new(table: &'a DelayTable, signal: &'a [f32], start: usize, state: State, delays: [f64; 2]) -> Self {
         let past = state.filter.responses[0].len() - 1;
-        let ears = [0, 1].map(|ear| {
-            let late = arrival(&state, ear);
-            (0..past).map(|i| table.at(signal, start as f64 + i as f64 - past as f64 - late)).collect()
-        });
+        let first = (start + LEAD) as f64 - past as f64;
+        let ears = delays.map(|late| (0..past).map(|i| table.at(signal, first + i as f64 - late)).collect());
         Voice { table, signal, ears, state, old: Vec::new(), new: Vec::new() }
     }
 
     /// Adds the block of `out`, whose first sample is the signal's sample `start`, on the way to `next`, where it is
     /// `glide` samples after `start`. Only the last block is shorter than that.
     ///
-    /// Each sample is weighted by `weight`, a function of its index in the block.
+    /// `delays` gives for a sample by how many samples each ear hears it late (negative where the microphone was farther
+    /// away than the head); it is asked for those from [`LEAD`] after the block's first on. Each sample is weighted by
+    /// `weight`, a function of its index in the block.
     pub fn block(
         &mut self,
         start: usize,
         next: State,
         glide: usize,
+        delays: impl Fn(usize) -> [f64; 2],
         out: &mut [[f32; 2]],
         weight: impl Fn(usize) -> f32,
     ) {
         let (table, signal, n) = (self.table, self.signal, out.len());
         let past = next.filter.responses[0].len() - 1;
+        for at in start + LEAD..start + LEAD + n {
+            for (heard, late) in self.ears.iter_mut().zip(delays(at)) {
+                heard.push(table.at(signal, at as f64 - late));
+            }
+        }
         for ear in 0..2 {
-            let (from, to) = (arrival(&self.state, ear), arrival(&next, ear));
-            let slope = (to - from) / glide as f64;
             let heard = &mut self.ears[ear];
-            heard.extend((0..n).map(|i| table.at(signal, start as f64 + i as f64 - from - slope * i as f64)));
             respond(heard, &next.filter.responses[ear], n, &mut self.new);
             let is_same = Rc::ptr_eq(&self.state.filter, &next.filter);
             if !is_same {
@@ -80,11 +86,6 @@ impl<'a> Voice<'a> {
     pub fn state(&self) -> &State {
         &self.state
     }
-}
-
-/// Samples by which the signal must be late for the response to sound in time.
-fn arrival(state: &State, ear: usize) -> f64 {
-    state.delay + state.filter.delays[ear] - LEAD as f64
 }
 
 /// The last `n` samples of `signal` filtered by `response`.

@@ -6,7 +6,7 @@ use std::path::Path;
 use glam::DVec3;
 
 use super::FS;
-use super::align::{Aligner, EXTRA, LEAD, choose};
+use super::align::{Aligner, EXTRA, LEAD, before_onset, choose};
 use super::geometry::{angles, direction};
 use super::hull::Hull;
 use super::sinc::Resampler;
@@ -59,7 +59,7 @@ pub enum Lookup {
 pub struct Filter {
     /// Left and right.
     pub responses: [Vec<f32>; 2],
-    /// Samples, not negative.
+    /// Samples; negative where the response has more than [`LEAD`] samples before its onset.
     pub delays: [f64; 2],
 }
 
@@ -69,9 +69,10 @@ pub struct HrtfSet {
     /// [direction][ear][taps], as measured and normalised.
     raw: Vec<f32>,
     raw_taps: usize,
-    /// [direction][ear][taps], onset at `LEAD`.
+    /// [direction][ear][taps], onset at `lead`.
     aligned: Vec<f32>,
     taps: usize,
+    lead: usize,
     /// By direction and ear, samples; `latency` has been taken away.
     delays: Vec<[f64; 2]>,
     latency: usize,
@@ -122,16 +123,19 @@ impl HrtfSet {
             fault("SourcePosition", reason, "give a set measured on a sphere")
         })?;
 
-        let taps = raw_taps + EXTRA;
         let mut aligner = Aligner::new(raw_taps);
         let onsets = onsets(&mut aligner, &directions, &irs, &hull);
+        let pairs = irs.iter().flatten().zip(onsets.iter().flatten());
+        // Nothing but silence is cut off before any onset.
+        let lead = pairs.map(|(response, onset)| before_onset(response, *onset)).fold(LEAD, usize::max);
+        let taps = raw_taps + EXTRA + lead - LEAD;
         let (mut raw, mut aligned) = (Vec::new(), Vec::new());
         let mut delays = Vec::with_capacity(irs.len());
         let mut lost: f64 = 0.0;
         for ((ears, onsets), extra) in irs.iter().zip(onsets).zip(extra) {
             let mut both = extra;
             for ((ear, onset), delay) in ears.iter().zip(onsets).zip(&mut both) {
-                let found = aligner.align(ear, onset);
+                let found = aligner.align(ear, onset, lead);
                 *delay += onset;
                 lost = lost.max(found.lost);
                 raw.extend_from_slice(ear);
@@ -141,13 +145,14 @@ impl HrtfSet {
         }
         let earliest = delays.as_flattened().iter().copied().fold(f64::INFINITY, f64::min);
         let latency = (earliest.max(0.0) as usize).min(LEAD);
-        delays.as_flattened_mut().iter_mut().for_each(|delay| *delay = (*delay - latency as f64).max(0.0));
+        delays.as_flattened_mut().iter_mut().for_each(|delay| *delay -= (latency + lead - LEAD) as f64);
         let mut set = HrtfSet {
             directions,
             raw,
             raw_taps,
             aligned,
             taps,
+            lead,
             delays,
             latency,
             alignment_db: 10.0 * lost.max(1e-30).log10(),
@@ -188,10 +193,10 @@ impl HrtfSet {
     }
 
     /// The set with its aligned responses cut to `taps` samples, faded over the last 16: fewer operations, less accurate.
-    /// At least 96 are kept.
+    /// At least 32 from the onset on are kept.
     pub fn with_taps(mut self, taps: usize) -> Self {
         const FADE: usize = 16;
-        let taps = taps.clamp(LEAD + 2 * FADE, self.taps);
+        let taps = taps.clamp(self.lead + 2 * FADE, self.taps);
         let cut = |response: &[f32]| {
             let fade = |k: usize| ((taps - k) as f32 / FADE as f32).min(1.0);
             response[..taps].iter().enumerate().map(|(k, value)| value * fade(k)).collect::<Vec<f32>>()
@@ -268,6 +273,14 @@ impl HrtfSet {
     /// Samples that all responses were late by and that were taken away.
     pub fn latency(&self) -> usize {
         self.latency
+    }
+
+    /// The sample of a lookup's responses at which they begin to sound.
+    pub fn onset(&self, lookup: Lookup) -> usize {
+        match lookup {
+            Lookup::Nearest => LEAD,
+            Lookup::Aligned => self.lead,
+        }
     }
 
     /// Largest part of a response's energy that alignment cut off, dB.

@@ -381,7 +381,7 @@ impl<'a> Course<'a> {
             filter.delays = filter.delays.map(|delay| delay + both * (middle - delay));
             for response in &mut filter.responses {
                 response.iter_mut().for_each(|value| *value *= 1.0 - both as f32);
-                response[LEAD] += both as f32;
+                response[hrtf.onset(lookup)] += both as f32;
             }
         }
         filter
@@ -447,12 +447,25 @@ fn physical(
         return Err(Error::data(Path::new("settings"), "block", "it is 0", "choose 64 to 1024 samples"));
     }
     let table = DelayTable::new();
-    let fade = ((config.jump_fade * f64::from(FS) / block as f64).ceil() as usize).max(1) * block;
-    let mut cues: Vec<Cue> = Vec::new();
+    let n_fade = ((config.jump_fade * f64::from(FS) / block as f64).ceil() as usize).max(1);
+    let n_blocks = signal.len().div_ceil(block);
+    let edges: Vec<Edge> = (0..=n_blocks + n_fade + LEAD.div_ceil(block))
+        .map(|k| {
+            let cue = course.cue((k * block) as f64 / f64::from(FS));
+            let onsets = course.filter(&cue, hrtf, config.lookup).delays;
+            Edge { cue, delays: onsets.map(|onset| onset + cue.delay * f64::from(FS)) }
+        })
+        .collect();
+    // A glide through a jump would be a chirp.
+    let is_jump = |k: usize| (edges[k + 1].cue.delay - edges[k].cue.delay).abs() * f64::from(FS) > JUMP * block as f64;
+    let delays = |at: usize| {
+        let (k, part) = (at / block, (at % block) as f64 / block as f64);
+        let (from, to) = (edges[k].delays, edges[k + 1].delays);
+        if is_jump(k) { from } else { [0, 1].map(|ear| from[ear] + part * (to[ear] - from[ear])) }
+    };
     let mut last: Option<(Cue, Rc<Filter>)> = None;
-    let mut state = |at: usize| {
-        let cue = course.cue(at as f64 / f64::from(FS));
-        cues.push(cue);
+    let mut state = |k: usize| {
+        let cue = edges[k].cue;
         let filter = match &last {
             Some((before, filter)) if (before.az, before.el, before.distance) == (cue.az, cue.el, cue.distance) => {
                 filter.clone()
@@ -460,31 +473,39 @@ fn physical(
             _ => Rc::new(course.filter(&cue, hrtf, config.lookup)),
         };
         last = Some((cue, filter.clone()));
-        State { filter, delay: cue.delay * f64::from(FS), gain: cue.gain }
+        State { filter, gain: cue.gain }
     };
-    let mut voice = Voice::new(&table, signal, 0, state(0));
+    let mut voice = Voice::new(&table, signal, 0, state(0), edges[0].delays);
     let mut jumps = 0;
-    let mut start = 0;
-    while start < signal.len() {
-        let next = state(start + block);
-        if (next.delay - voice.state().delay).abs() <= JUMP * block as f64 {
+    let mut k = 0;
+    while k < n_blocks {
+        let start = k * block;
+        if !is_jump(k) {
             let end = (start + block).min(signal.len());
-            voice.block(start, next, block, &mut out[start..end], |_| 1.0);
-            start += block;
+            voice.block(start, state(k + 1), block, delays, &mut out[start..end], |_| 1.0);
+            k += 1;
             continue;
         }
-        // A glide would be a chirp: the old place fades out as it was, the new one fades in as it will be.
+        // The old place fades out as it was, the new one fades in as it will be.
         jumps += 1;
-        let arrived = state(start + fade);
-        let held = voice.state().clone();
-        let mut old = std::mem::replace(&mut voice, Voice::new(&table, signal, start, arrived.clone()));
+        let (was, will) = (edges[k].delays, edges[k + n_fade].delays);
+        let (held, arrived) = (voice.state().clone(), state(k + n_fade));
+        let mut old = std::mem::replace(&mut voice, Voice::new(&table, signal, start, arrived.clone(), will));
+        let fade = n_fade * block;
         for from in (start..(start + fade).min(signal.len())).step_by(block) {
             let part = &mut out[from..(from + block).min(signal.len())];
             let a = |i: usize| (from + i - start) as f32 / fade as f32;
-            old.block(from, held.clone(), block, part, |i| 1.0 - a(i));
-            voice.block(from, arrived.clone(), block, part, a);
+            let there = |at: usize| if at < start + fade { will } else { delays(at) };
+            old.block(from, held.clone(), block, |_| was, part, |i| 1.0 - a(i));
+            voice.block(from, arrived.clone(), block, there, part, a);
         }
-        start += fade;
+        k += n_fade;
     }
-    Ok((cues, jumps))
+    Ok((edges.iter().take(n_blocks + 1).map(|edge| edge.cue).collect(), jumps))
+}
+
+/// What a source sends at the edge of a block, and by how many samples each ear hears it late.
+struct Edge {
+    cue: Cue,
+    delays: [f64; 2],
 }

@@ -153,12 +153,14 @@ fn t24_a_crossfade_between_equal_filters_is_none() {
     let table = DelayTable::new();
     let signal = noise(2000, 24);
     let filter = sphere().filter(degrees(-40.0, 0.0), Lookup::Aligned);
-    let state = |filter: &Rc<Filter>| State { filter: filter.clone(), delay: 3.3, gain: 0.7 };
+    let delays = filter.delays.map(|delay| delay + 3.3);
+    let state = |filter: &Rc<Filter>| State { filter: filter.clone(), gain: 0.7 };
     let heard = |filters: [Rc<Filter>; 2]| {
-        let mut voice = Voice::new(&table, &signal, 0, state(&filters[0]));
+        let mut voice = Voice::new(&table, &signal, 0, state(&filters[0]), delays);
         let mut out = vec![[0.0; 2]; 512];
         for start in [0, 256] {
-            voice.block(start, state(&filters[start / 256]), 256, &mut out[start..start + 256], |_| 1.0);
+            let out = &mut out[start..start + 256];
+            voice.block(start, state(&filters[start / 256]), 256, |_| delays, out, |_| 1.0);
         }
         out
     };

@@ -1,11 +1,13 @@
 //! Responses between the measured directions: T11, T12, T13.
 
 use std::path::Path;
+use std::sync::OnceLock;
 
 use glam::DVec3;
 use ivv::sound::hrtf::{HrtfSet, Lookup, degrees};
 use ivv::sound::hull::Hull;
 use ivv::sound::metrics::{energy, itd, lsd_db};
+use ivv::sound::sphere::{SPEED_OF_SOUND, Sphere};
 use ivv::sound::wola::Baker;
 
 use super::{db, horizon, noise, sadie, shared, sphere};
@@ -45,7 +47,7 @@ fn t11_a_hull_is_closed_and_holds_every_direction_once() {
                 let [a, b, c] = [a, b, c].map(|at| points[*at].normalize());
                 to.dot(b.cross(c)) > 0.0 && to.dot(c.cross(a)) > 0.0 && to.dot(a.cross(b)) > 0.0
             };
-            assert!(hull.triangles().iter().filter(|face| holds(face)).count() <= 1);
+            assert_eq!(hull.triangles().iter().filter(|face| holds(face)).count(), 1);
         }
         let sees_itself =
             |at: usize| hull.locate(points[at]).iter().any(|(found, weight)| *found == at && *weight > 1.0 - 1e-5);
@@ -75,24 +77,42 @@ fn sounding(set: &HrtfSet, to: DVec3, ear: usize, lookup: Lookup) -> Vec<f32> {
     baked[ear][64 - set.latency()..].to_vec()
 }
 
-/// What differs between a response and what the set gives in its direction, decibels.
-fn error_db(set: &HrtfSet, at: usize, lookup: Lookup) -> f64 {
-    let errors = [0, 1].map(|ear| {
-        let (raw, given) = (set.raw(at, ear), sounding(set, set.directions()[at], ear, lookup));
-        let differences: Vec<f32> = raw.iter().zip(&given).map(|(a, b)| a - b).collect();
-        energy(&differences) / energy(raw)
+/// What differs at most between the responses of some directions and what the set gives in them, decibels.
+fn error_db(set: &HrtfSet, directions: impl Iterator<Item = usize>, lookup: Lookup) -> f64 {
+    let mut baker = Baker::new(set.taps(lookup), set.max_delay());
+    let errors = directions.flat_map(|at| {
+        let baked = baker.bake(&set.filter(set.directions()[at], lookup));
+        [0, 1].map(|ear| {
+            let (raw, given) = (set.raw(at, ear), &baked[ear][64 - set.latency()..]);
+            let differences: Vec<f32> = raw.iter().zip(given).map(|(a, b)| a - b).collect();
+            energy(&differences) / energy(raw)
+        })
     });
-    db(errors[0].max(errors[1]))
+    db(errors.fold(0.0, f64::max))
 }
 
 #[test]
 fn t12_in_a_measured_direction_the_measured_response_sounds() {
-    let set = sphere();
-    for at in (0..set.directions().len()).step_by(9) {
-        let (aligned, nearest) = (error_db(set, at, Lookup::Aligned), error_db(set, at, Lookup::Nearest));
-        assert!(aligned < -70.0 && nearest < -110.0, "{at}: {aligned} {nearest} dB");
+    let check = |name: &str, set: &HrtfSet| {
+        let all = 0..set.directions().len();
+        let aligned = error_db(set, all.clone(), Lookup::Aligned);
+        let nearest = error_db(set, all.step_by(9), Lookup::Nearest);
+        println!("{name}: aligned {aligned:.1} dB, nearest {nearest:.1} dB, cut off {:.1} dB", set.alignment_db());
+        assert!(aligned < -70.0 && nearest < -110.0 && set.alignment_db() < -70.0, "{name}: {aligned} {nearest} dB");
+    };
+    check("sphere", sphere());
+    if let Some(set) = kemar() {
+        check("KEMAR", set);
     }
-    assert!(set.alignment_db() < -70.0);
+    if let Some(set) = sadie() {
+        check("SADIE 002", set);
+    }
+}
+
+/// MIT's KEMAR, where it is there.
+fn kemar() -> Option<&'static HrtfSet> {
+    static SET: OnceLock<Option<HrtfSet>> = OnceLock::new();
+    SET.get_or_init(|| Some(HrtfSet::open(&shared("hrtf_sofa/share/MIT_KEMAR_normal_pinna.sofa")?).unwrap())).as_ref()
 }
 
 /// Errors of a set in directions that were left out of it: mean and 95th percentile of time between the ears in
@@ -118,8 +138,18 @@ fn left_out(set: &HrtfSet, without: &HrtfSet, left_out: &[usize]) -> [f64; 4] {
     [mean(&times), times[times.len() * 95 / 100], mean(&aligned), mean(&unaligned)]
 }
 
-fn check_left_out(name: &str, set: &HrtfSet, every: usize, gap: f64) {
-    // Those whose neighbours are not far: elsewhere leaving one out is a hole.
+/// T13's bound of the 95th percentile, seconds.
+const TIME_95: f64 = 12e-6;
+
+/// How far the corners around a direction may be, radians, so that T13 can be met at all. The time between a sphere's ears is
+/// 3a/c sin(azimuth) at most (Kuhn 1977), so a straight line between corners a distance `d` to either side is off by up to
+/// 3a/c d^2 / 2, which is the bound where `d` is 10 degrees. Farther apart a set is too coarse for it, or ends there.
+fn widest_gap() -> f64 {
+    (2.0 * TIME_95 / (3.0 * Sphere::default().radius / SPEED_OF_SOUND)).sqrt()
+}
+
+fn check_left_out(name: &str, set: &HrtfSet, every: usize) {
+    let gap = widest_gap();
     let all: Vec<usize> = (0..set.directions().len()).step_by(every).collect();
     let without = set.without(&all).unwrap();
     let is_near = |at: &usize| {
@@ -130,39 +160,36 @@ fn check_left_out(name: &str, set: &HrtfSet, every: usize, gap: f64) {
             .iter()
             .all(|(corner, weight)| *weight < 1e-6 || without.directions()[*corner].angle_between(to) < gap)
     };
+    let n_all = all.len();
     let some: Vec<usize> = all.into_iter().filter(is_near).collect();
-    assert!(some.len() > 8);
+    // Most of a set is dense enough.
+    assert!(some.len() > 8 && 5 * some.len() > 3 * n_all, "{name}: {} of {n_all}", some.len());
     let [time, time_95, aligned, unaligned] = left_out(set, &without, &some);
     println!(
-        "{name}: {} directions left out: {time:.1} us, p95 {time_95:.1} us, {aligned:.2} dB, unaligned {unaligned:.2} dB",
+        "{name}: {} of {n_all} directions left out: {time:.1} us, p95 {time_95:.1} us, {aligned:.2} dB, unaligned {unaligned:.2} dB",
         some.len()
     );
-    assert!(time <= 5.0 && time_95 <= 12.0, "{name}: {time} us, p95 {time_95} us");
+    assert!(time <= 5.0 && time_95 <= 1e6 * TIME_95, "{name}: {time} us, p95 {time_95} us");
     assert!(aligned <= 2.5 && aligned <= 0.6 * unaligned, "{name}: {aligned} dB, unaligned {unaligned} dB");
 }
 
 #[test]
 fn t13_directions_left_out_are_met_on_the_sphere() {
-    check_left_out("sphere", horizon(), 7, 0.1);
+    check_left_out("sphere", horizon(), 7);
 }
 
 #[test]
 fn t13_directions_left_out_are_met_on_the_kemar() {
-    let Some(path) = shared("hrtf_sofa/share/MIT_KEMAR_normal_pinna.sofa") else { return };
-    let set = HrtfSet::open(&path).unwrap();
+    let Some(set) = kemar() else { return };
     assert_eq!((set.directions().len(), set.radius_m), (710, 1.4));
-    check_left_out("KEMAR", &set, 29, 0.2);
-
-    // What is cut is noise that was recorded more than 64 samples before the sound.
-    assert!((0..710).step_by(71).all(|at| error_db(&set, at, Lookup::Aligned) < -65.0));
+    check_left_out("KEMAR", set, 29);
 }
 
 #[test]
 fn t13_directions_left_out_are_met_on_sadie() {
     let Some(set) = sadie() else { return };
     assert_eq!((set.directions().len(), set.meta.licence.as_str()), (1550, "Apache License"));
-    check_left_out("SADIE 002", set, 19, 0.3);
-    assert!((0..1550).step_by(155).all(|at| error_db(set, at, Lookup::Aligned) < -70.0));
+    check_left_out("SADIE 002", set, 19);
 }
 
 #[test]
@@ -176,7 +203,7 @@ fn a_set_of_a_human_is_taken() {
 
 #[test]
 fn fewer_taps_are_a_cut_and_no_other_change() {
-    let full = HrtfSet::new(ivv::sound::sphere::Sphere::default().measured(2), Path::new("sphere")).unwrap();
+    let full = HrtfSet::new(Sphere::default().measured(2), Path::new("sphere")).unwrap();
     let to = degrees(70.0, 10.0);
     let all = full.filter(to, Lookup::Aligned);
     let few = full.with_taps(160).filter(to, Lookup::Aligned);

@@ -50,9 +50,14 @@ fn sphere() -> &'static HrtfSet {
 /// The same, measured every 5 degrees on the horizon, for what moves there.
 fn horizon() -> &'static HrtfSet {
     static SET: OnceLock<HrtfSet> = OnceLock::new();
-    let ring = |el: i32, step: usize| (0..360).step_by(step).map(move |az| degrees(f64::from(az), f64::from(el)));
-    let to: Vec<DVec3> = ring(0, 5).chain(ring(40, 45)).chain(ring(-40, 45)).chain([DVec3::Z, -DVec3::Z]).collect();
-    SET.get_or_init(|| HrtfSet::new(Sphere::default().responses(&to), Path::new("horizon")).unwrap())
+    SET.get_or_init(|| horizon_of(72))
+}
+
+/// The same, in `n` directions of the horizon.
+fn horizon_of(n: u32) -> HrtfSet {
+    let ring = |el: f64, n: u32| (0..n).map(move |k| degrees(360.0 * f64::from(k) / f64::from(n), el));
+    let to: Vec<DVec3> = ring(0.0, n).chain(ring(40.0, 8)).chain(ring(-40.0, 8)).chain([DVec3::Z, -DVec3::Z]).collect();
+    HrtfSet::new(Sphere::default().responses(&to), Path::new("horizon")).unwrap()
 }
 
 /// SADIE's subject 002, where it is there.

@@ -5,10 +5,12 @@ use std::sync::OnceLock;
 use glam::DVec3;
 use ivv::sound::bench::{ablation, compare, lateness};
 use ivv::sound::geometry::Mode;
+use ivv::sound::hrtf::Lookup;
 use ivv::sound::metrics::{energy, residual_db};
 use ivv::sound::render::{RenderConfig, render_signals};
 use ivv::sound::simulate::{Emitter, Motion, Simulated, Speech, simulate};
-use ivv::sound::sinc::Resampler;
+use ivv::sound::sinc::{DelayTable, Resampler};
+use ivv::sound::wola::Baker;
 
 use super::{db, ear, head, horizon, noise, scene, track};
 
@@ -90,5 +92,84 @@ fn t37_the_room_follows_the_voice() {
         let ratio = heard(&direct) / heard(&late);
         let expected = 20.0 * gain.log10();
         assert!((db(true_ratio / ratio) - expected).abs() < 1.0, "{} dB, not {expected}", db(true_ratio / ratio));
+    }
+}
+
+/// Where a source and its mirror images in the walls of a room from 0 to `size` are, and their amplitudes; itself first
+/// (Allen and Berkley, JASA 65, 1979). Walls reflect 0.8 of the pressure, and up to five times.
+fn images(size: DVec3, source: DVec3) -> Vec<(DVec3, f64)> {
+    const ORDER: i32 = 5;
+    let along = |n: i32, length: f64, x: f64| {
+        if n % 2 == 0 { f64::from(n) * length + x } else { f64::from(n + 1) * length - x }
+    };
+    let mut found = Vec::new();
+    for x in -ORDER..=ORDER {
+        for y in -ORDER..=ORDER {
+            for z in -ORDER..=ORDER {
+                let order = x.abs() + y.abs() + z.abs();
+                let place =
+                    DVec3::new(along(x, size.x, source.x), along(y, size.y, source.y), along(z, size.z, source.z));
+                found.extend((order <= ORDER).then(|| (order, place, 0.8f64.powi(order))));
+            }
+        }
+    }
+    found.sort_by_key(|(order, ..)| *order);
+    found.into_iter().map(|(_, place, amplitude)| (place, amplitude)).collect()
+}
+
+/// Adds a response that is heard `late` samples after 0, between samples.
+fn add(table: &DelayTable, to: &mut [f64], response: &[f32], late: f64, amplitude: f64) {
+    let (first, n) = ((late - 16.0).max(0.0) as usize, response.len() + 32);
+    for (i, value) in to.iter_mut().enumerate().skip(first).take(n) {
+        *value += amplitude * f64::from(table.at(response, i as f64 - late));
+    }
+}
+
+/// The second case of T37, told and not judged but for its sign: a room of 6 x 5 x 3 m by image sources.
+#[test]
+fn t37_in_a_room_of_mirror_images_too() {
+    let (size, microphone) = (DVec3::new(6.0, 5.0, 3.0), DVec3::new(2.0, 1.0, 1.5));
+    let voice = DVec3::new(3.0, 3.4, 1.7);
+    let images = images(size, voice);
+    assert_eq!(images.len(), 231);
+    let late = |from: DVec3, to: DVec3| from.distance(to) / 343.2 * 48_000.0;
+    let (table, n) = (DelayTable::new(), 9600);
+    // The recording's direct part and the rest; the level keeps every peak free.
+    let recorded = [&images[..1], &images[1..]].map(|part| {
+        let mut sum = vec![0.0; n];
+        for (place, amplitude) in part {
+            add(&table, &mut sum, &[1.0], late(*place, microphone), 0.02 * amplitude / place.distance(microphone));
+        }
+        sum.into_iter().map(|value| value as f32).collect::<Vec<f32>>()
+    });
+    let way = scene(track("a", &[(0.0, voice - microphone)]));
+    let set = horizon();
+    let mut baker = Baker::new(set.taps(Lookup::Aligned), set.max_delay());
+    for at in [DVec3::new(2.7, 2.7, 1.6), DVec3::new(2.5, 2.2, 1.5), DVec3::new(4.6, 0.6, 1.4)] {
+        let pose = head(at - microphone, 0.0);
+        let config = RenderConfig { mode: Mode::Paper3d, ..RenderConfig::default() };
+        let [direct, rest] = recorded.each_ref().map(|signal| {
+            let rendered = render_signals(&way, std::slice::from_ref(signal), &pose, set, &config).unwrap();
+            assert_eq!(rendered.report.gain_db, 0.0);
+            energy(rendered.samples.as_flattened())
+        });
+        // What the ears of a head there would hear of each image.
+        let mut true_energy = |part: &[(DVec3, f64)]| -> f64 {
+            let mut ears = [vec![0.0; n], vec![0.0; n]];
+            for (place, amplitude) in part {
+                let baked = baker.bake(&set.filter(pose.at(0.0).q.inverse() * (*place - at), Lookup::Aligned));
+                for (sum, response) in ears.iter_mut().zip(&baked) {
+                    add(&table, sum, response, late(*place, at), amplitude / place.distance(at));
+                }
+            }
+            ears.iter().flatten().map(|value| value * value).sum()
+        };
+        let truth = db(true_energy(&images[..1]) / true_energy(&images[1..]));
+        let (rendered, gain) = (db(direct / rest), 20.0 * (voice.distance(microphone) / voice.distance(at)).log10());
+        println!(
+            "gain {gain:.1} dB: direct to reverberant {truth:.1} dB, rendered {rendered:.1} dB, off {:.1} dB",
+            truth - rendered
+        );
+        assert!((truth - rendered) * gain > 0.0 && truth.is_finite(), "{gain}: {truth} {rendered}");
     }
 }

@@ -13,8 +13,15 @@ use ivv::synth::{Options, Preset, write_capture};
 use crate::capture::Folder;
 
 fn ivv(arguments: &[&str]) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_ivv"));
-    command.args(arguments);
+    run(Command::new(env!("CARGO_BIN_EXE_ivv")).args(arguments))
+}
+
+/// The same where a folder holds all programs that are installed.
+fn with_programs_of(folder: &Path, arguments: &[&str]) -> Output {
+    run(Command::new(env!("CARGO_BIN_EXE_ivv")).args(arguments).env("PATH", folder))
+}
+
+fn run(command: &mut Command) -> Output {
     if let Ok(device) = std::env::var("IVV_TEST_DEVICE") {
         command.args(["--device", &device]);
     }
@@ -96,6 +103,29 @@ fn a_path_becomes_a_video_with_what_is_heard_on_it() {
         let luma = &frame[..32 * 24];
         assert!(luma.iter().max().unwrap() - luma.iter().min().unwrap() > 40, "frame {index} is empty");
         assert!(index == 0 || *frame != frames[index - 1], "frame {index} is the one before");
+    }
+
+    // Where ffmpeg is not found, the same pictures and sound are left beside the video's name, with the command that joins
+    // them.
+    let whole = at("without/film.mp4");
+    let alone = arguments.iter().map(|word| if *word == output.as_str() { whole.as_str() } else { word });
+    let done = with_programs_of(&folder.0.join("ears"), &alone.collect::<Vec<_>>());
+    assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+    let report: serde_json::Value = serde_json::from_slice(&done.stdout).unwrap();
+    let pictures = at("without/film.y4m");
+    assert_eq!(report["path"], pictures.as_str());
+    assert!(std::fs::read(&pictures).unwrap() == film, "they are other pictures");
+    let command = report["command"].as_str().unwrap();
+    assert!(command.starts_with("ffmpeg ") && !Path::new(&whole).exists(), "{command}");
+    let sound = std::fs::read(folder.0.join("film.wav")).unwrap();
+    assert!(std::fs::read(folder.0.join("without/film.wav")).unwrap() == sound, "it is another sound");
+    if super::has_ffmpeg() {
+        let joined = Command::new("sh").args(["-c", command]).output().unwrap();
+        assert!(joined.status.success(), "{command}: {}", String::from_utf8_lossy(&joined.stderr));
+        let pixels = super::decoded(Path::new(&whole), &["-map", "0:v", "-f", "rawvideo", "-pix_fmt", "gray"]);
+        let samples = super::decoded(Path::new(&whole), &["-map", "0:a", "-ac", "1", "-f", "s16le"]);
+        assert_eq!(pixels.len(), 6 * 32 * 24);
+        assert!(samples.len().abs_diff(2 * 28_800) < 2 * 4_800 && samples.iter().any(|byte| *byte != 0));
     }
 
     // The sound begins where the film does.
