@@ -93,7 +93,7 @@ pub fn affordable(
 }
 
 /// Fates of all Gaussians. `frame_times` are the normalised times of the training frames; `price` multiplies the cost of a
-/// number; `key` chooses which of those that are not worth their numbers go now.
+/// number that may go, one that comes must pay in full; `key` chooses which of those that are not worth their numbers go now.
 pub fn fates(splats: &Splats, evidence: &Evidence, frame_times: &[f64], price: f64, key: &[u64]) -> Vec<Fate> {
     let random = Random::new(key);
     let overdispersion = overdispersion(splats, evidence);
@@ -129,7 +129,7 @@ pub fn fates(splats: &Splats, evidence: &Evidence, frame_times: &[f64], price: f
             } else {
                 InTime::AsBefore
             }
-        } else if 0.5 * score(information, slope, evidence) / overdispersion > cost(MOTION_NUMBERS, evidence, price) {
+        } else if 0.5 * score(information, slope, evidence) / overdispersion > cost(MOTION_NUMBERS, evidence, 1.0) {
             let newton = |k: usize| -(slope.lacks[k] / information.lacks[k].max(f64::MIN_POSITIVE)) as f32;
             InTime::BeginsToMove(std::array::from_fn(newton))
         } else {
