@@ -1,5 +1,6 @@
 //! Gaussians on the host, as parameter groups.
 
+use std::borrow::Cow;
 use std::path::Path;
 
 use crate::error::{Error, Result};
@@ -88,6 +89,26 @@ impl Splats {
             Some((name, length, expected)) => Err(format!("{name} has {length} entries, it should have {expected}")),
             None => Ok(()),
         }
+    }
+
+    /// The Gaussians of which `keep` is true, by index; itself where all are.
+    pub(crate) fn kept(&self, keep: impl Fn(usize) -> bool) -> Cow<'_, Splats> {
+        let kept: Vec<usize> = (0..self.len()).filter(|&i| keep(i)).collect();
+        if kept.len() == self.len() {
+            return Cow::Borrowed(self);
+        }
+        let k = self.n_coefficients();
+        Cow::Owned(Splats {
+            n_static: kept.iter().filter(|&&i| i < self.n_static).count(),
+            sh_degree: self.sh_degree,
+            position: kept.iter().map(|&i| self.position[i]).collect(),
+            rotation: kept.iter().map(|&i| self.rotation[i]).collect(),
+            scale: kept.iter().map(|&i| self.scale[i]).collect(),
+            opacity: kept.iter().map(|&i| self.opacity[i]).collect(),
+            sh: kept.iter().flat_map(|&i| &self.sh[i * k..(i + 1) * k]).copied().collect(),
+            motion: kept.iter().filter_map(|&i| i.checked_sub(self.n_static)).map(|at| self.motion[at]).collect(),
+            source_row: kept.iter().map(|&i| self.source_row[i]).collect(),
+        })
     }
 
     /// The Gaussians in the order of their rows, for the writer of a format that holds static ones only; those with a
