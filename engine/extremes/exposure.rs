@@ -35,6 +35,16 @@ pub(super) fn opacities(bench: &Bench, tally: &mut Tally) -> Result<()> {
         case.run(bench, tally);
         both_passes_agree(bench, tally, moved(logit(1.0 / 255.0), n));
     }
+    for (n, is_added) in [(-1000, false), (1000, true)] {
+        let case = Case {
+            check: Box::new(move |frame, _| {
+                ensure!((frame.alpha[0] > 0.501) == is_added, "alpha {:?}", frame.alpha);
+                Ok(())
+            }),
+            ..exposed(moved(logit(1.0 / 255.0), n), 1e-5)
+        };
+        case.run(bench, tally);
+    }
     clamped(bench, tally)
 }
 
