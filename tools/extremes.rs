@@ -179,12 +179,15 @@ fn head(caps: &Caps, args: &Args) -> Vec<String> {
     ]
 }
 
+const COLUMNS: [&str; 7] =
+    ["row", "what takes extreme values", "what must hold", "bound", "cases", "worst of its bound", "result"];
+
 fn markdown(head: &[String], all: &[Done]) -> String {
     let mut lines = vec!["# Numerical extremes".to_owned(), String::new()];
     lines.extend(head.iter().map(|line| format!("- {line}")));
-    let columns = ["", "row | what takes extreme values | what must hold | bound | cases | worst of its bound |", ""];
-    lines.extend([String::new(), format!("**{}**", total(all)), String::new(), columns.join("| ") + "result |"]);
-    lines.push("| --- | --- | --- | --- | --- | --- | --- |".into());
+    lines.extend([String::new(), format!("**{}**", total(all)), String::new()]);
+    lines.push(format!("| {} |", COLUMNS.join(" | ")));
+    lines.push(format!("|{}", " --- |".repeat(COLUMNS.len())));
     for done in all {
         let Done { row, what, expected, bound, tally, .. } = done;
         let cells = format!("{row} | {what} | {expected} | {bound} | {} | {}", tally.cases, done.worst());
@@ -212,9 +215,7 @@ fn page(head: &[String], all: &[Done]) -> String {
     };
     let rows: String = all.iter().map(row).collect();
     let head: String = head.iter().map(|line| format!("<li>{}</li>", text(line))).collect();
-    let names =
-        ["row", "what takes extreme values", "what must hold", "bound", "cases", "worst of its bound", "result"];
-    let names: String = names.iter().map(|name| format!("<th>{name}</th>")).collect();
+    let names: String = COLUMNS.iter().map(|name| format!("<th>{name}</th>")).collect();
     format!(
         "<!doctype html>\n<html lang=\"en\"><meta charset=\"utf-8\"><title>Numerical extremes</title>\n<style>{STYLE}</style>\n\
          <h1>Numerical extremes</h1>\n<ul>{head}</ul>\n<p><b>{}</b></p>\n<table><tr>{names}</tr>\n{rows}</table>\n</html>\n",

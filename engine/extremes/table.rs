@@ -94,7 +94,7 @@ pub const ROWS: &[Row] = &[
         name: "n13",
         what: "clips at time 0, 300, 18,000 and 1e5, and of 10 to 18,000 frames",
         expected: "the same bits of frame and gradient; 100 steps move t_center, and lead to the same picture",
-        bound: "0 ULP; 90 dB after the steps of a clip in [0, 2], as the engine's time is; 50 dB at 300, where t_center's ulp is 3e-5",
+        bound: "0 ULP; after the steps an RMS of 3e-5 (90 dB) in a clip in [0, 2], as the engine's time is; 3e-3 at 300, where t_center's ulp is 3e-5",
         cases: times::origins,
     },
     Row {
@@ -108,14 +108,14 @@ pub const ROWS: &[Row] = &[
         name: "n15",
         what: "worlds 0 to 5e5 units from the origin",
         expected: "as at the origin; recentring cannot be turned off, so there is no case without it",
-        bound: "80 dB of PSNR; 1e-5 of the range, 1e-4 at 60 units, the farthest that is not recentred",
+        bound: "an RMS of 1e-4 (80 dB); 1e-5 of the range, 1e-4 at 60 units, the farthest that is not recentred",
         cases: worlds::offsets,
     },
     Row {
         name: "n16",
         what: "units of 1e-4 to 1e4, Gaussians at distances up to 1e30",
         expected: "the same picture; colours follow the direction at any distance",
-        bound: "80 dB of PSNR; 1e-5 of the range",
+        bound: "an RMS of 1e-4 (80 dB); 1e-5 of the range",
         cases: worlds::sizes,
     },
     Row {

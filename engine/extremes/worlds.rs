@@ -1,7 +1,7 @@
 //! N15 and N16: where the world's origin is, and how long its unit.
 
 use super::case::Case;
-use super::frames::{Tolerance, psnr};
+use super::frames::{Tolerance, rms};
 use super::one::{One, camera, ones, round, scene_of};
 use super::random::{scene, view};
 use super::row::{Bench, Tally};
@@ -9,8 +9,8 @@ use crate::scene::{Splats, View};
 use crate::settings::Constants;
 use anyhow::{Result, ensure};
 
-/// Least PSNR against the same scene at the origin or in its own unit, dB.
-const LEAST_PSNR: f64 = 80.0;
+/// Largest RMS against the same scene at the origin or in its own unit: a PSNR of 80 dB.
+const LARGEST_RMS: f64 = 1e-4;
 
 /// A scene whose positions are on a grid of 1/16, which f32 holds at 5e5: only the rendering is measured.
 fn on_grid() -> Vec<One> {
@@ -46,8 +46,8 @@ pub(super) fn offsets(bench: &Bench, tally: &mut Tally) -> Result<()> {
             // The twin's band knows nothing of recentring: far away it is everywhere, and must be as exact as the rest.
             tolerance: Tolerance { away: if distance == 60.0 { 1e-4 } else { 1e-5 }, band: 1e-4, n_band: 1.0 },
             check: Box::new(|frame, _| {
-                let ratio = psnr(frame, &at_origin);
-                ensure!(ratio >= LEAST_PSNR, "PSNR {ratio:.1} dB against the origin");
+                let off = rms(frame, &at_origin);
+                ensure!(off <= LARGEST_RMS, "off by {off:.1e} against the origin");
                 Ok(())
             }),
             ..Case::new(format!("offset {offset:?}"), scene_of(&all), moved_view(offset))
@@ -80,8 +80,8 @@ pub(super) fn sizes(bench: &Bench, tally: &mut Tally) -> Result<()> {
         let case = Case {
             constants: Constants { near, ..Constants::default() },
             check: Box::new(|frame, _| {
-                let ratio = psnr(frame, &in_its_own);
-                ensure!(ratio >= LEAST_PSNR, "PSNR {ratio:.1} dB against its own unit");
+                let off = rms(frame, &in_its_own);
+                ensure!(off <= LARGEST_RMS, "off by {off:.1e} against its own unit");
                 Ok(())
             }),
             ..Case::new(format!("unit / {k:e}"), splats, view)

@@ -133,9 +133,6 @@ impl Trainer {
         let is_bearable = |x: &f32| x.abs() <= BRIGHTEST;
         let sound = splats
             .kept(|i| splats.is_finite(i) && splats.sh[i * k..(i + 1) * k].as_flattened().iter().all(is_bearable));
-        if sound.len() < splats.len() {
-            tracing::warn!("{} Gaussians are left out, not finite or too bright", splats.len() - sound.len());
-        }
         Self::begin(gpu, &sound, constants, config, total, setup)
     }
 
