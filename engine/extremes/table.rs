@@ -31,7 +31,7 @@ pub const ROWS: &[Row] = &[
         name: "n04",
         what: "quaternions of length 0 and 1e-30 to 3e38",
         expected: "length 0 is culled and counted; others turn alike, and their gradient lies across q",
-        bound: "1e-5 of the range; 1e-5 of |q| |g| along q and of length times g: normalising rounds to 1e-6, the study's bound",
+        bound: "1e-5 of the range; 1e-5 of |q| |g| along q and of length times g: the study's 1e-6 is what normalising in f32 rounds to",
         cases: shapes::quaternions,
     },
     Row {
@@ -50,7 +50,7 @@ pub const ROWS: &[Row] = &[
     },
     Row {
         name: "n07",
-        what: "logits of -90 to 90; alpha at 1/255 and 0.99, up to 100 ulps beside",
+        what: "logits of -90 to 90; alpha at 1/255 and 0.99, up to 1000 ulps of the logit beside",
         expected: "both passes take the same side; what is held at 0.99 has no gradient, what is below has the truth's",
         bound: "1e-5 of the range; at 1/255 either side, and nothing between; 1e-4 of a gradient's length",
         cases: exposure::opacities,
@@ -157,7 +157,7 @@ pub const ROWS: &[Row] = &[
         name: "n22",
         what: "LPIPS of black pictures, of dead features and of faint ones",
         expected: "0 where nothing is alive, finite cotangents, as in float64 where a little is",
-        bound: "0; 1e-8 / light of the value: a light of 1e-7 is two last bits of the picture",
+        bound: "0; of the value 6e-8 / light, the last bit of the picture over its light of 1e-7 to 1e-5",
         cases: losses::dead_features,
     },
     Row {
