@@ -7,6 +7,7 @@
 #![warn(missing_docs)]
 
 pub mod error;
+pub mod extremes;
 pub mod gpu;
 mod parallel;
 pub mod prepare;

@@ -101,6 +101,9 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         }
     };
     let before = trainer.step();
+    if let Some(n @ 1..) = splats.len().checked_sub(trainer.n_gaussians() as usize) {
+        eprintln!("{n} Gaussians are left out: not finite, or too bright");
+    }
     eprintln!(
         "{} training images, {} test images, {} Gaussians, steps {} to {total}, SH degree {}",
         training.len(),

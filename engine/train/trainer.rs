@@ -25,6 +25,9 @@ use std::sync::Arc;
 
 /// Steps that the device has at a time: it works on one while the host prepares the next.
 const IN_FLIGHT: usize = 2;
+/// Largest coefficient of a colour that training begins with: fourth powers of ten times as much are still finite, which
+/// SSIM takes.
+const BRIGHTEST: f32 = 1e4;
 
 /// A scene being trained: its Gaussians with their moments, on the device.
 pub struct Trainer {
@@ -112,12 +115,28 @@ pub struct StepReport {
 }
 
 impl Trainer {
-    /// Uploads `splats` for a run of `total` steps on the capture that `setup` describes.
+    /// Uploads `splats` for a run of `total` steps on the capture that `setup` describes. Gaussians with a number that is
+    /// not finite, or colours so bright that squares of them are not, are left out: no gradient would ever mend them.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`] naming the buffer that does not fit; [`Error::NoDevice`] when the device cannot do what the
     /// settings ask for.
     pub fn new(
+        gpu: Arc<Gpu>,
+        splats: &Splats,
+        constants: Constants,
+        config: Config,
+        total: u64,
+        setup: Setup,
+    ) -> Result<Self> {
+        let k = splats.n_coefficients();
+        let is_bearable = |x: &f32| x.abs() <= BRIGHTEST;
+        let sound = splats
+            .kept(|i| splats.is_finite(i) && splats.sh[i * k..(i + 1) * k].as_flattened().iter().all(is_bearable));
+        Self::begin(gpu, &sound, constants, config, total, setup)
+    }
+
+    fn begin(
         gpu: Arc<Gpu>,
         splats: &Splats,
         constants: Constants,
@@ -173,7 +192,7 @@ impl Trainer {
     pub fn resume(gpu: Arc<Gpu>, checkpoint: &Checkpoint, constants: Constants, setup: Setup) -> Result<Self> {
         let Checkpoint { step, total, config, origin, params, first, second, state, cameras, .. } = checkpoint;
         let setup = Setup { has_grid: cameras.has_grid.clone(), ..setup };
-        let mut trainer = Self::new(gpu, params, constants, config.clone(), *total, setup)?;
+        let mut trainer = Self::begin(gpu, params, constants, config.clone(), *total, setup)?;
         trainer.objective.restore(&trainer.gpu, cameras)?;
         trainer.scene.origin = *origin;
         let (moments, state) = upload_state(&trainer.gpu, &trainer.scene, first, second, state)?;

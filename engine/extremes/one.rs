@@ -1,14 +1,19 @@
 //! Scenes as lists of single Gaussians: easy to make, to leave one out and to reorder.
 
-use ivv::scene::{FlowModel, Motion, Splats, View};
+use crate::scene::{FlowModel, Motion, Splats, View};
 
 /// One Gaussian in raw parameters (SPEC 2).
 #[derive(Clone, Debug)]
 pub struct One {
+    /// Centre, scene units.
     pub position: [f32; 3],
+    /// Quaternion, w first, of any length.
     pub rotation: [f32; 4],
+    /// Logs of the standard deviations.
     pub scale: [f32; 3],
+    /// Logit.
     pub opacity: f32,
+    /// Coefficients of its colour: 1, 4, 9 or 16.
     pub sh: Vec<[f32; 3]>,
     /// `None` for a static Gaussian.
     pub motion: Option<Motion>,
@@ -24,6 +29,11 @@ pub fn round(position: [f32; 3], deviation: f64, opacity: f64, color: [f64; 3]) 
         sh: vec![sh_of(color)],
         motion: None,
     }
+}
+
+/// An ordinary Gaussian, to stand behind all others.
+pub fn backdrop() -> One {
+    round([0.3, 0.1, 6.0], 0.6, 0.7, [0.9, 0.3, 0.1])
 }
 
 /// The logit of `opacity`.
@@ -51,7 +61,6 @@ pub fn scene_of(all: &[One]) -> Splats {
         splats.motion.extend(one.motion);
         splats.source_row.push(i as u32);
     }
-    splats.check().unwrap();
     splats
 }
 

@@ -1,15 +1,18 @@
 //! Seeded random numbers and scenes.
 
-use ivv::scene::{FlowModel, Motion, Splats, View};
+use crate::scene::capture::Picture;
+use crate::scene::{FlowModel, Motion, Splats, View};
 
-/// SplitMix64: enough for tests, and the same on every machine.
+/// SplitMix64: enough for cases, and the same on every machine.
 pub struct Random(u64);
 
 impl Random {
+    /// Of a seed.
     pub fn new(seed: u64) -> Self {
         Random(seed)
     }
 
+    /// 64 random bits.
     pub fn bits(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut z = self.0;
@@ -23,6 +26,7 @@ impl Random {
         low + (high - low) * (self.bits() >> 11) as f64 / (1u64 << 53) as f64
     }
 
+    /// Numbers, each uniform in `[low, high)`.
     pub fn vector<const N: usize>(&mut self, low: f64, high: f64) -> [f32; N] {
         std::array::from_fn(|_| self.uniform(low, high) as f32)
     }
@@ -51,6 +55,39 @@ pub fn view() -> View {
         flow_model: FlowModel::Velocity,
         next_world_to_camera: None,
     }
+}
+
+/// What [`view`] sees, in 40 x 28 pixels.
+pub fn small_view() -> View {
+    View { width: 40, height: 28, fx: 35.0, fy: 37.5, cx: 19.25, cy: 14.5, ..view() }
+}
+
+/// A picture of noise as large as `view`.
+pub fn noise(seed: u64, view: &View) -> Picture {
+    let mut random = Random::new(seed);
+    let pixels = (0..view.width * view.height).map(|_| random.bits() as u32 | 0xff00_0000).collect();
+    Picture { width: view.width, height: view.height, pixels, ..Picture::default() }
+}
+
+/// Values that poison an unguarded kernel: not finite, zeros, denormal, near overflow.
+const POISON: [f32; 8] = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 0.0, -0.0, 1e-45, 1e38, f32::MIN / 2.0];
+
+/// Poisons each number of `splats` with probability `rate`; says how many.
+pub fn poison(splats: &mut Splats, random: &mut Random, rate: f64) -> usize {
+    let mut n = 0;
+    let motion = splats.motion.iter_mut().flat_map(|m| {
+        let Motion { velocity: [x, y, z], t_center, t_scale } = m;
+        [x, y, z, t_center, t_scale]
+    });
+    let all = splats.position.as_flattened_mut().iter_mut().chain(splats.rotation.as_flattened_mut());
+    let all = all.chain(splats.scale.as_flattened_mut()).chain(&mut splats.opacity);
+    for slot in all.chain(splats.sh.as_flattened_mut()).chain(motion) {
+        if random.uniform(0.0, 1.0) < rate {
+            *slot = POISON[random.bits() as usize % POISON.len()];
+            n += 1;
+        }
+    }
+    n
 }
 
 /// `n` Gaussians of moderate size in front of [`view`], the first half static.
