@@ -10,6 +10,7 @@ pub mod error;
 pub mod gpu;
 mod parallel;
 pub mod prepare;
+pub mod profile;
 pub mod scene;
 pub mod settings;
 pub mod sound;

@@ -15,16 +15,20 @@ mod init;
 mod inspect;
 mod interrupt;
 mod offsets;
+mod passes;
 mod prepare;
 mod profile;
 mod progress;
 mod render;
+mod replay;
 mod settings;
 mod sound;
 mod synth;
 mod totals;
 mod train;
 mod vjp;
+#[cfg(feature = "shaders")]
+mod watch;
 
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
@@ -68,6 +72,8 @@ enum Verb {
     Eval(eval::Args),
     /// Trains a capture with and without each part of the method, and tables what each is worth.
     Ablate(ablate::Args),
+    /// Measures the device, then every pass of a step or a frame against it; captures and replays single kernels.
+    Profile(profile::Args),
     /// Writes a scene in another format, or as it is at one time.
     Export(export::Args),
     /// Gradients of sum(cotangent * output) of a view, by parameter group.
@@ -97,6 +103,7 @@ fn main() -> ExitCode {
         Verb::Train(args) => train::run(args, cli.json),
         Verb::Eval(args) => eval::run(args, cli.json),
         Verb::Ablate(args) => ablate::run(args, cli.json),
+        Verb::Profile(args) => profile::run(args, cli.json),
         Verb::Export(args) => export::run(args, cli.json),
         Verb::Vjp(args) => vjp::run(args),
         Verb::Demo(args) => demo::run(args),

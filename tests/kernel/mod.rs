@@ -9,6 +9,7 @@ mod density;
 mod losses;
 mod lpips;
 mod priors;
+mod probe;
 mod project;
 mod scan;
 mod sort;
