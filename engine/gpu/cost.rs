@@ -10,6 +10,10 @@ use serde::Serialize;
 pub struct Cost {
     /// Bytes to and from memory.
     pub bytes: f64,
+    /// Bytes that a copy command reads and writes.
+    pub copied: f64,
+    /// Bytes that a fill command writes.
+    pub filled: f64,
     /// Scattered rows of 64 bytes read.
     pub rows: f64,
     /// Float additions and multiplications.
@@ -28,6 +32,8 @@ impl Cost {
     /// Adds `n` times `other`.
     pub fn add(&mut self, other: &Cost, n: f64) {
         self.bytes += n * other.bytes;
+        self.copied += n * other.copied;
+        self.filled += n * other.filled;
         self.rows += n * other.rows;
         self.flops += n * other.flops;
         self.exp2 += n * other.exp2;
@@ -152,10 +158,10 @@ pub fn terms(kernel: &Spec) -> Option<Vec<Term>> {
             vec![own(if is("BACKWARD") { 48.0 } else { 32.0 }, if is("BACKWARD") { 420.0 } else { 216.0 })]
         }
         "bilateral_bwd" => vec![own(32.0, 216.0)],
-        // Per dispatch: the 24,576 numbers of a grid, with gradient, moments, variation.
-        "bilateral_sum" => vec![own(2.0 * 98_304.0, 24_576.0)],
+        // Per dispatch: the 24,576 numbers of a grid, with gradient, moments, variation; four parts around each; per camera.
+        "bilateral_sum" => vec![own(5.0 * 98_304.0, 4.0 * 24_576.0)],
         "bilateral_adam" => vec![own(7.0 * 98_304.0, 30.0 * 24_576.0)],
-        "bilateral_gauge" => vec![own(2.0 * 98_304.0, 2.0 * 24_576.0)],
+        "bilateral_gauge" => vec![own(3.0 * 98_304.0, 2.0 * 24_576.0)],
         // Per vec4 of the buffer: parameter and both moments, read and written.
         "adam_idle" | "adam_catch_up" => vec![own(96.0, 48.0)],
         "mcmc_noise" => vec![own(48.0 + 12.0, 120.0)],

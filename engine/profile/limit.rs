@@ -11,6 +11,10 @@ use serde::Serialize;
 pub struct Peaks {
     /// Bytes of a streaming copy, read and written.
     pub bytes: f64,
+    /// Bytes of a copy command, read and written.
+    pub copied: f64,
+    /// Bytes of a fill command.
+    pub filled: f64,
     /// Scattered rows of 64 bytes.
     pub rows: f64,
     /// Float additions and multiplications, as multiply-adds.
@@ -74,15 +78,29 @@ impl Peaks {
         for (rate, probe) in rates.iter_mut().zip(Probe::ALL) {
             *rate = probe.rate(gpu)?;
         }
-        let [bytes, rows, flops, exp2, shuffles, atomics, float_atomics] = rates;
+        let [bytes, copied, filled, rows, flops, exp2, shuffles, atomics, float_atomics] = rates;
         let [dispatch_ns, dispatch_and_barrier_ns] = dispatch_ns(gpu)?;
-        Ok(Peaks { bytes, rows, flops, exp2, shuffles, atomics, float_atomics, dispatch_ns, dispatch_and_barrier_ns })
+        Ok(Peaks {
+            bytes,
+            copied,
+            filled,
+            rows,
+            flops,
+            exp2,
+            shuffles,
+            atomics,
+            float_atomics,
+            dispatch_ns,
+            dispatch_and_barrier_ns,
+        })
     }
 
     /// The rate of `probe`.
     pub fn of(&self, probe: Probe) -> f64 {
         match probe {
             Probe::Copy => self.bytes,
+            Probe::Transfer => self.copied,
+            Probe::Fill => self.filled,
             Probe::Gather => self.rows,
             Probe::Fma => self.flops,
             Probe::Exp2 => self.exp2,
@@ -97,7 +115,10 @@ impl Peaks {
     pub fn limit(&self, cost: &Cost, dispatches: f64) -> (f64, Bound) {
         let time = |amount: f64, peak: f64| if amount > 0.0 && peak > 0.0 { 1e9 * amount / peak } else { 0.0 };
         let resources = [
-            (time(cost.bytes, self.bytes), Bound::Bytes),
+            (
+                time(cost.bytes, self.bytes) + time(cost.copied, self.copied) + time(cost.filled, self.filled),
+                Bound::Bytes,
+            ),
             (time(cost.rows, self.rows), Bound::Rows),
             (time(cost.flops, self.flops), Bound::Flops),
             (time(cost.exp2, self.exp2), Bound::Exp2),

@@ -182,15 +182,18 @@ impl Line {
         let mut cost = Cost::default();
         passes.iter().for_each(|pass| cost.add(&pass.cost, 1.0 / n));
         let dispatches = mean(&|pass| pass.dispatches as f64);
-        let (limit_ns, bound) = peaks.limit(&cost, dispatches);
-        let mean_ms = mean(&|pass| pass.ns / 1e6);
-        let of = |limit_ms: f64| if mean_ms > 0.0 { limit_ms / mean_ms } else { 0.0 };
-        let unit_limit_ms =
-            threads.map(|threads| (mean(&|pass| pass.limit_ns) / threads + dispatches * peaks.dispatch_ns) / 1e6);
+        // Copies and fills are no dispatches.
+        let is_kernel = cost.copied + cost.filled == 0.0;
+        let dispatched = if is_kernel { dispatches } else { 0.0 };
+        let (limit_ns, bound) = peaks.limit(&cost, dispatched);
+        let median_ms = median(&ms);
+        let of = |limit_ms: f64| if median_ms > 0.0 { limit_ms / median_ms } else { 0.0 };
+        let unit_ns = |threads| mean(&|pass| pass.limit_ns) / threads + dispatched * peaks.dispatch_ns;
+        let unit_limit_ms = threads.filter(|_| is_kernel).map(|threads| unit_ns(threads) / 1e6);
         Line {
             label: label.to_owned(),
             dispatches,
-            median_ms: median(&ms),
+            median_ms,
             p95_ms: quantile(&ms, 0.95),
             share: passes.iter().map(|pass| pass.ns).sum::<f64>() / sum,
             units: mean(&|pass| pass.units),
@@ -204,24 +207,26 @@ impl Line {
     }
 
     fn total(sample: &str, lines: &[Line], ms: &[f64]) -> Self {
-        let mean = ms.iter().sum::<f64>() / ms.len().max(1) as f64;
         let limit_ms: f64 = lines.iter().map(|line| line.limit_ms).sum();
-        let unit_limit_ms = lines.iter().map(|line| line.unit_limit_ms).sum::<Option<f64>>();
+        // Copies and fills have no unit time.
+        let unit_limits: Vec<f64> = lines.iter().filter_map(|line| line.unit_limit_ms).collect();
+        let unit_limit_ms = (!unit_limits.is_empty()).then(|| unit_limits.iter().sum());
+        let median_ms = median(ms);
         let mut cost = Cost::default();
         lines.iter().for_each(|line| cost.add(&line.cost, 1.0));
         Line {
             label: sample.to_owned(),
             dispatches: lines.iter().map(|line| line.dispatches).sum(),
-            median_ms: median(ms),
+            median_ms,
             p95_ms: quantile(ms, 0.95),
             share: 1.0,
             units: 1.0,
             cost,
             limit_ms,
-            of_limit: limit_ms / mean,
+            of_limit: limit_ms / median_ms,
             bound: None,
             unit_limit_ms,
-            of_unit_limit: unit_limit_ms.map(|limit| limit / mean),
+            of_unit_limit: unit_limit_ms.map(|limit: f64| limit / median_ms),
         }
     }
 }

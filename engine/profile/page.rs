@@ -39,7 +39,7 @@ fn tables(profile: &Profile, lines: &[&Line]) -> Vec<Table> {
     let has_units = profile.total.of_unit_limit.is_some();
     let mut heads =
         vec!["pass", "calls", "median, ms", "p95, ms", "share", "MB", "Mflop", "limit, ms", "of limit", "by"];
-    heads.extend(has_units.then_some("of a well-written kernel"));
+    heads.extend(has_units.then_some("of unit time"));
     let percent = |f: f64| if f < 0.095 { format!("{:.1} %", 100.0 * f) } else { format!("{:.0} %", 100.0 * f) };
     let row = |line: &Line| {
         let mut row = vec![
@@ -48,13 +48,13 @@ fn tables(profile: &Profile, lines: &[&Line]) -> Vec<Table> {
             format!("{:.3}", line.median_ms),
             format!("{:.3}", line.p95_ms),
             percent(line.share),
-            format!("{:.3}", line.cost.bytes / 1e6),
+            format!("{:.3}", (line.cost.bytes + line.cost.copied + line.cost.filled) / 1e6),
             format!("{:.3}", line.cost.flops / 1e6),
             format!("{:.3}", line.limit_ms),
             percent(line.of_limit),
             line.bound.map_or("", super::Bound::name).to_owned(),
         ];
-        row.extend(line.of_unit_limit.map(percent));
+        row.extend(has_units.then(|| line.of_unit_limit.map_or(String::new(), percent)));
         row
     };
     let ratio = overhead.ratio;
@@ -103,12 +103,16 @@ pub(super) fn html(profile: &Profile) -> String {
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n<title>Profile of {title}</title>\n\
          <style>\n{}</style>\n</head>\n<body>\n<header>\n<h1>Profile of {title}</h1>\n\
          <p class=\"note\">{}</p>\n</header>\n<section>\n<h2>Roofline</h2>\n{}\
-         <p class=\"note\">{}</p>\n</section>\n",
+         <p class=\"note\">{}</p>\n",
         include_str!("../train/report.css"),
         escape(&told(profile)),
         profile.roofline(),
         MEANING
     );
+    if profile.total.of_unit_limit.is_some() {
+        let _ = writeln!(page, "<p class=\"note\">{}</p>", UNITS.replace('`', ""));
+    }
+    page += "</section>\n";
     for Table { title, heads, rows } in tables(profile, &profile.by_time()) {
         let class = |column: usize| if column == 0 { "" } else { " class=\"n\"" };
         let heads: String = heads.iter().enumerate().map(|(k, head)| format!("<th{}>{head}</th>", class(k))).collect();
@@ -126,8 +130,13 @@ const MEANING: &str = "A circle's area grows with its pass's share of the time. 
     least bytes, scattered rows, flops, powers of two, shuffles or atomic additions take at the measured peaks, whichever \
     is longest, and its dispatches; the bytes are those that memory must move whatever the caches.";
 
+/// What the last column says, where there is one.
+const UNITS: &str = "The last column is another measure, for CPU drivers alone: the unit times of `shaders-glsl/table.rs`, \
+    what kernels took that were written for lavapipe and nothing else, over the time measured.";
+
 pub(super) fn markdown(profile: &Profile) -> String {
-    let mut text = format!("{}.\n\n{MEANING}\n", told(profile));
+    let units = if profile.total.of_unit_limit.is_some() { UNITS } else { "" };
+    let mut text = format!("{}.\n\n{MEANING} {units}\n", told(profile));
     for Table { title, heads, rows } in tables(profile, &profile.by_time()) {
         let rule: Vec<&str> = heads.iter().enumerate().map(|(k, _)| if k == 0 { "---" } else { "---:" }).collect();
         let _ = writeln!(text, "\n## {title}\n\n| {} |\n| {} |", heads.join(" | "), rule.join(" | "));

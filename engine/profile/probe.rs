@@ -14,8 +14,11 @@ const LOCAL: u32 = 64;
 const STEPS: u32 = 16;
 const CHAINS: u32 = 8;
 const SHUFFLE_CHAINS: u32 = 4;
+const PARTS: u32 = 8;
 const ROWS: u32 = 4;
 const TERMS: u32 = 8;
+/// What copies and fills write.
+const WORD: u32 = 0x1234_5678;
 /// A run that takes as long, nanoseconds, is long enough to tell a rate.
 const LONG_ENOUGH: f64 = 1e7;
 /// Runs of that length; the fastest counts.
@@ -29,6 +32,10 @@ const DISPATCHES: u32 = 200;
 pub enum Probe {
     /// Bytes of a streaming copy, read and written.
     Copy,
+    /// Bytes of a copy command, read and written.
+    Transfer,
+    /// Bytes of a fill command.
+    Fill,
     /// Scattered rows of 64 bytes, each lane its own.
     Gather,
     /// Flops of multiply-adds, two each.
@@ -45,13 +52,24 @@ pub enum Probe {
 
 impl Probe {
     /// All of them.
-    pub const ALL: [Probe; 7] =
-        [Probe::Copy, Probe::Gather, Probe::Fma, Probe::Exp2, Probe::Shuffle, Probe::Atomic, Probe::FloatAtomic];
+    pub const ALL: [Probe; 9] = [
+        Probe::Copy,
+        Probe::Transfer,
+        Probe::Fill,
+        Probe::Gather,
+        Probe::Fma,
+        Probe::Exp2,
+        Probe::Shuffle,
+        Probe::Atomic,
+        Probe::FloatAtomic,
+    ];
 
     /// What it is called.
     pub fn name(self) -> &'static str {
         match self {
-            Probe::Copy => "copy",
+            Probe::Copy => "copy by a kernel",
+            Probe::Transfer => "copy command",
+            Probe::Fill => "fill command",
             Probe::Gather => "gather of 64-byte rows",
             Probe::Fma => "multiply-add",
             Probe::Exp2 => "exp2",
@@ -64,7 +82,7 @@ impl Probe {
     /// What its rate counts per second.
     pub fn unit(self) -> &'static str {
         match self {
-            Probe::Copy => "B/s",
+            Probe::Copy | Probe::Transfer | Probe::Fill => "B/s",
             Probe::Gather => "rows/s",
             Probe::Fma => "flop/s",
             _ => "/s",
@@ -92,8 +110,24 @@ impl Probe {
                     .min((gpu.caps().max_binding_bytes / 16) as u32);
                 let items: Vec<[f32; 4]> = (0..n).map(|i| [i as f32, 1.0, 2.0, 3.0]).collect();
                 let (source, target) = (&gpu.upload("probe source", &items)?, &gpu.alloc("probe target", n as usize)?);
-                rec.pass(probe_copy::Args { source, target }, probe_copy::Push { n }, Grid::Threads(n));
+                rec.pass(
+                    probe_copy::Args { source, target },
+                    probe_copy::Push { n },
+                    Grid::Groups(n.div_ceil(LOCAL * PARTS)),
+                );
                 (32.0 * f64::from(n), target.cast())
+            }
+            Probe::Transfer | Probe::Fill => {
+                let n = 1usize << (18 + size.min(if is_cpu { 4 } else { 7 }));
+                let target: Buf<u32> = gpu.alloc("probe target", n)?;
+                let bytes = 4.0 * n as f64;
+                if self == Probe::Fill {
+                    rec.fill(target.slice(), WORD);
+                    (bytes, target)
+                } else {
+                    rec.copy(gpu.upload("probe source", &vec![WORD; n])?.slice(), target.slice());
+                    (2.0 * bytes, target)
+                }
             }
             Probe::Gather => {
                 // The rows stay within a cache, as the splats of neighbouring tiles do: scattered, and as fast as can be.

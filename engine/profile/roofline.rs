@@ -126,7 +126,7 @@ pub(super) fn svg(profile: &Profile) -> String {
 pub(super) fn si(value: f64) -> String {
     let units = [(1e12, "T"), (1e9, "G"), (1e6, "M"), (1e3, "k")];
     let (unit, prefix) = units.into_iter().find(|(unit, _)| value >= 0.9999 * unit).unwrap_or((1.0, ""));
-    let digits = if value / unit >= 99.5 { 0 } else { 3 };
-    let text = format!("{:.*}", if digits == 0 { 0 } else { 1 }, value / unit);
+    let digits = usize::from(value / unit < 99.5);
+    let text = format!("{:.digits$}", value / unit);
     format!("{} {prefix}", text.strip_suffix(".0").unwrap_or(&text))
 }

@@ -127,8 +127,8 @@ impl Counters {
         let units = pass.scale * self.units(pass.count, pass.group);
         let mut cost = Cost::default();
         match &pass.work {
-            Work::Copy(from, _) => cost.bytes = 2.0 * from.size() as f64,
-            Work::Fill(slice, _) => cost.bytes = slice.size() as f64,
+            Work::Copy(from, _) => cost.copied = 2.0 * from.size() as f64,
+            Work::Fill(slice, _) => cost.filled = slice.size() as f64,
             Work::Dispatch { .. } => {
                 for term in row(pass).and_then(terms).unwrap_or_default() {
                     let n = term.per.map_or(units, |count| pass.scale * self.units(count, pass.group));

@@ -32,6 +32,15 @@ fn a_copy_copies_all_of_what_it_counts() {
 }
 
 #[test]
+fn commands_write_all_of_what_they_count() {
+    for (probe, bytes_a_word) in [(Probe::Transfer, 8.0), (Probe::Fill, 4.0)] {
+        let (words, amount) = words(probe, 0);
+        assert_eq!(amount, bytes_a_word * words.len() as f64);
+        assert!(words.len() >= 1 << 18 && words.iter().all(|word| *word == 0x1234_5678), "{probe:?}");
+    }
+}
+
+#[test]
 fn chains_of_multiply_adds_take_every_step() {
     for size in [0, 1] {
         let (words, amount) = words(Probe::Fma, size);
