@@ -161,7 +161,7 @@ pub fn terms(kernel: &Spec) -> Option<Vec<Term>> {
         // Per dispatch: the 24,576 numbers of a grid, with gradient, moments, variation; four parts around each; per camera.
         "bilateral_sum" => vec![own(5.0 * 98_304.0, 4.0 * 24_576.0)],
         "bilateral_adam" => vec![own(7.0 * 98_304.0, 30.0 * 24_576.0)],
-        "bilateral_gauge" => vec![own(3.0 * 98_304.0, 2.0 * 24_576.0)],
+        "bilateral_gauge" => vec![own(2.0 * 98_304.0, 2.0 * 24_576.0)],
         // Per vec4 of the buffer: parameter and both moments, read and written.
         "adam_idle" | "adam_catch_up" => vec![own(96.0, 48.0)],
         "mcmc_noise" => vec![own(48.0 + 12.0, 120.0)],

@@ -9,7 +9,7 @@ use serde::Serialize;
 /// What a device was measured to do, per second; 0 where it cannot.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Peaks {
-    /// Bytes of a streaming copy, read and written.
+    /// Bytes that kernels move: of a streaming copy, read and written, or of scattered rows, whichever are more.
     pub bytes: f64,
     /// Bytes of a copy command, read and written.
     pub copied: f64,
@@ -78,7 +78,9 @@ impl Peaks {
         for (rate, probe) in rates.iter_mut().zip(Probe::ALL) {
             *rate = probe.rate(gpu)?;
         }
-        let [bytes, copied, filled, rows, flops, exp2, shuffles, atomics, float_atomics] = rates;
+        let [streamed, copied, filled, rows, flops, exp2, shuffles, atomics, float_atomics] = rates;
+        // Reading may be faster than writing.
+        let bytes = f64::max(streamed, 64.0 * rows);
         let [dispatch_ns, dispatch_and_barrier_ns] = dispatch_ns(gpu)?;
         Ok(Peaks {
             bytes,
@@ -95,7 +97,7 @@ impl Peaks {
         })
     }
 
-    /// The rate of `probe`.
+    /// The rate of `probe`; that of a copy is [`Peaks::bytes`].
     pub fn of(&self, probe: Probe) -> f64 {
         match probe {
             Probe::Copy => self.bytes,

@@ -22,7 +22,7 @@ const WORD: u32 = 0x1234_5678;
 /// A run that takes as long, nanoseconds, is long enough to tell a rate.
 const LONG_ENOUGH: f64 = 1e7;
 /// Runs of that length; the fastest counts.
-const RUNS: usize = 5;
+const RUNS: usize = 10;
 /// Dispatches of which the median counts.
 const DISPATCHES: u32 = 200;
 
@@ -67,7 +67,7 @@ impl Probe {
     /// What it is called.
     pub fn name(self) -> &'static str {
         match self {
-            Probe::Copy => "copy by a kernel",
+            Probe::Copy => "bytes moved by a kernel",
             Probe::Transfer => "copy command",
             Probe::Fill => "fill command",
             Probe::Gather => "gather of 64-byte rows",

@@ -20,7 +20,8 @@ layout(set = 0, binding = 3) restrict writeonly buffer IdleId { uint idle_id[]; 
 
 void main() {
     const uint i = linear_thread(gl_WorkGroupSize.x);
-    if (i >= pc.n) return;
+    // Whole workgroups: the lanes of the last one lend a word each to those that have a Gaussian.
+    if ((i & ~127u) >= pc.n) return;
     const uint word = i >> 5u;
     const uint first_word = (i >> 7u) << 2u;
     // The group's four words: a lane loads one, and all lanes get them.
@@ -32,6 +33,7 @@ void main() {
         rank += first_word + w < word ? bitCount(here) : 0u;
         mask = first_word + w == word ? here : mask;
     }
+    if (i >= pc.n) return;
     rank += bitCount(mask & ((1u << (i & 31u)) - 1u));
     const bool marked = ((mask >> (i & 31u)) & 1u) != 0u;
     if (marked && rank < pc.capacity) active_id[rank] = i;
