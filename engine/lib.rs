@@ -11,6 +11,7 @@ pub mod extremes;
 pub mod gpu;
 mod parallel;
 pub mod prepare;
+pub mod profile;
 pub mod scene;
 pub mod settings;
 pub mod sound;

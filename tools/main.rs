@@ -16,17 +16,21 @@ mod init;
 mod inspect;
 mod interrupt;
 mod offsets;
+mod passes;
 mod prepare;
 mod profile;
 mod progress;
 mod render;
 mod require;
+mod replay;
 mod settings;
 mod sound;
 mod synth;
 mod totals;
 mod train;
 mod vjp;
+#[cfg(feature = "shaders")]
+mod watch;
 
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
@@ -72,6 +76,8 @@ enum Verb {
     Ablate(ablate::Args),
     /// Runs the table of numerical extremes on a device, and reports row by row whether it holds.
     Extremes(extremes::Args),
+    /// Measures the device, then every pass of a step or a frame against it; captures and replays single kernels.
+    Profile(profile::Args),
     /// Writes a scene in another format, or as it is at one time.
     Export(export::Args),
     /// Gradients of sum(cotangent * output) of a view, by parameter group.
@@ -102,6 +108,7 @@ fn main() -> ExitCode {
         Verb::Eval(args) => eval::run(args, cli.json),
         Verb::Ablate(args) => ablate::run(args, cli.json),
         Verb::Extremes(args) => extremes::run(args, cli.json),
+        Verb::Profile(args) => profile::run(args, cli.json),
         Verb::Export(args) => export::run(args, cli.json),
         Verb::Vjp(args) => vjp::run(args),
         Verb::Demo(args) => demo::run(args),

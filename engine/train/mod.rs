@@ -39,7 +39,8 @@ pub use plan::{BoundBy, Class, INTERSECTIONS_PER_GAUSSIAN, Limits, Need, Plan, W
 pub use random::{Random, permutation};
 pub use report::{Example, Report};
 pub use require::{Due, Evidence, Fate, GridCheck, InTime, Review, carry_out, fates, merge, review, review_due};
+pub(crate) use report_plot::escape;
 pub use run::{CaptureSummary, Run};
 pub use schedule::rates;
 pub use setup::Setup;
-pub use trainer::{StepReport, Trainer};
+pub use trainer::{ProfiledStep, StepReport, Trainer};
