@@ -19,8 +19,8 @@ pub fn told(review: &Review) -> String {
         lines.push(format!(
             "step {step}: {before} Gaussians, {after} required: {removed} removed, {merged} merged; {came_to_rest} came to \
              rest, {began_to_move} began to move; bands 1 / 2 / 3 dropped of {one} / {two} / {three}, since each was worth \
-             less than its numbers cost (errors of the colours {:.3})",
-            review.noise
+             less than its numbers cost (errors of the colours {:.3}, price {:.2})",
+            review.noise, review.price
         ));
     }
     lines.join("\n")

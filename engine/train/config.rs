@@ -65,8 +65,11 @@ pub struct Required {
     pub last: f64,
     /// Training images that a review looks at.
     pub images: usize,
-    /// What a number must be worth, in units of half the logarithm of the number of observations (Schwarz 1978).
+    /// What a number must be worth at most, in units of half the logarithm of the number of observations (Schwarz 1978).
     pub price: f64,
+    /// PSNR of the training images that the reviews together may cost at the moment when they happen, dB; the price is lowered
+    /// to that.
+    pub margin: f64,
     /// Cameras get bilateral grids, where [`Config::grids`] allows any, after this fraction of the run, and only those that
     /// need one.
     pub grids_at: f64,
@@ -74,7 +77,7 @@ pub struct Required {
 
 impl Default for Required {
     fn default() -> Self {
-        Required { reviews: 0, first: 0.4, last: 0.8, images: 64, price: 1.0, grids_at: 0.3 }
+        Required { reviews: 0, first: 0.4, last: 0.8, images: 64, price: 1.0, margin: 0.1, grids_at: 0.3 }
     }
 }
 
@@ -300,14 +303,14 @@ impl Config {
         if lpips_every == 0 {
             return Err("loss.lpips_every is 0: LPIPS is due in every n-th step, n at least 1".to_owned());
         }
-        let Required { first, last, images, price, grids_at, .. } = self.required;
+        let Required { first, last, images, price, margin, grids_at, .. } = self.required;
         if !(0.0..=last).contains(&first) || last >= 1.0 || !(0.0..1.0).contains(&grids_at) {
             return Err(format!(
                 "required.first is {first}, last {last}, grids_at {grids_at}: fractions of the run, in order"
             ));
         }
-        if images == 0 || !(price > 0.0 && price.is_finite()) {
-            return Err(format!("required.images is {images}, price {price}: both must be positive"));
+        if images == 0 || !(price > 0.0 && price.is_finite() && margin > 0.0 && margin.is_finite()) {
+            return Err(format!("required.images is {images}, price {price}, margin {margin}: all must be positive"));
         }
         for (name, weight) in weights {
             if !(weight >= 0.0 && weight.is_finite()) {

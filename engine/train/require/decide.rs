@@ -16,6 +16,8 @@ const LEAST_WEIGHT: f64 = 0.25;
 const LEAST_PICTURES: usize = 4;
 /// Median of chi squared with five degrees of freedom.
 const MEDIAN_OF_5: f64 = 4.351_46;
+/// Halvings of the interval in which an affordable price is sought.
+const HALVINGS: u32 = 16;
 /// Tau of a Gaussian that begins to move, clips.
 const NEW_TAU: f32 = 2.0;
 
@@ -30,6 +32,8 @@ pub struct Fate {
     pub color: [f64; 3],
     /// How it goes on in time.
     pub time: InTime,
+    /// Log-likelihood that the pictures lose by what it loses.
+    pub loss: f64,
 }
 
 /// How a Gaussian goes on in time.
@@ -53,6 +57,41 @@ fn loss(information: f64, slope: f64, evidence: &Evidence) -> f64 {
     evidence.scale * (slope + 0.5 * information) / evidence.variance.max(f64::MIN_POSITIVE)
 }
 
+/// Fates of all Gaussians at the highest price of a number, `price` at most, at which the pictures lose no more than `margin` dB
+/// of PSNR by what goes; with that price. The rest as in [`fates`].
+pub fn affordable(
+    splats: &Splats,
+    evidence: &Evidence,
+    frame_times: &[f64],
+    price: f64,
+    margin: f64,
+    key: &[u64],
+) -> (Vec<Fate>, f64) {
+    // Errors of the variance found have a log-likelihood of half their number.
+    let budget = 0.5 * evidence.n_values * (10f64.powf(margin / 10.0) - 1.0);
+    let at = |price: f64| {
+        let fates = fates(splats, evidence, frame_times, price, key);
+        let loss = fates.iter().map(|fate| fate.loss).sum::<f64>();
+        (fates, loss)
+    };
+    let (mut best, loss) = at(price);
+    if loss <= budget {
+        return (best, price);
+    }
+    let (mut low, mut high) = (0.0, price);
+    best = at(low).0;
+    for _ in 0..HALVINGS {
+        let middle = 0.5 * (low + high);
+        let (fates, loss) = at(middle);
+        if loss <= budget {
+            (low, best) = (middle, fates);
+        } else {
+            high = middle;
+        }
+    }
+    (best, low)
+}
+
 /// Fates of all Gaussians. `frame_times` are the normalised times of the training frames; `price` multiplies the cost of a
 /// number; `key` chooses which of those that are not worth their numbers go now.
 pub fn fates(splats: &Splats, evidence: &Evidence, frame_times: &[f64], price: f64, key: &[u64]) -> Vec<Fate> {
@@ -62,7 +101,7 @@ pub fn fates(splats: &Splats, evidence: &Evidence, frame_times: &[f64], price: f
         let (information, slope) = (&evidence.information[i], &evidence.slope[i]);
         let is_dynamic = i >= splats.n_static;
         let part = |of: fn(&Response) -> f64| loss(of(information), of(slope), evidence);
-        let (mut degree, mut color) = (splats.degree_of(i), [0.0; 3]);
+        let (mut degree, mut color, mut lost) = (splats.degree_of(i), [0.0; 3], 0.0);
         while degree > 0 {
             let numbers = (3 * (2 * degree + 1)) as f64;
             let band = loss(information.bands[degree - 1], slope.bands[degree - 1], evidence);
@@ -70,6 +109,7 @@ pub fn fates(splats: &Splats, evidence: &Evidence, frame_times: &[f64], price: f
             if band >= cost(numbers, evidence, price) || band.is_nan() {
                 break;
             }
+            lost += band.max(0.0);
             degree -= 1;
             color.iter_mut().zip(information.band_means[degree]).for_each(|(sum, mean)| *sum += mean);
         }
@@ -83,14 +123,20 @@ pub fn fates(splats: &Splats, evidence: &Evidence, frame_times: &[f64], price: f
         let time = if is_dynamic {
             let always = frame_times.iter().all(|time| splats.weight_at(i, *time) >= LEAST_WEIGHT);
             let pays = part(|r| r.rest) >= cost(MOTION_NUMBERS, evidence, price);
-            if always && !pays { InTime::ComesToRest } else { InTime::AsBefore }
+            if always && !pays {
+                lost += part(|r| r.rest).max(0.0);
+                InTime::ComesToRest
+            } else {
+                InTime::AsBefore
+            }
         } else if 0.5 * score(information, slope, evidence) / overdispersion > cost(MOTION_NUMBERS, evidence, price) {
             let newton = |k: usize| -(slope.lacks[k] / information.lacks[k].max(f64::MIN_POSITIVE)) as f32;
             InTime::BeginsToMove(std::array::from_fn(newton))
         } else {
             InTime::AsBefore
         };
-        Fate { stays, degree: degree as u8, color, time }
+        let loss = if stays { lost } else { part(|r| r.whole).max(0.0) };
+        Fate { stays, degree: degree as u8, color, time, loss }
     };
     (0..splats.len()).map(of).collect()
 }

@@ -6,7 +6,7 @@ mod evidence;
 mod grids;
 mod merge;
 
-pub use decide::{Fate, InTime, fates};
+pub use decide::{Fate, InTime, affordable, fates};
 pub use evidence::Evidence;
 pub use grids::GridCheck;
 pub use merge::merge;
@@ -40,6 +40,8 @@ pub struct Review {
     pub step: u64,
     /// Standard deviation of the errors of the colours, in [0, 1].
     pub noise: f64,
+    /// Price of a number, see [`Required::price`].
+    pub price: f64,
     /// Gaussians before it.
     pub before: usize,
     /// Gaussians after it.
@@ -113,12 +115,14 @@ pub fn review(
     drop(renderer);
     let n_frames = capture.n_frames.max(1);
     let times: Vec<f64> = (0..n_frames).map(|f| f64::from(f) / f64::from(n_frames)).collect();
-    let mut fates = fates(&checkpoint.params, &evidence, &times, required.price, &key);
+    // The margin is for the run.
+    let margin = required.margin / f64::from(required.reviews.max(1));
+    let (mut fates, price) = affordable(&checkpoint.params, &evidence, &times, required.price, margin, &key);
     let mut merged = vec![false; fates.len()];
-    let n_merged = merge(&mut checkpoint.params, &mut evidence, required.price, &mut merged);
+    let n_merged = merge(&mut checkpoint.params, &mut evidence, price, &mut merged);
     fates.iter_mut().zip(&merged).for_each(|(fate, merged)| fate.stays &= !merged);
     let noise = evidence.variance.sqrt();
-    let report = Review { merged: n_merged, noise, ..tally(&checkpoint, &fates, &merged) };
+    let report = Review { merged: n_merged, noise, price, ..tally(&checkpoint, &fates, &merged) };
     carry_out(&mut checkpoint, &fates);
     trainer.replace(&checkpoint)?;
     Ok(report)
