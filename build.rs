@@ -19,6 +19,16 @@ fn main() {
     // At run time: a path baked in would be that of the checkout which compiled this script.
     let root = std::env::var_os("CARGO_MANIFEST_DIR").unwrap_or_default();
     let root = Path::new(&root);
+    // `ivv profile --watch` runs this script again for a single kernel: it has the compiler, `ivv` has not.
+    #[cfg(feature = "shaders")]
+    {
+        if let (Ok(kernel), Some(output)) = (std::env::var("IVV_KERNEL"), std::env::var_os("IVV_SPIRV")) {
+            return generate::one(root, &kernel, Path::new(&output));
+        }
+        if let Ok(this) = std::env::current_exe() {
+            println!("cargo::rustc-env=IVV_SHADER_COMPILER={}", this.display());
+        }
+    }
     #[cfg(feature = "shaders")]
     let faults = generate::run(root, std::env::var_os("IVV_BLESS").is_some());
     #[cfg(not(feature = "shaders"))]

@@ -7,9 +7,11 @@
 #![warn(missing_docs)]
 
 pub mod error;
+pub mod extremes;
 pub mod gpu;
 mod parallel;
 pub mod prepare;
+pub mod profile;
 pub mod scene;
 pub mod settings;
 pub mod sound;

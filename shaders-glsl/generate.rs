@@ -33,6 +33,12 @@ pub fn run(root: &Path, bless: bool) -> Vec<String> {
     if !faults.is_empty() {
         return faults;
     }
+    let all: String = KERNELS.iter().map(|spec| format!("{}::INFO,\n", spec.name)).collect();
+    write!(
+        modules,
+        "/// Every kernel, in the order of the table.\npub const ALL: &[&super::KernelInfo] = &[\n{all}];\n"
+    )
+    .ok();
     outputs.insert("shaders-glsl/spv/MANIFEST".to_owned(), manifest.into_bytes());
     outputs.insert(GENERATED.to_owned(), source(&structs, &modules).into_bytes());
     for (file, bytes) in &outputs {
@@ -60,6 +66,24 @@ pub fn run(root: &Path, bless: bool) -> Vec<String> {
     faults
 }
 
+/// Compiles one kernel into `output` and prints what the device needs to know of it; ends the process with the fault if
+/// there is one.
+pub fn one(root: &Path, name: &str, output: &Path) {
+    let built = KERNELS.iter().find(|spec| spec.name == name).ok_or_else(|| format!("no kernel `{name}`"));
+    let built = built.and_then(|spec| build(root, spec, &mut BTreeMap::new()));
+    let written = built.and_then(|kernel| {
+        std::fs::write(output, &kernel.spirv).map_err(|e| format!("{}: {e}", output.display()))?;
+        Ok(kernel.reflected.summary)
+    });
+    match written {
+        Ok(summary) => print!("{summary}"),
+        Err(fault) => {
+            eprintln!("{name}: {fault}");
+            std::process::exit(1);
+        }
+    }
+}
+
 struct Kernel {
     key: u64,
     spirv: Vec<u8>,
@@ -75,12 +99,14 @@ struct Reflected {
     slices: String,
     /// The fields of its `KernelInfo` but for the name and the SPIR-V.
     info: String,
+    /// The same in a line each, with the bytes of push constants: [`one`] prints it.
+    summary: String,
 }
 
 impl Reflected {
     /// The Rust module of kernel `name`, which has the interface of `first`.
     fn module(&self, name: &str, first: &str) -> String {
-        let Reflected { purpose, interface, slices, info } = self;
+        let Reflected { purpose, interface, slices, info, .. } = self;
         let of_first = if name == first { String::new() } else { format!("super::{first}::") };
         let own = if name == first {
             format!(
@@ -257,12 +283,15 @@ fn reflect(
         return Err("its bindings have gaps".to_owned());
     }
     let mut own = BTreeMap::new();
-    let push_text = match push {
-        Some(handle) => rust_struct(module, handle, &mut own)?.1,
-        None => "/// This kernel takes no push constants.\npub type Push = ();\n".to_owned(),
+    let (push_text, push_bytes) = match push {
+        Some(handle) => rust_struct(module, handle, &mut own).map(|(_, text, bytes)| (text, bytes))?,
+        None => ("/// This kernel takes no push constants.\npub type Push = ();\n".to_owned(), 0),
     };
-    let (mut fields, mut list, mut infos) = (String::new(), String::new(), String::new());
-    for (name, kind, access, element) in bindings.values() {
+    let mut summary = format!("local {local}\nsubgroups {subgroups}\npush {push_bytes}\n");
+    let (mut fields, mut list, mut infos, mut floats) = (String::new(), String::new(), String::new(), 0u32);
+    for (at, (name, kind, access, element)) in &bindings {
+        floats |= u32::from(element.contains("f32")) << at;
+        writeln!(summary, "binding {name} {kind} {access}").ok();
         let element =
             if element.starts_with(char::is_uppercase) { format!("super::{element}") } else { element.clone() };
         writeln!(fields, "    /// {access}s.\n    pub {name}: &'a Buf<{element}>,").ok();
@@ -277,7 +306,8 @@ fn reflect(
         purpose: purpose.to_owned(),
         interface: format!("{push_text}/// The kernel's buffers.\npub struct Args<'a> {{\n{fields}}}\n"),
         slices: list,
-        info: format!("local: {local}, subgroups: {subgroups},\nbindings: &[\n{infos}],\n"),
+        info: format!("local: {local}, subgroups: {subgroups}, floats: {floats:#x},\nbindings: &[\n{infos}],\n"),
+        summary,
     })
 }
 

@@ -7,14 +7,24 @@ pub enum Count {
     Gaussians,
     /// Active Gaussians: in the view's time and frustum.
     Active,
+    /// The other Gaussians.
+    Idle,
     /// Pairs of a Gaussian and a tile.
     Intersections,
     /// Tiles of the picture.
     Tiles,
     /// Pixels of the picture.
     Pixels,
+    /// Gaussians that touch a tile.
+    Visible,
+    /// Pairs of a pixel and an intersection that a blend evaluates: the block of pixels is hit and not finished.
+    Evaluated,
+    /// Those of them that add to their pixel.
+    Added,
     /// One per dispatch.
     Dispatches,
+    /// What the recording says of the pass: see the comment at the row.
+    Recorded,
 }
 
 /// A kernel.
@@ -149,24 +159,26 @@ pub const KERNELS: &[Spec] = &[
     spec("prior_loss", "loss/prior_loss.comp", &[], "prior", Count::Pixels, 40.0),
     spec("clock_apply", "clock/clock_apply.comp", &[], "clock", Count::Dispatches, 1000.0),
     spec("clock_step", "clock/clock_step.comp", &[], "clock", Count::Dispatches, 1000.0),
-    // Of the crop's pixels, and per pass: the mean over AlexNet's layers.
-    spec("lpips_input", "lpips/lpips_input.comp", &[], "lpips", Count::Pixels, 30.0),
-    spec("lpips_conv", "lpips/lpips_conv.comp", &[], "lpips", Count::Pixels, 600.0),
-    spec("lpips_pool", "lpips/lpips_pool.comp", &[], "lpips", Count::Pixels, 15.0),
-    spec("lpips_tap", "lpips/lpips_tap.comp", &[], "lpips", Count::Pixels, 20.0),
-    spec("lpips_tap_bwd", "lpips/lpips_tap.comp", &[BACKWARD], "lpips", Count::Pixels, 40.0),
+    // Recorded: pixels of the crop, multiply-adds of a convolution, vec4 of a map that is pooled or compared.
+    spec("lpips_input", "lpips/lpips_input.comp", &[], "lpips", Count::Recorded, 30.0),
+    spec("lpips_conv", "lpips/lpips_conv.comp", &[], "lpips", Count::Recorded, 0.53),
+    spec("lpips_pool", "lpips/lpips_pool.comp", &[], "lpips", Count::Recorded, 60.0),
+    spec("lpips_tap", "lpips/lpips_tap.comp", &[], "lpips", Count::Recorded, 20.0),
+    spec("lpips_tap_bwd", "lpips/lpips_tap.comp", &[BACKWARD], "lpips", Count::Recorded, 40.0),
     spec("lpips_sum", "lpips/lpips_sum.comp", &[], "lpips", Count::Dispatches, 1000.0),
-    spec("lpips_conv_bwd", "lpips/lpips_conv.comp", &[BACKWARD], "lpips", Count::Pixels, 600.0),
-    spec("lpips_pool_bwd", "lpips/lpips_pool_bwd.comp", &[], "lpips", Count::Pixels, 60.0),
-    spec("lpips_input_bwd", "lpips/lpips_input_bwd.comp", &[], "lpips", Count::Pixels, 30.0),
+    spec("lpips_conv_bwd", "lpips/lpips_conv.comp", &[BACKWARD], "lpips", Count::Recorded, 0.53),
+    spec("lpips_pool_bwd", "lpips/lpips_pool_bwd.comp", &[], "lpips", Count::Recorded, 60.0),
+    spec("lpips_input_bwd", "lpips/lpips_input_bwd.comp", &[], "lpips", Count::Recorded, 30.0),
     spec("bilateral_slice", "bilateral/bilateral_slice.comp", &[], "bilateral", Count::Pixels, 15.0),
     spec("bilateral_slice_bwd", "bilateral/bilateral_slice.comp", &[("BACKWARD", "1")], "bilateral", Count::Pixels, 17.0),
     spec("bilateral_bwd", "bilateral/bilateral_bwd.comp", &[], "bilateral", Count::Pixels, 20.0),
     spec("bilateral_sum", "bilateral/bilateral_sum.comp", &[], "bilateral", Count::Dispatches, 580_000.0),
     spec("bilateral_adam", "bilateral/bilateral_adam.comp", &[], "bilateral", Count::Dispatches, 400_000.0),
-    spec("bilateral_gauge", "bilateral/bilateral_gauge.comp", &[], "bilateral", Count::Dispatches, 80_000.0),
-    spec("adam_idle", "adam/adam_idle.comp", &[], "adam", Count::Gaussians, 90.0),
-    spec("adam_catch_up", "adam/adam_catch_up.comp", &[], "adam", Count::Active, 100.0),
+    // Recorded: cameras.
+    spec("bilateral_gauge", "bilateral/bilateral_gauge.comp", &[], "bilateral", Count::Recorded, 10_000.0),
+    // Times the vec4 of the buffer.
+    spec("adam_idle", "adam/adam_idle.comp", &[], "adam", Count::Idle, 33.0),
+    spec("adam_catch_up", "adam/adam_catch_up.comp", &[], "adam", Count::Active, 33.0),
     spec("density_classify_static", "density/density_classify.comp", &[], "density", Count::Gaussians, 40.0),
     spec("density_classify_dynamic", "density/density_classify.comp", &[D], "density", Count::Gaussians, 50.0),
     spec("density_choose", "density/density_choose.comp", &[], "density", Count::Gaussians, 10.0),
@@ -176,4 +188,13 @@ pub const KERNELS: &[Spec] = &[
     spec("density_gather", "density/density_gather.comp", &[], "density", Count::Gaussians, 60.0),
     spec("density_children", "density/density_children.comp", &[], "density", Count::Gaussians, 120.0),
     spec("mcmc_noise", "density/mcmc_noise.comp", &[], "density", Count::Gaussians, 80.0),
+    // They measure what the limits of the others are made of, so they have none.
+    spec("probe_copy", "probe/probe_copy.comp", &[], "probe", Count::Recorded, 0.0),
+    spec("probe_fma", "probe/probe_fma.comp", &[], "probe", Count::Recorded, 0.0),
+    spec("probe_exp2", "probe/probe_exp2.comp", &[], "probe", Count::Recorded, 0.0),
+    spec("probe_shuffle", "probe/probe_shuffle.comp", &[], "probe", Count::Recorded, 0.0),
+    spec("probe_gather", "probe/probe_gather.comp", &[], "probe", Count::Recorded, 0.0),
+    spec("probe_atomic", "probe/probe_atomic.comp", &[], "probe", Count::Recorded, 0.0),
+    spec("probe_atomic_float", "probe/probe_atomic.comp", &[("FLOAT", "1")], "probe", Count::Recorded, 0.0),
+    spec("probe_dispatch", "probe/probe_dispatch.comp", &[], "probe", Count::Dispatches, 0.0),
 ];

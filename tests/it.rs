@@ -5,6 +5,7 @@ mod extreme;
 mod grad;
 mod kernel;
 mod prepare;
+mod profile;
 mod render;
 mod repo;
 mod scene;

@@ -28,7 +28,7 @@ impl DeviceArgs {
 }
 
 /// `$XDG_CACHE_HOME/ivv` or `~/.cache/ivv`.
-fn cache_folder() -> Option<PathBuf> {
+pub fn cache_folder() -> Option<PathBuf> {
     let cache = std::env::var_os("XDG_CACHE_HOME").map(PathBuf::from);
     cache.or_else(|| Some(PathBuf::from(std::env::var_os("HOME")?).join(".cache"))).map(|c| c.join("ivv"))
 }

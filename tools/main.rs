@@ -9,23 +9,28 @@ mod devices;
 mod due;
 mod eval;
 mod export;
+mod extremes;
 mod files;
 mod film;
 mod init;
 mod inspect;
 mod interrupt;
 mod offsets;
+mod passes;
 mod prepare;
 mod profile;
 mod progress;
 mod render;
 mod require;
+mod replay;
 mod settings;
 mod sound;
 mod synth;
 mod totals;
 mod train;
 mod vjp;
+#[cfg(feature = "shaders")]
+mod watch;
 
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
@@ -69,6 +74,10 @@ enum Verb {
     Eval(eval::Args),
     /// Trains a capture with and without each part of the method, and tables what each is worth.
     Ablate(ablate::Args),
+    /// Runs the table of numerical extremes on a device, and reports row by row whether it holds.
+    Extremes(extremes::Args),
+    /// Measures the device, then every pass of a step or a frame against it; captures and replays single kernels.
+    Profile(profile::Args),
     /// Writes a scene in another format, or as it is at one time.
     Export(export::Args),
     /// Gradients of sum(cotangent * output) of a view, by parameter group.
@@ -98,6 +107,8 @@ fn main() -> ExitCode {
         Verb::Train(args) => train::run(args, cli.json),
         Verb::Eval(args) => eval::run(args, cli.json),
         Verb::Ablate(args) => ablate::run(args, cli.json),
+        Verb::Extremes(args) => extremes::run(args, cli.json),
+        Verb::Profile(args) => profile::run(args, cli.json),
         Verb::Export(args) => export::run(args, cli.json),
         Verb::Vjp(args) => vjp::run(args),
         Verb::Demo(args) => demo::run(args),
@@ -119,6 +130,9 @@ fn exit_code(error: &anyhow::Error) -> u8 {
     }
     if error.downcast_ref::<check::Faulty>().is_some() {
         return 3;
+    }
+    if error.downcast_ref::<extremes::Failed>().is_some() {
+        return 4;
     }
     error.downcast_ref::<ivv::Error>().map_or(2, ivv::Error::exit_code)
 }

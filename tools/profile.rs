@@ -1,135 +1,247 @@
-//! Times of passes against the ideal-limit model.
+//! `ivv profile`.
 
-use ivv::gpu::PassTime;
-use ivv::gpu::table::{Count, KERNELS};
-use ivv::stage::PassReport;
-use ivv::train::StepReport;
-use ivv::vk::{Caps, DeviceKind};
+use crate::begin;
+use crate::device::DeviceArgs;
+use crate::files::{make_folder, write_json};
+use crate::passes::cpu_threads;
+use crate::progress::Progress;
+use crate::replay::{self, ReplayArgs};
+use crate::settings::SettingArgs;
+use anyhow::Context;
+use ivv::Constants;
+use ivv::gpu::{Dispatch, Gpu, kernel_named};
+use ivv::profile::{Moment, Overhead, Peaks, Profile, Sample, trace, write_dispatch};
+use ivv::scene::capture::{Capture, FrameCache, PriorPlan};
+use ivv::scene::{read_scene, read_views, write_atomic};
+use ivv::stage::{Outputs, Renderer};
+use ivv::train::{Checkpoint, Config, Run, Setup, Trainer, permutation};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Instant;
 
-/// Cost of a dispatch with its barrier on lavapipe, nanoseconds (research, kernels.md 1.2).
-const DISPATCH_NS: f64 = 14_000.0;
-/// Pixels of a tile.
-const TILE_PIXELS: u32 = 256;
+/// Bytes of decoded images kept ahead.
+const CACHE_BYTES: u64 = 256 << 20;
+/// Lines of progress where standard error is no terminal.
+const LINES: usize = 10;
 
-/// All passes with the same label.
-#[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
-pub struct TimedPass {
-    /// Stage and kernel.
-    pub label: String,
-    /// Passes with this label.
-    pub dispatches: f64,
-    /// What the time grows with, in all.
-    pub units: f64,
-    /// Milliseconds in all.
-    pub ms: f64,
-    /// The model's milliseconds, where there is a model.
-    pub limit_ms: Option<f64>,
-    /// The fraction of the model's speed that is reached.
-    pub of_limit: Option<f64>,
+/// Options of `ivv profile`.
+#[derive(clap::Args)]
+pub struct Args {
+    /// A run of `ivv train` (its newest checkpoint; the folder stays as it is), a capture (trained a little first), or,
+    /// with --cameras, a scene.
+    #[arg(required_unless_present_any = ["replay", "disassemble"])]
+    subject: Option<PathBuf>,
+    /// Where profile.json, profile.md, profile.html, roofline.svg and trace.json go.
+    #[arg(short, long, required_unless_present_any = ["replay", "disassemble"])]
+    output: Option<PathBuf>,
+    /// Cameras to see a scene with, JSON (SPEC 9).
+    #[arg(long)]
+    cameras: Option<PathBuf>,
+    /// Steps, or views, whose passes are timed; as many more are not, to tell what the timing costs.
+    #[arg(long, default_value_t = 20, value_parser = clap::value_parser!(u64).range(1..))]
+    samples: u64,
+    /// Steps of a capture, or views of a scene, before the first that is timed.
+    #[arg(long, default_value_t = 100)]
+    warm_up: u64,
+    /// Only writes the first dispatch of this kernel, with everything that it worked on, to OUTPUT/KERNEL.dispatch.
+    #[arg(long)]
+    capture: Option<String>,
+    /// Prints this kernel's SPIR-V and how often it has which instruction.
+    #[arg(long, conflicts_with_all = ["subject", "replay"])]
+    disassemble: Option<String>,
+    #[command(flatten)]
+    replay: ReplayArgs,
+    /// The capture of a run, where it is not where it was.
+    #[arg(long)]
+    capture_at: Option<PathBuf>,
+    #[command(flatten)]
+    settings: SettingArgs,
+    #[command(flatten)]
+    device: DeviceArgs,
 }
 
-impl TimedPass {
-    /// `report` against the model of the device.
-    pub fn new(report: &PassReport, caps: &Caps) -> Self {
-        // The unit costs are lavapipe's; for other devices there is no measured model yet.
-        let model_ns = |cores: f64| report.limit_ns / cores + DISPATCH_NS * report.dispatches as f64;
-        let limit_ms = (caps.kind == DeviceKind::Cpu).then(|| model_ns(cpu_threads()) / 1e6);
-        let (dispatches, units) = (report.dispatches as f64, report.units as f64);
-        let line =
-            TimedPass { label: report.label.clone(), dispatches, units, ms: report.ns / 1e6, limit_ms, of_limit: None };
-        line.times(1.0)
+pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
+    if let Some(kernel) = &args.disassemble {
+        return replay::disassemble(kernel, json);
     }
-
-    /// The same `factor` times.
-    fn times(mut self, factor: f64) -> Self {
-        self.dispatches *= factor;
-        self.units *= factor;
-        self.ms *= factor;
-        self.limit_ms = self.limit_ms.map(|limit| limit * factor);
-        self.of_limit = self.limit_ms.filter(|_| self.ms > 0.0).map(|limit| limit / self.ms);
-        self
+    if args.replay.file().is_some() {
+        let gpu = args.device.open()?;
+        return replay::run(&args.replay, &gpu, json);
     }
-
-    /// Adds `other` but for its label.
-    fn add(&mut self, other: &TimedPass) {
-        self.dispatches += other.dispatches;
-        self.units += other.units;
-        self.ms += other.ms;
-        self.limit_ms = self.limit_ms.zip(other.limit_ms).map(|(a, b)| a + b);
+    let (Some(subject), Some(output)) = (&args.subject, &args.output) else { anyhow::bail!("--output is needed") };
+    if let Some(kernel) = &args.capture {
+        kernel_named(kernel)
+            .with_context(|| format!("--capture {kernel}: see shaders-glsl/README.md for the kernels"))?;
     }
+    make_folder(output)?;
+    let gpu = args.device.open()?;
+    if args.cameras.is_some() || subject.is_file() {
+        return scene(args, subject, output, &gpu, json);
+    }
+    training(args, subject, output, &gpu, json)
 }
 
-/// The mean of `n` profiles, by label in the order of their appearance.
-pub fn mean(passes: impl IntoIterator<Item = TimedPass>, n: usize) -> Vec<TimedPass> {
-    let mut sum: Vec<TimedPass> = Vec::new();
-    for pass in passes {
-        match sum.iter_mut().find(|line| line.label == pass.label) {
-            Some(line) => line.add(&pass),
-            None => sum.push(pass),
+/// What was measured, to be written.
+struct Measured {
+    sample: &'static str,
+    samples: Vec<Sample>,
+    moments: Vec<Moment>,
+    /// Milliseconds of the host's clock, with timestamps and without.
+    timed: Vec<f64>,
+    plain: Vec<f64>,
+}
+
+impl Measured {
+    fn new(sample: &'static str) -> Self {
+        Measured { sample, samples: Vec::new(), moments: Vec::new(), timed: Vec::new(), plain: Vec::new() }
+    }
+
+    fn write(self, gpu: &Gpu, peaks: Peaks, subject: &Path, output: &Path, json: bool) -> anyhow::Result<()> {
+        let overhead = Overhead::new(&self.timed, &self.plain);
+        let name = subject.file_name().unwrap_or(subject.as_os_str()).to_string_lossy().into_owned();
+        let profile = Profile::new(name, self.sample, gpu.caps(), cpu_threads(), peaks, &self.samples, overhead);
+        write_json(&output.join("profile.json"), &profile)?;
+        write_json(&output.join("trace.json"), &trace(&gpu.caps().name, &self.moments))?;
+        for (file, text) in
+            [("profile.html", profile.html()), ("profile.md", profile.markdown()), ("roofline.svg", profile.roofline())]
+        {
+            write_atomic(&output.join(file), |to| to.write_all(text.as_bytes()))?;
         }
-    }
-    sum.into_iter().map(|line| line.times(1.0 / n.max(1) as f64)).collect()
-}
-
-/// All passes as one line called `label`; none when there is no pass.
-pub fn total(passes: &[TimedPass], label: &str) -> Option<TimedPass> {
-    let (first, rest) = passes.split_first()?;
-    let mut sum = TimedPass { label: label.to_owned(), ..first.clone() };
-    rest.iter().for_each(|pass| sum.add(pass));
-    Some(TimedPass { units: 0.0, ..sum.times(1.0) })
-}
-
-/// Prints the passes of one `what`, and their sum.
-pub fn print(passes: &[TimedPass], what: &str) {
-    let Some(total) = total(passes, what) else { return };
-    let (ms, units) = (format!("ms/{what}"), format!("units/{what}"));
-    println!("{:<40} {:>6} {ms:>10} {:>7} {units:>12} {:>9}", "pass", "calls", "share", "of limit");
-    for line in passes.iter().chain([&total]) {
-        let of_limit = line.of_limit.map_or("-".to_owned(), |f| format!("{:.0} %", 100.0 * f));
-        let share = 100.0 * line.ms / total.ms;
-        let TimedPass { label, dispatches, units, ms, .. } = line;
-        println!("{label:<40} {dispatches:>6.0} {ms:>10.3} {share:>6.1}% {units:>12.0} {of_limit:>9}");
+        if json {
+            println!("{}", serde_json::to_string_pretty(&profile)?);
+            return Ok(());
+        }
+        print!("{}", profile.terminal());
+        println!("{}", output.join("profile.html").display());
+        Ok(())
     }
 }
 
-/// The passes of a training step with what the table of kernels says of them. Counts are of the whole scene: a scene of
-/// several groups of Gaussians has its limit overestimated.
-pub fn of_step(times: &[PassTime], step: &StepReport, n_tiles: u32) -> Vec<PassReport> {
-    let mut passes: Vec<PassReport> = Vec::new();
-    for time in times {
-        let (stage, kernel) = time.label.split_once('/').unwrap_or_default();
-        let row = KERNELS.iter().find(|row| row.name == kernel);
-        let units = match row.map_or(Count::Dispatches, |row| row.count) {
-            Count::Gaussians => step.gaussians,
-            // The sort by tile has the kernels of the sort by depth.
-            Count::Active if stage == "tile sort" => step.intersections,
-            Count::Active => step.active,
-            // The backward blend takes a tile's blocks of pixels in as many dispatches.
-            Count::Intersections if stage == "blend bwd" => {
-                step.intersections / times.iter().filter(|other| other.label == time.label).count() as u32
+fn written(dispatch: Option<Dispatch>, kernel: &str, output: &Path, gpu: &Gpu) -> anyhow::Result<()> {
+    let dispatch = dispatch.with_context(|| format!("nothing here runs the kernel `{kernel}`"))?;
+    let file = output.join(format!("{kernel}.dispatch"));
+    write_dispatch(&file, &dispatch, gpu)?;
+    println!("{}", file.display());
+    Ok(())
+}
+
+fn scene(args: &Args, subject: &Path, output: &Path, gpu: &Arc<Gpu>, json: bool) -> anyhow::Result<()> {
+    let views = read_views(args.cameras.as_deref().context("a scene needs --cameras")?)?;
+    let splats = read_scene(subject)?;
+    let peaks = if args.capture.is_none() { Some(Peaks::measure(gpu)?) } else { None };
+    let mut renderer = Renderer::new(gpu.clone(), &splats, Constants::default())?;
+    let Some(first) = views.first() else { anyhow::bail!("there is no view") };
+    let Some(peaks) = peaks else {
+        let kernel = args.capture.as_deref().unwrap_or_default();
+        return written(renderer.capture(first, Outputs::Color, kernel)?, kernel, output, gpu);
+    };
+    let mut measured = Measured::new("view");
+    let mut progress = Progress::new("profile", LINES);
+    // Kernels are compiled at their first dispatch, and lists grow to their size.
+    for view in views.iter().cycle().take((args.warm_up as usize).clamp(1, views.len())) {
+        renderer.render(view, Outputs::Color)?;
+    }
+    let start = Instant::now();
+    for (index, view) in views.iter().cycle().take(args.samples as usize).enumerate() {
+        let begun = Instant::now();
+        renderer.render(view, Outputs::Color)?;
+        measured.plain.push(1e3 * begun.elapsed().as_secs_f64());
+        let begun = Instant::now();
+        let (_, report) = renderer.profile(view, Outputs::Color)?;
+        let seconds = begun.elapsed().as_secs_f64() - report.counting_s;
+        measured.timed.push(1e3 * seconds);
+        let begin = (begun - start).as_secs_f64();
+        measured.moments.push(Moment { name: view.name.clone(), begin, seconds, passes: report.times });
+        measured.samples.push(Sample { passes: report.passes, counters: report.counters });
+        progress.reach(index + 1, args.samples as usize, "views");
+    }
+    measured.write(gpu, peaks, subject, output, json)
+}
+
+/// What is trained on, by whom, and in which order.
+struct Training {
+    capture: Capture,
+    priors: PriorPlan,
+    trainer: Trainer,
+    seed: u64,
+}
+
+fn training(args: &Args, subject: &Path, output: &Path, gpu: &Arc<Gpu>, json: bool) -> anyhow::Result<()> {
+    // The device alone, before its memory fills.
+    let peaks = if args.capture.is_none() { Some(Peaks::measure(gpu)?) } else { None };
+    let is_run = Run::file(subject).is_file();
+    let warm_up = if is_run { 2 } else { args.warm_up };
+    let steps = warm_up + 2 * args.samples;
+    let Training { capture, priors, mut trainer, seed } =
+        if is_run { resumed(args, subject, gpu, steps)? } else { begun(args, subject, gpu, steps)? };
+    let frames = capture.training_frames();
+    anyhow::ensure!(!frames.is_empty(), "{}: there is no training image", subject.display());
+    let order: Vec<(usize, u32)> = (0..steps.div_ceil(frames.len() as u64))
+        .flat_map(|epoch| permutation(frames.len(), &[seed, epoch]).into_iter().map(|i| frames[i]))
+        .take(steps as usize)
+        .collect();
+    let mut cache = FrameCache::new(&capture, order.iter().copied(), &priors, CACHE_BYTES, 2)?;
+    let mut measured = Measured::new("step");
+    let mut progress = Progress::new("profile", LINES);
+    let start = Instant::now();
+    for (index, &(camera, frame)) in order.iter().enumerate() {
+        let picture = cache.next_picture().context("the order of images ended early")??;
+        let view = capture.view(camera, frame)?;
+        let number = (index as u64).checked_sub(warm_up);
+        match (number, &args.capture) {
+            (None, _) => trainer.train(camera, &view, &picture)?,
+            (Some(_), Some(kernel)) => {
+                return written(trainer.capture(camera, &view, &picture, kernel)?, kernel, output, gpu);
             }
-            Count::Intersections => step.intersections,
-            Count::Tiles => n_tiles,
-            Count::Pixels => n_tiles * TILE_PIXELS,
-            Count::Dispatches => 1,
-        };
-        let limit_ns = row.map_or(0.0, |row| row.limit_ns) * f64::from(units);
-        let at = passes.iter().position(|line| line.label == time.label).unwrap_or_else(|| {
-            let label = time.label.clone();
-            passes.push(PassReport { label, dispatches: 0, ns: 0.0, units: 0, limit_ns: 0.0 });
-            passes.len() - 1
-        });
-        let line = &mut passes[at];
-        line.dispatches += 1;
-        line.ns += time.ns;
-        line.units += u64::from(units);
-        line.limit_ns += limit_ns;
+            (Some(number), None) if number % 2 == 0 => {
+                trainer.finish()?;
+                let begun = Instant::now();
+                trainer.train(camera, &view, &picture)?;
+                trainer.finish()?;
+                measured.plain.push(1e3 * begun.elapsed().as_secs_f64());
+            }
+            (Some(_), None) => {
+                let step = trainer.profile(camera, &view, &picture)?;
+                measured.timed.push(1e3 * step.host.iter().map(|(.., seconds)| seconds).sum::<f64>());
+                for (name, begun, seconds) in step.host {
+                    let passes = if name == "submit and wait" { step.times.clone() } else { Vec::new() };
+                    let begin = (begun - start).as_secs_f64();
+                    measured.moments.push(Moment { name: name.to_owned(), begin, seconds, passes });
+                }
+                measured.samples.push(Sample { passes: step.passes, counters: step.counters });
+            }
+        }
+        progress.reach(index + 1, steps as usize, "steps");
     }
-    passes
+    measured.write(gpu, peaks.unwrap_or_default(), subject, output, json)
 }
 
-/// Threads that a CPU driver works with.
-fn cpu_threads() -> f64 {
-    let asked = std::env::var("LP_NUM_THREADS").ok().and_then(|n| n.parse::<usize>().ok()).filter(|n| *n > 0);
-    asked.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, std::num::NonZero::get)) as f64
+/// A run as its newest checkpoint left it, with at least `steps` to go.
+fn resumed(args: &Args, run_folder: &Path, gpu: &Arc<Gpu>, steps: u64) -> anyhow::Result<Training> {
+    let run = Run::read(run_folder)?;
+    let capture = run.open_capture(args.capture_at.as_deref())?;
+    let checkpoint = Checkpoint::newest(&run_folder.join("checkpoints"))?;
+    let mut checkpoint = checkpoint.context("the run has no checkpoint")?;
+    checkpoint.total = checkpoint.total.max(checkpoint.step + steps);
+    let setup = Setup::new(&capture, &checkpoint.config);
+    let (priors, _) = begin::priors(&capture, &checkpoint.config, &setup)?;
+    let seed = checkpoint.config.seed;
+    let trainer = Trainer::resume(gpu.clone(), &checkpoint, run.constants, setup)?;
+    Ok(Training { capture, priors, trainer, seed })
+}
+
+/// A capture's first Gaussians, for a run of at least `steps`.
+fn begun(args: &Args, folder: &Path, gpu: &Arc<Gpu>, steps: u64) -> anyhow::Result<Training> {
+    let config: Config = args.settings.resolve()?;
+    let capture = Capture::open(folder)?;
+    let world = capture.normalisation();
+    let capture = capture.transformed(&world);
+    let setup = Setup::new(&capture, &config);
+    let splats = begin::first_gaussians(&capture, &config)?;
+    let (priors, _) = begin::priors(&capture, &config, &setup)?;
+    let images = capture.training_frames().len() as u64;
+    let total = if config.steps > 0 { config.steps } else { u64::from(config.epochs) * images };
+    let seed = config.seed;
+    let trainer = Trainer::new(gpu.clone(), &splats, Constants::default(), config, total.max(steps), setup)?;
+    Ok(Training { capture, priors, trainer, seed })
 }

@@ -4,7 +4,7 @@ use crate::device::DeviceArgs;
 use crate::files::make_folder;
 use crate::film::{self, PathArgs};
 use crate::interrupt::{Interrupted, Stop};
-use crate::profile::{self, TimedPass};
+use crate::passes::{self, TimedPass};
 use crate::progress::Progress;
 use anyhow::Context;
 use ivv::Constants;
@@ -157,7 +157,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     }
     let caps = gpu.caps();
     let passes = reports.iter().flat_map(|r| &r.frame.passes).map(|pass| TimedPass::new(pass, caps));
-    let profile = args.profile.then(|| profile::mean(passes, reports.len()));
+    let profile = args.profile.then(|| passes::mean(passes, reports.len()));
     let peak_bytes = gpu.device().memory().1;
     if json {
         let report = serde_json::json!({
@@ -175,7 +175,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
             mean(|f| f.intersections),
             mean(|f| f.tiles)
         );
-        profile::print(passes, "view");
+        passes::print(passes, "view");
         println!("peak of device buffers: {:.1} MiB", peak_bytes as f64 / f64::from(1 << 20));
     }
     Ok(())

@@ -1,6 +1,6 @@
 //! `train.json`: what a run came to.
 
-use crate::profile::{TimedPass, mean, total};
+use crate::passes::{TimedPass, mean, total};
 use ivv::gpu::Gpu;
 use ivv::scene::Splats;
 use ivv::train::{Kind, Log, Run};

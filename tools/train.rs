@@ -7,24 +7,20 @@ use crate::eval::Scorer;
 use crate::files::{make_folder, write_json};
 use crate::interrupt::{Interrupted, Stop};
 use crate::offsets;
-use crate::profile::{self, TimedPass};
+use crate::passes::{self, TimedPass};
 use crate::progress::Steps;
 use crate::render::ConstantArgs;
 use crate::require;
 use crate::settings::SettingArgs;
 use crate::totals::{ProfiledStep, Seconds, totals};
 use anyhow::Context;
-use ivv::gpu::PassTime;
-use ivv::scene::View;
 use ivv::scene::capture::{Capture, CaptureSettings, FrameCache, PriorPlan};
+use ivv::stage::PassReport;
 use ivv::train::{
     Checkpoint, DepthSummary, Evaluation, Kind, Log, Plan, Run, Setup, StepReport, Trainer, permutation, spread,
 };
 use std::path::{Path, PathBuf};
 use std::time::Instant;
-
-/// Side of a tile, pixels.
-const TILE: u32 = 16;
 
 /// Options of `ivv train`.
 #[derive(clap::Args)]
@@ -101,6 +97,9 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         }
     };
     let before = trainer.step();
+    if let Some(n @ 1..) = splats.len().checked_sub(trainer.n_gaussians() as usize) {
+        eprintln!("{n} Gaussians are left out: not finite, or too bright");
+    }
     eprintln!(
         "{} training images, {} test images, {} Gaussians, steps {} to {total}, SH degree {}",
         training.len(),
@@ -170,7 +169,7 @@ impl Session<'_> {
             let view = self.scorer.capture.view(camera, frame)?;
             let begun = Instant::now();
             let times = if self.due.profile(self.trainer.step() + 1) {
-                self.trainer.profile(camera, &view, &picture)?
+                self.trainer.profile(camera, &view, &picture)?.passes
             } else {
                 self.trainer.train(camera, &view, &picture)?;
                 Vec::new()
@@ -188,7 +187,7 @@ impl Session<'_> {
             self.waited = cache.stats().waited.as_secs_f64();
             let reports = self.trainer.take_reports();
             if let (false, Some(report)) = (times.is_empty(), reports.last()) {
-                self.log.push(Kind::Profile, &profiled(&self.scorer, report, &times, &view))?;
+                self.log.push(Kind::Profile, &profiled(&self.scorer, report, &times))?;
             }
             reports.iter().try_for_each(|report| self.note(report))?;
 
@@ -303,7 +302,7 @@ impl Session<'_> {
         println!("{quality}; {n} Gaussians, {step:.3} s a step; {}", report.display());
         if self.args.profile {
             let passes = totals["profile"]["passes"].clone();
-            profile::print(&serde_json::from_value::<Vec<TimedPass>>(passes)?, "step");
+            passes::print(&serde_json::from_value::<Vec<TimedPass>>(passes)?, "step");
         }
         Ok(())
     }
@@ -339,9 +338,7 @@ fn capture(args: &Args, goes_on: bool) -> anyhow::Result<(Capture, Run)> {
 }
 
 /// A line about a step whose passes were timed.
-fn profiled(scorer: &Scorer, report: &StepReport, times: &[PassTime], view: &View) -> ProfiledStep {
-    let n_tiles = view.width.div_ceil(TILE) * view.height.div_ceil(TILE);
-    let passes = profile::of_step(times, report, n_tiles);
+fn profiled(scorer: &Scorer, report: &StepReport, passes: &[PassReport]) -> ProfiledStep {
     let passes = passes.iter().map(|pass| TimedPass::new(pass, scorer.gpu.caps())).collect();
     ProfiledStep { step: report.step, passes, bytes_by_buffer: scorer.gpu.device().memory().0 }
 }

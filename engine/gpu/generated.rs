@@ -201,6 +201,7 @@ pub mod bound_static {
         spirv: include_bytes!("../../shaders-glsl/spv/bound_static.spv"),
         local: 128,
         subgroups: false,
+        floats: 0x3,
         bindings: &[
             BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "bound", kind: BindingKind::Storage, access: Access::Write },
@@ -259,6 +260,7 @@ pub mod bound_dynamic {
         spirv: include_bytes!("../../shaders-glsl/spv/bound_dynamic.spv"),
         local: 128,
         subgroups: false,
+        floats: 0x1b,
         bindings: &[
             BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "bound", kind: BindingKind::Storage, access: Access::Write },
@@ -311,6 +313,7 @@ pub mod cull_static {
         spirv: include_bytes!("../../shaders-glsl/spv/cull_static.spv"),
         local: 128,
         subgroups: true,
+        floats: 0x2,
         bindings: &[
             BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
             BindingInfo { name: "bound", kind: BindingKind::Storage, access: Access::Read },
@@ -373,6 +376,7 @@ pub mod cull_dynamic {
         spirv: include_bytes!("../../shaders-glsl/spv/cull_dynamic.spv"),
         local: 128,
         subgroups: true,
+        floats: 0x32,
         bindings: &[
             BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
             BindingInfo { name: "bound", kind: BindingKind::Storage, access: Access::Read },
@@ -429,6 +433,7 @@ pub mod compact {
         spirv: include_bytes!("../../shaders-glsl/spv/compact.spv"),
         local: 128,
         subgroups: true,
+        floats: 0x0,
         bindings: &[
             BindingInfo { name: "bits", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "offsets", kind: BindingKind::Storage, access: Access::Read },
@@ -497,6 +502,7 @@ pub mod prepare_active {
         spirv: include_bytes!("../../shaders-glsl/spv/prepare_active.spv"),
         local: 64,
         subgroups: false,
+        floats: 0x0,
         bindings: &[
             BindingInfo { name: "n_active", kind: BindingKind::Storage, access: Access::ReadWrite },
             BindingInfo { name: "offsets", kind: BindingKind::Storage, access: Access::Read },
@@ -586,6 +592,7 @@ pub mod project_static_sh0 {
         spirv: include_bytes!("../../shaders-glsl/spv/project_static_sh0.spv"),
         local: 64,
         subgroups: true,
+        floats: 0x3c38,
         bindings: &[
             BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
             BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
@@ -615,6 +622,7 @@ pub mod project_static_sh1 {
         spirv: include_bytes!("../../shaders-glsl/spv/project_static_sh1.spv"),
         local: 64,
         subgroups: true,
+        floats: 0x3c38,
         bindings: &[
             BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
             BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
@@ -644,6 +652,7 @@ pub mod project_static_sh2 {
         spirv: include_bytes!("../../shaders-glsl/spv/project_static_sh2.spv"),
         local: 64,
         subgroups: true,
+        floats: 0x3c38,
         bindings: &[
             BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
             BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
@@ -673,6 +682,7 @@ pub mod project_static_sh3 {
         spirv: include_bytes!("../../shaders-glsl/spv/project_static_sh3.spv"),
         local: 64,
         subgroups: true,
+        floats: 0x3c38,
         bindings: &[
             BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
             BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
@@ -702,6 +712,7 @@ pub mod project_dynamic_sh0 {
         spirv: include_bytes!("../../shaders-glsl/spv/project_dynamic_sh0.spv"),
         local: 64,
         subgroups: true,
+        floats: 0x3c38,
         bindings: &[
             BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
             BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
@@ -731,6 +742,7 @@ pub mod project_dynamic_sh1 {
         spirv: include_bytes!("../../shaders-glsl/spv/project_dynamic_sh1.spv"),
         local: 64,
         subgroups: true,
+        floats: 0x3c38,
         bindings: &[
             BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
             BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
@@ -760,6 +772,7 @@ pub mod project_dynamic_sh2 {
         spirv: include_bytes!("../../shaders-glsl/spv/project_dynamic_sh2.spv"),
         local: 64,
         subgroups: true,
+        floats: 0x3c38,
         bindings: &[
             BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
             BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
@@ -789,6 +802,7 @@ pub mod project_dynamic_sh3 {
         spirv: include_bytes!("../../shaders-glsl/spv/project_dynamic_sh3.spv"),
         local: 64,
         subgroups: true,
+        floats: 0x3c38,
         bindings: &[
             BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
             BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
@@ -836,6 +850,7 @@ pub mod scan_reduce {
         spirv: include_bytes!("../../shaders-glsl/spv/scan_reduce.spv"),
         local: 128,
         subgroups: true,
+        floats: 0x0,
         bindings: &[
             BindingInfo { name: "count", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "values", kind: BindingKind::Storage, access: Access::Read },
@@ -872,6 +887,7 @@ pub mod scan_spine {
         spirv: include_bytes!("../../shaders-glsl/spv/scan_spine.spv"),
         local: 128,
         subgroups: true,
+        floats: 0x0,
         bindings: &[
             BindingInfo { name: "count", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "partials", kind: BindingKind::Storage, access: Access::ReadWrite },
@@ -908,6 +924,7 @@ pub mod scan_downsweep {
         spirv: include_bytes!("../../shaders-glsl/spv/scan_downsweep.spv"),
         local: 128,
         subgroups: true,
+        floats: 0x0,
         bindings: &[
             BindingInfo { name: "count", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "partials", kind: BindingKind::Storage, access: Access::Read },
@@ -953,6 +970,7 @@ pub mod sort_count {
         spirv: include_bytes!("../../shaders-glsl/spv/sort_count.spv"),
         local: 64,
         subgroups: false,
+        floats: 0x0,
         bindings: &[
             BindingInfo { name: "count", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "keys", kind: BindingKind::Storage, access: Access::Read },
@@ -1011,6 +1029,7 @@ pub mod sort_scatter {
         spirv: include_bytes!("../../shaders-glsl/spv/sort_scatter.spv"),
         local: 64,
         subgroups: true,
+        floats: 0x0,
         bindings: &[
             BindingInfo { name: "count", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "digits", kind: BindingKind::Storage, access: Access::Read },
@@ -1032,6 +1051,7 @@ pub mod sort_scatter_w32 {
         spirv: include_bytes!("../../shaders-glsl/spv/sort_scatter_w32.spv"),
         local: 64,
         subgroups: true,
+        floats: 0x0,
         bindings: &[
             BindingInfo { name: "count", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "digits", kind: BindingKind::Storage, access: Access::Read },
@@ -1073,6 +1093,7 @@ pub mod gather {
         spirv: include_bytes!("../../shaders-glsl/spv/gather.spv"),
         local: 64,
         subgroups: false,
+        floats: 0x0,
         bindings: &[
             BindingInfo { name: "count", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "index", kind: BindingKind::Storage, access: Access::Read },
@@ -1129,6 +1150,7 @@ pub mod prepare_intersections {
         spirv: include_bytes!("../../shaders-glsl/spv/prepare_intersections.spv"),
         local: 1,
         subgroups: false,
+        floats: 0x0,
         bindings: &[
             BindingInfo { name: "n_intersections", kind: BindingKind::Storage, access: Access::ReadWrite },
             BindingInfo { name: "args", kind: BindingKind::Storage, access: Access::ReadWrite },
@@ -1186,6 +1208,7 @@ pub mod emit {
         spirv: include_bytes!("../../shaders-glsl/spv/emit.spv"),
         local: 64,
         subgroups: true,
+        floats: 0x20,
         bindings: &[
             BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
             BindingInfo { name: "n_active", kind: BindingKind::Storage, access: Access::Read },
@@ -1252,6 +1275,7 @@ pub mod emit_slots {
         spirv: include_bytes!("../../shaders-glsl/spv/emit_slots.spv"),
         local: 64,
         subgroups: true,
+        floats: 0x20,
         bindings: &[
             BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
             BindingInfo { name: "n_active", kind: BindingKind::Storage, access: Access::Read },
@@ -1306,6 +1330,7 @@ pub mod tile_ranges {
         spirv: include_bytes!("../../shaders-glsl/spv/tile_ranges.spv"),
         local: 64,
         subgroups: false,
+        floats: 0x0,
         bindings: &[
             BindingInfo { name: "n_intersections", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "tile_keys", kind: BindingKind::Storage, access: Access::Read },
@@ -1357,6 +1382,7 @@ pub mod tile_buckets {
         spirv: include_bytes!("../../shaders-glsl/spv/tile_buckets.spv"),
         local: 64,
         subgroups: false,
+        floats: 0x0,
         bindings: &[
             BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "tile_last", kind: BindingKind::Storage, access: Access::Read },
@@ -1413,6 +1439,7 @@ pub mod tile_order {
         spirv: include_bytes!("../../shaders-glsl/spv/tile_order.spv"),
         local: 64,
         subgroups: false,
+        floats: 0x0,
         bindings: &[
             BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "tile_last", kind: BindingKind::Storage, access: Access::Read },
@@ -1488,6 +1515,7 @@ pub mod blend_fwd_p4 {
         spirv: include_bytes!("../../shaders-glsl/spv/blend_fwd_p4.spv"),
         local: 64,
         subgroups: true,
+        floats: 0xe0,
         bindings: &[
             BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
             BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
@@ -1511,6 +1539,7 @@ pub mod blend_fwd_p8 {
         spirv: include_bytes!("../../shaders-glsl/spv/blend_fwd_p8.spv"),
         local: 64,
         subgroups: true,
+        floats: 0xe0,
         bindings: &[
             BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
             BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
@@ -1534,6 +1563,7 @@ pub mod blend_fwd_color_p4 {
         spirv: include_bytes!("../../shaders-glsl/spv/blend_fwd_color_p4.spv"),
         local: 64,
         subgroups: true,
+        floats: 0xe0,
         bindings: &[
             BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
             BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
@@ -1557,6 +1587,7 @@ pub mod blend_fwd_color_p8 {
         spirv: include_bytes!("../../shaders-glsl/spv/blend_fwd_color_p8.spv"),
         local: 64,
         subgroups: true,
+        floats: 0xe0,
         bindings: &[
             BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
             BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
@@ -1638,6 +1669,7 @@ pub mod blend_fwd_train_p4 {
         spirv: include_bytes!("../../shaders-glsl/spv/blend_fwd_train_p4.spv"),
         local: 64,
         subgroups: true,
+        floats: 0xe0,
         bindings: &[
             BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
             BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
@@ -1662,6 +1694,7 @@ pub mod blend_fwd_train_p8 {
         spirv: include_bytes!("../../shaders-glsl/spv/blend_fwd_train_p8.spv"),
         local: 64,
         subgroups: true,
+        floats: 0xe0,
         bindings: &[
             BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
             BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
@@ -1686,6 +1719,7 @@ pub mod blend_fwd_train_color_p4 {
         spirv: include_bytes!("../../shaders-glsl/spv/blend_fwd_train_color_p4.spv"),
         local: 64,
         subgroups: true,
+        floats: 0xe0,
         bindings: &[
             BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
             BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
@@ -1710,6 +1744,7 @@ pub mod blend_fwd_train_color_p8 {
         spirv: include_bytes!("../../shaders-glsl/spv/blend_fwd_train_color_p8.spv"),
         local: 64,
         subgroups: true,
+        floats: 0xe0,
         bindings: &[
             BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
             BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
@@ -1804,6 +1839,7 @@ pub mod blend_bwd_p4 {
         spirv: include_bytes!("../../shaders-glsl/spv/blend_bwd_p4.spv"),
         local: 64,
         subgroups: true,
+        floats: 0x7a0,
         bindings: &[
             BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
             BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
@@ -1830,6 +1866,7 @@ pub mod blend_bwd_p8 {
         spirv: include_bytes!("../../shaders-glsl/spv/blend_bwd_p8.spv"),
         local: 64,
         subgroups: true,
+        floats: 0x7a0,
         bindings: &[
             BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
             BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
@@ -1856,6 +1893,7 @@ pub mod blend_bwd_color_p4 {
         spirv: include_bytes!("../../shaders-glsl/spv/blend_bwd_color_p4.spv"),
         local: 64,
         subgroups: true,
+        floats: 0x7a0,
         bindings: &[
             BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
             BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
@@ -1882,6 +1920,7 @@ pub mod blend_bwd_color_p8 {
         spirv: include_bytes!("../../shaders-glsl/spv/blend_bwd_color_p8.spv"),
         local: 64,
         subgroups: true,
+        floats: 0x7a0,
         bindings: &[
             BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
             BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
@@ -1978,6 +2017,7 @@ pub mod blend_bwd_float_p4 {
         spirv: include_bytes!("../../shaders-glsl/spv/blend_bwd_float_p4.spv"),
         local: 64,
         subgroups: true,
+        floats: 0x7a0,
         bindings: &[
             BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
             BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
@@ -2004,6 +2044,7 @@ pub mod blend_bwd_float_p8 {
         spirv: include_bytes!("../../shaders-glsl/spv/blend_bwd_float_p8.spv"),
         local: 64,
         subgroups: true,
+        floats: 0x7a0,
         bindings: &[
             BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
             BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
@@ -2030,6 +2071,7 @@ pub mod blend_bwd_float_color_p4 {
         spirv: include_bytes!("../../shaders-glsl/spv/blend_bwd_float_color_p4.spv"),
         local: 64,
         subgroups: true,
+        floats: 0x7a0,
         bindings: &[
             BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
             BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
@@ -2056,6 +2098,7 @@ pub mod blend_bwd_float_color_p8 {
         spirv: include_bytes!("../../shaders-glsl/spv/blend_bwd_float_color_p8.spv"),
         local: 64,
         subgroups: true,
+        floats: 0x7a0,
         bindings: &[
             BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
             BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
@@ -2152,6 +2195,7 @@ pub mod blend_bwd_fixed_p4 {
         spirv: include_bytes!("../../shaders-glsl/spv/blend_bwd_fixed_p4.spv"),
         local: 64,
         subgroups: true,
+        floats: 0x5a0,
         bindings: &[
             BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
             BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
@@ -2178,6 +2222,7 @@ pub mod blend_bwd_fixed_p8 {
         spirv: include_bytes!("../../shaders-glsl/spv/blend_bwd_fixed_p8.spv"),
         local: 64,
         subgroups: true,
+        floats: 0x5a0,
         bindings: &[
             BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
             BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
@@ -2204,6 +2249,7 @@ pub mod blend_bwd_fixed_color_p4 {
         spirv: include_bytes!("../../shaders-glsl/spv/blend_bwd_fixed_color_p4.spv"),
         local: 64,
         subgroups: true,
+        floats: 0x5a0,
         bindings: &[
             BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
             BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
@@ -2230,6 +2276,7 @@ pub mod blend_bwd_fixed_color_p8 {
         spirv: include_bytes!("../../shaders-glsl/spv/blend_bwd_fixed_color_p8.spv"),
         local: 64,
         subgroups: true,
+        floats: 0x5a0,
         bindings: &[
             BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
             BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
@@ -2256,6 +2303,7 @@ pub mod blend_bwd_swap_p4 {
         spirv: include_bytes!("../../shaders-glsl/spv/blend_bwd_swap_p4.spv"),
         local: 64,
         subgroups: true,
+        floats: 0x5a0,
         bindings: &[
             BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
             BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
@@ -2282,6 +2330,7 @@ pub mod blend_bwd_swap_p8 {
         spirv: include_bytes!("../../shaders-glsl/spv/blend_bwd_swap_p8.spv"),
         local: 64,
         subgroups: true,
+        floats: 0x5a0,
         bindings: &[
             BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
             BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
@@ -2308,6 +2357,7 @@ pub mod blend_bwd_swap_color_p4 {
         spirv: include_bytes!("../../shaders-glsl/spv/blend_bwd_swap_color_p4.spv"),
         local: 64,
         subgroups: true,
+        floats: 0x5a0,
         bindings: &[
             BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
             BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
@@ -2334,6 +2384,7 @@ pub mod blend_bwd_swap_color_p8 {
         spirv: include_bytes!("../../shaders-glsl/spv/blend_bwd_swap_color_p8.spv"),
         local: 64,
         subgroups: true,
+        floats: 0x5a0,
         bindings: &[
             BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
             BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
@@ -2387,6 +2438,7 @@ pub mod fixed_sums {
         spirv: include_bytes!("../../shaders-glsl/spv/fixed_sums.spv"),
         local: 64,
         subgroups: false,
+        floats: 0x4,
         bindings: &[
             BindingInfo { name: "count", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "words", kind: BindingKind::Storage, access: Access::Read },
@@ -2499,6 +2551,7 @@ pub mod project_bwd_static_sh0 {
         spirv: include_bytes!("../../shaders-glsl/spv/project_bwd_static_sh0.spv"),
         local: 64,
         subgroups: true,
+        floats: 0x1ffc98,
         bindings: &[
             BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
             BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
@@ -2535,6 +2588,7 @@ pub mod project_bwd_static_sh1 {
         spirv: include_bytes!("../../shaders-glsl/spv/project_bwd_static_sh1.spv"),
         local: 64,
         subgroups: true,
+        floats: 0x1ffc98,
         bindings: &[
             BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
             BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
@@ -2571,6 +2625,7 @@ pub mod project_bwd_static_sh2 {
         spirv: include_bytes!("../../shaders-glsl/spv/project_bwd_static_sh2.spv"),
         local: 64,
         subgroups: true,
+        floats: 0x1ffc98,
         bindings: &[
             BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
             BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
@@ -2607,6 +2662,7 @@ pub mod project_bwd_static_sh3 {
         spirv: include_bytes!("../../shaders-glsl/spv/project_bwd_static_sh3.spv"),
         local: 64,
         subgroups: true,
+        floats: 0x1ffc98,
         bindings: &[
             BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
             BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
@@ -2643,6 +2699,7 @@ pub mod project_bwd_dynamic_sh0 {
         spirv: include_bytes!("../../shaders-glsl/spv/project_bwd_dynamic_sh0.spv"),
         local: 64,
         subgroups: true,
+        floats: 0x1ffc98,
         bindings: &[
             BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
             BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
@@ -2679,6 +2736,7 @@ pub mod project_bwd_dynamic_sh1 {
         spirv: include_bytes!("../../shaders-glsl/spv/project_bwd_dynamic_sh1.spv"),
         local: 64,
         subgroups: true,
+        floats: 0x1ffc98,
         bindings: &[
             BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
             BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
@@ -2715,6 +2773,7 @@ pub mod project_bwd_dynamic_sh2 {
         spirv: include_bytes!("../../shaders-glsl/spv/project_bwd_dynamic_sh2.spv"),
         local: 64,
         subgroups: true,
+        floats: 0x1ffc98,
         bindings: &[
             BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
             BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
@@ -2751,6 +2810,7 @@ pub mod project_bwd_dynamic_sh3 {
         spirv: include_bytes!("../../shaders-glsl/spv/project_bwd_dynamic_sh3.spv"),
         local: 64,
         subgroups: true,
+        floats: 0x1ffc98,
         bindings: &[
             BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
             BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
@@ -2890,6 +2950,7 @@ pub mod project_bwd_adam_static_sh0 {
         spirv: include_bytes!("../../shaders-glsl/spv/project_bwd_adam_static_sh0.spv"),
         local: 64,
         subgroups: true,
+        floats: 0x7ffc98,
         bindings: &[
             BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
             BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
@@ -2929,6 +2990,7 @@ pub mod project_bwd_adam_static_sh1 {
         spirv: include_bytes!("../../shaders-glsl/spv/project_bwd_adam_static_sh1.spv"),
         local: 64,
         subgroups: true,
+        floats: 0x7ffc98,
         bindings: &[
             BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
             BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
@@ -2968,6 +3030,7 @@ pub mod project_bwd_adam_static_sh2 {
         spirv: include_bytes!("../../shaders-glsl/spv/project_bwd_adam_static_sh2.spv"),
         local: 64,
         subgroups: true,
+        floats: 0x7ffc98,
         bindings: &[
             BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
             BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
@@ -3007,6 +3070,7 @@ pub mod project_bwd_adam_static_sh3 {
         spirv: include_bytes!("../../shaders-glsl/spv/project_bwd_adam_static_sh3.spv"),
         local: 64,
         subgroups: true,
+        floats: 0x7ffc98,
         bindings: &[
             BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
             BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
@@ -3046,6 +3110,7 @@ pub mod project_bwd_adam_dynamic_sh0 {
         spirv: include_bytes!("../../shaders-glsl/spv/project_bwd_adam_dynamic_sh0.spv"),
         local: 64,
         subgroups: true,
+        floats: 0x7ffc98,
         bindings: &[
             BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
             BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
@@ -3085,6 +3150,7 @@ pub mod project_bwd_adam_dynamic_sh1 {
         spirv: include_bytes!("../../shaders-glsl/spv/project_bwd_adam_dynamic_sh1.spv"),
         local: 64,
         subgroups: true,
+        floats: 0x7ffc98,
         bindings: &[
             BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
             BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
@@ -3124,6 +3190,7 @@ pub mod project_bwd_adam_dynamic_sh2 {
         spirv: include_bytes!("../../shaders-glsl/spv/project_bwd_adam_dynamic_sh2.spv"),
         local: 64,
         subgroups: true,
+        floats: 0x7ffc98,
         bindings: &[
             BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
             BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
@@ -3163,6 +3230,7 @@ pub mod project_bwd_adam_dynamic_sh3 {
         spirv: include_bytes!("../../shaders-glsl/spv/project_bwd_adam_dynamic_sh3.spv"),
         local: 64,
         subgroups: true,
+        floats: 0x7ffc98,
         bindings: &[
             BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
             BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
@@ -3272,6 +3340,7 @@ pub mod fisher_static_sh0 {
         spirv: include_bytes!("../../shaders-glsl/spv/fisher_static_sh0.spv"),
         local: 64,
         subgroups: true,
+        floats: 0xfff,
         bindings: &[
             BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "d_geometry", kind: BindingKind::Storage, access: Access::Read },
@@ -3299,6 +3368,7 @@ pub mod fisher_static_sh1 {
         spirv: include_bytes!("../../shaders-glsl/spv/fisher_static_sh1.spv"),
         local: 64,
         subgroups: true,
+        floats: 0xfff,
         bindings: &[
             BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "d_geometry", kind: BindingKind::Storage, access: Access::Read },
@@ -3326,6 +3396,7 @@ pub mod fisher_static_sh2 {
         spirv: include_bytes!("../../shaders-glsl/spv/fisher_static_sh2.spv"),
         local: 64,
         subgroups: true,
+        floats: 0xfff,
         bindings: &[
             BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "d_geometry", kind: BindingKind::Storage, access: Access::Read },
@@ -3353,6 +3424,7 @@ pub mod fisher_static_sh3 {
         spirv: include_bytes!("../../shaders-glsl/spv/fisher_static_sh3.spv"),
         local: 64,
         subgroups: true,
+        floats: 0xfff,
         bindings: &[
             BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "d_geometry", kind: BindingKind::Storage, access: Access::Read },
@@ -3380,6 +3452,7 @@ pub mod fisher_dynamic_sh0 {
         spirv: include_bytes!("../../shaders-glsl/spv/fisher_dynamic_sh0.spv"),
         local: 64,
         subgroups: true,
+        floats: 0xfff,
         bindings: &[
             BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "d_geometry", kind: BindingKind::Storage, access: Access::Read },
@@ -3407,6 +3480,7 @@ pub mod fisher_dynamic_sh1 {
         spirv: include_bytes!("../../shaders-glsl/spv/fisher_dynamic_sh1.spv"),
         local: 64,
         subgroups: true,
+        floats: 0xfff,
         bindings: &[
             BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "d_geometry", kind: BindingKind::Storage, access: Access::Read },
@@ -3434,6 +3508,7 @@ pub mod fisher_dynamic_sh2 {
         spirv: include_bytes!("../../shaders-glsl/spv/fisher_dynamic_sh2.spv"),
         local: 64,
         subgroups: true,
+        floats: 0xfff,
         bindings: &[
             BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "d_geometry", kind: BindingKind::Storage, access: Access::Read },
@@ -3461,6 +3536,7 @@ pub mod fisher_dynamic_sh3 {
         spirv: include_bytes!("../../shaders-glsl/spv/fisher_dynamic_sh3.spv"),
         local: 64,
         subgroups: true,
+        floats: 0xfff,
         bindings: &[
             BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "d_geometry", kind: BindingKind::Storage, access: Access::Read },
@@ -3506,6 +3582,7 @@ pub mod camera_sum {
         spirv: include_bytes!("../../shaders-glsl/spv/camera_sum.spv"),
         local: 64,
         subgroups: false,
+        floats: 0x6,
         bindings: &[
             BindingInfo { name: "count", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "d_camera", kind: BindingKind::Storage, access: Access::Read },
@@ -3540,6 +3617,7 @@ pub mod camera_total {
         spirv: include_bytes!("../../shaders-glsl/spv/camera_total.spv"),
         local: 64,
         subgroups: false,
+        floats: 0x3,
         bindings: &[
             BindingInfo { name: "partials", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "total", kind: BindingKind::Storage, access: Access::Write },
@@ -3584,6 +3662,7 @@ pub mod background_sum {
         spirv: include_bytes!("../../shaders-glsl/spv/background_sum.spv"),
         local: 64,
         subgroups: false,
+        floats: 0x6,
         bindings: &[
             BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "d_image0", kind: BindingKind::Storage, access: Access::Read },
@@ -3632,6 +3711,7 @@ pub mod ssim_rows {
         spirv: include_bytes!("../../shaders-glsl/spv/ssim_rows.spv"),
         local: 64,
         subgroups: false,
+        floats: 0x5,
         bindings: &[
             BindingInfo { name: "image", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "truth", kind: BindingKind::Storage, access: Access::Read },
@@ -3684,6 +3764,7 @@ pub mod ssim_columns {
         spirv: include_bytes!("../../shaders-glsl/spv/ssim_columns.spv"),
         local: 64,
         subgroups: false,
+        floats: 0x1b,
         bindings: &[
             BindingInfo { name: "moments", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "image", kind: BindingKind::Storage, access: Access::Read },
@@ -3732,6 +3813,7 @@ pub mod ssim_bwd_rows {
         spirv: include_bytes!("../../shaders-glsl/spv/ssim_bwd_rows.spv"),
         local: 64,
         subgroups: false,
+        floats: 0x3,
         bindings: &[
             BindingInfo { name: "partials", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "filtered", kind: BindingKind::Storage, access: Access::Write },
@@ -3787,6 +3869,7 @@ pub mod ssim_bwd_columns {
         spirv: include_bytes!("../../shaders-glsl/spv/ssim_bwd_columns.spv"),
         local: 64,
         subgroups: false,
+        floats: 0xb,
         bindings: &[
             BindingInfo { name: "filtered", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "image", kind: BindingKind::Storage, access: Access::Read },
@@ -3831,6 +3914,7 @@ pub mod loss_sum {
         spirv: include_bytes!("../../shaders-glsl/spv/loss_sum.spv"),
         local: 64,
         subgroups: false,
+        floats: 0x3,
         bindings: &[
             BindingInfo { name: "sums", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "loss", kind: BindingKind::Storage, access: Access::Write },
@@ -3888,6 +3972,7 @@ pub mod prior_loss {
         spirv: include_bytes!("../../shaders-glsl/spv/prior_loss.spv"),
         local: 64,
         subgroups: false,
+        floats: 0x19,
         bindings: &[
             BindingInfo { name: "image1", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "truth", kind: BindingKind::Storage, access: Access::Read },
@@ -3933,6 +4018,7 @@ pub mod clock_apply {
         spirv: include_bytes!("../../shaders-glsl/spv/clock_apply.spv"),
         local: 1,
         subgroups: false,
+        floats: 0x1,
         bindings: &[
             BindingInfo { name: "clocks", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "view", kind: BindingKind::Storage, access: Access::ReadWrite },
@@ -3997,6 +4083,7 @@ pub mod clock_step {
         spirv: include_bytes!("../../shaders-glsl/spv/clock_step.spv"),
         local: 64,
         subgroups: false,
+        floats: 0x9,
         bindings: &[
             BindingInfo { name: "total", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "free", kind: BindingKind::Storage, access: Access::Read },
@@ -4057,6 +4144,7 @@ pub mod lpips_input {
         spirv: include_bytes!("../../shaders-glsl/spv/lpips_input.spv"),
         local: 64,
         subgroups: false,
+        floats: 0xd,
         bindings: &[
             BindingInfo { name: "image", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "truth", kind: BindingKind::Storage, access: Access::Read },
@@ -4150,6 +4238,7 @@ pub mod lpips_conv {
         spirv: include_bytes!("../../shaders-glsl/spv/lpips_conv.spv"),
         local: 64,
         subgroups: true,
+        floats: 0xf,
         bindings: &[
             BindingInfo { name: "features", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "weights", kind: BindingKind::Storage, access: Access::Read },
@@ -4208,6 +4297,7 @@ pub mod lpips_pool {
         spirv: include_bytes!("../../shaders-glsl/spv/lpips_pool.spv"),
         local: 64,
         subgroups: false,
+        floats: 0x3,
         bindings: &[
             BindingInfo { name: "features", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "pooled", kind: BindingKind::Storage, access: Access::Write },
@@ -4264,6 +4354,7 @@ pub mod lpips_tap {
         spirv: include_bytes!("../../shaders-glsl/spv/lpips_tap.spv"),
         local: 64,
         subgroups: true,
+        floats: 0xf,
         bindings: &[
             BindingInfo { name: "features", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "truth_features", kind: BindingKind::Storage, access: Access::Read },
@@ -4329,6 +4420,7 @@ pub mod lpips_tap_bwd {
         spirv: include_bytes!("../../shaders-glsl/spv/lpips_tap_bwd.spv"),
         local: 64,
         subgroups: true,
+        floats: 0x1f,
         bindings: &[
             BindingInfo { name: "features", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "truth_features", kind: BindingKind::Storage, access: Access::Read },
@@ -4374,6 +4466,7 @@ pub mod lpips_sum {
         spirv: include_bytes!("../../shaders-glsl/spv/lpips_sum.spv"),
         local: 64,
         subgroups: false,
+        floats: 0x3,
         bindings: &[
             BindingInfo { name: "sums", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "value", kind: BindingKind::Storage, access: Access::Write },
@@ -4465,6 +4558,7 @@ pub mod lpips_conv_bwd {
         spirv: include_bytes!("../../shaders-glsl/spv/lpips_conv_bwd.spv"),
         local: 64,
         subgroups: true,
+        floats: 0xf,
         bindings: &[
             BindingInfo { name: "features", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "weights", kind: BindingKind::Storage, access: Access::Read },
@@ -4525,6 +4619,7 @@ pub mod lpips_pool_bwd {
         spirv: include_bytes!("../../shaders-glsl/spv/lpips_pool_bwd.spv"),
         local: 64,
         subgroups: false,
+        floats: 0xd,
         bindings: &[
             BindingInfo { name: "features", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "choices", kind: BindingKind::Storage, access: Access::Read },
@@ -4595,6 +4690,7 @@ pub mod lpips_input_bwd {
         spirv: include_bytes!("../../shaders-glsl/spv/lpips_input_bwd.spv"),
         local: 64,
         subgroups: false,
+        floats: 0x5,
         bindings: &[
             BindingInfo { name: "d_blocks", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "truth", kind: BindingKind::Storage, access: Access::Read },
@@ -4649,6 +4745,7 @@ pub mod bilateral_slice {
         spirv: include_bytes!("../../shaders-glsl/spv/bilateral_slice.spv"),
         local: 64,
         subgroups: true,
+        floats: 0x7,
         bindings: &[
             BindingInfo { name: "camera_grid", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "image", kind: BindingKind::Storage, access: Access::Read },
@@ -4705,6 +4802,7 @@ pub mod bilateral_slice_bwd {
         spirv: include_bytes!("../../shaders-glsl/spv/bilateral_slice_bwd.spv"),
         local: 64,
         subgroups: true,
+        floats: 0xf,
         bindings: &[
             BindingInfo { name: "camera_grid", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "image", kind: BindingKind::Storage, access: Access::Read },
@@ -4760,6 +4858,7 @@ pub mod bilateral_bwd {
         spirv: include_bytes!("../../shaders-glsl/spv/bilateral_bwd.spv"),
         local: 64,
         subgroups: true,
+        floats: 0x7,
         bindings: &[
             BindingInfo { name: "image", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "d_graded", kind: BindingKind::Storage, access: Access::Read },
@@ -4803,6 +4902,7 @@ pub mod bilateral_sum {
         spirv: include_bytes!("../../shaders-glsl/spv/bilateral_sum.spv"),
         local: 64,
         subgroups: true,
+        floats: 0x3,
         bindings: &[
             BindingInfo { name: "partials", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "d_grid", kind: BindingKind::Storage, access: Access::Write },
@@ -4878,6 +4978,7 @@ pub mod bilateral_adam {
         spirv: include_bytes!("../../shaders-glsl/spv/bilateral_adam.spv"),
         local: 64,
         subgroups: false,
+        floats: 0x7e,
         bindings: &[
             BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "camera_grid", kind: BindingKind::Storage, access: Access::Read },
@@ -4925,6 +5026,7 @@ pub mod bilateral_gauge {
         spirv: include_bytes!("../../shaders-glsl/spv/bilateral_gauge.spv"),
         local: 64,
         subgroups: true,
+        floats: 0x2,
         bindings: &[
             BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "grids", kind: BindingKind::Storage, access: Access::ReadWrite },
@@ -4997,6 +5099,7 @@ pub mod adam_idle {
         spirv: include_bytes!("../../shaders-glsl/spv/adam_idle.spv"),
         local: 64,
         subgroups: true,
+        floats: 0x70,
         bindings: &[
             BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "adam", kind: BindingKind::Uniform, access: Access::Read },
@@ -5092,6 +5195,7 @@ pub mod adam_catch_up {
         spirv: include_bytes!("../../shaders-glsl/spv/adam_catch_up.spv"),
         local: 64,
         subgroups: true,
+        floats: 0xf0,
         bindings: &[
             BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "adam", kind: BindingKind::Uniform, access: Access::Read },
@@ -5188,6 +5292,7 @@ pub mod density_classify_static {
         spirv: include_bytes!("../../shaders-glsl/spv/density_classify_static.spv"),
         local: 128,
         subgroups: true,
+        floats: 0x3,
         bindings: &[
             BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "state", kind: BindingKind::Storage, access: Access::Read },
@@ -5287,6 +5392,7 @@ pub mod density_classify_dynamic {
         spirv: include_bytes!("../../shaders-glsl/spv/density_classify_dynamic.spv"),
         local: 128,
         subgroups: true,
+        floats: 0x103,
         bindings: &[
             BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "state", kind: BindingKind::Storage, access: Access::Read },
@@ -5348,6 +5454,7 @@ pub mod density_choose {
         spirv: include_bytes!("../../shaders-glsl/spv/density_choose.spv"),
         local: 64,
         subgroups: false,
+        floats: 0x0,
         bindings: &[
             BindingInfo { name: "keys", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "order", kind: BindingKind::Storage, access: Access::Read },
@@ -5408,6 +5515,7 @@ pub mod density_list {
         spirv: include_bytes!("../../shaders-glsl/spv/density_list.spv"),
         local: 128,
         subgroups: true,
+        floats: 0x0,
         bindings: &[
             BindingInfo { name: "flags", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "offsets", kind: BindingKind::Storage, access: Access::Read },
@@ -5466,6 +5574,7 @@ pub mod density_sample {
         spirv: include_bytes!("../../shaders-glsl/spv/density_sample.spv"),
         local: 64,
         subgroups: true,
+        floats: 0x0,
         bindings: &[
             BindingInfo { name: "flags", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "before", kind: BindingKind::Storage, access: Access::Read },
@@ -5538,6 +5647,7 @@ pub mod density_relocate {
         spirv: include_bytes!("../../shaders-glsl/spv/density_relocate.spv"),
         local: 128,
         subgroups: false,
+        floats: 0x0,
         bindings: &[
             BindingInfo { name: "flags", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "offsets", kind: BindingKind::Storage, access: Access::Read },
@@ -5609,6 +5719,7 @@ pub mod density_gather {
         spirv: include_bytes!("../../shaders-glsl/spv/density_gather.spv"),
         local: 64,
         subgroups: false,
+        floats: 0x6,
         bindings: &[
             BindingInfo { name: "sources", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "old", kind: BindingKind::Storage, access: Access::Read },
@@ -5671,6 +5782,7 @@ pub mod density_children {
         spirv: include_bytes!("../../shaders-glsl/spv/density_children.spv"),
         local: 64,
         subgroups: false,
+        floats: 0xc,
         bindings: &[
             BindingInfo { name: "sources", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "copies", kind: BindingKind::Storage, access: Access::Read },
@@ -5724,9 +5836,479 @@ pub mod mcmc_noise {
         spirv: include_bytes!("../../shaders-glsl/spv/mcmc_noise.spv"),
         local: 64,
         subgroups: false,
+        floats: 0x2,
         bindings: &[
             BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
         ],
     };
 }
+
+/// measures the bandwidth of streaming copies.
+pub mod probe_copy {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `n` of the shader.
+        pub n: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 4);
+        assert!(std::mem::offset_of!(Push, n) == 0);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub source: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub target: &'a Buf<[f32; 4]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = INFO;
+        fn slices(&self) -> Vec<Slice> {
+            vec![self.source.slice(), self.target.slice()]
+        }
+    }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "probe_copy",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/probe_copy.spv"),
+        local: 64,
+        subgroups: false,
+        floats: 0x3,
+        bindings: &[
+            BindingInfo { name: "source", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "target", kind: BindingKind::Storage, access: Access::Write },
+        ],
+    };
+}
+
+/// measures the rate of fused multiply-adds.
+pub mod probe_fma {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `rounds` of the shader.
+        pub rounds: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 4);
+        assert!(std::mem::offset_of!(Push, rounds) == 0);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub factors: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub sums: &'a Buf<f32>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = INFO;
+        fn slices(&self) -> Vec<Slice> {
+            vec![self.factors.slice(), self.sums.slice()]
+        }
+    }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "probe_fma",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/probe_fma.spv"),
+        local: 64,
+        subgroups: true,
+        floats: 0x3,
+        bindings: &[
+            BindingInfo { name: "factors", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sums", kind: BindingKind::Storage, access: Access::Write },
+        ],
+    };
+}
+
+/// measures the rate of exp2.
+pub mod probe_exp2 {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `rounds` of the shader.
+        pub rounds: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 4);
+        assert!(std::mem::offset_of!(Push, rounds) == 0);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub starts: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub means: &'a Buf<f32>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = INFO;
+        fn slices(&self) -> Vec<Slice> {
+            vec![self.starts.slice(), self.means.slice()]
+        }
+    }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "probe_exp2",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/probe_exp2.spv"),
+        local: 64,
+        subgroups: true,
+        floats: 0x3,
+        bindings: &[
+            BindingInfo { name: "starts", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "means", kind: BindingKind::Storage, access: Access::Write },
+        ],
+    };
+}
+
+/// measures the rate of shuffles within a subgroup.
+pub mod probe_shuffle {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `rounds` of the shader.
+        pub rounds: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 4);
+        assert!(std::mem::offset_of!(Push, rounds) == 0);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub starts: &'a Buf<[u32; 4]>,
+        /// Writes.
+        pub turned: &'a Buf<[u32; 4]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = INFO;
+        fn slices(&self) -> Vec<Slice> {
+            vec![self.starts.slice(), self.turned.slice()]
+        }
+    }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "probe_shuffle",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/probe_shuffle.spv"),
+        local: 64,
+        subgroups: true,
+        floats: 0x0,
+        bindings: &[
+            BindingInfo { name: "starts", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "turned", kind: BindingKind::Storage, access: Access::Write },
+        ],
+    };
+}
+
+/// measures the rate at which scattered rows of 64 bytes come in, each lane its own, as splats do.
+pub mod probe_gather {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `n` of the shader.
+        pub n: u32,
+        /// `mask` of the shader.
+        pub mask: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 8);
+        assert!(std::mem::offset_of!(Push, n) == 0);
+        assert!(std::mem::offset_of!(Push, mask) == 4);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub rows: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub sums: &'a Buf<[f32; 4]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = INFO;
+        fn slices(&self) -> Vec<Slice> {
+            vec![self.rows.slice(), self.sums.slice()]
+        }
+    }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "probe_gather",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/probe_gather.spv"),
+        local: 64,
+        subgroups: false,
+        floats: 0x3,
+        bindings: &[
+            BindingInfo { name: "rows", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sums", kind: BindingKind::Storage, access: Access::Write },
+        ],
+    };
+}
+
+/// measures the rate of atomic additions to scattered rows of 64 bytes, 16 neighbours to a row.
+pub mod probe_atomic {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `n` of the shader.
+        pub n: u32,
+        /// `mask` of the shader.
+        pub mask: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 8);
+        assert!(std::mem::offset_of!(Push, n) == 0);
+        assert!(std::mem::offset_of!(Push, mask) == 4);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub term: &'a Buf<u32>,
+        /// ReadWrites.
+        pub words: &'a Buf<u32>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = INFO;
+        fn slices(&self) -> Vec<Slice> {
+            vec![self.term.slice(), self.words.slice()]
+        }
+    }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "probe_atomic",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/probe_atomic.spv"),
+        local: 64,
+        subgroups: false,
+        floats: 0x0,
+        bindings: &[
+            BindingInfo { name: "term", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "words", kind: BindingKind::Storage, access: Access::ReadWrite },
+        ],
+    };
+}
+
+/// measures the rate of atomic additions to scattered rows of 64 bytes, 16 neighbours to a row.
+pub mod probe_atomic_float {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `n` of the shader.
+        pub n: u32,
+        /// `mask` of the shader.
+        pub mask: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 8);
+        assert!(std::mem::offset_of!(Push, n) == 0);
+        assert!(std::mem::offset_of!(Push, mask) == 4);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub term: &'a Buf<f32>,
+        /// ReadWrites.
+        pub words: &'a Buf<f32>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = INFO;
+        fn slices(&self) -> Vec<Slice> {
+            vec![self.term.slice(), self.words.slice()]
+        }
+    }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "probe_atomic_float",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/probe_atomic_float.spv"),
+        local: 64,
+        subgroups: false,
+        floats: 0x3,
+        bindings: &[
+            BindingInfo { name: "term", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "words", kind: BindingKind::Storage, access: Access::ReadWrite },
+        ],
+    };
+}
+
+/// measures what a dispatch costs that does next to nothing and waits for the one before.
+pub mod probe_dispatch {
+    use super::super::kernel::*;
+    /// This kernel takes no push constants.
+    pub type Push = ();
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub steps: &'a Buf<u32>,
+        /// ReadWrites.
+        pub count: &'a Buf<u32>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = INFO;
+        fn slices(&self) -> Vec<Slice> {
+            vec![self.steps.slice(), self.count.slice()]
+        }
+    }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "probe_dispatch",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/probe_dispatch.spv"),
+        local: 64,
+        subgroups: false,
+        floats: 0x0,
+        bindings: &[
+            BindingInfo { name: "steps", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "count", kind: BindingKind::Storage, access: Access::ReadWrite },
+        ],
+    };
+}
+
+/// Every kernel, in the order of the table.
+pub const ALL: &[&super::KernelInfo] = &[
+    bound_static::INFO,
+    bound_dynamic::INFO,
+    cull_static::INFO,
+    cull_dynamic::INFO,
+    compact::INFO,
+    prepare_active::INFO,
+    project_static_sh0::INFO,
+    project_static_sh1::INFO,
+    project_static_sh2::INFO,
+    project_static_sh3::INFO,
+    project_dynamic_sh0::INFO,
+    project_dynamic_sh1::INFO,
+    project_dynamic_sh2::INFO,
+    project_dynamic_sh3::INFO,
+    scan_reduce::INFO,
+    scan_spine::INFO,
+    scan_downsweep::INFO,
+    sort_count::INFO,
+    sort_scatter::INFO,
+    sort_scatter_w32::INFO,
+    gather::INFO,
+    prepare_intersections::INFO,
+    emit::INFO,
+    emit_slots::INFO,
+    tile_ranges::INFO,
+    tile_buckets::INFO,
+    tile_order::INFO,
+    blend_fwd_p4::INFO,
+    blend_fwd_p8::INFO,
+    blend_fwd_color_p4::INFO,
+    blend_fwd_color_p8::INFO,
+    blend_fwd_train_p4::INFO,
+    blend_fwd_train_p8::INFO,
+    blend_fwd_train_color_p4::INFO,
+    blend_fwd_train_color_p8::INFO,
+    blend_bwd_p4::INFO,
+    blend_bwd_p8::INFO,
+    blend_bwd_color_p4::INFO,
+    blend_bwd_color_p8::INFO,
+    blend_bwd_float_p4::INFO,
+    blend_bwd_float_p8::INFO,
+    blend_bwd_float_color_p4::INFO,
+    blend_bwd_float_color_p8::INFO,
+    blend_bwd_fixed_p4::INFO,
+    blend_bwd_fixed_p8::INFO,
+    blend_bwd_fixed_color_p4::INFO,
+    blend_bwd_fixed_color_p8::INFO,
+    blend_bwd_swap_p4::INFO,
+    blend_bwd_swap_p8::INFO,
+    blend_bwd_swap_color_p4::INFO,
+    blend_bwd_swap_color_p8::INFO,
+    fixed_sums::INFO,
+    project_bwd_static_sh0::INFO,
+    project_bwd_static_sh1::INFO,
+    project_bwd_static_sh2::INFO,
+    project_bwd_static_sh3::INFO,
+    project_bwd_dynamic_sh0::INFO,
+    project_bwd_dynamic_sh1::INFO,
+    project_bwd_dynamic_sh2::INFO,
+    project_bwd_dynamic_sh3::INFO,
+    project_bwd_adam_static_sh0::INFO,
+    project_bwd_adam_static_sh1::INFO,
+    project_bwd_adam_static_sh2::INFO,
+    project_bwd_adam_static_sh3::INFO,
+    project_bwd_adam_dynamic_sh0::INFO,
+    project_bwd_adam_dynamic_sh1::INFO,
+    project_bwd_adam_dynamic_sh2::INFO,
+    project_bwd_adam_dynamic_sh3::INFO,
+    fisher_static_sh0::INFO,
+    fisher_static_sh1::INFO,
+    fisher_static_sh2::INFO,
+    fisher_static_sh3::INFO,
+    fisher_dynamic_sh0::INFO,
+    fisher_dynamic_sh1::INFO,
+    fisher_dynamic_sh2::INFO,
+    fisher_dynamic_sh3::INFO,
+    camera_sum::INFO,
+    camera_total::INFO,
+    background_sum::INFO,
+    ssim_rows::INFO,
+    ssim_columns::INFO,
+    ssim_bwd_rows::INFO,
+    ssim_bwd_columns::INFO,
+    loss_sum::INFO,
+    prior_loss::INFO,
+    clock_apply::INFO,
+    clock_step::INFO,
+    lpips_input::INFO,
+    lpips_conv::INFO,
+    lpips_pool::INFO,
+    lpips_tap::INFO,
+    lpips_tap_bwd::INFO,
+    lpips_sum::INFO,
+    lpips_conv_bwd::INFO,
+    lpips_pool_bwd::INFO,
+    lpips_input_bwd::INFO,
+    bilateral_slice::INFO,
+    bilateral_slice_bwd::INFO,
+    bilateral_bwd::INFO,
+    bilateral_sum::INFO,
+    bilateral_adam::INFO,
+    bilateral_gauge::INFO,
+    adam_idle::INFO,
+    adam_catch_up::INFO,
+    density_classify_static::INFO,
+    density_classify_dynamic::INFO,
+    density_choose::INFO,
+    density_list::INFO,
+    density_sample::INFO,
+    density_relocate::INFO,
+    density_gather::INFO,
+    density_children::INFO,
+    mcmc_noise::INFO,
+    probe_copy::INFO,
+    probe_fma::INFO,
+    probe_exp2::INFO,
+    probe_shuffle::INFO,
+    probe_gather::INFO,
+    probe_atomic::INFO,
+    probe_atomic_float::INFO,
+    probe_dispatch::INFO,
+];

@@ -50,6 +50,8 @@ pub struct KernelInfo {
     pub spirv: &'static [u8],
     /// Set 0, in order.
     pub bindings: &'static [BindingInfo],
+    /// A bit for each binding whose elements are floats.
+    pub floats: u32,
 }
 
 /// The arguments of a kernel; implemented by the generated `Args`.
@@ -81,6 +83,16 @@ impl Slice {
         Arc::ptr_eq(&self.buffer, &other.buffer)
             && self.offset < other.offset + other.size
             && other.offset < self.offset + self.size
+    }
+
+    /// Whether the two are the same range of the same buffer.
+    pub(super) fn is(&self, other: &Slice) -> bool {
+        Arc::ptr_eq(&self.buffer, &other.buffer) && (self.offset, self.size) == (other.offset, other.size)
+    }
+
+    /// The range as a buffer of bytes.
+    pub fn bytes(&self) -> Buf<u8> {
+        Buf { slice: self.clone(), item: PhantomData }
     }
 
     pub(super) fn binding(&self) -> Binding {

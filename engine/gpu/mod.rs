@@ -1,5 +1,7 @@
 //! The safe layer over [`crate::vk`]: typed buffers, kernels with generated bindings, and recordings of passes as data.
 
+pub mod cost;
+mod dispatch;
 pub mod generated;
 pub mod kernel;
 mod record;
@@ -8,6 +10,14 @@ mod run;
 #[path = "../../shaders-glsl/table.rs"]
 pub mod table;
 
+pub use dispatch::{Bound, Dispatch, kernel as kernel_named};
 pub use kernel::{Buf, Kernel, KernelInfo, Slice};
 pub use record::{Grid, Pass, Recording, Work};
 pub use run::{Gpu, Options, PassTime, Running};
+
+/// A hash of all kernels as they are committed, 16 digits: what a measurement was made with.
+pub fn shaders_hash() -> String {
+    use sha2::{Digest, Sha256};
+    let digest = Sha256::digest(include_bytes!("../../shaders-glsl/spv/MANIFEST"));
+    digest.iter().take(8).map(|byte| format!("{byte:02x}")).collect()
+}

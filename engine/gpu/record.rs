@@ -39,6 +39,9 @@ pub struct Pass {
     pub label: String,
     /// What the pass's time grows with.
     pub count: Count,
+    /// Its units per counted one: below 1 where several passes share the work, and the number of units where nothing
+    /// counts them ([`Count::Recorded`]).
+    pub scale: f64,
     /// The group of Gaussians it works on, where it is not all of them.
     pub group: Option<usize>,
     /// The work.
@@ -77,12 +80,20 @@ impl Recording {
     /// Appends `kernel`, a variant with the interface of `args`' own.
     pub fn pass_variant<K: Kernel>(&mut self, kernel: &'static KernelInfo, args: K, push: K::Push, grid: Grid) {
         assert_eq!(kernel.bindings, K::INFO.bindings, "{} is no variant of {}", kernel.name, K::INFO.name);
+        self.pass_untyped(kernel, args.slices(), bytemuck::bytes_of(&push).to_vec(), grid);
+    }
+
+    /// Appends `kernel` with what is known only at run time: as many slices as it has bindings, as many bytes of push
+    /// constants as it takes.
+    pub fn pass_untyped(&mut self, kernel: &'static KernelInfo, slices: Vec<Slice>, push: Vec<u8>, grid: Grid) {
+        assert_eq!((slices.len(), push.len()), (kernel.bindings.len(), kernel.push_bytes as usize), "{}", kernel.name);
         let row = KERNELS.iter().find(|row| row.name == kernel.name);
         self.passes.push(Pass {
             label: format!("{}/{}", self.stage, kernel.name),
             count: row.map_or(Count::Dispatches, |row| row.count),
+            scale: 1.0,
             group: self.group,
-            work: Work::Dispatch { kernel, slices: args.slices(), push: bytemuck::bytes_of(&push).to_vec(), grid },
+            work: Work::Dispatch { kernel, slices, push, grid },
         });
     }
 
@@ -99,7 +110,12 @@ impl Recording {
 
     fn push_plain(&mut self, name: &str, work: Work) {
         let label = format!("{}/{name}", self.stage);
-        self.passes.push(Pass { label, count: Count::Dispatches, group: self.group, work });
+        self.passes.push(Pass { label, count: Count::Dispatches, scale: 1.0, group: self.group, work });
+    }
+
+    /// Takes the passes from `at` on out into a recording of their own.
+    pub fn split_off(&mut self, at: usize) -> Recording {
+        Recording { passes: self.passes.split_off(at), stage: self.stage, group: self.group }
     }
 
     /// The passes.
@@ -113,6 +129,13 @@ impl Recording {
             if pass.count == Count::Active {
                 pass.count = count;
             }
+        }
+    }
+
+    /// The pass appended last has `scale` units per counted one, see [`Pass::scale`].
+    pub fn scale(&mut self, scale: f64) {
+        if let Some(pass) = self.passes.last_mut() {
+            pass.scale = scale;
         }
     }
 
@@ -138,6 +161,14 @@ impl Recording {
 }
 
 impl Pass {
+    /// The name of its kernel; none of a copy or a fill.
+    pub fn kernel(&self) -> Option<&'static str> {
+        match &self.work {
+            Work::Dispatch { kernel, .. } => Some(kernel.name),
+            Work::Copy(..) | Work::Fill(..) => None,
+        }
+    }
+
     /// Slices touched, and whether they are written.
     fn accesses(&self) -> Vec<(Slice, bool)> {
         match &self.work {

@@ -26,6 +26,8 @@ pub struct Options {
 pub struct PassTime {
     /// The pass's label.
     pub label: String,
+    /// Nanoseconds from the beginning of the recording's first pass to that of this one, by the device's clock.
+    pub begin_ns: f64,
     /// Nanoseconds on the device.
     pub ns: f64,
 }
@@ -194,7 +196,10 @@ impl Gpu {
     pub fn run_timed(&self, recording: &Recording) -> Result<Vec<PassTime>> {
         let done = self.submit(recording, true)?.wait()?;
         let labels = recording.passes().iter().map(|pass| pass.label.clone());
-        Ok(labels.zip(done.pass_ns).map(|(label, ns)| PassTime { label, ns }).collect())
+        Ok(labels
+            .zip(done.pass_ns)
+            .map(|(label, [begin_ns, end])| PassTime { label, begin_ns, ns: end - begin_ns })
+            .collect())
     }
 
     fn submit(&self, recording: &Recording, timestamps: bool) -> Result<crate::vk::Submission> {
@@ -236,7 +241,7 @@ impl Gpu {
 }
 
 /// `n` workgroups in two dimensions, each below the limit.
-fn fold(n: u32) -> [u32; 3] {
+pub(super) fn fold(n: u32) -> [u32; 3] {
     [n.min(MAX_GROUPS), n.div_ceil(MAX_GROUPS), 1]
 }
 

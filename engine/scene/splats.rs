@@ -1,5 +1,6 @@
 //! Gaussians on the host, as parameter groups.
 
+use std::borrow::Cow;
 use std::path::Path;
 
 use crate::error::{Error, Result};
@@ -154,6 +155,15 @@ impl Splats {
             motion: order.iter().filter_map(|&i| i.checked_sub(self.n_static)).map(|at| self.motion[at]).collect(),
             source_row: order.iter().map(|&i| self.source_row[i]).collect(),
         }
+    }
+
+    /// The Gaussians of which `keep` is true, by index; itself where all are.
+    pub(crate) fn kept(&self, keep: impl Fn(usize) -> bool) -> Cow<'_, Splats> {
+        let kept: Vec<usize> = (0..self.len()).filter(|&i| keep(i)).collect();
+        if kept.len() == self.len() {
+            return Cow::Borrowed(self);
+        }
+        Cow::Owned(self.in_order(&kept))
     }
 
     /// The Gaussians in the order of their rows, for the writer of a format that holds static ones only; those with a

@@ -148,7 +148,7 @@ impl Splats {
     }
 
     /// Whether every parameter of Gaussian `i` is finite; a tau of +infinity counts as finite.
-    pub(super) fn is_finite(&self, i: usize) -> bool {
+    pub(crate) fn is_finite(&self, i: usize) -> bool {
         let k = self.n_coefficients();
         let motion = i.checked_sub(self.n_static).map(|dynamic| &self.motion[dynamic]);
         let moves = motion.is_none_or(|m| {

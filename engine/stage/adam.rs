@@ -192,6 +192,7 @@ impl Optimiser {
                     adam_idle::Push { group: index as u32, n: group.n, first: group.first, kind, planes },
                     indirect(args, ARGS_FIRST_GROUP + scene.groups.len() + index),
                 );
+                rec.scale(f64::from(planes));
             }
         }
         rec.group(None);
@@ -267,6 +268,7 @@ impl Optimiser {
                     },
                     grid.clone(),
                 );
+                rec.scale(f64::from(planes));
             }
         }
         rec.group(None);

@@ -361,6 +361,7 @@ impl Backward {
                     scale,
                 };
                 rec.pass_variant(kernel, args, push, Grid::Groups(n_work.div_ceil(subgroups_per_group)));
+                rec.scale(1.0 / f64::from(rounds * n_dispatches));
             }
         }
         if let Some(words) = &self.words {

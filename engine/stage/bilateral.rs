@@ -279,6 +279,7 @@ impl Grids {
                 bilateral_gauge::Push { n_cameras: self.n_cameras as u32 },
                 Grid::Threads(ROWS as u32),
             );
+            rec.scale(self.n_cameras as f64);
         }
     }
 }

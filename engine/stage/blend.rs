@@ -142,6 +142,7 @@ impl Blend {
                     blend_fwd_p4::Args { view, tile_order, tile_first, tile_last, splat_ids, splats, image0, image1 };
                 rec.pass_variant(self.kernel, args, push, grid);
             }
+            rec.scale(1.0 / f64::from(rounds));
         }
     }
 }

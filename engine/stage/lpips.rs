@@ -226,6 +226,7 @@ impl Passes<'_> {
             lpips_input::Push { width: what.size[0], first_x, first_y, crop_width, crop_height },
             Grid::Threads(crop_width * crop_height),
         );
+        rec.scale(f64::from(crop_width * crop_height));
         let mut first_sum = 0;
         for layer in &net.layers {
             match layer {
@@ -237,6 +238,7 @@ impl Passes<'_> {
                         let (pooled, choices) = (&maps[*to].features[side], &maps[*to].choices[side]);
                         let grid = Grid::Threads(push.out_width * push.out_height * planes);
                         rec.pass(lpips_pool::Args { features, pooled, choices }, push, grid);
+                        rec.scale(f64::from(push.out_width * push.out_height * planes));
                     }
                 }
                 Layer::Tap { of, linear } => {
@@ -258,6 +260,7 @@ impl Passes<'_> {
                             grid,
                         );
                     }
+                    rec.scale(f64::from(pixels * planes));
                     first_sum += n_groups;
                 }
             }
@@ -297,6 +300,7 @@ impl Passes<'_> {
             },
             self.conv_grid(out_width * out_height, conv.outputs),
         );
+        rec.scale(conv.multiply_adds(self.sizes[conv.to], net.channels[conv.from]));
     }
 
     fn conv_grid(&self, pixels: u32, channels: u32) -> Grid {
@@ -336,6 +340,7 @@ impl Passes<'_> {
                         lpips_pool_bwd::Push { width, height, planes, out_width, out_height },
                         Grid::Threads(width * height * planes),
                     );
+                    rec.scale(f64::from(width * height * planes));
                 }
                 Layer::Tap { .. } => {}
             }
@@ -357,6 +362,7 @@ impl Passes<'_> {
             },
             Grid::Threads(crop_width * crop_height),
         );
+        rec.scale(f64::from(crop_width * crop_height));
     }
 
     /// A layer's cotangent to the maps it came from, or to the blocks of the picture.
@@ -394,5 +400,6 @@ impl Passes<'_> {
             },
             self.conv_grid(out_width * out_height, out_channels),
         );
+        rec.scale(conv.multiply_adds(self.sizes[conv.to], net.channels[conv.from]));
     }
 }

@@ -124,6 +124,11 @@ impl Conv {
         (n - 1 + self.pad) / self.stride + 1 - self.blocks_before()
     }
 
+    /// Multiply-adds of maps of `size` pixels from `channels` others, on either way.
+    pub fn multiply_adds(&self, [width, height]: [u32; 2], channels: u32) -> f64 {
+        f64::from(width * height) * f64::from(self.outputs * channels) * f64::from(self.kernel * self.kernel)
+    }
+
     fn outputs_of(&self, n: u32) -> Option<u32> {
         Some((n + 2 * self.pad).checked_sub(self.kernel)? / self.stride + 1)
     }

@@ -2,7 +2,8 @@
 //! more room where it overflows.
 
 use super::backward::{Accumulation, Backward, Target};
-use super::blend::{Blend, Outputs, Purpose};
+use super::blend::{Blend, Outputs, Purpose, SEGMENT};
+use super::counters::{Counters, PassReport, add_passes};
 use super::fisher::{Census, Fisher, Response};
 use super::gradients::Gradients;
 use super::params::{Strip, TILE, view_params};
@@ -10,8 +11,7 @@ use super::scene::SceneBuffers;
 use super::workspace::{Room, Verdict, Workspace, max_active};
 use crate::error::{Error, Result};
 use crate::gpu::generated::Status;
-use crate::gpu::table::{Count, KERNELS};
-use crate::gpu::{Gpu, PassTime, Recording};
+use crate::gpu::{Dispatch, Gpu, PassTime, Recording};
 use crate::scene::{Frame, Splats, View};
 use crate::settings::Constants;
 use std::sync::Arc;
@@ -39,21 +39,14 @@ pub struct FrameReport {
     pub replays: u64,
     /// Passes with their times, in order; empty unless asked for.
     pub passes: Vec<PassReport>,
-}
-
-/// One line of a profile: all passes of a frame with the same label.
-#[derive(Clone, Debug, serde::Serialize)]
-pub struct PassReport {
-    /// Stage and kernel.
-    pub label: String,
-    /// Passes with this label.
-    pub dispatches: u64,
-    /// Nanoseconds in all.
-    pub ns: f64,
-    /// What the time grows with, in all.
-    pub units: u64,
-    /// The ideal-limit model's nanoseconds for `units` on one core of a CPU driver.
-    pub limit_ns: f64,
+    /// Each pass.
+    #[serde(skip)]
+    pub times: Vec<PassTime>,
+    /// What the passes had to do; zeros unless asked for.
+    pub counters: Counters,
+    /// Seconds that the counting took, on the host; in none of the times.
+    #[serde(skip)]
+    pub counting_s: f64,
 }
 
 /// Renders views of one scene.
@@ -112,6 +105,32 @@ impl Renderer {
     /// As [`Renderer::render`].
     pub fn profile(&mut self, view: &View, outputs: Outputs) -> Result<(Frame, FrameReport)> {
         self.render_with(view, outputs, true)
+    }
+
+    /// As [`Renderer::render`], but gives the frame's first dispatch of a kernel, with what it worked on. The picture is of
+    /// one strip.
+    ///
+    /// # Errors
+    /// As [`Renderer::render`]; [`Error::OutOfMemory`] when one strip does not hold the picture.
+    pub fn capture(&mut self, view: &View, outputs: Outputs, kernel: &str) -> Result<Option<Dispatch>> {
+        // Lists grow to their size.
+        let (_, report) = self.render(view, outputs)?;
+        if report.strips > 1 {
+            return Err(Error::OutOfMemory {
+                what: format!("view `{}` in one strip (strips)", view.name),
+                needed: report.strips,
+                limit: 1,
+                remedy: "capture a smaller picture".to_owned(),
+            });
+        }
+        let rounds = (report.max_tile_list as u32).div_ceil(SEGMENT).max(1);
+        let strip = Strip::whole(view);
+        let (tiles_x, tiles_y) = strip.tiles(view);
+        let work = Workspace::fit(&mut self.work, &self.gpu, &self.scene, self.room)?;
+        self.gpu.write(&work.view, &[view_params(view, &self.constants, self.scene.origin, strip)])?;
+        let mut rec = Recording::new();
+        work.record_forward(&mut rec, &self.scene, tiles_x * tiles_y, rounds, |_| ());
+        self.gpu.run_capturing(rec, kernel)
     }
 
     /// Adds gradients up in another way from now on.
@@ -307,8 +326,14 @@ impl Renderer {
             }
             report.add(&status, n_tiles);
             if timed {
-                let ranges = self.work.as_ref().map_or(Ok(Vec::new()), |work| self.gpu.read(&work.cull.ranges))?;
-                report.add_passes(&rec, &times, &status, &self.scene, &ranges, n_tiles);
+                let begun = std::time::Instant::now();
+                if let Some(work) = &self.work {
+                    let counters = Counters::read(&self.gpu, work, &self.scene, &lists, n_tiles, n_pixels)?;
+                    report.passes = add_passes(std::mem::take(&mut report.passes), &rec, &times, &counters);
+                    report.counters.add(&counters);
+                    report.times.extend(times);
+                }
+                report.counting_s += begun.elapsed().as_secs_f64();
             }
             return Ok(true);
         }
@@ -353,43 +378,5 @@ impl FrameReport {
         self.max_tile_list = self.max_tile_list.max(u64::from(status.max_tile_list));
         self.bad_gaussians += u64::from(status.n_bad);
         self.strips += 1;
-    }
-
-    fn add_passes(
-        &mut self,
-        rec: &Recording,
-        times: &[PassTime],
-        status: &Status,
-        scene: &SceneBuffers,
-        ranges: &[[u32; 2]],
-        n_tiles: u32,
-    ) {
-        for (pass, time) in rec.passes().iter().zip(times) {
-            let units = match (pass.count, pass.group) {
-                (Count::Gaussians, Some(group)) => scene.groups[group].n,
-                (Count::Gaussians, None) => scene.n,
-                (Count::Active, Some(group)) => ranges[group][1] - ranges[group][0],
-                (Count::Active, None) => status.n_active,
-                (Count::Intersections, _) => status.n_intersections,
-                (Count::Tiles, _) => n_tiles,
-                (Count::Pixels, _) => n_tiles * TILE * TILE,
-                (Count::Dispatches, _) => 1,
-            };
-            let kernel = pass.label.split_once('/').map_or("", |(_, kernel)| kernel);
-            let limit = KERNELS.iter().find(|row| row.name == kernel).map_or(0.0, |row| row.limit_ns);
-            let line = match self.passes.iter_mut().position(|line| line.label == time.label) {
-                Some(at) => &mut self.passes[at],
-                None => {
-                    let label = time.label.clone();
-                    self.passes.push(PassReport { label, dispatches: 0, ns: 0.0, units: 0, limit_ns: 0.0 });
-                    let last = self.passes.len() - 1;
-                    &mut self.passes[last]
-                }
-            };
-            line.dispatches += 1;
-            line.ns += time.ns;
-            line.units += u64::from(units);
-            line.limit_ns += limit * f64::from(units);
-        }
     }
 }

@@ -38,10 +38,11 @@ pub use offsets::{OffsetFit, fit_offset, offset_pictures};
 pub use plan::{BoundBy, Class, INTERSECTIONS_PER_GAUSSIAN, Limits, Need, Plan, Workload};
 pub use random::{Random, permutation};
 pub use report::{Example, Report};
+pub(crate) use report_plot::escape;
 pub use require::{
     Due, Evidence, Fate, GridCheck, InTime, Review, affordable, carry_out, fates, merge, review, review_due,
 };
 pub use run::{CaptureSummary, Run};
 pub use schedule::rates;
 pub use setup::Setup;
-pub use trainer::{StepReport, Trainer};
+pub use trainer::{ProfiledStep, StepReport, Trainer};

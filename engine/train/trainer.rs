@@ -12,19 +12,23 @@ use super::schedule::rates;
 use super::setup::Setup;
 use crate::error::{Error, Result};
 use crate::gpu::generated::{AdamParams, Status, ViewParams};
-use crate::gpu::{Buf, Gpu, PassTime, Recording, Running, Slice};
+use crate::gpu::{Buf, Dispatch, Gpu, PassTime, Recording, Running, Slice};
 use crate::scene::capture::Picture;
 use crate::scene::{Similarity, Splats, View};
 use crate::settings::Constants;
 use crate::stage::{
-    AdamMode, Counts, Optimiser, Planes, Purpose, Room, SceneBuffers, State, StepSettings, Strip, Target, Verdict,
-    Workspace, adam_params, lazy_sums, record_mcmc_noise, view_params,
+    AdamMode, Counters, Counts, Lists, Optimiser, PassReport, Planes, Purpose, Room, SceneBuffers, State, StepSettings,
+    Strip, Target, Verdict, Workspace, adam_params, add_passes, lazy_sums, record_mcmc_noise, view_params,
 };
 use std::collections::VecDeque;
 use std::sync::Arc;
+use std::time::Instant;
 
 /// Steps that the device has at a time: it works on one while the host prepares the next.
 const IN_FLIGHT: usize = 2;
+/// Largest coefficient of a colour that training begins with: fourth powers of ten times as much are still finite, which
+/// SSIM takes.
+const BRIGHTEST: f32 = 1e4;
 
 /// A scene being trained: its Gaussians with their moments, on the device.
 pub struct Trainer {
@@ -60,6 +64,8 @@ struct Inputs {
 
 /// Where a step leaves its numbers.
 struct Results {
+    n_tiles: u32,
+    lists: Lists,
     status: Slice,
     sums: Sums,
     n_bad: Slice,
@@ -111,13 +117,41 @@ pub struct StepReport {
     pub density: Option<Counts>,
 }
 
+/// A step whose passes were timed.
+pub struct ProfiledStep {
+    /// Its passes, by label, in the order of their first.
+    pub passes: Vec<PassReport>,
+    /// Each pass.
+    pub times: Vec<PassTime>,
+    /// What the passes had to do.
+    pub counters: Counters,
+    /// What the host did: name, when it began, seconds.
+    pub host: Vec<(&'static str, Instant, f64)>,
+}
+
 impl Trainer {
-    /// Uploads `splats` for a run of `total` steps on the capture that `setup` describes.
+    /// Uploads `splats` for a run of `total` steps on the capture that `setup` describes. Gaussians with a number that is
+    /// not finite, or colours so bright that squares of them are not, are left out: no gradient would ever mend them.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`] naming the buffer that does not fit; [`Error::NoDevice`] when the device cannot do what the
     /// settings ask for.
     pub fn new(
+        gpu: Arc<Gpu>,
+        splats: &Splats,
+        constants: Constants,
+        config: Config,
+        total: u64,
+        setup: Setup,
+    ) -> Result<Self> {
+        let k = splats.n_coefficients();
+        let is_bearable = |x: &f32| x.abs() <= BRIGHTEST;
+        let sound = splats
+            .kept(|i| splats.is_finite(i) && splats.sh[i * k..(i + 1) * k].as_flattened().iter().all(is_bearable));
+        Self::begin(gpu, &sound, constants, config, total, setup)
+    }
+
+    fn begin(
         gpu: Arc<Gpu>,
         splats: &Splats,
         constants: Constants,
@@ -173,7 +207,7 @@ impl Trainer {
     pub fn resume(gpu: Arc<Gpu>, checkpoint: &Checkpoint, constants: Constants, setup: Setup) -> Result<Self> {
         let Checkpoint { step, total, config, origin, params, first, second, state, cameras, .. } = checkpoint;
         let setup = Setup { has_grid: cameras.has_grid.clone(), ..setup };
-        let mut trainer = Self::new(gpu, params, constants, config.clone(), *total, setup)?;
+        let mut trainer = Self::begin(gpu, params, constants, config.clone(), *total, setup)?;
         trainer.objective.restore(&trainer.gpu, cameras)?;
         trainer.scene.origin = *origin;
         let (moments, state) = upload_state(&trainer.gpu, &trainer.scene, first, second, state)?;
@@ -318,19 +352,56 @@ impl Trainer {
         Ok(())
     }
 
-    /// As [`Trainer::train`], but waits for the end and gives the time of every pass.
+    /// As [`Trainer::train`], but waits for the end and gives the time of every pass; the counting that follows is not in
+    /// the times.
     ///
     /// # Errors
     /// As [`Trainer::train`].
-    pub fn profile(&mut self, camera: usize, view: &View, picture: &Picture) -> Result<Vec<PassTime>> {
+    pub fn profile(&mut self, camera: usize, view: &View, picture: &Picture) -> Result<ProfiledStep> {
+        self.finish()?;
+        let mut host = Vec::new();
+        let mut begun = Instant::now();
+        let mut done = |what| {
+            host.push((what, begun, begun.elapsed().as_secs_f64()));
+            begun = Instant::now();
+        };
+        let inputs = self.inputs(camera, view, picture)?;
+        done("stage images");
+        self.step = inputs.step - 1;
+        loop {
+            let (rec, results) = self.record(&inputs)?;
+            done("record");
+            let times = self.gpu.run_timed(&rec)?;
+            done("submit and wait");
+            let is_complete = self.end(&inputs, &results)?;
+            done("read back");
+            if !is_complete {
+                continue;
+            }
+            self.step = inputs.step;
+            let n_pixels = view.width * view.height;
+            let counters = match &self.work {
+                Some(work) => Counters::read(&self.gpu, work, &self.scene, &results.lists, results.n_tiles, n_pixels)?,
+                None => Counters::default(),
+            };
+            let passes = add_passes(Vec::new(), &rec, &times, &counters);
+            return Ok(ProfiledStep { passes, times, counters, host });
+        }
+    }
+
+    /// As [`Trainer::train`], but waits for the end and gives the step's first dispatch of a kernel, with what it worked on.
+    ///
+    /// # Errors
+    /// As [`Trainer::train`].
+    pub fn capture(&mut self, camera: usize, view: &View, picture: &Picture, kernel: &str) -> Result<Option<Dispatch>> {
         self.finish()?;
         let inputs = self.inputs(camera, view, picture)?;
-        let mut times = Vec::new();
+        let mut dispatch = None;
         self.run_alone(inputs, |gpu, rec| {
-            times = gpu.run_timed(rec)?;
+            dispatch = gpu.run_capturing(rec, kernel)?;
             Ok(())
         })?;
-        Ok(times)
+        Ok(dispatch)
     }
 
     /// Waits for all steps that were handed over, and runs the density control due.
@@ -380,16 +451,16 @@ impl Trainer {
             step.running.wait()?;
             behind.push(step.inputs);
         }
-        self.run_alone(inputs, |gpu, rec| gpu.run(rec))?;
+        self.run_alone(inputs, |gpu, rec| gpu.run(&rec))?;
         behind.into_iter().try_for_each(|inputs| self.start(inputs))
     }
 
     /// Runs a step that no other is behind, until it fits.
-    fn run_alone(&mut self, inputs: Inputs, mut run: impl FnMut(&Gpu, &Recording) -> Result<()>) -> Result<()> {
+    fn run_alone(&mut self, inputs: Inputs, mut run: impl FnMut(&Gpu, Recording) -> Result<()>) -> Result<()> {
         self.step = inputs.step - 1;
         loop {
             let (rec, results) = self.record(&inputs)?;
-            run(&self.gpu, &rec)?;
+            run(&self.gpu, rec)?;
             if self.end(&inputs, &results)? {
                 self.step = inputs.step;
                 return Ok(());
@@ -485,6 +556,8 @@ impl Trainer {
         }
         rec.stage("report");
         let results = Results {
+            n_tiles,
+            lists,
             status: gpu.readback::<Status>("status of a step", 1)?,
             sums: self.objective.record_report(&mut rec, gpu, truth)?,
             n_bad: gpu.readback::<u32>("bad gradients of a step", 1)?,

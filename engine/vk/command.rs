@@ -40,8 +40,9 @@ pub struct Submission(Commands);
 
 /// What a finished submission tells.
 pub struct Done {
-    /// Nanoseconds on the device per pass; empty when timestamps were not asked for or do not exist.
-    pub pass_ns: Vec<f64>,
+    /// Beginning and end of each pass, nanoseconds since the first began; empty when timestamps were not asked for or do
+    /// not exist.
+    pub pass_ns: Vec<[f64; 2]>,
 }
 
 impl Commands {
@@ -357,7 +358,9 @@ impl Submission {
                 .map_err(vk_error("vkGetQueryPoolResults"))?;
         }
         let ns = f64::from(self.0.device.caps().timestamp_ns);
-        let pass_ns = ticks.chunks_exact(2).map(|t| t[1].saturating_sub(t[0]) as f64 * ns).collect();
+        let first = ticks.first().copied().unwrap_or(0);
+        let since = |tick: u64| tick.saturating_sub(first) as f64 * ns;
+        let pass_ns = ticks.chunks_exact(2).map(|t| [since(t[0]), since(t[1].max(t[0]))]).collect();
         Ok(Done { pass_ns })
     }
 }

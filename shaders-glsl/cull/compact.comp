@@ -6,6 +6,7 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #extension GL_KHR_shader_subgroup_ballot : require
+#extension GL_KHR_shader_subgroup_shuffle : require
 #include "unfolded.glsl"
 #include "grid.glsl"
 
@@ -19,14 +20,20 @@ layout(set = 0, binding = 3) restrict writeonly buffer IdleId { uint idle_id[]; 
 
 void main() {
     const uint i = linear_thread(gl_WorkGroupSize.x);
-    if (i >= pc.n) return;
+    // Whole workgroups: the lanes of the last one lend a word each to those that have a Gaussian.
+    if ((i & ~127u) >= pc.n) return;
     const uint word = i >> 5u;
     const uint first_word = (i >> 7u) << 2u;
+    // The group's four words: a lane loads one, and all lanes get them.
+    const uint loaded = bits[first_word + (gl_SubgroupInvocationID & 3u)];
     uint rank = offsets[i >> 7u];
-    for (uint w = 0u; w < 3u; ++w) {
-        if (first_word + w < word) rank += bitCount(bits[first_word + w]);
+    uint mask = 0u;
+    for (uint w = 0u; w < 4u; ++w) {
+        const uint here = subgroupShuffle(loaded, w);
+        rank += first_word + w < word ? bitCount(here) : 0u;
+        mask = first_word + w == word ? here : mask;
     }
-    const uint mask = bits[word];
+    if (i >= pc.n) return;
     rank += bitCount(mask & ((1u << (i & 31u)) - 1u));
     const bool marked = ((mask >> (i & 31u)) & 1u) != 0u;
     if (marked && rank < pc.capacity) active_id[rank] = i;

@@ -6,6 +6,7 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #extension GL_KHR_shader_subgroup_ballot : require
+#extension GL_KHR_shader_subgroup_shuffle : require
 #include "grid.glsl"
 #include "args.glsl"
 
@@ -29,7 +30,7 @@ void main() {
     const uint run = SORT_BLOCK * gl_SubgroupSize / 64u;
     const uint first = block * SORT_BLOCK + gl_SubgroupID * run;
     const uint own = gl_SubgroupID * 256u;
-    for (uint k = gl_LocalInvocationIndex; k < SUBGROUPS * 256u; k += 64u) sh_places[k] = 0u;
+    for (uint k = gl_LocalInvocationIndex; k < 64u / gl_SubgroupSize * 256u; k += 64u) sh_places[k] = 0u;
     barrier();
     for (uint k = 0u; k < SORT_BLOCK / 64u; ++k) {
         const uint i = first + k * gl_SubgroupSize + lane;
@@ -45,26 +46,41 @@ void main() {
         }
     }
     barrier();
+#if SUBGROUPS <= 2
     const uvec2 below = lane < 32u ? uvec2((1u << lane) - 1u, 0u) : uvec2(0xffffffffu, (1u << (lane - 32u)) - 1u);
+#endif
     for (uint k = 0u; k < SORT_BLOCK / 64u; ++k) {
         const uint i = first + k * gl_SubgroupSize + lane;
         const bool valid = i < n;
         const uint key = valid ? keys_in[i] : 0u;
         const uint digit = (key >> pc.shift) & 255u;
-        // The lanes with the same digit.
+        uint rank = 0u;
+        uint n_peers = 1u;
+#if SUBGROUPS > 2
+        // The lanes with the same digit, one by one: a CPU driver's ballot costs as much as a dozen shuffles.
+        const uint compared = valid ? digit : 256u;
+        for (uint j = 1u; j < gl_SubgroupSize; ++j) {
+            const bool same = subgroupShuffleXor(compared, j) == compared;
+            n_peers += uint(same);
+            rank += uint(same && (lane ^ j) < lane);
+        }
+#else
+        // The lanes with the same digit, bit by bit.
         uvec2 peers = subgroupBallot(valid).xy;
         for (uint b = 0u; b < 8u; ++b) {
             const bool set = ((digit >> b) & 1u) != 0u;
             const uvec2 ones = subgroupBallot(set).xy;
             peers &= set ? ones : ~ones;
         }
-        const uint rank = bitCount(peers.x & below.x) + bitCount(peers.y & below.y);
+        rank = bitCount(peers.x & below.x) + bitCount(peers.y & below.y);
+        n_peers = bitCount(peers.x) + bitCount(peers.y);
+#endif
         const uint place = sh_places[own + digit];
         subgroupBarrier();
         if (valid) {
             keys_out[place + rank] = key;
             values_out[place + rank] = values_in[i];
-            if (rank == 0u) sh_places[own + digit] = place + bitCount(peers.x) + bitCount(peers.y);
+            if (rank == 0u) sh_places[own + digit] = place + n_peers;
         }
         subgroupBarrier();
     }

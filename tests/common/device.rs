@@ -1,6 +1,7 @@
 //! The one device of a test run, watched by the validation layer. Lanes choose it through the environment:
 //! `IVV_TEST_DEVICE`, `IVV_TEST_NO_PUSH_DESCRIPTORS`, `IVV_TEST_SYNC_VALIDATION`, and the drivers' own variables.
 
+use ivv::extremes::Bench;
 use ivv::gpu::{Gpu, Options};
 use ivv::vk::DeviceChoice;
 use std::cell::RefCell;
@@ -73,6 +74,11 @@ pub fn options() -> Options {
         },
         poison: true,
     }
+}
+
+/// Calls `run` with the bench of rows on this device.
+pub fn bench<T>(run: impl FnOnce(&Bench) -> T) -> T {
+    run(&Bench { lend: &|| Box::new(gpu()), slow: is_slow_lane() })
 }
 
 /// Whether the slow lane runs (`IVV_TEST_SLOW`); says so where it does not.

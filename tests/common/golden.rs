@@ -3,8 +3,9 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+pub use ivv::extremes::adjoint::group;
 use ivv::scene::{Motion, Splats, View};
-use ivv::twin::{Params, Temporal};
+use ivv::twin::Params;
 
 /// The golden cases.
 pub const CASES: [&str; 4] = ["static-small", "dynamic-small", "dynamic-offcentre", "occluders"];
@@ -109,23 +110,4 @@ fn read_splats(file: &Path) -> Splats {
         splats.source_row.push(i as u32);
     }
     splats
-}
-
-/// The numbers of one parameter group of `params`, flat, under its name in `gradients.safetensors`.
-pub fn group<'a>(params: &'a mut Params<f64>, name: &str) -> Vec<&'a mut f64> {
-    let motion =
-        |f: fn(&mut Temporal<f64>) -> &mut f64, params: &'a mut Params<f64>| params.motion.iter_mut().map(f).collect();
-    match name {
-        "position" => params.position.iter_mut().flatten().collect(),
-        "rotation" => params.rotation.iter_mut().flatten().collect(),
-        "scale" => params.scale.iter_mut().flatten().collect(),
-        "opacity" => params.opacity.iter_mut().collect(),
-        "sh" => params.sh.iter_mut().flatten().collect(),
-        "velocity" => params.motion.iter_mut().flat_map(|m| &mut m.velocity).collect(),
-        "t_center" => motion(|m| &mut m.t_center, params),
-        "t_scale" => motion(|m| &mut m.t_scale, params),
-        "time_offset" => vec![&mut params.time_offset],
-        "background" => params.background.iter_mut().collect(),
-        other => panic!("no group {other}"),
-    }
 }

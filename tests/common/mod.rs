@@ -3,6 +3,6 @@
 pub mod device;
 pub mod frames;
 pub mod golden;
-pub mod one;
-pub mod random;
 pub mod stages;
+
+pub use ivv::extremes::{one, random};

@@ -4,6 +4,5 @@ mod accumulation;
 mod adjoint;
 mod camera;
 mod check;
-mod extreme;
 mod flow;
 mod golden;

@@ -1,96 +1,14 @@
-//! Bilateral grids on the device against their twin and dual numbers (N20, N23).
+//! Bilateral grids on the device against their twin and dual numbers. No cotangent, and colours of any kind: the rows N20
+//! and N23 of `engine/extremes`.
 
 use crate::common::device::gpu;
 use crate::common::random::Random;
-use ivv::gpu::Recording;
-use ivv::gpu::generated::Status;
+use ivv::extremes::rigs::grids::{Case, Found, random_grid, step};
 use ivv::stage::{GRID_NUMBERS, GRID_SIZE, GridState, GridStep, Grids};
 use ivv::twin::{Adam, BilateralGrid, Dual};
 
-const GUARD: [f32; 4] = [1.5, -2.5, 3.5, -4.5];
-const ALPHA: f32 = 0.25;
-
 /// Edges: a pixel, lines, fewer pixels than cells, several parts of a panel, wider and higher.
 const SIZES: [[u32; 2]; 9] = [[1, 1], [1, 33], [33, 1], [5, 4], [15, 15], [16, 16], [97, 20], [20, 151], [61, 47]];
-
-/// A picture, its cotangent, and the grid that it is seen through.
-#[derive(Clone)]
-struct Case {
-    size: [u32; 2],
-    state: GridState,
-    image: Vec<[f32; 3]>,
-    d_graded: Vec<[f32; 3]>,
-}
-
-/// What the device makes of a case.
-#[derive(Clone, Debug)]
-struct Found {
-    graded: Vec<[f32; 3]>,
-    d_image: Vec<[f32; 3]>,
-    d_grid: Vec<f32>,
-}
-
-/// A grid that differs from the identity by up to `amount` everywhere.
-fn random_grid(random: &mut Random, amount: f64) -> GridState {
-    let mut state = GridState::identity();
-    state.grid.iter_mut().for_each(|x| *x += random.uniform(-amount, amount) as f32);
-    state
-}
-
-impl Case {
-    fn random(seed: u64, size: [u32; 2]) -> Self {
-        let mut random = Random::new(seed);
-        let n = size[0] * size[1];
-        let image = (0..n).map(|_| random.vector(-0.1, 1.1)).collect();
-        let d_graded = (0..n).map(|_| random.vector(-1.0, 1.0)).collect();
-        Case { size, state: random_grid(&mut random, 0.2), image, d_graded }
-    }
-
-    fn on_device(&self) -> Found {
-        let gpu = gpu();
-        // The camera in the middle of three, and scratch for a larger picture.
-        let other = random_grid(&mut Random::new(99), 5.0);
-        let mut grids = Grids::upload(&gpu, &[other.clone(), self.state.clone(), other]).unwrap();
-        grids.fit(&gpu, self.size[1] + 40).unwrap();
-        let with = |colors: &[[f32; 3]], alpha| -> Vec<[f32; 4]> {
-            colors.iter().map(|[r, g, b]| [*r, *g, *b, alpha]).chain([GUARD]).collect()
-        };
-        let image = gpu.upload("image", &with(&self.image, ALPHA)).unwrap();
-        let d_graded = gpu.upload("d graded", &with(&self.d_graded, 7.0)).unwrap();
-        let [graded, d_image] =
-            ["graded", "d image"].map(|name| gpu.upload(name, &vec![GUARD; self.image.len() + 1]).unwrap());
-        let mut rec = Recording::new();
-        grids.record_slice(&mut rec, 1, &image, &graded, self.size);
-        grids.record_backward(&mut rec, 1, &image, &d_graded, &d_image, self.size);
-        gpu.run(&rec).unwrap();
-        let [graded, d_image] = [(graded, ALPHA), (d_image, 0.0)].map(|(buffer, fourth)| {
-            let mut all = gpu.read(&buffer).unwrap();
-            assert_eq!(all.pop(), Some(GUARD), "the pixel past the end was overwritten");
-            assert!(all.iter().all(|pixel| pixel[3] == fourth), "{:?}: fourth channel", self.size);
-            all.iter().map(|[r, g, b, _]| [*r, *g, *b]).collect()
-        });
-        Found { graded, d_image, d_grid: gpu.read(&grids.d_grid).unwrap().as_flattened().to_vec() }
-    }
-
-    fn size(&self) -> [usize; 2] {
-        self.size.map(|n| n as usize)
-    }
-
-    fn truth(&self) -> Vec<[f64; 3]> {
-        let numbers: Vec<f64> = self.state.grid.iter().map(|x| f64::from(*x)).collect();
-        let image: Vec<[f64; 3]> = self.image.iter().map(|c| c.map(f64::from)).collect();
-        BilateralGrid::new(&numbers).slice(&image, self.size())
-    }
-
-    /// The derivative of the graded picture along a direction of the grid and of the picture.
-    fn along(&self, of_grid: &[f64], of_image: &[[f64; 3]]) -> Vec<[f64; 3]> {
-        let grid: Vec<Dual> = self.state.grid.iter().zip(of_grid).map(|(x, t)| Dual::new((*x).into(), *t)).collect();
-        let dual = |(x, t): (&[f32; 3], &[f64; 3])| std::array::from_fn(|k| Dual::new(x[k].into(), t[k]));
-        let image: Vec<[Dual; 3]> = self.image.iter().zip(of_image).map(dual).collect();
-        let graded = BilateralGrid::new(&grid).slice(&image, self.size());
-        graded.iter().map(|pixel| pixel.map(|x| x.tangent)).collect()
-    }
-}
 
 fn dot(a: impl IntoIterator<Item = f64>, b: impl IntoIterator<Item = f64>) -> f64 {
     a.into_iter().zip(b).map(|(a, b)| a * b).sum()
@@ -113,7 +31,7 @@ fn relative_l2(found: &[f32], truth: &[f64]) -> f64 {
 fn slices_are_the_twins_to_1e_6_at_any_size() {
     for size in SIZES {
         let case = Case::random(1, size);
-        let (found, truth) = (case.on_device().graded, case.truth());
+        let (found, truth) = (case.on_device(&gpu()).unwrap().graded, case.truth());
         let differs =
             truth.as_flattened().iter().zip(wide(case.image.as_flattened())).any(|(a, b)| (a - b).abs() > 0.01);
         assert!(differs, "the grid does nothing");
@@ -127,7 +45,7 @@ fn slices_are_the_twins_to_1e_6_at_any_size() {
 fn the_identity_gives_every_colour_its_bits() {
     for size in SIZES {
         let case = Case { state: GridState::identity(), ..Case::random(2, size) };
-        assert!(case.on_device().graded == case.image, "{size:?}");
+        assert!(case.on_device(&gpu()).unwrap().graded == case.image, "{size:?}");
     }
 }
 
@@ -145,7 +63,7 @@ fn cotangents_of_colours_are_those_of_dual_numbers() {
                 truth[channel] = dot(along, d.map(f64::from));
             }
         }
-        let error = relative_l2(case.on_device().d_image.as_flattened(), truth.as_flattened());
+        let error = relative_l2(case.on_device(&gpu()).unwrap().d_image.as_flattened(), truth.as_flattened());
         assert!(error <= 1e-6, "{size:?}: {error:.1e}");
     }
 }
@@ -154,7 +72,7 @@ fn cotangents_of_colours_are_those_of_dual_numbers() {
 fn every_number_of_a_small_pictures_gradient_of_the_grid_is_the_dual_numbers() {
     for size in [[1, 1], [3, 4]] {
         let case = Case::random(4, size);
-        let found = case.on_device().d_grid;
+        let found = case.on_device(&gpu()).unwrap().d_grid;
         let none = vec![[0.0; 3]; case.image.len()];
         let mut direction = vec![0.0; GRID_NUMBERS];
         let touched: Vec<usize> = (0..GRID_NUMBERS).filter(|i| found[*i] != 0.0).collect();
@@ -179,7 +97,7 @@ fn every_number_of_a_small_pictures_gradient_of_the_grid_is_the_dual_numbers() {
 fn the_backward_pass_is_the_adjoint_of_the_derivative() {
     for size in SIZES {
         let case = Case::random(5, size);
-        let found = case.on_device();
+        let found = case.on_device(&gpu()).unwrap();
         let gradient = [wide(&found.d_grid), wide(found.d_image.as_flattened())].concat();
         let norm = dot(gradient.clone(), gradient.clone()).sqrt();
         assert!(norm > 0.0);
@@ -200,112 +118,13 @@ fn the_backward_pass_is_the_adjoint_of_the_derivative() {
 }
 
 #[test]
-fn n20_without_a_cotangent_there_is_no_gradient_and_no_step() {
-    let gpu = gpu();
-    let mut case = Case::random(7, [61, 47]);
-    case.d_graded.fill([0.0; 3]);
-    let found = case.on_device();
-    assert!(found.d_image.as_flattened().iter().all(|d| *d == 0.0));
-    assert!(found.d_grid.iter().all(|d| *d == 0.0));
-    // Nor has the identity a variation.
-    let states = [GridState::identity(), GridState::identity()];
-    let grids = Grids::upload(&gpu, &states).unwrap();
-    step(&grids, 0, &found.d_grid, &GridStep { step: 2, is_free: true, camera_step: 1, rate: 0.1, tv_weight: 10.0 }, 0);
-    assert_eq!(grids.download(&gpu).unwrap(), states);
-    assert_eq!(gpu.read(&grids.tv).unwrap()[0][0], 0.0);
-}
-
-/// One step of `camera` along `d_grid`.
-fn step(grids: &Grids, camera: usize, d_grid: &[f32], step: &GridStep, failed: u32) {
-    let gpu = gpu();
-    let status = gpu.upload("status", &[Status { failed, ..Status::default() }]).unwrap();
-    gpu.write(&grids.d_grid, d_grid.as_chunks().0).unwrap();
-    let mut rec = Recording::new();
-    grids.record_step(&mut rec, camera, step, &status);
-    gpu.run(&rec).unwrap();
-}
-
-#[test]
-fn n23_colours_of_any_kind_index_the_grid_and_hurt_no_other_pixel() {
-    let below_one = f32::from_bits(1.0f32.to_bits() - 1);
-    let values = [-1.0, -0.0, 0.0, 1e-30, below_one, 1.0, 2.0, 1e30, f32::NAN, f32::INFINITY, f32::NEG_INFINITY];
-    for size in [[1, 1], [19, 17], [40, 3]] {
-        let plain = Case::random(8, size);
-        let expected = plain.on_device();
-        let [w, h] = size;
-        for value in values {
-            // The corners and the middle; all channels, or one.
-            for (at, channels) in [(0, 3), (w - 1, 1), ((h - 1) * w, 3), (w * h - 1, 2), (w * h / 2, 3)] {
-                let mut case = plain.clone();
-                case.image[at as usize][..channels].fill(value);
-                let found = case.on_device();
-                let label = format!("{value} in {channels} channels of pixel {at} of {size:?}");
-                for i in (0..case.image.len()).filter(|i| *i != at as usize) {
-                    assert!(
-                        found.graded[i] == expected.graded[i] && found.d_image[i] == expected.d_image[i],
-                        "{label}"
-                    );
-                }
-                assert!(found.d_grid.iter().all(|x| x.is_finite()), "{label}");
-                let (seen, truth) = (found.graded[at as usize], case.truth()[at as usize]);
-                if value.is_finite() {
-                    let largest = truth.iter().fold(1.0, |m, x| f64::max(m, x.abs()));
-                    let close = seen.iter().zip(truth).all(|(a, b)| (f64::from(*a) - b).abs() <= 1e-6 * largest);
-                    assert!(close && found.d_image[at as usize].iter().all(|x| x.is_finite()), "{label}: {seen:?}");
-                } else {
-                    assert!(!seen.iter().all(|x| x.is_finite()), "{label}: what is not finite may not be hidden");
-                }
-            }
-        }
-    }
-}
-
-#[test]
-fn n23_a_luma_at_or_past_the_end_has_no_derivative_and_the_corners_are_the_corner_cells() {
-    let mut random = Random::new(9);
-    let numbers: Vec<f64> = wide(&random_grid(&mut random, 0.2).grid);
-    let grid = BilateralGrid::new(&numbers);
-    let [nx, ny, nz] = GRID_SIZE;
-    for (uv, x, y) in
-        [([0.0, 0.0], 0, 0), ([1.0, 0.0], nx - 1, 0), ([0.0, 1.0], 0, ny - 1), ([2.0, 1.0], nx - 1, ny - 1)]
-    {
-        for (level, z) in [(0.0, 0), (-1.0, 0), (1.0, nz - 1), (3.0, nz - 1)] {
-            let rows = grid.cells[(z * ny + y) * nx + x];
-            let found = grid.map(uv, [level; 3]);
-            let expected = rows.map(|[r, g, b, constant]| (r + g + b) * level + constant);
-            assert!(found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-12), "{uv:?}, {level}");
-        }
-    }
-    // Where the level is held, the derivative is the map's own, transposed.
-    for value in [-1.0f32, 0.0, 1.5] {
-        let mut case = Case::random(10, [15, 15]);
-        case.image.fill([value; 3]);
-        let found = case.on_device().d_image;
-        let z = if value > 0.0 { nz - 1 } else { 0 };
-        // The pixel in the middle of the picture is between the four cells in the middle.
-        let (middle, d) = (7 * 15 + 7, case.d_graded[7 * 15 + 7]);
-        let numbers = wide(&case.state.grid);
-        let cells = BilateralGrid::new(&numbers).cells;
-        let expected: [f64; 3] = std::array::from_fn(|k| {
-            let entry = |c: usize| -> f64 {
-                let corners = [(7, 7), (8, 7), (7, 8), (8, 8)];
-                corners.iter().map(|(x, y)| cells[(z * ny + y) * nx + x][c][k] / 4.0).sum()
-            };
-            (0..3).map(|c| f64::from(d[c]) * entry(c)).sum()
-        });
-        let close = found[middle].iter().zip(expected).all(|(a, b)| (f64::from(*a) - b).abs() < 1e-5);
-        assert!(close, "{value}: {:?} for {expected:?}", found[middle]);
-    }
-}
-
-#[test]
 fn a_pixel_whose_cotangent_is_not_finite_has_no_share_in_the_grids_gradient() {
     let plain = Case { d_graded: vec![[0.0; 3]; 19 * 17], ..Case::random(11, [19, 17]) };
     for value in [f32::NAN, f32::INFINITY] {
         let mut case = plain.clone();
         case.d_graded[100][1] = value;
         case.d_graded[200] = [1.0; 3];
-        let found = case.on_device();
+        let found = case.on_device(&gpu()).unwrap();
         assert!(found.d_grid.iter().all(|x| x.is_finite()) && found.d_grid.iter().any(|x| *x != 0.0));
         assert!(found.d_image[100].iter().any(|x| !x.is_finite()), "the colour's cotangent may not hide it");
     }
@@ -331,7 +150,7 @@ fn a_step_is_the_twins_and_a_gradient_that_is_not_finite_moves_nothing() {
         let grids = Grids::upload(&gpu, &states).unwrap();
         let rate = 2e-3;
         // No gauge: 7 is no multiple of 3.
-        step(&grids, 1, &d_grid, &GridStep { step: 7, is_free: true, camera_step, rate, tv_weight: 0.0 }, 0);
+        step(&gpu, &grids, 1, &d_grid, &GridStep { step: 7, is_free: true, camera_step, rate, tv_weight: 0.0 }, 0).unwrap();
         let found = grids.download(&gpu).unwrap();
         assert!(found[0] == states[0] && found[2] == states[2], "other cameras moved");
         let found = &found[1];
@@ -367,13 +186,8 @@ fn total_variation_and_its_gradient_are_the_twins() {
     let state = random_grid(&mut Random::new(13), 0.3);
     let grids = Grids::upload(&gpu, &[state.clone(), state.clone()]).unwrap();
     let tv_weight = 10.0;
-    step(
-        &grids,
-        0,
-        &[0.0; GRID_NUMBERS],
-        &GridStep { step: 1, is_free: true, camera_step: 1, rate: 0.0, tv_weight },
-        0,
-    );
+    step(&gpu, &grids, 0, &[0.0; GRID_NUMBERS], &GridStep { step: 1, is_free: true, camera_step: 1, rate: 0.0, tv_weight }, 0)
+        .unwrap();
     let found = &grids.download(&gpu).unwrap()[0];
     assert_eq!(found.grid, state.grid, "rate 0 moves the moments alone");
     let value = gpu.read(&grids.tv).unwrap()[0][0];
@@ -410,14 +224,8 @@ fn the_gauge_keeps_the_mean_over_the_cameras_at_the_identity() {
     for number in 1..=60u64 {
         let camera = (number as usize - 1) % n_cameras;
         let d_grid: Vec<f32> = tint.iter().map(|t| t + random.uniform(-0.5, 0.5) as f32).collect();
-        let numbers = GridStep {
-            step: number,
-            is_free: true,
-            camera_step: (number - 1) / n_cameras as u64 + 1,
-            rate,
-            tv_weight: 0.1,
-        };
-        step(&grids, camera, &d_grid, &numbers, 0);
+        let numbers = GridStep { step: number, is_free: true, camera_step: (number - 1) / n_cameras as u64 + 1, rate, tv_weight: 0.1 };
+        step(&gpu, &grids, camera, &d_grid, &numbers, 0).unwrap();
         if number.is_multiple_of(n_cameras as u64) || number % n_cameras as u64 == 4 {
             let states = grids.download(&gpu).unwrap();
             let strays = mean_strays(&states);
@@ -444,10 +252,10 @@ fn a_failed_frame_leaves_all_bits() {
     let numbers = GridStep { step: 4, is_free: true, camera_step: 3, rate: 2e-3, tv_weight: 10.0 };
     let grids = Grids::upload(&gpu, &states).unwrap();
     for failed in [1, 2, 1 << 31] {
-        step(&grids, 0, &d_grid, &numbers, failed);
+        step(&gpu, &grids, 0, &d_grid, &numbers, failed).unwrap();
         assert!(grids.download(&gpu).unwrap() == states, "{failed}");
     }
-    step(&grids, 0, &d_grid, &numbers, 0);
+    step(&gpu, &grids, 0, &d_grid, &numbers, 0).unwrap();
     let after = grids.download(&gpu).unwrap();
     assert!(after[0] != states[0] && after[1] != states[1], "nor does one that did not fail");
 }
@@ -459,10 +267,10 @@ fn gradients_have_the_same_bits_in_every_run() {
         let all = [found.d_grid, found.d_image.as_flattened().to_vec(), found.graded.as_flattened().to_vec()];
         all.map(|numbers| numbers.into_iter().map(f32::to_bits).collect::<Vec<_>>())
     };
-    let first = bits(case.on_device());
+    let first = bits(case.on_device(&gpu()).unwrap());
     assert!(first[0].iter().any(|x| *x != 0));
     for _ in 0..3 {
-        assert!(bits(case.on_device()) == first);
+        assert!(bits(case.on_device(&gpu()).unwrap()) == first);
     }
 }
 

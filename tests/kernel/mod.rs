@@ -10,6 +10,7 @@ mod fisher;
 mod losses;
 mod lpips;
 mod priors;
+mod probe;
 mod project;
 mod scan;
 mod sort;

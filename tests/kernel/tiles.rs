@@ -1,11 +1,8 @@
-//! Tile lists of the device against every pixel, and the counters that end a frame.
+//! Tile lists of the device against every pixel.
 
-use crate::common::device::gpu;
-use crate::common::random::{Random, scene, view, wild_scene};
+use crate::common::random::{scene, view, wild_scene};
 use crate::common::stages::Rig;
 use ivv::Constants;
-use ivv::gpu::generated::{Status, prepare_intersections};
-use ivv::gpu::{Grid, Recording};
 use ivv::scene::{Splats, View};
 use ivv::twin::{Camera, Params, Rules, project, ranges, tiles_truth};
 
@@ -98,54 +95,4 @@ fn images_of_odd_sizes_and_their_last_tiles_miss_no_pair() {
         let [found, _] = check(&format!("{width} x {height}"), &scene(11, 150, 0), &view);
         assert!(found > 0, "{width} x {height}: nothing was listed");
     }
-}
-
-/// Runs the kernel that decides whether `n` intersections fit; gives the count left, the status and the grids.
-fn prepare(n: u32, capacity: u32, failed: u32) -> (u32, Status, Vec<[u32; 4]>) {
-    let gpu = gpu();
-    let n_intersections = gpu.upload("n", &[n]).unwrap();
-    let args = gpu.upload("args", &[[7, 1, 1, 7]; 4]).unwrap();
-    let (n_digits, emit_args) = (gpu.alloc("digits", 1).unwrap(), gpu.alloc("emit args", 1).unwrap());
-    let frame_status = gpu.upload("status", &[Status { failed, ..Status::default() }]).unwrap();
-    let mut rec = Recording::new();
-    let bound = prepare_intersections::Args {
-        n_intersections: &n_intersections,
-        args: &args,
-        n_digits: &n_digits,
-        emit_args: &emit_args,
-        frame_status: &frame_status,
-    };
-    rec.pass(bound, prepare_intersections::Push { capacity }, Grid::Groups(1));
-    gpu.run(&rec).unwrap();
-    let mut grids = gpu.read(&args).unwrap();
-    grids.extend(gpu.read(&emit_args).unwrap());
-    let left = gpu.read(&n_intersections).unwrap()[0];
-    assert_eq!(gpu.read(&n_digits).unwrap(), [256 * left.div_ceil(2048)]);
-    (left, gpu.read(&frame_status).unwrap()[0], grids)
-}
-
-#[test]
-fn a_count_past_the_capacity_fails_and_empties_every_grid() {
-    let mut random = Random::new(2);
-    let capacity = 1000 + random.bits() as u32 % 1000;
-    for (n, fits) in [
-        (0, true),
-        (capacity - 1, true),
-        (capacity, true),
-        (capacity + 1, false),
-        (1 << 31, false),
-        (u32::MAX - 1, false),
-        (u32::MAX, false),
-    ] {
-        let (left, status, grids) = prepare(n, capacity, 0);
-        assert_eq!((status.failed, status.n_intersections), (if fits { 0 } else { 2 }, n), "{n} of {capacity}");
-        assert_eq!(status.capacity_intersections, capacity);
-        assert_eq!(left, if fits { n } else { 0 }, "{n} of {capacity}");
-        assert!(fits || grids.iter().all(|grid| grid[0] == 0 && grid[3] == 0), "{n} of {capacity}: {grids:?}");
-        assert!(n == 0 || !fits || grids.iter().all(|grid| grid[0] > 0), "{n} of {capacity}: {grids:?}");
-    }
-    // A frame that has failed before stays failed and empty.
-    let (left, status, grids) = prepare(10, capacity, 1);
-    assert_eq!((left, status.failed), (0, 1));
-    assert!(grids.iter().all(|grid| grid[0] == 0));
 }

@@ -3,5 +3,3 @@
 mod golden;
 mod invariants;
 mod large;
-mod long_lists;
-mod overflow;

@@ -24,6 +24,7 @@ macro_rules! kernel {
                 push_bytes: 0,
                 spirv: &[],
                 bindings: &[$(BindingInfo { name: "b", kind: BindingKind::Storage, access: Access::$access }),+],
+                floats: 0,
             };
             fn slices(&self) -> Vec<Slice> {
                 self.0.clone()

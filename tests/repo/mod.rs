@@ -2,6 +2,7 @@
 
 mod arrows;
 mod docs;
+mod extremes;
 mod hazards;
 mod kernels;
 

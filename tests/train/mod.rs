@@ -1,7 +1,6 @@
 //! Training as a whole, on a synthetic capture of its own making.
 
 mod density;
-mod extreme;
 mod init;
 mod plan;
 mod points;

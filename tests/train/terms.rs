@@ -19,7 +19,7 @@ fn dispatches(tiny: &Tiny, config: &Config) -> std::collections::BTreeMap<String
     let picture = tiny.capture.picture_with(camera, frame, &plan).unwrap();
     let view = tiny.capture.view(camera, frame).unwrap();
     let mut counts = std::collections::BTreeMap::new();
-    for pass in trainer.profile(camera, &view, &picture).unwrap() {
+    for pass in trainer.profile(camera, &view, &picture).unwrap().times {
         let stage = pass.label.split('/').next().unwrap_or_default().to_owned();
         *counts.entry(stage).or_default() += 1;
     }

@@ -1,0 +1,201 @@
+//! Runs a captured dispatch again: variants of its kernel side by side, with their times and their differences.
+
+use super::statistics::{Ratio, mad, median, paired_ratio};
+use crate::error::{Error, Result};
+use crate::gpu::table::{KERNELS, Spec};
+use crate::gpu::{Dispatch, Gpu, Grid, KernelInfo, Recording, Slice};
+use serde::Serialize;
+
+/// How far two outputs lie apart, over all that a kernel writes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Difference {
+    /// Words that are not the same.
+    pub words: u64,
+    /// The largest difference of two numbers.
+    pub max_abs: f64,
+    /// The same over the largest magnitude in the buffer it is in.
+    pub max_rel: f64,
+}
+
+impl Difference {
+    /// Of two ranges of words, read as floats or as integers.
+    fn add(&mut self, bytes: &[u8], reference: &[u8], is_float: bool) {
+        let number = |word: &[u8; 4]| {
+            if is_float { f64::from(f32::from_le_bytes(*word)) } else { f64::from(u32::from_le_bytes(*word)) }
+        };
+        let (mut largest, mut apart) = (0f64, 0f64);
+        for (word, other) in bytes.as_chunks().0.iter().zip(reference.as_chunks().0) {
+            let (a, b) = (number(word), number(other));
+            largest = largest.max(b.abs());
+            if word != other {
+                self.words += 1;
+                // Of two values of which one is no number, nothing is near.
+                apart = apart.max(if (a - b).is_nan() { f64::INFINITY } else { (a - b).abs() });
+            }
+        }
+        self.max_abs = self.max_abs.max(apart);
+        self.max_rel = self.max_rel.max(if apart > 0.0 { apart / largest } else { 0.0 });
+    }
+}
+
+/// What a kernel did with the dispatch.
+#[derive(Clone, Debug, Serialize)]
+pub struct Replayed {
+    /// The kernel.
+    pub kernel: String,
+    /// Median time, nanoseconds.
+    pub median_ns: f64,
+    /// Median absolute deviation of the time, nanoseconds.
+    pub mad_ns: f64,
+    /// Time over that of the first kernel, run by run.
+    pub ratio: Ratio,
+    /// From what the first kernel wrote.
+    pub from_first: Difference,
+    /// From what was captured.
+    pub from_captured: Difference,
+}
+
+/// A captured dispatch on a device.
+pub struct Replay<'a> {
+    gpu: &'a Gpu,
+    dispatch: &'a Dispatch,
+    /// What is bound, and for each that is written what it held before.
+    slices: Vec<Slice>,
+    pristine: Vec<Option<Slice>>,
+}
+
+impl<'a> Replay<'a> {
+    /// Uploads what `dispatch` works on.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`] when it does not fit.
+    pub fn new(gpu: &'a Gpu, dispatch: &'a Dispatch) -> Result<Self> {
+        let (mut slices, mut pristine): (Vec<Slice>, Vec<Option<Slice>>) = (Vec::new(), Vec::new());
+        for bound in &dispatch.bindings {
+            let (slice, before) = match bound.same_as.and_then(|earlier| slices.get(earlier).cloned()) {
+                Some(slice) => (slice, None),
+                None => {
+                    let slice = gpu.upload(&bound.name, &bound.before)?.slice();
+                    let is_written = bound.after.is_some();
+                    (slice, if is_written { Some(gpu.upload("before", &bound.before)?.slice()) } else { None })
+                }
+            };
+            slices.push(slice);
+            pristine.push(before);
+        }
+        Ok(Replay { gpu, dispatch, slices, pristine })
+    }
+
+    /// Runs each of `kernels`, variants of the captured one, `n` times, one after the other and in turns, each on what
+    /// was there before the dispatch.
+    ///
+    /// # Errors
+    /// [`Error::Data`] when a kernel is no variant; [`Error::NoDevice`] when the device has no timestamps.
+    pub fn run(&self, kernels: &[&'static KernelInfo], n: usize) -> Result<Vec<Replayed>> {
+        let recordings = kernels.iter().map(|kernel| self.record(kernel)).collect::<Result<Vec<_>>>()?;
+        let mut times = vec![Vec::with_capacity(n); kernels.len()];
+        let mut outputs = Vec::new();
+        // The first run compiles.
+        for recording in &recordings {
+            self.time(recording)?;
+            outputs.push(self.outputs()?);
+        }
+        for run in 0..n {
+            for turn in 0..kernels.len() {
+                let which = (run + turn) % kernels.len();
+                times[which].push(self.time(&recordings[which])?);
+            }
+        }
+        let captured: Vec<&[u8]> = self.dispatch.bindings.iter().filter_map(|bound| bound.after.as_deref()).collect();
+        let floats = kernels.iter().fold(0, |mask, kernel| mask | kernel.floats);
+        let difference = |of: &[Vec<u8>], from: &[&[u8]]| {
+            let mut sum = Difference::default();
+            for ((place, bytes), reference) in self.written().zip(of).zip(from) {
+                sum.add(bytes, reference, floats >> place & 1 == 1);
+            }
+            sum
+        };
+        let first: Vec<&[u8]> = outputs.first().into_iter().flatten().map(Vec::as_slice).collect();
+        let lines = kernels.iter().zip(&times).zip(&outputs).map(|((kernel, ns), output)| Replayed {
+            kernel: kernel.name.to_owned(),
+            median_ns: median(ns),
+            mad_ns: mad(ns),
+            ratio: paired_ratio(ns, &times[0]),
+            from_first: difference(output, &first),
+            from_captured: difference(output, &captured),
+        });
+        Ok(lines.collect())
+    }
+
+    /// Places that the kernel writes.
+    fn written(&self) -> impl Iterator<Item = usize> {
+        self.pristine.iter().enumerate().filter(|(_, before)| before.is_some()).map(|(place, _)| place)
+    }
+
+    fn outputs(&self) -> Result<Vec<Vec<u8>>> {
+        self.written().map(|place| self.gpu.read(&self.slices[place].bytes())).collect()
+    }
+
+    fn time(&self, recording: &Recording) -> Result<f64> {
+        let times = self.gpu.run_timed(recording)?;
+        times.last().map(|pass| pass.ns).ok_or_else(super::probe::no_timestamps)
+    }
+
+    fn record(&self, kernel: &'static KernelInfo) -> Result<Recording> {
+        let (push, groups) = self.adapted(kernel)?;
+        let mut rec = Recording::new();
+        rec.stage("replay");
+        for (slice, before) in self.slices.iter().zip(&self.pristine) {
+            if let Some(before) = before {
+                rec.copy(before.clone(), slice.clone());
+            }
+        }
+        let args = self.gpu.upload("replay args", &groups)?;
+        rec.pass_untyped(kernel, self.slices.clone(), push, Grid::Indirect(args.slice()));
+        Ok(rec)
+    }
+
+    /// Push constants and grid for `kernel`, which may blend other blocks of pixels than the captured one.
+    fn adapted(&self, kernel: &KernelInfo) -> Result<(Vec<u8>, [u32; 3])> {
+        let Dispatch { push, groups, kernel: captured, bindings } = self.dispatch;
+        let fault = |reason: &str| {
+            let what = format!("`{}` for a dispatch of `{captured}`", kernel.name);
+            Error::data(what.as_ref(), "", reason, "name kernels of the same shader, see shaders-glsl/README.md")
+        };
+        if !kernel.bindings.iter().map(|b| b.name).eq(bindings.iter().map(|b| b.name.as_str()))
+            || kernel.push_bytes as usize != push.len()
+        {
+            return Err(fault("has other bindings"));
+        }
+        // A kernel that was edited while it is watched is not in the table, and has the captured one's blocks.
+        let (Some(ours), Some(theirs)) = (spec(kernel.name), spec(captured)) else {
+            return Ok((push.clone(), *groups));
+        };
+        let (pixels, of_captured) = (pixels(ours), pixels(theirs));
+        if pixels == of_captured {
+            return Ok((push.clone(), *groups));
+        }
+        if ours.file.ends_with("blend_bwd.comp") && ours.defines.iter().all(|(name, _)| *name != "ACCUMULATE") {
+            return Err(fault("walks other blocks of a tile in a dispatch"));
+        }
+        // The first push constant counts the blocks.
+        let scaled = |n: u32| (u64::from(n) * u64::from(of_captured)).div_ceil(u64::from(pixels)) as u32;
+        let mut push = push.clone();
+        if let Some(word) = push.first_chunk_mut::<4>() {
+            *word = scaled(u32::from_le_bytes(*word)).to_le_bytes();
+        }
+        let [x, y, z] = *groups;
+        let n = scaled(x.saturating_mul(y));
+        Ok((push, [n.min(65_535), n.div_ceil(65_535), z]))
+    }
+}
+
+fn spec(name: &str) -> Option<&'static Spec> {
+    KERNELS.iter().find(|row| row.name == name)
+}
+
+/// Pixels that a lane of a blend has; 1 for any other kernel.
+fn pixels(spec: &Spec) -> u32 {
+    let value = spec.defines.iter().find(|(name, _)| *name == "PIXELS");
+    value.and_then(|(_, value)| value.parse().ok()).unwrap_or(1)
+}

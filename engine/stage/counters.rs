@@ -1,0 +1,190 @@
+//! What a frame had to do, counted, and its passes with their times and their part of it.
+
+use super::pairs::{Blocks, Pairs};
+use super::params::TILE;
+use super::scene::SceneBuffers;
+use super::tiles::Lists;
+use super::workspace::Workspace;
+use crate::error::Result;
+use crate::gpu::cost::{Cost, terms};
+use crate::gpu::table::{Count, KERNELS, Spec};
+use crate::gpu::{Gpu, Pass, PassTime, Recording, Work};
+use serde::Serialize;
+
+/// What a frame had to do; sums over its strips.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct Counters {
+    /// Gaussians of the scene.
+    pub gaussians: f64,
+    /// In the view's time and frustum.
+    pub active: f64,
+    /// Touching a tile.
+    pub visible: f64,
+    /// Pairs of a Gaussian and a tile.
+    pub intersections: f64,
+    /// Tiles.
+    pub tiles: f64,
+    /// Pixels of the picture.
+    pub pixels: f64,
+    /// Pairs of a pixel and an intersection that the blend evaluates: its block of pixels is hit, the pixel not finished.
+    pub evaluated: f64,
+    /// Those of them that add to their pixel.
+    pub added: f64,
+    /// Pixels that are finished before their list's end.
+    pub finished: f64,
+    /// Gaussians and active ones of each group.
+    #[serde(skip)]
+    groups: Vec<[f64; 2]>,
+}
+
+impl Counters {
+    /// Those of the strip of `n_tiles` tiles and `n_pixels` pixels that `work` rendered last, with `lists`.
+    ///
+    /// # Errors
+    /// As [`Gpu::read`].
+    pub fn read(
+        gpu: &Gpu,
+        work: &Workspace,
+        scene: &SceneBuffers,
+        lists: &Lists,
+        n_tiles: u32,
+        n_pixels: u32,
+    ) -> Result<Self> {
+        let status = gpu.read(&work.status)?.first().copied().unwrap_or_default();
+        let ranges = gpu.read(&work.cull.ranges)?;
+        let (active, intersections) = (status.n_active, status.n_intersections);
+        let tiles = n_tiles as usize;
+        let blocks = Blocks {
+            view: gpu.read(&work.view)?.first().copied().unwrap_or_default(),
+            lanes: work.blend.subgroup_size(),
+            pixels_per_lane: work.blend.pixels_per_lane(),
+            splats: gpu.read(&work.projected.splats.range(0, super::project::SPLAT_PLANES * active as usize))?,
+            ids: gpu.read(&lists.splat_ids.range(0, intersections as usize))?,
+            first: gpu.read(&work.tiles.tile_first.range(0, tiles))?,
+            last: gpu.read(&work.tiles.tile_last.range(0, tiles))?,
+        };
+        let Pairs { evaluated, added, finished } = blocks.pairs();
+        let groups = scene.groups.iter().zip(ranges);
+        Ok(Counters {
+            gaussians: f64::from(scene.n),
+            active: f64::from(active),
+            visible: f64::from(status.n_visible),
+            intersections: f64::from(intersections),
+            tiles: f64::from(n_tiles),
+            pixels: f64::from(n_pixels),
+            evaluated,
+            added,
+            finished,
+            groups: groups.map(|(group, range)| [f64::from(group.n), f64::from(range[1] - range[0])]).collect(),
+        })
+    }
+
+    /// Adds those of another strip of the same frame; the scene is the same.
+    pub fn add(&mut self, other: &Counters) {
+        self.gaussians = other.gaussians;
+        self.active += other.active;
+        self.visible += other.visible;
+        self.intersections += other.intersections;
+        self.tiles += other.tiles;
+        self.pixels += other.pixels;
+        self.evaluated += other.evaluated;
+        self.added += other.added;
+        self.finished += other.finished;
+    }
+
+    /// The mean of `n` frames that were added up.
+    pub fn over(&self, n: f64) -> Counters {
+        let Counters { active, visible, intersections, tiles, pixels, evaluated, added, finished, .. } = *self;
+        let [active, visible, intersections, tiles] = [active, visible, intersections, tiles].map(|sum| sum / n);
+        let [pixels, evaluated, added, finished] = [pixels, evaluated, added, finished].map(|sum| sum / n);
+        let gaussians = self.gaussians;
+        let groups = Vec::new();
+        Counters { gaussians, active, visible, intersections, tiles, pixels, evaluated, added, finished, groups }
+    }
+
+    /// How many of `count` there are, in one group of Gaussians or in all. What is not counted by group is taken to be
+    /// spread as the active Gaussians are.
+    pub fn units(&self, count: Count, group: Option<usize>) -> f64 {
+        let of_group = group.and_then(|group| self.groups.get(group).copied());
+        let [n, active] = of_group.unwrap_or([self.gaussians, self.active]);
+        let share = if self.active > 0.0 { active / self.active } else { 0.0 };
+        match count {
+            Count::Gaussians => n,
+            Count::Active => active,
+            Count::Idle => n - active,
+            Count::Visible => self.visible * share,
+            Count::Intersections => self.intersections * share,
+            Count::Tiles => self.tiles,
+            Count::Pixels => self.pixels,
+            Count::Evaluated => self.evaluated,
+            Count::Added => self.added,
+            Count::Dispatches | Count::Recorded => 1.0,
+        }
+    }
+
+    /// Units of `pass`, and the least that it must do.
+    pub fn cost(&self, pass: &Pass) -> (f64, Cost) {
+        let units = pass.scale * self.units(pass.count, pass.group);
+        let mut cost = Cost::default();
+        match &pass.work {
+            Work::Copy(from, _) => cost.copied = 2.0 * from.size() as f64,
+            Work::Fill(slice, _) => cost.filled = slice.size() as f64,
+            Work::Dispatch { .. } => {
+                for term in row(pass).and_then(terms).unwrap_or_default() {
+                    let n = term.per.map_or(units, |count| pass.scale * self.units(count, pass.group));
+                    cost.add(&term.cost, n);
+                }
+            }
+        }
+        (units, cost)
+    }
+}
+
+fn row(pass: &Pass) -> Option<&'static Spec> {
+    let name = pass.kernel()?;
+    KERNELS.iter().find(|row| row.name == name)
+}
+
+/// One line of a profile: all passes of a frame with the same label.
+#[derive(Clone, Debug, Serialize)]
+pub struct PassReport {
+    /// Stage and kernel.
+    pub label: String,
+    /// Passes with this label.
+    pub dispatches: u64,
+    /// Nanoseconds in all.
+    pub ns: f64,
+    /// What the time grows with, in all.
+    pub units: f64,
+    /// The least that they must do.
+    pub cost: Cost,
+    /// What `units` take on one core of a CPU driver in kernels that are well written for it, nanoseconds.
+    pub limit_ns: f64,
+}
+
+/// Adds the passes of `rec`, which took `times` for what `counters` say, to the `lines` of the same frame.
+pub fn add_passes(
+    mut lines: Vec<PassReport>,
+    rec: &Recording,
+    times: &[PassTime],
+    counters: &Counters,
+) -> Vec<PassReport> {
+    for (pass, time) in rec.passes().iter().zip(times) {
+        let (units, cost) = counters.cost(pass);
+        let at = lines.iter().position(|line| line.label == time.label).unwrap_or_else(|| {
+            let label = time.label.clone();
+            lines.push(PassReport { label, dispatches: 0, ns: 0.0, units: 0.0, cost: Cost::default(), limit_ns: 0.0 });
+            lines.len() - 1
+        });
+        let line = &mut lines[at];
+        line.dispatches += 1;
+        line.ns += time.ns;
+        line.units += units;
+        line.cost.add(&cost, 1.0);
+        line.limit_ns += row(pass).map_or(0.0, |row| row.limit_ns) * units;
+    }
+    lines
+}
+
+/// Pixels of a tile.
+pub(super) const TILE_PIXELS: u32 = TILE * TILE;

@@ -1,0 +1,78 @@
+//! `ivv profile` as a command.
+
+use super::Folder;
+use crate::common::random;
+use serde_json::Value;
+use std::process::{Command, Output};
+
+fn ivv(arguments: &[&str]) -> Output {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_ivv"));
+    command.args(arguments);
+    if let (Ok(device), false) = (std::env::var("IVV_TEST_DEVICE"), arguments.contains(&"--disassemble")) {
+        command.args(["--device", &device]);
+    }
+    command.output().unwrap()
+}
+
+fn works(arguments: &[&str]) -> String {
+    let output = ivv(arguments);
+    assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8(output.stdout).unwrap()
+}
+
+#[test]
+fn a_scene_is_profiled_into_tables_a_page_and_a_trace_and_its_kernels_are_captured() {
+    if super::gpu().caps().timestamp_ns == 0.0 {
+        eprintln!("skipped: the device has no timestamps");
+        return;
+    }
+    let folder = Folder::new("command");
+    let (scene, cameras, out) = (folder.file("s.ply"), folder.file("c.json"), folder.file("out"));
+    ivv::scene::write_ply(&scene, &random::scene(5, 300, 1)).unwrap();
+    ivv::scene::write_views(&cameras, &[random::view()]).unwrap();
+    let [scene, cameras, path] = [&scene, &cameras, &out].map(|path| path.to_str().unwrap());
+    let of_scene = ["profile", scene, "--cameras", cameras, "-o", path];
+    let told = works(&[&of_scene[..], &["--samples", "3", "--warm-up", "1"]].concat());
+    assert!(told.contains("What the device can do") && told.contains("blend/blend_fwd_color"), "{told}");
+    let json = |name: &str| serde_json::from_slice::<Value>(&std::fs::read(out.join(name)).unwrap()).unwrap();
+    let profile = json("profile.json");
+    assert_eq!((&profile["samples"], &profile["sample"]), (&Value::from(3), &Value::from("view")));
+    assert_eq!(profile["shaders"], ivv::gpu::shaders_hash());
+    for key in ["bytes", "rows", "flops", "exp2", "shuffles", "atomics", "dispatch_ns"] {
+        assert!(profile["peaks"][key].as_f64().unwrap() > 0.0, "{key}");
+    }
+    let lines = profile["lines"].as_array().unwrap();
+    let share: f64 = lines.iter().map(|line| line["share"].as_f64().unwrap()).sum();
+    assert!(lines.len() > 20 && (share - 1.0).abs() < 1e-9, "{} lines of {share}", lines.len());
+    for line in lines {
+        let [limit, p95, median] = ["limit_ms", "p95_ms", "median_ms"].map(|key| line[key].as_f64().unwrap());
+        assert!(limit > 0.0 && p95 >= median, "{line}");
+    }
+    let ratio = &profile["overhead"]["ratio"];
+    assert!(ratio["low"].as_f64() <= ratio["high"].as_f64() && ratio["median"].as_f64().unwrap() > 0.0);
+    // A span of the host for each view, one of the device for each of its passes, two names.
+    let passes: f64 = lines.iter().map(|line| line["dispatches"].as_f64().unwrap()).sum();
+    assert_eq!(json("trace.json")["traceEvents"].as_array().unwrap().len() as f64, 2.0 + 3.0 + 3.0 * passes);
+    for (name, holds) in [("profile.html", "id=\"roofline\""), ("roofline.svg", "</svg>"), ("profile.md", "| pass |")] {
+        let text = std::fs::read_to_string(out.join(name)).unwrap();
+        assert!(text.contains(holds) && !text.contains("NaN") && !text.contains("inf"), "{name}");
+    }
+
+    let kernel = lines.iter().find_map(|line| line["label"].as_str()?.strip_prefix("blend/")).unwrap();
+    works(&[&of_scene[..], &["--capture", kernel]].concat());
+    let file = out.join(format!("{kernel}.dispatch"));
+    let replayed = works(&["profile", "--replay", file.to_str().unwrap(), "-n", "3", "--json"]);
+    let replayed: Value = serde_json::from_str(&replayed).unwrap();
+    assert_eq!((&replayed[0]["kernel"], &replayed[0]["from_captured"]["words"]), (&kernel.into(), &0.into()));
+
+    let wrong = ivv(&[&of_scene[..], &["--capture", "no_kernel"]].concat());
+    assert!(!wrong.status.success() && String::from_utf8_lossy(&wrong.stderr).contains("no_kernel"));
+}
+
+#[test]
+fn a_kernel_is_disassembled_and_its_instructions_are_counted() {
+    let text = works(&["profile", "--disassemble", "gather"]);
+    assert!(text.contains("OpEntryPoint GLCompute") && text.contains("Load"), "{text}");
+    let counts: Value = serde_json::from_str(&works(&["profile", "--disassemble", "gather", "--json"])).unwrap();
+    assert!(counts["EntryPoint"] == 1 && counts["Load"].as_u64().unwrap() > 3, "{counts}");
+}

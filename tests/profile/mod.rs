@@ -1,0 +1,229 @@
+//! Profiles: statistics, limits, traces, and dispatches that are captured and run again.
+
+mod command;
+
+use crate::common::device::gpu;
+use crate::common::random;
+use ivv::gpu::cost::{Cost, terms};
+use ivv::gpu::table::{Count, KERNELS};
+use ivv::gpu::{Dispatch, PassTime, kernel_named};
+use ivv::profile::{
+    Bound, Difference, Moment, Peaks, Replay, mad, median, paired_ratio, quantile, read_dispatch, trace, write_dispatch,
+};
+use ivv::stage::{Outputs, Renderer};
+use ivv::{Constants, Error};
+use std::path::{Path, PathBuf};
+
+#[test]
+fn quantiles_and_deviations_are_those_of_known_numbers() {
+    let values = [9.0, 1.0, 4.0, 2.0, 100.0];
+    assert_eq!((median(&values), mad(&values)), (4.0, 3.0));
+    assert_eq!((quantile(&values, 0.0), quantile(&values, 1.0), quantile(&values, 0.25)), (1.0, 100.0, 2.0));
+    // Between the fourth (9) and the fifth (100), 0.8 of the way.
+    assert!((quantile(&values, 0.95) - (9.0 + 0.8 * 91.0)).abs() < 1e-12);
+    assert_eq!(median(&[3.0, 1.0]), 2.0);
+    assert!(median(&[]).is_nan() && mad(&[]).is_nan());
+}
+
+#[test]
+fn the_interval_of_a_paired_ratio_is_that_of_the_sign_test() {
+    // 20 ratios 1.01 to 1.20: of 20 throws of a coin, 5 or fewer are heads with 2.07 %, 6 or fewer with 5.77 %.
+    let under: Vec<f64> = (0..20).map(|i| 1.0 + f64::from(i)).collect();
+    let over: Vec<f64> = under.iter().zip(1..).map(|(under, i)| under * (1.0 + 0.01 * f64::from(i))).collect();
+    let ratio = paired_ratio(&over, &under);
+    assert!((ratio.median - 1.105).abs() < 1e-12);
+    assert!((ratio.low - 1.06).abs() < 1e-12 && (ratio.high - 1.15).abs() < 1e-12, "{ratio:?}");
+    // Too few pairs to leave any out.
+    let few = paired_ratio(&[1.0, 2.0, 3.0], &[1.0, 1.0, 1.0]);
+    assert_eq!((few.low, few.median, few.high), (1.0, 2.0, 3.0));
+}
+
+#[test]
+fn a_limit_is_the_slowest_resource_and_the_dispatches() {
+    let peaks = Peaks { bytes: 1e9, flops: 4e9, exp2: 1e9, dispatch_ns: 100.0, ..Peaks::default() };
+    let cost = |bytes, flops, exp2| Cost { bytes, flops, exp2, ..Cost::default() };
+    assert_eq!(peaks.limit(&cost(1000.0, 1000.0, 10.0), 2.0), (1200.0, Bound::Bytes));
+    assert_eq!(peaks.limit(&cost(1000.0, 8000.0, 10.0), 1.0), (2100.0, Bound::Flops));
+    assert_eq!(peaks.limit(&cost(1000.0, 8000.0, 3000.0), 0.0), (3000.0, Bound::Exp2));
+    assert_eq!(peaks.limit(&cost(50.0, 0.0, 0.0), 1.0), (150.0, Bound::Dispatch));
+    // What the device cannot do or was not measured binds nothing.
+    assert_eq!(peaks.limit(&Cost { float_atomics: 1e9, ..Cost::default() }, 1.0), (100.0, Bound::Dispatch));
+}
+
+#[test]
+fn every_kernel_of_a_frame_or_a_step_has_a_model_of_its_cost() {
+    let is_outside = |file: &str| file.starts_with("probe/") || file.starts_with("density/density_");
+    for row in KERNELS.iter().filter(|row| !is_outside(row.file)) {
+        let terms = terms(row).unwrap_or_else(|| panic!("{}: engine/gpu/cost.rs has no model", row.name));
+        let mut sum = Cost::default();
+        terms.iter().for_each(|term| sum.add(&term.cost, 1.0));
+        assert!(row.count == Count::Dispatches || sum.bytes + sum.flops > 0.0, "{}: costs nothing", row.name);
+    }
+}
+
+#[test]
+fn pairs_counted_on_the_host_are_those_of_the_twin() {
+    let gpu = gpu();
+    let (splats, view) = (random::scene(9, 300, 0), random::view());
+    let mut renderer = Renderer::new(gpu.clone(), &splats, Constants::default()).unwrap();
+    let (_, report) = renderer.profile(&view, Outputs::Color).unwrap();
+    if report.passes.is_empty() {
+        eprintln!("skipped: the device has no timestamps");
+        return;
+    }
+    let twin = ivv::twin::render_f64(&splats, &view, &Constants::default());
+    let added: u64 = twin.n_contributing.iter().map(|n| u64::from(*n)).sum();
+    let counters = &report.counters;
+    assert!(added > 1000, "{added}");
+    let off = (counters.added - added as f64).abs();
+    assert!(off <= 1e-3 * added as f64, "{} counted, {added} in the twin", counters.added);
+    assert!(counters.evaluated >= counters.added && counters.evaluated <= 256.0 * counters.intersections);
+    assert_eq!(counters.pixels, f64::from(view.width * view.height));
+    let blend = report.passes.iter().find(|pass| pass.label.starts_with("blend/")).unwrap();
+    assert_eq!((blend.units, blend.dispatches), (counters.intersections, 1));
+    assert_eq!(blend.cost.exp2, counters.evaluated);
+}
+
+#[test]
+fn a_trace_has_the_host_above_the_device_and_ends_with_it() {
+    let pass = |label: &str, begin_ns: f64, ns: f64| PassTime { label: label.to_owned(), begin_ns, ns };
+    let moment = Moment {
+        name: "submit and wait".to_owned(),
+        begin: 1.0,
+        seconds: 0.5,
+        passes: vec![pass("cull/fill", 0.0, 1e6), pass("blend/blend_fwd_p8", 2e6, 3e6)],
+    };
+    let text = serde_json::to_string(&trace("some device", &[moment])).unwrap();
+    let value: serde_json::Value = serde_json::from_str(&text).unwrap();
+    let events = value["traceEvents"].as_array().unwrap();
+    let names: Vec<&str> =
+        events.iter().filter(|e| e["ph"] == "M").map(|e| e["args"]["name"].as_str().unwrap()).collect();
+    assert_eq!(names, ["host", "some device"]);
+    let spans: Vec<_> = events
+        .iter()
+        .filter(|event| event["ph"] == "X")
+        .map(|e| {
+            (
+                e["name"].as_str().unwrap(),
+                e["pid"].as_u64().unwrap(),
+                e["ts"].as_f64().unwrap(),
+                e["dur"].as_f64().unwrap(),
+            )
+        })
+        .collect();
+    assert_eq!(spans.len(), 3);
+    assert_eq!(spans[0], ("submit and wait", 0, 1e6, 5e5));
+    assert_eq!((spans[1].0, spans[1].1, spans[2].0, spans[2].1), ("fill", 1, "blend_fwd_p8", 1));
+    // The last pass ends with the waiting; the others keep their distance to it.
+    assert!((spans[2].2 + spans[2].3 - 1.5e6).abs() < 1e-3 && (spans[2].2 - spans[1].2 - 2000.0).abs() < 1e-3);
+}
+
+/// A folder that is removed at the end.
+pub struct Folder(pub PathBuf);
+
+impl Folder {
+    pub fn new(name: &str) -> Self {
+        let folder = std::env::temp_dir().join(format!("ivv-profile-{name}-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).unwrap();
+        Folder(folder)
+    }
+
+    pub fn file(&self, name: &str) -> PathBuf {
+        self.0.join(name)
+    }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_dir_all(&self.0);
+    }
+}
+
+/// The blend of a random scene, captured.
+fn captured() -> Dispatch {
+    let gpu = gpu();
+    let mut renderer = Renderer::new(gpu.clone(), &random::scene(11, 200, 0), Constants::default()).unwrap();
+    let pixels = if gpu.caps().kind == ivv::vk::DeviceKind::Cpu && gpu.caps().subgroup_size <= 32 { 8 } else { 4 };
+    let kernel = format!("blend_fwd_p{pixels}");
+    assert!(
+        renderer.capture(&random::view(), Outputs::All, "blend_bwd_p8").unwrap().is_none(),
+        "a picture has no such"
+    );
+    let mut dispatch = renderer.capture(&random::view(), Outputs::All, &kernel).unwrap().expect("the blend ran");
+    // The picture was there already, from the frame that the lists grew in.
+    let image = dispatch.bindings.iter_mut().find(|bound| bound.name == "image0").unwrap();
+    image.before.fill(0);
+    dispatch
+}
+
+#[test]
+fn a_captured_dispatch_gives_the_same_bits_again_and_so_does_its_variant() {
+    let gpu = gpu();
+    if gpu.caps().timestamp_ns == 0.0 {
+        eprintln!("skipped: the device has no timestamps");
+        return;
+    }
+    let folder = Folder::new("replay");
+    let file = folder.file("blend.dispatch");
+    let dispatch = captured();
+    let image = dispatch.bindings.iter().find(|bound| bound.name == "image0").unwrap();
+    let after = image.after.as_ref().unwrap();
+    assert!(image.before != *after && after.iter().any(|byte| *byte != 0), "the picture is not empty");
+    write_dispatch(&file, &dispatch, &gpu).unwrap();
+    let (read, kernel) = read_dispatch(&file).unwrap();
+    assert_eq!((&read, kernel.name), (&dispatch, dispatch.kernel.as_str()));
+    let both = [kernel_named("blend_fwd_p8").unwrap(), kernel_named("blend_fwd_p4").unwrap()];
+    let lanes = gpu.caps().subgroup_size;
+    for kernel in both.into_iter().filter(|kernel| lanes <= 32 || kernel.name != "blend_fwd_p8") {
+        // The order of each pixel's sum is that of the list, whatever the block.
+        let lines = Replay::new(&gpu, &read).unwrap().run(&[kernel], 3).unwrap();
+        assert_eq!(lines[0].from_captured, Difference::default(), "{}", kernel.name);
+        assert!(lines[0].median_ns > 0.0 && lines[0].mad_ns >= 0.0 && lines[0].ratio.median == 1.0);
+    }
+    let stranger = kernel_named("compact").unwrap();
+    assert!(Replay::new(&gpu, &read).unwrap().run(&[stranger], 1).is_err());
+    // Another picture is told from the captured one.
+    let mut other = read.clone();
+    let image = other.bindings.iter_mut().find(|bound| bound.name == "image0").unwrap();
+    image.after.as_mut().unwrap()[..4].copy_from_slice(&9f32.to_le_bytes());
+    let lines = Replay::new(&gpu, &other).unwrap().run(&[kernel], 1).unwrap();
+    let Difference { words, max_abs, max_rel } = lines[0].from_captured;
+    assert!(words == 1 && max_abs > 7.0 && max_abs <= 9.0 && max_rel > 0.7, "{:?}", lines[0].from_captured);
+}
+
+#[test]
+fn a_damaged_capture_is_refused_with_what_is_wrong() {
+    let folder = Folder::new("damage");
+    let file = folder.file("blend.dispatch");
+    write_dispatch(&file, &captured(), &gpu()).unwrap();
+    let good = std::fs::read(&file).unwrap();
+    assert!(read_dispatch(&file).is_ok());
+    let fault = |bytes: &[u8]| {
+        std::fs::write(&file, bytes).unwrap();
+        match read_dispatch(&file) {
+            Err(Error::Data { reason, remedy, .. }) => {
+                assert!(remedy.contains("--capture"), "{remedy}");
+                reason
+            }
+            Err(other) => panic!("{other}"),
+            Ok(_) => panic!("was read"),
+        }
+    };
+    fault(&[]);
+    fault(&good[..good.len() - 1]);
+    fault(&good[..20]);
+    let mut flipped = good.clone();
+    *flipped.last_mut().unwrap() ^= 1;
+    assert!(fault(&flipped).contains("other bytes"));
+    // The header's text, edited in place.
+    let edited = |from: &str, to: &str| {
+        assert_eq!(from.len(), to.len());
+        let mut bytes = good.clone();
+        let at = bytes.windows(from.len()).position(|window| window == from.as_bytes()).expect(from);
+        bytes[at..at + to.len()].copy_from_slice(to.as_bytes());
+        bytes
+    };
+    assert!(fault(&edited("blend_fwd_p", "blend_fwx_p")).contains("there is not"));
+    assert!(fault(&edited("tile_order", "tile_ordex")).contains("bindings"));
+    assert!(read_dispatch(Path::new("/nowhere/at.dispatch")).is_err());
+}

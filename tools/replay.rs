@@ -1,0 +1,110 @@
+//! `ivv profile --replay` and `--disassemble`: single kernels.
+
+use anyhow::Context;
+use ivv::gpu::{Gpu, KernelInfo, kernel_named};
+use ivv::profile::{Replay, Replayed, read_dispatch};
+use rspirv::binary::Disassemble;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// Options of a replay.
+#[derive(clap::Args)]
+pub struct ReplayArgs {
+    /// Runs a captured dispatch again and again.
+    #[arg(long, conflicts_with_all = ["subject", "capture", "cameras"])]
+    replay: Option<PathBuf>,
+    /// Kernels to run beside the captured one, separated by commas: variants of its shader.
+    #[arg(long, value_delimiter = ',', requires = "replay")]
+    variant: Vec<String>,
+    /// How often each kernel runs.
+    #[arg(short, default_value_t = 200, value_parser = clap::value_parser!(u32).range(1..))]
+    n: u32,
+    /// Stays, compiles the kernel again whenever a shader changes, and runs it beside the captured one.
+    #[cfg(feature = "shaders")]
+    #[arg(long, requires = "replay")]
+    watch: bool,
+}
+
+impl ReplayArgs {
+    /// The captured dispatch.
+    pub fn file(&self) -> Option<&Path> {
+        self.replay.as_deref()
+    }
+}
+
+pub fn run(args: &ReplayArgs, gpu: &Gpu, json: bool) -> anyhow::Result<()> {
+    let (dispatch, captured) = read_dispatch(args.file().context("--replay names no file")?)?;
+    let mut kernels = vec![captured];
+    for name in &args.variant {
+        let kernel = kernel_named(name).with_context(|| format!("--variant {name}: there is no such kernel"))?;
+        if kernels.iter().all(|other| other.name != kernel.name) {
+            kernels.push(kernel);
+        }
+    }
+    let replay = Replay::new(gpu, &dispatch)?;
+    let show = |kernels: &[&'static KernelInfo]| -> anyhow::Result<()> {
+        let lines = replay.run(kernels, args.n as usize)?;
+        if json {
+            println!("{}", serde_json::to_string_pretty(&lines)?);
+        } else {
+            print(&lines, args.n);
+        }
+        Ok(())
+    };
+    show(&kernels)?;
+    #[cfg(feature = "shaders")]
+    if args.watch {
+        crate::watch::watch(captured, |edited| show(&[captured, edited]))?;
+    }
+    Ok(())
+}
+
+fn print(lines: &[Replayed], n: u32) {
+    println!(
+        "{:<28} {:>11} {:>9} {:>24} {:>10} {:>11} {:>11} {:>11}",
+        format!("{n} runs each, in turns"),
+        "median, ms",
+        "MAD, ms",
+        "ratio (95 %)",
+        "words off",
+        "max abs",
+        "max rel",
+        "of captured"
+    );
+    for line in lines {
+        let Replayed { kernel, median_ns, mad_ns, ratio, from_first, from_captured } = line;
+        println!(
+            "{kernel:<28} {:>11.4} {:>9.4} {:>24} {:>10} {:>11.3e} {:>11.3e} {:>11.3e}",
+            median_ns / 1e6,
+            mad_ns / 1e6,
+            format!("{:.3} ({:.3} to {:.3})", ratio.median, ratio.low, ratio.high),
+            from_first.words,
+            from_first.max_abs,
+            from_first.max_rel,
+            from_captured.max_rel
+        );
+    }
+}
+
+/// Prints a kernel's SPIR-V, and how often it has which instruction.
+pub fn disassemble(name: &str, json: bool) -> anyhow::Result<()> {
+    let kernel: &KernelInfo =
+        kernel_named(name).with_context(|| format!("--disassemble {name}: there is no such kernel"))?;
+    let module = rspirv::dr::load_bytes(kernel.spirv).map_err(|e| anyhow::anyhow!("{name}: {e}"))?;
+    let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
+    for instruction in module.all_inst_iter() {
+        *counts.entry(instruction.class.opname).or_default() += 1;
+    }
+    if json {
+        println!("{}", serde_json::to_string_pretty(&counts)?);
+        return Ok(());
+    }
+    println!("{}", module.disassemble());
+    let mut counts: Vec<_> = counts.into_iter().collect();
+    counts.sort_by_key(|(_, n)| std::cmp::Reverse(*n));
+    println!("; {} instructions of {}, {} bytes", counts.iter().map(|c| c.1).sum::<usize>(), name, kernel.spirv.len());
+    for (name, n) in counts {
+        println!("; {n:>6} Op{name}");
+    }
+    Ok(())
+}
