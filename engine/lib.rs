@@ -21,4 +21,4 @@ pub mod video;
 pub mod vk;
 
 pub use error::{Error, Result};
-pub use settings::Constants;
+pub use settings::{Constants, Knobs, TileBound};

@@ -23,6 +23,7 @@ mod settings;
 mod sound;
 mod synth;
 mod totals;
+mod trade;
 mod train;
 mod vjp;
 
@@ -68,6 +69,8 @@ enum Verb {
     Eval(eval::Args),
     /// Trains a capture with and without each part of the method, and tables what each is worth.
     Ablate(ablate::Args),
+    /// Measures what settings and presets cost and buy: speed, accuracy, bytes, over several seeds.
+    Trade(trade::Args),
     /// Writes a scene in another format, or as it is at one time.
     Export(export::Args),
     /// Gradients of sum(cotangent * output) of a view, by parameter group.
@@ -97,6 +100,7 @@ fn main() -> ExitCode {
         Verb::Train(args) => train::run(args, cli.json),
         Verb::Eval(args) => eval::run(args, cli.json),
         Verb::Ablate(args) => ablate::run(args, cli.json),
+        Verb::Trade(args) => trade::run(args, cli.json),
         Verb::Export(args) => export::run(args, cli.json),
         Verb::Vjp(args) => vjp::run(args),
         Verb::Demo(args) => demo::run(args),

@@ -79,8 +79,7 @@ impl Scene {
     }
 
     fn upload(&self, gpu: &Watched, mode: AdamMode, sums: &[[f32; 4]]) -> (SceneBuffers, Optimiser) {
-        let alpha_min = Constants::default().alpha_min;
-        let scene = SceneBuffers::upload(gpu, &self.params, alpha_min, Purpose::Training).unwrap();
+        let scene = SceneBuffers::upload(gpu, &self.params, &Constants::default(), Purpose::Training).unwrap();
         let groups = || scene.groups.iter();
         let moments = groups()
             .map(|g| Planes::upload_moments(gpu, &self.first, &self.second, g.start, g.n as usize).unwrap())
@@ -116,6 +115,7 @@ impl Scene {
             purpose: Purpose::Training,
             accumulation: Accumulation::Slots,
             camera: false,
+            depth_bits: 32,
         };
         let work = Workspace::new(&gpu, &scene, room).unwrap();
         gpu.write(&work.view, &[view_params(view, &Constants::default(), scene.origin, strip)]).unwrap();

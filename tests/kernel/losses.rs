@@ -3,7 +3,7 @@
 use crate::common::device::gpu;
 use crate::common::random::Random;
 use ivv::gpu::Recording;
-use ivv::stage::Photometric;
+use ivv::stage::{Photometric, SSIM_WEIGHT, Structure};
 use ivv::twin::{Dual, Photometry, photometric};
 
 const GUARD: [f32; 4] = [1.5, -2.5, 3.5, -4.5];
@@ -58,13 +58,21 @@ impl Pair {
 
     /// The loss with a derivative along `w`.
     fn dual(&self, w: &[[f32; 3]]) -> Photometry<Dual> {
+        self.dual_at(w, 1)
+    }
+
+    fn dual_at(&self, w: &[[f32; 3]], stride: usize) -> Photometry<Dual> {
         let dual = |(x, w): (&[f32; 3], &[f32; 3])| std::array::from_fn(|k| Dual::new(x[k].into(), w[k].into()));
         let image: Vec<[Dual; 3]> = self.image.iter().zip(w).map(dual).collect();
-        photometric(&image, &self.truth, self.size.map(|n| n as usize), self.n_visible())
+        photometric(&image, &self.truth, self.size.map(|n| n as usize), self.n_visible(), stride)
     }
 
     /// The device's, in a scratch for a larger picture, with a guard behind the last pixel.
     fn on_device(&self) -> Found {
+        self.on_device_with(Some(Structure::WHOLE))
+    }
+
+    fn on_device_with(&self, structure: Option<Structure>) -> Found {
         let gpu = gpu();
         let n = self.image.len();
         let loss = Photometric::new(&gpu, n + 3).unwrap();
@@ -74,13 +82,13 @@ impl Pair {
         let d_image = gpu.upload("d image", &vec![GUARD; n + 1]).unwrap();
         gpu.write(&loss.truth, &self.truth).unwrap();
         let mut rec = Recording::new();
-        loss.record(&mut rec, &image, &d_image, self.size, self.n_visible() as u32);
+        loss.record(&mut rec, &image, &d_image, self.size, self.n_visible() as u32, structure);
         gpu.run(&rec).unwrap();
         let mut found = gpu.read(&d_image).unwrap();
         assert_eq!(found.pop(), Some(GUARD), "the pixel past the end was overwritten");
         assert!(found.iter().all(|d| d[3] == 0.0), "alpha has no part in the loss");
         let sums = gpu.read(&loss.sums).unwrap()[0];
-        let [ssim, l1, _] = Photometric::values(sums, self.n_visible() as u32);
+        let [ssim, l1, _] = Photometric::values(sums, self.n_visible() as u32, self.size, structure.unwrap_or(Structure::WHOLE));
         Found { ssim, l1, d_image: found.into_iter().map(|[r, g, b, _]| [r, g, b].map(f32::to_bits)).collect() }
     }
 }
@@ -132,6 +140,35 @@ fn loss_and_cotangent_of_noise_are_those_of_dual_numbers_at_any_size_and_mask() 
                 let difference = (truth.loss().tangent - dot(&d_image, &w)).abs();
                 let error = difference / (norm * dot(&w, &w).sqrt());
                 assert!(error <= 1e-6, "{size:?}, {name}: {error:.1e}");
+            }
+        }
+    }
+}
+
+#[test]
+fn ssim_at_every_second_place_and_no_ssim_at_all_are_those_of_dual_numbers() {
+    for size in SIZES {
+        for (name, mask) in masks((size[0] * size[1]) as usize) {
+            let pair = Pair::random(8, size, mask);
+            let mut random = Random::new(5);
+            let w: Vec<[f32; 3]> = pair.image.iter().map(|_| random.vector(-1.0, 1.0)).collect();
+            let along: Vec<[f64; 3]> = w.iter().map(|w| w.map(f64::from)).collect();
+            let strided = Structure { stride: 2, times: 3.0 };
+            for structure in [Some(strided), None] {
+                let found = pair.on_device_with(structure);
+                let truth = pair.dual_at(&w, 2);
+                let (lambda, case) = (f64::from(SSIM_WEIGHT), format!("{size:?}, {name}, {structure:?}"));
+                let times = structure.map_or(0.0, |structure| f64::from(structure.times));
+                if structure.is_some() {
+                    let allowed = 4e-6 * pair.image.len() as f64 / pair.n_visible() as f64;
+                    assert!((found.ssim - truth.ssim.value).abs() <= allowed, "{case}: {} {truth:?}", found.ssim);
+                }
+                assert!((found.l1 - truth.l1.value).abs() <= 1e-6 * truth.l1.value, "{case}: {truth:?}");
+                let d_image = found.d_image();
+                let expected = (1.0 - lambda) * truth.l1.tangent - times * lambda * truth.ssim.tangent;
+                let norm = dot(&d_image, &d_image).sqrt() * dot(&along, &along).sqrt();
+                let error = (expected - dot(&d_image, &along)).abs() / norm;
+                assert!(norm > 0.0 && error <= 1e-6, "{case}: {error:.1e}");
             }
         }
     }

@@ -6,6 +6,7 @@ mod blend;
 mod clock;
 mod cull;
 mod density;
+mod halves;
 mod losses;
 mod lpips;
 mod priors;

@@ -2,6 +2,7 @@
 
 mod golden;
 mod invariants;
+mod knobs;
 mod large;
 mod long_lists;
 mod overflow;

@@ -4,6 +4,7 @@ mod arrows;
 mod docs;
 mod hazards;
 mod kernels;
+mod trade;
 
 use std::path::{Path, PathBuf};
 

@@ -3,6 +3,7 @@
 mod density;
 mod extreme;
 mod init;
+mod knobs;
 mod plan;
 mod points;
 mod report;
