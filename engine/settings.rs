@@ -98,6 +98,13 @@ impl Knobs {
 
 impl Default for Constants {
     fn default() -> Self {
-        Constants { alpha_min: 1.0 / 255.0, alpha_max: 0.99, t_min: 1e-4, blur: 0.3, near: 0.01, knobs: Knobs::default() }
+        Constants {
+            alpha_min: 1.0 / 255.0,
+            alpha_max: 0.99,
+            t_min: 1e-4,
+            blur: 0.3,
+            near: 0.01,
+            knobs: Knobs::default(),
+        }
     }
 }

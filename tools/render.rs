@@ -7,9 +7,9 @@ use crate::interrupt::{Interrupted, Stop};
 use crate::profile::{self, TimedPass};
 use crate::progress::Progress;
 use anyhow::Context;
-use ivv::{Constants, Knobs, TileBound};
 use ivv::scene::{Frame, View, read_scene, read_views};
 use ivv::stage::{FrameReport, Outputs, Renderer};
+use ivv::{Constants, Knobs, TileBound};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 

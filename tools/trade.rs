@@ -14,8 +14,8 @@ use ivv::scene::prior::read_flow;
 use ivv::scene::{Splats, View, write_atomic};
 use ivv::stage::{Outputs, Renderer};
 use ivv::train::{
-    Circumstances, Config, KNOB_SETTINGS, KernelError, Meter, Setup, Sight, Trade, TradeArm, TradeRun, Trainer, evaluate,
-    merge, permutation, spread, trade_arms,
+    Circumstances, Config, KNOB_SETTINGS, KernelError, Meter, Setup, Sight, Trade, TradeArm, TradeRun, Trainer,
+    evaluate, merge, permutation, spread, trade_arms,
 };
 use ivv::twin::render_f64;
 use serde_json::{Value, json};
@@ -312,7 +312,8 @@ impl Bench<'_> {
 
     /// What each way to render does to one view of `splats`, against the twin in double precision.
     fn kernel_errors(&self, splats: &Splats) -> anyhow::Result<Vec<KernelError>> {
-        let (camera, frame) = *spread(&self.capture.test_frames(), 1).first().context("the capture has no test image")?;
+        let (camera, frame) =
+            *spread(&self.capture.test_frames(), 1).first().context("the capture has no test image")?;
         let view = self.capture.view(camera, frame)?;
         let truth = render_f64(splats, &view, &Constants::default());
         let mut seen: Vec<ivv::Knobs> = Vec::new();
@@ -344,9 +345,12 @@ impl Residuals {
 
     fn add(&mut self, color: &[[f32; 3]], truth: &Picture, moves: &[bool]) {
         self.n += 1.0;
-        for (((sums, moved), color), (word, moves)) in self.sums.iter_mut().zip(color).zip(truth.pixels.iter().zip(moves)) {
+        for (((sums, moved), color), (word, moves)) in
+            self.sums.iter_mut().zip(color).zip(truth.pixels.iter().zip(moves))
+        {
             let truth = word.to_le_bytes();
-            let error = (0..3).map(|c| 255.0 * f64::from(color[c].clamp(0.0, 1.0)) - f64::from(truth[c])).sum::<f64>() / 3.0;
+            let error =
+                (0..3).map(|c| 255.0 * f64::from(color[c].clamp(0.0, 1.0)) - f64::from(truth[c])).sum::<f64>() / 3.0;
             *sums = [sums[0] + error, sums[1] + error * error];
             *moved |= *moves || truth[3] == 0;
         }
@@ -368,9 +372,14 @@ fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
 /// Tells scenes apart by any bit.
 fn hash(splats: &Splats) -> String {
     let mut hasher = Sha256::new();
-    for values in [splats.position.as_flattened(), splats.rotation.as_flattened(), splats.scale.as_flattened(),
-        &splats.opacity, splats.sh.as_flattened(), bytemuck::cast_slice(&splats.motion)]
-    {
+    for values in [
+        splats.position.as_flattened(),
+        splats.rotation.as_flattened(),
+        splats.scale.as_flattened(),
+        &splats.opacity,
+        splats.sh.as_flattened(),
+        bytemuck::cast_slice(&splats.motion),
+    ] {
         hasher.update(bytemuck::cast_slice::<f32, u8>(values));
     }
     format!("{:x}", hasher.finalize())
@@ -400,7 +409,13 @@ mod tests {
 
     #[test]
     fn days_are_dates() {
-        let known = [(0, "1970-01-01"), (11_016, "2000-02-29"), (19_782, "2024-02-29"), (19_783, "2024-03-01"), (20_778, "2026-11-21")];
+        let known = [
+            (0, "1970-01-01"),
+            (11_016, "2000-02-29"),
+            (19_782, "2024-02-29"),
+            (19_783, "2024-03-01"),
+            (20_778, "2026-11-21"),
+        ];
         known.into_iter().for_each(|(days, told)| assert_eq!(date(days), told));
     }
 }

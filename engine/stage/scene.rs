@@ -79,7 +79,12 @@ impl SceneBuffers {
     pub fn upload_in_groups(gpu: &Gpu, splats: &Splats, constants: &Constants, limit: usize) -> Result<Self> {
         let origin = far_origin(splats);
         let (groups, n_flat) = cut(splats.n_static, splats.len(), limit, |slot| {
-            Group::new(gpu, slot, Planes::upload(gpu, splats, slot.start, slot.n, origin)?, constants.knobs.sh_bits == 16)
+            Group::new(
+                gpu,
+                slot,
+                Planes::upload(gpu, splats, slot.start, slot.n, origin)?,
+                constants.knobs.sh_bits == 16,
+            )
         })?;
         let n_bad = gpu.upload("bad Gaussians", &[0u32])?;
         let mut scene = Self::from_groups(gpu, groups, n_flat, limit, origin)?;
@@ -349,7 +354,11 @@ impl Group {
         let grid = Grid::Threads(n);
         let Constants { alpha_min, knobs: Knobs { temporal_cut, .. }, .. } = *constants;
         if let (Some(motion), Some(window)) = (&self.params.motion, &self.window) {
-            rec.pass(bound_dynamic::Args { geometry, bound, n_bad, motion, window }, bound_dynamic::Push { n, alpha_min, temporal_cut }, grid);
+            rec.pass(
+                bound_dynamic::Args { geometry, bound, n_bad, motion, window },
+                bound_dynamic::Push { n, alpha_min, temporal_cut },
+                grid,
+            );
         } else {
             let push = bound_static::Push { n, alpha_min, temporal_cut };
             rec.pass(bound_static::Args { geometry, bound, n_bad }, push, grid);

@@ -109,8 +109,7 @@ impl Tiles {
         let pairs = (&projected.depth_keys, &projected.identity);
         let n_rounds = self.depth_bits / 8;
         let grids_of_active = grids(&cull.args);
-        let (_, order) =
-            self.depth_sort.record(rec, &cull.n_active, &cull.n_digits, pairs, n_rounds, &grids_of_active);
+        let (_, order) = self.depth_sort.record(rec, &cull.n_active, &cull.n_digits, pairs, n_rounds, &grids_of_active);
 
         rec.stage("tiles");
         let (n_active, tile_counts, offsets) = (&cull.n_active, &projected.tile_counts, &self.offsets);

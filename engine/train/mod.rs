@@ -44,7 +44,7 @@ pub use run::{CaptureSummary, Run};
 pub use schedule::rates;
 pub use setup::Setup;
 pub use trade::{
-    Circumstances, Comparison, KNOB_SETTINGS, Kind as TradeKind, KernelError, Spread, Trade, TradeArm, TradeRun, Verdict,
-    is_equivalent, trade_arms,
+    Circumstances, Comparison, KNOB_SETTINGS, KernelError, Kind as TradeKind, Spread, Trade, TradeArm, TradeRun,
+    Verdict, is_equivalent, trade_arms,
 };
 pub use trainer::{StepReport, Trainer};

@@ -139,14 +139,7 @@ impl Objective {
     }
 
     /// Stages the picture of step `step`, which `camera` took and which was reduced by `reduction`.
-    pub fn stage(
-        &mut self,
-        gpu: &Gpu,
-        picture: &Picture,
-        camera: usize,
-        step: u64,
-        reduction: u32,
-    ) -> Result<Truth> {
+    pub fn stage(&mut self, gpu: &Gpu, picture: &Picture, camera: usize, step: u64, reduction: u32) -> Result<Truth> {
         let n_visible = picture.pixels.iter().filter(|word| **word >> 24 != 0).count().max(1) as u32;
         let loss = &self.config.loss;
         let used = |weight: f64, n: u32| if n >= LEAST_PIXELS { weight } else { 0.0 };
@@ -282,8 +275,7 @@ impl Objective {
     pub fn values(&self, gpu: &Gpu, target: &Truth, sums: &Sums) -> Result<Values> {
         let read = |slice: &Slice| -> Result<[f32; 4]> { Ok(gpu.peek(slice)?.first().copied().unwrap_or_default()) };
         let structure = target.structure.unwrap_or(Structure::WHOLE);
-        let [ssim, l1, mse] =
-            Photometric::values(read(&sums.photometric)?, target.n_visible, target.size, structure);
+        let [ssim, l1, mse] = Photometric::values(read(&sums.photometric)?, target.n_visible, target.size, structure);
         let weight = f64::from(SSIM_WEIGHT);
         let ssim = target.structure.map(|_| ssim);
         let loss = (1.0 - weight) * l1 + ssim.map_or(0.0, |ssim| weight * (1.0 - ssim));

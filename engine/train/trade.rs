@@ -67,7 +67,8 @@ pub struct TradeArm {
 pub fn trade_arms(presets: &[String], singles: &[(String, Value)], without: Option<&str>) -> Result<Vec<TradeArm>> {
     let mut arms = Vec::new();
     // The measure of all others comes first.
-    let names = BTreeSet::from(["exact"]).into_iter().chain(presets.iter().map(String::as_str).filter(|n| *n != "exact"));
+    let names =
+        BTreeSet::from(["exact"]).into_iter().chain(presets.iter().map(String::as_str).filter(|n| *n != "exact"));
     for name in names {
         let Preset { id, settings, .. } = Preset::find(name)?;
         arms.push(TradeArm { name: id.name, kind: Kind::Preset, settings });
@@ -288,6 +289,8 @@ pub struct Trade {
 pub struct Comparison {
     /// How many times as fast a step is, over whole runs.
     pub speed: Option<Spread>,
+    /// The same of a step with the preset `reference`, where that was measured.
+    pub speed_of_reference: Option<Spread>,
     /// How many times as soon the quality is reached that the first arm ends with, less [`QUALITY_GAP_DB`]; of the seeds
     /// with which it is reached.
     pub quality_speed: Option<Spread>,
@@ -336,7 +339,9 @@ impl Trade {
             let noise = gain.half_width.unwrap_or(f64::INFINITY);
             match gain.mean {
                 _ if is_same => Verdict::SameBits,
-                _ if is_equivalent(&gains, MARGIN_DB) && is_equivalent(&worst_gains, WORST_MARGIN_DB) => Verdict::Equivalent,
+                _ if is_equivalent(&gains, MARGIN_DB) && is_equivalent(&worst_gains, WORST_MARGIN_DB) => {
+                    Verdict::Equivalent
+                }
                 mean if mean.abs() <= noise => Verdict::NotDistinguishable,
                 mean if mean < 0.0 => Verdict::Worse,
                 _ => Verdict::Better,
@@ -344,6 +349,7 @@ impl Trade {
         });
         Comparison {
             speed: Spread::new(pairs.iter().map(|(own, first)| first.seconds() / own.seconds()).collect()),
+            speed_of_reference: self.speed_of_reference(index),
             n_reached: reached.len(),
             quality_speed: Spread::new(reached),
             psnr: mean(|run| Some(run.psnr)),
@@ -358,13 +364,19 @@ impl Trade {
         }
     }
 
+    fn speed_of_reference(&self, index: usize) -> Option<Spread> {
+        let reference = self.arms.iter().position(|arm| arm.name == "reference")?;
+        let ratio = |arms: &Vec<TradeRun>| Some(arms.get(reference)?.seconds() / arms.get(index)?.seconds());
+        Spread::new(self.runs.iter().filter_map(ratio).collect())
+    }
+
     /// The tables in Markdown.
     pub fn markdown(&self) -> String {
         let Circumstances { device, driver, date, shaders, capture, steps, seeds } = &self.at;
         let mut text = format!(
             "# What settings buy\n\n{device}, {driver}, {date}; shaders {shaders}. `{capture}`, {steps} steps, {} seeds.\n\n\
              Blocks of steps of all settings were run in turn in one process. *Speed*: how many times as fast a step is as with \
-             `exact`, over whole runs, median (lowest to highest seed). *To quality*: how many times as soon a run reaches the \
+             `exact`, over whole runs, median (lowest to highest seed); *of reference*: the same as with `reference`. *To quality*: how many times as soon a run reaches the \
              PSNR that `exact` ends with less {QUALITY_GAP_DB} dB; in brackets with how many seeds. Differences are to `exact`, \
              paired by seed, with Student's interval of 95 %. *Equivalent*: two one-sided tests at 5 % put it within \
              {MARGIN_DB} dB, and the worst frame within {WORST_MARGIN_DB} dB. Scores are of the test views, rendered exactly.\n",
@@ -405,7 +417,9 @@ impl Trade {
         };
         let (x_low, x_high) = reach(&mut points.iter().map(|p| p.1.log2()));
         let (y_low, y_high) = reach(&mut points.iter().map(|p| p.2.mean));
-        let pad = |low: f64, high: f64, least: f64| (low - 0.08 * (high - low).max(least), high + 0.08 * (high - low).max(least));
+        let pad = |low: f64, high: f64, least: f64| {
+            (low - 0.08 * (high - low).max(least), high + 0.08 * (high - low).max(least))
+        };
         let ((x_low, x_high), (y_low, y_high)) = (pad(x_low, x_high, 1.0), pad(y_low, y_high, 0.2));
         let (left, top, width, height) = (70.0, 30.0, 620.0, 380.0);
         let x = |speed: f64| left + width * (speed.log2() - x_low) / (x_high - x_low);
@@ -414,22 +428,32 @@ impl Trade {
         for tick in [0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0] {
             if (x_low..x_high).contains(&f64::log2(tick)) {
                 let (at, bottom) = (x(tick), top + height);
-                let _ = writeln!(body, "<line class=\"grid\" x1=\"{at:.1}\" x2=\"{at:.1}\" y1=\"{top}\" y2=\"{bottom}\"/>");
-                let _ = writeln!(body, "<text x=\"{at:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{tick}</text>", bottom + 18.0);
+                let _ =
+                    writeln!(body, "<line class=\"grid\" x1=\"{at:.1}\" x2=\"{at:.1}\" y1=\"{top}\" y2=\"{bottom}\"/>");
+                let _ = writeln!(
+                    body,
+                    "<text x=\"{at:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{tick}</text>",
+                    bottom + 18.0
+                );
             }
         }
-        let step = [0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0].into_iter().find(|s| (y_high - y_low) / s < 9.0).unwrap_or(10.0);
+        let step =
+            [0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0].into_iter().find(|s| (y_high - y_low) / s < 9.0).unwrap_or(10.0);
         let ticks = (y_low / step).ceil() as i64..=(y_high / step).floor() as i64;
         for tick in ticks.map(|k| k as f64 * step) {
             let (at, right) = (y(tick), left + width);
             let _ = writeln!(body, "<line class=\"grid\" x1=\"{left}\" x2=\"{right}\" y1=\"{at:.1}\" y2=\"{at:.1}\"/>");
-            let _ = writeln!(body, "<text x=\"{}\" y=\"{:.1}\" text-anchor=\"end\">{tick:.2}</text>", left - 8.0, at + 4.0);
+            let _ =
+                writeln!(body, "<text x=\"{}\" y=\"{:.1}\" text-anchor=\"end\">{tick:.2}</text>", left - 8.0, at + 4.0);
         }
-        let beaten = |speed: f64, gain: f64| points.iter().any(|p| p.1 >= speed && p.2.mean >= gain && (p.1, p.2.mean) != (speed, gain));
+        let beaten = |speed: f64, gain: f64| {
+            points.iter().any(|p| p.1 >= speed && p.2.mean >= gain && (p.1, p.2.mean) != (speed, gain))
+        };
         let mut front: Vec<(f64, f64)> =
             points.iter().map(|p| (p.1, p.2.mean)).filter(|(speed, gain)| !beaten(*speed, *gain)).collect();
         front.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let front: Vec<String> = front.iter().map(|(speed, gain)| format!("{:.1},{:.1}", x(*speed), y(*gain))).collect();
+        let front: Vec<String> =
+            front.iter().map(|(speed, gain)| format!("{:.1},{:.1}", x(*speed), y(*gain))).collect();
         let _ = writeln!(body, "<polyline class=\"front\" points=\"{}\"/>", front.join(" "));
         for (arm, speed, gain) in &points {
             let (cx, cy) = (x(*speed), y(gain.mean));
@@ -439,10 +463,17 @@ impl Trade {
                 Kind::Without => ("without", String::new()),
             };
             let bar = gain.half_width.filter(|_| arm.kind == Kind::Preset && arm.name != "exact");
-            let (high, low) = (y((gain.mean + bar.unwrap_or(0.0)).min(y_high)), y((gain.mean - bar.unwrap_or(0.0)).max(y_low)));
-            let _ = writeln!(body, "<line class=\"{class}\" x1=\"{cx:.1}\" x2=\"{cx:.1}\" y1=\"{high:.1}\" y2=\"{low:.1}\"/>");
+            let (high, low) =
+                (y((gain.mean + bar.unwrap_or(0.0)).min(y_high)), y((gain.mean - bar.unwrap_or(0.0)).max(y_low)));
+            let _ = writeln!(
+                body,
+                "<line class=\"{class}\" x1=\"{cx:.1}\" x2=\"{cx:.1}\" y1=\"{high:.1}\" y2=\"{low:.1}\"/>"
+            );
             let title = format!("{}: {speed:.2} times, {:+.2} dB", escape(&arm.name), gain.mean);
-            let _ = writeln!(body, "<circle class=\"{class}\" cx=\"{cx:.1}\" cy=\"{cy:.1}\" r=\"5\"><title>{title}</title></circle>");
+            let _ = writeln!(
+                body,
+                "<circle class=\"{class}\" cx=\"{cx:.1}\" cy=\"{cy:.1}\" r=\"5\"><title>{title}</title></circle>"
+            );
             let _ = writeln!(body, "<text class=\"{class}\" x=\"{:.1}\" y=\"{:.1}\">{name}</text>", cx + 9.0, cy - 8.0);
         }
         let (w, h) = (left + width + 60.0, top + height + 48.0);
@@ -461,14 +492,15 @@ impl Trade {
     }
 }
 
-const HEAD: &str = "| | speed | to quality | PSNR, dB | difference, dB | worst frame, dB | | SSIM | flicker | flow, px | offsets, frames | \
-                    MiB |\n|---|---|---|---|---|---|---|---|---|---|---|---|\n";
+const HEAD: &str = "| | speed | of reference | to quality | PSNR, dB | difference, dB | worst frame, dB | | SSIM | \
+                    flicker | flow, px | offsets, frames | MiB |\n|---|---|---|---|---|---|---|---|---|---|---|---|---|\n";
 
 fn row(arm: &TradeArm, compared: &Comparison) -> String {
     let times = |spread: &Option<Spread>| {
         spread.map_or("-".to_owned(), |s| format!("{:.2} ({:.2} to {:.2})", s.median, s.low, s.high))
     };
-    let to_quality = compared.quality_speed.map_or("-".to_owned(), |s| format!("{:.2} ({})", s.median, compared.n_reached));
+    let to_quality =
+        compared.quality_speed.map_or("-".to_owned(), |s| format!("{:.2} ({})", s.median, compared.n_reached));
     let of = |estimate: &Option<Estimate>, decimals: usize, scale: f64| {
         estimate.map_or("-".to_owned(), |e| format!("{:.decimals$}", scale * e.mean))
     };
@@ -479,9 +511,10 @@ fn row(arm: &TradeArm, compared: &Comparison) -> String {
     };
     let verdict = compared.verdict.filter(|_| arm.name != "exact").map_or("", Verdict::words);
     format!(
-        "| {} | {} | {} | {} | {} | {} | {} | {} | {} | {} | {} | {} |\n",
+        "| {} | {} | {} | {} | {} | {} | {} | {} | {} | {} | {} | {} | {} |\n",
         arm.name,
         times(&compared.speed),
+        compared.speed_of_reference.map_or("-".to_owned(), |s| format!("{:.2}", s.median)),
         to_quality,
         of(&compared.psnr, 2, 1.0),
         difference(&compared.psnr_gain),
@@ -566,7 +599,13 @@ mod tests {
     fn tables_and_picture_hold_every_arm_and_where_it_was_measured() {
         let found = trade([[-1.0, -1.1, -0.9], [0.3, -0.4, 0.2]]);
         let (table, svg) = (found.markdown(), found.svg());
-        for told in ["a device, a driver 1.2, 2026-11-21; shaders 0123", "| fast | 4.00 (4.00 to 4.00) | - | 24.00 | -1.00 +- 0.25 |", "not distinguishable", "| exact |", "| 1.50 |"] {
+        for told in [
+            "a device, a driver 1.2, 2026-11-21; shaders 0123",
+            "| fast | 4.00 (4.00 to 4.00) | - | - | 24.00 | -1.00 +- 0.25 |",
+            "not distinguishable",
+            "| exact |",
+            "| 1.50 |",
+        ] {
             assert!(table.contains(told), "{told}:\n{table}");
         }
         assert!(table.contains("| fast | 63.7500 |") && table.contains("below 40 dB"), "{table}");

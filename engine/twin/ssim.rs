@@ -42,7 +42,7 @@ pub fn photometric<R: Real>(
 ) -> Photometry<R> {
     let values: Vec<[f64; 4]> = truth.iter().map(|word| word.to_le_bytes().map(|b| f64::from(b) / 255.0)).collect();
     let n = R::from_f64(3.0 * n_visible as f64);
-    let is_taken = |pixel: usize| pixel % size[0] % stride == 0 && pixel / size[0] % stride == 0;
+    let is_taken = |pixel: usize| [pixel % size[0], pixel / size[0]].into_iter().all(|at| at.is_multiple_of(stride));
     let share = R::from_f64(values.len() as f64 / (0..values.len()).filter(|pixel| is_taken(*pixel)).count() as f64);
     let (mut lost, mut l1) = (R::zero(), R::zero());
     for channel in 0..3 {

@@ -115,8 +115,7 @@ fn many_groups_share_one_list() {
     let (mut groups, mut expected, mut ranges, mut first, mut n) = (Vec::new(), Vec::new(), Vec::new(), 0, 0);
     for (size, dynamic) in [(1, false), (129, false), (64, true), (128, false), (300, true)] {
         let (all, seen) = population(&mut random, size, dynamic);
-        let mut part =
-            SceneBuffers::upload(&gpu, &scene_of(&all), &Constants::default(), Purpose::Picture).unwrap();
+        let mut part = SceneBuffers::upload(&gpu, &scene_of(&all), &Constants::default(), Purpose::Picture).unwrap();
         assert_eq!((part.groups.len(), part.n_bad), (1, 0));
         part.groups[0].first = first;
         let begin = expected.len() as u32;

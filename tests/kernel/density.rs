@@ -55,8 +55,7 @@ impl Case {
     fn new(splats: Splats, state: Vec<[f32; 4]>, group_limit: usize) -> Case {
         let gpu = gpu();
         let mut random = Random::new(9);
-        let scene =
-            SceneBuffers::upload_in_groups(&gpu, &splats, &Constants::default(), group_limit).unwrap();
+        let scene = SceneBuffers::upload_in_groups(&gpu, &splats, &Constants::default(), group_limit).unwrap();
         let of_groups = |g: &ivv::stage::Group| gpu.upload("state", &state[g.start..g.start + g.n as usize]).unwrap();
         let state_buffers = scene.groups.iter().map(of_groups).collect();
         let (mut planes, mut moments) = (Vec::new(), Vec::new());

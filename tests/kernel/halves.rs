@@ -49,8 +49,9 @@ fn n25_halves_saturate_keep_zero_with_its_sign_and_tell_what_is_not_finite() {
 fn halves_are_within_one_of_their_steps_at_any_size() {
     let mut random = Random::new(4);
     for n in [1, 63, 64, 65, 300] {
-        let values: Vec<[f32; 4]> =
-            (0..n).map(|_| random.vector::<4>(-1.0, 1.0).map(|x| x * random.uniform(-20.0, 12.0).exp() as f32)).collect();
+        let values: Vec<[f32; 4]> = (0..n)
+            .map(|_| random.vector::<4>(-1.0, 1.0).map(|x| x * random.uniform(-20.0, 10.0).exp() as f32))
+            .collect();
         for (x, bits) in values.as_flattened().iter().zip(halves(&values).as_flattened()) {
             let (x, found) = (f64::from(*x), value(*bits));
             assert!((found - x).abs() <= x.abs() * 2f64.powi(-10) + 2f64.powi(-24), "{x} became {found}");

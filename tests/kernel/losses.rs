@@ -88,7 +88,8 @@ impl Pair {
         assert_eq!(found.pop(), Some(GUARD), "the pixel past the end was overwritten");
         assert!(found.iter().all(|d| d[3] == 0.0), "alpha has no part in the loss");
         let sums = gpu.read(&loss.sums).unwrap()[0];
-        let [ssim, l1, _] = Photometric::values(sums, self.n_visible() as u32, self.size, structure.unwrap_or(Structure::WHOLE));
+        let [ssim, l1, _] =
+            Photometric::values(sums, self.n_visible() as u32, self.size, structure.unwrap_or(Structure::WHOLE));
         Found { ssim, l1, d_image: found.into_iter().map(|[r, g, b, _]| [r, g, b].map(f32::to_bits)).collect() }
     }
 }

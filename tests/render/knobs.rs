@@ -39,32 +39,35 @@ fn no_bound_of_tiles_or_blocks_changes_a_bit_or_who_is_seen() {
 
 #[test]
 fn short_depth_keys_tell_apart_what_they_say() {
-    // One behind the other, the one behind first in the file: where a key does not tell them apart it comes first.
-    let picture = |gap: f32, depth_bits: u32| {
-        let front = round([0.0, 0.0, 3.0], 0.1, 0.9, [1.0, 0.0, 0.0]);
-        let back = round([0.0, 0.0, 3.0 * (1.0 + gap)], 0.1, 0.9, [0.0, 0.0, 1.0]);
-        let (frame, report) = turned(&scene_of(&[back, front]), &camera(48, 32), Knobs { depth_bits, ..Knobs::default() });
+    // One behind the other, so many steps of f32, the one behind first in the file: it comes first where keys are equal.
+    let picture = |steps: u32, depth_bits: u32| {
+        let z = |steps: u32| f32::from_bits(Constants::default().near.to_bits() + (0x041c << 16) + steps);
+        let front = round([0.0, 0.0, z(0)], 0.1, 0.9, [1.0, 0.0, 0.0]);
+        let back = round([0.0, 0.0, z(steps)], 0.1, 0.9, [0.0, 0.0, 1.0]);
+        let knobs = Knobs { depth_bits, ..Knobs::default() };
+        let (frame, report) = turned(&scene_of(&[back, front]), &camera(48, 32), knobs);
         assert_eq!(report.visible, 2);
         frame
     };
-    for (depth_bits, told, lost) in [(32, 1e-6, 0.0), (24, 2e-6, 1e-7), (16, 1e-3, 1e-4)] {
-        assert!(difference(&picture(told, depth_bits), &picture(told, 32)) < 1e-6, "{depth_bits} bits");
-        if lost > 0.0 {
-            let swapped = difference(&picture(lost, depth_bits), &picture(3.0 * told, 32));
-            assert!(swapped > 0.1, "{depth_bits} bits tell {lost} apart: {swapped}");
-        }
+    for (depth_bits, told) in [(32, 1), (24, 8), (16, 2048)] {
+        let right = picture(told, 32);
+        assert!(bits(&picture(told, depth_bits)) == bits(&right), "{depth_bits} bits");
+        let swapped = difference(&picture(told - 1, depth_bits), &right);
+        assert!(swapped > 0.1, "{depth_bits} bits tell {} steps apart: {swapped}", told - 1);
     }
     // A whole scene's picture, then, differs where neighbours in depth overlap, and little.
     let splats = scene(4, 300, 1);
     let (exact, _) = render(&splats, &view());
-    let changed = |depth_bits| difference(&turned(&splats, &view(), Knobs { depth_bits, ..Knobs::default() }).0, &exact);
+    let changed =
+        |depth_bits| difference(&turned(&splats, &view(), Knobs { depth_bits, ..Knobs::default() }).0, &exact);
     assert!(changed(24) < 1e-3 && changed(16) < 0.2, "{} {}", changed(24), changed(16));
 }
 
 #[test]
 fn a_short_depth_key_orders_everything_in_its_range_and_keeps_what_lies_beyond() {
     let splats = scene(6, 200, 0);
-    let far = Splats { position: splats.position.iter().map(|[x, y, z]| [1e4 * x, 1e4 * y, 1e4 * z]).collect(), ..splats };
+    let far =
+        Splats { position: splats.position.iter().map(|[x, y, z]| [1e4 * x, 1e4 * y, 1e4 * z]).collect(), ..splats };
     let far = Splats { scale: far.scale.iter().map(|s| s.map(|s| s + 1e4f32.ln())).collect(), ..far };
     let (exact, own) = render(&far, &view());
     for depth_bits in [24, 16] {
@@ -141,7 +144,10 @@ fn halves_of_the_harmonics_change_colours_by_less_than_a_level_and_nothing_witho
         let ((exact, own), (frame, report)) = (render(&splats, &view()), turned(&splats, &view(), halved));
         assert_eq!((report.visible, report.intersections), (own.visible, own.intersections));
         let error = difference(&frame, &exact);
-        assert!(if degree == 0 { error == 0.0 } else { error > 1e-6 && error < 1.0 / 255.0 }, "degree {degree}: {error}");
+        assert!(
+            if degree == 0 { error == 0.0 } else { error > 1e-6 && error < 1.0 / 255.0 },
+            "degree {degree}: {error}"
+        );
         let pairs = pixels(&frame).into_iter().zip(pixels(&exact));
         assert!(pairs.into_iter().all(|(a, b)| a[3..] == b[3..]), "alpha, depth and flow do not depend on colours");
     }
