@@ -84,7 +84,7 @@ pub fn trade_arms(presets: &[String], singles: &[(String, Value)], without: Opti
         for path in parts(&preset.settings) {
             let mut settings = preset.settings.clone();
             remove(&mut settings, &path);
-            let name = format!("{name} without {}", path.join("."));
+            let name = format!("{} without {}", preset.id.name, path.join("."));
             arms.push(TradeArm { name, kind: Kind::Without, settings });
         }
     }
