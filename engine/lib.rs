@@ -23,4 +23,4 @@ pub mod video;
 pub mod vk;
 
 pub use error::{Error, Result};
-pub use settings::Constants;
+pub use settings::{Constants, Knobs, TileBound};

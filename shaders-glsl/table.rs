@@ -67,6 +67,8 @@ const SWAP: (&str, &str) = ("ACCUMULATE", "3");
 const ADAM: (&str, &str) = ("ADAM", "1");
 const BACKWARD: (&str, &str) = ("BACKWARD", "1");
 const P4: (&str, &str) = ("PIXELS", "4");
+const HALF: (&str, &str) = ("SH_HALF", "1");
+const S2: (&str, &str) = ("STRIDE", "2u");
 const P8: (&str, &str) = ("PIXELS", "8");
 
 /// All kernels.
@@ -86,6 +88,13 @@ pub const KERNELS: &[Spec] = &[
     spec("project_dynamic_sh1", "project/project.comp", &[D, SH1], "project", Count::Active, 175.0),
     spec("project_dynamic_sh2", "project/project.comp", &[D, SH2], "project", Count::Active, 195.0),
     spec("project_dynamic_sh3", "project/project.comp", &[D, SH3], "project", Count::Active, 230.0),
+    spec("project_static_sh1_half", "project/project.comp", &[SH1, HALF], "project", Count::Active, 175.0),
+    spec("project_static_sh2_half", "project/project.comp", &[SH2, HALF], "project", Count::Active, 195.0),
+    spec("project_static_sh3_half", "project/project.comp", &[SH3, HALF], "project", Count::Active, 230.0),
+    spec("project_dynamic_sh1_half", "project/project.comp", &[D, SH1, HALF], "project", Count::Active, 175.0),
+    spec("project_dynamic_sh2_half", "project/project.comp", &[D, SH2, HALF], "project", Count::Active, 195.0),
+    spec("project_dynamic_sh3_half", "project/project.comp", &[D, SH3, HALF], "project", Count::Active, 230.0),
+    spec("sh_half", "project/sh_half.comp", &[], "project", Count::Gaussians, 60.0),
     spec("scan_reduce", "scan/scan_reduce.comp", &[], "scan", Count::Dispatches, 1000.0),
     spec("scan_spine", "scan/scan_spine.comp", &[], "scan", Count::Dispatches, 1000.0),
     spec("scan_downsweep", "scan/scan_downsweep.comp", &[], "scan", Count::Dispatches, 1000.0),
@@ -152,9 +161,14 @@ pub const KERNELS: &[Spec] = &[
     spec("camera_total", "project/camera_total.comp", &[], "jvp", Count::Dispatches, 1000.0),
     spec("background_sum", "blend/background_sum.comp", &[], "jvp", Count::Pixels, 5.0),
     spec("ssim_rows", "loss/ssim_rows.comp", &[], "ssim", Count::Pixels, 128.0),
+    spec("ssim_rows_s2", "loss/ssim_rows.comp", &[S2], "ssim", Count::Pixels, 80.0),
     spec("ssim_columns", "loss/ssim_columns.comp", &[], "ssim", Count::Pixels, 243.0),
+    spec("ssim_columns_s2", "loss/ssim_columns.comp", &[S2], "ssim", Count::Pixels, 75.0),
     spec("ssim_bwd_rows", "loss/ssim_bwd_rows.comp", &[], "ssim", Count::Pixels, 90.0),
+    spec("ssim_bwd_rows_s2", "loss/ssim_bwd_rows.comp", &[S2], "ssim", Count::Pixels, 25.0),
     spec("ssim_bwd_columns", "loss/ssim_bwd_columns.comp", &[], "ssim", Count::Pixels, 90.0),
+    spec("ssim_bwd_columns_s2", "loss/ssim_bwd_columns.comp", &[S2], "ssim", Count::Pixels, 50.0),
+    spec("l1", "loss/l1.comp", &[], "ssim", Count::Pixels, 10.0),
     spec("loss_sum", "loss/loss_sum.comp", &[], "ssim", Count::Dispatches, 1000.0),
     spec("prior_loss", "loss/prior_loss.comp", &[], "prior", Count::Pixels, 40.0),
     spec("clock_apply", "clock/clock_apply.comp", &[], "clock", Count::Dispatches, 1000.0),

@@ -4,9 +4,10 @@ use crate::device::DeviceArgs;
 use crate::files::make_folder;
 use crate::interrupt::{Interrupted, Stop};
 use crate::progress::Progress;
-use crate::render::{ConstantArgs, check_finite};
+use crate::render::check_finite;
 use crate::synth::size;
 use anyhow::Context;
+use ivv::Constants;
 use ivv::scene::{FlowModel, View, read_scene};
 use ivv::sound::hrtf::HrtfSet;
 use ivv::sound::path::{Convention, HeadPath, read_path};
@@ -167,10 +168,9 @@ pub fn run(
     scene: &Path,
     output: &Path,
     device: &DeviceArgs,
-    constants: &ConstantArgs,
+    constants: Constants,
     json: bool,
 ) -> anyhow::Result<()> {
-    let constants = constants.checked()?;
     let stop = Stop::listen()?;
     let film = Film::new(args, path)?;
     let splats = read_scene(scene)?.by_degree();

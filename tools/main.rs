@@ -21,12 +21,13 @@ mod prepare;
 mod profile;
 mod progress;
 mod render;
-mod require;
 mod replay;
+mod require;
 mod settings;
 mod sound;
 mod synth;
 mod totals;
+mod trade;
 mod train;
 mod vjp;
 #[cfg(feature = "shaders")]
@@ -78,6 +79,8 @@ enum Verb {
     Extremes(extremes::Args),
     /// Measures the device, then every pass of a step or a frame against it; captures and replays single kernels.
     Profile(profile::Args),
+    /// Measures what settings and presets cost and buy: speed, accuracy, bytes, over several seeds.
+    Trade(trade::Args),
     /// Writes a scene in another format, or as it is at one time.
     Export(export::Args),
     /// Gradients of sum(cotangent * output) of a view, by parameter group.
@@ -109,6 +112,7 @@ fn main() -> ExitCode {
         Verb::Ablate(args) => ablate::run(args, cli.json),
         Verb::Extremes(args) => extremes::run(args, cli.json),
         Verb::Profile(args) => profile::run(args, cli.json),
+        Verb::Trade(args) => trade::run(args, cli.json),
         Verb::Export(args) => export::run(args, cli.json),
         Verb::Vjp(args) => vjp::run(args),
         Verb::Demo(args) => demo::run(args),

@@ -123,6 +123,13 @@ pub fn rms_error(rows: &[Row]) -> Option<f64> {
     (!errors.is_empty()).then(|| (squares / errors.len() as f64).sqrt())
 }
 
+/// Root mean square of what is wrong with the time offsets that `trainer` is learning, frames; none without truth.
+pub fn learnt_error(trainer: &mut Trainer, capture: &Capture) -> ivv::Result<Option<f64>> {
+    let (offsets, learns) = trainer.offsets()?;
+    let fits = offsets.into_iter().map(|offset| OffsetFit { offset, standard_error: f64::NAN }).enumerate().collect();
+    Ok(rms_error(&rows(capture, &learns, &fits)))
+}
+
 /// The table, for people.
 pub fn print(rows: &[Row]) {
     let width = rows.iter().map(|row| row.camera.chars().count()).fold(6, usize::max);

@@ -7,9 +7,9 @@ use crate::interrupt::{Interrupted, Stop};
 use crate::passes::{self, TimedPass};
 use crate::progress::Progress;
 use anyhow::Context;
-use ivv::Constants;
 use ivv::scene::{Frame, View, read_scene, read_views};
 use ivv::stage::{FrameReport, Outputs, Renderer};
+use ivv::{Constants, Knobs, TileBound};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -37,6 +37,46 @@ pub struct Args {
     device: DeviceArgs,
     #[command(flatten)]
     constants: ConstantArgs,
+    #[command(flatten)]
+    knobs: KnobArgs,
+}
+
+/// How frames are computed: what may be traded for time, see `ivv trade`. The defaults are exact.
+#[derive(clap::Args)]
+pub struct KnobArgs {
+    /// The tiles that a Gaussian is listed for; changes no picture: ellipse, rectangle or square.
+    #[arg(long, value_parser = tile_bound, default_value = "ellipse")]
+    tile_bound: TileBound,
+    /// Ask every pixel of a tile about every Gaussian of its list; changes no picture.
+    #[arg(long)]
+    no_block_cull: bool,
+    /// Bits of the depths that Gaussians are sorted by: 32, 24 or 16.
+    #[arg(long, default_value_t = Knobs::default().depth_bits)]
+    depth_bits: u32,
+    /// Bits of the coefficients of spherical harmonics above the constant one: 32 or 16.
+    #[arg(long, default_value_t = Knobs::default().sh_bits)]
+    sh_bits: u32,
+    /// Leave out Gaussians whose opacity is below this at a view's time.
+    #[arg(long, default_value_t = Knobs::default().temporal_cut)]
+    temporal_cut: f32,
+    /// Finish a pixel when its transmittance has fallen below this.
+    #[arg(long, default_value_t = Knobs::default().t_cut)]
+    t_cut: f32,
+}
+
+fn tile_bound(name: &str) -> Result<TileBound, serde_json::Error> {
+    serde_json::from_value(name.into())
+}
+
+impl KnobArgs {
+    /// `constants` with the knobs; alpha_min is itself a constant on the command line.
+    pub fn on(&self, constants: Constants) -> anyhow::Result<Constants> {
+        let Self { tile_bound, no_block_cull, depth_bits, sh_bits, temporal_cut, t_cut } = *self;
+        let block_cull = !no_block_cull;
+        let knobs = Knobs { tile_bound, block_cull, depth_bits, sh_bits, temporal_cut, t_cut, ..Knobs::default() };
+        knobs.check().map_err(|fault| anyhow::anyhow!("--{}", fault.replacen('_', "-", 1)))?;
+        Ok(knobs.on(constants))
+    }
 }
 
 /// The rendering constants of SPEC 3 as options.
@@ -73,7 +113,7 @@ impl ConstantArgs {
         for (holds, message) in checks {
             anyhow::ensure!(holds, message);
         }
-        Ok(Constants { alpha_min, alpha_max, t_min, blur, near })
+        Ok(Constants { alpha_min, alpha_max, t_min, blur, near, ..Constants::default() })
     }
 }
 
@@ -106,9 +146,10 @@ struct ViewReport {
 
 pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     if let Some(path) = args.film.path() {
-        return film::run(&args.film, path, &args.scene, &args.output, &args.device, &args.constants, json);
+        let constants = args.knobs.on(args.constants.checked()?)?;
+        return film::run(&args.film, path, &args.scene, &args.output, &args.device, constants, json);
     }
-    let constants = args.constants.checked()?;
+    let constants = args.knobs.on(args.constants.checked()?)?;
     let stop = Stop::listen()?;
     let views = read_views(args.cameras.as_deref().context("--cameras or --path is needed")?)?;
     let splats = read_scene(&args.scene)?.by_degree();

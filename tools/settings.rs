@@ -2,7 +2,8 @@
 
 use crate::files::read_json;
 use anyhow::Context;
-use ivv::train::Config;
+use ivv::train::{Config, Preset, merge};
+use serde_json::{Value, json};
 use std::path::PathBuf;
 
 /// Settings of a run.
@@ -14,7 +15,11 @@ pub struct SettingArgs {
     /// Steps, instead of what the epochs give.
     #[arg(long)]
     steps: Option<u64>,
-    /// Settings, JSON; as config.json of an earlier run has them.
+    /// Settings to begin from: reference, exact, balanced, fast, preview, or the path of a .json file of that form; see
+    /// `ivv trade`.
+    #[arg(long)]
+    preset: Option<String>,
+    /// Settings, JSON, after the preset; as config.json of an earlier run has them.
     #[arg(long)]
     config: Option<PathBuf>,
     /// One setting, KEY=VALUE, after the file; nested keys with dots, as density.strategy=mcmc or lr.scale=1e-2.
@@ -31,21 +36,35 @@ pub struct SettingArgs {
     sh_degree: Option<u32>,
 }
 
+/// The settings that KEY=VALUE changes; keys of nested ones with dots.
+pub fn patch(set: &str) -> anyhow::Result<Value> {
+    let (key, text) = set.split_once('=').context("KEY=VALUE is needed")?;
+    let pointer = format!("/{}", key.replace('.', "/"));
+    let mut all = serde_json::to_value(Config::default())?;
+    all.pointer_mut(&pointer).context("there is no such setting")?;
+    // JSON, or a bare word.
+    let value = serde_json::from_str(text).unwrap_or_else(|_| text.into());
+    Ok(key.rsplit('.').fold(value, |inner, key| json!({ key: inner })))
+}
+
 impl SettingArgs {
-    /// The defaults, then the file, then each `--set`, then the flags.
+    /// The defaults, then the preset, then the file, then each `--set`, then the flags.
     pub fn resolve(&self) -> anyhow::Result<Config> {
-        let begin = match &self.config {
-            Some(file) => read_json(file, "start from the config.json of a run")?,
-            None => Config::default(),
-        };
-        let mut value = serde_json::to_value(begin)?;
+        let mut value = serde_json::to_value(Config::default())?;
+        if let Some(name) = &self.preset {
+            let preset = Preset::find(name)?;
+            merge(&mut value, &preset.settings);
+            value["preset"] = serde_json::to_value(preset.id)?;
+        }
+        if let Some(file) = &self.config {
+            let remedy = "start from the config.json of a run";
+            // As settings first: what is wrong is then a fault of the file.
+            read_json::<Config>(file, remedy)?;
+            merge(&mut value, &read_json(file, remedy)?);
+        }
         for set in &self.set {
-            let (key, text) = set.split_once('=').with_context(|| format!("--set {set}: KEY=VALUE is needed"))?;
-            let pointer = format!("/{}", key.replace('.', "/"));
-            let place =
-                value.pointer_mut(&pointer).with_context(|| format!("--set {set}: there is no such setting"))?;
-            // JSON, or a bare word.
-            *place = serde_json::from_str(text).unwrap_or_else(|_| text.into());
+            let patch = patch(set).with_context(|| format!("--set {set}"))?;
+            merge(&mut value, &patch);
         }
         let mut config: Config = serde_json::from_value(value).context("--set")?;
         config.epochs = self.epochs.unwrap_or(config.epochs);

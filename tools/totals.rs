@@ -3,7 +3,7 @@
 use crate::passes::{TimedPass, mean, total};
 use ivv::gpu::Gpu;
 use ivv::scene::Splats;
-use ivv::train::{Kind, Log, Run};
+use ivv::train::{Config, Kind, Log, Run};
 use serde_json::{Value, json};
 
 /// Of a line of the profile in train.jsonl.
@@ -35,7 +35,7 @@ pub fn totals(
     gpu: &Gpu,
     steps_done: u64,
     splats: &Splats,
-    run: &Run,
+    (run, config): (&Run, &Config),
     log: &Log,
     seconds: &Seconds,
 ) -> anyhow::Result<Value> {
@@ -52,6 +52,7 @@ pub fn totals(
         "revision": option_env!("IVV_REVISION").filter(|revision| !revision.is_empty()),
         "device": gpu.caps(),
         "capture": { "path": run.capture, "held": run.held },
+        "preset": config.preset,
         "steps": steps_done,
         "gaussians": summary.n,
         "dynamic_gaussians": summary.n_dynamic,

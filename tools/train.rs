@@ -267,8 +267,8 @@ impl Session<'_> {
             waited_for_images_s: self.waited,
         };
         let offsets = offsets::table(trainer, &self.scorer, &splats, output)?;
-        let Scorer { gpu, run, capture, .. } = self.scorer;
-        let mut totals = totals(gpu, trainer.step(), &splats, run, &self.log, &seconds)?;
+        let Scorer { gpu, run, capture, config } = self.scorer;
+        let mut totals = totals(gpu, trainer.step(), &splats, (run, config), &self.log, &seconds)?;
         totals["reviews"] = self.log.lines(Kind::Review).cloned().collect();
         totals["plan"] = serde_json::to_value(&self.plan)?;
         totals["depth_priors"] = serde_json::to_value(&self.depth_summary)?;

@@ -99,7 +99,7 @@ fn ten_steps(bench: &Bench, seed: u64, splats: &Splats) -> Result<usize> {
     }
     let end = trainer.splats()?;
     for StepReport { step, loss, l1, ssim, .. } in trainer.take_reports() {
-        ensure!([loss, l1, ssim].iter().all(|x| x.is_finite()), "a loss of {loss} in step {step}");
+        ensure!([loss, l1, ssim.unwrap_or(0.0)].iter().all(|x| x.is_finite()), "a loss of {loss} in step {step}");
     }
     let all = [end.position.as_flattened(), end.rotation.as_flattened(), end.scale.as_flattened()];
     let motion: &[f32] = bytemuck::cast_slice(&end.motion);

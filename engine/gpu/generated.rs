@@ -127,13 +127,21 @@ pub struct ViewParams {
     pub flow_model: u32,
     /// `depth_to_alpha` of the shader.
     pub depth_to_alpha: f32,
+    /// `bounds` of the shader.
+    pub bounds: u32,
+    /// `depth_shift` of the shader.
+    pub depth_shift: u32,
+    /// `t_cut` of the shader.
+    pub t_cut: f32,
     /// `unused0` of the shader.
     pub unused0: f32,
     /// `unused1` of the shader.
     pub unused1: f32,
+    /// `unused2` of the shader.
+    pub unused2: f32,
 }
 const _: () = {
-    assert!(size_of::<ViewParams>() == 208);
+    assert!(size_of::<ViewParams>() == 224);
     assert!(std::mem::offset_of!(ViewParams, row0) == 0);
     assert!(std::mem::offset_of!(ViewParams, row1) == 16);
     assert!(std::mem::offset_of!(ViewParams, row2) == 32);
@@ -157,8 +165,12 @@ const _: () = {
     assert!(std::mem::offset_of!(ViewParams, tiles_y) == 188);
     assert!(std::mem::offset_of!(ViewParams, flow_model) == 192);
     assert!(std::mem::offset_of!(ViewParams, depth_to_alpha) == 196);
-    assert!(std::mem::offset_of!(ViewParams, unused0) == 200);
-    assert!(std::mem::offset_of!(ViewParams, unused1) == 204);
+    assert!(std::mem::offset_of!(ViewParams, bounds) == 200);
+    assert!(std::mem::offset_of!(ViewParams, depth_shift) == 204);
+    assert!(std::mem::offset_of!(ViewParams, t_cut) == 208);
+    assert!(std::mem::offset_of!(ViewParams, unused0) == 212);
+    assert!(std::mem::offset_of!(ViewParams, unused1) == 216);
+    assert!(std::mem::offset_of!(ViewParams, unused2) == 220);
 };
 
 /// derives from each Gaussian the numbers that culling reads: centre, reach, and time window.
@@ -172,11 +184,14 @@ pub mod bound_static {
         pub n: u32,
         /// `alpha_min` of the shader.
         pub alpha_min: f32,
+        /// `temporal_cut` of the shader.
+        pub temporal_cut: f32,
     }
     const _: () = {
-        assert!(size_of::<Push>() == 8);
+        assert!(size_of::<Push>() == 12);
         assert!(std::mem::offset_of!(Push, n) == 0);
         assert!(std::mem::offset_of!(Push, alpha_min) == 4);
+        assert!(std::mem::offset_of!(Push, temporal_cut) == 8);
     };
     /// The kernel's buffers.
     pub struct Args<'a> {
@@ -221,11 +236,14 @@ pub mod bound_dynamic {
         pub n: u32,
         /// `alpha_min` of the shader.
         pub alpha_min: f32,
+        /// `temporal_cut` of the shader.
+        pub temporal_cut: f32,
     }
     const _: () = {
-        assert!(size_of::<Push>() == 8);
+        assert!(size_of::<Push>() == 12);
         assert!(std::mem::offset_of!(Push, n) == 0);
         assert!(std::mem::offset_of!(Push, alpha_min) == 4);
+        assert!(std::mem::offset_of!(Push, temporal_cut) == 8);
     };
     /// The kernel's buffers.
     pub struct Args<'a> {
@@ -818,6 +836,296 @@ pub mod project_dynamic_sh3 {
             BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
+        ],
+    };
+}
+
+/// projects the active Gaussians of a group, evaluates their colour and counts the tiles they touch.
+pub mod project_static_sh1_half {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `group` of the shader.
+        pub group: u32,
+        /// `first` of the shader.
+        pub first: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 8);
+        assert!(std::mem::offset_of!(Push, group) == 0);
+        assert!(std::mem::offset_of!(Push, first) == 4);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub view: &'a Buf<super::ViewParams>,
+        /// Reads.
+        pub ranges: &'a Buf<[u32; 2]>,
+        /// Reads.
+        pub active_id: &'a Buf<u32>,
+        /// Reads.
+        pub geometry: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub sh0: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub splats: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub depth_keys: &'a Buf<u32>,
+        /// Writes.
+        pub identity: &'a Buf<u32>,
+        /// Writes.
+        pub tile_counts: &'a Buf<u32>,
+        /// ReadWrites.
+        pub frame_status: &'a Buf<super::Status>,
+        /// Reads.
+        pub motion: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub sh1: &'a Buf<[u32; 2]>,
+        /// Reads.
+        pub sh2: &'a Buf<[u32; 2]>,
+        /// Reads.
+        pub sh3: &'a Buf<[u32; 2]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = INFO;
+        fn slices(&self) -> Vec<Slice> {
+            vec![
+                self.view.slice(),
+                self.ranges.slice(),
+                self.active_id.slice(),
+                self.geometry.slice(),
+                self.sh0.slice(),
+                self.splats.slice(),
+                self.depth_keys.slice(),
+                self.identity.slice(),
+                self.tile_counts.slice(),
+                self.frame_status.slice(),
+                self.motion.slice(),
+                self.sh1.slice(),
+                self.sh2.slice(),
+                self.sh3.slice(),
+            ]
+        }
+    }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "project_static_sh1_half",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/project_static_sh1_half.spv"),
+        local: 64,
+        subgroups: true,
+        floats: 0x438,
+        bindings: &[
+            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+            BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "depth_keys", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "identity", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
+        ],
+    };
+}
+
+/// projects the active Gaussians of a group, evaluates their colour and counts the tiles they touch.
+pub mod project_static_sh2_half {
+    use super::super::kernel::*;
+    /// What the device needs to know. A variant of [`super::project_static_sh1_half`].
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "project_static_sh2_half",
+        push_bytes: size_of::<super::project_static_sh1_half::Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/project_static_sh2_half.spv"),
+        local: 64,
+        subgroups: true,
+        floats: 0x438,
+        bindings: &[
+            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+            BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "depth_keys", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "identity", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
+        ],
+    };
+}
+
+/// projects the active Gaussians of a group, evaluates their colour and counts the tiles they touch.
+pub mod project_static_sh3_half {
+    use super::super::kernel::*;
+    /// What the device needs to know. A variant of [`super::project_static_sh1_half`].
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "project_static_sh3_half",
+        push_bytes: size_of::<super::project_static_sh1_half::Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/project_static_sh3_half.spv"),
+        local: 64,
+        subgroups: true,
+        floats: 0x438,
+        bindings: &[
+            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+            BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "depth_keys", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "identity", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
+        ],
+    };
+}
+
+/// projects the active Gaussians of a group, evaluates their colour and counts the tiles they touch.
+pub mod project_dynamic_sh1_half {
+    use super::super::kernel::*;
+    /// What the device needs to know. A variant of [`super::project_static_sh1_half`].
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "project_dynamic_sh1_half",
+        push_bytes: size_of::<super::project_static_sh1_half::Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/project_dynamic_sh1_half.spv"),
+        local: 64,
+        subgroups: true,
+        floats: 0x438,
+        bindings: &[
+            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+            BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "depth_keys", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "identity", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
+        ],
+    };
+}
+
+/// projects the active Gaussians of a group, evaluates their colour and counts the tiles they touch.
+pub mod project_dynamic_sh2_half {
+    use super::super::kernel::*;
+    /// What the device needs to know. A variant of [`super::project_static_sh1_half`].
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "project_dynamic_sh2_half",
+        push_bytes: size_of::<super::project_static_sh1_half::Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/project_dynamic_sh2_half.spv"),
+        local: 64,
+        subgroups: true,
+        floats: 0x438,
+        bindings: &[
+            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+            BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "depth_keys", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "identity", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
+        ],
+    };
+}
+
+/// projects the active Gaussians of a group, evaluates their colour and counts the tiles they touch.
+pub mod project_dynamic_sh3_half {
+    use super::super::kernel::*;
+    /// What the device needs to know. A variant of [`super::project_static_sh1_half`].
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "project_dynamic_sh3_half",
+        push_bytes: size_of::<super::project_static_sh1_half::Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/project_dynamic_sh3_half.spv"),
+        local: 64,
+        subgroups: true,
+        floats: 0x438,
+        bindings: &[
+            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+            BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "depth_keys", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "identity", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
+        ],
+    };
+}
+
+/// rounds a band of spherical harmonics to halves, for projection to read.
+pub mod sh_half {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `n` of the shader.
+        pub n: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 4);
+        assert!(std::mem::offset_of!(Push, n) == 0);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub band: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub halves: &'a Buf<[u32; 2]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = INFO;
+        fn slices(&self) -> Vec<Slice> {
+            vec![self.band.slice(), self.halves.slice()]
+        }
+    }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "sh_half",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/sh_half.spv"),
+        local: 64,
+        subgroups: false,
+        floats: 0x1,
+        bindings: &[
+            BindingInfo { name: "band", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "halves", kind: BindingKind::Storage, access: Access::Write },
         ],
     };
 }
@@ -3720,6 +4028,25 @@ pub mod ssim_rows {
     };
 }
 
+/// filters the moments of picture and truth along the rows.
+pub mod ssim_rows_s2 {
+    use super::super::kernel::*;
+    /// What the device needs to know. A variant of [`super::ssim_rows`].
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "ssim_rows_s2",
+        push_bytes: size_of::<super::ssim_rows::Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/ssim_rows_s2.spv"),
+        local: 64,
+        subgroups: false,
+        floats: 0x5,
+        bindings: &[
+            BindingInfo { name: "image", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "truth", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "moments", kind: BindingKind::Storage, access: Access::Write },
+        ],
+    };
+}
+
 /// filters the moments along the columns, forms SSIM and its derivatives, and sums 1 - SSIM and the absolute error.
 pub mod ssim_columns {
     use super::super::kernel::*;
@@ -3775,6 +4102,27 @@ pub mod ssim_columns {
     };
 }
 
+/// filters the moments along the columns, forms SSIM and its derivatives, and sums 1 - SSIM and the absolute error.
+pub mod ssim_columns_s2 {
+    use super::super::kernel::*;
+    /// What the device needs to know. A variant of [`super::ssim_columns`].
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "ssim_columns_s2",
+        push_bytes: size_of::<super::ssim_columns::Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/ssim_columns_s2.spv"),
+        local: 64,
+        subgroups: false,
+        floats: 0x1b,
+        bindings: &[
+            BindingInfo { name: "moments", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "image", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "truth", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "partials", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "sums", kind: BindingKind::Storage, access: Access::Write },
+        ],
+    };
+}
+
 /// filters the derivatives of SSIM along the rows.
 pub mod ssim_bwd_rows {
     use super::super::kernel::*;
@@ -3811,6 +4159,24 @@ pub mod ssim_bwd_rows {
         name: "ssim_bwd_rows",
         push_bytes: size_of::<Push>() as u32,
         spirv: include_bytes!("../../shaders-glsl/spv/ssim_bwd_rows.spv"),
+        local: 64,
+        subgroups: false,
+        floats: 0x3,
+        bindings: &[
+            BindingInfo { name: "partials", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "filtered", kind: BindingKind::Storage, access: Access::Write },
+        ],
+    };
+}
+
+/// filters the derivatives of SSIM along the rows.
+pub mod ssim_bwd_rows_s2 {
+    use super::super::kernel::*;
+    /// What the device needs to know. A variant of [`super::ssim_bwd_rows`].
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "ssim_bwd_rows_s2",
+        push_bytes: size_of::<super::ssim_bwd_rows::Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/ssim_bwd_rows_s2.spv"),
         local: 64,
         subgroups: false,
         floats: 0x3,
@@ -3875,6 +4241,78 @@ pub mod ssim_bwd_columns {
             BindingInfo { name: "image", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "truth", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "d_image", kind: BindingKind::Storage, access: Access::Write },
+        ],
+    };
+}
+
+/// filters the derivatives of SSIM along the columns and forms the cotangent of the colour.
+pub mod ssim_bwd_columns_s2 {
+    use super::super::kernel::*;
+    /// What the device needs to know. A variant of [`super::ssim_bwd_columns`].
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "ssim_bwd_columns_s2",
+        push_bytes: size_of::<super::ssim_bwd_columns::Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/ssim_bwd_columns_s2.spv"),
+        local: 64,
+        subgroups: false,
+        floats: 0xb,
+        bindings: &[
+            BindingInfo { name: "filtered", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "image", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "truth", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_image", kind: BindingKind::Storage, access: Access::Write },
+        ],
+    };
+}
+
+/// the absolute error alone, in the steps without SSIM: its cotangent and sums.
+pub mod l1 {
+    use super::super::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `n` of the shader.
+        pub n: u32,
+        /// `l1_weight` of the shader.
+        pub l1_weight: f32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 8);
+        assert!(std::mem::offset_of!(Push, n) == 0);
+        assert!(std::mem::offset_of!(Push, l1_weight) == 4);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub image: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub truth: &'a Buf<u32>,
+        /// Writes.
+        pub d_image: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub sums: &'a Buf<[f32; 4]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = INFO;
+        fn slices(&self) -> Vec<Slice> {
+            vec![self.image.slice(), self.truth.slice(), self.d_image.slice(), self.sums.slice()]
+        }
+    }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "l1",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../shaders-glsl/spv/l1.spv"),
+        local: 64,
+        subgroups: false,
+        floats: 0xd,
+        bindings: &[
+            BindingInfo { name: "image", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "truth", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_image", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "sums", kind: BindingKind::Storage, access: Access::Write },
         ],
     };
 }
@@ -6204,6 +6642,13 @@ pub const ALL: &[&super::KernelInfo] = &[
     project_dynamic_sh1::INFO,
     project_dynamic_sh2::INFO,
     project_dynamic_sh3::INFO,
+    project_static_sh1_half::INFO,
+    project_static_sh2_half::INFO,
+    project_static_sh3_half::INFO,
+    project_dynamic_sh1_half::INFO,
+    project_dynamic_sh2_half::INFO,
+    project_dynamic_sh3_half::INFO,
+    sh_half::INFO,
     scan_reduce::INFO,
     scan_spine::INFO,
     scan_downsweep::INFO,
@@ -6270,9 +6715,14 @@ pub const ALL: &[&super::KernelInfo] = &[
     camera_total::INFO,
     background_sum::INFO,
     ssim_rows::INFO,
+    ssim_rows_s2::INFO,
     ssim_columns::INFO,
+    ssim_columns_s2::INFO,
     ssim_bwd_rows::INFO,
+    ssim_bwd_rows_s2::INFO,
     ssim_bwd_columns::INFO,
+    ssim_bwd_columns_s2::INFO,
+    l1::INFO,
     loss_sum::INFO,
     prior_loss::INFO,
     clock_apply::INFO,

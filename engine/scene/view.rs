@@ -141,6 +141,13 @@ fn check_views(path: &Path, views: &[View]) -> Result<()> {
 pub(super) type Fault = (&'static str, String, &'static str);
 
 impl View {
+    /// The view of pictures whose pixels are the means of `factor` x `factor` of this one's; what does not fill a pixel at the
+    /// right and at the bottom is cut off.
+    pub fn reduced(&self, factor: u32) -> View {
+        let [fx, fy, cx, cy] = [self.fx, self.fy, self.cx, self.cy].map(|pixels| pixels / f64::from(factor));
+        View { width: self.width / factor, height: self.height / factor, fx, fy, cx, cy, ..self.clone() }
+    }
+
     pub(super) fn check(&self) -> Option<Fault> {
         let unfit = |c: char| c == '/' || c == '\\' || c.is_control();
         if self.name.is_empty() || self.name.len() > MAX_NAME_BYTES {

@@ -9,6 +9,7 @@ use crate::gpu::generated::{
     density_list, density_relocate, density_sample, mcmc_noise,
 };
 use crate::gpu::{Buf, Gpu, Grid, Recording};
+use crate::settings::Constants;
 
 /// Flat indices leave two bits of a source word for its kind, `SOURCE_BITS` of the shaders.
 const MAX_FLAT: u32 = 1 << 30;
@@ -125,7 +126,7 @@ impl DensityRound {
         scene: &SceneBuffers,
         moments: &[Planes],
         state: &[Buf<[f32; 4]>],
-        alpha_min: f32,
+        constants: &Constants,
     ) -> Result<Grown> {
         let old = Before { scene, moments, state };
         if scene.n_flat >= MAX_FLAT {
@@ -165,7 +166,7 @@ impl DensityRound {
         let sources = scratch.sorted_sources(gpu, n)?;
         let counts_by_bucket = std::array::from_fn(|bucket| counters[N_BUCKET + bucket] as usize);
         let scene = SceneBuffers::reshaped(gpu, scene, &counts_by_bucket)?;
-        self.carry(gpu, old, scene, &scratch, &sources, counts, alpha_min)
+        self.carry(gpu, old, scene, &scratch, &sources, counts, constants)
     }
 
     /// The Gaussians that a round adds to `n` at most; exactly, where they are drawn.
@@ -274,7 +275,7 @@ impl DensityRound {
         scratch: &Scratch,
         sources: &Buf<u32>,
         counts: Counts,
-        alpha_min: f32,
+        constants: &Constants,
     ) -> Result<Grown> {
         let groups = || scene.groups.iter();
         let moments = groups().map(|g| Planes::moments(gpu, &g.params, g.n as usize)).collect::<Result<Vec<_>>>()?;
@@ -316,7 +317,7 @@ impl DensityRound {
             }
         }
         // Whatever could not be drawn was pruned or relocated.
-        scene.record_bounds(&mut rec, alpha_min, &gpu.upload("undrawable Gaussians", &[0])?);
+        scene.record_bounds(&mut rec, constants, &gpu.upload("undrawable Gaussians", &[0])?);
         gpu.run(&rec)?;
         Ok(Grown { scene, moments, state, counts })
     }

@@ -1,7 +1,10 @@
 //! The photometric loss of SPEC 4: 0.8 L1 + 0.2 (1 - SSIM), value and cotangent.
 
 use crate::error::Result;
-use crate::gpu::generated::{loss_sum, ssim_bwd_columns, ssim_bwd_rows, ssim_columns, ssim_rows};
+use crate::gpu::generated::{
+    l1, loss_sum, ssim_bwd_columns, ssim_bwd_columns_s2, ssim_bwd_rows, ssim_bwd_rows_s2, ssim_columns,
+    ssim_columns_s2, ssim_rows, ssim_rows_s2,
+};
 use crate::gpu::{Buf, Gpu, Grid, Recording};
 
 /// Outputs per thread along the filter's axis, `RUN` of the shaders.
@@ -11,6 +14,26 @@ const LOCAL: u32 = 64;
 
 /// Weight of 1 - SSIM; L1 has the rest.
 pub const SSIM_WEIGHT: f32 = 0.2;
+
+/// Where SSIM is taken, and how much it counts.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Structure {
+    /// At every pixel (1), or at every second of every second row (2), each of which stands for four.
+    pub stride: u32,
+    /// Times [`SSIM_WEIGHT`].
+    pub times: f32,
+}
+
+impl Structure {
+    /// SPEC 4's.
+    pub const WHOLE: Structure = Structure { stride: 1, times: 1.0 };
+
+    /// Pixels that each place stands for, in the mean over a picture of this size.
+    fn pixels_per_place(self, [width, height]: [u32; 2]) -> f64 {
+        let places = f64::from(width.div_ceil(self.stride)) * f64::from(height.div_ceil(self.stride));
+        f64::from(width) * f64::from(height) / places
+    }
+}
 
 /// Scratch and result of the photometric loss.
 pub struct Photometric {
@@ -39,45 +62,58 @@ impl Photometric {
     }
 
     /// Appends the loss of `image` (colour in the first three channels, `[height][width]`) against the truth, and its
-    /// cotangent to `d_image`; `n_visible` pixels are not hidden by the mask, at least one.
+    /// cotangent to `d_image`; `n_visible` pixels are not hidden by the mask, at least one. Without a `structure` the
+    /// absolute error is all there is.
     pub fn record(
         &self,
         rec: &mut Recording,
         image: &Buf<[f32; 4]>,
         d_image: &Buf<[f32; 4]>,
-        [width, height]: [u32; 2],
+        size: [u32; 2],
         n_visible: u32,
+        structure: Option<Structure>,
     ) {
         rec.stage("loss");
         let Photometric { truth, sums, moments, partials, filtered, group_sums } = self;
-        let rows = Grid::Threads(width.div_ceil(RUN) * height);
-        let n_columns = height.div_ceil(RUN) * width;
+        let [width, height] = size;
         let n_values = 3.0 * n_visible as f32;
-        rec.pass(ssim_rows::Args { image, truth, moments }, ssim_rows::Push { width, height }, rows.clone());
-        rec.pass(
-            ssim_columns::Args { moments, image, truth, partials, sums: group_sums },
-            ssim_columns::Push { width, height },
-            Grid::Threads(n_columns),
-        );
-        rec.pass(ssim_bwd_rows::Args { partials, filtered }, ssim_bwd_rows::Push { width, height }, rows);
-        rec.pass(
-            ssim_bwd_columns::Args { filtered, image, truth, d_image },
-            ssim_bwd_columns::Push {
-                width,
-                height,
-                l1_weight: (1.0 - SSIM_WEIGHT) / n_values,
-                ssim_weight: SSIM_WEIGHT / n_values,
-            },
-            Grid::Threads(n_columns),
-        );
+        let l1_weight = (1.0 - SSIM_WEIGHT) / n_values;
+        let Some(structure) = structure else {
+            let n = width * height;
+            let args = l1::Args { image, truth, d_image, sums: group_sums };
+            rec.pass(args, l1::Push { n, l1_weight }, Grid::Threads(n));
+            let n = n.div_ceil(LOCAL);
+            rec.pass(loss_sum::Args { sums: group_sums, loss: sums }, loss_sum::Push { n }, Grid::Groups(1));
+            return;
+        };
+        let stride = structure.stride;
+        let (columns, rows) = (width.div_ceil(stride), height.div_ceil(stride));
+        let [of_rows, of_columns, bwd_rows, bwd_columns] = match stride {
+            1 => [ssim_rows::INFO, ssim_columns::INFO, ssim_bwd_rows::INFO, ssim_bwd_columns::INFO],
+            _ => [ssim_rows_s2::INFO, ssim_columns_s2::INFO, ssim_bwd_rows_s2::INFO, ssim_bwd_columns_s2::INFO],
+        };
+        let args = ssim_rows::Args { image, truth, moments };
+        let grid = Grid::Threads(columns.div_ceil(RUN) * height);
+        rec.pass_variant(of_rows, args, ssim_rows::Push { width, height }, grid);
+        let args = ssim_columns::Args { moments, image, truth, partials, sums: group_sums };
+        let n_columns = rows.div_ceil(RUN) * columns;
+        rec.pass_variant(of_columns, args, ssim_columns::Push { width, height }, Grid::Threads(n_columns));
+        let args = ssim_bwd_rows::Args { partials, filtered };
+        let grid = Grid::Threads(width.div_ceil(RUN) * rows);
+        rec.pass_variant(bwd_rows, args, ssim_bwd_rows::Push { width, height }, grid);
+        let args = ssim_bwd_columns::Args { filtered, image, truth, d_image };
+        let ssim_weight = structure.times * structure.pixels_per_place(size) as f32 * SSIM_WEIGHT / n_values;
+        let push = ssim_bwd_columns::Push { width, height, l1_weight, ssim_weight };
+        rec.pass_variant(bwd_columns, args, push, Grid::Threads(height.div_ceil(RUN) * width));
         let n = n_columns.div_ceil(LOCAL);
         rec.pass(loss_sum::Args { sums: group_sums, loss: sums }, loss_sum::Push { n }, Grid::Groups(1));
     }
 
-    /// SSIM, mean absolute and mean squared error over the visible pixels, from the sums. Hidden pixels equal the truth, so
+    /// SSIM, mean absolute and mean squared error over the visible pixels of a picture of this size, from the sums; without
+    /// SSIM the first says nothing. Hidden pixels equal the truth, so
     /// they add to 1 - SSIM only where a visible neighbour differs.
-    pub fn values(sums: [f32; 4], n_visible: u32) -> [f64; 3] {
-        let [structure, absolute, squared, _] = sums.map(|sum| f64::from(sum) / (3.0 * f64::from(n_visible)));
-        [1.0 - structure, absolute, squared]
+    pub fn values(sums: [f32; 4], n_visible: u32, size: [u32; 2], structure: Structure) -> [f64; 3] {
+        let [lost, absolute, squared, _] = sums.map(|sum| f64::from(sum) / (3.0 * f64::from(n_visible)));
+        [1.0 - lost * structure.pixels_per_place(size), absolute, squared]
     }
 }

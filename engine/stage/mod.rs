@@ -35,7 +35,7 @@ pub use cull::Cull;
 pub use density::{Choice, Counts, DensityRound, Grown, record_mcmc_noise};
 pub use fisher::{Census, Response};
 pub use gradients::Gradients;
-pub use losses::{Photometric, SSIM_WEIGHT};
+pub use losses::{Photometric, SSIM_WEIGHT, Structure};
 pub use lpips::{Compared, Cotangent, Lpips};
 pub use lpips_trunk::Trunk;
 pub use params::{Strip, view_params};

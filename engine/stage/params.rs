@@ -2,10 +2,16 @@
 
 use crate::gpu::generated::ViewParams;
 use crate::scene::View;
-use crate::settings::Constants;
+use crate::settings::{Constants, TileBound};
 
 /// Pixels on a tile's side, `TILE` of the shaders.
 pub const TILE: u32 = 16;
+
+/// `TILES_*` and `EVERY_BLOCK` of the shaders.
+const TILES_ELLIPSE: u32 = 0;
+const TILES_RECTANGLE: u32 = 1;
+const TILES_SQUARE: u32 = 2;
+const EVERY_BLOCK: u32 = 4;
 
 /// A horizontal band of a picture, whole tile rows high. Every pixel's value is independent of the strips.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -47,6 +53,13 @@ pub fn view_params(view: &View, constants: &Constants, origin: [f64; 3], strip: 
     let (v_low, v_high) = clamp(view.fy, view.cy, f64::from(view.height));
     let (tiles_x, tiles_y) = strip.tiles(view);
     let [r, g, b] = view.background;
+    let knobs = &constants.knobs;
+    let tiles = match knobs.tile_bound {
+        TileBound::Ellipse => TILES_ELLIPSE,
+        TileBound::Rectangle => TILES_RECTANGLE,
+        TileBound::Square => TILES_SQUARE,
+    };
+    let bounds = if knobs.block_cull { tiles } else { tiles | EVERY_BLOCK };
     ViewParams {
         row0,
         row1,
@@ -71,7 +84,11 @@ pub fn view_params(view: &View, constants: &Constants, origin: [f64; 3], strip: 
         tiles_y,
         flow_model: view.flow_model as u32,
         depth_to_alpha: 1.0,
+        bounds,
+        depth_shift: if knobs.depth_bits == u32::BITS { 0 } else { 27 - knobs.depth_bits },
+        t_cut: knobs.t_cut,
         unused0: 0.0,
         unused1: 0.0,
+        unused2: 0.0,
     }
 }

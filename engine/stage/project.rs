@@ -21,8 +21,18 @@ pub struct Projected {
     pub tile_counts: Buf<u32>,
 }
 
-/// The kernel of a population and a degree.
-fn kernel_of(dynamic: bool, degree: usize) -> &'static KernelInfo {
+/// The kernel of a population and a degree, 1 at least with halves.
+fn kernel_of(dynamic: bool, degree: usize, is_half: bool) -> &'static KernelInfo {
+    if is_half {
+        return match (dynamic, degree) {
+            (false, 1) => g::project_static_sh1_half::INFO,
+            (false, 2) => g::project_static_sh2_half::INFO,
+            (false, _) => g::project_static_sh3_half::INFO,
+            (true, 1) => g::project_dynamic_sh1_half::INFO,
+            (true, 2) => g::project_dynamic_sh2_half::INFO,
+            (true, _) => g::project_dynamic_sh3_half::INFO,
+        };
+    }
     match (dynamic, degree) {
         (false, 0) => g::project_static_sh0::INFO,
         (false, 1) => g::project_static_sh1::INFO,
@@ -59,7 +69,9 @@ impl Projected {
         rec.stage("project");
         for (index, group) in scene.groups.iter().enumerate() {
             rec.group(Some(index));
-            let band = |b: usize| group.params.bands.get(b).unwrap_or(&group.params.sh0);
+            let halves: Vec<Buf<[f32; 4]>> = group.halves.iter().map(Buf::cast).collect();
+            let bands = if halves.is_empty() { &group.params.bands } else { &halves };
+            let band = |b: usize| bands.get(b).unwrap_or(&group.params.sh0);
             let args = project_static_sh0::Args {
                 view,
                 ranges: &cull.ranges,
@@ -77,7 +89,7 @@ impl Projected {
                 sh3: band(2),
             };
             rec.pass_variant(
-                kernel_of(group.params.motion.is_some(), group.degree()),
+                kernel_of(group.params.motion.is_some(), group.degree(), !halves.is_empty()),
                 args,
                 project_static_sh0::Push { group: index as u32, first: group.first },
                 indirect(&cull.args, ARGS_FIRST_GROUP + index),

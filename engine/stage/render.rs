@@ -64,7 +64,8 @@ impl Renderer {
     /// # Errors
     /// [`Error::OutOfMemory`] naming the buffer that does not fit.
     pub fn new(gpu: Arc<Gpu>, splats: &Splats, constants: Constants) -> Result<Self> {
-        let scene = SceneBuffers::upload(&gpu, splats, constants.alpha_min, Purpose::Picture)?;
+        let constants = constants.knobs.on(constants);
+        let scene = SceneBuffers::upload(&gpu, splats, &constants, Purpose::Picture)?;
         let active = scene.n.clamp(1, max_active(&gpu));
         let room = Room {
             active,
@@ -75,6 +76,7 @@ impl Renderer {
             purpose: Purpose::Picture,
             accumulation: Accumulation::default(),
             camera: false,
+            depth_bits: constants.knobs.depth_bits,
         };
         Ok(Renderer { gpu, scene, constants, work: None, room })
     }

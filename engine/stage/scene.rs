@@ -3,9 +3,10 @@
 
 use super::blend::Purpose;
 use crate::error::{Error, Result};
-use crate::gpu::generated::{bound_dynamic, bound_static};
+use crate::gpu::generated::{bound_dynamic, bound_static, sh_half};
 use crate::gpu::{Buf, Gpu, Grid, Recording};
 use crate::scene::{Motion, Splats};
+use crate::settings::{Constants, Knobs};
 
 /// Items in one block of planes; `plane_index` of the shaders.
 pub(super) const PLANE_BLOCK: usize = 32;
@@ -38,6 +39,8 @@ pub struct Group {
     pub params: Planes,
     /// Position and reach, derived.
     pub bound: Buf<[f32; 4]>,
+    /// Bands 1 to 3 as halves, derived, where projection reads those; a pair of words for each vec4 of the parameters.
+    pub halves: Vec<Buf<[u32; 2]>>,
     /// Half-width of the time window, derived; dynamic groups only.
     pub window: Option<Buf<f32>>,
 }
@@ -63,28 +66,29 @@ pub struct SceneBuffers {
 }
 
 impl SceneBuffers {
-    /// Uploads `splats` and derives what culling reads for `alpha_min`.
+    /// Uploads `splats` and derives what culling reads for `constants`.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`] naming the buffer.
-    pub fn upload(gpu: &Gpu, splats: &Splats, alpha_min: f32, purpose: Purpose) -> Result<Self> {
-        Self::upload_in_groups(gpu, splats, alpha_min, group_limit(gpu, splats.sh_degree as usize, purpose))
+    pub fn upload(gpu: &Gpu, splats: &Splats, constants: &Constants, purpose: Purpose) -> Result<Self> {
+        Self::upload_in_groups(gpu, splats, constants, group_limit(gpu, splats.sh_degree as usize, purpose))
     }
 
     /// As [`SceneBuffers::upload`] in groups of at most `limit` Gaussians, a multiple of 128.
     ///
     /// # Errors
     /// As [`SceneBuffers::upload`].
-    pub fn upload_in_groups(gpu: &Gpu, splats: &Splats, alpha_min: f32, limit: usize) -> Result<Self> {
+    pub fn upload_in_groups(gpu: &Gpu, splats: &Splats, constants: &Constants, limit: usize) -> Result<Self> {
         let origin = far_origin(splats);
         let degree = splats.sh_degree as usize;
+        let has_halves = constants.knobs.sh_bits == 16;
         let (groups, n_flat) = cut(&counts(splats), limit, |slot| {
-            Group::new(gpu, slot, Planes::upload(gpu, splats, slot.start, slot.n, origin)?)
+            Group::new(gpu, slot, Planes::upload(gpu, splats, slot.start, slot.n, origin)?, has_halves)
         })?;
         let n_bad = gpu.upload("bad Gaussians", &[0u32])?;
         let mut scene = Self::from_groups(gpu, groups, n_flat, limit, degree, origin)?;
         let mut rec = Recording::new();
-        scene.record_bounds(&mut rec, alpha_min, &n_bad);
+        scene.record_bounds(&mut rec, constants, &n_bad);
         gpu.run(&rec)?;
         scene.n_bad = gpu.read(&n_bad)?.first().copied().unwrap_or(0);
         Ok(scene)
@@ -92,8 +96,10 @@ impl SceneBuffers {
 
     /// Groups with undefined contents for so many Gaussians of each bucket, for a scene like `other`.
     pub(super) fn reshaped(gpu: &Gpu, other: &SceneBuffers, counts: &[usize; BUCKETS]) -> Result<Self> {
+        let has_halves = other.groups.iter().any(|group| !group.halves.is_empty());
         let (groups, n_flat) = cut(counts, other.group_limit, |slot| {
-            Group::new(gpu, slot, Planes::alloc(gpu, "parameters", slot.n, slot.degree, slot.dynamic, 1)?)
+            let params = Planes::alloc(gpu, "parameters", slot.n, slot.degree, slot.dynamic, 1)?;
+            Group::new(gpu, slot, params, has_halves)
         })?;
         Self::from_groups(gpu, groups, n_flat, other.group_limit, other.sh_degree, other.origin)
     }
@@ -112,15 +118,26 @@ impl SceneBuffers {
         Ok(SceneBuffers { groups, n_flat, n, group_first, group_limit, sh_degree, origin, n_bad: 0 })
     }
 
-    /// Appends the derivation of what culling reads; due whenever the parameters have changed. `n_bad` grows by the
+    /// Appends the derivation of what culling and projection read; due whenever the parameters have changed. `n_bad` grows by the
     /// number of Gaussians that can never be drawn.
-    pub fn record_bounds(&self, rec: &mut Recording, alpha_min: f32, n_bad: &Buf<u32>) {
+    pub fn record_bounds(&self, rec: &mut Recording, constants: &Constants, n_bad: &Buf<u32>) {
         rec.stage("bound");
         for (index, group) in self.groups.iter().enumerate() {
             rec.group(Some(index));
-            group.record_bound(rec, alpha_min, n_bad);
+            group.record_bound(rec, constants, n_bad);
         }
         rec.group(None);
+        self.record_halves(rec);
+    }
+
+    /// Appends the rounding of what projection reads as halves; due whenever the coefficients have changed.
+    pub fn record_halves(&self, rec: &mut Recording) {
+        for group in &self.groups {
+            for (band, halves) in group.params.bands.iter().zip(&group.halves) {
+                let n = band.len() as u32;
+                rec.pass(sh_half::Args { band, halves }, sh_half::Push { n }, Grid::Threads(n));
+            }
+        }
     }
 
     /// Reads numbers in the parameters' layout back into the scene's order; one [`Planes`] per group.
@@ -322,8 +339,10 @@ impl SceneBuffers {
 }
 
 impl Group {
-    fn new(gpu: &Gpu, slot: &Slot, params: Planes) -> Result<Self> {
+    fn new(gpu: &Gpu, slot: &Slot, params: Planes, has_halves: bool) -> Result<Self> {
+        let halves = params.bands.iter().filter(|_| has_halves).map(|band| gpu.alloc("sh halves", band.len()));
         Ok(Group {
+            halves: halves.collect::<Result<_>>()?,
             first: slot.first,
             n: slot.n as u32,
             start: slot.start,
@@ -343,14 +362,19 @@ impl Group {
         bucket(self.params.motion.is_some(), self.degree())
     }
 
-    fn record_bound(&self, rec: &mut Recording, alpha_min: f32, n_bad: &Buf<u32>) {
+    fn record_bound(&self, rec: &mut Recording, constants: &Constants, n_bad: &Buf<u32>) {
         let (geometry, bound, n) = (&self.params.geometry, &self.bound, self.n);
         let grid = Grid::Threads(n);
+        let Constants { alpha_min, knobs: Knobs { temporal_cut, .. }, .. } = *constants;
         if let (Some(motion), Some(window)) = (&self.params.motion, &self.window) {
-            let push = bound_dynamic::Push { n, alpha_min };
-            rec.pass(bound_dynamic::Args { geometry, bound, n_bad, motion, window }, push, grid);
+            rec.pass(
+                bound_dynamic::Args { geometry, bound, n_bad, motion, window },
+                bound_dynamic::Push { n, alpha_min, temporal_cut },
+                grid,
+            );
         } else {
-            rec.pass(bound_static::Args { geometry, bound, n_bad }, bound_static::Push { n, alpha_min }, grid);
+            let push = bound_static::Push { n, alpha_min, temporal_cut };
+            rec.pass(bound_static::Args { geometry, bound, n_bad }, push, grid);
         }
     }
 }

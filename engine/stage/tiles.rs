@@ -50,6 +50,7 @@ pub struct Tiles {
     pub tile_last: Buf<u32>,
     /// Tiles, those with long lists first.
     pub tile_order: Buf<u32>,
+    depth_bits: u32,
     capacity: u32,
 }
 
@@ -77,8 +78,14 @@ impl Tiles {
             tile_first: gpu.alloc("tile first", t)?,
             tile_last: gpu.alloc("tile last", t)?,
             tile_order: gpu.alloc("tile order", t)?,
+            depth_bits: u32::BITS,
             capacity: intersections,
         })
+    }
+
+    /// Sorts by depth keys of so many bits, a multiple of 8, from now on; they have 32 otherwise.
+    pub fn with_depth_bits(self, depth_bits: u32) -> Self {
+        Tiles { depth_bits, ..self }
     }
 
     /// Appends the binning of `projected` into `n_tiles` tiles. A list of more than `longest` entries is reported as a
@@ -100,7 +107,9 @@ impl Tiles {
             digits: indirect(args, ARGS_SORT_SCAN),
         };
         let pairs = (&projected.depth_keys, &projected.identity);
-        let (_, order) = self.depth_sort.record(rec, &cull.n_active, &cull.n_digits, pairs, 4, &grids(&cull.args));
+        let n_rounds = self.depth_bits / 8;
+        let grids_of_active = grids(&cull.args);
+        let (_, order) = self.depth_sort.record(rec, &cull.n_active, &cull.n_digits, pairs, n_rounds, &grids_of_active);
 
         rec.stage("tiles");
         let (n_active, tile_counts, offsets) = (&cull.n_active, &projected.tile_counts, &self.offsets);

@@ -34,6 +34,8 @@ pub struct Room {
     pub accumulation: Accumulation,
     /// Whether a step of the optimiser needs the camera's gradient too; [`Purpose::Gradient`] always has it.
     pub camera: bool,
+    /// Bits of the depth keys, see [`crate::settings::Knobs`].
+    pub depth_bits: u32,
 }
 
 impl Room {
@@ -100,7 +102,8 @@ impl Workspace {
             status: gpu.upload("status", &[Status::default()])?,
             cull: Cull::new(gpu, scene, room.active, room.purpose == Purpose::Training)?,
             projected: Projected::new(gpu, room.active)?,
-            tiles: Tiles::new(gpu, room.active, room.intersections, room.tiles, room.has_slots())?,
+            tiles: Tiles::new(gpu, room.active, room.intersections, room.tiles, room.has_slots())?
+                .with_depth_bits(room.depth_bits),
             backward: match room.purpose {
                 Purpose::Picture => None,
                 Purpose::Gradient | Purpose::Training => Some(Backward::new(gpu, scene, &blend, &room)?),

@@ -1,5 +1,7 @@
 //! All numbers of a training run, with their defaults (SPEC 6).
 
+use super::preset::PresetId;
+use crate::settings::Knobs;
 use crate::stage::{Accumulation, AdamMode, DepthSpace};
 use std::path::PathBuf;
 
@@ -49,6 +51,13 @@ pub struct Config {
     pub accumulation: Accumulation,
     /// Where Gaussians are added and removed.
     pub density: Density,
+    /// Whether the first part of the run sees smaller pictures.
+    pub resolution: Resolution,
+    /// How the frames of the run are computed; what is scored, and what others render of its scene, is exact.
+    pub frame: Knobs,
+    /// The preset that the settings began from.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub preset: Option<PresetId>,
     /// What is kept of the model: everything, or only what the scene requires.
     pub required: Required,
 }
@@ -81,6 +90,29 @@ impl Default for Required {
     }
 }
 
+/// A run may begin with reduced pictures, on which a step costs less: coarse to fine.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Resolution {
+    /// Each pixel is the mean of `reduction` x `reduction`; 1 leaves pictures as they are.
+    pub reduction: u32,
+    /// The fraction of the run that sees them.
+    pub until: f64,
+}
+
+impl Default for Resolution {
+    fn default() -> Self {
+        Resolution { reduction: 1, until: 0.5 }
+    }
+}
+
+impl Resolution {
+    /// That of step `step` (from 1) of `total`.
+    pub fn reduction(&self, step: u64, total: u64) -> u32 {
+        if ((step - 1) as f64) < self.until * total as f64 { self.reduction } else { 1 }
+    }
+}
+
 /// The terms of the loss beside the photometric one, whose weight is 1 (SPEC 4). A term of weight 0, or without data,
 /// costs nothing.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -100,6 +132,10 @@ pub struct Loss {
     pub offset: f64,
     /// Weight of the total variation of the camera's bilateral grid.
     pub grid_variation: f64,
+    /// SSIM in every n-th step alone, with n times the weight; the others have the absolute error.
+    pub ssim_every: u64,
+    /// SSIM at every pixel (1), or at every second of every second row with four times the weight (2).
+    pub ssim_stride: u32,
     /// Weight of LPIPS, where there are [`Loss::lpips_weights`].
     pub lpips: f64,
     /// The weights of its trunk, as `tools/lpips_weights.py` writes them.
@@ -133,6 +169,8 @@ impl Default for Loss {
             flow_model: FlowChoice::Auto,
             offset: 1e-4,
             grid_variation: 10.0,
+            ssim_every: 1,
+            ssim_stride: 1,
             lpips: 0.1,
             lpips_weights: None,
             lpips_crop: 0,
@@ -255,7 +293,7 @@ impl From<RateForm> for Rate {
 }
 
 impl Config {
-    /// The first learning rate that cannot be: each is 0 throughout or positive throughout.
+    /// The first setting that cannot be; a learning rate is 0 throughout or positive throughout.
     ///
     /// # Errors
     /// Its name and what is wrong.
@@ -312,6 +350,14 @@ impl Config {
         if images == 0 || !(price > 0.0 && price.is_finite() && margin > 0.0 && margin.is_finite()) {
             return Err(format!("required.images is {images}, price {price}, margin {margin}: all must be positive"));
         }
+        if self.loss.ssim_every == 0 || !(1..=2).contains(&self.loss.ssim_stride) {
+            return Err("loss.ssim_every is at least 1, and loss.ssim_stride 1 or 2".to_owned());
+        }
+        let Resolution { reduction, until } = self.resolution;
+        if !((1..=8).contains(&reduction) && (0.0..=1.0).contains(&until)) {
+            return Err("resolution.reduction is 1 to 8, and resolution.until a fraction of the run".to_owned());
+        }
+        self.frame.check().map_err(|fault| format!("frame.{fault}"))?;
         for (name, weight) in weights {
             if !(weight >= 0.0 && weight.is_finite()) {
                 return Err(format!("loss.{name} is {weight}: a weight is 0 or more"));
@@ -400,6 +446,9 @@ impl Default for Config {
             accumulation: Accumulation::default(),
             density: Density::default(),
             required: Required::default(),
+            resolution: Resolution::default(),
+            frame: Knobs::default(),
+            preset: None,
         }
     }
 }

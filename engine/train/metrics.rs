@@ -6,7 +6,7 @@ use crate::error::{Error, Result};
 use crate::gpu::{Gpu, Recording};
 use crate::scene::capture::{Capture, Picture};
 use crate::scene::{Frame, Splats, View};
-use crate::stage::{Compared, Lpips, Outputs, Photometric, Renderer};
+use crate::stage::{Compared, Lpips, Outputs, Photometric, Renderer, Structure};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -302,7 +302,7 @@ impl Meter {
         gpu.write(&loss.truth, &picture.pixels)?;
         let size = [picture.width, picture.height];
         let mut rec = Recording::new();
-        loss.record(&mut rec, &image, &d_image, size, n_visible);
+        loss.record(&mut rec, &image, &d_image, size, n_visible, Some(Structure::WHOLE));
         let mut lpips = self.lpips.as_mut().filter(|lpips| lpips.scratch_bytes(size, false).is_ok());
         if let Some(lpips) = &mut lpips {
             let compared = Compared { image: &image, truth: &loss.truth, size, origin: [0, 0], crop: size };
@@ -310,7 +310,7 @@ impl Meter {
         }
         gpu.run(&rec)?;
         let sums = gpu.read(&loss.sums)?.first().copied().unwrap_or_default();
-        let [ssim, l1, _] = Photometric::values(sums, n_visible);
+        let [ssim, l1, _] = Photometric::values(sums, n_visible, size, Structure::WHOLE);
         let lpips = lpips.map(|lpips| gpu.read(&lpips.value)).transpose()?;
         let lpips = lpips.and_then(|value| value.first().copied().map(f64::from));
         // A picture that is hidden as a whole has no error.

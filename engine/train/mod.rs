@@ -13,6 +13,7 @@ mod objective;
 mod offsets;
 mod pinhole;
 mod plan;
+mod preset;
 mod random;
 mod report;
 mod report_picture;
@@ -21,12 +22,13 @@ mod require;
 mod run;
 mod schedule;
 mod setup;
+mod trade;
 mod trainer;
 
 pub use ablation::{Arm, ArmResult, Estimate, Measure, STUDIES, Study, StudyResult};
 pub use align::ColorMap;
 pub use checkpoint::{CameraState, Checkpoint};
-pub use config::{Config, Density, FlowChoice, Init, LearningRates, Loss, Rate, Required, Strategy};
+pub use config::{Config, Density, FlowChoice, Init, LearningRates, Loss, Rate, Required, Resolution, Strategy};
 pub use density::{density_round, noise, regularisers};
 pub use depth_fit::{DepthFit, DepthFits, DepthSummary, Unfit, fit_depths};
 pub use init::{Initial, PointCounts, from_points, initialise, random_points};
@@ -36,13 +38,18 @@ pub use metrics::{
 };
 pub use offsets::{OffsetFit, fit_offset, offset_pictures};
 pub use plan::{BoundBy, Class, INTERSECTIONS_PER_GAUSSIAN, Limits, Need, Plan, Workload};
+pub use preset::{PRESETS, Preset, PresetId, merge};
 pub use random::{Random, permutation};
 pub use report::{Example, Report};
 pub(crate) use report_plot::escape;
 pub use require::{
-    Due, Evidence, Fate, GridCheck, InTime, Review, affordable, carry_out, fates, merge, review, review_due,
+    Due, Evidence, Fate, GridCheck, InTime, Review, affordable, carry_out, fates, merge_resting, review, review_due,
 };
 pub use run::{CaptureSummary, Run};
 pub use schedule::rates;
 pub use setup::Setup;
+pub use trade::{
+    Circumstances, Comparison, KNOB_SETTINGS, KernelError, Kind as TradeKind, Spread, Trade, TradeArm, TradeRun,
+    Verdict, is_equivalent, trade_arms,
+};
 pub use trainer::{ProfiledStep, StepReport, Trainer};

@@ -9,7 +9,7 @@ use crate::gpu::{Buf, Gpu, Recording, Slice};
 use crate::scene::capture::Picture;
 use crate::stage::{
     Backward, Blend, ClockStep, Clocks, Compared, Cotangent, GridStep, Grids, Lpips, Outputs, Photometric, PriorLoss,
-    PriorWeights, SSIM_WEIGHT, Workspace,
+    PriorWeights, SSIM_WEIGHT, Structure, Workspace,
 };
 use std::path::Path;
 
@@ -59,6 +59,10 @@ pub(super) struct Truth {
     priors: Option<(Slice, PriorWeights)>,
     /// Place and step of the camera's grid.
     grid: Option<(usize, u64)>,
+    /// Full pixels across one of this picture's.
+    reduction: u32,
+    /// Where SSIM is due.
+    structure: Option<Structure>,
     /// Where LPIPS is due: origin and size of the crop.
     crop: Option<[[u32; 2]; 2]>,
 }
@@ -76,7 +80,7 @@ pub(super) struct Sums {
 pub(super) struct Values {
     pub loss: f64,
     pub l1: f64,
-    pub ssim: f64,
+    pub ssim: Option<f64>,
     pub mse: f64,
     pub depth: Option<f64>,
     pub flow: Option<f64>,
@@ -144,14 +148,15 @@ impl Objective {
         Ok(())
     }
 
-    /// Stages the picture of step `step`, which `camera` took.
-    pub fn stage(&mut self, gpu: &Gpu, picture: &Picture, camera: usize, step: u64) -> Result<Truth> {
+    /// Stages the picture of step `step`, which `camera` took and which was reduced by `reduction`.
+    pub fn stage(&mut self, gpu: &Gpu, picture: &Picture, camera: usize, step: u64, reduction: u32) -> Result<Truth> {
         let n_visible = picture.pixels.iter().filter(|word| **word >> 24 != 0).count().max(1) as u32;
         let loss = &self.config.loss;
         let used = |weight: f64, n: u32| if n >= LEAST_PIXELS { weight } else { 0.0 };
         let weights = PriorWeights {
             depth: used(loss.depth, picture.n_depth),
-            flow: used(loss.flow, picture.n_flow),
+            // Its unit is a pixel of the full picture.
+            flow: f64::from(reduction) * used(loss.flow, picture.n_flow),
             n_depth: picture.n_depth,
             n_flow: picture.n_flow,
         };
@@ -164,13 +169,16 @@ impl Objective {
             graded.steps[place] += 1;
             Some((place, graded.steps[place]))
         });
+        let times = loss.ssim_every as f32;
+        let is_due = step.is_multiple_of(loss.ssim_every);
+        let structure = is_due.then_some(Structure { stride: loss.ssim_stride, times });
         let crop = (self.lpips.is_some() && step.is_multiple_of(loss.lpips_every)).then(|| {
             let crop = size.map(|side| if loss.lpips_crop == 0 { side } else { side.min(loss.lpips_crop) });
             let random = Random::new(&[self.config.seed, step, CROP]);
             let place = |axis: usize| (random.bits(axis as u64) % u64::from(size[axis] - crop[axis] + 1)) as u32;
             [[place(0), place(1)], crop]
         });
-        Ok(Truth { size, n_visible, truth, priors, grid, crop })
+        Ok(Truth { size, n_visible, truth, priors, grid, reduction, structure, crop })
     }
 
     /// Appends the upload of `target` and the shift of the view by the clock of `camera`.
@@ -205,7 +213,7 @@ impl Objective {
         }
         let graded = self.graded.as_ref().zip(target.grid);
         let (image, d_image) = graded.map_or((rendered, d_rendered), |(graded, _)| (&graded.image, &graded.d_image));
-        self.photometric.record(rec, image, d_image, target.size, target.n_visible);
+        self.photometric.record(rec, image, d_image, target.size, target.n_visible, target.structure);
         if let (Some(lpips), Some([origin, crop])) = (&mut self.lpips, target.crop) {
             let compared = Compared { image, truth: &self.photometric.truth, size: target.size, origin, crop };
             let weight = self.config.loss.lpips * self.config.loss.lpips_every as f64;
@@ -277,14 +285,16 @@ impl Objective {
     /// The values of a step that has ended.
     pub fn values(&self, gpu: &Gpu, target: &Truth, sums: &Sums) -> Result<Values> {
         let read = |slice: &Slice| -> Result<[f32; 4]> { Ok(gpu.peek(slice)?.first().copied().unwrap_or_default()) };
-        let [ssim, l1, mse] = Photometric::values(read(&sums.photometric)?, target.n_visible);
+        let structure = target.structure.unwrap_or(Structure::WHOLE);
+        let [ssim, l1, mse] = Photometric::values(read(&sums.photometric)?, target.n_visible, target.size, structure);
         let weight = f64::from(SSIM_WEIGHT);
-        let mut values =
-            Values { loss: (1.0 - weight) * l1 + weight * (1.0 - ssim), l1, ssim, mse, ..Values::default() };
+        let ssim = target.structure.map(|_| ssim);
+        let loss = (1.0 - weight) * l1 + ssim.map_or(0.0, |ssim| weight * (1.0 - ssim));
+        let mut values = Values { loss, l1, ssim, mse, ..Values::default() };
         if let Some((slice, weights)) = &sums.priors {
             let [depth, flow] = PriorLoss::values(read(slice)?, weights);
             values.depth = (weights.depth > 0.0).then_some(depth);
-            values.flow = (weights.flow > 0.0).then_some(flow);
+            values.flow = (weights.flow > 0.0).then_some(flow * f64::from(target.reduction));
             values.loss += weights.depth * depth + weights.flow * flow;
         }
         let loss = &self.config.loss;

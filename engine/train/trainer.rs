@@ -87,8 +87,9 @@ pub struct StepReport {
     pub loss: f64,
     /// Mean absolute error of the colour.
     pub l1: f64,
-    /// Structural similarity.
-    pub ssim: f64,
+    /// Structural similarity, in the steps that have it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub ssim: Option<f64>,
     /// Mean error of the depth, in the space of the setting, where the image has a prior of it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub depth: Option<f64>,
@@ -160,7 +161,8 @@ impl Trainer {
         setup: Setup,
     ) -> Result<Self> {
         config.accumulation.check(&gpu)?;
-        let scene = SceneBuffers::upload(&gpu, splats, constants.alpha_min, Purpose::Training)?;
+        let constants = config.frame.on(constants);
+        let scene = SceneBuffers::upload(&gpu, splats, &constants, Purpose::Training)?;
         let zeros = zeros_like(splats);
         let state = vec![[0.0; 4]; splats.len()];
         let sums = match config.adam {
@@ -179,6 +181,7 @@ impl Trainer {
             purpose: Purpose::Training,
             accumulation: config.accumulation,
             camera: objective.wants_camera(),
+            depth_bits: constants.knobs.depth_bits,
         };
         Ok(Trainer {
             objective,
@@ -284,7 +287,7 @@ impl Trainer {
             return Ok(splats);
         }
         let (first, second) = self.scene.download_moments(&self.gpu, &self.optimiser.moments)?;
-        let scene = SceneBuffers::upload(&self.gpu, &splats, self.constants.alpha_min, Purpose::Training)?;
+        let scene = SceneBuffers::upload(&self.gpu, &splats, &self.constants, Purpose::Training)?;
         let (moments, state) = upload_state(&self.gpu, &scene, &first, &second, &self.state()?)?;
         let sums = lazy_sums(|step| rates(&self.config, step, self.total, self.setup.extent.radius), self.total);
         let copy = Optimiser::new(&self.gpu, moments, state, AdamMode::Lazy, &sums)?;
@@ -422,11 +425,15 @@ impl Trainer {
 
     fn inputs(&mut self, camera: usize, view: &View, picture: &Picture) -> Result<Inputs> {
         let (background, flow_model) = (self.config.background, self.setup.flow_model);
+        let step = self.step + 1;
+        let reduction = self.config.resolution.reduction(step, self.total).min(view.width).min(view.height);
+        let reduced = (reduction > 1).then(|| picture.reduced(reduction));
+        let picture = reduced.as_ref().unwrap_or(picture);
         Ok(Inputs {
-            step: self.step + 1,
+            step,
             camera,
-            view: View { background, flow_model, ..view.clone() },
-            truth: self.objective.stage(&self.gpu, picture, camera, self.step + 1)?,
+            view: View { background, flow_model, ..view.reduced(reduction) },
+            truth: self.objective.stage(&self.gpu, picture, camera, step, reduction)?,
         })
     }
 
@@ -541,8 +548,12 @@ impl Trainer {
         rec.copy(gpu.stage("staged adam parameters", &[adam])?, optimiser.params.slice());
         self.objective.record_upload(&mut rec, work, truth, *camera);
         let status = &work.status;
+        let is_lazy = self.config.adam == AdamMode::Lazy;
         let lists = work.record_forward(&mut rec, scene, n_tiles, rounds, |rec| {
             optimiser.record_catch_up(rec, scene, &work.cull, status, step - 1);
+            if is_lazy {
+                scene.record_halves(rec);
+            }
         });
         if let Some(backward) = &work.backward {
             self.objective.record_loss(gpu, &mut rec, &work.blend, backward, truth)?;
@@ -552,7 +563,7 @@ impl Trainer {
             if let Some((rate, key)) = noise(&self.config, *step, self.total, self.setup.extent.radius) {
                 record_mcmc_noise(&mut rec, scene, status, rate, key);
             }
-            scene.record_bounds(&mut rec, self.constants.alpha_min, &self.n_undrawable);
+            scene.record_bounds(&mut rec, &self.constants, &self.n_undrawable);
         }
         rec.stage("report");
         let results = Results {
@@ -582,7 +593,7 @@ impl Trainer {
         }
         self.gpu.run(&rec)?;
         let (moments, state) = (&self.optimiser.moments, &self.optimiser.state);
-        let grown = round.run(&self.gpu, &self.scene, moments, state, self.constants.alpha_min)?;
+        let grown = round.run(&self.gpu, &self.scene, moments, state, &self.constants)?;
         self.scene = grown.scene;
         (self.optimiser.moments, self.optimiser.state) = (grown.moments, grown.state);
         self.room.active = self.scene.n.max(1);

@@ -32,21 +32,30 @@ impl<R: Real> Photometry<R> {
 /// Compares `image` with `truth`, both `[height][width]`. A word of the truth holds RGB and the mask, 8 bits each from
 /// the least significant byte on. Where the mask hides a pixel the picture takes the truth's colour, which has no error;
 /// the means are over the `n_visible` others (at least one), and a hidden pixel's SSIM counts by how much it is below 1.
-pub fn photometric<R: Real>(image: &[[R; 3]], truth: &[u32], size: [usize; 2], n_visible: usize) -> Photometry<R> {
+/// SSIM is taken at every `stride`-th pixel of every `stride`-th row, each of which stands for its share of all.
+pub fn photometric<R: Real>(
+    image: &[[R; 3]],
+    truth: &[u32],
+    size: [usize; 2],
+    n_visible: usize,
+    stride: usize,
+) -> Photometry<R> {
     let values: Vec<[f64; 4]> = truth.iter().map(|word| word.to_le_bytes().map(|b| f64::from(b) / 255.0)).collect();
-    let n_hidden = (values.len() - n_visible) as f64;
     let n = R::from_f64(3.0 * n_visible as f64);
-    let (mut ssim, mut l1) = (R::from_f64(-3.0 * n_hidden), R::zero());
+    let is_taken = |pixel: usize| [pixel % size[0], pixel / size[0]].into_iter().all(|at| at.is_multiple_of(stride));
+    let share = R::from_f64(values.len() as f64 / (0..values.len()).filter(|pixel| is_taken(*pixel)).count() as f64);
+    let (mut lost, mut l1) = (R::zero(), R::zero());
     for channel in 0..3 {
         let y: Vec<R> = values.iter().map(|v| R::from_f64(v[channel])).collect();
         let mix = |(color, v): (&[R; 3], &[f64; 4])| {
             color[channel] * R::from_f64(v[3]) + R::from_f64(v[channel] * (1.0 - v[3]))
         };
         let x: Vec<R> = image.iter().zip(&values).map(mix).collect();
-        ssim = ssim_map(&x, &y, size).into_iter().fold(ssim, |sum, s| sum + s);
+        let places = ssim_map(&x, &y, size).into_iter().enumerate().filter(|(pixel, _)| is_taken(*pixel));
+        lost = places.fold(lost, |sum, (_, s)| sum + (R::one() - s));
         l1 = x.iter().zip(&y).fold(l1, |sum, (x, y)| sum + error(*x, *y));
     }
-    Photometry { ssim: ssim / n, l1: l1 / n }
+    Photometry { ssim: R::one() - share * lost / n, l1: l1 / n }
 }
 
 /// SSIM of every pixel of one channel, `[height][width]`: 11 x 11 Gaussian window of standard deviation 1.5 pixels,

@@ -168,7 +168,7 @@ void main() {
         const vec4 s1 = splats[SPLAT_PLANES * id + 1u];
         const vec4 s2 = splats[SPLAT_PLANES * id + 2u];
         const vec4 s3 = splats[SPLAT_PLANES * id + 3u];
-        const bool hit = valid && touches_block(s0.xy, s3.yzw, corner, shape);
+        const bool hit = valid && touches_block(view, s0.xy, s3.yzw, corner, shape);
         const float inverse_z = 1.0 / s1.w;
         const uvec4 hits = subgroupBallot(hit);
         for (uint half_mask = 0u; half_mask < 2u; ++half_mask) {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 // Purpose   blends each tile's Gaussians front to back into colour, alpha, depth, inverse depth and flow.
-// Equation  SPEC 3: w = alpha T, T <- T (1 - alpha); stop before T falls below t_min.
+// Equation  SPEC 3: w = alpha T, T <- T (1 - alpha); stop before T falls below t_min, or when it is below t_cut.
 // Grid      one subgroup per block of pixels, PIXELS per lane in a column; no barrier, no shared memory.
 // Reads     splats through the tile's list, SEGMENT entries a round; later rounds continue from the images.
 // Writes    image0: colour and alpha; image1: depth, inverse depth, flow (FULL only). Between rounds: sums and T, whose
@@ -105,7 +105,7 @@ void main() {
         const vec4 s1 = splats[SPLAT_PLANES * id + 1u];
         const vec4 s2 = splats[SPLAT_PLANES * id + 2u];
         const vec4 s3 = splats[SPLAT_PLANES * id + 3u];
-        const bool hit = valid && touches_block(s0.xy, s3.yzw, corner, shape);
+        const bool hit = valid && touches_block(view, s0.xy, s3.yzw, corner, shape);
         const float inverse_z = 1.0 / s1.w;
         const uvec4 hits = subgroupBallot(hit);
         for (uint half_mask = 0u; half_mask < 2u; ++half_mask) {
@@ -139,7 +139,7 @@ void main() {
                     n_last[k] = added ? e + i + 1u : n_last[k];
 #endif
                     T[k] = added ? T_next : T[k];
-                    threshold[k] = contributes && !added ? NEVER : threshold[k];
+                    threshold[k] = (contributes && !added) || T[k] < view.t_cut ? NEVER : threshold[k];
                 }
             } while (word != 0u);
         }

@@ -21,9 +21,11 @@ uvec2 block_first(ViewParams view, BlockShape shape, uint tile, uint block) {
         + uvec2(block % across * shape.columns, block / across * shape.rows);
 }
 
-// Whether an ellipse (slope, chord, reach_y) may touch the block whose first pixel centre is `corner`.
-bool touches_block(vec2 xy, vec3 ellipse, vec2 corner, BlockShape shape) {
+// Whether an ellipse (slope, chord, reach_y) may touch the block whose first pixel centre is `corner`, or nobody asks.
+bool touches_block(ViewParams view, vec2 xy, vec3 ellipse, vec2 corner, BlockShape shape) {
     const vec2 last = corner + vec2(float(shape.columns - 1u), float(shape.rows - 1u));
     const vec2 extent = band_extent(xy, ellipse.x, ellipse.y, ellipse.z, corner.y, last.y);
-    return extent.x <= extent.y && extent.y >= corner.x && extent.x <= last.x;
+    const bool meets = extent.x <= extent.y && extent.y >= corner.x && extent.x <= last.x;
+    const bool unasked = (unfolded(view.bounds) & EVERY_BLOCK) != 0u;
+    return meets || unasked;
 }

@@ -37,6 +37,22 @@ vec2 band_extent(vec2 xy, float slope, float chord, float reach_y, float y_low, 
     return d_low <= d_high ? vec2(xy.x + left - margin_x, xy.x + right + margin_x) : vec2(1.0, 0.0);
 }
 
+// A coarser bound than the ellipse: half the sides, pixels, of a box about (x, y) that holds it. That of the ellipse
+// itself, or 3DGS's square about the widest axis for an opacity of 1. Neither changes a picture: both list pairs for nothing.
+vec2 box_reach(ViewParams view, float opacity, vec3 ellipse) {
+    precise float tilt = ellipse.x * ellipse.z;
+    precise float xx = tilt * tilt + ellipse.y * ellipse.y;
+    precise float yy = ellipse.z * ellipse.z;
+    precise float half_difference = 0.5 * (xx - yy);
+    precise float xy = tilt * ellipse.z;
+    precise float widest = sqrt(0.5 * (xx + yy) + sqrt(half_difference * half_difference + xy * xy));
+    precise float own = sqrt(max(log(opacity / view.alpha_min), 1e-5));
+    precise float side = widest * max(sqrt(-log(view.alpha_min)) / own, 1.0) * (1.0 + 1e-5);
+    return (unfolded(view.bounds) & TILES_MASK) == TILES_SQUARE ? vec2(side) : vec2(sqrt(xx), ellipse.z);
+}
+
+bool boxed(ViewParams view) { return (unfolded(view.bounds) & TILES_MASK) != TILES_ELLIPSE; }
+
 // Tile rows [x, y) of the strip that the ellipse may touch.
 uvec2 tile_rows(ViewParams view, float y, float reach_y) {
     const float margin = 1e-3 + 1e-6 * abs(y);
@@ -57,4 +73,24 @@ uvec2 tile_columns(ViewParams view, vec2 xy, float slope, float chord, float rea
         uint(clamp(ceil((extent.x - 15.5) / 16.0), 0.0, n)),
         uint(clamp(floor((extent.y - 0.5) / 16.0) + 1.0, 0.0, n)));
     return extent.x <= extent.y ? columns : uvec2(0u);
+}
+
+// Tile columns [x, y) that a box about `x` of half-width `reach_x` touches.
+uvec2 box_columns(ViewParams view, float x, float reach_x) {
+    precise float margin = 1e-3 + 1e-6 * (abs(x) + reach_x);
+    precise float left = x - reach_x - margin;
+    precise float right = x + reach_x + margin;
+    const float n = float(view.tiles_x);
+    const uint first = uint(clamp(ceil((left - 15.5) / 16.0), 0.0, n));
+    return uvec2(first, max(uint(clamp(floor((right - 0.5) / 16.0) + 1.0, 0.0, n)), first));
+}
+
+// The rows and columns that a Gaussian is listed for, by the view's bound.
+uvec2 listed_rows(ViewParams view, vec2 xy, float opacity, vec3 ellipse) {
+    return tile_rows(view, xy.y, boxed(view) ? box_reach(view, opacity, ellipse).y : ellipse.z);
+}
+
+uvec2 listed_columns(ViewParams view, vec2 xy, float opacity, vec3 ellipse, uint row) {
+    if (boxed(view)) return box_columns(view, xy.x, box_reach(view, opacity, ellipse).x);
+    return tile_columns(view, xy, ellipse.x, ellipse.y, ellipse.z, row);
 }

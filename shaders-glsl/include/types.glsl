@@ -25,8 +25,12 @@ struct ViewParams {
     uint tiles_y;     // tile rows in the strip
     uint flow_model;  // FLOW_*
     float depth_to_alpha;  // 1, or 0 where the cotangents of the depths must not reach the opacities
+    uint bounds;      // TILES_*, and EVERY_BLOCK or not
+    uint depth_shift; // bits that a depth key is short of 27; 0 for all bits of the depth
+    float t_cut;      // a pixel whose transmittance has fallen below this is finished; 0 leaves it to t_min
     float unused0;    // to whole vec4
     float unused1;
+    float unused2;
 };
 
 // What a frame reports. `failed` holds FAILED_* bits; the numbers are what was needed, also where it did not fit.
@@ -58,6 +62,14 @@ struct AdamParams {
 
 const uint FLOW_VELOCITY = 0u;
 const uint FLOW_DISPLACEMENT = 1u;
+
+// The tiles that a Gaussian is listed for, include/splat.glsl.
+const uint TILES_ELLIPSE = 0u;
+const uint TILES_RECTANGLE = 1u;
+const uint TILES_SQUARE = 2u;
+const uint TILES_MASK = 3u;
+// The blend asks no block of pixels whether the ellipse reaches it.
+const uint EVERY_BLOCK = 4u;
 
 const uint FAILED_ACTIVE = 1u;
 const uint FAILED_INTERSECTIONS = 2u;

@@ -31,10 +31,11 @@ void main() {
         p0[k] = p1[k] = vec4(0.0);
         p2[k] = 0.0;
     }
-    for (uint t = 0u; t < 2u * SSIM_RADIUS + RUN; ++t) {
-        const int row = int(first + t) - int(SSIM_RADIUS);
-        const bool inside = row >= 0 && row < int(pc.height);
-        const uint at = 3u * (uint(clamp(row, 0, int(pc.height) - 1)) * pc.width + column);
+    const uint places = div_ceil(pc.height, STRIDE);
+    for (uint t = FIRST_PLACE; t < 2u * SSIM_RADIUS + RUN; t += STRIDE) {
+        const int place = (int(first + t) - int(SSIM_RADIUS)) / int(STRIDE);
+        const bool inside = first + t >= SSIM_RADIUS && place < int(places);
+        const uint at = 3u * (uint(clamp(place, 0, int(places) - 1)) * pc.width + column);
         const vec4 a0 = filtered[at];
         const vec4 a1 = filtered[at + 1u];
         const float a2 = filtered[at + 2u].x;

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 // Purpose   filters the derivatives of SSIM along the rows.
 // Equation  the window is symmetric, so its adjoint is itself.
-// Grid      one thread per RUN pixels of a row.
+// Grid      one thread per RUN pixels of a row of places; from places, of which one stands for STRIDE pixels, to all pixels
+//           of their rows.
 // Numerics  plain sums in a fixed order.
 #version 460
 #extension GL_GOOGLE_include_directive : require
@@ -17,7 +18,7 @@ layout(set = 0, binding = 1) restrict writeonly buffer Filtered { vec4 filtered[
 void main() {
     const uint runs = div_ceil(pc.width, RUN);
     const uint i = linear_thread(gl_WorkGroupSize.x);
-    if (i >= runs * pc.height) return;
+    if (i >= runs * div_ceil(pc.height, STRIDE)) return;
     const uint row = i / runs;
     const uint first = (i % runs) * RUN;
     vec4 p0[RUN];
@@ -27,10 +28,11 @@ void main() {
         p0[k] = p1[k] = vec4(0.0);
         p2[k] = 0.0;
     }
-    for (uint t = 0u; t < 2u * SSIM_RADIUS + RUN; ++t) {
-        const int column = int(first + t) - int(SSIM_RADIUS);
-        const bool inside = column >= 0 && column < int(pc.width);
-        const uint at = 3u * (row * pc.width + uint(clamp(column, 0, int(pc.width) - 1)));
+    const uint places = div_ceil(pc.width, STRIDE);
+    for (uint t = FIRST_PLACE; t < 2u * SSIM_RADIUS + RUN; t += STRIDE) {
+        const int place = (int(first + t) - int(SSIM_RADIUS)) / int(STRIDE);
+        const bool inside = first + t >= SSIM_RADIUS && place < int(places);
+        const uint at = 3u * (row * places + uint(clamp(place, 0, int(places) - 1)));
         const vec4 a0 = partials[at];
         const vec4 a1 = partials[at + 1u];
         const float a2 = partials[at + 2u].x;

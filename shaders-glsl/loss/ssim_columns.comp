@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 // Purpose   filters the moments along the columns, forms SSIM and its derivatives, and sums 1 - SSIM and the absolute error.
 // Equation  S = (2 mx my + C1)(2 sxy + C2) / ((mx^2 + my^2 + C1)(sxx + syy + C2)); L1 = |x - y|.
-// Grid      one thread per RUN pixels of a column, 64 neighbouring columns per workgroup.
-// Writes    partials: dS/dE[x], dS/dE[xx], dS/dE[xy] per channel, 3 vec4 per pixel; sums: (1 - S, L1) per workgroup, summed
-//           over pixels and channels in a fixed order.
+// Grid      one thread per RUN places of a column, 64 neighbouring columns per workgroup. A place stands for STRIDE x STRIDE
+//           pixels, at the first of which SSIM is taken.
+// Writes    partials: dS/dE[x], dS/dE[xx], dS/dE[xy] per channel, 3 vec4 per place; sums: (1 - S, L1, squared error) per
+//           workgroup, summed over places, pixels and channels in a fixed order.
 // Numerics  sxx = E[xx] - mx^2 is clamped at 0, with zero derivative there.
 #version 460
 #extension GL_GOOGLE_include_directive : require
@@ -22,11 +23,13 @@ layout(set = 0, binding = 4) restrict writeonly buffer Sums { vec4 sums[]; };
 shared vec4 sh_sums[64];
 
 void main() {
-    const uint runs = div_ceil(pc.height, RUN);
+    const uint columns = div_ceil(pc.width, STRIDE);
+    const uint rows = div_ceil(pc.height, STRIDE);
+    const uint runs = div_ceil(rows, RUN);
     const uint i = linear_thread(gl_WorkGroupSize.x);
-    const bool valid = i < runs * pc.width;
-    const uint column = valid ? i % pc.width : 0u;
-    const uint first = valid ? (i / pc.width) * RUN : 0u;
+    const bool valid = i < runs * columns;
+    const uint column = valid ? i % columns : 0u;
+    const uint first = valid ? (i / columns) * RUN : 0u;
     vec4 m0[RUN];
     vec4 m1[RUN];
     vec4 m2[RUN];
@@ -34,17 +37,17 @@ void main() {
     for (uint k = 0u; k < RUN; ++k) {
         m0[k] = m1[k] = m2[k] = m3[k] = vec4(0.0);
     }
-    for (uint t = 0u; t < 2u * SSIM_RADIUS + RUN; ++t) {
-        const int row = int(first + t) - int(SSIM_RADIUS);
+    for (uint t = 0u; t < RUN_LOADS; ++t) {
+        const int row = int(STRIDE * first + t) - int(SSIM_RADIUS);
         const bool inside = row >= 0 && row < int(pc.height);
-        const uint at = 4u * (uint(clamp(row, 0, int(pc.height) - 1)) * pc.width + column);
+        const uint at = 4u * (uint(clamp(row, 0, int(pc.height) - 1)) * columns + column);
         const vec4 a0 = moments[at];
         const vec4 a1 = moments[at + 1u];
         const vec4 a2 = moments[at + 2u];
         const vec4 a3 = moments[at + 3u];
         for (uint k = 0u; k < RUN; ++k) {
-            if (t >= k && t - k <= 2u * SSIM_RADIUS) {
-                const float w = inside ? SSIM_WINDOW[t - k] : 0.0;
+            if (t >= STRIDE * k && t - STRIDE * k <= 2u * SSIM_RADIUS) {
+                const float w = inside ? SSIM_WINDOW[t - STRIDE * k] : 0.0;
                 m0[k] += w * a0;
                 m1[k] += w * a1;
                 m2[k] += w * a2;
@@ -54,8 +57,8 @@ void main() {
     }
     vec4 own = vec4(0.0);
     for (uint k = 0u; k < RUN; ++k) {
-        if (valid && first + k < pc.height) {
-            const uint pixel = (first + k) * pc.width + column;
+        if (valid && first + k < rows) {
+            const uint place = (first + k) * columns + column;
             const vec3 mx = m0[k].xyz;
             const vec3 my = vec3(m0[k].w, m1[k].xy);
             const vec3 exx = vec3(m1[k].zw, m2[k].x);
@@ -77,17 +80,24 @@ void main() {
             precise vec3 d_exx = -(s / d) * vec3(greaterThan(sxx_raw, vec3(0.0)));
             precise vec3 d_exy = varies * (2.0 * (p / d));
             precise vec3 d_mx = 2.0 * (my * q - mx * s) / c - (2.0 * mx * d_exx + my * d_exy);
-            partials[3u * pixel] = vec4(d_mx, d_exx.x);
-            partials[3u * pixel + 1u] = vec4(d_exx.yz, d_exy.xy);
-            partials[3u * pixel + 2u] = vec4(d_exy.z, 0.0, 0.0, 0.0);
-            const vec4 y = unpack_truth(truth[pixel]);
-            const vec3 error = abs(visible_color(image[pixel].xyz, y) - y.xyz);
-            own += vec4((1.0 - s.x) + (1.0 - s.y) + (1.0 - s.z), error.x + error.y + error.z, dot(error, error), 0.0);
+            partials[3u * place] = vec4(d_mx, d_exx.x);
+            partials[3u * place + 1u] = vec4(d_exx.yz, d_exy.xy);
+            partials[3u * place + 2u] = vec4(d_exy.z, 0.0, 0.0, 0.0);
+            own.x += (1.0 - s.x) + (1.0 - s.y) + (1.0 - s.z);
+            for (uint q = 0u; q < STRIDE * STRIDE; ++q) {
+                const uvec2 at = uvec2(STRIDE * column + q % STRIDE, STRIDE * (first + k) + q / STRIDE);
+                if (at.x < pc.width && at.y < pc.height) {
+                    const uint pixel = at.y * pc.width + at.x;
+                    const vec4 y = unpack_truth(truth[pixel]);
+                    const vec3 error = abs(visible_color(image[pixel].xyz, y) - y.xyz);
+                    own.yz += vec2(error.x + error.y + error.z, dot(error, error));
+                }
+            }
         }
     }
     sh_sums[gl_LocalInvocationIndex] = own;
     barrier();
-    if (gl_LocalInvocationIndex == 0u && linear_group() < div_ceil(runs * pc.width, 64u)) {
+    if (gl_LocalInvocationIndex == 0u && linear_group() < div_ceil(runs * columns, 64u)) {
         vec4 sum = vec4(0.0);
         for (uint k = 0u; k < 64u; ++k) sum += sh_sums[k];
         sums[linear_group()] = sum;

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 // Purpose   filters the moments of picture and truth along the rows.
 // Equation  E[x], E[y], E[x x], E[y y], E[x y] per channel under SSIM's window (SPEC 4).
-// Grid      one thread per RUN pixels of a row.
-// Writes    moments: 4 vec4 per pixel, (x, y) pairs and products of the three channels, 15 numbers in all.
+// Grid      one thread per RUN places of a row: all pixels, or every STRIDE-th.
+// Writes    moments, by place: 4 vec4, (x, y) pairs and products of the three channels, 15 numbers in all; rows are all there.
 // Numerics  colours lie in [0, 1] or near it; the variance's cancellation is met by the columns' clamp.
 #version 460
 #extension GL_GOOGLE_include_directive : require
@@ -17,7 +17,8 @@ layout(set = 0, binding = 1) restrict readonly buffer Truth { uint truth[]; };
 layout(set = 0, binding = 2) restrict writeonly buffer Moments { vec4 moments[]; };
 
 void main() {
-    const uint runs = div_ceil(pc.width, RUN);
+    const uint places = div_ceil(pc.width, STRIDE);
+    const uint runs = div_ceil(places, RUN);
     const uint i = linear_thread(gl_WorkGroupSize.x);
     if (i >= runs * pc.height) return;
     const uint row = i / runs;
@@ -30,15 +31,15 @@ void main() {
     for (uint k = 0u; k < RUN; ++k) {
         x[k] = y[k] = xx[k] = yy[k] = xy[k] = vec3(0.0);
     }
-    for (uint t = 0u; t < 2u * SSIM_RADIUS + RUN; ++t) {
-        const int column = int(first + t) - int(SSIM_RADIUS);
+    for (uint t = 0u; t < RUN_LOADS; ++t) {
+        const int column = int(STRIDE * first + t) - int(SSIM_RADIUS);
         const bool inside = column >= 0 && column < int(pc.width);
         const uint pixel = row * pc.width + uint(clamp(column, 0, int(pc.width) - 1));
         const vec4 b = unpack_truth(truth[pixel]);
         const vec3 a = visible_color(image[pixel].xyz, b);
         for (uint k = 0u; k < RUN; ++k) {
-            if (t >= k && t - k <= 2u * SSIM_RADIUS) {
-                const float w = inside ? SSIM_WINDOW[t - k] : 0.0;
+            if (t >= STRIDE * k && t - STRIDE * k <= 2u * SSIM_RADIUS) {
+                const float w = inside ? SSIM_WINDOW[t - STRIDE * k] : 0.0;
                 x[k] += w * a;
                 y[k] += w * b.xyz;
                 xx[k] += w * a * a;
@@ -48,8 +49,8 @@ void main() {
         }
     }
     for (uint k = 0u; k < RUN; ++k) {
-        if (first + k < pc.width) {
-            const uint at = 4u * (row * pc.width + first + k);
+        if (first + k < places) {
+            const uint at = 4u * (row * places + first + k);
             moments[at] = vec4(x[k], y[k].x);
             moments[at + 1u] = vec4(y[k].yz, xx[k].xy);
             moments[at + 2u] = vec4(xx[k].z, yy[k]);

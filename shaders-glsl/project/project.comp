@@ -35,25 +35,45 @@ layout(set = 0, binding = 8) restrict writeonly buffer TileCounts { uint tile_co
 layout(set = 0, binding = 9) restrict buffer FrameStatus { Status status; };
 // One interface for all variants: what a variant does not need is bound to something else and not read.
 layout(set = 0, binding = 10) restrict readonly buffer Motion { vec4 motion[]; };
+#ifdef SH_HALF
+// Bands as halves, from sh_half.comp; places as those of the vec4.
+layout(set = 0, binding = 11) restrict readonly buffer Sh1 { uvec2 sh1[]; };
+layout(set = 0, binding = 12) restrict readonly buffer Sh2 { uvec2 sh2[]; };
+layout(set = 0, binding = 13) restrict readonly buffer Sh3 { uvec2 sh3[]; };
+vec4 band(uvec2 words) { return vec4(unpackHalf2x16(words.x), unpackHalf2x16(words.y)); }
+#else
 layout(set = 0, binding = 11) restrict readonly buffer Sh1 { vec4 sh1[]; };
 layout(set = 0, binding = 12) restrict readonly buffer Sh2 { vec4 sh2[]; };
 layout(set = 0, binding = 13) restrict readonly buffer Sh3 { vec4 sh3[]; };
+vec4 band(vec4 values) { return values; }
+#endif
 
 // Before the clamp to >= 0, which would hide a NaN.
 vec3 color_of(uint i, vec3 dir) {
     vec3 c = SH_0 * sh0[i].xyz;
 #if SH_DEGREE >= 1
-    c += sh_band1(sh1[plane_index(i, 3u, 0u)], sh1[plane_index(i, 3u, 1u)], sh1[plane_index(i, 3u, 2u)], dir);
+    const uint b1 = plane_index(i, 3u, 0u);
+    c += sh_band1(band(sh1[b1]), band(sh1[b1 + 32u]), band(sh1[b1 + 64u]), dir);
 #endif
 #if SH_DEGREE >= 2
-    c += sh_band2(sh2[plane_index(i, 4u, 0u)], sh2[plane_index(i, 4u, 1u)], sh2[plane_index(i, 4u, 2u)],
-        sh2[plane_index(i, 4u, 3u)], dir);
+    const uint b2 = plane_index(i, 4u, 0u);
+    c += sh_band2(band(sh2[b2]), band(sh2[b2 + 32u]), band(sh2[b2 + 64u]), band(sh2[b2 + 96u]), dir);
 #endif
 #if SH_DEGREE >= 3
-    c += sh_band3(sh3[plane_index(i, 6u, 0u)], sh3[plane_index(i, 6u, 1u)], sh3[plane_index(i, 6u, 2u)],
-        sh3[plane_index(i, 6u, 3u)], sh3[plane_index(i, 6u, 4u)], sh3[plane_index(i, 6u, 5u)], dir);
+    const uint b3 = plane_index(i, 6u, 0u);
+    c += sh_band3(band(sh3[b3]), band(sh3[b3 + 32u]), band(sh3[b3 + 64u]), band(sh3[b3 + 96u]), band(sh3[b3 + 128u]),
+        band(sh3[b3 + 160u]), dir);
 #endif
     return c + 0.5;
+}
+
+// Positive floats order as their bits do. A short key counts from the near plane on and is full 2^16 times as far: what lies
+// farther, and before the near plane, where nothing is drawn, shares the last one.
+uint depth_key(ViewParams view, float z) {
+    const uint bits = floatBitsToUint(z);
+    const uint shift = unfolded(view.depth_shift);
+    const uint steps = (bits - floatBitsToUint(view.near)) >> shift;
+    return shift == 0u ? bits : min(steps, (1u << (27u - shift)) - 1u);
 }
 
 void main() {
@@ -106,8 +126,7 @@ void main() {
         splats[SPLAT_PLANES * at + 1u] = vec4(conic.m.zw, opacity, p.z);
         splats[SPLAT_PLANES * at + 2u] = vec4(max(color, vec3(0.0)), flow.x);
         splats[SPLAT_PLANES * at + 3u] = vec4(flow.y, conic.slope, chord, reach_y);
-        // Positive floats order as their bits do.
-        depth_keys[at] = floatBitsToUint(p.z);
+        depth_keys[at] = depth_key(view, p.z);
         identity[at] = at;
         bad = !(finite2(xy) && finite4(conic.m) && finite(opacity) && finite(p.z) && finite3(color) && finite2(flow)
             && finite3(vec3(conic.slope, chord, reach_y)));
@@ -116,6 +135,13 @@ void main() {
             for (uint row = rows.x; row < rows.y; ++row) {
                 const uvec2 columns = tile_columns(view, xy, conic.slope, chord, reach_y, row);
                 n_tiles += columns.y - min(columns.x, columns.y);
+            }
+            // Who is seen does not depend on the bound.
+            if (boxed(view) && n_tiles > 0u) {
+                const vec3 ellipse = vec3(conic.slope, chord, reach_y);
+                const uvec2 box_rows = listed_rows(view, xy, opacity, ellipse);
+                const uvec2 columns = listed_columns(view, xy, opacity, ellipse, 0u);
+                n_tiles = (box_rows.y - box_rows.x) * (columns.y - columns.x);
             }
         }
         tile_counts[at] = n_tiles;

@@ -10,6 +10,7 @@
 #extension GL_KHR_shader_subgroup_arithmetic : require
 #extension GL_KHR_shader_subgroup_shuffle : require
 #include "types.glsl"
+#include "unfolded.glsl"
 #include "grid.glsl"
 #include "splat.glsl"
 
@@ -55,17 +56,18 @@ void main() {
     const uint n = valid ? tile_counts[id] : 0u;
     const uint first = valid ? offsets[i] : 0u;
     const vec2 xy = splats[SPLAT_PLANES * id].xy;
-    const vec4 shape = splats[SPLAT_PLANES * id + 3u];
+    const float opacity = splats[SPLAT_PLANES * id + 1u].z;
+    const vec3 ellipse = splats[SPLAT_PLANES * id + 3u].yzw;
     const uint none = view.tiles_x * view.tiles_y;
 #ifdef SLOTS
     if (valid) slot_first[id] = first;
 #endif
 
     const bool own = n > 0u && n <= MANY;
-    const uvec2 rows = own ? tile_rows(view, xy.y, shape.w) : uvec2(0u);
+    const uvec2 rows = own ? listed_rows(view, xy, opacity, ellipse) : uvec2(0u);
     uint at = first;
     for (uint row = rows.x; row < rows.y; ++row) {
-        at = emit_row(tile_columns(view, xy, shape.y, shape.z, shape.w, row), row, at, first + n, id);
+        at = emit_row(listed_columns(view, xy, opacity, ellipse, row), row, at, first + n, id);
     }
     if (own) {
         for (; at < first + n; ++at) write_pair(at, none, id);
@@ -79,17 +81,18 @@ void main() {
             const uint owner = 32u * half_mask + uint(findLSB(word));
             word &= word - 1u;
             const vec2 xy_o = vec2(subgroupShuffle(xy.x, owner), subgroupShuffle(xy.y, owner));
-            const vec3 shape_o = vec3(
-                subgroupShuffle(shape.y, owner), subgroupShuffle(shape.z, owner), subgroupShuffle(shape.w, owner));
+            const float opacity_o = subgroupShuffle(opacity, owner);
+            const vec3 ellipse_o = vec3(
+                subgroupShuffle(ellipse.x, owner), subgroupShuffle(ellipse.y, owner), subgroupShuffle(ellipse.z, owner));
             const uint id_o = subgroupShuffle(id, owner);
             const uint first_o = subgroupShuffle(first, owner);
             const uint end_o = first_o + subgroupShuffle(n, owner);
-            const uvec2 rows_o = tile_rows(view, xy_o.y, shape_o.z);
+            const uvec2 rows_o = listed_rows(view, xy_o, opacity_o, ellipse_o);
             uint base = first_o;
             for (uint row0 = rows_o.x; row0 < rows_o.y; row0 += gl_SubgroupSize) {
                 const uint row = row0 + lane;
                 uvec2 columns = uvec2(0u);
-                if (row < rows_o.y) columns = tile_columns(view, xy_o, shape_o.x, shape_o.y, shape_o.z, row);
+                if (row < rows_o.y) columns = listed_columns(view, xy_o, opacity_o, ellipse_o, row);
                 const uint width = columns.y - min(columns.x, columns.y);
                 const uint before = subgroupExclusiveAdd(width);
                 emit_row(columns, row, base + before, end_o, id_o);

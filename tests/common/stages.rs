@@ -47,7 +47,7 @@ impl Rig {
     /// Room for every Gaussian of the scene.
     pub fn new(splats: &Splats, view: &View) -> Rig {
         let gpu = gpu();
-        let scene = SceneBuffers::upload(&gpu, splats, Constants::default().alpha_min, Purpose::Picture).unwrap();
+        let scene = SceneBuffers::upload(&gpu, splats, &Constants::default(), Purpose::Picture).unwrap();
         let capacity = splats.len().max(1) as u32;
         Rig::with(gpu, scene, view, capacity)
     }

@@ -75,7 +75,7 @@ fn a_detached_depth_moves_places_and_no_opacities() {
     };
     let (attached, _) = vjp(&splats, &view, &only_depth);
     let gpu = gpu();
-    let scene = SceneBuffers::upload(&gpu, &splats, Constants::default().alpha_min, Purpose::Gradient).unwrap();
+    let scene = SceneBuffers::upload(&gpu, &splats, &Constants::default(), Purpose::Gradient).unwrap();
     let (tiles_x, tiles_y) = Strip::whole(&view).tiles(&view);
     let n_pixels = view.width * view.height;
     let room = Room {
@@ -87,6 +87,7 @@ fn a_detached_depth_moves_places_and_no_opacities() {
         purpose: Purpose::Gradient,
         accumulation: Accumulation::Slots,
         camera: false,
+        depth_bits: 32,
     };
     let work = Workspace::new(&gpu, &scene, room).unwrap();
     let mut params = view_params(&view, &Constants::default(), scene.origin, Strip::whole(&view));

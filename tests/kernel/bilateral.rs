@@ -150,7 +150,8 @@ fn a_step_is_the_twins_and_a_gradient_that_is_not_finite_moves_nothing() {
         let grids = Grids::upload(&gpu, &states).unwrap();
         let rate = 2e-3;
         // No gauge: 7 is no multiple of 3.
-        step(&gpu, &grids, 1, &d_grid, &GridStep { step: 7, is_free: true, camera_step, rate, tv_weight: 0.0 }, 0).unwrap();
+        step(&gpu, &grids, 1, &d_grid, &GridStep { step: 7, is_free: true, camera_step, rate, tv_weight: 0.0 }, 0)
+            .unwrap();
         let found = grids.download(&gpu).unwrap();
         assert!(found[0] == states[0] && found[2] == states[2], "other cameras moved");
         let found = &found[1];
@@ -186,8 +187,15 @@ fn total_variation_and_its_gradient_are_the_twins() {
     let state = random_grid(&mut Random::new(13), 0.3);
     let grids = Grids::upload(&gpu, &[state.clone(), state.clone()]).unwrap();
     let tv_weight = 10.0;
-    step(&gpu, &grids, 0, &[0.0; GRID_NUMBERS], &GridStep { step: 1, is_free: true, camera_step: 1, rate: 0.0, tv_weight }, 0)
-        .unwrap();
+    step(
+        &gpu,
+        &grids,
+        0,
+        &[0.0; GRID_NUMBERS],
+        &GridStep { step: 1, is_free: true, camera_step: 1, rate: 0.0, tv_weight },
+        0,
+    )
+    .unwrap();
     let found = &grids.download(&gpu).unwrap()[0];
     assert_eq!(found.grid, state.grid, "rate 0 moves the moments alone");
     let value = gpu.read(&grids.tv).unwrap()[0][0];
@@ -224,7 +232,13 @@ fn the_gauge_keeps_the_mean_over_the_cameras_at_the_identity() {
     for number in 1..=60u64 {
         let camera = (number as usize - 1) % n_cameras;
         let d_grid: Vec<f32> = tint.iter().map(|t| t + random.uniform(-0.5, 0.5) as f32).collect();
-        let numbers = GridStep { step: number, is_free: true, camera_step: (number - 1) / n_cameras as u64 + 1, rate, tv_weight: 0.1 };
+        let numbers = GridStep {
+            step: number,
+            is_free: true,
+            camera_step: (number - 1) / n_cameras as u64 + 1,
+            rate,
+            tv_weight: 0.1,
+        };
         step(&gpu, &grids, camera, &d_grid, &numbers, 0).unwrap();
         if number.is_multiple_of(n_cameras as u64) || number % n_cameras as u64 == 4 {
             let states = grids.download(&gpu).unwrap();

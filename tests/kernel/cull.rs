@@ -115,8 +115,7 @@ fn many_groups_share_one_list() {
     let (mut groups, mut expected, mut ranges, mut first, mut n) = (Vec::new(), Vec::new(), Vec::new(), 0, 0);
     for (size, dynamic) in [(1, false), (129, false), (64, true), (128, false), (300, true)] {
         let (all, seen) = population(&mut random, size, dynamic);
-        let alpha_min = Constants::default().alpha_min;
-        let mut part = SceneBuffers::upload(&gpu, &scene_of(&all), alpha_min, Purpose::Picture).unwrap();
+        let mut part = SceneBuffers::upload(&gpu, &scene_of(&all), &Constants::default(), Purpose::Picture).unwrap();
         assert_eq!((part.groups.len(), part.n_bad), (1, 0));
         part.groups[0].first = first;
         let begin = expected.len() as u32;
@@ -156,7 +155,7 @@ fn an_active_list_that_overflows_says_so_and_leaves_everything_else_empty() {
     let view = camera(64, 48);
     for capacity in [1, 128, 299] {
         let gpu = gpu();
-        let scene = SceneBuffers::upload(&gpu, &splats, Constants::default().alpha_min, Purpose::Picture).unwrap();
+        let scene = SceneBuffers::upload(&gpu, &splats, &Constants::default(), Purpose::Picture).unwrap();
         let mut rig = Rig::with(gpu, scene, &view, capacity);
         rig.cull.active_id = rig.gpu.upload("guarded ids", &vec![GUARD; capacity as usize + 64]).unwrap();
         let (status, ids) = rig.cull();

@@ -55,8 +55,7 @@ impl Case {
     fn new(splats: Splats, state: Vec<[f32; 4]>, group_limit: usize) -> Case {
         let gpu = gpu();
         let mut random = Random::new(9);
-        let alpha_min = Constants::default().alpha_min;
-        let scene = SceneBuffers::upload_in_groups(&gpu, &splats, alpha_min, group_limit).unwrap();
+        let scene = SceneBuffers::upload_in_groups(&gpu, &splats, &Constants::default(), group_limit).unwrap();
         let of_groups = |g: &ivv::stage::Group| gpu.upload("state", &state[g.start..g.start + g.n as usize]).unwrap();
         let state_buffers = scene.groups.iter().map(of_groups).collect();
         let (mut planes, mut moments) = (Vec::new(), Vec::new());
@@ -75,8 +74,8 @@ impl Case {
     }
 
     fn run(&self, round: &DensityRound) -> ivv::Result<After> {
-        let alpha_min = Constants::default().alpha_min;
-        let grown = round.run(&self.gpu, &self.scene, &self.planes, &self.state_buffers, alpha_min)?;
+        let constants = Constants::default();
+        let grown = round.run(&self.gpu, &self.scene, &self.planes, &self.state_buffers, &constants)?;
         let splats = grown.scene.download(&self.gpu, grown.scene.groups.iter().map(|g| &g.params)).unwrap();
         Ok(After { splats, grown })
     }
@@ -497,7 +496,7 @@ fn noise_moves_the_faint_along_their_covariance_and_nothing_when_the_step_failed
         splats.opacity[i] = [-9.0, -5.3, -4.0, 2.0][i % 4];
     }
     let gpu = gpu();
-    let scene = SceneBuffers::upload_in_groups(&gpu, &splats, Constants::default().alpha_min, 128).unwrap();
+    let scene = SceneBuffers::upload_in_groups(&gpu, &splats, &Constants::default(), 128).unwrap();
     let run = |failed: u32| {
         let status = gpu.upload("status", &[Status { failed, ..Status::default() }]).unwrap();
         let mut rec = Recording::new();

@@ -7,6 +7,7 @@ mod clock;
 mod cull;
 mod density;
 mod fisher;
+mod halves;
 mod losses;
 mod lpips;
 mod priors;

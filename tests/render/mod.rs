@@ -2,4 +2,5 @@
 
 mod golden;
 mod invariants;
+mod knobs;
 mod large;

@@ -2,6 +2,7 @@
 
 mod density;
 mod init;
+mod knobs;
 mod plan;
 mod points;
 mod report;

@@ -7,7 +7,7 @@ use ivv::Constants;
 use ivv::scene::capture::{Capture, Shot};
 use ivv::scene::{Motion, Splats, View};
 use ivv::stage::{Outputs, Renderer, Response};
-use ivv::train::{Config, Due, Evidence, Required, Review, Setup, Trainer, merge, psnr, review};
+use ivv::train::{Config, Due, Evidence, Required, Review, Setup, Trainer, merge_resting, psnr, review};
 use std::path::PathBuf;
 use std::sync::OnceLock;
 
@@ -280,7 +280,7 @@ fn chain(colors: [f32; 5]) -> (Splats, Evidence) {
 fn gaussians_that_show_one_resting_thing_one_after_the_other_become_one() {
     let (mut splats, mut evidence) = chain([0.5; 5]);
     let mut gone = vec![false; 5];
-    assert_eq!(merge(&mut splats, &mut evidence, 1.0, &mut gone), 4);
+    assert_eq!(merge_resting(&mut splats, &mut evidence, 1.0, &mut gone), 4);
     assert_eq!(gone, [false, true, true, true, true]);
     // From the beginning of the first to the end of the last.
     let (tau, motion) = ((-2.0f32).exp(), splats.motion[0]);
@@ -290,10 +290,10 @@ fn gaussians_that_show_one_resting_thing_one_after_the_other_become_one() {
     let (mut splats, mut evidence) = chain([0.5, 0.5, 2.5, 0.5, 0.5]);
     splats.position[4] = [0.3, 0.0, 2.0];
     let mut gone = vec![false; 5];
-    merge(&mut splats, &mut evidence, 1.0, &mut gone);
+    merge_resting(&mut splats, &mut evidence, 1.0, &mut gone);
     assert_eq!(gone, [false, true, false, false, false]);
     // What moves fast does not rest.
     let (mut splats, mut evidence) = chain([0.5; 5]);
     splats.motion.iter_mut().for_each(|motion| motion.velocity = [2.0, 0.0, 0.0]);
-    assert_eq!(merge(&mut splats, &mut evidence, 1.0, &mut [false; 5]), 0);
+    assert_eq!(merge_resting(&mut splats, &mut evidence, 1.0, &mut [false; 5]), 0);
 }

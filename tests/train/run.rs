@@ -11,7 +11,8 @@ use std::process::Output;
 fn ivv(arguments: &[&str]) -> Output {
     let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_ivv"));
     command.args(arguments);
-    if let (Ok(device), true) = (std::env::var("IVV_TEST_DEVICE"), ["train", "eval", "ablate"].contains(&arguments[0]))
+    if let (Ok(device), true) =
+        (std::env::var("IVV_TEST_DEVICE"), ["train", "eval", "ablate", "trade"].contains(&arguments[0]))
     {
         command.args(["--device", &device]);
     }
@@ -272,4 +273,57 @@ fn an_ablation_trains_each_setting_once_and_tables_what_came_of_it() {
     works(&arguments);
     assert_eq!(std::fs::metadata(&scores).unwrap().modified().unwrap(), before, "a run was made again");
     assert!(fails(&["ablate", capture, "-o", to, "--studies", "colour"], 2).contains("--studies colour"));
+}
+
+#[test]
+fn a_preset_goes_before_the_file_and_the_file_before_single_settings_and_the_run_keeps_its_name() {
+    let tiny = Tiny::new("preset");
+    let file = |name: &str| tiny.folder.join(name).to_str().unwrap().to_owned();
+    std::fs::write(file("own.json"), r#"{"loss": {"ssim_every": 3}, "adam": "lazy"}"#).unwrap();
+    let capture = tiny.folder.to_str().unwrap();
+    let train = ["train", capture, "-o", &file("run"), "--steps", "6", "--sh-degree", "0", "--eval-every", "0"];
+    let settings = ["--preset", "fast", "--config", &file("own.json"), "--set", "adam=dense"];
+    works(&[&train[..], &settings].concat());
+    let config = json(&tiny.folder.join("run/config.json"));
+    let told =
+        [&config["loss"]["ssim_stride"], &config["loss"]["ssim_every"], &config["adam"], &config["preset"]["name"]];
+    assert_eq!(told, [&Value::from(2), &Value::from(3), &Value::from("dense"), &Value::from("fast")]);
+    assert_eq!(json(&tiny.folder.join("run/train.json"))["preset"], config["preset"]);
+    assert_eq!(config["preset"]["hash"].as_str().unwrap().len(), 16);
+    let elsewhere = ["train", capture, "-o", &file("other")];
+    assert!(fails(&[&elsewhere[..], &["--preset", "quick"]].concat(), 3).contains("balanced"));
+    std::fs::write(file("bad.json"), r#"{"about": "", "settings": {"frame": {"depth_bit": 16}}}"#).unwrap();
+    assert!(fails(&[&elsewhere[..], &["--preset", &file("bad.json")]].concat(), 3).contains("depth_bit"));
+    assert!(fails(&[&elsewhere[..], &["--set", "frame.depth_bits=20"]].concat(), 2).contains("depth_bits"));
+}
+
+#[test]
+fn a_trade_runs_all_settings_in_turn_and_finds_the_reference_to_be_exact() {
+    let tiny = Tiny::new("trade");
+    let (capture, output) = (tiny.folder.to_str().unwrap(), tiny.folder.join("trade"));
+    let mut arguments = vec!["trade", capture, "-o", output.to_str().unwrap(), "--steps", "20", "--seeds", "3"];
+    arguments.extend(["--presets", "reference", "--knob", "frame.depth_bits=16", "--without", "balanced"]);
+    let told = works(&arguments);
+    let found = json(&output.join("trade.json"));
+    let names: Vec<&str> = found["arms"].as_array().unwrap().iter().map(|arm| arm["name"].as_str().unwrap()).collect();
+    assert_eq!(names[..3], ["exact", "reference", "frame.depth_bits=16"]);
+    assert!(names.contains(&"balanced without resolution"));
+    assert_eq!(found["comparisons"][1]["verdict"], "same_bits");
+    for run in found["runs"][0].as_array().unwrap() {
+        let blocks = run["block_seconds"].as_array().unwrap();
+        assert!(blocks.len() == 2 && blocks.iter().all(|seconds| seconds.as_f64().unwrap() > 0.0));
+        assert!(run["psnr"].as_f64().unwrap() > 5.0 && run["worst_psnr"].as_f64() < run["psnr"].as_f64());
+        assert!(
+            run["flicker"].is_number() && run["flow_error"].is_number() && run["device_bytes"].as_u64() > Some(10_000)
+        );
+    }
+    let errors = found["kernel_errors"].as_array().unwrap();
+    assert!(errors[0]["psnr"].as_f64().unwrap() > 80.0 && errors.len() >= 3, "{errors:?}");
+    let table = std::fs::read_to_string(output.join("trade.md")).unwrap();
+    assert!(told.contains(&table) && table.contains("| reference | ") && table.contains("same bits"));
+    let seed = output.join("seed-3.json");
+    let before = std::fs::metadata(&seed).unwrap().modified().unwrap();
+    works(&arguments);
+    assert_eq!(std::fs::metadata(&seed).unwrap().modified().unwrap(), before, "a run was made again");
+    assert!(fails(&["trade", capture, "-o", "x", "--knob", "frame.depth=16"], 2).contains("frame.depth=16"));
 }

@@ -52,7 +52,7 @@ fn equal_pictures_have_ssim_1_no_loss_and_no_derivative() {
     let color = |word: &u32| word.to_le_bytes().map(|b| f64::from(b) / 255.0);
     let image: Vec<[Dual; 3]> =
         truth.iter().map(|word| [0, 1, 2].map(|k| Dual::new(color(word)[k], random.uniform(-1.0, 1.0)))).collect();
-    let found = photometric(&image, &truth, [12, 9], truth.len());
+    let found = photometric(&image, &truth, [12, 9], truth.len(), 1);
     assert!((found.ssim.value - 1.0).abs() < 1e-12 && found.l1.value == 0.0, "{found:?}");
     assert!(found.loss().value.abs() < 1e-12 && found.loss().tangent.abs() < 1e-12, "{found:?}");
 }
@@ -72,11 +72,11 @@ fn the_derivative_of_the_loss_matches_finite_differences_with_and_without_a_mask
         let moved = |h: f64| -> f64 {
             let pixel = |(x, w): (&[f64; 3], &[f64; 3])| std::array::from_fn(|k| x[k] + h * w[k]);
             let image: Vec<[f64; 3]> = image.iter().zip(&w).map(pixel).collect();
-            photometric(&image, &truth, size, n_visible).loss()
+            photometric(&image, &truth, size, n_visible, 1).loss()
         };
         let dual = |(x, w): (&[f64; 3], &[f64; 3])| std::array::from_fn(|k| Dual::new(x[k], w[k]));
         let duals: Vec<[Dual; 3]> = image.iter().zip(&w).map(dual).collect();
-        let found = photometric(&duals, &truth, size, n_visible).loss();
+        let found = photometric(&duals, &truth, size, n_visible, 1).loss();
         let expected = (moved(step) - moved(-step)) / (2.0 * step);
         assert_eq!(found.value, moved(0.0));
         assert!(expected.abs() > 1e-4 && (found.tangent - expected).abs() < 1e-8, "{found:?} for {expected}");

@@ -107,8 +107,7 @@ impl Scene {
     /// # Errors
     /// Those of the device.
     pub fn upload(&self, gpu: &Gpu, mode: AdamMode, sums: &[[f32; 4]]) -> Result<(SceneBuffers, Optimiser)> {
-        let alpha_min = Constants::default().alpha_min;
-        let scene = SceneBuffers::upload(gpu, &self.params, alpha_min, Purpose::Training)?;
+        let scene = SceneBuffers::upload(gpu, &self.params, &Constants::default(), Purpose::Training)?;
         let groups = || scene.groups.iter();
         let moments = groups()
             .map(|g| Planes::upload_moments(gpu, &self.first, &self.second, g.start, g.n as usize))
@@ -151,6 +150,7 @@ impl Scene {
             purpose: Purpose::Training,
             accumulation: Accumulation::Slots,
             camera: false,
+            depth_bits: 32,
         };
         let work = Workspace::new(gpu, &scene, room)?;
         gpu.write(&work.view, &[view_params(view, &Constants::default(), scene.origin, strip)])?;

@@ -2,7 +2,7 @@
 
 use crate::extremes::random::Random;
 use crate::gpu::{Gpu, Recording};
-use crate::stage::Photometric;
+use crate::stage::{Photometric, Structure};
 use crate::twin::{Dual, Photometry, photometric};
 use anyhow::{Result, ensure};
 
@@ -65,9 +65,14 @@ impl Pair {
 
     /// The loss with a derivative along `w`.
     pub fn dual(&self, w: &[[f32; 3]]) -> Photometry<Dual> {
+        self.dual_at(w, 1)
+    }
+
+    /// The same with SSIM at every `stride`-th pixel of every `stride`-th row.
+    pub fn dual_at(&self, w: &[[f32; 3]], stride: usize) -> Photometry<Dual> {
         let dual = |(x, w): (&[f32; 3], &[f32; 3])| std::array::from_fn(|k| Dual::new(x[k].into(), w[k].into()));
         let image: Vec<[Dual; 3]> = self.image.iter().zip(w).map(dual).collect();
-        photometric(&image, &self.truth, self.size.map(|n| n as usize), self.n_visible())
+        photometric(&image, &self.truth, self.size.map(|n| n as usize), self.n_visible(), stride)
     }
 
     /// The device's, in a scratch for a larger picture, with a guard behind the last pixel.
@@ -75,6 +80,14 @@ impl Pair {
     /// # Errors
     /// Those of the device, and a pixel that was written and should not have been.
     pub fn on_device(&self, gpu: &Gpu) -> Result<Found> {
+        self.on_device_with(gpu, Some(Structure::WHOLE))
+    }
+
+    /// The same with SSIM as `structure` says, or without it.
+    ///
+    /// # Errors
+    /// As [`Pair::on_device`].
+    pub fn on_device_with(&self, gpu: &Gpu, structure: Option<Structure>) -> Result<Found> {
         let n = self.image.len();
         let loss = Photometric::new(gpu, n + 3)?;
         let alpha = 0.25;
@@ -83,13 +96,14 @@ impl Pair {
         let d_image = gpu.upload("d image", &vec![GUARD; n + 1])?;
         gpu.write(&loss.truth, &self.truth)?;
         let mut rec = Recording::new();
-        loss.record(&mut rec, &image, &d_image, self.size, self.n_visible() as u32);
+        loss.record(&mut rec, &image, &d_image, self.size, self.n_visible() as u32, structure);
         gpu.run(&rec)?;
         let mut found = gpu.read(&d_image)?;
         ensure!(found.pop() == Some(GUARD), "the pixel past the end was overwritten");
         ensure!(found.iter().all(|d| d[3] == 0.0), "alpha has a part in the loss");
         let sums = gpu.read(&loss.sums)?[0];
-        let [ssim, l1, _] = Photometric::values(sums, self.n_visible() as u32);
+        let [ssim, l1, _] =
+            Photometric::values(sums, self.n_visible() as u32, self.size, structure.unwrap_or(Structure::WHOLE));
         Ok(Found { ssim, l1, d_image: found.into_iter().map(|[r, g, b, _]| [r, g, b].map(f32::to_bits)).collect() })
     }
 }

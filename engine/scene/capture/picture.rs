@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
 
 use super::header::{BROKEN, fault, read_size, unreadable};
-use super::priors::{PriorSource, Priors};
+use super::priors::{PriorSource, Priors, prior_of, prior_word};
 use super::report::Fault;
 use crate::error;
 
@@ -35,6 +35,61 @@ pub struct Picture {
     pub n_depth: u32,
     /// Pixels that count and have a prior of flow.
     pub n_flow: u32,
+}
+
+impl Picture {
+    /// The picture in pixels that are the means of `factor` x `factor` of its own, of those that count, rounded to 8 bits; a
+    /// pixel counts when one of them does. Priors are means likewise, the flow's in its own pixels. What does not fill a pixel
+    /// at the right and at the bottom is cut off.
+    pub fn reduced(&self, factor: u32) -> Picture {
+        let (width, height) = (self.width / factor, self.height / factor);
+        let mut out = Picture { width, height, ..Picture::default() };
+        for (x, y) in (0..height).flat_map(|y| (0..width).map(move |x| (x, y))) {
+            let block = (0..factor * factor).map(|k| {
+                let (column, row) = (factor * x + k % factor, factor * y + k / factor);
+                (row * self.width + column) as usize
+            });
+            let (mut color, mut depth, mut flow) = ([Mean::default(); 3], Mean::default(), [Mean::default(); 2]);
+            for pixel in block.filter(|pixel| self.pixels[*pixel] >> 24 != 0) {
+                let channels = self.pixels[pixel].to_le_bytes();
+                color.iter_mut().zip(channels).for_each(|(mean, channel)| mean.add(f64::from(channel)));
+                let Some(word) = self.priors.get(pixel) else { continue };
+                let (own_depth, own_flow) = prior_of(*word);
+                own_depth.into_iter().for_each(|value| depth.add(value.into()));
+                if let Some(own) = own_flow {
+                    flow.iter_mut().zip(own).for_each(|(mean, value)| mean.add(value / f64::from(factor)));
+                }
+            }
+            let counts = color[0].value().is_finite();
+            // What is not a number is 0 as a byte.
+            let [r, g, b] = color.map(|mean| mean.value().round() as u8);
+            out.pixels.push(u32::from_le_bytes([r, g, b, if counts { 255 } else { 0 }]));
+            if !self.priors.is_empty() {
+                out.n_depth += u32::from(depth.value().is_finite());
+                out.n_flow += u32::from(flow[0].value().is_finite());
+                out.priors.push(prior_word(depth.value() as f32, flow.map(|mean| mean.value() as f32)));
+            }
+        }
+        out
+    }
+}
+
+/// The mean of some values; not a number without any.
+#[derive(Clone, Copy, Default)]
+struct Mean {
+    sum: f64,
+    n: f64,
+}
+
+impl Mean {
+    fn add(&mut self, value: f64) {
+        self.sum += value;
+        self.n += 1.0;
+    }
+
+    fn value(self) -> f64 {
+        self.sum / self.n
+    }
 }
 
 /// What is needed to decode one image; the threads of a cache share it.

@@ -88,6 +88,24 @@ pub fn prior_word(depth: f32, flow: [f32; 2]) -> [u32; 2] {
     [depth.to_bits(), x | y << 16]
 }
 
+/// The depth and the flow that a word of [`prior_word`] holds; none where there is none.
+pub(super) fn prior_of([depth, flow]: [u32; 2]) -> (Option<f32>, Option<[f64; 2]>) {
+    let flow = [flow as u16, (flow >> 16) as u16].map(half_value);
+    let depth = f32::from_bits(depth);
+    (depth.is_finite().then_some(depth), flow.iter().all(|x| x.is_finite()).then_some(flow))
+}
+
+/// The value of a half; what is not finite is not a number.
+fn half_value(bits: u16) -> f64 {
+    let (exponent, fraction) = (i32::from(bits >> 10 & 31), f64::from(bits & 1023) / 1024.0);
+    let size = match exponent {
+        0 => fraction * 2f64.powi(-14),
+        31 => f64::NAN,
+        _ => (1.0 + fraction) * 2f64.powi(exponent - 15),
+    };
+    if bits & 0x8000 != 0 { -size } else { size }
+}
+
 /// The bits of the nearest half; infinity's where there is none.
 fn half_bits(x: f32) -> u16 {
     let sign = (x.to_bits() >> 16 & 0x8000) as u16;
@@ -108,22 +126,15 @@ fn half_bits(x: f32) -> u16 {
 mod tests {
     use super::*;
 
-    /// The value of a half.
-    fn value(bits: u16) -> f64 {
-        let (exponent, fraction) = (i32::from(bits >> 10 & 31), f64::from(bits & 1023) / 1024.0);
-        let size = if exponent == 0 { fraction * 2f64.powi(-14) } else { (1.0 + fraction) * 2f64.powi(exponent - 15) };
-        if bits & 0x8000 != 0 { -size } else { size }
-    }
-
     #[test]
     fn halves_are_the_nearest_ones() {
         // Every half is its own nearest.
         for bits in (0..0x7c00).chain(0x8000..0xfc00) {
-            assert_eq!(half_bits(value(bits) as f32), bits, "{bits:x}");
+            assert_eq!(half_bits(half_value(bits) as f32), bits, "{bits:x}");
         }
         // Between two of them the nearer one; the middle goes to the even one.
         for bits in 0..0x7bff_u16 {
-            let (low, high) = (value(bits), value(bits + 1));
+            let (low, high) = (half_value(bits), half_value(bits + 1));
             let middle = (low + high) / 2.0;
             assert_eq!(half_bits((middle * 0.99 + low * 0.01) as f32), bits, "{bits:x}");
             assert_eq!(half_bits((middle * 0.99 + high * 0.01) as f32), bits + 1, "{bits:x}");

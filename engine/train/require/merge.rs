@@ -59,7 +59,7 @@ impl One {
 
 /// Merges those that may be one into the earlier of them and marks the later in `gone`; returns how often. What a merger costs is
 /// told by the information that the pictures have of both colours and opacities.
-pub fn merge(splats: &mut Splats, evidence: &mut Evidence, price: f64, gone: &mut [bool]) -> usize {
+pub fn merge_resting(splats: &mut Splats, evidence: &mut Evidence, price: f64, gone: &mut [bool]) -> usize {
     let mut order: Vec<(usize, One)> =
         (splats.n_static..splats.len()).filter_map(|i| Some((i, One::new(splats, i)?))).collect();
     order.sort_by(|a, b| a.1.t_center.total_cmp(&b.1.t_center));

@@ -9,7 +9,7 @@ mod merge;
 pub use decide::{Fate, InTime, affordable, fates};
 pub use evidence::Evidence;
 pub use grids::GridCheck;
-pub use merge::merge;
+pub use merge::merge_resting;
 
 use crate::error::Result;
 use crate::gpu::Gpu;
@@ -119,7 +119,7 @@ pub fn review(
     let margin = required.margin / f64::from(required.reviews.max(1));
     let (mut fates, price) = affordable(&checkpoint.params, &evidence, &times, required.price, margin, &key);
     let mut merged = vec![false; fates.len()];
-    let n_merged = merge(&mut checkpoint.params, &mut evidence, price, &mut merged);
+    let n_merged = merge_resting(&mut checkpoint.params, &mut evidence, price, &mut merged);
     fates.iter_mut().zip(&merged).for_each(|(fate, merged)| fate.stays &= !merged);
     let noise = evidence.variance.sqrt();
     let report = Review { merged: n_merged, noise, price, ..tally(&checkpoint, &fates, &merged) };

@@ -1,0 +1,161 @@
+//! What may be traded for time: exact knobs change no bit, the others what they say and no more.
+
+use crate::common::frames::{bits, pixels, render, render_with};
+use crate::common::one::{camera, round, scene_of};
+use crate::common::random::{scene, view, wild_scene};
+use ivv::scene::{Frame, Splats, View};
+use ivv::twin::render_f64;
+use ivv::{Constants, Knobs, TileBound};
+
+fn turned(splats: &Splats, view: &View, knobs: Knobs) -> (Frame, ivv::stage::FrameReport) {
+    render_with(splats, view, knobs.on(Constants::default()))
+}
+
+/// The largest difference in colour and alpha of two frames.
+fn difference(a: &Frame, b: &Frame) -> f32 {
+    let (a, b) = (pixels(a), pixels(b));
+    let channels = a.iter().zip(&b).flat_map(|(a, b)| (0..4).map(|k| (a[k] - b[k]).abs()));
+    channels.fold(0.0, f32::max)
+}
+
+#[test]
+fn no_bound_of_tiles_or_blocks_changes_a_bit_or_who_is_seen() {
+    for (name, splats) in [("usual", scene(3, 300, 1)), ("wild", wild_scene(5, 400))] {
+        let (exact, own) = render(&splats, &view());
+        let mut pairs = Vec::new();
+        for tile_bound in [TileBound::Ellipse, TileBound::Rectangle, TileBound::Square] {
+            for block_cull in [true, false] {
+                let knobs = Knobs { tile_bound, block_cull, ..Knobs::default() };
+                let (frame, report) = turned(&splats, &view(), knobs);
+                assert!(bits(&frame) == bits(&exact), "{name}: {knobs:?}");
+                assert_eq!((report.active, report.visible), (own.active, own.visible), "{name}: {knobs:?}");
+                pairs.push(report.intersections);
+            }
+        }
+        let [ellipse, rectangle, square] = [pairs[0], pairs[2], pairs[4]];
+        assert!(ellipse > 300 && rectangle > ellipse && square > rectangle, "{name}: {pairs:?} pairs");
+    }
+}
+
+#[test]
+fn short_depth_keys_tell_apart_what_they_say() {
+    // One behind the other, so many steps of f32, the one behind first in the file: it comes first where keys are equal.
+    let picture = |steps: u32, depth_bits: u32| {
+        let z = |steps: u32| f32::from_bits(Constants::default().near.to_bits() + (0x041c << 16) + steps);
+        let front = round([0.0, 0.0, z(0)], 0.1, 0.9, [1.0, 0.0, 0.0]);
+        let back = round([0.0, 0.0, z(steps)], 0.1, 0.9, [0.0, 0.0, 1.0]);
+        let knobs = Knobs { depth_bits, ..Knobs::default() };
+        let (frame, report) = turned(&scene_of(&[back, front]), &camera(48, 32), knobs);
+        assert_eq!(report.visible, 2);
+        frame
+    };
+    for (depth_bits, told) in [(32, 1), (24, 8), (16, 2048)] {
+        let right = picture(told, 32);
+        assert!(bits(&picture(told, depth_bits)) == bits(&right), "{depth_bits} bits");
+        let swapped = difference(&picture(told - 1, depth_bits), &right);
+        assert!(swapped > 0.1, "{depth_bits} bits tell {} steps apart: {swapped}", told - 1);
+    }
+    // A whole scene's picture, then, differs where neighbours in depth overlap, and little.
+    let splats = scene(4, 300, 1);
+    let (exact, _) = render(&splats, &view());
+    let changed =
+        |depth_bits| difference(&turned(&splats, &view(), Knobs { depth_bits, ..Knobs::default() }).0, &exact);
+    assert!(changed(24) < 1e-3 && changed(16) < 0.2, "{} {}", changed(24), changed(16));
+}
+
+#[test]
+fn a_short_depth_key_orders_everything_in_its_range_and_keeps_what_lies_beyond() {
+    let splats = scene(6, 200, 0);
+    let far =
+        Splats { position: splats.position.iter().map(|[x, y, z]| [1e4 * x, 1e4 * y, 1e4 * z]).collect(), ..splats };
+    let far = Splats { scale: far.scale.iter().map(|s| s.map(|s| s + 1e4f32.ln())).collect(), ..far };
+    let (exact, own) = render(&far, &view());
+    for depth_bits in [24, 16] {
+        let (frame, report) = turned(&far, &view(), Knobs { depth_bits, ..Knobs::default() });
+        assert_eq!((report.visible, report.intersections), (own.visible, own.intersections));
+        assert!(report.visible > 10 && difference(&frame, &exact) < 1.0);
+        assert!(frame.alpha.iter().any(|alpha| *alpha > 0.1));
+    }
+}
+
+#[test]
+fn a_cut_of_alpha_is_a_higher_alpha_min() {
+    let splats = scene(8, 300, 1);
+    let alpha_cut = 4.0 / 255.0;
+    let (frame, report) = turned(&splats, &view(), Knobs { alpha_cut, ..Knobs::default() });
+    let (raised, _) = render_with(&splats, &view(), Constants { alpha_min: alpha_cut, ..Constants::default() });
+    assert!(bits(&frame) == bits(&raised));
+    let (exact, own) = render(&splats, &view());
+    assert!(report.intersections < own.intersections && difference(&frame, &exact) > 1e-3);
+    let (below, _) = turned(&splats, &view(), Knobs { alpha_cut: 1e-3, ..Knobs::default() });
+    assert!(bits(&below) == bits(&exact), "a cut below alpha_min cuts nothing");
+}
+
+#[test]
+fn a_cut_of_transmittance_leaves_out_less_than_itself() {
+    let splats = scene(9, 900, 1);
+    let constants = Constants { t_min: 0.0, ..Constants::default() };
+    let (exact, _) = render_with(&splats, &view(), constants);
+    let largest = exact.color.as_flattened().iter().fold(1.0, |m: f32, x| m.max(*x));
+    let mut changed = Vec::new();
+    for t_cut in [1e-3, 1e-2, 1e-1] {
+        let knobs = Knobs { t_cut, ..Knobs::default() };
+        let (frame, _) = render_with(&splats, &view(), knobs.on(constants));
+        let error = difference(&frame, &exact);
+        assert!(error <= t_cut * 4.0 * largest, "{error} for a cut at {t_cut}");
+        changed.push(error);
+    }
+    assert!(changed[2] > changed[1] && changed[2] > 1e-3, "{changed:?}");
+}
+
+#[test]
+fn a_temporal_cut_leaves_out_those_that_are_faint_then_and_no_others() {
+    let splats = scene(10, 300, 1);
+    let temporal_cut = 0.1;
+    let (frame, report) = turned(&splats, &view(), Knobs { temporal_cut, ..Knobs::default() });
+    let (exact, own) = render(&splats, &view());
+    assert!(report.active < own.active && report.active > 0 && difference(&frame, &exact) > 1e-4);
+    // The truth of a scene without them.
+    let time = view().time + view().time_offset * view().flow_dt;
+    let opacity_then = |i: usize| {
+        let base = 1.0 / (1.0 + (-f64::from(splats.opacity[i])).exp());
+        let Some(m) = i.checked_sub(splats.n_static).map(|k| splats.motion[k]) else { return 1.0 };
+        base * (-((time - f64::from(m.t_center)) / f64::from(m.t_scale).exp()).powi(2)).exp()
+    };
+    let mut without = splats.clone();
+    for i in 0..splats.len() {
+        if opacity_then(i) < f64::from(temporal_cut) {
+            without.opacity[i] = -30.0;
+        }
+    }
+    let truth = render_f64(&without, &view(), &Constants::default());
+    let n = truth.alpha.len();
+    let wrong = (0..n).filter(|i| (truth.alpha[*i] - f64::from(frame.alpha[*i])).abs() > 1e-4).count();
+    assert!(20 * wrong < n, "{wrong} of {n} pixels are not those of the scene without them");
+    let (below, _) = turned(&splats, &view(), Knobs { temporal_cut: 1e-3, ..Knobs::default() });
+    assert!(bits(&below) == bits(&exact), "a cut below alpha_min cuts nothing");
+}
+
+#[test]
+fn halves_of_the_harmonics_change_colours_by_less_than_a_level_and_nothing_without_bands() {
+    let halved = Knobs { sh_bits: 16, ..Knobs::default() };
+    for degree in 0..=3 {
+        let splats = scene(11, 300, degree);
+        let ((exact, own), (frame, report)) = (render(&splats, &view()), turned(&splats, &view(), halved));
+        assert_eq!((report.visible, report.intersections), (own.visible, own.intersections));
+        let error = difference(&frame, &exact);
+        assert!(
+            if degree == 0 { error == 0.0 } else { error > 1e-6 && error < 1.0 / 255.0 },
+            "degree {degree}: {error}"
+        );
+        let pairs = pixels(&frame).into_iter().zip(pixels(&exact));
+        assert!(pairs.into_iter().all(|(a, b)| a[3..] == b[3..]), "alpha, depth and flow do not depend on colours");
+    }
+    // N25: what no half can hold is drawn as the largest; what is not finite is not drawn.
+    let mut splats = scene(12, 40, 1);
+    splats.sh[4 * 3 + 1] = [1e20, -1e20, 0.0];
+    splats.sh[4 * 7 + 2] = [f32::NAN, 0.0, 0.0];
+    let (frame, report) = turned(&splats, &view(), halved);
+    assert_eq!(report.bad_gaussians, 1);
+    assert!(frame.color.as_flattened().iter().all(|c| c.is_finite()));
+}

@@ -1,0 +1,155 @@
+//! What a run may be traded for: presets, and the settings that only training has.
+
+use super::{Tiny, bits, train};
+use crate::common::device::gpu;
+use ivv::scene::capture::{Picture, PriorPlan, prior_word};
+use ivv::scene::{Splats, View};
+use ivv::train::{Config, Preset, Resolution, Setup, Trainer, from_points, merge};
+use ivv::{Constants, Knobs};
+
+fn preset(name: &str) -> Config {
+    let mut settings = serde_json::to_value(Config::default()).unwrap();
+    merge(&mut settings, &Preset::find(name).unwrap().settings);
+    merge(&mut settings, &serde_json::json!({ "sh_degree": 1 }));
+    serde_json::from_value(settings).unwrap()
+}
+
+#[test]
+fn the_exact_preset_gives_the_bits_of_the_reference_through_rounds_of_density_control() {
+    let tiny = Tiny::new("exact");
+    let (exact, reference) = (preset("exact"), preset("reference"));
+    assert_ne!(exact, reference);
+    let begin = from_points(&tiny.capture.points, &tiny.capture, &exact);
+    let [(fast, ..), (plain, ..)] = [exact, reference].map(|config| train(&tiny.capture, &config, &begin, 60));
+    assert!(fast.len() > begin.len(), "density control adds Gaussians");
+    assert_eq!(bits(&fast), bits(&plain));
+    let [fast, plain] = [fast, plain].map(|splats| {
+        let file = tiny.folder.join("scene.ply");
+        ivv::scene::write_ply(&file, &splats).unwrap();
+        std::fs::read(&file).unwrap()
+    });
+    assert!(!fast.is_empty() && fast == plain, "the files differ");
+}
+
+#[test]
+fn every_preset_learns_and_is_another_run() {
+    let tiny = Tiny::new("presets");
+    let begin = from_points(&tiny.capture.points, &tiny.capture, &preset("exact"));
+    let mut all: Vec<Vec<u32>> = Vec::new();
+    for name in ["exact", "balanced", "fast", "preview"] {
+        let (end, first, last) = train(&tiny.capture, &preset(name), &begin, 60);
+        assert!(last < first, "{name}: loss {first:.3} at first, {last:.3} at last");
+        all.push(bits(&end));
+    }
+    for (index, own) in all.iter().enumerate() {
+        assert!(all[..index].iter().all(|other| other != own), "two presets are one");
+    }
+}
+
+/// Steps of `config` on one picture, with priors; the reports.
+fn reports(tiny: &Tiny, config: &Config, begin: &Splats, steps: u64) -> Vec<ivv::train::StepReport> {
+    let setup = Setup::new(&tiny.capture, config);
+    let mut trainer = Trainer::new(gpu().clone(), begin, Constants::default(), config.clone(), steps, setup).unwrap();
+    let (camera, frame) = tiny.capture.training_frames()[0];
+    let depth = [((camera, frame), [1.0, 0.1])].into();
+    let picture = tiny.capture.picture_with(camera, frame, &PriorPlan { flow: true, depth }).unwrap();
+    for _ in 0..steps {
+        trainer.train(camera, &tiny.capture.view(camera, frame).unwrap(), &picture).unwrap();
+    }
+    trainer.finish().unwrap();
+    trainer.take_reports()
+}
+
+#[test]
+fn a_run_begins_on_reduced_pictures_and_ends_on_whole_ones() {
+    let tiny = Tiny::new("coarse");
+    let resolution = Resolution { reduction: 2, until: 0.5 };
+    let config = Config { sh_degree: 0, resolution, ..Config::default() };
+    let begin = from_points(&tiny.capture.points, &tiny.capture, &config);
+    let coarse = reports(&tiny, &config, &begin, 8);
+    let whole = reports(&tiny, &Config { resolution: Resolution::default(), ..config.clone() }, &begin, 8);
+    // Fewer tiles in the first half; errors in the units of whole pictures.
+    let pairs: Vec<[u32; 2]> = coarse.iter().zip(&whole).map(|(c, w)| [c.intersections, w.intersections]).collect();
+    assert!(pairs[..4].iter().all(|[coarse, whole]| coarse < whole) && pairs[4][0] > pairs[3][0], "{pairs:?}");
+    let ratio =
+        |value: fn(&ivv::train::StepReport) -> Option<f64>| value(&coarse[0]).unwrap() / value(&whole[0]).unwrap();
+    assert!((0.7..1.4).contains(&ratio(|r| r.flow)) && (0.7..1.4).contains(&ratio(|r| r.depth)));
+    assert!((0.7..1.3).contains(&ratio(|r| Some(r.l1))));
+}
+
+#[test]
+fn ssim_is_due_in_every_nth_step_alone() {
+    let tiny = Tiny::new("cadence");
+    let mut config = Config { sh_degree: 0, ..Config::default() };
+    config.loss.ssim_every = 3;
+    config.loss.ssim_stride = 2;
+    let begin = from_points(&tiny.capture.points, &tiny.capture, &config);
+    let found = reports(&tiny, &config, &begin, 6);
+    let has: Vec<bool> = found.iter().map(|report| report.ssim.is_some()).collect();
+    assert_eq!(has, [false, false, true, false, false, true]);
+    let whole = reports(&tiny, &Config { sh_degree: 0, ..Config::default() }, &begin, 3);
+    let (sampled, all) = (found[2].ssim.unwrap(), whole[2].ssim.unwrap());
+    assert!((sampled - all).abs() < 0.1 && (found[0].l1 - whole[0].l1).abs() < 1e-6, "SSIM {sampled} for {all}");
+}
+
+#[test]
+fn settings_that_cannot_be_are_told() {
+    for (knobs, told) in [
+        (Knobs { depth_bits: 8, ..Knobs::default() }, "frame.depth_bits"),
+        (Knobs { t_cut: f32::NAN, ..Knobs::default() }, "frame.t_cut"),
+        (Knobs { temporal_cut: 1.0, ..Knobs::default() }, "frame.temporal_cut"),
+    ] {
+        let fault = Config { frame: knobs, ..Config::default() }.check().unwrap_err();
+        assert!(fault.contains(told), "{fault}");
+    }
+    let resolution = Resolution { reduction: 0, until: 0.5 };
+    assert!(Config { resolution, ..Config::default() }.check().unwrap_err().contains("resolution"));
+}
+
+#[test]
+fn a_reduced_picture_holds_the_means_of_what_counts() {
+    let pixel = |r: u8, mask: u8| u32::from_le_bytes([r, 2 * r, 0, mask]);
+    let none = f32::NAN;
+    // Two blocks of four pixels and a column that fills none.
+    let picture = Picture {
+        width: 5,
+        height: 2,
+        pixels: [[10, 20, 3, 4, 90], [30, 41, 5, 6, 90]]
+            .as_flattened()
+            .iter()
+            .enumerate()
+            .map(|(i, r)| pixel(*r, if i % 5 >= 2 || i == 6 { 0 } else { 255 }))
+            .collect(),
+        priors: [
+            [(1.0, [2.0, -4.0]), (none, [4.0, 0.0]), (7.0, [1.0; 2]), (7.0, [1.0; 2]), (9.0, [9.0; 2])],
+            [(3.0, [none, 0.0]), (8.0, [100.0; 2]), (7.0, [1.0; 2]), (7.0, [1.0; 2]), (9.0, [9.0; 2])],
+        ]
+        .as_flattened()
+        .iter()
+        .map(|(depth, flow)| prior_word(*depth, *flow))
+        .collect(),
+        n_depth: 3,
+        n_flow: 2,
+    };
+    let reduced = picture.reduced(2);
+    // (10 + 20 + 30) / 3; the fourth pixel is hidden, and so is the whole second block.
+    assert_eq!((reduced.width, reduced.height), (2, 1));
+    assert_eq!(reduced.pixels, [pixel(20, 255), 0]);
+    assert_eq!((reduced.n_depth, reduced.n_flow), (1, 1));
+    assert_eq!(reduced.priors[0], prior_word(2.0, [1.5, -1.0]));
+    assert!(!f32::from_bits(reduced.priors[1][0]).is_finite());
+    assert_eq!(picture.reduced(1).pixels.len(), 10);
+}
+
+#[test]
+fn a_reduced_view_sees_the_same_through_larger_pixels() {
+    let tiny = Tiny::new("view");
+    let view = tiny.capture.view(0, 0).unwrap();
+    let reduced = view.reduced(2);
+    let at = |view: &View, x: f64, y: f64| [(x - view.cx) / view.fx, (y - view.cy) / view.fy];
+    // The centre of a large pixel is where four small ones meet.
+    let (large, small) = (at(&reduced, 5.5, 7.5), at(&view, 11.0, 15.0));
+    assert!((0..2).all(|k| (large[k] - small[k]).abs() < 1e-12));
+    assert_eq!([reduced.width, reduced.height], [view.width / 2, view.height / 2]);
+    assert_eq!(view.reduced(1), view);
+}

@@ -1,0 +1,421 @@
+//! `ivv trade`: what settings and presets cost and buy, on a capture.
+
+use crate::begin;
+use crate::device::DeviceArgs;
+use crate::files::{make_folder, read_json, write_json};
+use crate::offsets;
+use crate::progress::Progress;
+use crate::settings::{SettingArgs, patch};
+use anyhow::Context;
+use ivv::Constants;
+use ivv::gpu::{Gpu, shaders_hash};
+use ivv::scene::capture::{Capture, FrameCache, Picture, PriorPlan};
+use ivv::scene::prior::read_flow;
+use ivv::scene::{Splats, View, write_atomic};
+use ivv::stage::{Outputs, Renderer};
+use ivv::train::{
+    Circumstances, Config, KNOB_SETTINGS, KernelError, Meter, Setup, Sight, Trade, TradeArm, TradeRun, Trainer,
+    evaluate, merge, permutation, spread, trade_arms,
+};
+use ivv::twin::render_f64;
+use serde_json::{Value, json};
+use sha2::{Digest, Sha256};
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::{Instant, SystemTime, UNIX_EPOCH};
+
+/// Steps of the short runs before the first measured one, in which kernels are compiled; density control is in it.
+const WARM_UP: u64 = 16;
+/// Scores of the curve to quality, over a run.
+const SCORES: u64 = 10;
+/// Bytes of decoded images kept ahead.
+const CACHE: u64 = 64 << 20;
+
+/// Options of `ivv trade`.
+#[derive(clap::Args)]
+pub struct Args {
+    /// A capture with test cameras; a synthetic one knows its flow and its clocks.
+    capture: PathBuf,
+    /// Where trade.md, trade.json and trade.svg go, and the runs of each seed, which are not made again.
+    #[arg(short, long)]
+    output: PathBuf,
+    /// Seeds; every setting is run with each of them.
+    #[arg(long, value_delimiter = ',', default_value = "1,2,3")]
+    seeds: Vec<u64>,
+    /// Presets that are measured, by name or path; `exact`, which all else is compared with, always is.
+    #[arg(long, value_delimiter = ',', default_value = "reference,balanced,fast,preview")]
+    presets: Vec<String>,
+    /// A single setting that is measured, KEY=VALUE as for --set; may be given several times. A list of all that trade
+    /// accuracy for speed without it.
+    #[arg(long)]
+    knob: Vec<String>,
+    /// The preset that is measured without each of its settings.
+    #[arg(long, default_value = "fast")]
+    without: String,
+    /// Measure presets alone, no single settings.
+    #[arg(long, conflicts_with_all = ["knob", "without"])]
+    only_presets: bool,
+    /// Steps of a run that are timed together before the next run's turn.
+    #[arg(long, default_value_t = 10, value_parser = clap::value_parser!(u64).range(1..))]
+    block: u64,
+    #[command(flatten)]
+    settings: SettingArgs,
+    #[command(flatten)]
+    device: DeviceArgs,
+}
+
+/// What all runs of a seed share.
+struct Bench<'a> {
+    args: &'a Args,
+    gpu: Arc<Gpu>,
+    capture: Capture,
+    arms: Vec<(TradeArm, Config)>,
+    steps: u64,
+}
+
+pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
+    anyhow::ensure!(!args.seeds.is_empty(), "--seeds names none");
+    let shared = args.settings.resolve()?;
+    let arms = arms(args, &shared)?;
+    let capture = Capture::open(&args.capture)?;
+    let world = capture.normalisation();
+    let capture = capture.transformed(&world);
+    let n_training = capture.training_frames().len() as u64;
+    let steps = if shared.steps > 0 { shared.steps } else { u64::from(shared.epochs) * n_training };
+    if n_training == 0 || capture.test_frames().is_empty() {
+        let reason = "has no training image or no test image";
+        return Err(ivv::Error::data(&args.capture, "", reason, "see `ivv check`").into());
+    }
+    make_folder(&args.output)?;
+    let gpu = args.device.open()?;
+    let bench = Bench { args, gpu, capture, arms, steps };
+    let mut runs = Vec::new();
+    let mut kernel_errors = Vec::new();
+    for (index, seed) in args.seeds.iter().enumerate() {
+        let found = bench.seed(*seed, index == 0)?;
+        runs.push(found.runs);
+        kernel_errors.extend(found.kernel_errors);
+    }
+    let caps = bench.gpu.caps();
+    let at = Circumstances {
+        device: caps.name.clone(),
+        driver: caps.driver.clone(),
+        date: today(),
+        shaders: shaders_hash(),
+        capture: args.capture.file_name().map_or(String::new(), |name| name.to_string_lossy().into_owned()),
+        steps,
+        seeds: args.seeds.clone(),
+    };
+    let arms = bench.arms.into_iter().map(|(arm, _)| arm).collect();
+    let trade = Trade { at, arms, runs, kernel_errors };
+    let comparisons: Vec<_> = (0..trade.arms.len()).map(|index| trade.comparison(index)).collect();
+    let all = json!({
+        "at": trade.at, "settings": shared, "arms": trade.arms, "comparisons": comparisons, "runs": trade.runs,
+        "kernel_errors": trade.kernel_errors,
+    });
+    write_json(&args.output.join("trade.json"), &all)?;
+    let text = trade.markdown();
+    write_atomic(&args.output.join("trade.md"), |to| to.write_all(text.as_bytes()))?;
+    write_atomic(&args.output.join("trade.svg"), |to| to.write_all(trade.svg().as_bytes()))?;
+    if json {
+        println!("{}", serde_json::to_string_pretty(&all)?);
+    } else {
+        println!("{text}\n{}", args.output.join("trade.md").display());
+    }
+    Ok(())
+}
+
+/// The arms with their settings.
+fn arms(args: &Args, shared: &Config) -> anyhow::Result<Vec<(TradeArm, Config)>> {
+    let given: Vec<&str> = match &args.knob[..] {
+        _ if args.only_presets => Vec::new(),
+        [] => KNOB_SETTINGS.to_vec(),
+        own => own.iter().map(String::as_str).collect(),
+    };
+    let single = |set: &str| Ok((set.to_owned(), patch(set).with_context(|| format!("--knob {set}"))?));
+    let singles = given.into_iter().map(single).collect::<anyhow::Result<Vec<_>>>()?;
+    let without = (!args.only_presets).then_some(args.without.as_str());
+    let config = |arm: TradeArm| {
+        let mut value = serde_json::to_value(shared)?;
+        merge(&mut value, &arm.settings);
+        let config: Config = serde_json::from_value(value).with_context(|| arm.name.clone())?;
+        config.check().map_err(|fault| anyhow::anyhow!("{}: {fault}", arm.name))?;
+        Ok((arm, config))
+    };
+    trade_arms(&args.presets, &singles, without)?.into_iter().map(config).collect()
+}
+
+/// What a seed's file holds.
+#[derive(serde::Serialize, serde::Deserialize)]
+struct Found {
+    /// What it must be of to serve again.
+    of: Value,
+    runs: Vec<TradeRun>,
+    kernel_errors: Vec<KernelError>,
+}
+
+/// A run under way.
+struct Running<'a> {
+    config: &'a Config,
+    trainer: Trainer,
+    run: TradeRun,
+}
+
+impl Bench<'_> {
+    /// The runs of one seed, unless its file has them; with the errors of renderings if it is the first.
+    fn seed(&self, seed: u64, is_first: bool) -> anyhow::Result<Found> {
+        let file = self.args.output.join(format!("seed-{seed}.json"));
+        let settings: Vec<&Config> = self.arms.iter().map(|(_, config)| config).collect();
+        let of = json!({
+            "settings": settings, "steps": self.steps, "block": self.args.block, "shaders": shaders_hash(),
+            "device": self.gpu.caps().name, "capture": std::path::absolute(&self.args.capture).ok(), "first": is_first,
+        });
+        if let Some(found) = read_json::<Found>(&file, "").ok().filter(|found| found.of == of) {
+            return Ok(found);
+        }
+        if is_first {
+            self.train(seed, WARM_UP, "warm-up")?;
+        }
+        let trained = self.train(seed, self.steps, "block")?;
+        let mut progress = Progress::new("scored", trained.len());
+        let (mut runs, mut kernel_errors) = (Vec::new(), Vec::new());
+        for (index, running) in trained.into_iter().enumerate() {
+            let Running { config, mut trainer, mut run } = running;
+            let splats = trainer.splats()?;
+            run.offset_error = offsets::learnt_error(&mut trainer, &self.capture)?;
+            let before = self.live_bytes();
+            drop(trainer);
+            run.device_bytes = before - self.live_bytes();
+            self.score(&splats, config, &mut run)?;
+            progress.step(&format!("{}, {:.2} dB", self.arms[index].0.name, run.psnr));
+            if is_first && index == 0 {
+                kernel_errors = self.kernel_errors(&splats)?;
+            }
+            runs.push(run);
+        }
+        let found = Found { of, runs, kernel_errors };
+        write_json(&file, &found)?;
+        Ok(found)
+    }
+
+    /// Trains all arms for `steps` steps, a block of each in turn.
+    fn train(&self, seed: u64, steps: u64, what: &'static str) -> anyhow::Result<Vec<Running<'_>>> {
+        let frames = self.capture.training_frames();
+        let mut all = Vec::new();
+        // What begins alike is made once.
+        let mut begun: Vec<(Config, Splats)> = Vec::new();
+        let mut priors = PriorPlan::default();
+        for (index, (_, config)) in self.arms.iter().enumerate() {
+            let setup = Setup::new(&self.capture, config);
+            let key = Config { seed, sh_degree: config.sh_degree, init: config.init, ..Config::default() };
+            if index == 0 {
+                priors = begin::priors(&self.capture, config, &setup)?.0;
+            }
+            let own = Config { seed, ..config.clone() };
+            let splats = match begun.iter().find(|(known, _)| *known == key) {
+                Some((_, splats)) => splats,
+                None => {
+                    begun.push((key, begin::first_gaussians(&self.capture, &own)?));
+                    &begun[begun.len() - 1].1
+                }
+            };
+            let trainer = Trainer::new(self.gpu.clone(), splats, Constants::default(), own, steps, setup)?;
+            all.push(Running { config, trainer, run: TradeRun::default() });
+        }
+        let order: Vec<(usize, u32)> = (0..steps.div_ceil(frames.len() as u64))
+            .flat_map(|epoch| permutation(frames.len(), &[seed, epoch]).into_iter().map(|i| frames[i]))
+            .take(steps as usize)
+            .collect();
+        let mut cache = FrameCache::new(&self.capture, order.iter().copied(), &priors, CACHE, 1)?;
+        let blocks: Vec<&[(usize, u32)]> = order.chunks(self.args.block as usize).collect();
+        let n_arms = all.len();
+        let mut progress = Progress::new(what, blocks.len());
+        for (index, block) in blocks.iter().enumerate() {
+            let next = |at: &(usize, u32)| -> anyhow::Result<(usize, View, Arc<Picture>)> {
+                let picture = cache.next_picture().context("the order of images ended early")??;
+                Ok((at.0, self.capture.view(at.0, at.1)?, picture))
+            };
+            let inputs = block.iter().map(next).collect::<Result<Vec<_>, _>>()?;
+            let done = (index + 1) as u64;
+            let is_scored = done * SCORES / blocks.len() as u64 > (done - 1) * SCORES / blocks.len() as u64;
+            for place in 0..n_arms {
+                // Nobody is always first.
+                let Running { config, trainer, run } = &mut all[(place + index) % n_arms];
+                let start = Instant::now();
+                for (camera, view, picture) in &inputs {
+                    trainer.train(*camera, view, picture)?;
+                }
+                trainer.finish()?;
+                run.block_seconds.push(start.elapsed().as_secs_f64());
+                trainer.take_reports();
+                if is_scored && steps == self.steps {
+                    let psnr = self.psnr(&trainer.splats()?, config)?;
+                    run.curve.push([run.block_seconds.iter().sum(), psnr]);
+                }
+            }
+            progress.step(&format!("{} steps of {n_arms} settings, seed {seed}", block.len()));
+        }
+        Ok(all)
+    }
+
+    /// Bytes of all device buffers.
+    fn live_bytes(&self) -> u64 {
+        self.gpu.device().memory().0.values().sum()
+    }
+
+    /// Mean PSNR of some test views.
+    fn psnr(&self, splats: &Splats, config: &Config) -> anyhow::Result<f64> {
+        let mut renderer = Renderer::new(self.gpu.clone(), splats, Constants::default())?;
+        let mut meter = Meter::new(self.gpu.clone(), config)?;
+        let some = spread(&self.capture.test_frames(), 6);
+        let sight = Sight::new(&self.capture, config.background);
+        let scored = evaluate(&mut renderer, &mut meter, &sight, &some, 0, |_, _, _| Ok(()))?;
+        Ok(scored.map_or(f64::NAN, |scored| scored.mean.psnr))
+    }
+
+    /// Scores a scene on all test views, rendered exactly.
+    fn score(&self, splats: &Splats, config: &Config, run: &mut TradeRun) -> anyhow::Result<()> {
+        let mut renderer = Renderer::new(self.gpu.clone(), splats, Constants::default())?;
+        let mut meter = Meter::new(self.gpu.clone(), config)?;
+        let sight = Sight::new(&self.capture, config.background);
+        let frames = self.capture.test_frames();
+        let mut residuals: BTreeMap<usize, Residuals> = BTreeMap::new();
+        let scored = evaluate(&mut renderer, &mut meter, &sight, &frames, 0, |camera, frame, rendered| {
+            let Some(moves) = self.capture.foreground(camera, frame)? else { return Ok(()) };
+            let truth = self.capture.picture(camera, frame)?;
+            residuals.entry(camera).or_insert_with(|| Residuals::new(moves.len())).add(&rendered.color, &truth, &moves);
+            Ok(())
+        })?
+        .context("the capture has no test image")?;
+        run.scene_hash = hash(splats);
+        run.gaussians = splats.len();
+        (run.psnr, run.ssim) = (scored.mean.psnr, scored.mean.ssim);
+        run.worst_psnr = scored.views.iter().map(|view| view.scores.psnr).fold(f64::INFINITY, f64::min);
+        run.flicker = mean(residuals.values().flat_map(Residuals::deviations));
+        let mut errors = Vec::new();
+        for &(camera, frame) in &frames {
+            let view = sight.view(camera, frame)?;
+            let file = format!("truth/exact/{}/{frame:05}.exr", self.capture.cameras[camera].name);
+            let file = self.capture.path.join(file);
+            if !file.is_file() || frame + 1 >= self.capture.n_frames {
+                continue;
+            }
+            let truth = read_flow(&file, view.width, view.height)?;
+            let (rendered, _) = renderer.render(&view, Outputs::All)?;
+            let error = |(a, b): (&[f32; 2], &[f32; 2])| f64::from(a[0] - b[0]).hypot(f64::from(a[1] - b[1]));
+            errors.extend(rendered.flow.iter().zip(&truth).map(error).filter(|error| error.is_finite()));
+        }
+        run.flow_error = mean(errors.into_iter());
+        Ok(())
+    }
+
+    /// What each way to render does to one view of `splats`, against the twin in double precision.
+    fn kernel_errors(&self, splats: &Splats) -> anyhow::Result<Vec<KernelError>> {
+        let (camera, frame) =
+            *spread(&self.capture.test_frames(), 1).first().context("the capture has no test image")?;
+        let view = self.capture.view(camera, frame)?;
+        let truth = render_f64(splats, &view, &Constants::default());
+        let mut seen: Vec<ivv::Knobs> = Vec::new();
+        let mut errors = Vec::new();
+        for (arm, config) in &self.arms {
+            if seen.contains(&config.frame) {
+                continue;
+            }
+            seen.push(config.frame);
+            let constants = config.frame.on(Constants::default());
+            let (rendered, _) = Renderer::new(self.gpu.clone(), splats, constants)?.render(&view, Outputs::Color)?;
+            errors.push(KernelError::new(&arm.name, &rendered.color, &truth.color));
+        }
+        Ok(errors)
+    }
+}
+
+/// What is wrong with a camera's pixels in time, where nothing moves.
+struct Residuals {
+    /// By pixel: sum and sum of squares of the mean over the channels, and whether something moved over it.
+    sums: Vec<([f64; 2], bool)>,
+    n: f64,
+}
+
+impl Residuals {
+    fn new(n_pixels: usize) -> Self {
+        Residuals { sums: vec![([0.0; 2], false); n_pixels], n: 0.0 }
+    }
+
+    fn add(&mut self, color: &[[f32; 3]], truth: &Picture, moves: &[bool]) {
+        self.n += 1.0;
+        for (((sums, moved), color), (word, moves)) in
+            self.sums.iter_mut().zip(color).zip(truth.pixels.iter().zip(moves))
+        {
+            let truth = word.to_le_bytes();
+            let error =
+                (0..3).map(|c| 255.0 * f64::from(color[c].clamp(0.0, 1.0)) - f64::from(truth[c])).sum::<f64>() / 3.0;
+            *sums = [sums[0] + error, sums[1] + error * error];
+            *moved |= *moves || truth[3] == 0;
+        }
+    }
+
+    /// Standard deviations of the pixels that nothing moved over.
+    fn deviations(&self) -> impl Iterator<Item = f64> {
+        let n = self.n;
+        let still = self.sums.iter().filter(move |(_, moved)| !moved && n > 1.0);
+        still.map(move |([sum, squares], _)| ((squares - sum * sum / n) / (n - 1.0)).max(0.0).sqrt())
+    }
+}
+
+fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
+    let (n, sum) = values.fold((0.0, 0.0), |(n, sum), value| (n + 1.0, sum + value));
+    (n > 0.0).then(|| sum / n)
+}
+
+/// Tells scenes apart by any bit.
+fn hash(splats: &Splats) -> String {
+    let mut hasher = Sha256::new();
+    for values in [
+        splats.position.as_flattened(),
+        splats.rotation.as_flattened(),
+        splats.scale.as_flattened(),
+        &splats.opacity,
+        splats.sh.as_flattened(),
+        bytemuck::cast_slice(&splats.motion),
+    ] {
+        hasher.update(bytemuck::cast_slice::<f32, u8>(values));
+    }
+    format!("{:x}", hasher.finalize())
+}
+
+/// Year-month-day, UTC.
+fn today() -> String {
+    let seconds = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
+    date(seconds / 86_400)
+}
+
+/// The date that many days after 1970-01-01.
+fn date(days: u64) -> String {
+    // Years from March on, in eras of 400: Howard Hinnant, "chrono-compatible low-level date algorithms", 2013.
+    let z = days + 719_468;
+    let (era, day) = (z / 146_097, z % 146_097);
+    let year = (day - day / 1460 + day / 36_524 - day / 146_096) / 365;
+    let of_year = day - (365 * year + year / 4 - year / 100);
+    let month = (5 * of_year + 2) / 153;
+    let (day, month) = (of_year - (153 * month + 2) / 5 + 1, if month < 10 { month + 3 } else { month - 9 });
+    format!("{}-{month:02}-{day:02}", era * 400 + year + u64::from(month <= 2))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::date;
+
+    #[test]
+    fn days_are_dates() {
+        let known = [
+            (0, "1970-01-01"),
+            (11_016, "2000-02-29"),
+            (19_782, "2024-02-29"),
+            (19_783, "2024-03-01"),
+            (20_778, "2026-11-21"),
+        ];
+        known.into_iter().for_each(|(days, told)| assert_eq!(date(days), told));
+    }
+}
