@@ -150,6 +150,9 @@ pub fn terms(kernel: &Spec) -> Option<Vec<Term>> {
         "ssim_columns" => vec![own(64.0 + 20.0 + 48.0, 2.0 * 11.0 * 15.0 + 3.0 * 40.0)],
         "ssim_bwd_rows" => vec![own(48.0 + 48.0, 2.0 * 11.0 * 9.0)],
         "ssim_bwd_columns" => vec![own(48.0 + 20.0 + 16.0, 2.0 * 11.0 * 9.0 + 3.0 * 10.0)],
+        "l1" => vec![own(20.0 + 16.0, 12.0)],
+        // A dispatch per band: their mean over the three.
+        "sh_half" => vec![own(208.0 / 3.0 * 1.5, 208.0 / 12.0)],
         "prior_loss" => vec![own(16.0 + 8.0 + 16.0, 20.0)],
         "lpips_input" => vec![own(20.0 + 32.0, 12.0)],
         // Of a multiply-add; the maps are small beside them.
