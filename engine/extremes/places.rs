@@ -77,12 +77,14 @@ pub(super) fn centres(bench: &Bench, tally: &mut Tally) -> Result<()> {
     }
     for distance in [1e3, 1e4, 1e5, 1e6] {
         for (dx, dy) in [(-1.0, 0.0), (1.0, 0.0), (0.0, -1.0), (0.7, 0.7)] {
-            // A radius that reaches into the picture at about half of the opacity.
-            let position = at_pixel(&view, 24.0 + dx * distance, 16.0 + dy * distance, 4.0);
-            let one = round(position, 0.8 * distance / 16.0, 0.8, [0.2, 0.9, 0.5]);
-            let name = format!("{distance:e} px away, ({dx}, {dy})");
-            let tolerance = Tolerance { away: 2e-5, ..Tolerance::default() };
-            Case { tolerance, ..Case::new(name, scene_of(&[one]), view.clone()) }.run(bench, tally);
+            // Reaches into the picture at about half of the opacity, and with its faint end.
+            for deviation in [0.8, 0.4] {
+                let position = at_pixel(&view, 24.0 + dx * distance, 16.0 + dy * distance, 4.0);
+                let one = round(position, deviation * distance / 16.0, 0.8, [0.2, 0.9, 0.5]);
+                let name = format!("{distance:e} px away, ({dx}, {dy}), of deviation {deviation}");
+                let tolerance = Tolerance { away: 2e-5, ..Tolerance::default() };
+                Case { tolerance, ..Case::new(name, scene_of(&[one]), view.clone()) }.run(bench, tally);
+            }
         }
     }
     Ok(())

@@ -31,7 +31,7 @@ pub const ROWS: &[Row] = &[
         name: "n04",
         what: "quaternions of length 0 and 1e-30 to 3e38",
         expected: "length 0 is culled and counted; others turn alike, and their gradient lies across q",
-        bound: "1e-5 of the range; 1e-5 of |q| |g| along q and of length times g: the study's 1e-6 is what normalising in f32 rounds to",
+        bound: "1e-5 of the range; 1e-5 of both lengths along q, and of length times gradient: the study's 1e-6 is what normalising in f32 rounds to",
         cases: shapes::quaternions,
     },
     Row {
@@ -80,7 +80,7 @@ pub const ROWS: &[Row] = &[
         name: "n11",
         what: "times of 0 to 1e30 tau from a Gaussian's centre",
         expected: "exactly gone past the cut, with exactly no gradient",
-        bound: "3e-5 of the range: exp is good to 3 + 2|x| ULP, once of log tau and once of u^2; 1e-4 of a gradient's length",
+        bound: "3e-5 of the range: exp of x is good to 3 + 2 abs(x) ULP, once of log tau and once of u^2; 1e-4 of a gradient's length",
         cases: times::distances,
     },
     Row {

@@ -63,13 +63,12 @@ pub fn gpu() -> Watched {
 
 /// How this lane opens its device.
 pub fn options() -> Options {
-    let set = |name: &str| std::env::var_os(name).is_some_and(|value| value != "0");
     Options {
         device: DeviceChoice {
             device: std::env::var("IVV_TEST_DEVICE").ok(),
             validation: true,
-            sync_validation: set("IVV_TEST_SYNC_VALIDATION"),
-            no_push_descriptors: set("IVV_TEST_NO_PUSH_DESCRIPTORS"),
+            sync_validation: is_set("IVV_TEST_SYNC_VALIDATION"),
+            no_push_descriptors: is_set("IVV_TEST_NO_PUSH_DESCRIPTORS"),
             pipeline_cache: None,
         },
         poison: true,
@@ -78,14 +77,18 @@ pub fn options() -> Options {
 
 /// Calls `run` with the bench of rows on this device.
 pub fn bench<T>(run: impl FnOnce(&Bench) -> T) -> T {
-    run(&Bench { lend: &|| Box::new(gpu()), slow: is_slow_lane() })
+    run(&Bench { lend: &|| Box::new(gpu()), slow: is_set("IVV_TEST_SLOW") })
+}
+
+fn is_set(variable: &str) -> bool {
+    std::env::var_os(variable).is_some_and(|value| value != "0")
 }
 
 /// Whether the slow lane runs (`IVV_TEST_SLOW`); says so where it does not.
 pub fn is_slow_lane() -> bool {
-    let is_set = std::env::var_os("IVV_TEST_SLOW").is_some_and(|value| value != "0");
-    if !is_set {
+    let is_slow = is_set("IVV_TEST_SLOW");
+    if !is_slow {
         eprintln!("skipped: IVV_TEST_SLOW is not set");
     }
-    is_set
+    is_slow
 }
