@@ -12,6 +12,7 @@ mod clocks;
 mod counts;
 mod exposure;
 pub mod frames;
+mod halves;
 mod lists;
 mod losses;
 pub mod one;

@@ -1,7 +1,9 @@
 //! The table.
 
 use super::row::{Bench, Row, Tally};
-use super::{chaos, clocks, counts, exposure, lists, losses, optimiser, places, poison, shapes, sound, times, worlds};
+use super::{
+    chaos, clocks, counts, exposure, halves, lists, losses, optimiser, places, poison, shapes, sound, times, worlds,
+};
 use anyhow::Result;
 
 /// All rows, in the study's order.
@@ -176,10 +178,10 @@ pub const ROWS: &[Row] = &[
     },
     Row {
         name: "n25",
-        what: "attributes in half precision or quantised",
-        expected: "saturate at 65504, keep 0",
-        bound: "",
-        cases: no_subject,
+        what: "coefficients in half precision: around and beyond 65504, zeros, 1e-8, not finite",
+        expected: "saturate at 65504, keep 0 and its sign; what is not finite stays so",
+        bound: "2^-10 of the number, 2^-24 near 0",
+        cases: halves::coefficients,
     },
     Row {
         name: "n26",
@@ -211,11 +213,6 @@ pub const ROWS: &[Row] = &[
     },
     Row { name: "n30", what: "known faults put back", expected: "each turns its row red", bound: "", cases: mutations },
 ];
-
-fn no_subject(_: &Bench, tally: &mut Tally) -> Result<()> {
-    tally.leave_out("no subject: every attribute on the device is a 32-bit float");
-    Ok(())
-}
 
 fn mutations(_: &Bench, tally: &mut Tally) -> Result<()> {
     tally.leave_out("it rebuilds the engine: run tools/mutants.sh");

@@ -7,7 +7,6 @@ mod clock;
 mod cull;
 mod density;
 mod fisher;
-mod halves;
 mod losses;
 mod lpips;
 mod priors;

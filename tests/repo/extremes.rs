@@ -31,8 +31,8 @@ fn every_row_has_a_mutant_and_every_mutant_changes_its_file() {
         assert!(!expression.contains('|'), "{name}: a bar in the expression");
     }
     let noticed_by: BTreeSet<&str> = mutants.iter().map(|[.., noticed_by]| noticed_by.as_str()).collect();
-    // What no attribute is cannot be broken, and the list itself is no fault.
-    let rows = ROWS.iter().map(|row| row.name).filter(|name| !["n25", "n30"].contains(name));
+    // The list itself is no fault.
+    let rows = ROWS.iter().map(|row| row.name).filter(|name| *name != "n30");
     let without: Vec<&str> = rows.filter(|row| !noticed_by.contains(row)).collect();
     assert_eq!(without, Vec::<&str>::new(), "rows without a mutant");
     for row in [1, 2, 10, 27, 36, 42] {
