@@ -220,7 +220,10 @@ impl Session<'_> {
         let begun = Instant::now();
         let review = ivv::train::review(&mut self.trainer, gpu, capture, run.constants, due)?;
         self.seconds += begun.elapsed().as_secs_f64();
-        self.progress.note(&require::told(&review));
+        let told = require::told(&review);
+        if !told.is_empty() {
+            self.progress.note(&told);
+        }
         self.log.push(Kind::Review, &review)?;
         Ok(())
     }

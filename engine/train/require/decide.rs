@@ -101,12 +101,13 @@ pub fn fates(splats: &Splats, evidence: &Evidence, frame_times: &[f64], price: f
         let (information, slope) = (&evidence.information[i], &evidence.slope[i]);
         let is_dynamic = i >= splats.n_static;
         let part = |of: fn(&Response) -> f64| loss(of(information), of(slope), evidence);
+        // What is not a number stays.
+        let pays = |loss: f64, numbers: f64| loss.is_nan() || loss >= cost(numbers, evidence, price);
         let (mut degree, mut color, mut lost) = (splats.degree_of(i), [0.0; 3], 0.0);
         while degree > 0 {
             let numbers = (3 * (2 * degree + 1)) as f64;
             let band = loss(information.bands[degree - 1], slope.bands[degree - 1], evidence);
-            // NaN stays.
-            if band >= cost(numbers, evidence, price) || band.is_nan() {
+            if pays(band, numbers) {
                 break;
             }
             lost += band.max(0.0);
@@ -118,13 +119,12 @@ pub fn fates(splats: &Splats, evidence: &Evidence, frame_times: &[f64], price: f
             + (3 * ((degree + 1) * (degree + 1) - 1)) as f64;
         let looked_at = evidence.times.iter().filter(|time| splats.weight_at(i, **time) > 0.1).count();
         // Two that hide each other must not go together: half of them go at a time.
-        let is_needed = part(|r| r.whole) >= cost(numbers, evidence, price) || part(|r| r.whole).is_nan();
-        let stays = is_needed || looked_at < LEAST_PICTURES || random.bits(i as u64) & 1 == 0;
+        let stays = pays(part(|r| r.whole), numbers) || looked_at < LEAST_PICTURES || random.bits(i as u64) & 1 == 0;
         let time = if is_dynamic {
             let always = frame_times.iter().all(|time| splats.weight_at(i, *time) >= LEAST_WEIGHT);
-            let pays = part(|r| r.rest) >= cost(MOTION_NUMBERS, evidence, price);
-            if always && !pays {
-                lost += part(|r| r.rest).max(0.0);
+            let rest = part(|r| r.rest);
+            if always && !pays(rest, MOTION_NUMBERS) {
+                lost += rest.max(0.0);
                 InTime::ComesToRest
             } else {
                 InTime::AsBefore
