@@ -1,5 +1,5 @@
 // Compiles every kernel of the table twice (optimised for the driver, plain for reflection), reads the second with naga,
-// and writes the committed SPIR-V and `engine/gpu/generated.rs`.
+// and writes the committed SPIR-V and `engine/gpu/generated/`.
 
 use super::manifest::{line, source_key};
 use super::table::{KERNELS, Spec};
@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::Path;
 
-const GENERATED: &str = "engine/gpu/generated.rs";
+const GENERATED: &str = "engine/gpu/generated";
 
 /// Recompiles everything. Without `bless` the tree is only compared; returns the faults.
 pub fn run(root: &Path, bless: bool) -> Vec<String> {
@@ -16,7 +16,8 @@ pub fn run(root: &Path, bless: bool) -> Vec<String> {
     let mut outputs: BTreeMap<String, Vec<u8>> = BTreeMap::new();
     let mut manifest = String::new();
     let mut structs = BTreeMap::new();
-    let mut modules = String::new();
+    // By folder of the shaders.
+    let mut modules: BTreeMap<&str, String> = BTreeMap::new();
     let mut interfaces = BTreeMap::new();
     for spec in KERNELS {
         match build(root, spec, &mut structs) {
@@ -24,7 +25,8 @@ pub fn run(root: &Path, bless: bool) -> Vec<String> {
                 manifest += &line(spec.name, kernel.key, &kernel.spirv);
                 // The first of a shader's variants with this interface; the others share it.
                 let first = *interfaces.entry((spec.file, kernel.reflected.interface.clone())).or_insert(spec.name);
-                modules += &kernel.reflected.module(spec.name, first);
+                let folder = spec.file.split('/').next().unwrap_or_default();
+                *modules.entry(folder).or_default() += &kernel.reflected.module(spec.name, first);
                 outputs.insert(format!("shaders-glsl/spv/{}.spv", spec.name), kernel.spirv);
             }
             Err(fault) => faults.push(format!("{}: {fault}", spec.name)),
@@ -33,14 +35,11 @@ pub fn run(root: &Path, bless: bool) -> Vec<String> {
     if !faults.is_empty() {
         return faults;
     }
-    let all: String = KERNELS.iter().map(|spec| format!("{}::INFO,\n", spec.name)).collect();
-    write!(
-        modules,
-        "/// Every kernel, in the order of the table.\npub const ALL: &[&super::KernelInfo] = &[\n{all}];\n"
-    )
-    .ok();
     outputs.insert("shaders-glsl/spv/MANIFEST".to_owned(), manifest.into_bytes());
-    outputs.insert(GENERATED.to_owned(), source(&structs, &modules).into_bytes());
+    for (folder, kernels) in &modules {
+        outputs.insert(format!("{GENERATED}/{folder}.rs"), bindings(folder, kernels).into_bytes());
+    }
+    outputs.insert(format!("{GENERATED}/mod.rs"), index(&structs, &modules).into_bytes());
     for (file, bytes) in &outputs {
         if std::fs::read(root.join(file)).is_ok_and(|old| old == *bytes) {
             continue;
@@ -118,10 +117,10 @@ impl Reflected {
         };
         let interface = if name == first { String::new() } else { format!(" A variant of [`super::{first}`].") };
         format!(
-            "/// {purpose}\npub mod {name} {{\nuse super::super::kernel::*;\n{own}\
+            "/// {purpose}\npub mod {name} {{\nuse crate::gpu::kernel::*;\n{own}\
              /// What the device needs to know.{interface}\npub const INFO: &KernelInfo = &KernelInfo {{\n\
              name: \"{name}\", push_bytes: size_of::<{of_first}Push>() as u32,\n\
-             spirv: include_bytes!(\"../../shaders-glsl/spv/{name}.spv\"),\n{info}}};\n}}\n\n"
+             spirv: include_bytes!(\"../../../shaders-glsl/spv/{name}.spv\"),\n{info}}};\n}}\n\n"
         )
     }
 }
@@ -292,8 +291,11 @@ fn reflect(
     for (at, (name, kind, access, element)) in &bindings {
         floats |= u32::from(element.contains("f32")) << at;
         writeln!(summary, "binding {name} {kind} {access}").ok();
-        let element =
-            if element.starts_with(char::is_uppercase) { format!("super::{element}") } else { element.clone() };
+        let element = if element.starts_with(char::is_uppercase) {
+            format!("crate::gpu::generated::{element}")
+        } else {
+            element.clone()
+        };
         writeln!(fields, "    /// {access}s.\n    pub {name}: &'a Buf<{element}>,").ok();
         writeln!(list, "        self.{name}.slice(),").ok();
         writeln!(
@@ -322,12 +324,27 @@ fn snake(name: &str) -> String {
     out
 }
 
-/// The whole generated file, formatted by rustfmt.
-fn source(structs: &BTreeMap<String, String>, modules: &str) -> String {
-    let structs: String = structs.values().map(|s| format!("{s}\n")).collect();
+/// The bindings of the kernels of a folder.
+fn bindings(folder: &str, kernels: &str) -> String {
     let text = format!(
-        "//! Bindings of the kernels, generated from the shaders by `IVV_BLESS=1 cargo build --features shaders`.\n\n\
-         use bytemuck::{{Pod, Zeroable}};\n\n{structs}{modules}"
+        "//! Bindings of the kernels in `shaders-glsl/{folder}`, generated by `IVV_BLESS=1 cargo build --features shaders`.\n\n\
+         {kernels}"
+    );
+    rustfmt(&text).unwrap_or(text)
+}
+
+/// What kernels share, and a list of all.
+fn index(structs: &BTreeMap<String, String>, modules: &BTreeMap<&str, String>) -> String {
+    let structs: String = structs.values().map(|s| format!("{s}\n")).collect();
+    let folders: String = modules.keys().map(|folder| format!("mod {folder};\n")).collect();
+    let uses: String = modules.keys().map(|folder| format!("pub use {folder}::*;\n")).collect();
+    let all: String = KERNELS.iter().map(|spec| format!("{}::INFO,\n", spec.name)).collect();
+    let text = format!(
+        "//! Bindings of the kernels, generated from the shaders by `IVV_BLESS=1 cargo build --features shaders`: here the structs\n\
+         //! that kernels share, then a file for each folder of `shaders-glsl` with a module for each kernel: its buffers by name\n\
+         //! (`Args`), its push constants (`Push`), and what the device needs to know (`INFO`).\n\n\
+         {folders}\nuse bytemuck::{{Pod, Zeroable}};\n\n{uses}\n{structs}\
+         /// Every kernel, in the order of the table.\npub const ALL: &[&super::KernelInfo] = &[\n{all}];\n"
     );
     rustfmt(&text).unwrap_or(text)
 }

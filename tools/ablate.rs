@@ -3,7 +3,7 @@
 use crate::files::{make_folder, read_json, write_json};
 use crate::settings::SettingArgs;
 use anyhow::Context;
-use ivv::scene::capture::Capture;
+use ivv::scene::capture::{Capture, camera_center};
 use ivv::scene::write_atomic;
 use ivv::train::{ArmResult, Config, Measure, STUDIES, Study, StudyResult};
 use serde_json::{Value, json};
@@ -90,10 +90,7 @@ fn folder(args: &Args, key: &str, seed: u64) -> PathBuf {
 
 /// The test camera whose lens is farthest from the middle of all lenses.
 fn peripheral(capture: &Capture) -> Option<String> {
-    let center = |pose: &[[f64; 4]; 4]| -> [f64; 3] {
-        std::array::from_fn(|k| -(0..3).map(|row| pose[row][k] * pose[row][3]).sum::<f64>())
-    };
-    let centers: Vec<[f64; 3]> = capture.cameras.iter().map(|camera| center(camera.pose(0))).collect();
+    let centers: Vec<[f64; 3]> = capture.cameras.iter().map(|camera| camera_center(camera.pose(0))).collect();
     let middle: [f64; 3] = std::array::from_fn(|k| centers.iter().map(|c| c[k]).sum::<f64>() / centers.len() as f64);
     let distance = |c: &[f64; 3]| (0..3).map(|k| (c[k] - middle[k]).powi(2)).sum::<f64>();
     let tests = capture.cameras.iter().zip(&centers).filter(|(camera, _)| camera.is_test);

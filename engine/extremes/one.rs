@@ -1,6 +1,6 @@
 //! Scenes as lists of single Gaussians: easy to make, to leave one out and to reorder.
 
-use crate::scene::{FlowModel, Motion, Splats, View};
+use crate::scene::{FlowModel, Motion, SH_C0, Splats, View};
 
 /// One Gaussian in raw parameters (SPEC 2).
 #[derive(Clone, Debug)]
@@ -43,7 +43,7 @@ pub fn logit(opacity: f64) -> f32 {
 
 /// The constant coefficient that shows as `color`.
 pub fn sh_of(color: [f64; 3]) -> [f32; 3] {
-    color.map(|c| ((c - 0.5) / 0.282_094_791_773_878_14) as f32)
+    color.map(|c| ((c - 0.5) / SH_C0) as f32)
 }
 
 /// The scene of `all`, static ones first, otherwise in the order given.

@@ -17,7 +17,7 @@ use super::source::Source;
 use super::{PrepareSettings, Progress, Triangulate};
 use crate::error::{Error, Result};
 use crate::parallel::in_parallel;
-use crate::scene::capture::{Pose, tracks};
+use crate::scene::capture::{Pose, camera_center, tracks};
 use crate::scene::undistort::Lens;
 use crate::scene::{SeenPoint, write_atomic, write_points};
 
@@ -274,10 +274,7 @@ fn by_lens(models: &[ModelCamera]) -> Vec<(Lens, Vec<&str>)> {
 
 /// Pairs of cameras that are likely to see the same: of each, those whose axes and centres differ least.
 fn neighbours(poses: &[Pose]) -> BTreeSet<(usize, usize)> {
-    let center = |pose: &Pose| -> [f64; 3] {
-        std::array::from_fn(|k| -(0..3).map(|row| pose[row][k] * pose[row][3]).sum::<f64>())
-    };
-    let centers: Vec<_> = poses.iter().map(center).collect();
+    let centers: Vec<_> = poses.iter().map(camera_center).collect();
     let distance = |a: usize, b: usize| (0..3).map(|k| (centers[a][k] - centers[b][k]).powi(2)).sum::<f64>().sqrt();
     let n = poses.len();
     let mean =

@@ -1,7 +1,7 @@
 //! What the quantised formats have in common: from their bytes to raw parameters (SPEC 2), and back.
 
 /// Y_0 of the real spherical harmonics, 1 / (2 sqrt(pi)): a colour is `0.5 + SH_C0 * f_dc`.
-pub(super) const SH_C0: f64 = 0.282_094_791_773_878_14;
+pub const SH_C0: f64 = 0.282_094_791_773_878_14;
 
 /// The logit of an opacity stored as a byte of 255. The two ends, whose logits are infinite, are taken half a step
 /// inside, which is as far as the byte can tell.

@@ -26,6 +26,7 @@ mod tensors;
 pub mod undistort;
 mod view;
 
+pub use decode::SH_C0;
 pub use demo::demo;
 pub use file::write_atomic;
 pub use frame::Frame;

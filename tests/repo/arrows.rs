@@ -123,7 +123,7 @@ fn every_part_uses_what_architecture_md_lets_it_use_and_no_listed_arrow_is_idle(
 
 #[test]
 fn no_file_climbs_out_of_its_part_with_super() {
-    for file in sources("engine").iter().filter(|file| *file != "engine/gpu/generated.rs") {
+    for file in sources("engine").iter().filter(|file| !file.starts_with("engine/gpu/generated/")) {
         // Test modules at a file's end are one level deeper.
         let source = without_comments(&text(file));
         let source = source.split("#[cfg(test)]").next().unwrap();

@@ -260,7 +260,7 @@ pub(super) fn extent(cameras: &[Camera], points: &[Point]) -> Extent {
     Extent { center, radius: distances.get(distances.len() / 2).copied().unwrap_or(1.0) }
 }
 
-/// - R^T t.
-fn camera_center(pose: &Pose) -> [f64; 3] {
+/// Where a camera is, world: - R^T t.
+pub fn camera_center(pose: &Pose) -> [f64; 3] {
     std::array::from_fn(|k| -(0..3).map(|row| pose[row][k] * pose[row][3]).sum::<f64>())
 }

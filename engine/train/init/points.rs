@@ -1,13 +1,11 @@
 //! Gaussians at points: of a reconstruction, at random, or found by the other modules here.
 
 use crate::scene::capture::{Capture, Point};
-use crate::scene::{Motion, Splats};
+use crate::scene::{Motion, SH_C0, Splats};
 use crate::train::config::Config;
 use crate::train::random::Random;
 use std::collections::HashMap;
 
-/// Value of the constant spherical harmonic.
-const SH_0: f64 = 0.282_094_791_773_878_14;
 /// Opacity to begin with (SPEC 5).
 pub(super) const OPACITY: f64 = 0.1;
 
@@ -49,7 +47,7 @@ pub(super) fn push(splats: &mut Splats, found: &Found, size: f64, opacity: f64, 
     splats.rotation.push([1.0, 0.0, 0.0, 0.0]);
     splats.scale.push([size.ln() as f32; 3]);
     splats.opacity.push((opacity / (1.0 - opacity)).ln() as f32);
-    splats.sh.push(found.color.map(|c| ((f64::from(c) - 0.5) / SH_0) as f32));
+    splats.sh.push(found.color.map(|c| ((f64::from(c) - 0.5) / SH_C0) as f32));
     splats.sh.resize(splats.len() * splats.n_coefficients(), [0.0; 3]);
     splats.motion.extend(motion);
     splats.n_static += usize::from(motion.is_none());

@@ -1,7 +1,7 @@
 //! What the training pictures say of each part of each Gaussian.
 
 use crate::error::Result;
-use crate::scene::capture::Pose;
+use crate::scene::capture::camera_center;
 use crate::scene::{Frame, View};
 use crate::stage::{Renderer, Response};
 use crate::train::align::ColorMap;
@@ -35,7 +35,8 @@ impl Evidence {
         let training = sight.capture.training_frames();
         let chosen = permutation(training.len(), key).into_iter().take(n.max(1)).map(|at| training[at]);
         let cameras = sight.capture.cameras.iter().filter(|camera| !camera.is_test);
-        let census = renderer.census(&cameras.map(|camera| center(&camera.world_to_camera)).collect::<Vec<_>>())?;
+        let census =
+            renderer.census(&cameras.map(|camera| camera_center(&camera.world_to_camera)).collect::<Vec<_>>())?;
         let mut evidence = Evidence::default();
         let (mut squares, mut n_values) = (0.0, 0u64);
         for (index, (camera, frame)) in chosen.enumerate() {
@@ -65,11 +66,6 @@ impl Evidence {
         evidence.n_values = n_values as f64 * evidence.scale;
         Ok(evidence)
     }
-}
-
-/// Where a camera is, world.
-fn center(world_to_camera: &Pose) -> [f64; 3] {
-    std::array::from_fn(|c| -(0..3).map(|row| world_to_camera[row][c] * world_to_camera[row][3]).sum::<f64>())
 }
 
 /// Cotangents of the colours of `view`: a random sign each, 0 where the mask in `truth` hides the pixel.

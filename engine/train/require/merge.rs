@@ -1,6 +1,6 @@
 //! Gaussians that show one resting thing one after the other become one.
 
-use crate::scene::Splats;
+use crate::scene::{SH_C0, Splats};
 use crate::train::require::evidence::Evidence;
 use glam::{DMat3, DQuat, DVec3};
 use std::collections::HashMap;
@@ -99,14 +99,13 @@ pub fn merge_resting(splats: &mut Splats, evidence: &mut Evidence, price: f64, g
 
 /// Whether the pictures lose less by one colour and one opacity for both than a Gaussian costs.
 fn agree(splats: &Splats, evidence: &Evidence, price: f64, a: usize, b: usize) -> bool {
-    const SH_0: f64 = 0.282_094_791_773_878_14;
     let k = splats.n_coefficients();
     let both = |of: fn(&crate::stage::Response) -> f64| {
         let (x, y) = (of(&evidence.information[a]), of(&evidence.information[b]));
         if x + y > 0.0 { x * y / (x + y) } else { 0.0 }
     };
     let colors = splats.sh[a * k].iter().zip(&splats.sh[b * k]);
-    let color = colors.map(|(x, y)| (SH_0 * f64::from(x - y)).powi(2)).sum::<f64>() / 3.0;
+    let color = colors.map(|(x, y)| (SH_C0 * f64::from(x - y)).powi(2)).sum::<f64>() / 3.0;
     let opacity = |i: usize| -(1.0 + (-f64::from(splats.opacity[i])).exp()).ln();
     let change = both(|r| r.color) * color + both(|r| r.whole) * (opacity(a) - opacity(b)).powi(2);
     let loss = 0.5 * evidence.scale * change / evidence.variance.max(f64::MIN_POSITIVE);

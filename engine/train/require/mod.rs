@@ -14,7 +14,7 @@ pub use merge::merge_resting;
 use crate::error::Result;
 use crate::gpu::Gpu;
 use crate::scene::capture::Capture;
-use crate::scene::{Motion, Splats};
+use crate::scene::{Motion, SH_C0, Splats};
 use crate::settings::Constants;
 use crate::stage::{GridState, Renderer};
 use crate::train::checkpoint::{CameraState, Checkpoint};
@@ -28,8 +28,6 @@ use std::sync::Arc;
 const REVIEW: u64 = 4;
 /// Largest velocity of a Gaussian that begins to move, scene units per clip; the cameras' extent is 3.
 const FASTEST: f32 = 3.0;
-/// Value of the constant band.
-const SH_0: f64 = 0.282_094_791_773_878_14;
 /// A bucket of Gaussians is stored apart if there are more than one in so many: each costs some twenty dispatches a step.
 const FEW: usize = 32;
 
@@ -217,7 +215,7 @@ pub fn carry_out(checkpoint: &mut Checkpoint, fates: &[Fate]) {
     }
     let k = params.n_coefficients();
     for (at, &i) in order.iter().enumerate() {
-        now.sh[at * k].iter_mut().zip(fates[i].color).for_each(|(x, color)| *x += (color / SH_0) as f32);
+        now.sh[at * k].iter_mut().zip(fates[i].color).for_each(|(x, color)| *x += (color / SH_C0) as f32);
     }
     let moments = |of: &Splats| {
         carry(of, &|i| match fates[i].time {
