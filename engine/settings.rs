@@ -27,6 +27,10 @@ pub struct Knobs {
     pub tile_bound: TileBound,
     /// Whether the blend skips the Gaussians of a tile's list that miss a subgroup's block of pixels. Exact throughout.
     pub block_cull: bool,
+    /// Whether a Gaussian whose opacity is below alpha_min at a frame's time is left out before it is projected. If not, it is
+    /// projected, and listed for the tiles of its square where that is the bound, as engines do that fade Gaussians in and out
+    /// by their opacity alone. Exact throughout.
+    pub time_cull: bool,
     /// Bits of the keys that Gaussians are sorted by: 32, all of the depth; 24 tell depths 1e-6 of them apart, 16 5e-4, up to
     /// 65,536 times the near plane. What they do not tell apart is in order of its index.
     pub depth_bits: u32,
@@ -61,6 +65,7 @@ impl Default for Knobs {
         Knobs {
             tile_bound: TileBound::Ellipse,
             block_cull: true,
+            time_cull: true,
             depth_bits: 32,
             sh_bits: 32,
             alpha_cut: 0.0,
@@ -87,6 +92,9 @@ impl Knobs {
         }
         if ![16, 32].contains(&self.sh_bits) {
             return Err(format!("sh_bits is {}: it is 32 or 16", self.sh_bits));
+        }
+        if !self.time_cull && self.temporal_cut > 0.0 {
+            return Err("temporal_cut leaves out what time_cull=false keeps: set one of them".to_owned());
         }
         let cuts = [("alpha_cut", self.alpha_cut), ("t_cut", self.t_cut), ("temporal_cut", self.temporal_cut)];
         match cuts.into_iter().find(|(_, cut)| !(0.0..0.5).contains(cut)) {

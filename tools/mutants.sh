@@ -22,6 +22,7 @@ row 10, forward and backward see other predicates|shaders-glsl/blend/blend_bwd.c
 row 27, a clamped alpha has a derivative|shaders-glsl/blend/blend_bwd.comp|s/added \&\& raw < view.alpha_max ?/added ?/|n07
 alpha_min as a strict bound|shaders-glsl/blend/blend_fwd.comp|s/raw >= threshold\[k\]/raw > threshold[k] * 1.0001/|n07
 row 28, the transmittance is not found again|shaders-glsl/blend/blend_bwd.comp|s/const float T_i = T\[k\] \* ra;/const float T_i = T[k];/|n08
+the gradient of an opacity of 0 is no number|shaders-glsl/blend/blend_bwd.comp|s/max(opacity, 1e-37)/opacity/|the_exact_preset_gives
 the second round of blending begins anew|shaders-glsl/blend/blend_fwd.comp|s/if (inside \&\& round > 0u)/if (inside \&\& round > 1u)/|n09
 row 25, a sort that is not stable|shaders-glsl/sort/sort_scatter.comp|s/peers.x \& below.x/peers.x \& ~below.x/|n10
 row 35, the window in time at half its length|shaders-glsl/cull/bound.comp|s/exp(t_scale) \* sqrt/0.5 * exp(t_scale) * sqrt/|n11
@@ -35,7 +36,7 @@ fx taken for fy|shaders-glsl/project/project.comp|s/const vec3 a1 = f_z.y \*/con
 pictures cut to whole tiles|shaders-glsl/cull/cull.comp|s/vec2(float(view.width),/vec2(float(view.width \/ 16u * 16u),/|n18
 colours below 0|shaders-glsl/project/project.comp|s/max(color, vec3(0.0))/color/|n19
 row 42, the end-point error of no error is divided by|shaders-glsl/loss/prior_loss.comp|s/distance > 0.0 ? pc.flow_weight \* (flow_error \/ distance) : vec2(0.0)/pc.flow_weight * (flow_error \/ distance)/|n20
-row 44, a variance below 0|shaders-glsl/loss/ssim_columns.comp|s/const vec3 sxx = max(sxx_raw, vec3(0.0));/const vec3 sxx = sxx_raw;/|n21
+row 44, a variance below 0|shaders-glsl/loss/ssim_columns.comp|s/precise vec3 d = max(variances, vec3(0.0))/precise vec3 d = variances/|n21
 row 54, halves that do not saturate|shaders-glsl/project/sh_half.comp|s/clamp(x.\([xy]\), -LARGEST, LARGEST)/x.\1/g|n25
 row 45, LPIPS without its guard at zero features|shaders-glsl/lpips/lpips_tap.comp|s/team_sum(x_square) + EPS/team_sum(x_square)/|n22
 row 53, the luma past the end has a derivative|shaders-glsl/include/bilateral.glsl|s/return luma > 0.0 \&\& luma < 1.0;/return luma > -1e30;/|n23

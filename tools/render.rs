@@ -50,6 +50,9 @@ pub struct KnobArgs {
     /// Ask every pixel of a tile about every Gaussian of its list; changes no picture.
     #[arg(long)]
     no_block_cull: bool,
+    /// Project Gaussians at times when they do not show too; changes no picture.
+    #[arg(long)]
+    no_time_cull: bool,
     /// Bits of the depths that Gaussians are sorted by: 32, 24 or 16.
     #[arg(long, default_value_t = Knobs::default().depth_bits)]
     depth_bits: u32,
@@ -71,9 +74,10 @@ fn tile_bound(name: &str) -> Result<TileBound, serde_json::Error> {
 impl KnobArgs {
     /// `constants` with the knobs; alpha_min is itself a constant on the command line.
     pub fn on(&self, constants: Constants) -> anyhow::Result<Constants> {
-        let Self { tile_bound, no_block_cull, depth_bits, sh_bits, temporal_cut, t_cut } = *self;
-        let block_cull = !no_block_cull;
-        let knobs = Knobs { tile_bound, block_cull, depth_bits, sh_bits, temporal_cut, t_cut, ..Knobs::default() };
+        let Self { tile_bound, no_block_cull, no_time_cull, depth_bits, sh_bits, temporal_cut, t_cut } = *self;
+        let (block_cull, time_cull) = (!no_block_cull, !no_time_cull);
+        let alpha_cut = Knobs::default().alpha_cut;
+        let knobs = Knobs { tile_bound, block_cull, time_cull, depth_bits, sh_bits, alpha_cut, temporal_cut, t_cut };
         knobs.check().map_err(|fault| anyhow::anyhow!("--{}", fault.replacen('_', "-", 1)))?;
         Ok(knobs.on(constants))
     }

@@ -145,9 +145,9 @@ pub fn terms(kernel: &Spec) -> Option<Vec<Term>> {
         }
         "camera_sum" => vec![own(32.0, 8.0)],
         "background_sum" => vec![own(24.0, 6.0)],
-        // Eleven taps of five moments of three channels; of three partial derivatives of three channels on the way back.
-        "ssim_rows" => vec![own(20.0 + 64.0, 2.0 * 11.0 * 15.0)],
-        "ssim_columns" => vec![own(64.0 + 20.0 + 48.0, 2.0 * 11.0 * 15.0 + 3.0 * 40.0)],
+        // Eleven taps of four moments of three channels; of three partial derivatives of three channels on the way back.
+        "ssim_rows" => vec![own(20.0 + 48.0, 2.0 * 11.0 * 12.0)],
+        "ssim_columns" => vec![own(48.0 + 20.0 + 48.0, 2.0 * 11.0 * 12.0 + 3.0 * 40.0)],
         "ssim_bwd_rows" => vec![own(48.0 + 48.0, 2.0 * 11.0 * 9.0)],
         "ssim_bwd_columns" => vec![own(48.0 + 20.0 + 16.0, 2.0 * 11.0 * 9.0 + 3.0 * 10.0)],
         "l1" => vec![own(20.0 + 16.0, 12.0)],

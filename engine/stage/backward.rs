@@ -300,7 +300,17 @@ impl Backward {
         if let (true, Some(tail)) = (self.wants_camera, &blend.tail) {
             rec.stage("camera bwd");
             let (d_camera, partials) = (&self.d_camera_each, &self.camera_partials);
-            rec.pass(camera_sum::Args { count: &cull.n_active, d_camera, partials }, (), Grid::Groups(CAMERA_GROUPS));
+            rec.pass(
+                camera_sum::Args {
+                    count: &cull.n_active,
+                    bits: &cull.bits,
+                    offsets: &cull.offsets,
+                    d_camera,
+                    partials,
+                },
+                camera_sum::Push { n: scene.n_flat / 32 },
+                Grid::Groups(CAMERA_GROUPS),
+            );
             if let Target::Gradients = target {
                 rec.pass(
                     background_sum::Args { tail, d_image0: &self.d_image0, partials },

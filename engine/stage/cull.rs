@@ -20,8 +20,10 @@ pub(super) fn indirect(args: &Buf<[u32; 4]>, at: usize) -> Grid {
 
 /// Scratch and result of culling.
 pub struct Cull {
-    bits: Buf<u32>,
-    offsets: Buf<u32>,
+    /// A bit for each flat index: whether it is active.
+    pub bits: Buf<u32>,
+    /// Active Gaussians before each block of `CULL_BLOCK` flat indices.
+    pub offsets: Buf<u32>,
     n_blocks: Buf<u32>,
     scan: Scan,
     /// Flat indices of the active Gaussians, ascending.

@@ -53,7 +53,7 @@ impl Photometric {
         Ok(Photometric {
             truth: gpu.alloc("truth", pixels)?,
             sums: gpu.alloc("loss", 1)?,
-            moments: gpu.alloc("ssim moments", 4 * pixels)?,
+            moments: gpu.alloc("ssim moments", 3 * pixels)?,
             partials: gpu.alloc("ssim partials", 3 * pixels)?,
             filtered: gpu.alloc("ssim filtered", 3 * pixels)?,
             // Every thread serves at least one pixel.

@@ -365,7 +365,8 @@ impl Group {
     fn record_bound(&self, rec: &mut Recording, constants: &Constants, n_bad: &Buf<u32>) {
         let (geometry, bound, n) = (&self.params.geometry, &self.bound, self.n);
         let grid = Grid::Threads(n);
-        let Constants { alpha_min, knobs: Knobs { temporal_cut, .. }, .. } = *constants;
+        let Constants { alpha_min, knobs: Knobs { time_cull, temporal_cut, .. }, .. } = *constants;
+        let temporal_cut = if time_cull { temporal_cut } else { -1.0 };
         if let (Some(motion), Some(window)) = (&self.params.motion, &self.window) {
             rec.pass(
                 bound_dynamic::Args { geometry, bound, n_bad, motion, window },

@@ -162,7 +162,7 @@ fn items(work: &Workload, is_host: bool) -> Vec<Item> {
         item("blend carry", Pixels, Pixel, 8.0, 8.0),
         item("truth", Pixels, Pixel, 4.0, 4.0),
         item("staged truth", Pixels, Pixel, 4.0, 4.0),
-        item("ssim moments", Pixels, Pixel, 64.0, 64.0),
+        item("ssim moments", Pixels, Pixel, 48.0, 48.0),
         item("ssim partials", Pixels, Pixel, 48.0, 48.0),
         item("ssim filtered", Pixels, Pixel, 48.0, 48.0),
     ];

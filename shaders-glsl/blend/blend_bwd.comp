@@ -225,8 +225,8 @@ void main() {
                     v[11] += w * g_extra[k].w;
 #endif
                 }
-                // The opacity's gradient is d_alpha exp2(-power), summed as d_alpha alpha.
-                v[5] /= opacity;
+                // The opacity's gradient is d_alpha exp2(-power), summed as d_alpha alpha. A square may list an opacity of 0.
+                v[5] /= max(opacity, 1e-37);
                 HALVE(8u, 1u)
                 HALVE(4u, 2u)
                 // Bit 0 of the lane chose the upper eight values, bit 1 the upper four of those, and so on.

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 // Purpose   derives from each Gaussian the numbers that culling reads: centre, reach, and time window.
 // Equation  reach = exp(max s) sqrt(2 ln(sigmoid(o) / alpha_min)); window: |t - t_center| <= tau sqrt(ln(..)),
-//           with the temporal cut in alpha_min's place where it is higher.
+//           with the temporal cut in alpha_min's place where it is higher; all times if the cut is below 0.
 // Grid      one thread per Gaussian of a group; once per change of the parameters.
 // Numerics  a non-finite parameter gives reach -1, which culls, and is counted; so does an opacity below alpha_min,
 //           uncounted. Reach and window carry a margin of 1e-5.
@@ -12,6 +12,10 @@
 #include "temporal.glsl"
 
 layout(local_size_x = 128) in;
+
+#ifdef DYNAMIC
+const float ALWAYS = 1e30;
+#endif
 
 layout(push_constant) uniform Push { uint n; float alpha_min; float temporal_cut; } pc;
 layout(set = 0, binding = 0) restrict readonly buffer Geometry { vec4 geometry[]; };
@@ -41,7 +45,8 @@ void main() {
     good = good && finite4(v) && (finite(t_scale) || t_scale > 0.0);
     // A cut above alpha_min narrows the window, to nothing where the opacity does not reach it.
     const float l_time = log(sigmoid(mean_opacity.w) / max(pc.alpha_min, pc.temporal_cut)) * (1.0 + 1e-5) + 1e-5;
-    window[i] = good && l_time >= 0.0 ? exp(t_scale) * sqrt(l_time) * (1.0 + 1e-5) : -1.0;
+    const float own = l_time >= 0.0 ? exp(t_scale) * sqrt(l_time) * (1.0 + 1e-5) : -1.0;
+    window[i] = good ? (pc.temporal_cut < 0.0 ? ALWAYS : own) : -1.0;
 #endif
     if (!good) atomicAdd(n_bad[0], 1u);
     if (!(good && l >= 0.0)) reach = -1.0;

@@ -18,6 +18,16 @@ float splat_alpha(vec4 m, float opacity, vec2 d) {
     return alpha;
 }
 
+// Where alpha reaches alpha_min: the square of the distance from the centre, in standard deviations, with a margin. Below 0 it
+// does so nowhere.
+float squared_reach(ViewParams view, float opacity) {
+    precise float reach = 2.0 * log(opacity / view.alpha_min) * (1.0 + 1e-5) + 1e-5;
+    return reach;
+}
+
+// That of a Gaussian which is listed though it does not show: box_reach tells the square's size from it.
+const float FADED_REACH = 2e-5;
+
 // The x-range, pixels, of the ellipse's part between rows y_low and y_high (pixel centres). Empty when x > y.
 vec2 band_extent(vec2 xy, float slope, float chord, float reach_y, float y_low, float y_high) {
     precise float margin_y = 1e-3 + 1e-6 * abs(xy.y);
@@ -37,8 +47,11 @@ vec2 band_extent(vec2 xy, float slope, float chord, float reach_y, float y_low, 
     return d_low <= d_high ? vec2(xy.x + left - margin_x, xy.x + right + margin_x) : vec2(1.0, 0.0);
 }
 
+bool squared(ViewParams view) { return (unfolded(view.bounds) & TILES_MASK) == TILES_SQUARE; }
+
 // A coarser bound than the ellipse: half the sides, pixels, of a box about (x, y) that holds it. That of the ellipse
-// itself, or 3DGS's square about the widest axis for an opacity of 1. Neither changes a picture: both list pairs for nothing.
+// itself, or 3DGS's square about the widest axis for an opacity of 1, whatever the Gaussian's is. Neither changes a picture:
+// both list pairs for nothing.
 vec2 box_reach(ViewParams view, float opacity, vec3 ellipse) {
     precise float tilt = ellipse.x * ellipse.z;
     precise float xx = tilt * tilt + ellipse.y * ellipse.y;
@@ -46,9 +59,9 @@ vec2 box_reach(ViewParams view, float opacity, vec3 ellipse) {
     precise float half_difference = 0.5 * (xx - yy);
     precise float xy = tilt * ellipse.z;
     precise float widest = sqrt(0.5 * (xx + yy) + sqrt(half_difference * half_difference + xy * xy));
-    precise float own = sqrt(max(log(opacity / view.alpha_min), 1e-5));
+    precise float own = sqrt(max(log(opacity / view.alpha_min), 0.5 * FADED_REACH));
     precise float side = widest * max(sqrt(-log(view.alpha_min)) / own, 1.0) * (1.0 + 1e-5);
-    return (unfolded(view.bounds) & TILES_MASK) == TILES_SQUARE ? vec2(side) : vec2(sqrt(xx), ellipse.z);
+    return squared(view) ? vec2(side) : vec2(sqrt(xx), ellipse.z);
 }
 
 bool boxed(ViewParams view) { return (unfolded(view.bounds) & TILES_MASK) != TILES_ELLIPSE; }

@@ -5,7 +5,7 @@
 //           pixels, at the first of which SSIM is taken.
 // Writes    partials: dS/dE[x], dS/dE[xx], dS/dE[xy] per channel, 3 vec4 per place; sums: (1 - S, L1, squared error) per
 //           workgroup, summed over places, pixels and channels in a fixed order.
-// Numerics  sxx = E[xx] - mx^2 is clamped at 0, with zero derivative there.
+// Numerics  sxx + syy = E[xx + yy] - (mx^2 + my^2) is clamped at 0, with zero derivative there.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "grid.glsl"
@@ -33,25 +33,22 @@ void main() {
     vec4 m0[RUN];
     vec4 m1[RUN];
     vec4 m2[RUN];
-    vec4 m3[RUN];
     for (uint k = 0u; k < RUN; ++k) {
-        m0[k] = m1[k] = m2[k] = m3[k] = vec4(0.0);
+        m0[k] = m1[k] = m2[k] = vec4(0.0);
     }
     for (uint t = 0u; t < RUN_LOADS; ++t) {
         const int row = int(STRIDE * first + t) - int(SSIM_RADIUS);
         const bool inside = row >= 0 && row < int(pc.height);
-        const uint at = 4u * (uint(clamp(row, 0, int(pc.height) - 1)) * columns + column);
+        const uint at = 3u * (uint(clamp(row, 0, int(pc.height) - 1)) * columns + column);
         const vec4 a0 = moments[at];
         const vec4 a1 = moments[at + 1u];
         const vec4 a2 = moments[at + 2u];
-        const vec4 a3 = moments[at + 3u];
         for (uint k = 0u; k < RUN; ++k) {
             if (t >= STRIDE * k && t - STRIDE * k <= 2u * SSIM_RADIUS) {
                 const float w = inside ? SSIM_WINDOW[t - STRIDE * k] : 0.0;
                 m0[k] += w * a0;
                 m1[k] += w * a1;
                 m2[k] += w * a2;
-                m3[k] += w * a3;
             }
         }
     }
@@ -61,23 +58,19 @@ void main() {
             const uint place = (first + k) * columns + column;
             const vec3 mx = m0[k].xyz;
             const vec3 my = vec3(m0[k].w, m1[k].xy);
-            const vec3 exx = vec3(m1[k].zw, m2[k].x);
-            const vec3 eyy = m2[k].yzw;
-            const vec3 sxx_raw = exx - mx * mx;
-            const vec3 syy_raw = eyy - my * my;
-            const vec3 sxx = max(sxx_raw, vec3(0.0));
-            const vec3 syy = max(syy_raw, vec3(0.0));
-            // Where both variances are rounding, so is the covariance.
-            const vec3 varies = vec3(greaterThan(max(sxx_raw, syy_raw), vec3(0.0)));
-            const vec3 sxy = varies * (m3[k].xyz - mx * my);
-            precise vec3 c = mx * mx + my * my + SSIM_C1;
-            precise vec3 d = sxx + syy + SSIM_C2;
+            precise vec3 means = mx * mx + my * my;
+            precise vec3 variances = vec3(m1[k].zw, m2[k].x) - means;
+            // Where the variances are rounding, so is the covariance.
+            const vec3 varies = vec3(greaterThan(variances, vec3(0.0)));
+            precise vec3 sxy = varies * (m2[k].yzw - mx * my);
+            precise vec3 c = means + SSIM_C1;
+            precise vec3 d = max(variances, vec3(0.0)) + SSIM_C2;
             precise vec3 p = (2.0 * mx * my + SSIM_C1) / c;
             precise vec3 q = (2.0 * sxy + SSIM_C2) / d;
             precise vec3 s = p * q;
-            // With sxx and sxy held, then through sxx = E[xx] - mx^2 and sxy = E[xy] - mx my. Bracketed so that everything
-            // cancels to 0, bit for bit, where picture and truth are equal.
-            precise vec3 d_exx = -(s / d) * vec3(greaterThan(sxx_raw, vec3(0.0)));
+            // With d and sxy held, then through d = E[xx + yy] - mx^2 - my^2 + C2 and sxy = E[xy] - mx my. Bracketed so that
+            // everything cancels to 0, bit for bit, where picture and truth are equal.
+            precise vec3 d_exx = -(s / d) * varies;
             precise vec3 d_exy = varies * (2.0 * (p / d));
             precise vec3 d_mx = 2.0 * (my * q - mx * s) / c - (2.0 * mx * d_exx + my * d_exy);
             partials[3u * place] = vec4(d_mx, d_exx.x);

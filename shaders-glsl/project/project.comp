@@ -80,6 +80,7 @@ void main() {
     const uvec2 range = ranges[pc.group];
     const uint at = range.x + linear_thread(gl_WorkGroupSize.x);
     uint n_tiles = 0u;
+    bool seen = false;
     bool bad = false;
     if (at < range.y) {
         const uint i = active_id[at] - pc.first;
@@ -114,9 +115,8 @@ void main() {
         const vec3 a1 = f_z.y * (view.row1.xyz - uv_j.y * view.row2.xyz);
         const Conic conic = conic_of(a0 * rotation, a1 * rotation, exp(scale_t.xyz), view.blur);
         const vec2 xy = view.intrinsics.xy * uv + view.intrinsics.zw;
-        // 2 ln(opacity / alpha_min), with the margin of include/splat.glsl.
-        const float cut = 2.0 * log(opacity / view.alpha_min) * (1.0 + 1e-5) + 1e-5;
-        const float root_cut = sqrt(max(cut, 0.0));
+        const float cut = squared_reach(view, opacity);
+        const float root_cut = sqrt(cut >= 0.0 ? cut : FADED_REACH);
         const vec3 from_camera = mean - vec3(view.row0.w, view.row1.w, view.row2.w);
         float inverse_distance;
         const vec3 color = color_of(i, unit_direction(from_camera, inverse_distance));
@@ -130,14 +130,16 @@ void main() {
         identity[at] = at;
         bad = !(finite2(xy) && finite4(conic.m) && finite(opacity) && finite(p.z) && finite3(color) && finite2(flow)
             && finite3(vec3(conic.slope, chord, reach_y)));
-        if (!bad && p.z > view.near && cut >= 0.0) {
+        const bool shows = cut >= 0.0;
+        if (!bad && p.z > view.near && (shows || squared(view))) {
             const uvec2 rows = tile_rows(view, xy.y, reach_y);
             for (uint row = rows.x; row < rows.y; ++row) {
                 const uvec2 columns = tile_columns(view, xy, conic.slope, chord, reach_y, row);
                 n_tiles += columns.y - min(columns.x, columns.y);
             }
+            seen = shows && n_tiles > 0u;
             // Who is seen does not depend on the bound.
-            if (boxed(view) && n_tiles > 0u) {
+            if (boxed(view) && (seen || !shows)) {
                 const vec3 ellipse = vec3(conic.slope, chord, reach_y);
                 const uvec2 box_rows = listed_rows(view, xy, opacity, ellipse);
                 const uvec2 columns = listed_columns(view, xy, opacity, ellipse, 0u);
@@ -146,7 +148,7 @@ void main() {
         }
         tile_counts[at] = n_tiles;
     }
-    const uvec4 visible = subgroupBallot(n_tiles > 0u);
+    const uvec4 visible = subgroupBallot(seen);
     const uvec4 faulty = subgroupBallot(bad);
     if (gl_SubgroupInvocationID == 0u) {
         if ((visible.x | visible.y) != 0u) atomicAdd(status.n_visible, bitCount(visible.x) + bitCount(visible.y));

@@ -276,7 +276,7 @@ void main() {
     float residual = own.z;
     // In units of half a picture, as 3DGS's threshold for density control has it.
     const float pull = length(d_xy * 0.5 * vec2(float(view.width), float(view.height)));
-    if (n_tiles > 0u) own.xy += vec2(pull, 1.0);
+    if (n_tiles > 0u && squared_reach(view, s1.z) >= 0.0) own.xy += vec2(pull, 1.0);
 #endif
     PUT_GEOMETRY(0u, good ? d_mean_opacity : vec4(0.0))
     PUT_GEOMETRY(1u, good ? d_q : vec4(0.0))

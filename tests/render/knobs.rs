@@ -29,6 +29,12 @@ fn no_bound_of_tiles_or_blocks_changes_a_bit_or_who_is_seen() {
                 let (frame, report) = turned(&splats, &view(), knobs);
                 assert!(bits(&frame) == bits(&exact), "{name}: {knobs:?}");
                 assert_eq!((report.active, report.visible), (own.active, own.visible), "{name}: {knobs:?}");
+                let (frame, at_all_times) = turned(&splats, &view(), Knobs { time_cull: false, ..knobs });
+                assert!(bits(&frame) == bits(&exact), "{name}: {knobs:?} at all times");
+                assert_eq!(at_all_times.visible, own.visible, "{name}: {knobs:?}");
+                assert!(at_all_times.active > own.active + 10, "{name}: {} of {}", at_all_times.active, own.active);
+                let listed = at_all_times.intersections > report.intersections;
+                assert_eq!(listed, tile_bound == TileBound::Square, "{name}: {knobs:?}");
                 pairs.push(report.intersections);
             }
         }

@@ -1413,12 +1413,25 @@ pub mod project_bwd_adam_dynamic_sh3 {
 /// adds the active Gaussians' gradients of the camera.
 pub mod camera_sum {
     use crate::gpu::kernel::*;
-    /// This kernel takes no push constants.
-    pub type Push = ();
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `n` of the shader.
+        pub n: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 4);
+        assert!(std::mem::offset_of!(Push, n) == 0);
+    };
     /// The kernel's buffers.
     pub struct Args<'a> {
         /// Reads.
         pub count: &'a Buf<u32>,
+        /// Reads.
+        pub bits: &'a Buf<u32>,
+        /// Reads.
+        pub offsets: &'a Buf<u32>,
         /// Reads.
         pub d_camera: &'a Buf<[f32; 4]>,
         /// Writes.
@@ -1428,7 +1441,13 @@ pub mod camera_sum {
         type Push = Push;
         const INFO: &'static KernelInfo = INFO;
         fn slices(&self) -> Vec<Slice> {
-            vec![self.count.slice(), self.d_camera.slice(), self.partials.slice()]
+            vec![
+                self.count.slice(),
+                self.bits.slice(),
+                self.offsets.slice(),
+                self.d_camera.slice(),
+                self.partials.slice(),
+            ]
         }
     }
     /// What the device needs to know.
@@ -1438,9 +1457,11 @@ pub mod camera_sum {
         spirv: include_bytes!("../../../shaders-glsl/spv/camera_sum.spv"),
         local: 64,
         subgroups: false,
-        floats: 0x6,
+        floats: 0x18,
         bindings: &[
             BindingInfo { name: "count", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "bits", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "offsets", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "d_camera", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "partials", kind: BindingKind::Storage, access: Access::Write },
         ],
