@@ -1,9 +1,11 @@
-//! N25: coefficients of spherical harmonics as halves.
+//! N25: coefficients of spherical harmonics as halves, and Adam's moments in 16 bits.
 
-use super::random::Random;
+use super::random::{Random, scene};
+use super::rigs::adam::{Scene, rates};
 use super::row::{Bench, Tally};
 use crate::gpu::generated::sh_half;
 use crate::gpu::{Grid, Recording};
+use crate::stage::{StepSettings, adam_params};
 use anyhow::{Result, ensure};
 
 const GUARD: [u32; 2] = [0xdead_beef, 0x1234_5678];
@@ -33,7 +35,12 @@ fn halves(bench: &Bench, values: &[[f32; 4]]) -> Result<Vec<[u32; 4]>> {
     Ok(found.into_iter().map(|[a, b]| [a & 0xffff, a >> 16, b & 0xffff, b >> 16]).collect())
 }
 
-pub(super) fn coefficients(bench: &Bench, tally: &mut Tally) -> Result<()> {
+pub(super) fn quantised(bench: &Bench, tally: &mut Tally) -> Result<()> {
+    coefficients(bench, tally);
+    moments(bench, tally)
+}
+
+fn coefficients(bench: &Bench, tally: &mut Tally) {
     tally.case("numbers beyond a half's range", |_| {
         let found = halves(bench, &[[65_504.0, 65_505.0, -65_505.0, 1e30], [-1e30, 0.0, 0.0, 0.0]])?;
         ensure!(found[0].map(value) == [65_504.0, 65_504.0, -65_504.0, 65_504.0], "{found:?}");
@@ -64,6 +71,33 @@ pub(super) fn coefficients(bench: &Bench, tally: &mut Tally) -> Result<()> {
             }
             Ok(())
         });
+    }
+}
+
+/// Moments of 0 to infinity as a step without gradient stores them.
+fn moments(bench: &Bench, tally: &mut Tally) -> Result<()> {
+    let start = Scene { moment_bits: 16, ..Scene::new(&scene(3, 300, 0)) };
+    // They fade a little, or grow: beyond what 16 bits hold, where they are the largest numbers.
+    let mut params = adam_params(&rates(), &StepSettings::default(), 3, 1);
+    for factor in [1.0f32 - 1.0 / 2048.0, 1.0 + 1.0 / 512.0] {
+        (params.beta1, params.beta2) = (factor, factor);
+        for x in [0.0f32, 1e-45, 1e-38, 1e-8, 6e4, 65504.0, 65505.0, 1e38, 3.389e38, f32::INFINITY] {
+            tally.case(format!("moments of {x:e}, times {factor}"), |tally| {
+                let mut start = start.clone();
+                start.first.rotation.fill([x.min(f32::MAX), -x.min(f32::MAX), 0.0, -0.0]);
+                start.second.rotation.fill([x; 4]);
+                // What the device begins with: the nearest that it holds.
+                let before = Scene { params: start.params.clone(), ..bench_moments(bench, &start)? };
+                let found = start.unseen_step(&bench.gpu(), &params)?;
+                ensure!(found.params.rotation.as_flattened().iter().all(|q| q.is_finite()), "a parameter is not finite");
+                for (found, before, mantissa) in
+                    [(&found.first, &before.first, 7), (&found.second, &before.second, 8)]
+                {
+                    mean_of_roundings(tally, found.rotation.as_flattened(), before.rotation.as_flattened(), factor, mantissa)?;
+                }
+                Ok(())
+            });
+        }
     }
     Ok(())
 }
