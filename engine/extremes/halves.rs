@@ -5,7 +5,7 @@ use super::rigs::adam::{Scene, rates};
 use super::row::{Bench, Tally};
 use crate::gpu::generated::sh_half;
 use crate::gpu::{Grid, Recording};
-use crate::stage::{StepSettings, adam_params};
+use crate::stage::{StepSettings, adam_params, moment_word, moments_of};
 use anyhow::{Result, ensure};
 
 const GUARD: [u32; 2] = [0xdead_beef, 0x1234_5678];
@@ -74,30 +74,56 @@ fn coefficients(bench: &Bench, tally: &mut Tally) {
     }
 }
 
-/// Moments of 0 to infinity as a step without gradient stores them.
+/// Moments of 0 to infinity as a step without a gradient stores them.
 fn moments(bench: &Bench, tally: &mut Tally) -> Result<()> {
-    let start = Scene { moment_bits: 16, ..Scene::new(&scene(3, 300, 0)) };
-    // They fade a little, or grow: beyond what 16 bits hold, where they are the largest numbers.
+    let mut start = Scene { moment_bits: 16, ..Scene::new(&scene(3, 300, 0)) };
     let mut params = adam_params(&rates(), &StepSettings::default(), 3, 1);
+    // They fade a little, or grow a little: the largest beyond what 16 bits hold.
     for factor in [1.0f32 - 1.0 / 2048.0, 1.0 + 1.0 / 512.0] {
         (params.beta1, params.beta2) = (factor, factor);
-        for x in [0.0f32, 1e-45, 1e-38, 1e-8, 6e4, 65504.0, 65505.0, 1e38, 3.389e38, f32::INFINITY] {
-            tally.case(format!("moments of {x:e}, times {factor}"), |tally| {
-                let mut start = start.clone();
-                start.first.rotation.fill([x.min(f32::MAX), -x.min(f32::MAX), 0.0, -0.0]);
-                start.second.rotation.fill([x; 4]);
-                // What the device begins with: the nearest that it holds.
-                let before = Scene { params: start.params.clone(), ..bench_moments(bench, &start)? };
+        for x in [0.0f32, 1e-45, 1e-38, 1e-8, 6e4, 65_504.0, 65_505.0, 1e38, f32::MAX, f32::INFINITY] {
+            let largest = x.min(f32::MAX);
+            start.first.rotation.fill([largest, -largest, 0.0, -0.0]);
+            start.second.rotation.fill([x; 4]);
+            tally.case(format!("moments of {x:e} times {factor}"), |tally| {
                 let found = start.unseen_step(&bench.gpu(), &params)?;
-                ensure!(found.params.rotation.as_flattened().iter().all(|q| q.is_finite()), "a parameter is not finite");
-                for (found, before, mantissa) in
-                    [(&found.first, &before.first, 7), (&found.second, &before.second, 8)]
-                {
-                    mean_of_roundings(tally, found.rotation.as_flattened(), before.rotation.as_flattened(), factor, mantissa)?;
+                ensure!(
+                    found.params.rotation.as_flattened().iter().all(|q| q.is_finite()),
+                    "a parameter is not finite"
+                );
+                for k in 0..4 {
+                    // As the device has them before the step.
+                    let before = moments_of(moment_word(start.first.rotation[0][k], x));
+                    for (of, before, mantissa) in [(&found.first, before[0], 7), (&found.second, before[1], 8)] {
+                        let found: Vec<f32> = of.rotation.iter().map(|q| q[k]).collect();
+                        compare(tally, &found, before * factor, mantissa)?;
+                    }
                 }
                 Ok(())
             });
         }
+    }
+    Ok(())
+}
+
+/// Compares what `exact` was stored as, with so many bits of mantissa, and the mean of it.
+fn compare(tally: &mut Tally, found: &[f32], exact: f32, mantissa: i32) -> Result<()> {
+    let largest = (2.0 - 2f64.powi(-mantissa)) * 2f64.powi(127);
+    let x = f64::from(exact);
+    if x == 0.0 || x.is_infinite() {
+        ensure!(found.iter().all(|found| *found == exact), "{exact} became {found:?}");
+    } else if x.abs() > largest {
+        ensure!(found.iter().all(|found| f64::from(*found) == largest.copysign(x)), "{exact:e} became {found:?}");
+    } else if x.abs() < f64::from(f32::MIN_POSITIVE) {
+        // A device may flush them.
+        ensure!(found.iter().all(|found| found.abs() <= f32::MIN_POSITIVE), "{exact:e} became {found:?}");
+    } else {
+        let bit = 2f64.powi(x.abs().log2().floor() as i32 - mantissa);
+        ensure!(found.iter().all(|found| (f64::from(*found) - x).abs() < bit), "{exact:e} became {found:?}");
+        let n = found.len() as f64;
+        let mean = found.iter().map(|x| f64::from(*x)).sum::<f64>() / n;
+        // Five standard deviations of the mean, of at most half a bit each.
+        tally.within(&format!("the mean of {exact:e} in last bits"), (mean - x).abs() / bit, 2.5 / n.sqrt())?;
     }
     Ok(())
 }
