@@ -4,7 +4,6 @@ use super::{Tiny, bits, train};
 use crate::common::device::gpu;
 use ivv::scene::capture::{Picture, PriorPlan, prior_word};
 use ivv::scene::{Splats, View};
-use ivv::stage::AdamMode;
 use ivv::train::{Config, Preset, Resolution, Setup, Trainer, from_points, merge};
 use ivv::{Constants, Knobs};
 
@@ -50,17 +49,16 @@ fn every_preset_learns_and_is_another_run() {
 #[test]
 fn moments_in_16_bits_train_as_well_as_in_32_and_to_other_bits() {
     let tiny = Tiny::new("moments");
-    for adam in [AdamMode::Dense, AdamMode::Lazy] {
-        let config = |moment_bits| Config { sh_degree: 1, adam, moment_bits, ..Config::default() };
-        let begin = from_points(&tiny.capture.points, &tiny.capture, &config(32));
-        let [(half, _, last), (again, ..), (whole, first, exact)] =
-            [16, 16, 32].map(|bits| train(&tiny.capture, &config(bits), &begin, 120));
-        assert_eq!(bits(&half), bits(&again), "two runs");
-        assert_ne!(bits(&half), bits(&whole), "16 bits are as good as 32");
-        let [begin, half, whole] = [&begin, &half, &whole].map(|splats| tiny.test_psnr(splats));
-        assert!(half > begin + 1.0 && (half - whole).abs() < 0.3, "{adam:?}: {half:.3} dB, {whole:.3} in 32 bits");
-        assert!(last < first && (last / exact - 1.0).abs() < 0.05, "{adam:?}: loss {last}, {exact} in 32 bits");
-    }
+    let config = |moment_bits| Config { sh_degree: 1, moment_bits, ..Config::default() };
+    let begin = from_points(&tiny.capture.points, &tiny.capture, &config(32));
+    let [half, again, whole] = [16, 16, 32].map(|bits| train(&tiny.capture, &config(bits), &begin, 80).0);
+    assert_eq!(bits(&half), bits(&again), "two runs");
+    assert_ne!(bits(&half), bits(&whole));
+    let [begin, half, whole] = [&begin, &half, &whole].map(|splats| tiny.test_psnr(splats));
+    assert!(
+        half > begin + 1.0 && (half - whole).abs() < 0.3,
+        "{half:.3} dB, {whole:.3} in 32 bits, {begin:.3} at first"
+    );
 }
 
 /// Steps of `config` on one picture, with priors; the reports.

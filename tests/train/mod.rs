@@ -196,9 +196,8 @@ fn a_run_that_was_killed_and_resumed_gives_the_bits_of_one_that_was_not() {
 
 #[test]
 fn a_run_with_moments_in_16_bits_that_was_killed_and_resumed_gives_the_bits_of_one_that_was_not() {
-    for (name, adam) in [("resume dense 16", AdamMode::Dense), ("resume lazy 16", AdamMode::Lazy)] {
-        resumes_to_the_same_bits(name, &Config { sh_degree: 1, moment_bits: 16, adam, ..Config::default() });
-    }
+    let lazy = Config { sh_degree: 1, adam: AdamMode::Lazy, moment_bits: 16, ..Config::default() };
+    resumes_to_the_same_bits("resume 16", &lazy);
 }
 
 fn resumes_to_the_same_bits(name: &str, config: &Config) {
