@@ -53,6 +53,7 @@ void main() {
     const float fade1 = exp2(k * pc.log2_beta1);
     const float fade2 = exp2(k * pc.log2_beta2);
     const float r_k = exp2(k * (pc.log2_beta1 - 0.5 * pc.log2_beta2));
+    const uint key = moments_key(pc.until, pc.first + i);
     float residual = own.z;
     for (uint p = 0u; p < planes; ++p) {
         const uint a = 3u * from;
@@ -64,7 +65,7 @@ void main() {
         READ_MOMENTS(moments, at_moments, m, v)
         const vec4 change = -sum * m / (sqrt(v) + adam.eps);
         parameter[planes == 1u ? i : place] = moved(adam, kind, p, parameter[planes == 1u ? i : place], change, residual);
-        WRITE_MOMENTS(moments, at_moments, m * fade1, v * fade2, Draw(pc.until, pc.first + i, plane_number(kind, p)))
+        WRITE_MOMENTS(moments, at_moments, m * fade1, v * fade2, key, plane_number(kind, p))
     }
     if (kind == MOTION) state[i].z = residual;
     if (unfolded(pc.is_last) != 0u) state[i].w = float(pc.until);

@@ -33,6 +33,7 @@ void main() {
     if (i >= pc.n) return;
     const uint kind = unfolded(pc.kind);
     const uint planes = unfolded(pc.planes);
+    const uint key = moments_key(uint(adam.step), pc.first + i);
     float residual = kind == MOTION ? state[i].z : 0.0;
     for (uint p = 0u; p < planes; ++p) {
         const uint place = planes == 1u ? i : plane_index(i, planes, p);
@@ -42,7 +43,7 @@ void main() {
         const vec4 rate = plane_rates(adam.rates0, adam.rates1, adam.rates2, kind, p);
         const vec4 change = adam_change(adam, rate, regulariser(adam, kind, p, x), m, v);
         parameter[place] = moved(adam, kind, p, x, change, residual);
-        WRITE_MOMENTS(moments, at_moments, m, v, Draw(uint(adam.step), pc.first + i, plane_number(kind, p)))
+        WRITE_MOMENTS(moments, at_moments, m, v, key, plane_number(kind, p))
     }
     if (kind == MOTION) state[i].z = residual;
 }

@@ -65,7 +65,7 @@ layout(set = 0, binding = 23) uniform Adam { AdamParams adam; };
         const vec4 rate = plane_rates(adam.rates0, adam.rates1, adam.rates2, kind, p);     \
         const vec4 change = adam_change(adam, rate, g + regulariser(adam, kind, p, x), m, v); \
         params[place] = moved(adam, kind, p, x, change, residual);                         \
-        WRITE_MOMENTS(moments, at_moments, m, v, Draw(uint(adam.step), pc.first + i, plane_number(kind, p))) \
+        WRITE_MOMENTS(moments, at_moments, m, v, moments_key(uint(adam.step), pc.first + i), plane_number(kind, p)) \
     }
 #define PUT_GEOMETRY(p, g) PUT(geometry, moments_geometry, plane_index(i, 3u, p), GEOMETRY, 3u, p, g)
 #define PUT_SH0(g) PUT(sh0, moments_sh0, i, SH_0_BUFFER, 1u, 0u, g)

@@ -13,7 +13,7 @@ use ivv::stage::{
 };
 use ivv::twin::{random_bits, rounded_moment};
 
-/// The Gaussian, plane and component of each of [`numbers`], as `Draw` of `moments.glsl` counts them.
+/// The Gaussian, plane and component of each of [`numbers`], as `moments.glsl` counts them.
 fn places(splats: &Splats) -> Vec<(usize, u32, u32)> {
     let mut all = Vec::new();
     for i in 0..splats.len() {
@@ -157,7 +157,7 @@ fn lazy_steps_catch_up_and_round_once() {
 
 #[test]
 fn the_mean_of_many_roundings_is_the_number() {
-    // What the last step leaves of a second moment is a fifth of its last bit: to the nearest, it would stand still.
+    // They fall by less than half a last bit: rounded to the nearest, they would stand still.
     let mut scene = Scene::new(&scene(3, 2000, 0));
     (scene.params.n_static, scene.params.motion) = (2000, Vec::new());
     scene = Scene::new(&scene.params);
