@@ -7,6 +7,7 @@ use crate::gpu::generated::sh_half;
 use crate::gpu::{Grid, Recording};
 use crate::stage::{StepSettings, adam_params, moment_word, moments_of};
 use anyhow::{Result, ensure};
+use std::num::FpCategory;
 
 const GUARD: [u32; 2] = [0xdead_beef, 0x1234_5678];
 
@@ -108,18 +109,20 @@ fn moments(bench: &Bench, tally: &mut Tally) -> Result<()> {
 
 /// Compares what `exact` was stored as, with so many bits of mantissa, and the mean of it.
 fn compare(tally: &mut Tally, found: &[f32], exact: f32, mantissa: i32) -> Result<()> {
-    let largest = (2.0 - 2f64.powi(-mantissa)) * 2f64.powi(127);
     let x = f64::from(exact);
-    if x == 0.0 || x.is_infinite() {
-        ensure!(found.iter().all(|found| *found == exact), "{exact} became {found:?}");
-    } else if x.abs() > largest {
-        ensure!(found.iter().all(|found| f64::from(*found) == largest.copysign(x)), "{exact:e} became {found:?}");
-    } else if x.abs() < f64::from(f32::MIN_POSITIVE) {
+    let largest = (2.0 - 2f64.powi(-mantissa)) * 2f64.powi(127);
+    let fits = x.abs() <= largest;
+    let bit = (x.abs().log2().floor() - f64::from(mantissa)).exp2();
+    let is_right = |found: f32| match exact.classify() {
+        FpCategory::Normal if fits => (f64::from(found) - x).abs() < bit,
+        FpCategory::Normal => f64::from(found) == largest.copysign(x),
         // A device may flush them.
-        ensure!(found.iter().all(|found| found.abs() <= f32::MIN_POSITIVE), "{exact:e} became {found:?}");
-    } else {
-        let bit = 2f64.powi(x.abs().log2().floor() as i32 - mantissa);
-        ensure!(found.iter().all(|found| (f64::from(*found) - x).abs() < bit), "{exact:e} became {found:?}");
+        FpCategory::Subnormal => found.abs() <= f32::MIN_POSITIVE,
+        FpCategory::Zero | FpCategory::Infinite | FpCategory::Nan => found == exact,
+    };
+    let wrong = found.iter().find(|found| !is_right(**found));
+    ensure!(wrong.is_none(), "{exact:e} became {wrong:?}");
+    if exact.is_normal() && fits {
         let n = found.len() as f64;
         let mean = found.iter().map(|x| f64::from(*x)).sum::<f64>() / n;
         // Five standard deviations of the mean, of at most half a bit each.
