@@ -68,6 +68,7 @@ const ADAM: (&str, &str) = ("ADAM", "1");
 const BACKWARD: (&str, &str) = ("BACKWARD", "1");
 const P4: (&str, &str) = ("PIXELS", "4");
 const HALF: (&str, &str) = ("SH_HALF", "1");
+const M16: (&str, &str) = ("MOMENTS_16", "1");
 const S2: (&str, &str) = ("STRIDE", "2u");
 const P8: (&str, &str) = ("PIXELS", "8");
 
@@ -149,6 +150,14 @@ pub const KERNELS: &[Spec] = &[
     spec("project_bwd_adam_dynamic_sh1", "project/project_bwd.comp", &[D, SH1, ADAM], "adam", Count::Active, 850.0),
     spec("project_bwd_adam_dynamic_sh2", "project/project_bwd.comp", &[D, SH2, ADAM], "adam", Count::Active, 850.0),
     spec("project_bwd_adam_dynamic_sh3", "project/project_bwd.comp", &[D, SH3, ADAM], "adam", Count::Active, 850.0),
+    spec("project_bwd_adam_static_sh0_m16", "project/project_bwd.comp", &[SH0, ADAM, M16], "adam", Count::Active, 850.0),
+    spec("project_bwd_adam_static_sh1_m16", "project/project_bwd.comp", &[SH1, ADAM, M16], "adam", Count::Active, 850.0),
+    spec("project_bwd_adam_static_sh2_m16", "project/project_bwd.comp", &[SH2, ADAM, M16], "adam", Count::Active, 850.0),
+    spec("project_bwd_adam_static_sh3_m16", "project/project_bwd.comp", &[SH3, ADAM, M16], "adam", Count::Active, 850.0),
+    spec("project_bwd_adam_dynamic_sh0_m16", "project/project_bwd.comp", &[D, SH0, ADAM, M16], "adam", Count::Active, 850.0),
+    spec("project_bwd_adam_dynamic_sh1_m16", "project/project_bwd.comp", &[D, SH1, ADAM, M16], "adam", Count::Active, 850.0),
+    spec("project_bwd_adam_dynamic_sh2_m16", "project/project_bwd.comp", &[D, SH2, ADAM, M16], "adam", Count::Active, 850.0),
+    spec("project_bwd_adam_dynamic_sh3_m16", "project/project_bwd.comp", &[D, SH3, ADAM, M16], "adam", Count::Active, 850.0),
     spec("fisher_static_sh0", "fisher/fisher.comp", &[SH0], "fisher", Count::Gaussians, 60.0),
     spec("fisher_static_sh1", "fisher/fisher.comp", &[SH1], "fisher", Count::Gaussians, 90.0),
     spec("fisher_static_sh2", "fisher/fisher.comp", &[SH2], "fisher", Count::Gaussians, 130.0),
@@ -193,6 +202,8 @@ pub const KERNELS: &[Spec] = &[
     // Times the vec4 of the buffer.
     spec("adam_idle", "adam/adam_idle.comp", &[], "adam", Count::Idle, 33.0),
     spec("adam_catch_up", "adam/adam_catch_up.comp", &[], "adam", Count::Active, 33.0),
+    spec("adam_idle_m16", "adam/adam_idle.comp", &[M16], "adam", Count::Idle, 33.0),
+    spec("adam_catch_up_m16", "adam/adam_catch_up.comp", &[M16], "adam", Count::Active, 33.0),
     spec("density_classify_static", "density/density_classify.comp", &[], "density", Count::Gaussians, 40.0),
     spec("density_classify_dynamic", "density/density_classify.comp", &[D], "density", Count::Gaussians, 50.0),
     spec("density_choose", "density/density_choose.comp", &[], "density", Count::Gaussians, 10.0),

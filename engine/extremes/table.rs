@@ -178,10 +178,10 @@ pub const ROWS: &[Row] = &[
     },
     Row {
         name: "n25",
-        what: "coefficients in half precision: around and beyond 65504, zeros, 1e-8, not finite",
-        expected: "saturate at 65504, keep 0 and its sign; what is not finite stays so",
-        bound: "2^-10 of the number, 2^-24 near 0",
-        cases: halves::coefficients,
+        what: "coefficients and Adam's moments in 16 bits: 0 to the largest float, around 65504, not finite",
+        expected: "saturate, keep 0; what is not finite stays so; the mean of a moment's roundings is the moment",
+        bound: "coefficients 2^-10 of the number, 2^-24 near 0; a moment its last bit, the mean of 300 0.14 of one",
+        cases: halves::quantised,
     },
     Row {
         name: "n26",

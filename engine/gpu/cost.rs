@@ -130,8 +130,9 @@ pub fn terms(kernel: &Spec) -> Option<Vec<Term>> {
         "fixed_sums" => vec![own(104.0 + 48.0, 24.0)],
         "project_bwd" => {
             let each = parameter_bytes(degree, dynamic);
-            // Adam reads and writes parameter and both moments; without it the gradient is written.
-            let (moved, steps) = if is("ADAM") { (6.0 * each + 32.0, 3.0 * each) } else { (2.0 * each, 0.0) };
+            // Adam reads and writes parameter and both moments, which may share a word; without it the gradient is written.
+            let stepped = (if is("MOMENTS_16") { 4.0 } else { 6.0 }) * each + 32.0;
+            let (moved, steps) = if is("ADAM") { (stepped, 3.0 * each) } else { (2.0 * each, 0.0) };
             vec![
                 own(4.0 + 64.0 + 8.0, 0.0),
                 per(Intersections, 48.0, 12.0),
@@ -171,7 +172,7 @@ pub fn terms(kernel: &Spec) -> Option<Vec<Term>> {
         "bilateral_adam" => vec![own(7.0 * 98_304.0, 30.0 * 24_576.0)],
         "bilateral_gauge" => vec![own(2.0 * 98_304.0, 2.0 * 24_576.0)],
         // Per vec4 of the buffer: parameter and both moments, read and written.
-        "adam_idle" | "adam_catch_up" => vec![own(96.0, 48.0)],
+        "adam_idle" | "adam_catch_up" => vec![own(if is("MOMENTS_16") { 64.0 } else { 96.0 }, 48.0)],
         "mcmc_noise" => vec![own(48.0 + 12.0, 120.0)],
         // Theirs is the dispatch.
         "scan_reduce"

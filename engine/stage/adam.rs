@@ -2,9 +2,10 @@
 //! frame saw.
 
 use super::cull::{ARGS_FIRST_GROUP, Cull, indirect};
+use super::moments::Moments;
 use super::scene::{Planes, SceneBuffers};
 use crate::error::Result;
-use crate::gpu::generated::{AdamParams, Status, adam_catch_up, adam_idle};
+use crate::gpu::generated::{AdamParams, Status, adam_catch_up, adam_catch_up_m16, adam_idle, adam_idle_m16};
 use crate::gpu::{Buf, Gpu, Grid, Recording};
 
 /// Exponential decay of the first moment (SPEC 6).
@@ -122,9 +123,8 @@ pub type State = Buf<[f32; 4]>;
 
 /// Moments and state of every Gaussian, and the numbers of the step at hand.
 pub struct Optimiser {
-    /// First and second moments, by group, in twice the planes of the parameters: 2p the first, 2p + 1 the second of
-    /// plane p.
-    pub moments: Vec<Planes>,
+    /// Means of the gradients and of their squares.
+    pub moments: Moments,
     /// Per Gaussian, by group: sum of the norms of the projected centre's gradient, in half pictures; frames it was seen
     /// in; what rounding has lost of t_center; step of the last update.
     pub state: Vec<Buf<[f32; 4]>>,
@@ -161,7 +161,7 @@ impl Optimiser {
     /// `OutOfMemory` naming the buffer that does not fit.
     pub fn new(
         gpu: &Gpu,
-        moments: Vec<Planes>,
+        moments: Moments,
         state: Vec<Buf<[f32; 4]>>,
         mode: AdamMode,
         sums: &[[f32; 4]],
@@ -181,13 +181,15 @@ impl Optimiser {
         if self.mode != AdamMode::Dense {
             return;
         }
+        let kernel = if self.moments.bits == 16 { adam_idle_m16::INFO } else { adam_idle::INFO };
         rec.stage("adam");
         for (index, group) in scene.groups.iter().enumerate() {
             rec.group(Some(index));
-            for (kind, planes, parameter, moments) in numbered(&group.params, &self.moments[index]) {
+            for (kind, planes, parameter, moments) in numbered(&group.params, &self.moments.groups[index]) {
                 let Cull { ranges, idle_id, args, .. } = cull;
                 let (adam, state) = (&self.params, &self.state[index]);
-                rec.pass(
+                rec.pass_variant(
+                    kernel,
                     adam_idle::Args { frame_status: status, adam, ranges, idle_id, parameter, moments, state },
                     adam_idle::Push { group: index as u32, n: group.n, first: group.first, kind, planes },
                     indirect(args, ARGS_FIRST_GROUP + scene.groups.len() + index),
@@ -235,15 +237,17 @@ impl Optimiser {
         until: u64,
         of: impl Fn(usize, u32) -> (u32, Grid),
     ) {
+        let kernel = if self.moments.bits == 16 { adam_catch_up_m16::INFO } else { adam_catch_up::INFO };
         rec.stage("adam");
         for (index, group) in scene.groups.iter().enumerate() {
             rec.group(Some(index));
             let (all, grid) = of(index, group.n);
-            let buffers = numbered(&group.params, &self.moments[index]);
+            let buffers = numbered(&group.params, &self.moments.groups[index]);
             let n_buffers = buffers.len();
             for (at, (kind, planes, parameter, moments)) in buffers.into_iter().enumerate() {
                 let (adam, sums, state) = (&self.params, &self.sums, &self.state[index]);
-                rec.pass(
+                rec.pass_variant(
+                    kernel,
                     adam_catch_up::Args {
                         frame_status: status,
                         adam,

@@ -134,16 +134,24 @@ fn gradient_kernel(dynamic: bool, degree: usize) -> &'static KernelInfo {
 }
 
 /// The kernel of a population and a degree that moves the parameters.
-fn adam_kernel(dynamic: bool, degree: usize) -> &'static KernelInfo {
-    match (dynamic, degree) {
-        (false, 0) => g::project_bwd_adam_static_sh0::INFO,
-        (false, 1) => g::project_bwd_adam_static_sh1::INFO,
-        (false, 2) => g::project_bwd_adam_static_sh2::INFO,
-        (false, _) => g::project_bwd_adam_static_sh3::INFO,
-        (true, 0) => g::project_bwd_adam_dynamic_sh0::INFO,
-        (true, 1) => g::project_bwd_adam_dynamic_sh1::INFO,
-        (true, 2) => g::project_bwd_adam_dynamic_sh2::INFO,
-        (true, _) => g::project_bwd_adam_dynamic_sh3::INFO,
+fn adam_kernel(dynamic: bool, degree: usize, moment_bits: u32) -> &'static KernelInfo {
+    match (moment_bits, dynamic, degree) {
+        (16, false, 0) => g::project_bwd_adam_static_sh0_m16::INFO,
+        (16, false, 1) => g::project_bwd_adam_static_sh1_m16::INFO,
+        (16, false, 2) => g::project_bwd_adam_static_sh2_m16::INFO,
+        (16, false, _) => g::project_bwd_adam_static_sh3_m16::INFO,
+        (16, true, 0) => g::project_bwd_adam_dynamic_sh0_m16::INFO,
+        (16, true, 1) => g::project_bwd_adam_dynamic_sh1_m16::INFO,
+        (16, true, 2) => g::project_bwd_adam_dynamic_sh2_m16::INFO,
+        (16, true, _) => g::project_bwd_adam_dynamic_sh3_m16::INFO,
+        (_, false, 0) => g::project_bwd_adam_static_sh0::INFO,
+        (_, false, 1) => g::project_bwd_adam_static_sh1::INFO,
+        (_, false, 2) => g::project_bwd_adam_static_sh2::INFO,
+        (_, false, _) => g::project_bwd_adam_static_sh3::INFO,
+        (_, true, 0) => g::project_bwd_adam_dynamic_sh0::INFO,
+        (_, true, 1) => g::project_bwd_adam_dynamic_sh1::INFO,
+        (_, true, 2) => g::project_bwd_adam_dynamic_sh2::INFO,
+        (_, true, _) => g::project_bwd_adam_dynamic_sh3::INFO,
     }
 }
 
@@ -258,7 +266,7 @@ impl Backward {
                     rec.pass_variant(gradient_kernel(dynamic, degree), args, push, grid);
                 }
                 Target::Step(optimiser) => {
-                    let moments = &optimiser.moments[index];
+                    let moments = &optimiser.moments.groups[index];
                     let m_band = |b: usize| moments.bands.get(b).unwrap_or(&moments.sh0);
                     let args = project_bwd_adam_static_sh0::Args {
                         view,
@@ -292,7 +300,7 @@ impl Backward {
                         is_summed,
                         wants_camera: push.wants_camera,
                     };
-                    rec.pass_variant(adam_kernel(dynamic, degree), args, push, grid);
+                    rec.pass_variant(adam_kernel(dynamic, degree, optimiser.moments.bits), args, push, grid);
                 }
             }
         }

@@ -1,7 +1,8 @@
 //! Density control (SPEC 6): which Gaussians go, which grow and where each is stored, decided and carried out on the device.
 
+use super::moments::Moments;
 use super::scan::{SCAN_BLOCK, Scan};
-use super::scene::{BUCKETS, Group, Planes, SceneBuffers};
+use super::scene::{BUCKETS, Group, SceneBuffers};
 use super::sort::{SORT_BLOCK, Sort, SortGrids};
 use crate::error::{Error, Result};
 use crate::gpu::generated::{
@@ -83,7 +84,7 @@ pub struct Grown {
     /// The Gaussians.
     pub scene: SceneBuffers,
     /// Their moments.
-    pub moments: Vec<Planes>,
+    pub moments: Moments,
     /// Their state.
     pub state: Vec<Buf<[f32; 4]>>,
     /// What the round did.
@@ -94,7 +95,7 @@ pub struct Grown {
 #[derive(Clone, Copy)]
 struct Before<'a> {
     scene: &'a SceneBuffers,
-    moments: &'a [Planes],
+    moments: &'a Moments,
     state: &'a [Buf<[f32; 4]>],
 }
 
@@ -124,7 +125,7 @@ impl DensityRound {
         &self,
         gpu: &Gpu,
         scene: &SceneBuffers,
-        moments: &[Planes],
+        moments: &Moments,
         state: &[Buf<[f32; 4]>],
         constants: &Constants,
     ) -> Result<Grown> {
@@ -277,9 +278,8 @@ impl DensityRound {
         counts: Counts,
         constants: &Constants,
     ) -> Result<Grown> {
-        let groups = || scene.groups.iter();
-        let moments = groups().map(|g| Planes::moments(gpu, &g.params, g.n as usize)).collect::<Result<Vec<_>>>()?;
-        let state = groups().map(|g| gpu.alloc("state", g.n as usize)).collect::<Result<Vec<_>>>()?;
+        let moments = old.moments.undefined(gpu, &scene)?;
+        let state = scene.groups.iter().map(|g| gpu.alloc("state", g.n as usize)).collect::<Result<Vec<_>>>()?;
         let mut rec = Recording::new();
         rec.stage("density");
         for (index, group) in scene.groups.iter().enumerate() {
@@ -308,9 +308,9 @@ impl DensityRound {
                 for ((old, new), planes) in params.skip(1) {
                     way.record(&mut rec, old, new, planes, [1.0; 4], [1.0; 4]);
                 }
-                let pairs = old.moments[from].buffers().zip(moments[index].buffers());
+                let pairs = old.moments.groups[from].buffers().zip(moments.groups[index].buffers());
                 for ((old, new), planes) in pairs.zip(group.params.plane_counts()) {
-                    way.record(&mut rec, old, new, 2 * planes, [1.0; 4], [0.0; 4]);
+                    way.record(&mut rec, old, new, moments.planes(planes), [1.0; 4], [0.0; 4]);
                 }
                 // The statistics begin anew; a child has no residual.
                 way.record(&mut rec, &old.state[from], &state[index], 1, [0.0, 0.0, 1.0, 1.0], [0.0, 0.0, 0.0, 1.0]);
@@ -356,7 +356,8 @@ impl Way<'_> {
             old_first: self.old.first,
             old_n: self.old.n,
         };
-        rec.pass(density_gather::Args { sources: self.sources, old, gathered }, push, Grid::Threads(push.size));
+        let args = density_gather::Args { sources: self.sources, old: &old.cast(), gathered: &gathered.cast() };
+        rec.pass(args, push, Grid::Threads(push.size));
     }
 }
 

@@ -146,19 +146,8 @@ impl SceneBuffers {
         Ok(self.assemble(&arrays))
     }
 
-    /// Reads moments back: the first and the second, in the scene's order.
-    pub fn download_moments(&self, gpu: &Gpu, moments: &[Planes]) -> Result<(Splats, Splats)> {
-        let arrays = moments.iter().map(|planes| Arrays::read(gpu, planes)).collect::<Result<Vec<_>>>()?;
-        let part = |second: usize| -> Vec<Arrays> {
-            let groups = self.groups.iter().zip(&arrays);
-            groups
-                .map(|(group, arrays)| arrays.map(|planes, from| every_other(from, planes, group.n as usize, second)))
-                .collect()
-        };
-        Ok((self.assemble(&part(0)), self.assemble(&part(1))))
-    }
-
-    fn assemble(&self, arrays: &[Arrays]) -> Splats {
+    /// The numbers of all groups in the scene's order.
+    pub(super) fn assemble(&self, arrays: &[Arrays]) -> Splats {
         let (n, k) = (self.n as usize, self.n_coefficients());
         let n_static = self.groups.iter().filter(|g| g.params.motion.is_none()).map(|g| g.n as usize).sum();
         let mut out = Splats {
@@ -191,39 +180,17 @@ pub fn group_limit(gpu: &Gpu, degree: usize, purpose: Purpose) -> usize {
 }
 
 /// [`Planes`] on the host.
-struct Arrays {
-    geometry: Vec<[f32; 4]>,
-    sh0: Vec<[f32; 4]>,
-    bands: Vec<Vec<[f32; 4]>>,
-    motion: Option<Vec<[f32; 4]>>,
+pub(super) struct Arrays {
+    pub(super) geometry: Vec<[f32; 4]>,
+    pub(super) sh0: Vec<[f32; 4]>,
+    pub(super) bands: Vec<Vec<[f32; 4]>>,
+    pub(super) motion: Option<Vec<[f32; 4]>>,
 }
 
 impl Planes {
     /// The values of Gaussians `start..start + n` of `splats`, positions relative to `origin`.
     pub fn upload(gpu: &Gpu, splats: &Splats, start: usize, n: usize, origin: [f64; 3]) -> Result<Self> {
         Arrays::of(splats, origin, start, n).upload(gpu, "parameters")
-    }
-
-    /// Moments of Gaussians `start..start + n`: twice the planes of the parameters, all in blocks; plane 2p is `first`'s
-    /// plane p, 2p + 1 `second`'s.
-    pub fn upload_moments(gpu: &Gpu, first: &Splats, second: &Splats, start: usize, n: usize) -> Result<Self> {
-        let second = Arrays::of(second, [0.0; 3], start, n);
-        let both = |planes: usize, first: &[[f32; 4]], second: &[[f32; 4]]| {
-            let mut out = vec![[0.0; 4]; 2 * planes * n.next_multiple_of(PLANE_BLOCK)];
-            for (i, p) in (0..n).flat_map(|i| (0..planes).map(move |p| (i, p))) {
-                out[plane_of(i, 2 * planes, 2 * p)] = first[plane_of(i, planes, p)];
-                out[plane_of(i, 2 * planes, 2 * p + 1)] = second[plane_of(i, planes, p)];
-            }
-            out
-        };
-        let Arrays { geometry, sh0, bands, motion } = Arrays::of(first, [0.0; 3], start, n);
-        Arrays {
-            geometry: both(3, &geometry, &second.geometry),
-            sh0: both(1, &sh0, &second.sh0),
-            bands: (0..bands.len()).map(|b| both(BAND_PLANES[b], &bands[b], &second.bands[b])).collect(),
-            motion: motion.zip(second.motion.as_ref()).map(|(first, second)| both(1, &first, second)),
-        }
-        .upload(gpu, "moments")
     }
 
     /// Buffers of the same shape with undefined contents.
@@ -237,13 +204,8 @@ impl Planes {
         })
     }
 
-    /// Undefined moments of `params`, `n` Gaussians, laid out as [`Planes::upload_moments`] does.
-    pub(super) fn moments(gpu: &Gpu, params: &Planes, n: usize) -> Result<Self> {
-        Self::alloc(gpu, "moments", n, params.bands.len(), params.motion.is_some(), 2)
-    }
-
     /// Undefined numbers for `n` Gaussians, with `times` the planes of the parameters.
-    fn alloc(gpu: &Gpu, name: &str, n: usize, degree: usize, dynamic: bool, times: usize) -> Result<Self> {
+    pub(super) fn alloc(gpu: &Gpu, name: &str, n: usize, degree: usize, dynamic: bool, times: usize) -> Result<Self> {
         // A single plane is flat; its last block is as long as there are items.
         let buffer = |planes: usize| match planes * times {
             1 => gpu.alloc(name, n),
@@ -268,17 +230,8 @@ impl Planes {
     }
 }
 
-/// The planes of first (`second` = 0) or second (1) moments among `moments`, in the layout of the parameters.
-fn every_other(moments: &[[f32; 4]], planes: usize, n: usize, second: usize) -> Vec<[f32; 4]> {
-    let mut out = vec![[0.0; 4]; planes * n.next_multiple_of(PLANE_BLOCK)];
-    for (i, p) in (0..n).flat_map(|i| (0..planes).map(move |p| (i, p))) {
-        out[plane_of(i, planes, p)] = moments[plane_of(i, 2 * planes, 2 * p + second)];
-    }
-    out
-}
-
 impl Arrays {
-    fn read(gpu: &Gpu, planes: &Planes) -> Result<Self> {
+    pub(super) fn read(gpu: &Gpu, planes: &Planes) -> Result<Self> {
         Ok(Arrays {
             geometry: gpu.read(&planes.geometry)?,
             sh0: gpu.read(&planes.sh0)?,
@@ -287,7 +240,7 @@ impl Arrays {
         })
     }
 
-    fn upload(&self, gpu: &Gpu, name: &str) -> Result<Planes> {
+    pub(super) fn upload(&self, gpu: &Gpu, name: &str) -> Result<Planes> {
         Ok(Planes {
             geometry: gpu.upload(name, &self.geometry)?,
             sh0: gpu.upload(name, &self.sh0)?,
@@ -297,7 +250,7 @@ impl Arrays {
     }
 
     /// Each array through `f`, which is told its planes in the layout of the parameters.
-    fn map(&self, f: impl Fn(usize, &[[f32; 4]]) -> Vec<[f32; 4]>) -> Arrays {
+    pub(super) fn map(&self, f: impl Fn(usize, &[[f32; 4]]) -> Vec<[f32; 4]>) -> Arrays {
         Arrays {
             geometry: f(3, &self.geometry),
             sh0: f(1, &self.sh0),
@@ -446,7 +399,7 @@ fn cut(counts: &[usize; BUCKETS], limit: usize, group: impl Fn(&Slot) -> Result<
 
 impl Arrays {
     /// The values of Gaussians `start..start + n` of `splats`, all of one bucket, positions relative to `origin`.
-    fn of(splats: &Splats, origin: [f64; 3], start: usize, n: usize) -> Self {
+    pub(super) fn of(splats: &Splats, origin: [f64; 3], start: usize, n: usize) -> Self {
         let dynamic = start >= splats.n_static;
         let motion_of = |i: usize| splats.motion[start + i - splats.n_static];
         let geometry = planes(n, |i| {

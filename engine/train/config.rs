@@ -47,6 +47,9 @@ pub struct Config {
     pub lr: LearningRates,
     /// Which Gaussians take a step: `dense` (all; the reference), `lazy` (those in view catch up first), `sparse`.
     pub adam: AdamMode,
+    /// Bits of each of Adam's two moments of a number of a Gaussian: 32, or 16, rounded at random so that their means stay
+    /// right: half the memory and traffic of the moments. The step itself is computed in 32.
+    pub moment_bits: u32,
     /// How gradients are added up: `slots`, `fixed_point`, `float_atomics`, `compare_exchange`.
     pub accumulation: Accumulation,
     /// Where Gaussians are added and removed.
@@ -86,7 +89,7 @@ pub struct Required {
 
 impl Default for Required {
     fn default() -> Self {
-        Required { reviews: 0, first: 0.4, last: 0.8, images: 64, price: 1.0, margin: 0.1, grids_at: 0.3 }
+        Required { reviews: 0, first: 0.7, last: 0.9, images: 32, price: 1.0, margin: 0.05, grids_at: 0.3 }
     }
 }
 
@@ -357,6 +360,9 @@ impl Config {
         if !((1..=8).contains(&reduction) && (0.0..=1.0).contains(&until)) {
             return Err("resolution.reduction is 1 to 8, and resolution.until a fraction of the run".to_owned());
         }
+        if ![16, 32].contains(&self.moment_bits) {
+            return Err(format!("moment_bits is {}: it is 32 or 16", self.moment_bits));
+        }
         self.frame.check().map_err(|fault| format!("frame.{fault}"))?;
         for (name, weight) in weights {
             if !(weight >= 0.0 && weight.is_finite()) {
@@ -443,6 +449,7 @@ impl Default for Config {
             grids: true,
             lr: LearningRates::default(),
             adam: AdamMode::default(),
+            moment_bits: 32,
             accumulation: Accumulation::default(),
             density: Density::default(),
             required: Required::default(),

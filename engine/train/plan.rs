@@ -24,6 +24,8 @@ pub struct Workload {
     pub pixels: u64,
     /// Highest degree of the spherical harmonics, 0 to 3.
     pub sh_degree: u32,
+    /// Bits of each of Adam's moments: 32, or 16.
+    pub moment_bits: u32,
     /// Bytes of decoded pictures kept ahead, in the host's memory.
     pub cache_bytes: u64,
     /// Whether pictures come with priors of depth or flow.
@@ -129,13 +131,14 @@ fn items(work: &Workload, is_host: bool) -> Vec<Item> {
     // Geometry, the constant band, and those above it.
     let bands = [48.0, 64.0, 96.0];
     let each = 48.0 + 16.0 + bands[..work.sh_degree.min(3) as usize].iter().sum::<f64>();
+    let moments = f64::from(work.moment_bits / 16);
     let mut items = vec![
         cut("parameters", Parameters, Gaussian, each),
         cut("parameters", Parameters, Dynamic, 16.0),
         cut("bound", Parameters, Gaussian, 16.0),
         cut("window", Parameters, Dynamic, 4.0),
-        cut("moments", Moments, Gaussian, 2.0 * each),
-        cut("moments", Moments, Dynamic, 32.0),
+        cut("moments", Moments, Gaussian, moments * each),
+        cut("moments", Moments, Dynamic, moments * 16.0),
         cut("state", Moments, Gaussian, 16.0),
         item("splats", Active, Gaussian, 64.0, 64.0),
         item("active ids", Active, Gaussian, 4.0, 4.0),

@@ -16,7 +16,7 @@ pub const WORST_MARGIN_DB: f64 = 0.3;
 pub const QUALITY_GAP_DB: f64 = 0.5;
 
 /// Single settings that are measured from `exact` by default: `key=value`, as `--set` takes them.
-pub const KNOB_SETTINGS: [&str; 19] = [
+pub const KNOB_SETTINGS: [&str; 20] = [
     "frame.tile_bound=rectangle",
     "frame.tile_bound=square",
     "frame.block_cull=false",
@@ -33,6 +33,7 @@ pub const KNOB_SETTINGS: [&str; 19] = [
     "resolution.reduction=2",
     "adam=lazy",
     "adam=sparse",
+    "moment_bits=16",
     "accumulation=fixed_point",
     "sh_degree=1",
     "sh_degree=0",

@@ -17,8 +17,9 @@ use crate::scene::capture::Picture;
 use crate::scene::{Similarity, Splats, View};
 use crate::settings::Constants;
 use crate::stage::{
-    AdamMode, Counters, Counts, Lists, Optimiser, PassReport, Planes, Purpose, Room, SceneBuffers, State, StepSettings,
-    Strip, Target, Verdict, Workspace, adam_params, add_passes, lazy_sums, record_mcmc_noise, view_params,
+    AdamMode, Counters, Counts, Lists, Moments, Optimiser, PassReport, Purpose, Room, SceneBuffers, State,
+    StepSettings, Strip, Target, Verdict, Workspace, adam_params, add_passes, lazy_sums, record_mcmc_noise,
+    view_params,
 };
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -169,7 +170,8 @@ impl Trainer {
             AdamMode::Lazy => lazy_sums(|step| rates(&config, step, total, setup.extent.radius), total),
             AdamMode::Dense | AdamMode::Sparse => vec![[0.0; 4]],
         };
-        let (moments, state) = upload_state(&gpu, &scene, &zeros, &zeros, &state)?;
+        let moments = Moments::upload(&gpu, &scene, &zeros, &zeros, config.moment_bits)?;
+        let state = upload_state(&gpu, &scene, &state)?;
         let optimiser = Optimiser::new(&gpu, moments, state, config.adam, &sums)?;
         let objective = Objective::new(&gpu, &config, &setup)?;
         let room = Room {
@@ -213,8 +215,8 @@ impl Trainer {
         let mut trainer = Self::begin(gpu, params, constants, config.clone(), *total, setup)?;
         trainer.objective.restore(&trainer.gpu, cameras)?;
         trainer.scene.origin = *origin;
-        let (moments, state) = upload_state(&trainer.gpu, &trainer.scene, first, second, state)?;
-        (trainer.optimiser.moments, trainer.optimiser.state) = (moments, state);
+        trainer.optimiser.moments = Moments::upload(&trainer.gpu, &trainer.scene, first, second, config.moment_bits)?;
+        trainer.optimiser.state = upload_state(&trainer.gpu, &trainer.scene, state)?;
         (trainer.step, trainer.controlled) = (*step, *step);
         Ok(trainer)
     }
@@ -226,7 +228,7 @@ impl Trainer {
     /// As [`Trainer::train`].
     pub fn checkpoint(&mut self) -> Result<Checkpoint> {
         self.finish()?;
-        let (first, second) = self.scene.download_moments(&self.gpu, &self.optimiser.moments)?;
+        let (first, second) = self.optimiser.moments.download(&self.gpu, &self.scene)?;
         Ok(Checkpoint {
             step: self.step,
             total: self.total,
@@ -286,9 +288,10 @@ impl Trainer {
         if self.config.adam != AdamMode::Lazy {
             return Ok(splats);
         }
-        let (first, second) = self.scene.download_moments(&self.gpu, &self.optimiser.moments)?;
+        let (first, second) = self.optimiser.moments.download(&self.gpu, &self.scene)?;
         let scene = SceneBuffers::upload(&self.gpu, &splats, &self.constants, Purpose::Training)?;
-        let (moments, state) = upload_state(&self.gpu, &scene, &first, &second, &self.state()?)?;
+        let moments = Moments::upload(&self.gpu, &scene, &first, &second, self.config.moment_bits)?;
+        let state = upload_state(&self.gpu, &scene, &self.state()?)?;
         let sums = lazy_sums(|step| rates(&self.config, step, self.total, self.setup.extent.radius), self.total);
         let copy = Optimiser::new(&self.gpu, moments, state, AdamMode::Lazy, &sums)?;
         self.gpu.write(&copy.params, &[self.adam_params(self.step.max(1))])?;
@@ -621,16 +624,7 @@ fn zeros_like(splats: &Splats) -> Splats {
     }
 }
 
-/// Moments and state in the order of the scene's Gaussians, by group.
-fn upload_state(
-    gpu: &Gpu,
-    scene: &SceneBuffers,
-    first: &Splats,
-    second: &Splats,
-    state: &[[f32; 4]],
-) -> Result<(Vec<Planes>, Vec<State>)> {
-    let groups = || scene.groups.iter();
-    let moments = groups().map(|g| Planes::upload_moments(gpu, first, second, g.start, g.n as usize));
-    let state = groups().map(|g| gpu.upload("state", &state[g.start..g.start + g.n as usize]));
-    Ok((moments.collect::<Result<_>>()?, state.collect::<Result<_>>()?))
+/// State in the order of the scene's Gaussians, by group.
+fn upload_state(gpu: &Gpu, scene: &SceneBuffers, state: &[[f32; 4]]) -> Result<Vec<State>> {
+    scene.groups.iter().map(|g| gpu.upload("state", &state[g.start..g.start + g.n as usize])).collect()
 }

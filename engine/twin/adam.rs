@@ -1,4 +1,4 @@
-//! One step of Adam (SPEC 6) on one number.
+//! One step of Adam (SPEC 6) on one number, and its moments in 16 bits.
 
 use super::real::Real;
 
@@ -35,4 +35,17 @@ impl<R: Real> Adam<R> {
         let moved = self.parameter - R::from_f64(rate) * (first / correction(BETA1)) / root;
         Adam { parameter: if rate == 0.0 { self.parameter } else { moved }, first, second }
     }
+}
+
+/// What 16 bits hold of a moment `x`, with `mantissa` bits of mantissa (7 of a first moment, 8 of a second) and the exponents of
+/// a float, when `draw` of 0 to 1 is drawn for it: the next such number above or below, whose mean over the draws is `x`. Finite
+/// as long as `x` is.
+pub fn rounded_moment(x: f64, mantissa: i32, draw: f64) -> f64 {
+    if x == 0.0 || !x.is_finite() {
+        return x;
+    }
+    // Below the normal floats the distance stays.
+    let bit = 2f64.powi((x.abs().log2().floor() as i32).max(-126) - mantissa);
+    let largest = (2.0 - 2f64.powi(-mantissa)) * 2f64.powi(127);
+    ((x.abs() / bit + draw).floor() * bit).min(largest).copysign(x)
 }

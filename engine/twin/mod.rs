@@ -25,7 +25,7 @@ mod sort;
 mod ssim;
 mod tiles;
 
-pub use adam::Adam;
+pub use adam::{Adam, rounded_moment};
 pub use bilateral::BilateralGrid;
 pub use blend::{Outputs, render, render_f64};
 pub use clock::{Clock, ClockRule, clock_step};

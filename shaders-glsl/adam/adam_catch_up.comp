@@ -51,22 +51,22 @@ void main() {
     if (from >= pc.until) return;
     const float k = float(pc.until - from);
     const float fade1 = exp2(k * pc.log2_beta1);
-    const float fade2 = exp2(k * pc.log2_beta2);
+    // Not 0 however many they are: an infinite second moment stays so and gives steps of 0.
+    const float fade2 = max(exp2(k * pc.log2_beta2), 1e-37);
     const float r_k = exp2(k * (pc.log2_beta1 - 0.5 * pc.log2_beta2));
+    const uint key = moments_key(pc.until, pc.first + i);
     float residual = own.z;
     for (uint p = 0u; p < planes; ++p) {
         const uint a = 3u * from;
         const uint b = 3u * pc.until;
         const vec4 sum = plane_rates(sums[a], sums[a + 1u], sums[a + 2u], kind, p)
             - r_k * plane_rates(sums[b], sums[b + 1u], sums[b + 2u], kind, p);
-        const uint first = plane_index(i, 2u * planes, 2u * p);
+        const uint at_moments = moments_index(i, planes, p);
         const uint place = plane_index(i, planes, p);
-        const vec4 m = moments[first];
-        const vec4 v = moments[first + 32u];
+        READ_MOMENTS(moments, at_moments, m, v)
         const vec4 change = -sum * m / (sqrt(v) + adam.eps);
         parameter[planes == 1u ? i : place] = moved(adam, kind, p, parameter[planes == 1u ? i : place], change, residual);
-        moments[first] = m * fade1;
-        moments[first + 32u] = v * fade2;
+        WRITE_MOMENTS(moments, at_moments, m * fade1, v * fade2, key, plane_number(kind, p))
     }
     if (kind == MOTION) state[i].z = residual;
     if (unfolded(pc.is_last) != 0u) state[i].w = float(pc.until);

@@ -33,18 +33,17 @@ void main() {
     if (i >= pc.n) return;
     const uint kind = unfolded(pc.kind);
     const uint planes = unfolded(pc.planes);
+    const uint key = moments_key(uint(adam.step), pc.first + i);
     float residual = kind == MOTION ? state[i].z : 0.0;
     for (uint p = 0u; p < planes; ++p) {
         const uint place = planes == 1u ? i : plane_index(i, planes, p);
-        const uint first = plane_index(i, 2u * planes, 2u * p);
+        const uint at_moments = moments_index(i, planes, p);
         const vec4 x = parameter[place];
-        vec4 m = moments[first];
-        vec4 v = moments[first + 32u];
+        READ_MOMENTS(moments, at_moments, m, v)
         const vec4 rate = plane_rates(adam.rates0, adam.rates1, adam.rates2, kind, p);
         const vec4 change = adam_change(adam, rate, regulariser(adam, kind, p, x), m, v);
         parameter[place] = moved(adam, kind, p, x, change, residual);
-        moments[first] = m;
-        moments[first + 32u] = v;
+        WRITE_MOMENTS(moments, at_moments, m, v, key, plane_number(kind, p))
     }
     if (kind == MOTION) state[i].z = residual;
 }

@@ -1,10 +1,15 @@
-// Adam on the planes of a parameter buffer. Moments lie in twice the planes: 2p the first, 2p + 1 the second of plane p.
+// Adam on the planes of a parameter buffer.
+
+#include "moments.glsl"
 
 // Buffers of a group.
 const uint GEOMETRY = 0u;
 const uint SH_0_BUFFER = 1u;
 const uint MOTION = 2u;
 const uint SH_1_BUFFER = 3u;  // bands 2 and 3 follow
+
+// Plane `p` of buffer `kind` among all that a Gaussian has: none has more than six.
+uint plane_number(uint kind, uint p) { return 6u * kind + p; }
 
 // The numbers of plane `p` of buffer `kind` among those of all parameters, in the order of AdamParams.
 vec4 plane_rates(vec4 r0, vec4 r1, vec4 r2, uint kind, uint p) {

@@ -7,8 +7,11 @@ uint permute(uint x) {
     return (w >> 22u) ^ w;
 }
 
-// Number `draw` of item `index` under `key`: 32 bits.
-uint random_bits(uint key, uint index, uint draw) { return permute(draw + permute(index + permute(key))); }
+// What the numbers of item `index` under `key` are drawn from.
+uint random_key(uint key, uint index) { return permute(index + permute(key)); }
+
+// Number `draw` of that item: 32 bits.
+uint random_bits(uint key, uint index, uint draw) { return permute(draw + random_key(key, index)); }
 
 // The high word of a * b: scales 32 random bits to 0 .. b - 1.
 uint multiply_high(uint a, uint b) {

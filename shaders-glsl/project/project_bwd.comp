@@ -59,15 +59,13 @@ layout(set = 0, binding = 23) uniform Adam { AdamParams adam; };
 // Moves plane `p` of `params` (at `at`) along gradient g.
 #define PUT(params, moments, at, kind, planes, p, g) {                                     \
         const uint place = at;                                                             \
-        const uint first = plane_index(i, 2u * planes, 2u * p);                            \
+        const uint at_moments = moments_index(i, planes, p);                               \
         const vec4 x = params[place];                                                      \
-        vec4 m = moments[first];                                                           \
-        vec4 v = moments[first + 32u];                                                     \
+        READ_MOMENTS(moments, at_moments, m, v)                                            \
         const vec4 rate = plane_rates(adam.rates0, adam.rates1, adam.rates2, kind, p);     \
         const vec4 change = adam_change(adam, rate, g + regulariser(adam, kind, p, x), m, v); \
         params[place] = moved(adam, kind, p, x, change, residual);                         \
-        moments[first] = m;                                                                \
-        moments[first + 32u] = v;                                                          \
+        WRITE_MOMENTS(moments, at_moments, m, v, moments_key(uint(adam.step), pc.first + i), plane_number(kind, p)) \
     }
 #define PUT_GEOMETRY(p, g) PUT(geometry, moments_geometry, plane_index(i, 3u, p), GEOMETRY, 3u, p, g)
 #define PUT_SH0(g) PUT(sh0, moments_sh0, i, SH_0_BUFFER, 1u, 0u, g)

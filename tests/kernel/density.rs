@@ -8,7 +8,7 @@ use ivv::Constants;
 use ivv::gpu::generated::Status;
 use ivv::gpu::{Buf, Recording};
 use ivv::scene::{Motion, Splats};
-use ivv::stage::{Choice, Counts, DensityRound, Grown, Outputs, Planes, Renderer, SceneBuffers, record_mcmc_noise};
+use ivv::stage::{Choice, Counts, DensityRound, Grown, Moments, Outputs, Renderer, SceneBuffers, record_mcmc_noise};
 use ivv::twin::{Density, Descent, Kind, normals, shared_opacity};
 
 const PULLED: Choice = Choice::Pulled { gradient: 2e-4, split_above: 0.03, prune_scale: 1.5 };
@@ -34,9 +34,9 @@ struct Case {
     state: Vec<[f32; 4]>,
     scene: SceneBuffers,
     state_buffers: Vec<Buf<[f32; 4]>>,
-    planes: Vec<Planes>,
-    /// What is in `planes`, by group and buffer.
-    moments: Vec<Vec<Vec<[f32; 4]>>>,
+    moments: Moments,
+    /// What is in `moments`, by group and buffer.
+    filled: Vec<Vec<Vec<[u32; 4]>>>,
     gpu: Watched,
 }
 
@@ -53,29 +53,29 @@ fn plane_index(i: usize, planes: usize, p: usize) -> usize {
 
 impl Case {
     fn new(splats: Splats, state: Vec<[f32; 4]>, group_limit: usize) -> Case {
+        Self::with_moments(splats, state, group_limit, 32)
+    }
+
+    fn with_moments(splats: Splats, state: Vec<[f32; 4]>, group_limit: usize, moment_bits: u32) -> Case {
         let gpu = gpu();
         let mut random = Random::new(9);
         let scene = SceneBuffers::upload_in_groups(&gpu, &splats, &Constants::default(), group_limit).unwrap();
         let of_groups = |g: &ivv::stage::Group| gpu.upload("state", &state[g.start..g.start + g.n as usize]).unwrap();
         let state_buffers = scene.groups.iter().map(of_groups).collect();
-        let (mut planes, mut moments) = (Vec::new(), Vec::new());
-        for group in &scene.groups {
-            // Of any contents; then numbers that no other place has.
-            let of_group = Planes::upload_moments(&gpu, &splats, &splats, group.start, group.n as usize).unwrap();
-            let fill = |buffer: &Buf<[f32; 4]>| {
-                let data: Vec<[f32; 4]> = (0..buffer.len()).map(|_| random.vector(0.5, 1.0)).collect();
-                gpu.write(buffer, &data).unwrap();
-                data
-            };
-            moments.push(of_group.buffers().map(fill).collect());
-            planes.push(of_group);
-        }
-        Case { splats, state, scene, state_buffers, planes, moments, gpu }
+        // Of any contents; then bits that no other place has.
+        let moments = Moments::upload(&gpu, &scene, &splats, &splats, moment_bits).unwrap();
+        let mut fill = |buffer: &Buf<[f32; 4]>| {
+            let data: Vec<[u32; 4]> = (0..buffer.len()).map(|_| [(); 4].map(|()| random.bits() as u32)).collect();
+            gpu.write(&buffer.cast(), &data).unwrap();
+            data
+        };
+        let filled = moments.groups.iter().map(|planes| planes.buffers().map(&mut fill).collect()).collect();
+        Case { splats, state, scene, state_buffers, moments, filled, gpu }
     }
 
     fn run(&self, round: &DensityRound) -> ivv::Result<After> {
         let constants = Constants::default();
-        let grown = round.run(&self.gpu, &self.scene, &self.planes, &self.state_buffers, &constants)?;
+        let grown = round.run(&self.gpu, &self.scene, &self.moments, &self.state_buffers, &constants)?;
         let splats = grown.scene.download(&self.gpu, grown.scene.groups.iter().map(|g| &g.params)).unwrap();
         Ok(After { splats, grown })
     }
@@ -153,18 +153,18 @@ impl Case {
         let old = &self.scene.groups;
         for (at, group) in after.grown.scene.groups.iter().enumerate() {
             assert!(group.n as usize <= self.scene.group_limit);
-            let buffers: Vec<Vec<[f32; 4]>> =
-                after.grown.moments[at].buffers().map(|b| self.gpu.read(b).unwrap()).collect();
+            let buffers: Vec<Vec<[u32; 4]>> =
+                after.grown.moments.groups[at].buffers().map(|b| self.gpu.read(&b.cast()).unwrap()).collect();
             let state = self.gpu.read(&after.grown.state[at]).unwrap();
             for i in 0..group.n as usize {
                 let d = twin.descendants[group.start + i];
                 let from = old.iter().rposition(|g| g.start <= d.from).unwrap();
                 let local = d.from - old[from].start;
-                for ((new, old), planes) in buffers.iter().zip(&self.moments[from]).zip(planes_of(&self.splats, d.from))
-                {
+                let planes = planes_of(&self.splats, d.from, self.moments.bits);
+                for ((new, old), planes) in buffers.iter().zip(&self.filled[from]).zip(planes) {
                     for p in 0..planes {
                         let kept = d.kind == Kind::AsItWas;
-                        let expected = if kept { old[plane_index(local, planes, p)] } else { [0.0; 4] };
+                        let expected = if kept { old[plane_index(local, planes, p)] } else { [0; 4] };
                         assert_eq!(new[plane_index(i, planes, p)], expected, "{d:?}");
                     }
                 }
@@ -173,18 +173,19 @@ impl Case {
                 assert_eq!(state[i], [0.0, 0.0, residual, last], "{d:?}");
             }
             // The padding of the last block is defined.
-            let padded = buffers[0].len() / 6;
-            let padding = (group.n as usize..padded).flat_map(|i| (0..6).map(move |p| plane_index(i, 6, p)));
-            assert!(padding.into_iter().all(|at| buffers[0][at] == [0.0; 4]));
+            let planes = planes_of(&self.splats, 0, self.moments.bits)[0];
+            let padded = buffers[0].len() / planes;
+            let padding = (group.n as usize..padded).flat_map(|i| (0..planes).map(move |p| plane_index(i, planes, p)));
+            assert!(padding.into_iter().all(|at| buffers[0][at] == [0; 4]));
         }
     }
 }
 
 /// Planes of each buffer of moments.
-fn planes_of(splats: &Splats, i: usize) -> Vec<usize> {
-    let bands = [6, 8, 12].into_iter().take(splats.degree_of(i));
-    let motion = (i >= splats.n_static).then_some(2);
-    [6, 2].into_iter().chain(bands).chain(motion).collect()
+fn planes_of(splats: &Splats, i: usize, moment_bits: u32) -> Vec<usize> {
+    let bands = [3, 4, 6].into_iter().take(splats.degree_of(i));
+    let motion = (i >= splats.n_static).then_some(1);
+    [3, 1].into_iter().chain(bands).chain(motion).map(|planes| planes * moment_bits as usize / 16).collect()
 }
 
 /// A number whose floor does not hang on rounding.
@@ -267,7 +268,7 @@ fn the_hardest_pulled_grow_and_the_faint_go_as_in_the_twin() {
             splats.opacity.fill(1.0);
             splats.scale.fill([-4.0; 3]);
         }
-        let case = Case::new(splats, state, limit);
+        let case = Case::with_moments(splats, state, limit, [32, 16][seed % 2]);
         let (after, twin) = case.check(&ROUND);
         let [cloned, split, pruned] = twin.counts.map(|n| n as u32);
         assert_eq!(after.grown.counts, Counts { cloned, split, pruned, relocated: 0 });
@@ -284,7 +285,7 @@ fn the_dead_are_relocated_as_in_the_twin_and_a_round_adds_five_in_a_hundred() {
         if n_static + n_dynamic < 3 {
             splats.opacity.fill(1.0);
         }
-        let case = Case::new(splats, state, limit);
+        let case = Case::with_moments(splats, state, limit, [16, 32][seed % 2]);
         let (after, twin) = case.check(&DRAWN);
         let n = n_static + n_dynamic;
         assert_eq!(after.splats.len(), n + n.div_ceil(20));

@@ -9,6 +9,7 @@ mod density;
 mod fisher;
 mod losses;
 mod lpips;
+mod moments;
 mod priors;
 mod probe;
 mod project;

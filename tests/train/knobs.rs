@@ -49,6 +49,21 @@ fn every_preset_learns_and_is_another_run() {
     }
 }
 
+#[test]
+fn moments_in_16_bits_train_as_well_as_in_32_and_to_other_bits() {
+    let tiny = Tiny::new("moments");
+    let config = |moment_bits| Config { sh_degree: 1, moment_bits, ..Config::default() };
+    let begin = from_points(&tiny.capture.points, &tiny.capture, &config(32));
+    let [half, again, whole] = [16, 16, 32].map(|bits| train(&tiny.capture, &config(bits), &begin, 80).0);
+    assert_eq!(bits(&half), bits(&again), "two runs");
+    assert_ne!(bits(&half), bits(&whole));
+    let [begin, half, whole] = [&begin, &half, &whole].map(|splats| tiny.test_psnr(splats));
+    assert!(
+        half > begin + 1.0 && (half - whole).abs() < 0.3,
+        "{half:.3} dB, {whole:.3} in 32 bits, {begin:.3} at first"
+    );
+}
+
 /// Steps of `config` on one picture, with priors; the reports.
 fn reports(tiny: &Tiny, config: &Config, begin: &Splats, steps: u64) -> Vec<ivv::train::StepReport> {
     let setup = Setup::new(&tiny.capture, config);
@@ -104,6 +119,9 @@ fn settings_that_cannot_be_are_told() {
     ] {
         let fault = Config { frame: knobs, ..Config::default() }.check().unwrap_err();
         assert!(fault.contains(told), "{fault}");
+    }
+    for moment_bits in [0, 8, 31, 64] {
+        assert!(Config { moment_bits, ..Config::default() }.check().unwrap_err().contains("moment_bits"));
     }
     let resolution = Resolution { reduction: 0, until: 0.5 };
     assert!(Config { resolution, ..Config::default() }.check().unwrap_err().contains("resolution"));

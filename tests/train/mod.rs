@@ -16,7 +16,7 @@ use crate::common::device::gpu;
 use ivv::Constants;
 use ivv::scene::capture::{Capture, PriorPlan};
 use ivv::scene::{Motion, Splats};
-use ivv::stage::{Outputs, Renderer};
+use ivv::stage::{AdamMode, Outputs, Renderer};
 use ivv::synth::{Options, Preset, write_capture};
 use ivv::train::{
     Checkpoint, Config, LearningRates, Meter, Rate, Setup, Trainer, from_points, permutation, random_points, rates,
@@ -40,6 +40,19 @@ impl Tiny {
         write_capture(&folder, &options, 2, &mut |_, _| {}).unwrap();
         let capture = Capture::open(&folder).unwrap();
         Tiny { folder, capture }
+    }
+
+    /// Mean PSNR of the test views, dB.
+    fn test_psnr(&self, splats: &Splats) -> f64 {
+        let (gpu, test) = (gpu(), self.capture.test_frames());
+        let mut renderer = Renderer::new(gpu.clone(), splats, Constants::default()).unwrap();
+        let mut meter = Meter::new(gpu.clone(), &Config::default()).unwrap();
+        assert!(!test.is_empty());
+        let score = |(camera, frame): &(usize, u32)| {
+            let (rendered, _) = renderer.render(&self.capture.view(*camera, *frame).unwrap(), Outputs::Color).unwrap();
+            meter.scores(&rendered, &self.capture.picture(*camera, *frame).unwrap()).unwrap().psnr
+        };
+        test.iter().map(score).sum::<f64>() / test.len() as f64
     }
 }
 
@@ -90,22 +103,7 @@ fn training_halves_the_loss_of_a_dynamic_capture_and_improves_views_it_has_not_s
     let (end, first, last) = train(&tiny.capture, &config, &begin, 250);
     assert!(last < 0.5 * first, "loss {first:.3} at first, {last:.3} at last");
     assert!(end.len() > begin.len(), "density control adds Gaussians");
-    let gpu = gpu();
-    let mean_psnr = |splats: &Splats| {
-        let mut renderer = Renderer::new(gpu.clone(), splats, Constants::default()).unwrap();
-        let test = tiny.capture.test_frames();
-        assert!(!test.is_empty());
-        let score = |(camera, frame): &(usize, u32)| {
-            let (rendered, _) = renderer.render(&tiny.capture.view(*camera, *frame).unwrap(), Outputs::Color).unwrap();
-            Meter::new(gpu.clone(), &Config::default())
-                .unwrap()
-                .scores(&rendered, &tiny.capture.picture(*camera, *frame).unwrap())
-                .unwrap()
-                .psnr
-        };
-        test.iter().map(score).sum::<f64>() / test.len() as f64
-    };
-    let (before, after) = (mean_psnr(&begin), mean_psnr(&end));
+    let (before, after) = (tiny.test_psnr(&begin), tiny.test_psnr(&end));
     assert!(after > before + 3.0, "PSNR {before:.2} dB before, {after:.2} dB after");
 }
 
@@ -193,11 +191,20 @@ fn drive(trainer: &mut Trainer, capture: &Capture, seed: u64, until: u64) {
 
 #[test]
 fn a_run_that_was_killed_and_resumed_gives_the_bits_of_one_that_was_not() {
-    let tiny = Tiny::new("resume");
+    resumes_to_the_same_bits("resume", &Config { sh_degree: 1, ..Config::default() });
+}
+
+#[test]
+fn a_run_with_moments_in_16_bits_that_was_killed_and_resumed_gives_the_bits_of_one_that_was_not() {
+    let lazy = Config { sh_degree: 1, adam: AdamMode::Lazy, moment_bits: 16, ..Config::default() };
+    resumes_to_the_same_bits("resume 16", &lazy);
+}
+
+fn resumes_to_the_same_bits(name: &str, config: &Config) {
+    let tiny = Tiny::new(name);
     let gpu = gpu();
-    let config = Config { sh_degree: 1, ..Config::default() };
-    let begin = from_points(&tiny.capture.points, &tiny.capture, &config);
-    let setup = Setup::new(&tiny.capture, &config);
+    let begin = from_points(&tiny.capture.points, &tiny.capture, config);
+    let setup = Setup::new(&tiny.capture, config);
     assert!(setup.learns_offset.contains(&true) && setup.has_priors);
     let new = || Trainer::new(gpu.clone(), &begin, Constants::default(), config.clone(), 60, setup.clone()).unwrap();
     let mut whole = new();
@@ -211,6 +218,7 @@ fn a_run_that_was_killed_and_resumed_gives_the_bits_of_one_that_was_not() {
     let checkpoint = Checkpoint::newest(&folder).unwrap().unwrap();
     assert_eq!(checkpoint.step, 23);
     assert!(checkpoint.state.iter().any(|s| s[1] > 0.0), "there is something to lose");
+    assert!(checkpoint.first.opacity.iter().any(|m| *m != 0.0) && checkpoint.second.opacity.iter().any(|v| *v > 0.0));
     let mut second_half = Trainer::resume(gpu.clone(), &checkpoint, Constants::default(), setup.clone()).unwrap();
     drive(&mut second_half, &tiny.capture, config.seed, 60);
     assert!(whole.n_gaussians() as usize > begin.len());

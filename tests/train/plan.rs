@@ -17,6 +17,7 @@ fn workload() -> Workload {
         intersections_per_gaussian: 8.0,
         pixels: 640 * 360,
         sh_degree: 3,
+        moment_bits: 32,
         cache_bytes: 256 << 20,
         priors: false,
         offsets: false,
@@ -30,14 +31,14 @@ fn the_plan_is_what_a_trainer_allocates_buffer_by_buffer() {
     let tiny = Tiny::new("plan");
     let gpu = gpu();
     // Pictures of 64 x 48 and thousands of Gaussians: every class counts.
-    for (sh_degree, is_dynamic) in [(0, true), (1, false), (3, true)] {
+    for (sh_degree, is_dynamic, moment_bits) in [(0, true, 16), (1, false, 16), (3, true, 32)] {
         let mut capture = tiny.capture.clone();
         if !is_dynamic {
             capture.n_frames = 1;
             capture.cameras.iter_mut().for_each(|camera| camera.shots.retain(|shot| shot.frame == 0));
         }
         let points: Vec<_> = (0..20).flat_map(|_| capture.points.clone()).collect();
-        let config = Config { sh_degree, ..Config::default() };
+        let config = Config { sh_degree, moment_bits, ..Config::default() };
         let begin = from_points(&points, &capture, &config);
         let before = gpu.device().memory().0;
         let mut trainer = Trainer::new(
@@ -64,6 +65,7 @@ fn the_plan_is_what_a_trainer_allocates_buffer_by_buffer() {
             intersections_per_gaussian: pairs as f64 / n as f64,
             pixels: 64 * 48,
             sh_degree,
+            moment_bits,
             priors: true,
             offsets: is_dynamic,
             grids: if is_dynamic { 4 } else { 0 },
@@ -84,7 +86,7 @@ fn the_plan_is_what_a_trainer_allocates_buffer_by_buffer() {
             }
         }
         faults.extend(told.iter().filter(|(_, b)| **b > 0).map(|(name, b)| format!("`{name}`: none, planned {b}")));
-        assert!(faults.is_empty(), "degree {sh_degree}: mend engine/train/plan.rs: {faults:#?}");
+        assert!(faults.is_empty(), "degree {sh_degree}, {moment_bits} bits: mend engine/train/plan.rs: {faults:#?}");
         let (sum, planned) = (used.values().sum::<u64>(), need.bytes());
         assert!(sum.abs_diff(planned) < sum / 10, "{sum} bytes, planned {planned}");
         assert!(Class::ALL.iter().all(|class| (need.class(*class) > 0) != (*class == Class::Cameras && !is_dynamic)));

@@ -1,14 +1,14 @@
 //! A step of Adam from a view's cotangents, on the device, and the twin of every number.
 
 use crate::error::Result;
-use crate::extremes::random::{Random, scene};
-use crate::gpu::generated::Status;
+use crate::extremes::random::{Random, scene, view};
+use crate::gpu::generated::{AdamParams, Status};
 use crate::gpu::{Gpu, Recording};
 use crate::scene::{Frame, Splats, View};
 use crate::settings::Constants;
 use crate::stage::{
-    Accumulation, AdamMode, Optimiser, Outputs, Planes, Purpose, Rates, Renderer, Room, SceneBuffers, StepSettings,
-    Strip, Target, Workspace, adam_params, view_params,
+    Accumulation, AdamMode, Cull, Moments, Optimiser, Outputs, Purpose, Rates, Renderer, Room, SceneBuffers,
+    StepSettings, Strip, Target, Workspace, adam_params, view_params,
 };
 use crate::twin::Adam;
 use std::sync::Arc;
@@ -38,6 +38,8 @@ pub struct Scene {
     pub second: Splats,
     /// Statistics; the last of each is the step of its last update.
     pub state: Vec<[f32; 4]>,
+    /// Bits of each moment on the device.
+    pub moment_bits: u32,
 }
 
 /// Every number of a scene with the twin's rate, its name and its Gaussian.
@@ -99,7 +101,8 @@ impl Scene {
     /// `params` before their first step.
     pub fn new(params: &Splats) -> Self {
         let zeros = zeros_like(params);
-        Scene { params: params.clone(), first: zeros.clone(), second: zeros, state: vec![[0.0; 4]; params.len()] }
+        let state = vec![[0.0; 4]; params.len()];
+        Scene { params: params.clone(), first: zeros.clone(), second: zeros, state, moment_bits: 32 }
     }
 
     /// The buffers and the optimiser.
@@ -108,11 +111,10 @@ impl Scene {
     /// Those of the device.
     pub fn upload(&self, gpu: &Gpu, mode: AdamMode, sums: &[[f32; 4]]) -> Result<(SceneBuffers, Optimiser)> {
         let scene = SceneBuffers::upload(gpu, &self.params, &Constants::default(), Purpose::Training)?;
-        let groups = || scene.groups.iter();
-        let moments = groups()
-            .map(|g| Planes::upload_moments(gpu, &self.first, &self.second, g.start, g.n as usize))
-            .collect::<Result<_>>()?;
-        let state = groups()
+        let moments = Moments::upload(gpu, &scene, &self.first, &self.second, self.moment_bits)?;
+        let state = scene
+            .groups
+            .iter()
             .map(|g| gpu.upload("state", &self.state[g.start..g.start + g.n as usize]))
             .collect::<Result<_>>()?;
         let optimiser = Optimiser::new(gpu, moments, state, mode, sums)?;
@@ -124,10 +126,10 @@ impl Scene {
     /// # Errors
     /// Those of the device.
     pub fn download(gpu: &Gpu, scene: &SceneBuffers, optimiser: &Optimiser) -> Result<Scene> {
-        let (first, second) = scene.download_moments(gpu, &optimiser.moments)?;
+        let (first, second) = optimiser.moments.download(gpu, scene)?;
         let params = scene.download(gpu, scene.groups.iter().map(|g| &g.params))?;
         let state: Vec<Vec<[f32; 4]>> = optimiser.state.iter().map(|s| gpu.read(s)).collect::<Result<_>>()?;
-        Ok(Scene { params, first, second, state: state.concat() })
+        Ok(Scene { params, first, second, state: state.concat(), moment_bits: optimiser.moments.bits })
     }
 
     /// One step along the cotangents `d_color` of the colour seen by `view`, and how many gradients were bad.
@@ -167,6 +169,25 @@ impl Scene {
         optimiser.record_idle(&mut rec, &scene, &work.cull, &work.status);
         gpu.run(&rec)?;
         Ok((Scene::download(gpu, &scene, &optimiser)?, gpu.read(&optimiser.n_bad)?[0]))
+    }
+
+    /// One dense step with the numbers `params`, of Gaussians of which the camera sees none.
+    ///
+    /// # Errors
+    /// Those of the device.
+    pub fn unseen_step(&self, gpu: &Gpu, params: &AdamParams) -> Result<Scene> {
+        let (scene, optimiser) = self.upload(gpu, AdamMode::Dense, &[[0.0; 4]])?;
+        gpu.write(&optimiser.params, &[*params])?;
+        let cull = Cull::new(gpu, &scene, scene.n, true)?;
+        let mut away = view();
+        away.world_to_camera[2][3] = -1e3;
+        let away = view_params(&away, &Constants::default(), scene.origin, Strip::whole(&away));
+        let (away, status) = (gpu.upload("view", &[away])?, gpu.upload("status", &[Status::default()])?);
+        let mut rec = Recording::new();
+        cull.record(&mut rec, &scene, &away, &status);
+        optimiser.record_idle(&mut rec, &scene, &cull, &status);
+        gpu.run(&rec)?;
+        Scene::download(gpu, &scene, &optimiser)
     }
 
     /// The twin of every number.

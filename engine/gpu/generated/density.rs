@@ -492,9 +492,9 @@ pub mod density_gather {
         /// Reads.
         pub sources: &'a Buf<u32>,
         /// Reads.
-        pub old: &'a Buf<[f32; 4]>,
+        pub old: &'a Buf<[u32; 4]>,
         /// Writes.
-        pub gathered: &'a Buf<[f32; 4]>,
+        pub gathered: &'a Buf<[u32; 4]>,
     }
     impl Kernel for Args<'_> {
         type Push = Push;
@@ -510,7 +510,7 @@ pub mod density_gather {
         spirv: include_bytes!("../../../shaders-glsl/spv/density_gather.spv"),
         local: 64,
         subgroups: false,
-        floats: 0x6,
+        floats: 0x0,
         bindings: &[
             BindingInfo { name: "sources", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "old", kind: BindingKind::Storage, access: Access::Read },

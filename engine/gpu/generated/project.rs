@@ -1410,6 +1410,326 @@ pub mod project_bwd_adam_dynamic_sh3 {
     };
 }
 
+/// carries each active Gaussian's sums back to its parameters; with ADAM it moves them there and then.
+pub mod project_bwd_adam_static_sh0_m16 {
+    use crate::gpu::kernel::*;
+    /// What the device needs to know. A variant of [`super::project_bwd_adam_static_sh0`].
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "project_bwd_adam_static_sh0_m16",
+        push_bytes: size_of::<super::project_bwd_adam_static_sh0::Push>() as u32,
+        spirv: include_bytes!("../../../shaders-glsl/spv/project_bwd_adam_static_sh0_m16.spv"),
+        local: 64,
+        subgroups: true,
+        floats: 0x7ffc98,
+        bindings: &[
+            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+            BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_camera", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_motion", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "state", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "adam", kind: BindingKind::Uniform, access: Access::Read },
+        ],
+    };
+}
+
+/// carries each active Gaussian's sums back to its parameters; with ADAM it moves them there and then.
+pub mod project_bwd_adam_static_sh1_m16 {
+    use crate::gpu::kernel::*;
+    /// What the device needs to know. A variant of [`super::project_bwd_adam_static_sh0`].
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "project_bwd_adam_static_sh1_m16",
+        push_bytes: size_of::<super::project_bwd_adam_static_sh0::Push>() as u32,
+        spirv: include_bytes!("../../../shaders-glsl/spv/project_bwd_adam_static_sh1_m16.spv"),
+        local: 64,
+        subgroups: true,
+        floats: 0x7ffc98,
+        bindings: &[
+            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+            BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_camera", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_motion", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "state", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "adam", kind: BindingKind::Uniform, access: Access::Read },
+        ],
+    };
+}
+
+/// carries each active Gaussian's sums back to its parameters; with ADAM it moves them there and then.
+pub mod project_bwd_adam_static_sh2_m16 {
+    use crate::gpu::kernel::*;
+    /// What the device needs to know. A variant of [`super::project_bwd_adam_static_sh0`].
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "project_bwd_adam_static_sh2_m16",
+        push_bytes: size_of::<super::project_bwd_adam_static_sh0::Push>() as u32,
+        spirv: include_bytes!("../../../shaders-glsl/spv/project_bwd_adam_static_sh2_m16.spv"),
+        local: 64,
+        subgroups: true,
+        floats: 0x7ffc98,
+        bindings: &[
+            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+            BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_camera", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_motion", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "state", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "adam", kind: BindingKind::Uniform, access: Access::Read },
+        ],
+    };
+}
+
+/// carries each active Gaussian's sums back to its parameters; with ADAM it moves them there and then.
+pub mod project_bwd_adam_static_sh3_m16 {
+    use crate::gpu::kernel::*;
+    /// What the device needs to know. A variant of [`super::project_bwd_adam_static_sh0`].
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "project_bwd_adam_static_sh3_m16",
+        push_bytes: size_of::<super::project_bwd_adam_static_sh0::Push>() as u32,
+        spirv: include_bytes!("../../../shaders-glsl/spv/project_bwd_adam_static_sh3_m16.spv"),
+        local: 64,
+        subgroups: true,
+        floats: 0x7ffc98,
+        bindings: &[
+            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+            BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_camera", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_motion", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "state", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "adam", kind: BindingKind::Uniform, access: Access::Read },
+        ],
+    };
+}
+
+/// carries each active Gaussian's sums back to its parameters; with ADAM it moves them there and then.
+pub mod project_bwd_adam_dynamic_sh0_m16 {
+    use crate::gpu::kernel::*;
+    /// What the device needs to know. A variant of [`super::project_bwd_adam_static_sh0`].
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "project_bwd_adam_dynamic_sh0_m16",
+        push_bytes: size_of::<super::project_bwd_adam_static_sh0::Push>() as u32,
+        spirv: include_bytes!("../../../shaders-glsl/spv/project_bwd_adam_dynamic_sh0_m16.spv"),
+        local: 64,
+        subgroups: true,
+        floats: 0x7ffc98,
+        bindings: &[
+            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+            BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_camera", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_motion", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "state", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "adam", kind: BindingKind::Uniform, access: Access::Read },
+        ],
+    };
+}
+
+/// carries each active Gaussian's sums back to its parameters; with ADAM it moves them there and then.
+pub mod project_bwd_adam_dynamic_sh1_m16 {
+    use crate::gpu::kernel::*;
+    /// What the device needs to know. A variant of [`super::project_bwd_adam_static_sh0`].
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "project_bwd_adam_dynamic_sh1_m16",
+        push_bytes: size_of::<super::project_bwd_adam_static_sh0::Push>() as u32,
+        spirv: include_bytes!("../../../shaders-glsl/spv/project_bwd_adam_dynamic_sh1_m16.spv"),
+        local: 64,
+        subgroups: true,
+        floats: 0x7ffc98,
+        bindings: &[
+            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+            BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_camera", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_motion", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "state", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "adam", kind: BindingKind::Uniform, access: Access::Read },
+        ],
+    };
+}
+
+/// carries each active Gaussian's sums back to its parameters; with ADAM it moves them there and then.
+pub mod project_bwd_adam_dynamic_sh2_m16 {
+    use crate::gpu::kernel::*;
+    /// What the device needs to know. A variant of [`super::project_bwd_adam_static_sh0`].
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "project_bwd_adam_dynamic_sh2_m16",
+        push_bytes: size_of::<super::project_bwd_adam_static_sh0::Push>() as u32,
+        spirv: include_bytes!("../../../shaders-glsl/spv/project_bwd_adam_dynamic_sh2_m16.spv"),
+        local: 64,
+        subgroups: true,
+        floats: 0x7ffc98,
+        bindings: &[
+            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+            BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_camera", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_motion", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "state", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "adam", kind: BindingKind::Uniform, access: Access::Read },
+        ],
+    };
+}
+
+/// carries each active Gaussian's sums back to its parameters; with ADAM it moves them there and then.
+pub mod project_bwd_adam_dynamic_sh3_m16 {
+    use crate::gpu::kernel::*;
+    /// What the device needs to know. A variant of [`super::project_bwd_adam_static_sh0`].
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "project_bwd_adam_dynamic_sh3_m16",
+        push_bytes: size_of::<super::project_bwd_adam_static_sh0::Push>() as u32,
+        spirv: include_bytes!("../../../shaders-glsl/spv/project_bwd_adam_dynamic_sh3_m16.spv"),
+        local: 64,
+        subgroups: true,
+        floats: 0x7ffc98,
+        bindings: &[
+            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+            BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_camera", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_motion", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "moments_sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "state", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "adam", kind: BindingKind::Uniform, access: Access::Read },
+        ],
+    };
+}
+
 /// adds the active Gaussians' gradients of the camera.
 pub mod camera_sum {
     use crate::gpu::kernel::*;
