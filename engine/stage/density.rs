@@ -56,6 +56,9 @@ pub struct DensityRound {
     pub extent: f32,
     /// Opacity, the largest over the training times, below which a Gaussian goes or is dead.
     pub prune_opacity: f32,
+    /// Standard deviation, as a part of the distance to the nearest lens, above which a Gaussian goes or is dead: it would veil
+    /// whatever is seen from there.
+    pub prune_veil: f32,
     /// Opacity logit that none exceeds afterwards; `f32::MAX` leaves all.
     pub opacity_ceiling: f32,
     /// Gaussians never exceed this.
@@ -116,7 +119,8 @@ struct Scratch {
 }
 
 impl DensityRound {
-    /// One round on `scene`, with the moments and the state of [`super::Optimiser`]. The Gaussians come out by population,
+    /// One round on `scene`, with the moments and the state of [`super::Optimiser`], among `lenses`, relative to the scene's
+    /// origin. The Gaussians come out by population,
     /// time and place (Morton's order); whatever is not as it was has moments zero, and all statistics begin anew.
     ///
     /// # Errors
@@ -127,6 +131,7 @@ impl DensityRound {
         scene: &SceneBuffers,
         moments: &Moments,
         state: &[Buf<[f32; 4]>],
+        lenses: &[[f32; 3]],
         constants: &Constants,
     ) -> Result<Grown> {
         let old = Before { scene, moments, state };
@@ -143,11 +148,12 @@ impl DensityRound {
         }
         let most_new = self.most_new(scene.n);
         let scratch = Scratch::new(gpu, scene, most_new)?;
+        let lenses: Vec<[f32; 4]> = lenses.iter().map(|[x, y, z]| [*x, *y, *z, 0.0]).collect();
         let mut rec = Recording::new();
         rec.stage("density");
         rec.fill(scratch.counters.slice(), 0);
         rec.fill(scratch.copies.slice(), 0);
-        self.record_classify(&mut rec, &scratch, old);
+        self.record_classify(&mut rec, &scratch, old, lenses.len() as u32, &gpu.upload("lenses", &lenses)?);
         match self.choice {
             Choice::Pulled { .. } => self.record_pulled(gpu, &mut rec, &scratch)?,
             Choice::Drawn => self.record_drawn(gpu, &mut rec, &scratch, scene.n, most_new)?,
@@ -179,7 +185,14 @@ impl DensityRound {
         }
     }
 
-    fn record_classify(&self, rec: &mut Recording, scratch: &Scratch, old: Before) {
+    fn record_classify(
+        &self,
+        rec: &mut Recording,
+        scratch: &Scratch,
+        old: Before,
+        n_lenses: u32,
+        lenses: &Buf<[f32; 4]>,
+    ) {
         let n_flat = old.scene.n_flat;
         let [x, y, z] = self.center;
         let (weight, largest, split_above, gradient) = match self.choice {
@@ -202,6 +215,8 @@ impl DensityRound {
                 split_above,
                 gradient,
                 bucket: group.bucket() as u32,
+                n_lenses,
+                veil: self.prune_veil,
             };
             let (geometry, grid) = (&group.params.geometry, Grid::Threads(group.n));
             if let Some(motion) = &group.params.motion {
@@ -215,6 +230,7 @@ impl DensityRound {
                     entries,
                     codes,
                     counters,
+                    lenses,
                     motion,
                 };
                 rec.pass(args, push, grid);
@@ -228,6 +244,7 @@ impl DensityRound {
                     entries,
                     codes,
                     counters,
+                    lenses,
                 };
                 rec.pass(args, push, grid);
             }

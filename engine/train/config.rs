@@ -254,6 +254,10 @@ pub struct Density {
     pub prune_opacity: f32,
     /// `adc`: standard deviation, in units of the extent, above which a Gaussian is removed.
     pub prune_scale: f32,
+    /// Standard deviation, as a part of the distance to the nearest lens of any camera, above which a Gaussian is removed (`adc`)
+    /// or relocated (`mcmc`). What stands before a lens that no training picture is taken through, one kept for testing, is
+    /// seen by the others from the side or not at all, and would veil that picture.
+    pub prune_veil: f32,
     /// `adc`: steps between two resets of the opacities.
     pub reset_every: u64,
     /// Opacity that a reset leaves at most; far enough above alpha_min that small Gaussians keep a gradient.
@@ -473,6 +477,7 @@ impl Default for Density {
             split_above: 0.01,
             prune_opacity: 0.005,
             prune_scale: 0.5,
+            prune_veil: 0.33,
             reset_every: 3000,
             reset_to: 0.05,
             mcmc_growth: 0.05,

@@ -43,6 +43,7 @@ pub fn density_round(
         center: std::array::from_fn(|k| (extent.center[k] - origin[k]) as f32),
         extent: radius,
         prune_opacity: density.prune_opacity,
+        prune_veil: density.prune_veil,
         opacity_ceiling: if resets { (density.reset_to / (1.0 - density.reset_to)).ln() } else { f32::MAX },
         max_gaussians: u32::try_from(config.max_gaussians).unwrap_or(u32::MAX),
         growth: if is_due { growth as f32 } else { 0.0 },

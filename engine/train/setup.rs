@@ -2,13 +2,18 @@
 
 use super::config::{Config, FlowChoice};
 use crate::scene::FlowModel;
-use crate::scene::capture::{Capture, Extent};
+use crate::scene::capture::{Capture, Extent, camera_center};
+
+/// Lenses that a Gaussian is compared with, at most: a round of density control asks each Gaussian about all.
+const MOST_LENSES: usize = 64;
 
 /// A capture, to a trainer.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Setup {
     /// Where the cameras are.
     pub extent: Extent,
+    /// Where lenses are, those of test cameras too, which are known like the others: at most `MOST_LENSES`, evenly chosen.
+    pub lenses: Vec<[f64; 3]>,
     /// Normalised time between two frames.
     pub dt: f64,
     /// Cameras that are trained on.
@@ -28,6 +33,7 @@ impl Setup {
     pub fn plain(extent: Extent, dt: f64) -> Self {
         Setup {
             extent,
+            lenses: Vec::new(),
             dt,
             n_trained: 1,
             learns_offset: Vec::new(),
@@ -48,6 +54,7 @@ impl Setup {
         let moves = capture.cameras.iter().any(|camera| camera.shots.iter().any(|s| s.world_to_camera.is_some()));
         Setup {
             extent: capture.extent(),
+            lenses: lenses(capture),
             dt: 1.0 / f64::from(capture.n_frames.max(1)),
             n_trained: trained.iter().filter(|trained| **trained).count(),
             learns_offset: where_set(config.offsets),
@@ -62,6 +69,18 @@ impl Setup {
             },
         }
     }
+}
+
+fn lenses(capture: &Capture) -> Vec<[f64; 3]> {
+    let mut all: Vec<[f64; 3]> = Vec::new();
+    for (index, camera) in capture.cameras.iter().enumerate() {
+        let moves = camera.shots.iter().any(|shot| shot.world_to_camera.is_some());
+        let shots = camera.shots.iter().take(if moves { usize::MAX } else { 1 });
+        let views = shots.filter_map(|shot| capture.view(index, shot.frame).ok());
+        all.extend(views.map(|view| camera_center(&view.world_to_camera)));
+    }
+    let each = all.len().div_ceil(MOST_LENSES).max(1);
+    all.into_iter().step_by(each).collect()
 }
 
 /// Whether `capture` is a clip that several training cameras took: of one alone, the scene's own times and colours take up

@@ -596,7 +596,10 @@ impl Trainer {
         }
         self.gpu.run(&rec)?;
         let (moments, state) = (&self.optimiser.moments, &self.optimiser.state);
-        let grown = round.run(&self.gpu, &self.scene, moments, state, &self.constants)?;
+        let origin = self.scene.origin;
+        let lenses = self.setup.lenses.iter().map(|lens| std::array::from_fn(|k| (lens[k] - origin[k]) as f32));
+        let lenses: Vec<[f32; 3]> = lenses.collect();
+        let grown = round.run(&self.gpu, &self.scene, moments, state, &lenses, &self.constants)?;
         self.scene = grown.scene;
         (self.optimiser.moments, self.optimiser.state) = (grown.moments, grown.state);
         self.room.active = self.scene.n.max(1);

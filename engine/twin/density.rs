@@ -54,6 +54,10 @@ pub struct Density<'a> {
     pub extent: f32,
     /// Opacity below which a Gaussian goes or is dead.
     pub prune_opacity: f32,
+    /// Where the lenses are, and the standard deviation, as a part of the distance to the nearest, above which a Gaussian goes.
+    pub lenses: &'a [[f32; 3]],
+    /// See [`Density::lenses`].
+    pub prune_veil: f32,
     /// Gaussians never exceed this.
     pub max_gaussians: usize,
     /// Fraction of the Gaussians that a round adds at most.
@@ -170,6 +174,10 @@ impl Density<'_> {
             && self.opacity(i) >= self.prune_opacity
             && self.largest(i) <= prune_scale
             && self.largest(i) <= 44f32.exp()
+            && self.lenses.iter().all(|lens| {
+                let squared = (0..3).map(|k| (splats.position[i][k] - lens[k]).powi(2)).sum::<f32>();
+                self.largest(i) <= self.prune_veil * squared.sqrt()
+            })
     }
 
     /// Where a Gaussian is stored: population and falling SH degree, thirty-first of the clip (0: longer than a quarter of

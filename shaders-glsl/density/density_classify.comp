@@ -5,7 +5,8 @@
 // Grid      one thread per flat index of the group, its gap included.
 // Writes    flags; score: the pull as a key that sorts the hardest first, all ones for who cannot grow; or, where
 //           `weight` is not 0, a number proportional to the opacity, 0 for the dead. Everything by flat index.
-// Numerics  what is not finite, cannot turn or is too large is not kept. Comparisons are the f32 twin's own.
+// Numerics  what is not finite, cannot turn, is too large, or too wide for where it stands before a lens is not kept.
+//           Comparisons are the f32 twin's own.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #extension GL_KHR_shader_subgroup_ballot : require
@@ -29,6 +30,8 @@ layout(push_constant) uniform Push {
     float split_above;    // log of that above which it splits
     float gradient;
     uint bucket;
+    uint n_lenses;
+    float veil;           // standard deviation, in units of the distance to the nearest lens, above which it is not kept
 } pc;
 layout(set = 0, binding = 0) restrict readonly buffer Geometry { vec4 geometry[]; };
 layout(set = 0, binding = 1) restrict readonly buffer State { vec4 state[]; };
@@ -38,8 +41,9 @@ layout(set = 0, binding = 4) restrict writeonly buffer Identity { uint identity[
 layout(set = 0, binding = 5) restrict writeonly buffer Entries { uint entries[]; };
 layout(set = 0, binding = 6) restrict writeonly buffer Codes { uint codes[]; };
 layout(set = 0, binding = 7) restrict buffer Counters { uint counters[]; };
+layout(set = 0, binding = 8) restrict readonly buffer Lenses { vec4 lenses[]; };
 #ifdef DYNAMIC
-layout(set = 0, binding = 8) restrict readonly buffer Motion { vec4 motion[]; };
+layout(set = 0, binding = 9) restrict readonly buffer Motion { vec4 motion[]; };
 #endif
 
 // The low 8 bits, two apart.
@@ -84,7 +88,10 @@ void main() {
     code |= (lasts ? 0u : 1u + uint(30.0 * clamp(v.w, 0.0, 1.0))) << CODE_TIME;
 #endif
     code |= morton(mean_opacity.xyz);
-    const bool kept = exists && good && opacity >= pc.prune_opacity && scale <= pc.largest;
+    float nearest = 1e30;
+    for (uint k = 0u; k < unfolded(pc.n_lenses); ++k) nearest = min(nearest, distance(mean_opacity.xyz, lenses[k].xyz));
+    const bool veils = exp(min(scale, 80.0)) > pc.veil * nearest;
+    const bool kept = exists && good && opacity >= pc.prune_opacity && scale <= pc.largest && !veils;
     const float pull = stat.y > 0.0 ? stat.x / stat.y : 0.0;
     uint score = kept && pull > pc.gradient ? ~floatBitsToUint(pull) : 0xffffffffu;
     if (unfolded(pc.weight) != 0u) score = kept ? 1u + uint(float(pc.weight) * opacity) : 0u;

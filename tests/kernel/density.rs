@@ -19,11 +19,15 @@ const ROUND: DensityRound = DensityRound {
     center: [0.5, -0.25, 1.0],
     extent: 3.0,
     prune_opacity: 0.005,
+    prune_veil: 0.33,
     opacity_ceiling: f32::MAX,
     max_gaussians: 100_000,
     growth: 0.15,
     key: 0x1234_5678,
 };
+
+/// Two in the midst of the scenes, which some Gaussians veil.
+const LENSES: [[f32; 3]; 2] = [[0.4, 0.1, 1.2], [-0.6, -0.5, 2.0]];
 
 const DRAWN: DensityRound = DensityRound { choice: Choice::Drawn, growth: 0.05, ..ROUND };
 
@@ -75,7 +79,7 @@ impl Case {
 
     fn run(&self, round: &DensityRound) -> ivv::Result<After> {
         let constants = Constants::default();
-        let grown = round.run(&self.gpu, &self.scene, &self.moments, &self.state_buffers, &constants)?;
+        let grown = round.run(&self.gpu, &self.scene, &self.moments, &self.state_buffers, &LENSES, &constants)?;
         let splats = grown.scene.download(&self.gpu, grown.scene.groups.iter().map(|g| &g.params)).unwrap();
         Ok(After { splats, grown })
     }
@@ -106,6 +110,8 @@ impl Case {
             center: round.center,
             extent: round.extent,
             prune_opacity: round.prune_opacity,
+            lenses: &LENSES,
+            prune_veil: round.prune_veil,
             max_gaussians: round.max_gaussians as usize,
             growth: round.growth,
             key: round.key,

@@ -27,9 +27,13 @@ pub mod density_classify_static {
         pub gradient: f32,
         /// `bucket` of the shader.
         pub bucket: u32,
+        /// `n_lenses` of the shader.
+        pub n_lenses: u32,
+        /// `veil` of the shader.
+        pub veil: f32,
     }
     const _: () = {
-        assert!(size_of::<Push>() == 52);
+        assert!(size_of::<Push>() == 60);
         assert!(std::mem::offset_of!(Push, center) == 0);
         assert!(std::mem::offset_of!(Push, n) == 16);
         assert!(std::mem::offset_of!(Push, first) == 20);
@@ -40,6 +44,8 @@ pub mod density_classify_static {
         assert!(std::mem::offset_of!(Push, split_above) == 40);
         assert!(std::mem::offset_of!(Push, gradient) == 44);
         assert!(std::mem::offset_of!(Push, bucket) == 48);
+        assert!(std::mem::offset_of!(Push, n_lenses) == 52);
+        assert!(std::mem::offset_of!(Push, veil) == 56);
     };
     /// The kernel's buffers.
     pub struct Args<'a> {
@@ -59,6 +65,8 @@ pub mod density_classify_static {
         pub codes: &'a Buf<u32>,
         /// ReadWrites.
         pub counters: &'a Buf<u32>,
+        /// Reads.
+        pub lenses: &'a Buf<[f32; 4]>,
     }
     impl Kernel for Args<'_> {
         type Push = Push;
@@ -73,6 +81,7 @@ pub mod density_classify_static {
                 self.entries.slice(),
                 self.codes.slice(),
                 self.counters.slice(),
+                self.lenses.slice(),
             ]
         }
     }
@@ -83,7 +92,7 @@ pub mod density_classify_static {
         spirv: include_bytes!("../../../shaders-glsl/spv/density_classify_static.spv"),
         local: 128,
         subgroups: true,
-        floats: 0x3,
+        floats: 0x103,
         bindings: &[
             BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "state", kind: BindingKind::Storage, access: Access::Read },
@@ -93,6 +102,7 @@ pub mod density_classify_static {
             BindingInfo { name: "entries", kind: BindingKind::Storage, access: Access::Write },
             BindingInfo { name: "codes", kind: BindingKind::Storage, access: Access::Write },
             BindingInfo { name: "counters", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "lenses", kind: BindingKind::Storage, access: Access::Read },
         ],
     };
 }
@@ -124,9 +134,13 @@ pub mod density_classify_dynamic {
         pub gradient: f32,
         /// `bucket` of the shader.
         pub bucket: u32,
+        /// `n_lenses` of the shader.
+        pub n_lenses: u32,
+        /// `veil` of the shader.
+        pub veil: f32,
     }
     const _: () = {
-        assert!(size_of::<Push>() == 52);
+        assert!(size_of::<Push>() == 60);
         assert!(std::mem::offset_of!(Push, center) == 0);
         assert!(std::mem::offset_of!(Push, n) == 16);
         assert!(std::mem::offset_of!(Push, first) == 20);
@@ -137,6 +151,8 @@ pub mod density_classify_dynamic {
         assert!(std::mem::offset_of!(Push, split_above) == 40);
         assert!(std::mem::offset_of!(Push, gradient) == 44);
         assert!(std::mem::offset_of!(Push, bucket) == 48);
+        assert!(std::mem::offset_of!(Push, n_lenses) == 52);
+        assert!(std::mem::offset_of!(Push, veil) == 56);
     };
     /// The kernel's buffers.
     pub struct Args<'a> {
@@ -157,6 +173,8 @@ pub mod density_classify_dynamic {
         /// ReadWrites.
         pub counters: &'a Buf<u32>,
         /// Reads.
+        pub lenses: &'a Buf<[f32; 4]>,
+        /// Reads.
         pub motion: &'a Buf<[f32; 4]>,
     }
     impl Kernel for Args<'_> {
@@ -172,6 +190,7 @@ pub mod density_classify_dynamic {
                 self.entries.slice(),
                 self.codes.slice(),
                 self.counters.slice(),
+                self.lenses.slice(),
                 self.motion.slice(),
             ]
         }
@@ -183,7 +202,7 @@ pub mod density_classify_dynamic {
         spirv: include_bytes!("../../../shaders-glsl/spv/density_classify_dynamic.spv"),
         local: 128,
         subgroups: true,
-        floats: 0x103,
+        floats: 0x303,
         bindings: &[
             BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "state", kind: BindingKind::Storage, access: Access::Read },
@@ -193,6 +212,7 @@ pub mod density_classify_dynamic {
             BindingInfo { name: "entries", kind: BindingKind::Storage, access: Access::Write },
             BindingInfo { name: "codes", kind: BindingKind::Storage, access: Access::Write },
             BindingInfo { name: "counters", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "lenses", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
         ],
     };
