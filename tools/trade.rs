@@ -56,6 +56,10 @@ pub struct Args {
     /// Measure presets alone, no single settings.
     #[arg(long, conflicts_with_all = ["knob", "without"])]
     only_presets: bool,
+    /// Test cameras that are scored; all without it. What a camera sees that stands apart from those of training is luck, and
+    /// varies more than any setting moves it.
+    #[arg(long, value_delimiter = ',')]
+    test_cameras: Vec<String>,
     /// Steps of a run that are timed together before the next run's turn.
     #[arg(long, default_value_t = 10, value_parser = clap::value_parser!(u64).range(1..))]
     block: u64,
@@ -72,6 +76,8 @@ struct Bench<'a> {
     capture: Capture,
     arms: Vec<(TradeArm, Config)>,
     steps: u64,
+    // (camera, frame) of the test images that are scored.
+    test_frames: Vec<(usize, u32)>,
 }
 
 pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
@@ -83,13 +89,20 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let capture = capture.transformed(&world);
     let n_training = capture.training_frames().len() as u64;
     let steps = if shared.steps > 0 { shared.steps } else { u64::from(shared.epochs) * n_training };
-    if n_training == 0 || capture.test_frames().is_empty() {
+    let mut test_frames = capture.test_frames();
+    for name in &args.test_cameras {
+        let is_there = test_frames.iter().any(|(camera, _)| capture.cameras[*camera].name == *name);
+        anyhow::ensure!(is_there, "--test-cameras {name}: no test camera is called so");
+    }
+    let scored = &args.test_cameras;
+    test_frames.retain(|(camera, _)| scored.is_empty() || scored.contains(&capture.cameras[*camera].name));
+    if n_training == 0 || test_frames.is_empty() {
         let reason = "has no training image or no test image";
         return Err(ivv::Error::data(&args.capture, "", reason, "see `ivv check`").into());
     }
     make_folder(&args.output)?;
     let gpu = args.device.open()?;
-    let bench = Bench { args, gpu, capture, arms, steps };
+    let bench = Bench { args, gpu, capture, arms, steps, test_frames };
     let mut runs = Vec::new();
     let mut kernel_errors = Vec::new();
     for (index, seed) in args.seeds.iter().enumerate() {
@@ -268,7 +281,7 @@ impl Bench<'_> {
     fn psnr(&self, splats: &Splats, config: &Config) -> anyhow::Result<f64> {
         let mut renderer = Renderer::new(self.gpu.clone(), splats, Constants::default())?;
         let mut meter = Meter::new(self.gpu.clone(), config)?;
-        let some = spread(&self.capture.test_frames(), 6);
+        let some = spread(&self.test_frames, 6);
         let sight = Sight::new(&self.capture, config.background);
         let scored = evaluate(&mut renderer, &mut meter, &sight, &some, 0, |_, _, _| Ok(()))?;
         Ok(scored.map_or(f64::NAN, |scored| scored.mean.psnr))
@@ -279,9 +292,9 @@ impl Bench<'_> {
         let mut renderer = Renderer::new(self.gpu.clone(), splats, Constants::default())?;
         let mut meter = Meter::new(self.gpu.clone(), config)?;
         let sight = Sight::new(&self.capture, config.background);
-        let frames = self.capture.test_frames();
+        let frames = &self.test_frames;
         let mut residuals: BTreeMap<usize, Residuals> = BTreeMap::new();
-        let scored = evaluate(&mut renderer, &mut meter, &sight, &frames, 0, |camera, frame, rendered| {
+        let scored = evaluate(&mut renderer, &mut meter, &sight, frames, 0, |camera, frame, rendered| {
             let Some(moves) = self.capture.foreground(camera, frame)? else { return Ok(()) };
             let truth = self.capture.picture(camera, frame)?;
             residuals.entry(camera).or_insert_with(|| Residuals::new(moves.len())).add(&rendered.color, &truth, &moves);
@@ -294,7 +307,7 @@ impl Bench<'_> {
         run.worst_psnr = scored.views.iter().map(|view| view.scores.psnr).fold(f64::INFINITY, f64::min);
         run.flicker = mean(residuals.values().flat_map(Residuals::deviations));
         let mut errors = Vec::new();
-        for &(camera, frame) in &frames {
+        for &(camera, frame) in frames {
             let view = sight.view(camera, frame)?;
             let file = format!("truth/exact/{}/{frame:05}.exr", self.capture.cameras[camera].name);
             let file = self.capture.path.join(file);
@@ -312,8 +325,7 @@ impl Bench<'_> {
 
     /// What each way to render does to one view of `splats`, against the twin in double precision.
     fn kernel_errors(&self, splats: &Splats) -> anyhow::Result<Vec<KernelError>> {
-        let (camera, frame) =
-            *spread(&self.capture.test_frames(), 1).first().context("the capture has no test image")?;
+        let (camera, frame) = *spread(&self.test_frames, 1).first().context("the capture has no test image")?;
         let view = self.capture.view(camera, frame)?;
         let truth = render_f64(splats, &view, &Constants::default());
         let mut seen: Vec<ivv::Knobs> = Vec::new();

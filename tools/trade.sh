@@ -18,13 +18,14 @@ ivv=$CARGO_TARGET_DIR/release/ivv
 export LP_NUM_THREADS=${LP_NUM_THREADS:-0}
 out=out/trade
 "$ivv" synth -o "$out/small" --preset small --offsets
-# measure NAME OPTION...: short runs of few images, as tools/demo.sh has them.
+# measure NAME OPTION...: short runs of few images, as tools/demo.sh has them. cam05 stands among the training cameras, cam09
+# apart from them.
 measure() {
     local name=$1
     shift
     "$ivv" trade "$out/small" -o "$out/$name" --steps 400 --max-gaussians 6000 --set density.growth=0.5 \
         --set lr.position.start=4.8e-4 --set lr.position.end=4.8e-6 --set lr.offset=3e-3 --set loss.flow=0.1 \
-        --set grids=false "$@"
+        --set grids=false --test-cameras cam05 "$@"
     mkdir -p "$record"
     for kind in md json svg; do cp "$out/$name/trade.$kind" "$record/$name.$kind"; done
 }

@@ -284,6 +284,24 @@ fn the_hardest_pulled_grow_and_the_faint_go_as_in_the_twin() {
 }
 
 #[test]
+fn what_is_wide_before_a_lens_goes_whoever_looks_through_it() {
+    // A third of the distance, from above and from below, before and behind the lens; and far from any.
+    let [x, y, z] = LENSES[0];
+    let wide = |dz: f32, part: f64| round([x, y, z + dz], part * f64::from(dz.abs()), 0.9, [1.0; 3]);
+    let all = [wide(0.5, 0.30), wide(0.5, 0.36), wide(-0.5, 0.36), round([5.0, 5.0, 9.0], 0.5, 0.9, [0.5; 3])];
+    let state = vec![[0.0; 4]; all.len()];
+    for choice in [PULLED, Choice::Drawn] {
+        let case = Case::new(scene_of(&all), state.clone(), 128);
+        let counts = |prune_veil: f32| {
+            let round = DensityRound { choice, prune_veil, growth: 0.0, ..ROUND };
+            let Counts { pruned, relocated, .. } = case.run(&round).unwrap().grown.counts;
+            pruned + relocated
+        };
+        assert_eq!([counts(0.33), counts(f32::MAX), counts(0.29)], [2, 0, 3]);
+    }
+}
+
+#[test]
 fn the_dead_are_relocated_as_in_the_twin_and_a_round_adds_five_in_a_hundred() {
     let mut copied = 0;
     for (seed, (n_static, n_dynamic, limit)) in SIZES.into_iter().enumerate() {
