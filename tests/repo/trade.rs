@@ -7,7 +7,12 @@ use serde_json::Value;
 
 #[test]
 fn the_trade_was_measured_with_these_kernels_and_presets() {
-    let record: Value = serde_json::from_str(&text("assets/trade/trade.json")).unwrap();
+    ["trade", "presets"].into_iter().for_each(check);
+}
+
+fn check(name: &str) {
+    let of_kind = |kind: &str| text(&format!("assets/trade/{name}.{kind}"));
+    let record: Value = serde_json::from_str(&of_kind("json")).unwrap();
     let renew = "assets/trade is of other kernels or presets: measure it anew with tools/trade.sh";
     assert_eq!(record["at"]["shaders"], shaders_hash(), "{renew}");
     for key in ["device", "driver", "date", "capture"] {
@@ -19,7 +24,7 @@ fn the_trade_was_measured_with_these_kernels_and_presets() {
         let preset = Preset::find(arm["name"].as_str().unwrap()).unwrap();
         assert_eq!(arm["settings"], preset.settings, "{renew}");
     }
-    let (table, picture) = (text("assets/trade/trade.md"), text("assets/trade/trade.svg"));
+    let (table, picture) = (of_kind("md"), of_kind("svg"));
     assert!(table.contains(&shaders_hash()), "{renew}");
     for arm in record["arms"].as_array().unwrap() {
         let name = arm["name"].as_str().unwrap();
