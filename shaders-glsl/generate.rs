@@ -24,7 +24,8 @@ pub fn run(root: &Path, bless: bool) -> Vec<String> {
             Ok(kernel) => {
                 manifest += &line(spec.name, kernel.key, &kernel.spirv);
                 // The first of a shader's variants with this interface; the others share it.
-                let first = *interfaces.entry((spec.file, kernel.reflected.interface.clone())).or_insert(spec.name);
+                let Reflected { interface, info, .. } = &kernel.reflected;
+                let first = *interfaces.entry((spec.file, interface.clone(), info.clone())).or_insert(spec.name);
                 let folder = spec.file.split('/').next().unwrap_or_default();
                 *modules.entry(folder).or_default() += &kernel.reflected.module(spec.name, first);
                 outputs.insert(format!("shaders-glsl/spv/{}.spv", spec.name), kernel.spirv);
@@ -106,22 +107,21 @@ impl Reflected {
     /// The Rust module of kernel `name`, which has the interface of `first`.
     fn module(&self, name: &str, first: &str) -> String {
         let Reflected { purpose, interface, slices, info, .. } = self;
-        let of_first = if name == first { String::new() } else { format!("super::{first}::") };
-        let own = if name == first {
+        let spirv = format!("spirv: include_bytes!(\"../../../shaders-glsl/spv/{name}.spv\")");
+        let body = if name == first {
             format!(
                 "{interface}impl Kernel for Args<'_> {{\ntype Push = Push;\nconst INFO: &'static KernelInfo = INFO;\n\
-                 fn slices(&self) -> Vec<Slice> {{\nvec![\n{slices}]\n}}\n}}\n"
+                 fn slices(&self) -> Vec<Slice> {{\nvec![\n{slices}]\n}}\n}}\n\
+                 /// What the device needs to know.\npub const INFO: &KernelInfo = &KernelInfo {{\n\
+                 name: \"{name}\", push_bytes: size_of::<Push>() as u32,\n{spirv},\n{info}}};\n"
             )
         } else {
-            String::new()
+            format!(
+                "/// What the device needs to know. A variant of [`super::{first}`].\n\
+                 pub const INFO: &KernelInfo = &KernelInfo {{ name: \"{name}\", {spirv}, ..*super::{first}::INFO }};\n"
+            )
         };
-        let interface = if name == first { String::new() } else { format!(" A variant of [`super::{first}`].") };
-        format!(
-            "/// {purpose}\npub mod {name} {{\nuse crate::gpu::kernel::*;\n{own}\
-             /// What the device needs to know.{interface}\npub const INFO: &KernelInfo = &KernelInfo {{\n\
-             name: \"{name}\", push_bytes: size_of::<{of_first}Push>() as u32,\n\
-             spirv: include_bytes!(\"../../../shaders-glsl/spv/{name}.spv\"),\n{info}}};\n}}\n\n"
-        )
+        format!("/// {purpose}\npub mod {name} {{\nuse crate::gpu::kernel::*;\n{body}}}\n\n")
     }
 }
 

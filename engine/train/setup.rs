@@ -72,15 +72,9 @@ impl Setup {
 }
 
 fn lenses(capture: &Capture) -> Vec<[f64; 3]> {
-    let mut all: Vec<[f64; 3]> = Vec::new();
-    for (index, camera) in capture.cameras.iter().enumerate() {
-        let moves = camera.shots.iter().any(|shot| shot.world_to_camera.is_some());
-        let shots = camera.shots.iter().take(if moves { usize::MAX } else { 1 });
-        let views = shots.filter_map(|shot| capture.view(index, shot.frame).ok());
-        all.extend(views.map(|view| camera_center(&view.world_to_camera)));
-    }
-    let each = all.len().div_ceil(MOST_LENSES).max(1);
-    all.into_iter().step_by(each).collect()
+    let views = capture.lens_views();
+    let each = views.len().div_ceil(MOST_LENSES).max(1);
+    views.iter().step_by(each).map(|view| camera_center(&view.world_to_camera)).collect()
 }
 
 /// Whether `capture` is a clip that several training cameras took: of one alone, the scene's own times and colours take up

@@ -181,20 +181,8 @@ pub mod adam_idle_m16 {
     /// What the device needs to know. A variant of [`super::adam_idle`].
     pub const INFO: &KernelInfo = &KernelInfo {
         name: "adam_idle_m16",
-        push_bytes: size_of::<super::adam_idle::Push>() as u32,
         spirv: include_bytes!("../../../shaders-glsl/spv/adam_idle_m16.spv"),
-        local: 64,
-        subgroups: true,
-        floats: 0x70,
-        bindings: &[
-            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "adam", kind: BindingKind::Uniform, access: Access::Read },
-            BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "idle_id", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "parameter", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "state", kind: BindingKind::Storage, access: Access::ReadWrite },
-        ],
+        ..*super::adam_idle::INFO
     };
 }
 
@@ -204,20 +192,7 @@ pub mod adam_catch_up_m16 {
     /// What the device needs to know. A variant of [`super::adam_catch_up`].
     pub const INFO: &KernelInfo = &KernelInfo {
         name: "adam_catch_up_m16",
-        push_bytes: size_of::<super::adam_catch_up::Push>() as u32,
         spirv: include_bytes!("../../../shaders-glsl/spv/adam_catch_up_m16.spv"),
-        local: 64,
-        subgroups: true,
-        floats: 0xf0,
-        bindings: &[
-            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "adam", kind: BindingKind::Uniform, access: Access::Read },
-            BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sums", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "parameter", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "state", kind: BindingKind::Storage, access: Access::ReadWrite },
-        ],
+        ..*super::adam_catch_up::INFO
     };
 }

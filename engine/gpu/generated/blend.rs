@@ -85,21 +85,8 @@ pub mod blend_fwd_p8 {
     /// What the device needs to know. A variant of [`super::blend_fwd_p4`].
     pub const INFO: &KernelInfo = &KernelInfo {
         name: "blend_fwd_p8",
-        push_bytes: size_of::<super::blend_fwd_p4::Push>() as u32,
         spirv: include_bytes!("../../../shaders-glsl/spv/blend_fwd_p8.spv"),
-        local: 64,
-        subgroups: true,
-        floats: 0xe0,
-        bindings: &[
-            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-            BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "tile_last", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "image0", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "image1", kind: BindingKind::Storage, access: Access::ReadWrite },
-        ],
+        ..*super::blend_fwd_p4::INFO
     };
 }
 
@@ -109,21 +96,8 @@ pub mod blend_fwd_color_p4 {
     /// What the device needs to know. A variant of [`super::blend_fwd_p4`].
     pub const INFO: &KernelInfo = &KernelInfo {
         name: "blend_fwd_color_p4",
-        push_bytes: size_of::<super::blend_fwd_p4::Push>() as u32,
         spirv: include_bytes!("../../../shaders-glsl/spv/blend_fwd_color_p4.spv"),
-        local: 64,
-        subgroups: true,
-        floats: 0xe0,
-        bindings: &[
-            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-            BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "tile_last", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "image0", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "image1", kind: BindingKind::Storage, access: Access::ReadWrite },
-        ],
+        ..*super::blend_fwd_p4::INFO
     };
 }
 
@@ -133,21 +107,8 @@ pub mod blend_fwd_color_p8 {
     /// What the device needs to know. A variant of [`super::blend_fwd_p4`].
     pub const INFO: &KernelInfo = &KernelInfo {
         name: "blend_fwd_color_p8",
-        push_bytes: size_of::<super::blend_fwd_p4::Push>() as u32,
         spirv: include_bytes!("../../../shaders-glsl/spv/blend_fwd_color_p8.spv"),
-        local: 64,
-        subgroups: true,
-        floats: 0xe0,
-        bindings: &[
-            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-            BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "tile_last", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "image0", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "image1", kind: BindingKind::Storage, access: Access::ReadWrite },
-        ],
+        ..*super::blend_fwd_p4::INFO
     };
 }
 
@@ -240,22 +201,8 @@ pub mod blend_fwd_train_p8 {
     /// What the device needs to know. A variant of [`super::blend_fwd_train_p4`].
     pub const INFO: &KernelInfo = &KernelInfo {
         name: "blend_fwd_train_p8",
-        push_bytes: size_of::<super::blend_fwd_train_p4::Push>() as u32,
         spirv: include_bytes!("../../../shaders-glsl/spv/blend_fwd_train_p8.spv"),
-        local: 64,
-        subgroups: true,
-        floats: 0xe0,
-        bindings: &[
-            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-            BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "tile_last", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "image0", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "image1", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::ReadWrite },
-        ],
+        ..*super::blend_fwd_train_p4::INFO
     };
 }
 
@@ -265,22 +212,8 @@ pub mod blend_fwd_train_color_p4 {
     /// What the device needs to know. A variant of [`super::blend_fwd_train_p4`].
     pub const INFO: &KernelInfo = &KernelInfo {
         name: "blend_fwd_train_color_p4",
-        push_bytes: size_of::<super::blend_fwd_train_p4::Push>() as u32,
         spirv: include_bytes!("../../../shaders-glsl/spv/blend_fwd_train_color_p4.spv"),
-        local: 64,
-        subgroups: true,
-        floats: 0xe0,
-        bindings: &[
-            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-            BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "tile_last", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "image0", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "image1", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::ReadWrite },
-        ],
+        ..*super::blend_fwd_train_p4::INFO
     };
 }
 
@@ -290,22 +223,8 @@ pub mod blend_fwd_train_color_p8 {
     /// What the device needs to know. A variant of [`super::blend_fwd_train_p4`].
     pub const INFO: &KernelInfo = &KernelInfo {
         name: "blend_fwd_train_color_p8",
-        push_bytes: size_of::<super::blend_fwd_train_p4::Push>() as u32,
         spirv: include_bytes!("../../../shaders-glsl/spv/blend_fwd_train_color_p8.spv"),
-        local: 64,
-        subgroups: true,
-        floats: 0xe0,
-        bindings: &[
-            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-            BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "tile_last", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "image0", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "image1", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::ReadWrite },
-        ],
+        ..*super::blend_fwd_train_p4::INFO
     };
 }
 
@@ -412,24 +331,8 @@ pub mod blend_bwd_p8 {
     /// What the device needs to know. A variant of [`super::blend_bwd_p4`].
     pub const INFO: &KernelInfo = &KernelInfo {
         name: "blend_bwd_p8",
-        push_bytes: size_of::<super::blend_bwd_p4::Push>() as u32,
         spirv: include_bytes!("../../../shaders-glsl/spv/blend_bwd_p8.spv"),
-        local: 64,
-        subgroups: true,
-        floats: 0x7a0,
-        bindings: &[
-            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-            BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "slots", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_image0", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "carry", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "d_image1", kind: BindingKind::Storage, access: Access::Read },
-        ],
+        ..*super::blend_bwd_p4::INFO
     };
 }
 
@@ -439,24 +342,8 @@ pub mod blend_bwd_color_p4 {
     /// What the device needs to know. A variant of [`super::blend_bwd_p4`].
     pub const INFO: &KernelInfo = &KernelInfo {
         name: "blend_bwd_color_p4",
-        push_bytes: size_of::<super::blend_bwd_p4::Push>() as u32,
         spirv: include_bytes!("../../../shaders-glsl/spv/blend_bwd_color_p4.spv"),
-        local: 64,
-        subgroups: true,
-        floats: 0x7a0,
-        bindings: &[
-            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-            BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "slots", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_image0", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "carry", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "d_image1", kind: BindingKind::Storage, access: Access::Read },
-        ],
+        ..*super::blend_bwd_p4::INFO
     };
 }
 
@@ -466,24 +353,8 @@ pub mod blend_bwd_color_p8 {
     /// What the device needs to know. A variant of [`super::blend_bwd_p4`].
     pub const INFO: &KernelInfo = &KernelInfo {
         name: "blend_bwd_color_p8",
-        push_bytes: size_of::<super::blend_bwd_p4::Push>() as u32,
         spirv: include_bytes!("../../../shaders-glsl/spv/blend_bwd_color_p8.spv"),
-        local: 64,
-        subgroups: true,
-        floats: 0x7a0,
-        bindings: &[
-            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-            BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "slots", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_image0", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "carry", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "d_image1", kind: BindingKind::Storage, access: Access::Read },
-        ],
+        ..*super::blend_bwd_p4::INFO
     };
 }
 
@@ -590,24 +461,8 @@ pub mod blend_bwd_float_p8 {
     /// What the device needs to know. A variant of [`super::blend_bwd_float_p4`].
     pub const INFO: &KernelInfo = &KernelInfo {
         name: "blend_bwd_float_p8",
-        push_bytes: size_of::<super::blend_bwd_float_p4::Push>() as u32,
         spirv: include_bytes!("../../../shaders-glsl/spv/blend_bwd_float_p8.spv"),
-        local: 64,
-        subgroups: true,
-        floats: 0x7a0,
-        bindings: &[
-            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-            BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "slots", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_image0", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "carry", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "d_image1", kind: BindingKind::Storage, access: Access::Read },
-        ],
+        ..*super::blend_bwd_float_p4::INFO
     };
 }
 
@@ -617,24 +472,8 @@ pub mod blend_bwd_float_color_p4 {
     /// What the device needs to know. A variant of [`super::blend_bwd_float_p4`].
     pub const INFO: &KernelInfo = &KernelInfo {
         name: "blend_bwd_float_color_p4",
-        push_bytes: size_of::<super::blend_bwd_float_p4::Push>() as u32,
         spirv: include_bytes!("../../../shaders-glsl/spv/blend_bwd_float_color_p4.spv"),
-        local: 64,
-        subgroups: true,
-        floats: 0x7a0,
-        bindings: &[
-            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-            BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "slots", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_image0", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "carry", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "d_image1", kind: BindingKind::Storage, access: Access::Read },
-        ],
+        ..*super::blend_bwd_float_p4::INFO
     };
 }
 
@@ -644,24 +483,8 @@ pub mod blend_bwd_float_color_p8 {
     /// What the device needs to know. A variant of [`super::blend_bwd_float_p4`].
     pub const INFO: &KernelInfo = &KernelInfo {
         name: "blend_bwd_float_color_p8",
-        push_bytes: size_of::<super::blend_bwd_float_p4::Push>() as u32,
         spirv: include_bytes!("../../../shaders-glsl/spv/blend_bwd_float_color_p8.spv"),
-        local: 64,
-        subgroups: true,
-        floats: 0x7a0,
-        bindings: &[
-            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-            BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "slots", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_image0", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "carry", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "d_image1", kind: BindingKind::Storage, access: Access::Read },
-        ],
+        ..*super::blend_bwd_float_p4::INFO
     };
 }
 
@@ -768,24 +591,8 @@ pub mod blend_bwd_fixed_p8 {
     /// What the device needs to know. A variant of [`super::blend_bwd_fixed_p4`].
     pub const INFO: &KernelInfo = &KernelInfo {
         name: "blend_bwd_fixed_p8",
-        push_bytes: size_of::<super::blend_bwd_fixed_p4::Push>() as u32,
         spirv: include_bytes!("../../../shaders-glsl/spv/blend_bwd_fixed_p8.spv"),
-        local: 64,
-        subgroups: true,
-        floats: 0x5a0,
-        bindings: &[
-            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-            BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "slots", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_image0", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "carry", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "d_image1", kind: BindingKind::Storage, access: Access::Read },
-        ],
+        ..*super::blend_bwd_fixed_p4::INFO
     };
 }
 
@@ -795,24 +602,8 @@ pub mod blend_bwd_fixed_color_p4 {
     /// What the device needs to know. A variant of [`super::blend_bwd_fixed_p4`].
     pub const INFO: &KernelInfo = &KernelInfo {
         name: "blend_bwd_fixed_color_p4",
-        push_bytes: size_of::<super::blend_bwd_fixed_p4::Push>() as u32,
         spirv: include_bytes!("../../../shaders-glsl/spv/blend_bwd_fixed_color_p4.spv"),
-        local: 64,
-        subgroups: true,
-        floats: 0x5a0,
-        bindings: &[
-            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-            BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "slots", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_image0", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "carry", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "d_image1", kind: BindingKind::Storage, access: Access::Read },
-        ],
+        ..*super::blend_bwd_fixed_p4::INFO
     };
 }
 
@@ -822,24 +613,8 @@ pub mod blend_bwd_fixed_color_p8 {
     /// What the device needs to know. A variant of [`super::blend_bwd_fixed_p4`].
     pub const INFO: &KernelInfo = &KernelInfo {
         name: "blend_bwd_fixed_color_p8",
-        push_bytes: size_of::<super::blend_bwd_fixed_p4::Push>() as u32,
         spirv: include_bytes!("../../../shaders-glsl/spv/blend_bwd_fixed_color_p8.spv"),
-        local: 64,
-        subgroups: true,
-        floats: 0x5a0,
-        bindings: &[
-            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-            BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "slots", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_image0", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "carry", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "d_image1", kind: BindingKind::Storage, access: Access::Read },
-        ],
+        ..*super::blend_bwd_fixed_p4::INFO
     };
 }
 
@@ -849,24 +624,8 @@ pub mod blend_bwd_swap_p4 {
     /// What the device needs to know. A variant of [`super::blend_bwd_fixed_p4`].
     pub const INFO: &KernelInfo = &KernelInfo {
         name: "blend_bwd_swap_p4",
-        push_bytes: size_of::<super::blend_bwd_fixed_p4::Push>() as u32,
         spirv: include_bytes!("../../../shaders-glsl/spv/blend_bwd_swap_p4.spv"),
-        local: 64,
-        subgroups: true,
-        floats: 0x5a0,
-        bindings: &[
-            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-            BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "slots", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_image0", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "carry", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "d_image1", kind: BindingKind::Storage, access: Access::Read },
-        ],
+        ..*super::blend_bwd_fixed_p4::INFO
     };
 }
 
@@ -876,24 +635,8 @@ pub mod blend_bwd_swap_p8 {
     /// What the device needs to know. A variant of [`super::blend_bwd_fixed_p4`].
     pub const INFO: &KernelInfo = &KernelInfo {
         name: "blend_bwd_swap_p8",
-        push_bytes: size_of::<super::blend_bwd_fixed_p4::Push>() as u32,
         spirv: include_bytes!("../../../shaders-glsl/spv/blend_bwd_swap_p8.spv"),
-        local: 64,
-        subgroups: true,
-        floats: 0x5a0,
-        bindings: &[
-            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-            BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "slots", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_image0", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "carry", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "d_image1", kind: BindingKind::Storage, access: Access::Read },
-        ],
+        ..*super::blend_bwd_fixed_p4::INFO
     };
 }
 
@@ -903,24 +646,8 @@ pub mod blend_bwd_swap_color_p4 {
     /// What the device needs to know. A variant of [`super::blend_bwd_fixed_p4`].
     pub const INFO: &KernelInfo = &KernelInfo {
         name: "blend_bwd_swap_color_p4",
-        push_bytes: size_of::<super::blend_bwd_fixed_p4::Push>() as u32,
         spirv: include_bytes!("../../../shaders-glsl/spv/blend_bwd_swap_color_p4.spv"),
-        local: 64,
-        subgroups: true,
-        floats: 0x5a0,
-        bindings: &[
-            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-            BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "slots", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_image0", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "carry", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "d_image1", kind: BindingKind::Storage, access: Access::Read },
-        ],
+        ..*super::blend_bwd_fixed_p4::INFO
     };
 }
 
@@ -930,24 +657,8 @@ pub mod blend_bwd_swap_color_p8 {
     /// What the device needs to know. A variant of [`super::blend_bwd_fixed_p4`].
     pub const INFO: &KernelInfo = &KernelInfo {
         name: "blend_bwd_swap_color_p8",
-        push_bytes: size_of::<super::blend_bwd_fixed_p4::Push>() as u32,
         spirv: include_bytes!("../../../shaders-glsl/spv/blend_bwd_swap_color_p8.spv"),
-        local: 64,
-        subgroups: true,
-        floats: 0x5a0,
-        bindings: &[
-            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-            BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "slots", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_image0", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "carry", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "d_image1", kind: BindingKind::Storage, access: Access::Read },
-        ],
+        ..*super::blend_bwd_fixed_p4::INFO
     };
 }
 

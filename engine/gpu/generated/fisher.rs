@@ -104,25 +104,8 @@ pub mod fisher_static_sh1 {
     /// What the device needs to know. A variant of [`super::fisher_static_sh0`].
     pub const INFO: &KernelInfo = &KernelInfo {
         name: "fisher_static_sh1",
-        push_bytes: size_of::<super::fisher_static_sh0::Push>() as u32,
         spirv: include_bytes!("../../../shaders-glsl/spv/fisher_static_sh1.spv"),
-        local: 64,
-        subgroups: true,
-        floats: 0xfff,
-        bindings: &[
-            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_geometry", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_sh0", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sums", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_sh1", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_sh2", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_sh3", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "cameras", kind: BindingKind::Storage, access: Access::Read },
-        ],
+        ..*super::fisher_static_sh0::INFO
     };
 }
 
@@ -132,25 +115,8 @@ pub mod fisher_static_sh2 {
     /// What the device needs to know. A variant of [`super::fisher_static_sh0`].
     pub const INFO: &KernelInfo = &KernelInfo {
         name: "fisher_static_sh2",
-        push_bytes: size_of::<super::fisher_static_sh0::Push>() as u32,
         spirv: include_bytes!("../../../shaders-glsl/spv/fisher_static_sh2.spv"),
-        local: 64,
-        subgroups: true,
-        floats: 0xfff,
-        bindings: &[
-            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_geometry", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_sh0", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sums", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_sh1", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_sh2", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_sh3", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "cameras", kind: BindingKind::Storage, access: Access::Read },
-        ],
+        ..*super::fisher_static_sh0::INFO
     };
 }
 
@@ -160,25 +126,8 @@ pub mod fisher_static_sh3 {
     /// What the device needs to know. A variant of [`super::fisher_static_sh0`].
     pub const INFO: &KernelInfo = &KernelInfo {
         name: "fisher_static_sh3",
-        push_bytes: size_of::<super::fisher_static_sh0::Push>() as u32,
         spirv: include_bytes!("../../../shaders-glsl/spv/fisher_static_sh3.spv"),
-        local: 64,
-        subgroups: true,
-        floats: 0xfff,
-        bindings: &[
-            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_geometry", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_sh0", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sums", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_sh1", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_sh2", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_sh3", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "cameras", kind: BindingKind::Storage, access: Access::Read },
-        ],
+        ..*super::fisher_static_sh0::INFO
     };
 }
 
@@ -188,25 +137,8 @@ pub mod fisher_dynamic_sh0 {
     /// What the device needs to know. A variant of [`super::fisher_static_sh0`].
     pub const INFO: &KernelInfo = &KernelInfo {
         name: "fisher_dynamic_sh0",
-        push_bytes: size_of::<super::fisher_static_sh0::Push>() as u32,
         spirv: include_bytes!("../../../shaders-glsl/spv/fisher_dynamic_sh0.spv"),
-        local: 64,
-        subgroups: true,
-        floats: 0xfff,
-        bindings: &[
-            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_geometry", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_sh0", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sums", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_sh1", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_sh2", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_sh3", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "cameras", kind: BindingKind::Storage, access: Access::Read },
-        ],
+        ..*super::fisher_static_sh0::INFO
     };
 }
 
@@ -216,25 +148,8 @@ pub mod fisher_dynamic_sh1 {
     /// What the device needs to know. A variant of [`super::fisher_static_sh0`].
     pub const INFO: &KernelInfo = &KernelInfo {
         name: "fisher_dynamic_sh1",
-        push_bytes: size_of::<super::fisher_static_sh0::Push>() as u32,
         spirv: include_bytes!("../../../shaders-glsl/spv/fisher_dynamic_sh1.spv"),
-        local: 64,
-        subgroups: true,
-        floats: 0xfff,
-        bindings: &[
-            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_geometry", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_sh0", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sums", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_sh1", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_sh2", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_sh3", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "cameras", kind: BindingKind::Storage, access: Access::Read },
-        ],
+        ..*super::fisher_static_sh0::INFO
     };
 }
 
@@ -244,25 +159,8 @@ pub mod fisher_dynamic_sh2 {
     /// What the device needs to know. A variant of [`super::fisher_static_sh0`].
     pub const INFO: &KernelInfo = &KernelInfo {
         name: "fisher_dynamic_sh2",
-        push_bytes: size_of::<super::fisher_static_sh0::Push>() as u32,
         spirv: include_bytes!("../../../shaders-glsl/spv/fisher_dynamic_sh2.spv"),
-        local: 64,
-        subgroups: true,
-        floats: 0xfff,
-        bindings: &[
-            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_geometry", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_sh0", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sums", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_sh1", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_sh2", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_sh3", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "cameras", kind: BindingKind::Storage, access: Access::Read },
-        ],
+        ..*super::fisher_static_sh0::INFO
     };
 }
 
@@ -272,24 +170,7 @@ pub mod fisher_dynamic_sh3 {
     /// What the device needs to know. A variant of [`super::fisher_static_sh0`].
     pub const INFO: &KernelInfo = &KernelInfo {
         name: "fisher_dynamic_sh3",
-        push_bytes: size_of::<super::fisher_static_sh0::Push>() as u32,
         spirv: include_bytes!("../../../shaders-glsl/spv/fisher_dynamic_sh3.spv"),
-        local: 64,
-        subgroups: true,
-        floats: 0xfff,
-        bindings: &[
-            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_geometry", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_sh0", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sums", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_sh1", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_sh2", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_sh3", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "cameras", kind: BindingKind::Storage, access: Access::Read },
-        ],
+        ..*super::fisher_static_sh0::INFO
     };
 }

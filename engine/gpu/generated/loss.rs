@@ -55,16 +55,8 @@ pub mod ssim_rows_s2 {
     /// What the device needs to know. A variant of [`super::ssim_rows`].
     pub const INFO: &KernelInfo = &KernelInfo {
         name: "ssim_rows_s2",
-        push_bytes: size_of::<super::ssim_rows::Push>() as u32,
         spirv: include_bytes!("../../../shaders-glsl/spv/ssim_rows_s2.spv"),
-        local: 64,
-        subgroups: false,
-        floats: 0x5,
-        bindings: &[
-            BindingInfo { name: "image", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "truth", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "moments", kind: BindingKind::Storage, access: Access::Write },
-        ],
+        ..*super::ssim_rows::INFO
     };
 }
 
@@ -129,18 +121,8 @@ pub mod ssim_columns_s2 {
     /// What the device needs to know. A variant of [`super::ssim_columns`].
     pub const INFO: &KernelInfo = &KernelInfo {
         name: "ssim_columns_s2",
-        push_bytes: size_of::<super::ssim_columns::Push>() as u32,
         spirv: include_bytes!("../../../shaders-glsl/spv/ssim_columns_s2.spv"),
-        local: 64,
-        subgroups: false,
-        floats: 0x1b,
-        bindings: &[
-            BindingInfo { name: "moments", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "image", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "truth", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "partials", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "sums", kind: BindingKind::Storage, access: Access::Write },
-        ],
+        ..*super::ssim_columns::INFO
     };
 }
 
@@ -196,15 +178,8 @@ pub mod ssim_bwd_rows_s2 {
     /// What the device needs to know. A variant of [`super::ssim_bwd_rows`].
     pub const INFO: &KernelInfo = &KernelInfo {
         name: "ssim_bwd_rows_s2",
-        push_bytes: size_of::<super::ssim_bwd_rows::Push>() as u32,
         spirv: include_bytes!("../../../shaders-glsl/spv/ssim_bwd_rows_s2.spv"),
-        local: 64,
-        subgroups: false,
-        floats: 0x3,
-        bindings: &[
-            BindingInfo { name: "partials", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "filtered", kind: BindingKind::Storage, access: Access::Write },
-        ],
+        ..*super::ssim_bwd_rows::INFO
     };
 }
 
@@ -272,17 +247,8 @@ pub mod ssim_bwd_columns_s2 {
     /// What the device needs to know. A variant of [`super::ssim_bwd_columns`].
     pub const INFO: &KernelInfo = &KernelInfo {
         name: "ssim_bwd_columns_s2",
-        push_bytes: size_of::<super::ssim_bwd_columns::Push>() as u32,
         spirv: include_bytes!("../../../shaders-glsl/spv/ssim_bwd_columns_s2.spv"),
-        local: 64,
-        subgroups: false,
-        floats: 0xb,
-        bindings: &[
-            BindingInfo { name: "filtered", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "image", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "truth", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_image", kind: BindingKind::Storage, access: Access::Write },
-        ],
+        ..*super::ssim_bwd_columns::INFO
     };
 }
 

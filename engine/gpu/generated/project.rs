@@ -103,27 +103,8 @@ pub mod project_static_sh1 {
     /// What the device needs to know. A variant of [`super::project_static_sh0`].
     pub const INFO: &KernelInfo = &KernelInfo {
         name: "project_static_sh1",
-        push_bytes: size_of::<super::project_static_sh0::Push>() as u32,
         spirv: include_bytes!("../../../shaders-glsl/spv/project_static_sh1.spv"),
-        local: 64,
-        subgroups: true,
-        floats: 0x3c38,
-        bindings: &[
-            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-            BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "depth_keys", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "identity", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
-        ],
+        ..*super::project_static_sh0::INFO
     };
 }
 
@@ -133,27 +114,8 @@ pub mod project_static_sh2 {
     /// What the device needs to know. A variant of [`super::project_static_sh0`].
     pub const INFO: &KernelInfo = &KernelInfo {
         name: "project_static_sh2",
-        push_bytes: size_of::<super::project_static_sh0::Push>() as u32,
         spirv: include_bytes!("../../../shaders-glsl/spv/project_static_sh2.spv"),
-        local: 64,
-        subgroups: true,
-        floats: 0x3c38,
-        bindings: &[
-            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-            BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "depth_keys", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "identity", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
-        ],
+        ..*super::project_static_sh0::INFO
     };
 }
 
@@ -163,27 +125,8 @@ pub mod project_static_sh3 {
     /// What the device needs to know. A variant of [`super::project_static_sh0`].
     pub const INFO: &KernelInfo = &KernelInfo {
         name: "project_static_sh3",
-        push_bytes: size_of::<super::project_static_sh0::Push>() as u32,
         spirv: include_bytes!("../../../shaders-glsl/spv/project_static_sh3.spv"),
-        local: 64,
-        subgroups: true,
-        floats: 0x3c38,
-        bindings: &[
-            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-            BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "depth_keys", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "identity", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
-        ],
+        ..*super::project_static_sh0::INFO
     };
 }
 
@@ -193,27 +136,8 @@ pub mod project_dynamic_sh0 {
     /// What the device needs to know. A variant of [`super::project_static_sh0`].
     pub const INFO: &KernelInfo = &KernelInfo {
         name: "project_dynamic_sh0",
-        push_bytes: size_of::<super::project_static_sh0::Push>() as u32,
         spirv: include_bytes!("../../../shaders-glsl/spv/project_dynamic_sh0.spv"),
-        local: 64,
-        subgroups: true,
-        floats: 0x3c38,
-        bindings: &[
-            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-            BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "depth_keys", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "identity", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
-        ],
+        ..*super::project_static_sh0::INFO
     };
 }
 
@@ -223,27 +147,8 @@ pub mod project_dynamic_sh1 {
     /// What the device needs to know. A variant of [`super::project_static_sh0`].
     pub const INFO: &KernelInfo = &KernelInfo {
         name: "project_dynamic_sh1",
-        push_bytes: size_of::<super::project_static_sh0::Push>() as u32,
         spirv: include_bytes!("../../../shaders-glsl/spv/project_dynamic_sh1.spv"),
-        local: 64,
-        subgroups: true,
-        floats: 0x3c38,
-        bindings: &[
-            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-            BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "depth_keys", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "identity", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
-        ],
+        ..*super::project_static_sh0::INFO
     };
 }
 
@@ -253,27 +158,8 @@ pub mod project_dynamic_sh2 {
     /// What the device needs to know. A variant of [`super::project_static_sh0`].
     pub const INFO: &KernelInfo = &KernelInfo {
         name: "project_dynamic_sh2",
-        push_bytes: size_of::<super::project_static_sh0::Push>() as u32,
         spirv: include_bytes!("../../../shaders-glsl/spv/project_dynamic_sh2.spv"),
-        local: 64,
-        subgroups: true,
-        floats: 0x3c38,
-        bindings: &[
-            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-            BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "depth_keys", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "identity", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
-        ],
+        ..*super::project_static_sh0::INFO
     };
 }
 
@@ -283,27 +169,8 @@ pub mod project_dynamic_sh3 {
     /// What the device needs to know. A variant of [`super::project_static_sh0`].
     pub const INFO: &KernelInfo = &KernelInfo {
         name: "project_dynamic_sh3",
-        push_bytes: size_of::<super::project_static_sh0::Push>() as u32,
         spirv: include_bytes!("../../../shaders-glsl/spv/project_dynamic_sh3.spv"),
-        local: 64,
-        subgroups: true,
-        floats: 0x3c38,
-        bindings: &[
-            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-            BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "depth_keys", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "identity", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
-        ],
+        ..*super::project_static_sh0::INFO
     };
 }
 
@@ -410,27 +277,8 @@ pub mod project_static_sh2_half {
     /// What the device needs to know. A variant of [`super::project_static_sh1_half`].
     pub const INFO: &KernelInfo = &KernelInfo {
         name: "project_static_sh2_half",
-        push_bytes: size_of::<super::project_static_sh1_half::Push>() as u32,
         spirv: include_bytes!("../../../shaders-glsl/spv/project_static_sh2_half.spv"),
-        local: 64,
-        subgroups: true,
-        floats: 0x438,
-        bindings: &[
-            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-            BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "depth_keys", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "identity", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
-        ],
+        ..*super::project_static_sh1_half::INFO
     };
 }
 
@@ -440,27 +288,8 @@ pub mod project_static_sh3_half {
     /// What the device needs to know. A variant of [`super::project_static_sh1_half`].
     pub const INFO: &KernelInfo = &KernelInfo {
         name: "project_static_sh3_half",
-        push_bytes: size_of::<super::project_static_sh1_half::Push>() as u32,
         spirv: include_bytes!("../../../shaders-glsl/spv/project_static_sh3_half.spv"),
-        local: 64,
-        subgroups: true,
-        floats: 0x438,
-        bindings: &[
-            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-            BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "depth_keys", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "identity", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
-        ],
+        ..*super::project_static_sh1_half::INFO
     };
 }
 
@@ -470,27 +299,8 @@ pub mod project_dynamic_sh1_half {
     /// What the device needs to know. A variant of [`super::project_static_sh1_half`].
     pub const INFO: &KernelInfo = &KernelInfo {
         name: "project_dynamic_sh1_half",
-        push_bytes: size_of::<super::project_static_sh1_half::Push>() as u32,
         spirv: include_bytes!("../../../shaders-glsl/spv/project_dynamic_sh1_half.spv"),
-        local: 64,
-        subgroups: true,
-        floats: 0x438,
-        bindings: &[
-            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-            BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "depth_keys", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "identity", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
-        ],
+        ..*super::project_static_sh1_half::INFO
     };
 }
 
@@ -500,27 +310,8 @@ pub mod project_dynamic_sh2_half {
     /// What the device needs to know. A variant of [`super::project_static_sh1_half`].
     pub const INFO: &KernelInfo = &KernelInfo {
         name: "project_dynamic_sh2_half",
-        push_bytes: size_of::<super::project_static_sh1_half::Push>() as u32,
         spirv: include_bytes!("../../../shaders-glsl/spv/project_dynamic_sh2_half.spv"),
-        local: 64,
-        subgroups: true,
-        floats: 0x438,
-        bindings: &[
-            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-            BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "depth_keys", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "identity", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
-        ],
+        ..*super::project_static_sh1_half::INFO
     };
 }
 
@@ -530,27 +321,8 @@ pub mod project_dynamic_sh3_half {
     /// What the device needs to know. A variant of [`super::project_static_sh1_half`].
     pub const INFO: &KernelInfo = &KernelInfo {
         name: "project_dynamic_sh3_half",
-        push_bytes: size_of::<super::project_static_sh1_half::Push>() as u32,
         spirv: include_bytes!("../../../shaders-glsl/spv/project_dynamic_sh3_half.spv"),
-        local: 64,
-        subgroups: true,
-        floats: 0x438,
-        bindings: &[
-            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-            BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "depth_keys", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "identity", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
-        ],
+        ..*super::project_static_sh1_half::INFO
     };
 }
 
@@ -734,34 +506,8 @@ pub mod project_bwd_static_sh1 {
     /// What the device needs to know. A variant of [`super::project_bwd_static_sh0`].
     pub const INFO: &KernelInfo = &KernelInfo {
         name: "project_bwd_static_sh1",
-        push_bytes: size_of::<super::project_bwd_static_sh0::Push>() as u32,
         spirv: include_bytes!("../../../shaders-glsl/spv/project_bwd_static_sh1.spv"),
-        local: 64,
-        subgroups: true,
-        floats: 0x1ffc98,
-        bindings: &[
-            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-            BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_camera", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_geometry", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "d_sh0", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "d_motion", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "d_sh1", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "d_sh2", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "d_sh3", kind: BindingKind::Storage, access: Access::Write },
-        ],
+        ..*super::project_bwd_static_sh0::INFO
     };
 }
 
@@ -771,34 +517,8 @@ pub mod project_bwd_static_sh2 {
     /// What the device needs to know. A variant of [`super::project_bwd_static_sh0`].
     pub const INFO: &KernelInfo = &KernelInfo {
         name: "project_bwd_static_sh2",
-        push_bytes: size_of::<super::project_bwd_static_sh0::Push>() as u32,
         spirv: include_bytes!("../../../shaders-glsl/spv/project_bwd_static_sh2.spv"),
-        local: 64,
-        subgroups: true,
-        floats: 0x1ffc98,
-        bindings: &[
-            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-            BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_camera", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_geometry", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "d_sh0", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "d_motion", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "d_sh1", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "d_sh2", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "d_sh3", kind: BindingKind::Storage, access: Access::Write },
-        ],
+        ..*super::project_bwd_static_sh0::INFO
     };
 }
 
@@ -808,34 +528,8 @@ pub mod project_bwd_static_sh3 {
     /// What the device needs to know. A variant of [`super::project_bwd_static_sh0`].
     pub const INFO: &KernelInfo = &KernelInfo {
         name: "project_bwd_static_sh3",
-        push_bytes: size_of::<super::project_bwd_static_sh0::Push>() as u32,
         spirv: include_bytes!("../../../shaders-glsl/spv/project_bwd_static_sh3.spv"),
-        local: 64,
-        subgroups: true,
-        floats: 0x1ffc98,
-        bindings: &[
-            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-            BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_camera", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_geometry", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "d_sh0", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "d_motion", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "d_sh1", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "d_sh2", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "d_sh3", kind: BindingKind::Storage, access: Access::Write },
-        ],
+        ..*super::project_bwd_static_sh0::INFO
     };
 }
 
@@ -845,34 +539,8 @@ pub mod project_bwd_dynamic_sh0 {
     /// What the device needs to know. A variant of [`super::project_bwd_static_sh0`].
     pub const INFO: &KernelInfo = &KernelInfo {
         name: "project_bwd_dynamic_sh0",
-        push_bytes: size_of::<super::project_bwd_static_sh0::Push>() as u32,
         spirv: include_bytes!("../../../shaders-glsl/spv/project_bwd_dynamic_sh0.spv"),
-        local: 64,
-        subgroups: true,
-        floats: 0x1ffc98,
-        bindings: &[
-            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-            BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_camera", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_geometry", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "d_sh0", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "d_motion", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "d_sh1", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "d_sh2", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "d_sh3", kind: BindingKind::Storage, access: Access::Write },
-        ],
+        ..*super::project_bwd_static_sh0::INFO
     };
 }
 
@@ -882,34 +550,8 @@ pub mod project_bwd_dynamic_sh1 {
     /// What the device needs to know. A variant of [`super::project_bwd_static_sh0`].
     pub const INFO: &KernelInfo = &KernelInfo {
         name: "project_bwd_dynamic_sh1",
-        push_bytes: size_of::<super::project_bwd_static_sh0::Push>() as u32,
         spirv: include_bytes!("../../../shaders-glsl/spv/project_bwd_dynamic_sh1.spv"),
-        local: 64,
-        subgroups: true,
-        floats: 0x1ffc98,
-        bindings: &[
-            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-            BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_camera", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_geometry", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "d_sh0", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "d_motion", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "d_sh1", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "d_sh2", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "d_sh3", kind: BindingKind::Storage, access: Access::Write },
-        ],
+        ..*super::project_bwd_static_sh0::INFO
     };
 }
 
@@ -919,34 +561,8 @@ pub mod project_bwd_dynamic_sh2 {
     /// What the device needs to know. A variant of [`super::project_bwd_static_sh0`].
     pub const INFO: &KernelInfo = &KernelInfo {
         name: "project_bwd_dynamic_sh2",
-        push_bytes: size_of::<super::project_bwd_static_sh0::Push>() as u32,
         spirv: include_bytes!("../../../shaders-glsl/spv/project_bwd_dynamic_sh2.spv"),
-        local: 64,
-        subgroups: true,
-        floats: 0x1ffc98,
-        bindings: &[
-            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-            BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_camera", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_geometry", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "d_sh0", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "d_motion", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "d_sh1", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "d_sh2", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "d_sh3", kind: BindingKind::Storage, access: Access::Write },
-        ],
+        ..*super::project_bwd_static_sh0::INFO
     };
 }
 
@@ -956,34 +572,8 @@ pub mod project_bwd_dynamic_sh3 {
     /// What the device needs to know. A variant of [`super::project_bwd_static_sh0`].
     pub const INFO: &KernelInfo = &KernelInfo {
         name: "project_bwd_dynamic_sh3",
-        push_bytes: size_of::<super::project_bwd_static_sh0::Push>() as u32,
         spirv: include_bytes!("../../../shaders-glsl/spv/project_bwd_dynamic_sh3.spv"),
-        local: 64,
-        subgroups: true,
-        floats: 0x1ffc98,
-        bindings: &[
-            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-            BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_camera", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_geometry", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "d_sh0", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "d_motion", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "d_sh1", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "d_sh2", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "d_sh3", kind: BindingKind::Storage, access: Access::Write },
-        ],
+        ..*super::project_bwd_static_sh0::INFO
     };
 }
 
@@ -1136,37 +726,8 @@ pub mod project_bwd_adam_static_sh1 {
     /// What the device needs to know. A variant of [`super::project_bwd_adam_static_sh0`].
     pub const INFO: &KernelInfo = &KernelInfo {
         name: "project_bwd_adam_static_sh1",
-        push_bytes: size_of::<super::project_bwd_adam_static_sh0::Push>() as u32,
         spirv: include_bytes!("../../../shaders-glsl/spv/project_bwd_adam_static_sh1.spv"),
-        local: 64,
-        subgroups: true,
-        floats: 0x7ffc98,
-        bindings: &[
-            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-            BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_camera", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_motion", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "state", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "adam", kind: BindingKind::Uniform, access: Access::Read },
-        ],
+        ..*super::project_bwd_adam_static_sh0::INFO
     };
 }
 
@@ -1176,37 +737,8 @@ pub mod project_bwd_adam_static_sh2 {
     /// What the device needs to know. A variant of [`super::project_bwd_adam_static_sh0`].
     pub const INFO: &KernelInfo = &KernelInfo {
         name: "project_bwd_adam_static_sh2",
-        push_bytes: size_of::<super::project_bwd_adam_static_sh0::Push>() as u32,
         spirv: include_bytes!("../../../shaders-glsl/spv/project_bwd_adam_static_sh2.spv"),
-        local: 64,
-        subgroups: true,
-        floats: 0x7ffc98,
-        bindings: &[
-            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-            BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_camera", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_motion", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "state", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "adam", kind: BindingKind::Uniform, access: Access::Read },
-        ],
+        ..*super::project_bwd_adam_static_sh0::INFO
     };
 }
 
@@ -1216,37 +748,8 @@ pub mod project_bwd_adam_static_sh3 {
     /// What the device needs to know. A variant of [`super::project_bwd_adam_static_sh0`].
     pub const INFO: &KernelInfo = &KernelInfo {
         name: "project_bwd_adam_static_sh3",
-        push_bytes: size_of::<super::project_bwd_adam_static_sh0::Push>() as u32,
         spirv: include_bytes!("../../../shaders-glsl/spv/project_bwd_adam_static_sh3.spv"),
-        local: 64,
-        subgroups: true,
-        floats: 0x7ffc98,
-        bindings: &[
-            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-            BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_camera", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_motion", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "state", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "adam", kind: BindingKind::Uniform, access: Access::Read },
-        ],
+        ..*super::project_bwd_adam_static_sh0::INFO
     };
 }
 
@@ -1256,37 +759,8 @@ pub mod project_bwd_adam_dynamic_sh0 {
     /// What the device needs to know. A variant of [`super::project_bwd_adam_static_sh0`].
     pub const INFO: &KernelInfo = &KernelInfo {
         name: "project_bwd_adam_dynamic_sh0",
-        push_bytes: size_of::<super::project_bwd_adam_static_sh0::Push>() as u32,
         spirv: include_bytes!("../../../shaders-glsl/spv/project_bwd_adam_dynamic_sh0.spv"),
-        local: 64,
-        subgroups: true,
-        floats: 0x7ffc98,
-        bindings: &[
-            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-            BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_camera", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_motion", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "state", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "adam", kind: BindingKind::Uniform, access: Access::Read },
-        ],
+        ..*super::project_bwd_adam_static_sh0::INFO
     };
 }
 
@@ -1296,37 +770,8 @@ pub mod project_bwd_adam_dynamic_sh1 {
     /// What the device needs to know. A variant of [`super::project_bwd_adam_static_sh0`].
     pub const INFO: &KernelInfo = &KernelInfo {
         name: "project_bwd_adam_dynamic_sh1",
-        push_bytes: size_of::<super::project_bwd_adam_static_sh0::Push>() as u32,
         spirv: include_bytes!("../../../shaders-glsl/spv/project_bwd_adam_dynamic_sh1.spv"),
-        local: 64,
-        subgroups: true,
-        floats: 0x7ffc98,
-        bindings: &[
-            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-            BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_camera", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_motion", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "state", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "adam", kind: BindingKind::Uniform, access: Access::Read },
-        ],
+        ..*super::project_bwd_adam_static_sh0::INFO
     };
 }
 
@@ -1336,37 +781,8 @@ pub mod project_bwd_adam_dynamic_sh2 {
     /// What the device needs to know. A variant of [`super::project_bwd_adam_static_sh0`].
     pub const INFO: &KernelInfo = &KernelInfo {
         name: "project_bwd_adam_dynamic_sh2",
-        push_bytes: size_of::<super::project_bwd_adam_static_sh0::Push>() as u32,
         spirv: include_bytes!("../../../shaders-glsl/spv/project_bwd_adam_dynamic_sh2.spv"),
-        local: 64,
-        subgroups: true,
-        floats: 0x7ffc98,
-        bindings: &[
-            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-            BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_camera", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_motion", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "state", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "adam", kind: BindingKind::Uniform, access: Access::Read },
-        ],
+        ..*super::project_bwd_adam_static_sh0::INFO
     };
 }
 
@@ -1376,37 +792,8 @@ pub mod project_bwd_adam_dynamic_sh3 {
     /// What the device needs to know. A variant of [`super::project_bwd_adam_static_sh0`].
     pub const INFO: &KernelInfo = &KernelInfo {
         name: "project_bwd_adam_dynamic_sh3",
-        push_bytes: size_of::<super::project_bwd_adam_static_sh0::Push>() as u32,
         spirv: include_bytes!("../../../shaders-glsl/spv/project_bwd_adam_dynamic_sh3.spv"),
-        local: 64,
-        subgroups: true,
-        floats: 0x7ffc98,
-        bindings: &[
-            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-            BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_camera", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_motion", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "state", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "adam", kind: BindingKind::Uniform, access: Access::Read },
-        ],
+        ..*super::project_bwd_adam_static_sh0::INFO
     };
 }
 
@@ -1416,37 +803,8 @@ pub mod project_bwd_adam_static_sh0_m16 {
     /// What the device needs to know. A variant of [`super::project_bwd_adam_static_sh0`].
     pub const INFO: &KernelInfo = &KernelInfo {
         name: "project_bwd_adam_static_sh0_m16",
-        push_bytes: size_of::<super::project_bwd_adam_static_sh0::Push>() as u32,
         spirv: include_bytes!("../../../shaders-glsl/spv/project_bwd_adam_static_sh0_m16.spv"),
-        local: 64,
-        subgroups: true,
-        floats: 0x7ffc98,
-        bindings: &[
-            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-            BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_camera", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_motion", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "state", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "adam", kind: BindingKind::Uniform, access: Access::Read },
-        ],
+        ..*super::project_bwd_adam_static_sh0::INFO
     };
 }
 
@@ -1456,37 +814,8 @@ pub mod project_bwd_adam_static_sh1_m16 {
     /// What the device needs to know. A variant of [`super::project_bwd_adam_static_sh0`].
     pub const INFO: &KernelInfo = &KernelInfo {
         name: "project_bwd_adam_static_sh1_m16",
-        push_bytes: size_of::<super::project_bwd_adam_static_sh0::Push>() as u32,
         spirv: include_bytes!("../../../shaders-glsl/spv/project_bwd_adam_static_sh1_m16.spv"),
-        local: 64,
-        subgroups: true,
-        floats: 0x7ffc98,
-        bindings: &[
-            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-            BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_camera", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_motion", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "state", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "adam", kind: BindingKind::Uniform, access: Access::Read },
-        ],
+        ..*super::project_bwd_adam_static_sh0::INFO
     };
 }
 
@@ -1496,37 +825,8 @@ pub mod project_bwd_adam_static_sh2_m16 {
     /// What the device needs to know. A variant of [`super::project_bwd_adam_static_sh0`].
     pub const INFO: &KernelInfo = &KernelInfo {
         name: "project_bwd_adam_static_sh2_m16",
-        push_bytes: size_of::<super::project_bwd_adam_static_sh0::Push>() as u32,
         spirv: include_bytes!("../../../shaders-glsl/spv/project_bwd_adam_static_sh2_m16.spv"),
-        local: 64,
-        subgroups: true,
-        floats: 0x7ffc98,
-        bindings: &[
-            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-            BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_camera", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_motion", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "state", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "adam", kind: BindingKind::Uniform, access: Access::Read },
-        ],
+        ..*super::project_bwd_adam_static_sh0::INFO
     };
 }
 
@@ -1536,37 +836,8 @@ pub mod project_bwd_adam_static_sh3_m16 {
     /// What the device needs to know. A variant of [`super::project_bwd_adam_static_sh0`].
     pub const INFO: &KernelInfo = &KernelInfo {
         name: "project_bwd_adam_static_sh3_m16",
-        push_bytes: size_of::<super::project_bwd_adam_static_sh0::Push>() as u32,
         spirv: include_bytes!("../../../shaders-glsl/spv/project_bwd_adam_static_sh3_m16.spv"),
-        local: 64,
-        subgroups: true,
-        floats: 0x7ffc98,
-        bindings: &[
-            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-            BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_camera", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_motion", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "state", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "adam", kind: BindingKind::Uniform, access: Access::Read },
-        ],
+        ..*super::project_bwd_adam_static_sh0::INFO
     };
 }
 
@@ -1576,37 +847,8 @@ pub mod project_bwd_adam_dynamic_sh0_m16 {
     /// What the device needs to know. A variant of [`super::project_bwd_adam_static_sh0`].
     pub const INFO: &KernelInfo = &KernelInfo {
         name: "project_bwd_adam_dynamic_sh0_m16",
-        push_bytes: size_of::<super::project_bwd_adam_static_sh0::Push>() as u32,
         spirv: include_bytes!("../../../shaders-glsl/spv/project_bwd_adam_dynamic_sh0_m16.spv"),
-        local: 64,
-        subgroups: true,
-        floats: 0x7ffc98,
-        bindings: &[
-            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-            BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_camera", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_motion", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "state", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "adam", kind: BindingKind::Uniform, access: Access::Read },
-        ],
+        ..*super::project_bwd_adam_static_sh0::INFO
     };
 }
 
@@ -1616,37 +858,8 @@ pub mod project_bwd_adam_dynamic_sh1_m16 {
     /// What the device needs to know. A variant of [`super::project_bwd_adam_static_sh0`].
     pub const INFO: &KernelInfo = &KernelInfo {
         name: "project_bwd_adam_dynamic_sh1_m16",
-        push_bytes: size_of::<super::project_bwd_adam_static_sh0::Push>() as u32,
         spirv: include_bytes!("../../../shaders-glsl/spv/project_bwd_adam_dynamic_sh1_m16.spv"),
-        local: 64,
-        subgroups: true,
-        floats: 0x7ffc98,
-        bindings: &[
-            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-            BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_camera", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_motion", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "state", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "adam", kind: BindingKind::Uniform, access: Access::Read },
-        ],
+        ..*super::project_bwd_adam_static_sh0::INFO
     };
 }
 
@@ -1656,37 +869,8 @@ pub mod project_bwd_adam_dynamic_sh2_m16 {
     /// What the device needs to know. A variant of [`super::project_bwd_adam_static_sh0`].
     pub const INFO: &KernelInfo = &KernelInfo {
         name: "project_bwd_adam_dynamic_sh2_m16",
-        push_bytes: size_of::<super::project_bwd_adam_static_sh0::Push>() as u32,
         spirv: include_bytes!("../../../shaders-glsl/spv/project_bwd_adam_dynamic_sh2_m16.spv"),
-        local: 64,
-        subgroups: true,
-        floats: 0x7ffc98,
-        bindings: &[
-            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-            BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_camera", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_motion", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "state", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "adam", kind: BindingKind::Uniform, access: Access::Read },
-        ],
+        ..*super::project_bwd_adam_static_sh0::INFO
     };
 }
 
@@ -1696,37 +880,8 @@ pub mod project_bwd_adam_dynamic_sh3_m16 {
     /// What the device needs to know. A variant of [`super::project_bwd_adam_static_sh0`].
     pub const INFO: &KernelInfo = &KernelInfo {
         name: "project_bwd_adam_dynamic_sh3_m16",
-        push_bytes: size_of::<super::project_bwd_adam_static_sh0::Push>() as u32,
         spirv: include_bytes!("../../../shaders-glsl/spv/project_bwd_adam_dynamic_sh3_m16.spv"),
-        local: 64,
-        subgroups: true,
-        floats: 0x7ffc98,
-        bindings: &[
-            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-            BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_camera", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_sh0", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_motion", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_sh1", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_sh2", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "moments_sh3", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "state", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "adam", kind: BindingKind::Uniform, access: Access::Read },
-        ],
+        ..*super::project_bwd_adam_static_sh0::INFO
     };
 }
 

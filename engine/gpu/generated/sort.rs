@@ -114,18 +114,7 @@ pub mod sort_scatter_w32 {
     /// What the device needs to know. A variant of [`super::sort_scatter`].
     pub const INFO: &KernelInfo = &KernelInfo {
         name: "sort_scatter_w32",
-        push_bytes: size_of::<super::sort_scatter::Push>() as u32,
         spirv: include_bytes!("../../../shaders-glsl/spv/sort_scatter_w32.spv"),
-        local: 64,
-        subgroups: true,
-        floats: 0x0,
-        bindings: &[
-            BindingInfo { name: "count", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "digits", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "keys_in", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "values_in", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "keys_out", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "values_out", kind: BindingKind::Storage, access: Access::Write },
-        ],
+        ..*super::sort_scatter::INFO
     };
 }

@@ -233,6 +233,18 @@ impl Capture {
         self.frames(true)
     }
 
+    /// A view of every pose of every camera, test cameras among them: one of a camera that rests, one for each image of a
+    /// camera that moves.
+    pub fn lens_views(&self) -> Vec<View> {
+        let mut views = Vec::new();
+        for (index, camera) in self.cameras.iter().enumerate() {
+            let moves = camera.shots.iter().any(|shot| shot.world_to_camera.is_some());
+            let shots = camera.shots.iter().take(if moves { usize::MAX } else { 1 });
+            views.extend(shots.filter_map(|shot| self.view(index, shot.frame).ok()));
+        }
+        views
+    }
+
     /// Decodes one image with its mask. [`FrameCache`] does so ahead of time.
     ///
     /// # Errors

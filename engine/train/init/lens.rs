@@ -16,13 +16,7 @@ pub(super) struct Lenses(Vec<View>);
 
 impl Lenses {
     pub fn new(capture: &Capture) -> Self {
-        let mut views = Vec::new();
-        for (index, camera) in capture.cameras.iter().enumerate() {
-            let moves = camera.shots.iter().any(|shot| shot.world_to_camera.is_some());
-            let shots = camera.shots.iter().take(if moves { usize::MAX } else { 1 });
-            views.extend(shots.filter_map(|shot| capture.view(index, shot.frame).ok()));
-        }
-        Lenses(views)
+        Lenses(capture.lens_views())
     }
 
     /// Whether a Gaussian at a point would veil a picture.
