@@ -175,7 +175,7 @@ pub const STUDIES: [Study; 4] = [
 /// Tau of points that stand still where everything is modelled, clips.
 const LONG_TAU: f64 = 10.0;
 /// Reviews of what the scene requires.
-const REVIEWS: u32 = 3;
+const REVIEWS: u32 = 2;
 
 /// A mean with the half-width of its interval of 95 % confidence.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]

@@ -89,7 +89,7 @@ pub struct Required {
 
 impl Default for Required {
     fn default() -> Self {
-        Required { reviews: 0, first: 0.7, last: 0.9, images: 32, price: 1.0, margin: 0.05, grids_at: 0.3 }
+        Required { reviews: 0, first: 0.6, last: 0.8, images: 24, price: 1.0, margin: 0.05, grids_at: 0.3 }
     }
 }
 
@@ -239,7 +239,7 @@ pub struct Density {
     pub start: f64,
     /// First step at the latest.
     pub first_step: u64,
-    /// Last step, as a fraction of the run.
+    /// Last step that adds any, as a fraction of the run; 0 for no density control.
     pub stop: f64,
     /// Steps between two rounds, at most; shorter runs have at least ten rounds.
     pub every: u64,
@@ -488,12 +488,23 @@ impl Default for Density {
     }
 }
 
+/// What a round of density control does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Round {
+    /// Gaussians are added, removed and, by `mcmc`, relocated.
+    Growth,
+    /// Gaussians are removed: one that has grown before a lens since the others ended would stay there.
+    Removal,
+}
+
 impl Density {
-    /// Whether a round of density control follows step `step` (from 1) of `total`.
-    pub fn is_due(&self, step: u64, total: u64) -> bool {
+    /// The round of density control that follows step `step` (from 1) of `total`: rounds at equal steps to the end of the run,
+    /// of which those after [`Density::stop`] only remove. None where the rounds that grow are none.
+    pub fn due(&self, step: u64, total: u64) -> Option<Round> {
         let first = ((total as f64 * self.start) as u64).min(self.first_step);
         let last = (total as f64 * self.stop) as u64;
         let every = self.every.min((last.saturating_sub(first) / 10).max(1)).max(1);
-        step >= first && step <= last && step > 0 && (step - first).is_multiple_of(every) && step != first
+        let is_due = last > first && step > first && (step - first).is_multiple_of(every);
+        is_due.then_some(if step <= last { Round::Growth } else { Round::Removal })
     }
 }

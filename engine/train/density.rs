@@ -1,7 +1,7 @@
 //! Density control over a run: when a round is due, and what the settings make of it. The round itself runs on the device
 //! ([`DensityRound`]).
 
-use super::config::{Config, Density, Strategy};
+use super::config::{Config, Density, Round, Strategy};
 use super::random::Random;
 use super::schedule::rates;
 use crate::scene::capture::Extent;
@@ -22,20 +22,22 @@ pub fn density_round(
     n_frames: u32,
 ) -> Option<DensityRound> {
     let density = &config.density;
-    let is_due = density.is_due(step, total);
+    let due = density.due(step, total);
     let is_adc = density.strategy == Strategy::Adc;
-    let resets = is_adc && step > 0 && step.is_multiple_of(density.reset_every) && step < total / 2;
-    if !is_due && !resets {
+    let grows = (step as f64) < density.stop * total as f64;
+    let resets = is_adc && step > 0 && step.is_multiple_of(density.reset_every) && grows;
+    if due.is_none() && !resets {
         return None;
     }
     let radius = extent.radius as f32;
-    let (choice, growth) = match density.strategy {
-        Strategy::Adc => {
-            let Density { gradient, split_above, prune_scale, .. } = *density;
-            let (split_above, prune_scale) = (split_above * radius, prune_scale * radius);
-            (Choice::Pulled { gradient, split_above, prune_scale }, density.growth)
-        }
-        Strategy::Mcmc => (Choice::Drawn, density.mcmc_growth),
+    let Density { gradient, split_above, .. } = *density;
+    let pulled = |prune_scale| Choice::Pulled { gradient, split_above: split_above * radius, prune_scale };
+    let (choice, growth) = match (density.strategy, due) {
+        (Strategy::Adc, Some(Round::Growth)) => (pulled(density.prune_scale * radius), density.growth),
+        (Strategy::Adc, _) => (pulled(density.prune_scale * radius), 0.0),
+        (Strategy::Mcmc, Some(Round::Growth)) => (Choice::Drawn, density.mcmc_growth),
+        // Drawing would move the dead to the end of the run, and copies need steps to become one Gaussian again.
+        (Strategy::Mcmc, _) => (pulled(f32::MAX), 0.0),
     };
     Some(DensityRound {
         choice,
@@ -46,7 +48,7 @@ pub fn density_round(
         prune_veil: density.prune_veil,
         opacity_ceiling: if resets { (density.reset_to / (1.0 - density.reset_to)).ln() } else { f32::MAX },
         max_gaussians: u32::try_from(config.max_gaussians).unwrap_or(u32::MAX),
-        growth: if is_due { growth as f32 } else { 0.0 },
+        growth: growth as f32,
         key: key(config, step, ROUND),
     })
 }
