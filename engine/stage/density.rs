@@ -43,6 +43,20 @@ pub enum Choice {
     Drawn,
 }
 
+/// What a camera sees, roughly: a cone.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+pub struct Lens {
+    /// Its tip, scene units.
+    pub center: [f32; 3],
+    /// Tangent of the angle between its axis and its side.
+    pub reach: f32,
+    /// The optical axis, of length 1.
+    pub axis: [f32; 3],
+    /// 0.
+    pub unused: f32,
+}
+
 /// A round of density control.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DensityRound {
@@ -56,8 +70,8 @@ pub struct DensityRound {
     pub extent: f32,
     /// Opacity, the largest over the training times, below which a Gaussian goes or is dead.
     pub prune_opacity: f32,
-    /// Standard deviation, as a part of the distance to the nearest lens, above which a Gaussian goes or is dead: it would veil
-    /// whatever is seen from there.
+    /// Standard deviation, as a part of its depth before a lens that sees it, above which a Gaussian goes or is dead: it would
+    /// veil whatever is seen from there.
     pub prune_veil: f32,
     /// Opacity logit that none exceeds afterwards; `f32::MAX` leaves all.
     pub opacity_ceiling: f32,
@@ -119,9 +133,9 @@ struct Scratch {
 }
 
 impl DensityRound {
-    /// One round on `scene`, with the moments and the state of [`super::Optimiser`], among `lenses`, relative to the scene's
-    /// origin. The Gaussians come out by population,
-    /// time and place (Morton's order); whatever is not as it was has moments zero, and all statistics begin anew.
+    /// One round on `scene`, with the moments and the state of [`super::Optimiser`], before `lenses`, relative to the scene's
+    /// origin. The Gaussians come out by population, time and place (Morton's order); whatever is not as it was has moments
+    /// zero, and all statistics begin anew.
     ///
     /// # Errors
     /// [`Error::NonFinite`] when no Gaussian is left, [`Error::OutOfMemory`] naming the buffer that does not fit.
@@ -131,7 +145,7 @@ impl DensityRound {
         scene: &SceneBuffers,
         moments: &Moments,
         state: &[Buf<[f32; 4]>],
-        lenses: &[[f32; 3]],
+        lenses: &[Lens],
         constants: &Constants,
     ) -> Result<Grown> {
         let old = Before { scene, moments, state };
@@ -148,12 +162,13 @@ impl DensityRound {
         }
         let most_new = self.most_new(scene.n);
         let scratch = Scratch::new(gpu, scene, most_new)?;
-        let lenses: Vec<[f32; 4]> = lenses.iter().map(|[x, y, z]| [*x, *y, *z, 0.0]).collect();
+        let n_lenses = lenses.len() as u32;
+        let lenses = gpu.upload("lenses", bytemuck::cast_slice(lenses))?;
         let mut rec = Recording::new();
         rec.stage("density");
         rec.fill(scratch.counters.slice(), 0);
         rec.fill(scratch.copies.slice(), 0);
-        self.record_classify(&mut rec, &scratch, old, lenses.len() as u32, &gpu.upload("lenses", &lenses)?);
+        self.record_classify(&mut rec, &scratch, old, n_lenses, &lenses);
         match self.choice {
             Choice::Pulled { .. } => self.record_pulled(gpu, &mut rec, &scratch)?,
             Choice::Drawn => self.record_drawn(gpu, &mut rec, &scratch, scene.n, most_new)?,

@@ -254,8 +254,8 @@ pub struct Density {
     pub prune_opacity: f32,
     /// `adc`: standard deviation, in units of the extent, above which a Gaussian is removed.
     pub prune_scale: f32,
-    /// Standard deviation, as a part of the distance to the nearest lens of any camera, above which a Gaussian is removed (`adc`)
-    /// or relocated (`mcmc`). What stands before a lens that no training picture is taken through, one kept for testing, is
+    /// Standard deviation, as a part of its depth before a lens of any camera that sees it, above which a Gaussian is removed
+    /// (`adc`) or relocated (`mcmc`). What stands before a lens that no training picture is taken through, one kept for testing, is
     /// seen by the others from the side or not at all, and would veil that picture.
     pub prune_veil: f32,
     /// `adc`: steps between two resets of the opacities.

@@ -9,7 +9,7 @@ use super::density::{density_round, noise, regularisers};
 use super::metrics::psnr;
 use super::objective::{Objective, Sums, Truth};
 use super::schedule::rates;
-use super::setup::Setup;
+use super::setup::{Setup, lens};
 use crate::error::{Error, Result};
 use crate::gpu::generated::{AdamParams, Status, ViewParams};
 use crate::gpu::{Buf, Dispatch, Gpu, PassTime, Recording, Running, Slice};
@@ -17,7 +17,7 @@ use crate::scene::capture::Picture;
 use crate::scene::{Similarity, Splats, View};
 use crate::settings::Constants;
 use crate::stage::{
-    AdamMode, Counters, Counts, Lists, Moments, Optimiser, PassReport, Purpose, Room, SceneBuffers, State,
+    AdamMode, Counters, Counts, Lens, Lists, Moments, Optimiser, PassReport, Purpose, Room, SceneBuffers, State,
     StepSettings, Strip, Target, Verdict, Workspace, adam_params, add_passes, lazy_sums, record_mcmc_noise,
     view_params,
 };
@@ -597,8 +597,7 @@ impl Trainer {
         self.gpu.run(&rec)?;
         let (moments, state) = (&self.optimiser.moments, &self.optimiser.state);
         let origin = self.scene.origin;
-        let lenses = self.setup.lenses.iter().map(|lens| std::array::from_fn(|k| (lens[k] - origin[k]) as f32));
-        let lenses: Vec<[f32; 3]> = lenses.collect();
+        let lenses: Vec<Lens> = self.setup.lenses.iter().map(|view| lens(view, origin)).collect();
         let grown = round.run(&self.gpu, &self.scene, moments, state, &lenses, &self.constants)?;
         self.scene = grown.scene;
         (self.optimiser.moments, self.optimiser.state) = (grown.moments, grown.state);

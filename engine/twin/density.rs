@@ -3,6 +3,8 @@
 use super::math::{apply, rotation};
 use super::scan::exclusive_scan;
 use crate::scene::Splats;
+use crate::stage::Lens;
+use glam::Vec3;
 
 /// What becomes of a Gaussian of the list.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -54,9 +56,9 @@ pub struct Density<'a> {
     pub extent: f32,
     /// Opacity below which a Gaussian goes or is dead.
     pub prune_opacity: f32,
-    /// Where the lenses are, and the standard deviation, as a part of the distance to the nearest, above which a Gaussian goes.
-    pub lenses: &'a [[f32; 3]],
-    /// See [`Density::lenses`].
+    /// What cameras see.
+    pub lenses: &'a [Lens],
+    /// Standard deviation, as a part of its depth before a lens that sees it, above which a Gaussian goes.
     pub prune_veil: f32,
     /// Gaussians never exceed this.
     pub max_gaussians: usize,
@@ -174,10 +176,15 @@ impl Density<'_> {
             && self.opacity(i) >= self.prune_opacity
             && self.largest(i) <= prune_scale
             && self.largest(i) <= 44f32.exp()
-            && self.lenses.iter().all(|lens| {
-                let squared = (0..3).map(|k| (splats.position[i][k] - lens[k]).powi(2)).sum::<f32>();
-                self.largest(i) <= self.prune_veil * squared.sqrt()
-            })
+            && !self.lenses.iter().any(|lens| self.veils(i, lens))
+    }
+
+    fn veils(&self, i: usize, lens: &Lens) -> bool {
+        let (width, axis) = (self.largest(i), Vec3::from(lens.axis));
+        let offset = Vec3::from(self.splats.position[i]) - Vec3::from(lens.center);
+        let depth = offset.dot(axis);
+        let aside = (offset - depth * axis).length();
+        depth > 0.0 && width > self.prune_veil * depth && aside - 3.0 * width < depth * lens.reach
     }
 
     /// Where a Gaussian is stored: population and falling SH degree, thirty-first of the clip (0: longer than a quarter of

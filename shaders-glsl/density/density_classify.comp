@@ -31,7 +31,7 @@ layout(push_constant) uniform Push {
     float gradient;
     uint bucket;
     uint n_lenses;
-    float veil;           // standard deviation, in units of the distance to the nearest lens, above which it is not kept
+    float veil;           // standard deviation, in units of its depth before a lens, above which it is not kept
 } pc;
 layout(set = 0, binding = 0) restrict readonly buffer Geometry { vec4 geometry[]; };
 layout(set = 0, binding = 1) restrict readonly buffer State { vec4 state[]; };
@@ -41,7 +41,7 @@ layout(set = 0, binding = 4) restrict writeonly buffer Identity { uint identity[
 layout(set = 0, binding = 5) restrict writeonly buffer Entries { uint entries[]; };
 layout(set = 0, binding = 6) restrict writeonly buffer Codes { uint codes[]; };
 layout(set = 0, binding = 7) restrict buffer Counters { uint counters[]; };
-layout(set = 0, binding = 8) restrict readonly buffer Lenses { vec4 lenses[]; };
+layout(set = 0, binding = 8) restrict readonly buffer Lenses { vec4 lenses[]; };  // two each: place and reach, axis
 #ifdef DYNAMIC
 layout(set = 0, binding = 9) restrict readonly buffer Motion { vec4 motion[]; };
 #endif
@@ -88,9 +88,15 @@ void main() {
     code |= (lasts ? 0u : 1u + uint(30.0 * clamp(v.w, 0.0, 1.0))) << CODE_TIME;
 #endif
     code |= morton(mean_opacity.xyz);
-    float nearest = 1e30;
-    for (uint k = 0u; k < unfolded(pc.n_lenses); ++k) nearest = min(nearest, distance(mean_opacity.xyz, lenses[k].xyz));
-    const bool veils = exp(min(scale, 80.0)) > pc.veil * nearest;
+    const float width = exp(min(scale, 80.0));
+    bool veils = false;
+    for (uint k = 0u; k < unfolded(pc.n_lenses); ++k) {
+        precise vec3 offset = mean_opacity.xyz - lenses[2u * k].xyz;
+        precise float depth = dot(offset, lenses[2u * k + 1u].xyz);
+        // Three standard deviations reach into the picture's cone.
+        precise float aside = length(offset - depth * lenses[2u * k + 1u].xyz) - 3.0 * width;
+        veils = veils || (depth > 0.0 && width > pc.veil * depth && aside < depth * lenses[2u * k].w);
+    }
     const bool kept = exists && good && opacity >= pc.prune_opacity && scale <= pc.largest && !veils;
     const float pull = stat.y > 0.0 ? stat.x / stat.y : 0.0;
     uint score = kept && pull > pc.gradient ? ~floatBitsToUint(pull) : 0xffffffffu;
