@@ -183,8 +183,8 @@ impl Density<'_> {
         let (width, axis) = (self.largest(i), Vec3::from(lens.axis));
         let offset = Vec3::from(self.splats.position[i]) - Vec3::from(lens.center);
         let depth = offset.dot(axis);
-        let aside = (offset - depth * axis).length();
-        depth > 0.0 && width > self.prune_veil * depth && aside - 3.0 * width < depth * lens.reach
+        let aside = (offset - depth * axis).length() - depth * lens.reach;
+        depth > 0.0 && width > self.prune_veil * (depth + 2.0 * aside.max(0.0))
     }
 
     /// Where a Gaussian is stored: population and falling SH degree, thirty-first of the clip (0: longer than a quarter of

@@ -93,9 +93,9 @@ void main() {
     for (uint k = 0u; k < unfolded(pc.n_lenses); ++k) {
         precise vec3 offset = mean_opacity.xyz - lenses[2u * k].xyz;
         precise float depth = dot(offset, lenses[2u * k + 1u].xyz);
-        // Three standard deviations reach into the picture's cone.
-        precise float aside = length(offset - depth * lenses[2u * k + 1u].xyz) - 3.0 * width;
-        veils = veils || (depth > 0.0 && width > pc.veil * depth && aside < depth * lenses[2u * k].w);
+        precise float aside = length(offset - depth * lenses[2u * k + 1u].xyz) - depth * lenses[2u * k].w;
+        // Who is beside what the lens sees must be wider to reach into it.
+        veils = veils || (depth > 0.0 && width > pc.veil * (depth + 2.0 * max(aside, 0.0)));
     }
     const bool kept = exists && good && opacity >= pc.prune_opacity && scale <= pc.largest && !veils;
     const float pull = stat.y > 0.0 ? stat.x / stat.y : 0.0;
