@@ -152,20 +152,23 @@ fn value(measure: Measure, eval: &Value, train: &Value, peripheral: &str) -> Opt
         Measure::LastGaussians => eval["gaussians"].as_f64(),
         Measure::Psnr => eval["psnr"].as_f64(),
         Measure::PsnrForeground => eval["psnr_foreground"].as_f64(),
-        Measure::PsnrPeripheral => mean(&scores(eval, |camera| camera == peripheral)?),
-        Measure::PsnrInner => mean(&scores(eval, |camera| camera != peripheral)?),
-        Measure::PsnrInnerWorst => scores(eval, |camera| camera != peripheral)?.into_iter().min_by(f64::total_cmp),
+        Measure::PsnrPeripheral => mean(&scores(eval, "psnr", |camera| camera == peripheral)?),
+        Measure::PsnrPeripheralCovisible => mean(&scores(eval, "psnr_covisible", |camera| camera == peripheral)?),
+        Measure::PsnrInner => mean(&scores(eval, "psnr", |camera| camera != peripheral)?),
+        Measure::PsnrInnerWorst => {
+            scores(eval, "psnr", |camera| camera != peripheral)?.into_iter().min_by(f64::total_cmp)
+        }
         Measure::SceneBytes => eval["bytes"].as_f64(),
         Measure::StepTime => train["seconds_per_step"].as_f64().map(|seconds| 1e3 * seconds),
         Measure::OffsetError => train["offset_error"].as_f64(),
     }
 }
 
-/// PSNR of the test views of some cameras, dB.
-fn scores(eval: &Value, of: impl Fn(&str) -> bool) -> Option<Vec<f64>> {
+/// A score of the test views of some cameras, of those that have it.
+fn scores(eval: &Value, score: &str, of: impl Fn(&str) -> bool) -> Option<Vec<f64>> {
     let views = eval["views"].as_array()?.iter();
     let some = views.filter(|view| view["camera"].as_str().is_some_and(&of));
-    Some(some.filter_map(|view| view["psnr"].as_f64()).collect())
+    Some(some.filter_map(|view| view[score].as_f64()).collect())
 }
 
 fn mean(values: &[f64]) -> Option<f64> {

@@ -175,12 +175,16 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
 fn print(scores: &SceneScores) {
     let Evaluation { views, mean, .. } = &scores.evaluation;
     let width = views.iter().map(|v| v.view.chars().count()).fold(4, usize::max);
-    println!("{:<width$} {:>9} {:>9} {:>10} {:>8} {:>8}", "view", "PSNR, dB", "aligned", "foreground", "SSIM", "L1");
+    println!(
+        "{:<width$} {:>9} {:>9} {:>10} {:>9} {:>8} {:>8}",
+        "view", "PSNR, dB", "aligned", "foreground", "covisible", "SSIM", "L1"
+    );
     let fitted = scores.mean_at_fitted_offsets.as_ref().map(|scores| ("mean at fitted time offsets", scores));
     for (view, s) in views.iter().map(|v| (v.view.as_str(), &v.scores)).chain([("mean", mean)]).chain(fitted) {
-        let foreground = s.psnr_foreground.map_or("-".to_owned(), |psnr| format!("{psnr:.3}"));
+        let [foreground, covisible] =
+            [s.psnr_foreground, s.psnr_covisible].map(|psnr| psnr.map_or("-".to_owned(), |psnr| format!("{psnr:.3}")));
         println!(
-            "{view:<width$} {:>9.3} {:>9.3} {foreground:>10} {:>8.4} {:>8.5}",
+            "{view:<width$} {:>9.3} {:>9.3} {foreground:>10} {covisible:>9} {:>8.4} {:>8.5}",
             s.psnr, s.psnr_aligned, s.ssim, s.l1
         );
     }

@@ -237,8 +237,10 @@ impl Images {
             }
         }
         maker.write_mask(frame, shot.mask.as_deref())?;
-        if let Some(foreground) = &shot.foreground {
-            maker.write_plane("foreground", frame, foreground)?;
+        for (folder, mask) in [("foreground", &shot.foreground), ("covisible", &shot.covisible)] {
+            if let Some(mask) = mask {
+                maker.write_plane(folder, frame, mask)?;
+            }
         }
         maker.write_priors(frame, shot)?;
         tell(&name);
@@ -289,11 +291,7 @@ impl Camera {
         };
         let footage = match &self.material {
             Material::Video(path, _) => vec![file(path)],
-            Material::Images(shots) => {
-                let files =
-                    shots.iter().flat_map(|shot| [Some(&shot.image), shot.mask.as_ref(), shot.foreground.as_ref()]);
-                files.flatten().map(|path| file(path)).collect()
-            }
+            Material::Images(shots) => shots.iter().flat_map(Shot::pictures).map(|path| file(path)).collect(),
         };
         json!({ "name": self.name, "lens": self.lens, "pinhole": self.pinhole, "footage": footage })
     }
@@ -440,7 +438,7 @@ impl Planned<'_> {
             }
         }
         let before = self.faults.n();
-        for path in chosen.iter().flat_map(|s| [Some(&s.image), s.mask.as_ref(), s.foreground.as_ref()]).flatten() {
+        for path in chosen.iter().flat_map(Shot::pictures) {
             if let Some((w, h)) = self.faults.take(read_size(path).map_err(Error::from)).filter(|found| *found != size)
             {
                 let reason = format!("is {w} x {h}, the camera's first image is {} x {}", size.0, size.1);

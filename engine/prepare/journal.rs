@@ -14,7 +14,7 @@ use crate::scene::write_atomic;
 const FILE: &str = "prepare.json";
 /// The parts of a capture that each stage makes; all depend on the first.
 const STAGES: [(&str, &[&str]); 3] = [
-    ("images", &["images", "masks", "foreground", "depth", "flow", "audio", "keypoints"]),
+    ("images", &["images", "masks", "foreground", "covisible", "depth", "flow", "audio", "keypoints"]),
     ("points", &["sparse", "points"]),
     ("flow", &["flow"]),
 ];

@@ -194,6 +194,7 @@ pub fn prepare(settings: &PrepareSettings, progress: &(dyn Fn(Progress) + Sync))
         test_cameras: images.test_cameras(),
         masks: exists("masks"),
         foreground: exists("foreground"),
+        covisible: exists("covisible"),
         points: exists("points"),
         flow: exists("flow"),
         depth: exists("depth"),

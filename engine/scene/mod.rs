@@ -42,4 +42,4 @@ pub use spz::read_spz;
 pub use spz_write::write_spz;
 pub use summary::{Bounds, DeviceBytes, Quantiles, Summary};
 pub use tensors::{Tensor, read_tensors, write_tensors};
-pub use view::{FlowModel, View, read_views, write_views};
+pub use view::{Cone, FlowModel, View, read_views, write_views};

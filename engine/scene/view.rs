@@ -3,6 +3,7 @@
 use std::collections::HashSet;
 use std::path::Path;
 
+use super::capture::camera_center;
 use super::file::{read_bytes, write_atomic};
 use crate::error::{Error, Result};
 
@@ -43,6 +44,20 @@ pub struct View {
     /// `world_to_camera` one frame on, of a camera that moves; [`FlowModel::Displacement`] uses it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub next_world_to_camera: Option<[[f64; 4]; 4]>,
+}
+
+/// What a view sees, roughly: the cone about its corners.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+pub struct Cone {
+    /// Where the lens is, scene units.
+    pub tip: [f32; 3],
+    /// Tangent of the angle between the axis and the cone's side.
+    pub reach: f32,
+    /// The optical axis, of length 1.
+    pub axis: [f32; 3],
+    /// 0.
+    pub unused: f32,
 }
 
 /// What the output `flow` is (SPEC 3).
@@ -146,6 +161,21 @@ impl View {
     pub fn reduced(&self, factor: u32) -> View {
         let [fx, fy, cx, cy] = [self.fx, self.fy, self.cx, self.cy].map(|pixels| pixels / f64::from(factor));
         View { width: self.width / factor, height: self.height / factor, fx, fy, cx, cy, ..self.clone() }
+    }
+
+    /// The cone of what it sees, relative to `origin`.
+    pub fn cone(&self, origin: [f64; 3]) -> Cone {
+        let (width, height) = (f64::from(self.width), f64::from(self.height));
+        let x = self.cx.max(width - self.cx) / self.fx;
+        let y = self.cy.max(height - self.cy) / self.fy;
+        let tip = camera_center(&self.world_to_camera);
+        let [_, _, [axis @ .., _], _] = self.world_to_camera;
+        Cone {
+            tip: std::array::from_fn(|k| (tip[k] - origin[k]) as f32),
+            reach: x.hypot(y) as f32,
+            axis: axis.map(|x| x as f32),
+            unused: 0.0,
+        }
     }
 
     pub(super) fn check(&self) -> Option<Fault> {

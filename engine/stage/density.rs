@@ -10,6 +10,7 @@ use crate::gpu::generated::{
     density_list, density_relocate, density_sample, mcmc_noise,
 };
 use crate::gpu::{Buf, Gpu, Grid, Recording};
+use crate::scene::Cone;
 use crate::settings::Constants;
 
 /// Flat indices leave two bits of a source word for its kind, `SOURCE_BITS` of the shaders.
@@ -41,20 +42,6 @@ pub enum Choice {
     },
     /// 3DGS-MCMC (Kheradmand et al. 2024): the dead, and new ones, become copies of living ones drawn by opacity.
     Drawn,
-}
-
-/// What a camera sees, roughly: a cone.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
-pub struct Lens {
-    /// Its tip, scene units.
-    pub center: [f32; 3],
-    /// Tangent of the angle between its axis and its side.
-    pub reach: f32,
-    /// The optical axis, of length 1.
-    pub axis: [f32; 3],
-    /// 0.
-    pub unused: f32,
 }
 
 /// A round of density control.
@@ -145,7 +132,7 @@ impl DensityRound {
         scene: &SceneBuffers,
         moments: &Moments,
         state: &[Buf<[f32; 4]>],
-        lenses: &[Lens],
+        lenses: &[Cone],
         constants: &Constants,
     ) -> Result<Grown> {
         let old = Before { scene, moments, state };

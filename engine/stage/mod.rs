@@ -33,7 +33,7 @@ pub use blend::{Blend, Outputs, Purpose};
 pub use clock::{ClockStep, Clocks, OFFSET_BOUND};
 pub use counters::{Counters, PassReport, add_passes};
 pub use cull::Cull;
-pub use density::{Choice, Counts, DensityRound, Grown, Lens, record_mcmc_noise};
+pub use density::{Choice, Counts, DensityRound, Grown, record_mcmc_noise};
 pub use fisher::{Census, Response};
 pub use gradients::Gradients;
 pub use losses::{Photometric, SSIM_WEIGHT, Structure};

@@ -57,6 +57,26 @@ pub(super) fn picture(world: &World, options: &Options, index: usize, camera: &C
     picture
 }
 
+/// Whether the surface at each pixel's centre of the `index`-th camera is seen by a training camera at the same time.
+pub(super) fn covisible(world: &World, cameras: &[Camera], index: usize, frame: u32) -> Vec<bool> {
+    let camera = &cameras[index];
+    let now = world.at(f64::from(frame) + camera.time_offset);
+    let seen = |column: u32, row: u32| {
+        let direction = camera.ray(DVec2::new(f64::from(column), f64::from(row)) + 0.5);
+        let point = now.hit(camera.center, direction).map(|hit| hit.at);
+        point.is_some_and(|point| cameras.iter().any(|other| !other.is_test && sees(&now, other, point)))
+    };
+    (0..camera.height)
+        .flat_map(|row| (0..camera.width).map(move |column| (column, row)))
+        .map(|(x, y)| seen(x, y))
+        .collect()
+}
+
+/// Whether a point of a surface is in a camera's picture and nothing is in front of it.
+pub(super) fn sees(now: &Snapshot, camera: &Camera, point: DVec3) -> bool {
+    camera.project(point).is_some_and(|(at, _)| camera.holds(at)) && now.sees(camera.center, point)
+}
+
 /// The mean colour of `samples` x `samples` rays, and whether any of them meets a body that moves.
 fn pixel(now: &Snapshot, camera: &Camera, corner: DVec2, samples: u32) -> (DVec3, bool) {
     let (mut sum, mut dynamic) = (DVec3::ZERO, false);

@@ -2,7 +2,8 @@
 //!
 //! The scene is no set of Gaussians. All arithmetic is +, -, *, / and sqrt in f64 and integer hashes, so equal options
 //! give equal bytes on every machine and with any number of threads. A capture holds, beside the parts of SPEC 8 and
-//! `foreground/` (255 where any ray of the pixel meets a body that moves):
+//! `foreground/` (255 where any ray of the pixel meets a body that moves) and `covisible/` (255 where a training camera sees
+//! what a test camera's pixel shows at its centre):
 //!
 //! ```text
 //! capture.toml                            written last: a folder without it is unfinished

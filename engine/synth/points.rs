@@ -1,5 +1,6 @@
 //! Points as a triangulator would find them in one frame: noisy, some of them wrong, each with who saw it.
 
+use super::cast::sees;
 use super::math::{Random, Stream};
 use super::options::{Noise, Options};
 use super::rig::Camera;
@@ -77,8 +78,4 @@ fn weight(now: &Snapshot, hit: &Hit) -> f64 {
         false if hit.body == 0 => 0.5,
         false => 1.0,
     }
-}
-
-fn sees(now: &Snapshot, camera: &Camera, point: DVec3) -> bool {
-    camera.project(point).is_some_and(|(at, _)| camera.holds(at)) && now.sees(camera.center, point)
 }

@@ -1,6 +1,6 @@
 //! The files of a capture.
 
-use super::cast::{Picture, picture};
+use super::cast::{Picture, covisible, picture};
 use super::options::Options;
 use super::points::points;
 use super::rig::{Camera, rig};
@@ -19,13 +19,14 @@ use std::path::Path;
 /// The file that marks a folder as made here.
 const MARKER: &str = "synth.json";
 /// All that a capture consists of, in the order in which an old one is removed: what makes it valid goes first.
-const PARTS: [&str; 11] = [
+const PARTS: [&str; 12] = [
     "capture.toml",
     "truth.json",
     "truth",
     "keypoints",
     "audio",
     "foreground",
+    "covisible",
     "masks",
     "depth",
     "flow",
@@ -142,6 +143,9 @@ impl Capture<'_> {
             for kind in ["images", "flow", "depth", "foreground", "truth/exact"] {
                 files::make_folder(&self.folder.join(kind).join(&camera.name))?;
             }
+            if camera.is_test {
+                files::make_folder(&self.folder.join("covisible").join(&camera.name))?;
+            }
             if camera.hood {
                 files::make_folder(&self.folder.join("masks").join(&camera.name))?;
             }
@@ -190,13 +194,18 @@ impl Capture<'_> {
             self.folder.join(kind).join(&camera.name).join(format!("{frame:05}.{extension}"))
         };
         files::png(&path("images", "png"), &picture.rgb, width, height, ExtendedColorType::Rgb8)?;
-        let dynamic: Vec<u8> = picture.dynamic.iter().map(|&moves| if moves { 255 } else { 0 }).collect();
-        files::png(&path("foreground", "png"), &dynamic, width, height, ExtendedColorType::L8)?;
+        let mask = |kind: &str, bright: &[bool]| {
+            let levels: Vec<u8> = bright.iter().map(|&bright| if bright { 255 } else { 0 }).collect();
+            files::png(&path(kind, "png"), &levels, width, height, ExtendedColorType::L8)
+        };
+        mask("foreground", &picture.dynamic)?;
+        if camera.is_test {
+            mask("covisible", &covisible(&self.world, &self.cameras, index, frame))?;
+        }
         if camera.hood {
             let pixels = (0..height).flat_map(|row| (0..width).map(move |column| (column, row)));
-            let mask: Vec<u8> =
-                pixels.map(|(column, row)| if camera.is_hooded(column, row) { 0 } else { 255 }).collect();
-            files::png(&path("masks", "png"), &mask, width, height, ExtendedColorType::L8)?;
+            let clear: Vec<bool> = pixels.map(|(column, row)| !camera.is_hooded(column, row)).collect();
+            mask("masks", &clear)?;
         }
         // There is no frame after the last that an estimator could have seen.
         if frame + 1 < self.options.frames {
@@ -223,12 +232,13 @@ impl Capture<'_> {
         let manifest = format!(
             "# Synthetic capture, made by `ivv synth`; truth.json holds the hidden values.\n\
              fps = {}.0\nframes = {}\nreference_frame = {}\ntest_cameras = [{}]\n\
-             masks = {}\nforeground = true\npoints = true\nflow = {}\ndepth = true\naudio = true\n",
+             masks = {}\nforeground = true\ncovisible = {}\npoints = true\nflow = {}\ndepth = true\naudio = true\n",
             self.options.fps,
             self.options.frames,
             colmap::REFERENCE_FRAME,
             tests.join(", "),
             self.options.masks,
+            !tests.is_empty(),
             // A single frame has no next one.
             self.options.frames > 1,
         );

@@ -13,12 +13,17 @@ use std::sync::Arc;
 use std::time::Instant;
 
 /// What the scores mean, by name; written beside every set of them.
-pub const METRICS: [(&str, &str); 6] = [
+pub const METRICS: [(&str, &str); 7] = [
     ("psnr", "-10 log10 of the mean squared error, dB, over the three channels of the pixels that count"),
     ("psnr_aligned", "PSNR after the affine map of colours, one for each view, that brings it closest to the image"),
     (
         "psnr_foreground",
         "PSNR over what moves, where the capture has foreground masks; means are over views in which it shows",
+    ),
+    (
+        "psnr_covisible",
+        "PSNR over what a training camera sees too, where the capture has co-visibility masks; what no training picture shows is \
+         anyone's guess",
     ),
     ("ssim", "as 3DGS: 11 x 11 Gaussian window, sigma 1.5, zero padding, C1 = 0.01^2, C2 = 0.03^2"),
     ("lpips", "LPIPS v0.1 of the whole view (SPEC 4), where the run has weights for it; hidden pixels equal the image"),
@@ -39,6 +44,9 @@ pub struct Scores {
     /// The same over the pixels that a foreground mask marks, dB; none without such pixels.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub psnr_foreground: Option<f64>,
+    /// The same over the pixels that a co-visibility mask marks, dB; none without such pixels.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub psnr_covisible: Option<f64>,
     /// Structural similarity of the clamped colour (SPEC 4's window, zero padding).
     pub ssim: f64,
     /// Mean absolute error.
@@ -89,6 +97,7 @@ impl Evaluation {
             psnr: mean(|s| s.psnr),
             psnr_aligned: mean(|s| s.psnr_aligned),
             psnr_foreground: some(|s| s.psnr_foreground),
+            psnr_covisible: some(|s| s.psnr_covisible),
             ssim: mean(|s| s.ssim),
             l1: mean(|s| s.l1),
             lpips: some(|s| s.lpips),
@@ -244,6 +253,9 @@ pub fn evaluate(
         if let Some(foreground) = capture.foreground(camera, frame)? {
             scores.psnr_foreground = psnr_of(&rendered, &picture, |pixel| foreground[pixel]);
         }
+        if let Some(covisible) = capture.covisible(camera, frame)? {
+            scores.psnr_covisible = psnr_of(&rendered, &picture, |pixel| covisible[pixel]);
+        }
         seen(camera, frame, &rendered)?;
         let camera = capture.cameras[camera].name.clone();
         views.push(ViewScores { view: view.name, camera, frame, scores, render_ms });
@@ -285,7 +297,7 @@ impl Meter {
         Ok(Meter { gpu, lpips })
     }
 
-    /// Scores of `frame` against `picture`, of the same size, but for that of the foreground.
+    /// Scores of `frame` against `picture`, of the same size, but for those of masks.
     ///
     /// # Errors
     /// Those of the device.
@@ -316,6 +328,6 @@ impl Meter {
         // A picture that is hidden as a whole has no error.
         let psnr_aligned = if visible.is_empty() { psnr(0.0) } else { psnr(aligned_mse(&visible)) };
         let psnr = psnr(squares / (3.0 * f64::from(n_visible)));
-        Ok(Scores { psnr, psnr_aligned, psnr_foreground: None, ssim, l1, lpips })
+        Ok(Scores { psnr, psnr_aligned, psnr_foreground: None, psnr_covisible: None, ssim, l1, lpips })
     }
 }

@@ -1,9 +1,8 @@
 //! What a trainer needs to know of a capture beside its pictures.
 
 use super::config::{Config, FlowChoice};
-use crate::scene::capture::{Capture, Extent, camera_center};
+use crate::scene::capture::{Capture, Extent};
 use crate::scene::{FlowModel, View};
-use crate::stage::Lens;
 
 /// Lenses that a Gaussian is compared with, at most: a round of density control asks each Gaussian about all.
 const MOST_LENSES: usize = 64;
@@ -77,21 +76,6 @@ fn lenses(capture: &Capture) -> Vec<View> {
     let views = capture.lens_views();
     let each = views.len().div_ceil(MOST_LENSES).max(1);
     views.into_iter().step_by(each).collect()
-}
-
-/// The cone of what `view` sees, relative to `origin`.
-pub(super) fn lens(view: &View, origin: [f64; 3]) -> Lens {
-    let (width, height) = (f64::from(view.width), f64::from(view.height));
-    let x = view.cx.max(width - view.cx) / view.fx;
-    let y = view.cy.max(height - view.cy) / view.fy;
-    let center = camera_center(&view.world_to_camera);
-    let [.., [x_axis, y_axis, z_axis, _], _] = view.world_to_camera;
-    Lens {
-        center: std::array::from_fn(|k| (center[k] - origin[k]) as f32),
-        reach: x.hypot(y) as f32,
-        axis: [x_axis, y_axis, z_axis].map(|x| x as f32),
-        unused: 0.0,
-    }
 }
 
 /// Whether `capture` is a clip that several training cameras took: of one alone, the scene's own times and colours take up

@@ -9,15 +9,15 @@ use super::density::{density_round, noise, regularisers};
 use super::metrics::psnr;
 use super::objective::{Objective, Sums, Truth};
 use super::schedule::rates;
-use super::setup::{Setup, lens};
+use super::setup::Setup;
 use crate::error::{Error, Result};
 use crate::gpu::generated::{AdamParams, Status, ViewParams};
 use crate::gpu::{Buf, Dispatch, Gpu, PassTime, Recording, Running, Slice};
 use crate::scene::capture::Picture;
-use crate::scene::{Similarity, Splats, View};
+use crate::scene::{Cone, Similarity, Splats, View};
 use crate::settings::Constants;
 use crate::stage::{
-    AdamMode, Counters, Counts, Lens, Lists, Moments, Optimiser, PassReport, Purpose, Room, SceneBuffers, State,
+    AdamMode, Counters, Counts, Lists, Moments, Optimiser, PassReport, Purpose, Room, SceneBuffers, State,
     StepSettings, Strip, Target, Verdict, Workspace, adam_params, add_passes, lazy_sums, record_mcmc_noise,
     view_params,
 };
@@ -597,7 +597,7 @@ impl Trainer {
         self.gpu.run(&rec)?;
         let (moments, state) = (&self.optimiser.moments, &self.optimiser.state);
         let origin = self.scene.origin;
-        let lenses: Vec<Lens> = self.setup.lenses.iter().map(|view| lens(view, origin)).collect();
+        let lenses: Vec<Cone> = self.setup.lenses.iter().map(|view| view.cone(origin)).collect();
         let grown = round.run(&self.gpu, &self.scene, moments, state, &lenses, &self.constants)?;
         self.scene = grown.scene;
         (self.optimiser.moments, self.optimiser.state) = (grown.moments, grown.state);

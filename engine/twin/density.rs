@@ -2,8 +2,7 @@
 
 use super::math::{apply, rotation};
 use super::scan::exclusive_scan;
-use crate::scene::Splats;
-use crate::stage::Lens;
+use crate::scene::{Cone, Splats};
 use glam::Vec3;
 
 /// What becomes of a Gaussian of the list.
@@ -57,7 +56,7 @@ pub struct Density<'a> {
     /// Opacity below which a Gaussian goes or is dead.
     pub prune_opacity: f32,
     /// What cameras see.
-    pub lenses: &'a [Lens],
+    pub lenses: &'a [Cone],
     /// Standard deviation, as a part of its depth before a lens that sees it, above which a Gaussian goes.
     pub prune_veil: f32,
     /// Gaussians never exceed this.
@@ -179,9 +178,9 @@ impl Density<'_> {
             && !self.lenses.iter().any(|lens| self.veils(i, lens))
     }
 
-    fn veils(&self, i: usize, lens: &Lens) -> bool {
+    fn veils(&self, i: usize, lens: &Cone) -> bool {
         let (width, axis) = (self.largest(i), Vec3::from(lens.axis));
-        let offset = Vec3::from(self.splats.position[i]) - Vec3::from(lens.center);
+        let offset = Vec3::from(self.splats.position[i]) - Vec3::from(lens.tip);
         let depth = offset.dot(axis);
         let aside = (offset - depth * axis).length() - depth * lens.reach;
         depth > 0.0 && width > self.prune_veil * (depth + 2.0 * aside.max(0.0))

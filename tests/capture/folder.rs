@@ -14,6 +14,7 @@ fn manifest() -> Manifest {
         test_cameras: vec!["side".to_owned()],
         masks: true,
         foreground: true,
+        covisible: true,
         ..Manifest::default()
     }
 }
@@ -44,6 +45,10 @@ fn write(folder: &Folder, change: impl FnOnce(&mut Model)) {
                 let mask: Vec<u8> = (0..24).map(|i| if i == frame { 0 } else { 200 }).collect();
                 folder.write(&format!("masks/{camera}/{frame:05}.png"), encode(&mask, 6, 4, ExtendedColorType::L8));
             }
+            if *camera == "side" {
+                let seen: Vec<u8> = (0..24).map(|i| if i % 6 < 4 { 255 } else { 0 }).collect();
+                folder.write(&format!("covisible/side/{frame:05}.png"), encode(&seen, 6, 4, ExtendedColorType::L8));
+            }
             if *camera == "rig" {
                 let moves: Vec<u8> = (0..24).map(|i| if i > 20 { 255 } else { 0 }).collect();
                 folder.write(&format!("foreground/rig/{frame:05}.png"), encode(&moves, 6, 4, ExtendedColorType::L8));
@@ -71,7 +76,9 @@ fn a_folder_arrives_with_its_moving_camera_masks_and_test_camera() {
     assert_eq!((report.n_images, report.n_masks, report.n_foregrounds), (9, 6, 3));
     let moves = capture.foreground(1, 1).unwrap().unwrap();
     assert!(moves.iter().enumerate().all(|(i, moves)| *moves == (i > 20)) && moves.len() == 24);
-    assert_eq!(capture.foreground(0, 1).unwrap(), None);
+    assert_eq!((capture.foreground(0, 1).unwrap(), capture.covisible(1, 1).unwrap()), (None, None));
+    let seen = capture.covisible(2, 1).unwrap().unwrap();
+    assert!(seen.iter().enumerate().all(|(i, seen)| *seen == (i % 6 < 4)) && seen.len() == 24);
 }
 
 #[test]
@@ -93,6 +100,7 @@ fn every_fault_of_a_folder_is_told() {
     std::fs::remove_file(folder.0.join("images/rig/00001.png")).unwrap();
     std::fs::remove_file(folder.0.join("masks/front/00002.png")).unwrap();
     std::fs::remove_file(folder.0.join("foreground/rig/00000.png")).unwrap();
+    std::fs::remove_file(folder.0.join("covisible/side/00002.png")).unwrap();
     folder.write("images/side/00000.png", b"");
     folder.write("images/side/00001.png", b"text");
     folder.write("images/side/00002.png", png(4, 6, 0));
@@ -100,12 +108,13 @@ fn every_fault_of_a_folder_is_told() {
         "rig/00001.png: is missing",
         "front/00002.png: is missing",
         "foreground/rig/00000.png",
+        "covisible/side/00002.png",
         "has 0 bytes",
         "is 4 x 6",
         "neither a PNG",
     ];
     assert_told(&folder.check(), &says);
-    assert_eq!(folder.check().n_faults, 6);
+    assert_eq!(folder.check().n_faults, 7);
 }
 
 #[test]

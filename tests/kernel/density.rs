@@ -7,10 +7,8 @@ use crate::common::random::Random;
 use ivv::Constants;
 use ivv::gpu::generated::Status;
 use ivv::gpu::{Buf, Recording};
-use ivv::scene::{Motion, Splats};
-use ivv::stage::{
-    Choice, Counts, DensityRound, Grown, Lens, Moments, Outputs, Renderer, SceneBuffers, record_mcmc_noise,
-};
+use ivv::scene::{Cone, Motion, Splats};
+use ivv::stage::{Choice, Counts, DensityRound, Grown, Moments, Outputs, Renderer, SceneBuffers, record_mcmc_noise};
 use ivv::twin::{Density, Descent, Kind, normals, shared_opacity};
 
 const PULLED: Choice = Choice::Pulled { gradient: 2e-4, split_above: 0.03, prune_scale: 1.5 };
@@ -29,9 +27,9 @@ const ROUND: DensityRound = DensityRound {
 };
 
 /// Two in the midst of the scenes, which some Gaussians veil.
-const LENSES: [Lens; 2] = [
-    Lens { center: [0.4, 0.1, 1.2], reach: 0.8, axis: [0.0, 0.0, 1.0], unused: 0.0 },
-    Lens { center: [-0.6, -0.5, 2.0], reach: 0.6, axis: [0.6, 0.0, 0.8], unused: 0.0 },
+const LENSES: [Cone; 2] = [
+    Cone { tip: [0.4, 0.1, 1.2], reach: 0.8, axis: [0.0, 0.0, 1.0], unused: 0.0 },
+    Cone { tip: [-0.6, -0.5, 2.0], reach: 0.6, axis: [0.6, 0.0, 0.8], unused: 0.0 },
 ];
 
 const DRAWN: DensityRound = DensityRound { choice: Choice::Drawn, growth: 0.05, ..ROUND };
@@ -292,7 +290,7 @@ fn the_hardest_pulled_grow_and_the_faint_go_as_in_the_twin() {
 fn what_is_wide_before_a_lens_goes_whoever_looks_through_it() {
     // A third of the depth, from above and from below, before the lens and behind it; far from any; at the cone's side, within and
     // without; where the lens is, a little beside it.
-    let [x, y, z] = LENSES[0].center;
+    let [x, y, z] = LENSES[0].tip;
     let wide = |dz: f32, part: f64| round([x, y, z + dz], part * f64::from(dz.abs()), 0.9, [1.0; 3]);
     let beside = |dx: f32| round([x + dx, y, z + 0.5], 0.18, 0.9, [1.0; 3]);
     let at = round([x + 0.08, y, z + 0.02], 0.1, 0.9, [1.0; 3]);

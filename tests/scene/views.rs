@@ -35,6 +35,28 @@ fn views_are_read_back_equal_to_the_last_bit() {
     assert_eq!(read_views(&path).unwrap(), views);
 }
 
+#[test]
+fn the_cone_of_a_view_touches_its_farthest_corner() {
+    let view = View { fx: 250.0, fy: 260.0, cx: 150.0, cy: 130.0, ..view("cone") };
+    let origin = [0.5, -0.25, 1.0];
+    let cone = view.cone(origin);
+    // A point of the camera at depth 2, in the world, relative to the origin, against the cone.
+    let tangent = |[x, y]: [f64; 2]| {
+        let camera = [2.0 * (x - view.cx) / view.fx, 2.0 * (y - view.cy) / view.fy, 2.0];
+        let m = &view.world_to_camera;
+        let world = |k: usize| (0..3).map(|row| m[row][k] * (camera[row] - m[row][3])).sum::<f64>() - origin[k];
+        let offset: [f64; 3] = std::array::from_fn(|k| world(k) - f64::from(cone.tip[k]));
+        let depth: f64 = (0..3).map(|k| offset[k] * f64::from(cone.axis[k])).sum();
+        assert!((depth - 2.0).abs() < 1e-6);
+        let aside: f64 = (0..3).map(|k| (offset[k] - depth * f64::from(cone.axis[k])).powi(2)).sum();
+        aside.sqrt() / depth
+    };
+    let corners = [[0.0, 0.0], [320.0, 0.0], [0.0, 240.0], [320.0, 240.0]].map(tangent);
+    let farthest = corners.into_iter().fold(0.0, f64::max);
+    assert!(corners[1] == farthest && corners[2] < farthest - 0.05, "{corners:?}");
+    assert!((f64::from(cone.reach) - farthest).abs() < 1e-6, "{} for {farthest}", cone.reach);
+}
+
 const PLAIN: &str = r#"{"views": [{"name": "n", "width": 4, "height": 3, "fx": 5, "fy": 6.5, "cx": 2, "cy": 1.5,
     "world_to_camera": [[1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]], "comment": "other fields are ignored"}]}"#;
 

@@ -117,6 +117,43 @@ fn pictures_change_where_something_moves_and_nowhere_else() {
     assert!(mean > 8.0 && n_inside > 1000 && n_outside > n_inside, "mean change {mean} of {n_inside}, {n_outside}");
 }
 
+#[test]
+fn what_a_training_camera_sees_too_is_bright_in_the_masks_of_test_cameras() {
+    let cameras = read_bin(shared()).0;
+    let is_test = |camera: &&Camera| shared().join("covisible").join(&camera.name).is_dir();
+    let (tests, trained): (Vec<&Camera>, Vec<&Camera>) = cameras.iter().partition(is_test);
+    assert_eq!((tests.len(), trained.len()), (1, 3));
+    let (width, height) = (options().width as i64, options().height as i64);
+    let mut sure = [0; 2];
+    for frame in 0..options().frames as usize {
+        let path = |camera: &Camera| shared().join(format!("truth/exact/{}/{frame:05}.exr", camera.name));
+        let depths = |camera: &Camera| exr(&path(camera))["depth.Z"].clone();
+        let before: Vec<(&Camera, Vec<f32>)> = trained.iter().map(|camera| (*camera, depths(camera))).collect();
+        let mask = rgb(&shared().join(format!("covisible/{}/{frame:05}.png", tests[0].name)));
+        for ((x, y, level), depth) in mask.enumerate_pixels().zip(depths(tests[0])) {
+            let pixel = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
+            let point = tests[0].unproject(pixel, f64::from(depth));
+            // Where a training picture's surface is, about the place of the point: at its depth or behind it, or before it.
+            let parts = before.iter().map(|(camera, depths)| {
+                let (at, z) = camera.project(point);
+                let (column, row) = (at.x.floor() as i64, at.y.floor() as i64);
+                let near = (-1..=1).flat_map(|dy| (-1..=1).map(move |dx| (column + dx, row + dy)));
+                let inside = |(x, y): &(i64, i64)| (0..width).contains(x) && (0..height).contains(y);
+                let depth = |(x, y)| f64::from(depths[(y * width + x) as usize]);
+                let depths: Vec<f64> = near.map(|at| if z > 0.0 && inside(&at) { depth(at) } else { 0.0 }).collect();
+                (depths.iter().all(|depth| *depth > 0.99 * z), depths.iter().any(|depth| *depth > 0.9 * z))
+            });
+            let (seen, maybe) = parts.fold((false, false), |all, one| (all.0 || one.0, all.1 || one.1));
+            assert!(level[0] == 0 || level[0] == 255);
+            if seen || !maybe {
+                assert_eq!(level[0] == 255, seen, "frame {frame} ({x}, {y})");
+                sure[usize::from(seen)] += 1;
+            }
+        }
+    }
+    assert!(sure[0] > 150 && sure[1] > 1500, "{sure:?}");
+}
+
 /// (place, colour, numbers of cameras) of the points of a frame.
 fn read_points(frame: u32) -> Vec<(DVec3, [u8; 3], Vec<i32>)> {
     let bytes = fs::read(shared().join(format!("points/{frame:05}.ply"))).unwrap();

@@ -10,7 +10,15 @@ use ivv::{Constants, stage::Renderer};
 use serde_json::json;
 
 fn view(name: &str, psnr: f64) -> ViewScores {
-    let scores = Scores { psnr, psnr_aligned: psnr + 1.0, psnr_foreground: None, ssim: 0.5, l1: 0.1, lpips: None };
+    let scores = Scores {
+        psnr,
+        psnr_aligned: psnr + 1.0,
+        psnr_foreground: None,
+        psnr_covisible: None,
+        ssim: 0.5,
+        l1: 0.1,
+        lpips: None,
+    };
     ViewScores { view: name.to_owned(), camera: name.to_owned(), frame: 0, scores, render_ms: psnr }
 }
 
@@ -57,6 +65,41 @@ fn a_picture_that_is_not_finite_has_no_score() {
     };
     assert!(score([0.0; 3]).unwrap().unwrap().mean.psnr > 5.0);
     assert_eq!(score([f32::NAN, 0.0, 0.0]).unwrap_err().exit_code(), 6);
+}
+
+#[test]
+fn a_mask_limits_a_score_to_what_it_marks() {
+    let tiny = Tiny::new("masked-score");
+    let gpu = gpu();
+    let config = Config { sh_degree: 0, ..Config::default() };
+    let splats = from_points(&tiny.capture.points, &tiny.capture, &config);
+    let mut renderer = Renderer::new(gpu.clone(), &splats, Constants::default()).unwrap();
+    let mut meter = Meter::new(gpu.clone(), &Config::default()).unwrap();
+    let frames = tiny.capture.test_frames()[..1].to_vec();
+    let (camera, frame) = frames[0];
+    let mut capture = tiny.capture.clone();
+    let (width, height) = (capture.cameras[camera].width, capture.cameras[camera].height);
+    let mut masked = |name: &str, is_bright: fn(u32) -> bool| {
+        let file = tiny.folder.join(name);
+        image::GrayImage::from_fn(width, height, |x, _| image::Luma([if is_bright(x) { 200 } else { 100 }]))
+            .save(&file)
+            .unwrap();
+        let shot = capture.cameras[camera].shots.iter_mut().find(|shot| shot.frame == frame).unwrap();
+        (shot.foreground, shot.covisible) = (None, Some(file));
+        let sight = Sight::new(&capture, [0.0; 3]);
+        let scores = evaluate(&mut renderer, &mut meter, &sight, &frames, 1, |_, _, _| Ok(())).unwrap().unwrap().mean;
+        assert_eq!(scores.psnr_foreground, None);
+        (scores.psnr, scores.psnr_covisible)
+    };
+    let (whole, even) = masked("even.png", |x| x % 3 == 0);
+    let (_, odd) = masked("odd.png", |x| x % 3 != 0);
+    assert_eq!(masked("none.png", |_| false), (whole, None));
+    assert_eq!(masked("all.png", |_| true).1.map(|all| (all - whole).abs() < 1e-9), Some(true));
+    // The errors of both parts are the whole picture's.
+    let error = |psnr: f64| 10f64.powf(-psnr / 10.0);
+    let n_even = f64::from(width.div_ceil(3)) / f64::from(width);
+    let (even, odd) = (error(even.unwrap()), error(odd.unwrap()));
+    assert!(even != odd && (n_even * even + (1.0 - n_even) * odd - error(whole)).abs() < 1e-9 * error(whole));
 }
 
 #[test]

@@ -142,8 +142,7 @@ impl Draft {
             }
             let calibrated = (camera.width, camera.height);
             for shot in &camera.shots {
-                let pictures = [Some(&shot.image), shot.mask.as_ref(), shot.foreground.as_ref()].into_iter().flatten();
-                let sizes = pictures.map(|file| (file, read_size(file).map_err(Error::from)));
+                let sizes = shot.pictures().map(|file| (file, read_size(file).map_err(Error::from)));
                 let flow = shot.flow.iter().map(|file| (file, flow_size(file)));
                 let depth = shot.depth.iter().map(|file| (file, depth_size(file)));
                 for (file, size) in sizes.chain(flow).chain(depth) {

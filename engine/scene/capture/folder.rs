@@ -40,6 +40,9 @@ pub struct Manifest {
     /// `foreground/<camera>/<frame:05>.png` exist, likewise: what moves is bright in them.
     #[serde(default)]
     pub foreground: bool,
+    /// `covisible/<camera>/<frame:05>.png` exist, likewise: what training cameras see too is bright in those of test cameras.
+    #[serde(default)]
+    pub covisible: bool,
     /// `points/<frame:05>.ply` exist.
     #[serde(default)]
     pub points: bool,
@@ -69,8 +72,8 @@ impl Manifest {
         toml::from_str(&text).map_err(|fault| {
             let start = fault.span().map_or(0, |span| span.start);
             let line = text.as_bytes().iter().take(start).filter(|byte| **byte == b'\n').count() + 1;
-            let remedy = "give fps, frames and, where they apply, reference_frame, test_cameras, masks, foreground, points, flow, \
-                          depth and audio";
+            let remedy = "give fps, frames and, where they apply, reference_frame, test_cameras, masks, foreground, \
+                          covisible, points, flow, depth and audio";
             Error::data(&path, format!("line {line}"), fault.message().to_owned(), remedy)
         })
     }
@@ -110,6 +113,7 @@ pub(super) fn read(path: &Path, settings: &CaptureSettings, faults: &mut Faults)
     for (name, declared) in [
         ("masks", manifest.masks),
         ("foreground", manifest.foreground),
+        ("covisible", manifest.covisible),
         ("points", manifest.points),
         ("flow", manifest.flow),
         ("depth", manifest.depth),
@@ -127,10 +131,13 @@ pub(super) fn read(path: &Path, settings: &CaptureSettings, faults: &mut Faults)
         let file = |folder: &str, frame: u32| path.join(folder).join(&camera.name).join(format!("{frame:05}.png"));
         // A camera that has a folder of masks has one for every frame.
         let has = |folder: &str| path.join(folder).join(&camera.name).is_dir();
-        let (has_masks, has_foreground) = (manifest.masks && has("masks"), manifest.foreground && has("foreground"));
+        let [has_masks, has_foreground, has_covisible] =
+            [("masks", manifest.masks), ("foreground", manifest.foreground), ("covisible", manifest.covisible)]
+                .map(|(folder, declared)| declared && has(folder));
         for shot in &mut camera.shots {
             shot.mask = has_masks.then(|| file("masks", shot.frame));
             shot.foreground = has_foreground.then(|| file("foreground", shot.frame));
+            shot.covisible = has_covisible.then(|| file("covisible", shot.frame));
         }
     }
     if manifest.flow {

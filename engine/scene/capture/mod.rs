@@ -100,12 +100,22 @@ pub struct Shot {
     pub mask: Option<PathBuf>,
     /// PNG of the camera's size; pixels of at least 128 show what moves. Only the first Gaussians are made from it.
     pub foreground: Option<PathBuf>,
+    /// PNG of the camera's size, of a test camera; pixels of at least 128 show what a training camera sees too (co-visibility,
+    /// Gao et al. 2022). Only scores are made from it.
+    pub covisible: Option<PathBuf>,
     /// Optical flow to the next frame, for [`read_flow`](crate::scene::prior::read_flow).
     pub flow: Option<PathBuf>,
     /// Monocular depth, for [`read_depth`](crate::scene::prior::read_depth).
     pub depth: Option<PathBuf>,
     /// The pose at this frame when the camera moves.
     pub world_to_camera: Option<Pose>,
+}
+
+impl Shot {
+    /// The image and what is of its size.
+    pub fn pictures(&self) -> impl Iterator<Item = &PathBuf> {
+        [Some(&self.image), self.mask.as_ref(), self.foreground.as_ref(), self.covisible.as_ref()].into_iter().flatten()
+    }
 }
 
 /// A pinhole camera and its images.
@@ -266,9 +276,22 @@ impl Capture {
     /// # Errors
     /// As [`Capture::picture`].
     pub fn foreground(&self, camera: usize, frame: u32) -> Result<Option<Vec<bool>>> {
+        self.bright(camera, frame, |shot| shot.foreground.as_ref())
+    }
+
+    /// Whether each pixel of a test image, row by row, shows what a training camera sees too; `None` when nothing says so.
+    ///
+    /// # Errors
+    /// As [`Capture::picture`].
+    pub fn covisible(&self, camera: usize, frame: u32) -> Result<Option<Vec<bool>>> {
+        self.bright(camera, frame, |shot| shot.covisible.as_ref())
+    }
+
+    /// Where a mask of an image is bright.
+    fn bright(&self, camera: usize, frame: u32, mask: fn(&Shot) -> Option<&PathBuf>) -> Result<Option<Vec<bool>>> {
         let source = self.source(camera, frame, &PriorPlan::default())?;
         let shot = self.cameras[camera].shot(frame);
-        shot.and_then(|shot| shot.foreground.as_ref()).map(|path| picture::foreground(path, &source)).transpose()
+        shot.and_then(mask).map(|path| picture::bright(path, &source)).transpose()
     }
 
     /// Whether the capture has points of every frame.

@@ -131,11 +131,11 @@ pub(super) fn decode_or_fault(source: &Source) -> Result<Picture, Fault> {
     Ok(Picture { width, height, pixels, priors: words, n_depth, n_flow })
 }
 
-/// Whether each pixel of a foreground mask for the image of `source` is at least 128.
+/// Whether each pixel of a mask for the image of `source` is at least 128.
 ///
 /// # Errors
 /// `Error::Data` naming the mask.
-pub(super) fn foreground(path: &Path, source: &Source) -> error::Result<Vec<bool>> {
+pub(super) fn bright(path: &Path, source: &Source) -> error::Result<Vec<bool>> {
     let mask = guarded(path, || pixels_of(path, source))?.into_luma8();
     Ok(mask.as_raw().iter().map(|level| *level >= 128).collect())
 }
