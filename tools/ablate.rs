@@ -152,6 +152,7 @@ fn value(measure: Measure, eval: &Value, train: &Value, peripheral: &str) -> Opt
         Measure::LastGaussians => eval["gaussians"].as_f64(),
         Measure::Psnr => eval["psnr"].as_f64(),
         Measure::PsnrForeground => eval["psnr_foreground"].as_f64(),
+        Measure::PsnrCovisible => eval["psnr_covisible"].as_f64(),
         Measure::PsnrPeripheral => mean(&scores(eval, "psnr", |camera| camera == peripheral)?),
         Measure::PsnrPeripheralCovisible => mean(&scores(eval, "psnr_covisible", |camera| camera == peripheral)?),
         Measure::PsnrInner => mean(&scores(eval, "psnr", |camera| camera != peripheral)?),
