@@ -54,6 +54,28 @@ pub struct KernelInfo {
     pub floats: u32,
 }
 
+/// The module of a kernel that is a variant of another of its shader: of the same `Args` and `Push`.
+macro_rules! variant {
+    ($name:ident of $first:ident) => {
+        #[doc = concat!("A variant of [`", stringify!($first), "`].")]
+        pub mod $name {
+            use crate::gpu::kernel::KernelInfo;
+            /// What the device needs to know.
+            pub const INFO: &KernelInfo = &KernelInfo {
+                name: stringify!($name),
+                spirv: include_bytes!(concat!(
+                    env!("CARGO_MANIFEST_DIR"),
+                    "/shaders-glsl/spv/",
+                    stringify!($name),
+                    ".spv"
+                )),
+                ..*super::$first::INFO
+            };
+        }
+    };
+}
+pub(super) use variant;
+
 /// The arguments of a kernel; implemented by the generated `Args`.
 pub trait Kernel {
     /// Push constants.

@@ -24,20 +24,20 @@ pub fn density_round(
     let density = &config.density;
     let due = density.due(step, total);
     let is_adc = density.strategy == Strategy::Adc;
-    let grows = (step as f64) < density.stop * total as f64;
-    let resets = is_adc && step > 0 && step.is_multiple_of(density.reset_every) && grows;
+    let is_early = (step as f64) < density.stop * total as f64;
+    let resets = is_adc && is_early && step > 0 && step.is_multiple_of(density.reset_every);
     if due.is_none() && !resets {
         return None;
     }
     let radius = extent.radius as f32;
     let Density { gradient, split_above, .. } = *density;
     let pulled = |prune_scale| Choice::Pulled { gradient, split_above: split_above * radius, prune_scale };
-    let (choice, growth) = match (density.strategy, due) {
-        (Strategy::Adc, Some(Round::Growth)) => (pulled(density.prune_scale * radius), density.growth),
-        (Strategy::Adc, _) => (pulled(density.prune_scale * radius), 0.0),
-        (Strategy::Mcmc, Some(Round::Growth)) => (Choice::Drawn, density.mcmc_growth),
-        // Drawing would move the dead to the end of the run, and copies need steps to become one Gaussian again.
-        (Strategy::Mcmc, _) => (pulled(f32::MAX), 0.0),
+    let grows = due == Some(Round::Growth);
+    let (choice, growth) = match density.strategy {
+        Strategy::Adc => (pulled(density.prune_scale * radius), density.growth),
+        Strategy::Mcmc if grows => (Choice::Drawn, density.mcmc_growth),
+        // Drawn copies need steps to come apart: late in the run the dead only go.
+        Strategy::Mcmc => (pulled(f32::MAX), 0.0),
     };
     Some(DensityRound {
         choice,
@@ -48,7 +48,7 @@ pub fn density_round(
         prune_veil: density.prune_veil,
         opacity_ceiling: if resets { (density.reset_to / (1.0 - density.reset_to)).ln() } else { f32::MAX },
         max_gaussians: u32::try_from(config.max_gaussians).unwrap_or(u32::MAX),
-        growth: growth as f32,
+        growth: if grows { growth as f32 } else { 0.0 },
         key: key(config, step, ROUND),
     })
 }

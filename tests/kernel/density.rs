@@ -292,7 +292,7 @@ fn what_is_wide_before_a_lens_goes_whoever_looks_through_it() {
     // without; where the lens is, a little beside it.
     let [x, y, z] = LENSES[0].tip;
     let wide = |dz: f32, part: f64| round([x, y, z + dz], part * f64::from(dz.abs()), 0.9, [1.0; 3]);
-    let beside = |dx: f32| round([x + dx, y, z + 0.5], 0.18, 0.9, [1.0; 3]);
+    let beside = |dx: f32| round([x + dx, y, z + 0.5], 0.19, 0.9, [1.0; 3]);
     let at = round([x + 0.08, y, z + 0.02], 0.1, 0.9, [1.0; 3]);
     let far = round([5.0, 5.0, 9.0], 0.5, 0.9, [0.5; 3]);
     let all = [wide(0.5, 0.30), wide(0.5, 0.36), wide(-0.5, 0.36), far, beside(0.38), beside(0.46), at];

@@ -420,7 +420,8 @@ fn priors_of_a_capture_folder_are_undistorted() {
     let [cameras, images, _] = binary(&model);
     folder.write("source/sparse/0/cameras.bin", cameras);
     folder.write("source/sparse/0/images.bin", images);
-    let manifest = Manifest { fps: 12.0, frames: 2, flow: true, depth: true, masks: true, ..Manifest::default() };
+    let manifest = Manifest { fps: 12.0, frames: 2, masks: true, covisible: true, ..Manifest::default() };
+    let manifest = Manifest { flow: true, depth: true, ..manifest };
     manifest.write(&folder.0.join("source")).unwrap();
     sequence_of_folder(&folder);
     let settings = settings(&folder);
@@ -441,13 +442,17 @@ fn priors_of_a_capture_folder_are_undistorted() {
     assert!(depth.iter().all(|z| [2.0, 3.0].contains(z)) && depth.contains(&2.0) && depth.contains(&3.0));
     assert!(camera.shots[1].flow.is_none(), "the last frame leads nowhere");
     assert!(shot.mask.is_some());
+    let covisible = capture.covisible(0, 0).unwrap().unwrap();
+    let is_left = |pixel: usize| ((pixel % width as usize) as f64) < camera.cx - 0.5;
+    assert!(covisible.len() == (width * height) as usize);
+    assert!(covisible.iter().enumerate().all(|(pixel, seen)| *seen == is_left(pixel)));
     let scaled = PrepareSettings { scale: 0.5, output: folder.0.join("scaled"), ..settings };
     let prepared = done(&scaled);
     assert!(prepared.notes.iter().any(|note| note.contains("not scaled with the images")), "{:?}", prepared.notes);
     assert!(!Manifest::read(&scaled.output).unwrap().flow);
 }
 
-/// Images, masks, flow of one pixel to the right and depth of two planes, for the cameras `a` and `b`.
+/// Images, masks, of the left half co-visibility, flow of one pixel to the right and depth of two planes, for the cameras `a` and `b`.
 fn sequence_of_folder(folder: &Folder) {
     let flow = vec![[1.0_f32, 0.0]; 64 * 48];
     let depth: Vec<f32> = (0..64 * 48).map(|i| if i % 64 < 32 { 2.0 } else { 3.0 }).collect();
@@ -456,6 +461,8 @@ fn sequence_of_folder(folder: &Folder) {
             let path = |kind: &str, ending: &str| format!("source/{kind}/{camera}/{frame:05}.{ending}");
             folder.write(&path("images", "png"), png(64, 48, frame));
             folder.write(&path("masks", "png"), encode(&[255; 64 * 48], 64, 48, ExtendedColorType::L8));
+            let left: Vec<u8> = (0..64 * 48).map(|i| if i % 64 < 32 { 255 } else { 0 }).collect();
+            folder.write(&path("covisible", "png"), encode(&left, 64, 48, ExtendedColorType::L8));
             let flow_file = folder.write(&path("flow", "flo"), "");
             write_flow(&flow_file, &flow, 64, 48).unwrap();
             let depth_file = folder.write(&path("depth", "npy"), "");

@@ -1,11 +1,10 @@
 //! The report: well formed, complete, and in need of nothing but itself.
 
+use super::scores_of;
 use ivv::Constants;
 use ivv::scene::Frame;
 use ivv::scene::capture::Picture;
-use ivv::train::{
-    CaptureSummary, Config, Evaluation, Example, Kind, Log, Report, Run, SceneScores, Scores, ViewScores,
-};
+use ivv::train::{CaptureSummary, Config, Evaluation, Example, Kind, Log, Report, Run, SceneScores, ViewScores};
 use serde_json::{Value, json};
 use std::path::Path;
 
@@ -69,15 +68,7 @@ fn run() -> Run {
 }
 
 fn scores() -> SceneScores {
-    let scores = Scores {
-        psnr: 20.0,
-        psnr_aligned: 21.0,
-        psnr_foreground: None,
-        psnr_covisible: None,
-        ssim: 0.5,
-        l1: 0.1,
-        lpips: None,
-    };
+    let scores = scores_of(20.0);
     let view = |frame| ViewScores {
         view: format!("cam<1>_{frame:05}"),
         camera: "cam<1>".to_owned(),
@@ -123,18 +114,7 @@ fn a_report_shows_everything_it_is_given() {
     let mut truth = Picture { width: 700, height: 4, pixels: vec![0xff80_8080; 2800], ..Picture::default() };
     truth.pixels[5] = 0;
     let render = Frame { width: 700, height: 4, color: vec![[0.5, f32::NAN, 2.0]; 2800], ..Frame::default() };
-    let (scores, one) = (
-        scores(),
-        Scores {
-            psnr: 20.0,
-            psnr_aligned: 21.0,
-            psnr_foreground: None,
-            psnr_covisible: None,
-            ssim: 0.5,
-            l1: 0.1,
-            lpips: None,
-        },
-    );
+    let (scores, one) = (scores(), scores_of(20.0));
     let example = Example { view: "cam<1>_00001".to_owned(), why: "worst", scores: one, truth, render };
     let html = html("full", &totals, &log, Some(&scores), std::slice::from_ref(&example));
 

@@ -1,25 +1,16 @@
 //! Evaluations, the log and the best checkpoint.
 
-use super::Tiny;
+use super::{Tiny, scores_of};
 use crate::common::device::gpu;
 use ivv::train::{
-    Checkpoint, Config, Evaluation, Kind, Log, Meter, Scores, Setup, Sight, Trainer, ViewScores, evaluate, from_points,
-    psnr, spread,
+    Checkpoint, Config, Evaluation, Kind, Log, Meter, Setup, Sight, Trainer, ViewScores, evaluate, from_points, psnr,
+    spread,
 };
 use ivv::{Constants, stage::Renderer};
 use serde_json::json;
 
 fn view(name: &str, psnr: f64) -> ViewScores {
-    let scores = Scores {
-        psnr,
-        psnr_aligned: psnr + 1.0,
-        psnr_foreground: None,
-        psnr_covisible: None,
-        ssim: 0.5,
-        l1: 0.1,
-        lpips: None,
-    };
-    ViewScores { view: name.to_owned(), camera: name.to_owned(), frame: 0, scores, render_ms: psnr }
+    ViewScores { view: name.to_owned(), camera: name.to_owned(), frame: 0, scores: scores_of(psnr), render_ms: psnr }
 }
 
 #[test]
@@ -51,15 +42,19 @@ fn examples_are_the_extremes_and_an_even_spread() {
     assert_eq!((spread(&frames[..3], 16).len(), spread(&[], 16).len()), (3, 0));
 }
 
+/// Of the scene that a run on `tiny` begins with.
+fn renderer_and_meter(tiny: &Tiny) -> (Renderer, Meter) {
+    let config = Config { sh_degree: 0, ..Config::default() };
+    let splats = from_points(&tiny.capture.points, &tiny.capture, &config);
+    let renderer = Renderer::new(gpu().clone(), &splats, Constants::default()).unwrap();
+    (renderer, Meter::new(gpu().clone(), &config).unwrap())
+}
+
 #[test]
 fn a_picture_that_is_not_finite_has_no_score() {
     let tiny = Tiny::new("not-finite");
-    let gpu = gpu();
-    let config = Config { sh_degree: 0, ..Config::default() };
-    let splats = from_points(&tiny.capture.points, &tiny.capture, &config);
-    let mut renderer = Renderer::new(gpu.clone(), &splats, Constants::default()).unwrap();
+    let (mut renderer, mut meter) = renderer_and_meter(&tiny);
     let frames = tiny.capture.test_frames();
-    let mut meter = Meter::new(gpu.clone(), &Config::default()).unwrap();
     let mut score = |background| {
         evaluate(&mut renderer, &mut meter, &Sight::new(&tiny.capture, background), &frames, 1, |_, _, _| Ok(()))
     };
@@ -70,11 +65,7 @@ fn a_picture_that_is_not_finite_has_no_score() {
 #[test]
 fn a_mask_limits_a_score_to_what_it_marks() {
     let tiny = Tiny::new("masked-score");
-    let gpu = gpu();
-    let config = Config { sh_degree: 0, ..Config::default() };
-    let splats = from_points(&tiny.capture.points, &tiny.capture, &config);
-    let mut renderer = Renderer::new(gpu.clone(), &splats, Constants::default()).unwrap();
-    let mut meter = Meter::new(gpu.clone(), &Config::default()).unwrap();
+    let (mut renderer, mut meter) = renderer_and_meter(&tiny);
     let frames = tiny.capture.test_frames()[..1].to_vec();
     let (camera, frame) = frames[0];
     let mut capture = tiny.capture.clone();

@@ -174,25 +174,5 @@ pub mod adam_catch_up {
         ],
     };
 }
-
-/// one step of dense Adam on one buffer of the Gaussians that the frame did not see.
-pub mod adam_idle_m16 {
-    use crate::gpu::kernel::*;
-    /// What the device needs to know. A variant of [`super::adam_idle`].
-    pub const INFO: &KernelInfo = &KernelInfo {
-        name: "adam_idle_m16",
-        spirv: include_bytes!("../../../shaders-glsl/spv/adam_idle_m16.spv"),
-        ..*super::adam_idle::INFO
-    };
-}
-
-/// gives one buffer of the Gaussians in view the steps of dense Adam that they missed while they were not.
-pub mod adam_catch_up_m16 {
-    use crate::gpu::kernel::*;
-    /// What the device needs to know. A variant of [`super::adam_catch_up`].
-    pub const INFO: &KernelInfo = &KernelInfo {
-        name: "adam_catch_up_m16",
-        spirv: include_bytes!("../../../shaders-glsl/spv/adam_catch_up_m16.spv"),
-        ..*super::adam_catch_up::INFO
-    };
-}
+crate::gpu::kernel::variant!(adam_idle_m16 of adam_idle);
+crate::gpu::kernel::variant!(adam_catch_up_m16 of adam_catch_up);

@@ -78,39 +78,9 @@ pub mod blend_fwd_p4 {
         ],
     };
 }
-
-/// blends each tile's Gaussians front to back into colour, alpha, depth, inverse depth and flow.
-pub mod blend_fwd_p8 {
-    use crate::gpu::kernel::*;
-    /// What the device needs to know. A variant of [`super::blend_fwd_p4`].
-    pub const INFO: &KernelInfo = &KernelInfo {
-        name: "blend_fwd_p8",
-        spirv: include_bytes!("../../../shaders-glsl/spv/blend_fwd_p8.spv"),
-        ..*super::blend_fwd_p4::INFO
-    };
-}
-
-/// blends each tile's Gaussians front to back into colour, alpha, depth, inverse depth and flow.
-pub mod blend_fwd_color_p4 {
-    use crate::gpu::kernel::*;
-    /// What the device needs to know. A variant of [`super::blend_fwd_p4`].
-    pub const INFO: &KernelInfo = &KernelInfo {
-        name: "blend_fwd_color_p4",
-        spirv: include_bytes!("../../../shaders-glsl/spv/blend_fwd_color_p4.spv"),
-        ..*super::blend_fwd_p4::INFO
-    };
-}
-
-/// blends each tile's Gaussians front to back into colour, alpha, depth, inverse depth and flow.
-pub mod blend_fwd_color_p8 {
-    use crate::gpu::kernel::*;
-    /// What the device needs to know. A variant of [`super::blend_fwd_p4`].
-    pub const INFO: &KernelInfo = &KernelInfo {
-        name: "blend_fwd_color_p8",
-        spirv: include_bytes!("../../../shaders-glsl/spv/blend_fwd_color_p8.spv"),
-        ..*super::blend_fwd_p4::INFO
-    };
-}
+crate::gpu::kernel::variant!(blend_fwd_p8 of blend_fwd_p4);
+crate::gpu::kernel::variant!(blend_fwd_color_p4 of blend_fwd_p4);
+crate::gpu::kernel::variant!(blend_fwd_color_p8 of blend_fwd_p4);
 
 /// blends each tile's Gaussians front to back into colour, alpha, depth, inverse depth and flow.
 pub mod blend_fwd_train_p4 {
@@ -194,39 +164,9 @@ pub mod blend_fwd_train_p4 {
         ],
     };
 }
-
-/// blends each tile's Gaussians front to back into colour, alpha, depth, inverse depth and flow.
-pub mod blend_fwd_train_p8 {
-    use crate::gpu::kernel::*;
-    /// What the device needs to know. A variant of [`super::blend_fwd_train_p4`].
-    pub const INFO: &KernelInfo = &KernelInfo {
-        name: "blend_fwd_train_p8",
-        spirv: include_bytes!("../../../shaders-glsl/spv/blend_fwd_train_p8.spv"),
-        ..*super::blend_fwd_train_p4::INFO
-    };
-}
-
-/// blends each tile's Gaussians front to back into colour, alpha, depth, inverse depth and flow.
-pub mod blend_fwd_train_color_p4 {
-    use crate::gpu::kernel::*;
-    /// What the device needs to know. A variant of [`super::blend_fwd_train_p4`].
-    pub const INFO: &KernelInfo = &KernelInfo {
-        name: "blend_fwd_train_color_p4",
-        spirv: include_bytes!("../../../shaders-glsl/spv/blend_fwd_train_color_p4.spv"),
-        ..*super::blend_fwd_train_p4::INFO
-    };
-}
-
-/// blends each tile's Gaussians front to back into colour, alpha, depth, inverse depth and flow.
-pub mod blend_fwd_train_color_p8 {
-    use crate::gpu::kernel::*;
-    /// What the device needs to know. A variant of [`super::blend_fwd_train_p4`].
-    pub const INFO: &KernelInfo = &KernelInfo {
-        name: "blend_fwd_train_color_p8",
-        spirv: include_bytes!("../../../shaders-glsl/spv/blend_fwd_train_color_p8.spv"),
-        ..*super::blend_fwd_train_p4::INFO
-    };
-}
+crate::gpu::kernel::variant!(blend_fwd_train_p8 of blend_fwd_train_p4);
+crate::gpu::kernel::variant!(blend_fwd_train_color_p4 of blend_fwd_train_p4);
+crate::gpu::kernel::variant!(blend_fwd_train_color_p8 of blend_fwd_train_p4);
 
 /// carries the cotangents of a picture back to the splats, in one of four modes of accumulation.
 pub mod blend_bwd_p4 {
@@ -324,39 +264,9 @@ pub mod blend_bwd_p4 {
         ],
     };
 }
-
-/// carries the cotangents of a picture back to the splats, in one of four modes of accumulation.
-pub mod blend_bwd_p8 {
-    use crate::gpu::kernel::*;
-    /// What the device needs to know. A variant of [`super::blend_bwd_p4`].
-    pub const INFO: &KernelInfo = &KernelInfo {
-        name: "blend_bwd_p8",
-        spirv: include_bytes!("../../../shaders-glsl/spv/blend_bwd_p8.spv"),
-        ..*super::blend_bwd_p4::INFO
-    };
-}
-
-/// carries the cotangents of a picture back to the splats, in one of four modes of accumulation.
-pub mod blend_bwd_color_p4 {
-    use crate::gpu::kernel::*;
-    /// What the device needs to know. A variant of [`super::blend_bwd_p4`].
-    pub const INFO: &KernelInfo = &KernelInfo {
-        name: "blend_bwd_color_p4",
-        spirv: include_bytes!("../../../shaders-glsl/spv/blend_bwd_color_p4.spv"),
-        ..*super::blend_bwd_p4::INFO
-    };
-}
-
-/// carries the cotangents of a picture back to the splats, in one of four modes of accumulation.
-pub mod blend_bwd_color_p8 {
-    use crate::gpu::kernel::*;
-    /// What the device needs to know. A variant of [`super::blend_bwd_p4`].
-    pub const INFO: &KernelInfo = &KernelInfo {
-        name: "blend_bwd_color_p8",
-        spirv: include_bytes!("../../../shaders-glsl/spv/blend_bwd_color_p8.spv"),
-        ..*super::blend_bwd_p4::INFO
-    };
-}
+crate::gpu::kernel::variant!(blend_bwd_p8 of blend_bwd_p4);
+crate::gpu::kernel::variant!(blend_bwd_color_p4 of blend_bwd_p4);
+crate::gpu::kernel::variant!(blend_bwd_color_p8 of blend_bwd_p4);
 
 /// carries the cotangents of a picture back to the splats, in one of four modes of accumulation.
 pub mod blend_bwd_float_p4 {
@@ -454,39 +364,9 @@ pub mod blend_bwd_float_p4 {
         ],
     };
 }
-
-/// carries the cotangents of a picture back to the splats, in one of four modes of accumulation.
-pub mod blend_bwd_float_p8 {
-    use crate::gpu::kernel::*;
-    /// What the device needs to know. A variant of [`super::blend_bwd_float_p4`].
-    pub const INFO: &KernelInfo = &KernelInfo {
-        name: "blend_bwd_float_p8",
-        spirv: include_bytes!("../../../shaders-glsl/spv/blend_bwd_float_p8.spv"),
-        ..*super::blend_bwd_float_p4::INFO
-    };
-}
-
-/// carries the cotangents of a picture back to the splats, in one of four modes of accumulation.
-pub mod blend_bwd_float_color_p4 {
-    use crate::gpu::kernel::*;
-    /// What the device needs to know. A variant of [`super::blend_bwd_float_p4`].
-    pub const INFO: &KernelInfo = &KernelInfo {
-        name: "blend_bwd_float_color_p4",
-        spirv: include_bytes!("../../../shaders-glsl/spv/blend_bwd_float_color_p4.spv"),
-        ..*super::blend_bwd_float_p4::INFO
-    };
-}
-
-/// carries the cotangents of a picture back to the splats, in one of four modes of accumulation.
-pub mod blend_bwd_float_color_p8 {
-    use crate::gpu::kernel::*;
-    /// What the device needs to know. A variant of [`super::blend_bwd_float_p4`].
-    pub const INFO: &KernelInfo = &KernelInfo {
-        name: "blend_bwd_float_color_p8",
-        spirv: include_bytes!("../../../shaders-glsl/spv/blend_bwd_float_color_p8.spv"),
-        ..*super::blend_bwd_float_p4::INFO
-    };
-}
+crate::gpu::kernel::variant!(blend_bwd_float_p8 of blend_bwd_float_p4);
+crate::gpu::kernel::variant!(blend_bwd_float_color_p4 of blend_bwd_float_p4);
+crate::gpu::kernel::variant!(blend_bwd_float_color_p8 of blend_bwd_float_p4);
 
 /// carries the cotangents of a picture back to the splats, in one of four modes of accumulation.
 pub mod blend_bwd_fixed_p4 {
@@ -584,83 +464,13 @@ pub mod blend_bwd_fixed_p4 {
         ],
     };
 }
-
-/// carries the cotangents of a picture back to the splats, in one of four modes of accumulation.
-pub mod blend_bwd_fixed_p8 {
-    use crate::gpu::kernel::*;
-    /// What the device needs to know. A variant of [`super::blend_bwd_fixed_p4`].
-    pub const INFO: &KernelInfo = &KernelInfo {
-        name: "blend_bwd_fixed_p8",
-        spirv: include_bytes!("../../../shaders-glsl/spv/blend_bwd_fixed_p8.spv"),
-        ..*super::blend_bwd_fixed_p4::INFO
-    };
-}
-
-/// carries the cotangents of a picture back to the splats, in one of four modes of accumulation.
-pub mod blend_bwd_fixed_color_p4 {
-    use crate::gpu::kernel::*;
-    /// What the device needs to know. A variant of [`super::blend_bwd_fixed_p4`].
-    pub const INFO: &KernelInfo = &KernelInfo {
-        name: "blend_bwd_fixed_color_p4",
-        spirv: include_bytes!("../../../shaders-glsl/spv/blend_bwd_fixed_color_p4.spv"),
-        ..*super::blend_bwd_fixed_p4::INFO
-    };
-}
-
-/// carries the cotangents of a picture back to the splats, in one of four modes of accumulation.
-pub mod blend_bwd_fixed_color_p8 {
-    use crate::gpu::kernel::*;
-    /// What the device needs to know. A variant of [`super::blend_bwd_fixed_p4`].
-    pub const INFO: &KernelInfo = &KernelInfo {
-        name: "blend_bwd_fixed_color_p8",
-        spirv: include_bytes!("../../../shaders-glsl/spv/blend_bwd_fixed_color_p8.spv"),
-        ..*super::blend_bwd_fixed_p4::INFO
-    };
-}
-
-/// carries the cotangents of a picture back to the splats, in one of four modes of accumulation.
-pub mod blend_bwd_swap_p4 {
-    use crate::gpu::kernel::*;
-    /// What the device needs to know. A variant of [`super::blend_bwd_fixed_p4`].
-    pub const INFO: &KernelInfo = &KernelInfo {
-        name: "blend_bwd_swap_p4",
-        spirv: include_bytes!("../../../shaders-glsl/spv/blend_bwd_swap_p4.spv"),
-        ..*super::blend_bwd_fixed_p4::INFO
-    };
-}
-
-/// carries the cotangents of a picture back to the splats, in one of four modes of accumulation.
-pub mod blend_bwd_swap_p8 {
-    use crate::gpu::kernel::*;
-    /// What the device needs to know. A variant of [`super::blend_bwd_fixed_p4`].
-    pub const INFO: &KernelInfo = &KernelInfo {
-        name: "blend_bwd_swap_p8",
-        spirv: include_bytes!("../../../shaders-glsl/spv/blend_bwd_swap_p8.spv"),
-        ..*super::blend_bwd_fixed_p4::INFO
-    };
-}
-
-/// carries the cotangents of a picture back to the splats, in one of four modes of accumulation.
-pub mod blend_bwd_swap_color_p4 {
-    use crate::gpu::kernel::*;
-    /// What the device needs to know. A variant of [`super::blend_bwd_fixed_p4`].
-    pub const INFO: &KernelInfo = &KernelInfo {
-        name: "blend_bwd_swap_color_p4",
-        spirv: include_bytes!("../../../shaders-glsl/spv/blend_bwd_swap_color_p4.spv"),
-        ..*super::blend_bwd_fixed_p4::INFO
-    };
-}
-
-/// carries the cotangents of a picture back to the splats, in one of four modes of accumulation.
-pub mod blend_bwd_swap_color_p8 {
-    use crate::gpu::kernel::*;
-    /// What the device needs to know. A variant of [`super::blend_bwd_fixed_p4`].
-    pub const INFO: &KernelInfo = &KernelInfo {
-        name: "blend_bwd_swap_color_p8",
-        spirv: include_bytes!("../../../shaders-glsl/spv/blend_bwd_swap_color_p8.spv"),
-        ..*super::blend_bwd_fixed_p4::INFO
-    };
-}
+crate::gpu::kernel::variant!(blend_bwd_fixed_p8 of blend_bwd_fixed_p4);
+crate::gpu::kernel::variant!(blend_bwd_fixed_color_p4 of blend_bwd_fixed_p4);
+crate::gpu::kernel::variant!(blend_bwd_fixed_color_p8 of blend_bwd_fixed_p4);
+crate::gpu::kernel::variant!(blend_bwd_swap_p4 of blend_bwd_fixed_p4);
+crate::gpu::kernel::variant!(blend_bwd_swap_p8 of blend_bwd_fixed_p4);
+crate::gpu::kernel::variant!(blend_bwd_swap_color_p4 of blend_bwd_fixed_p4);
+crate::gpu::kernel::variant!(blend_bwd_swap_color_p8 of blend_bwd_fixed_p4);
 
 /// turns sums in fixed point into floats.
 pub mod fixed_sums {

@@ -97,80 +97,10 @@ pub mod fisher_static_sh0 {
         ],
     };
 }
-
-/// adds up what a picture says of each Gaussian: how much would change without one of its parts, or with a new one.
-pub mod fisher_static_sh1 {
-    use crate::gpu::kernel::*;
-    /// What the device needs to know. A variant of [`super::fisher_static_sh0`].
-    pub const INFO: &KernelInfo = &KernelInfo {
-        name: "fisher_static_sh1",
-        spirv: include_bytes!("../../../shaders-glsl/spv/fisher_static_sh1.spv"),
-        ..*super::fisher_static_sh0::INFO
-    };
-}
-
-/// adds up what a picture says of each Gaussian: how much would change without one of its parts, or with a new one.
-pub mod fisher_static_sh2 {
-    use crate::gpu::kernel::*;
-    /// What the device needs to know. A variant of [`super::fisher_static_sh0`].
-    pub const INFO: &KernelInfo = &KernelInfo {
-        name: "fisher_static_sh2",
-        spirv: include_bytes!("../../../shaders-glsl/spv/fisher_static_sh2.spv"),
-        ..*super::fisher_static_sh0::INFO
-    };
-}
-
-/// adds up what a picture says of each Gaussian: how much would change without one of its parts, or with a new one.
-pub mod fisher_static_sh3 {
-    use crate::gpu::kernel::*;
-    /// What the device needs to know. A variant of [`super::fisher_static_sh0`].
-    pub const INFO: &KernelInfo = &KernelInfo {
-        name: "fisher_static_sh3",
-        spirv: include_bytes!("../../../shaders-glsl/spv/fisher_static_sh3.spv"),
-        ..*super::fisher_static_sh0::INFO
-    };
-}
-
-/// adds up what a picture says of each Gaussian: how much would change without one of its parts, or with a new one.
-pub mod fisher_dynamic_sh0 {
-    use crate::gpu::kernel::*;
-    /// What the device needs to know. A variant of [`super::fisher_static_sh0`].
-    pub const INFO: &KernelInfo = &KernelInfo {
-        name: "fisher_dynamic_sh0",
-        spirv: include_bytes!("../../../shaders-glsl/spv/fisher_dynamic_sh0.spv"),
-        ..*super::fisher_static_sh0::INFO
-    };
-}
-
-/// adds up what a picture says of each Gaussian: how much would change without one of its parts, or with a new one.
-pub mod fisher_dynamic_sh1 {
-    use crate::gpu::kernel::*;
-    /// What the device needs to know. A variant of [`super::fisher_static_sh0`].
-    pub const INFO: &KernelInfo = &KernelInfo {
-        name: "fisher_dynamic_sh1",
-        spirv: include_bytes!("../../../shaders-glsl/spv/fisher_dynamic_sh1.spv"),
-        ..*super::fisher_static_sh0::INFO
-    };
-}
-
-/// adds up what a picture says of each Gaussian: how much would change without one of its parts, or with a new one.
-pub mod fisher_dynamic_sh2 {
-    use crate::gpu::kernel::*;
-    /// What the device needs to know. A variant of [`super::fisher_static_sh0`].
-    pub const INFO: &KernelInfo = &KernelInfo {
-        name: "fisher_dynamic_sh2",
-        spirv: include_bytes!("../../../shaders-glsl/spv/fisher_dynamic_sh2.spv"),
-        ..*super::fisher_static_sh0::INFO
-    };
-}
-
-/// adds up what a picture says of each Gaussian: how much would change without one of its parts, or with a new one.
-pub mod fisher_dynamic_sh3 {
-    use crate::gpu::kernel::*;
-    /// What the device needs to know. A variant of [`super::fisher_static_sh0`].
-    pub const INFO: &KernelInfo = &KernelInfo {
-        name: "fisher_dynamic_sh3",
-        spirv: include_bytes!("../../../shaders-glsl/spv/fisher_dynamic_sh3.spv"),
-        ..*super::fisher_static_sh0::INFO
-    };
-}
+crate::gpu::kernel::variant!(fisher_static_sh1 of fisher_static_sh0);
+crate::gpu::kernel::variant!(fisher_static_sh2 of fisher_static_sh0);
+crate::gpu::kernel::variant!(fisher_static_sh3 of fisher_static_sh0);
+crate::gpu::kernel::variant!(fisher_dynamic_sh0 of fisher_static_sh0);
+crate::gpu::kernel::variant!(fisher_dynamic_sh1 of fisher_static_sh0);
+crate::gpu::kernel::variant!(fisher_dynamic_sh2 of fisher_static_sh0);
+crate::gpu::kernel::variant!(fisher_dynamic_sh3 of fisher_static_sh0);

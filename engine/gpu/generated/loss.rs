@@ -48,17 +48,7 @@ pub mod ssim_rows {
         ],
     };
 }
-
-/// filters the moments of picture and truth along the rows.
-pub mod ssim_rows_s2 {
-    use crate::gpu::kernel::*;
-    /// What the device needs to know. A variant of [`super::ssim_rows`].
-    pub const INFO: &KernelInfo = &KernelInfo {
-        name: "ssim_rows_s2",
-        spirv: include_bytes!("../../../shaders-glsl/spv/ssim_rows_s2.spv"),
-        ..*super::ssim_rows::INFO
-    };
-}
+crate::gpu::kernel::variant!(ssim_rows_s2 of ssim_rows);
 
 /// filters the moments along the columns, forms SSIM and its derivatives, and sums 1 - SSIM and the absolute error.
 pub mod ssim_columns {
@@ -114,17 +104,7 @@ pub mod ssim_columns {
         ],
     };
 }
-
-/// filters the moments along the columns, forms SSIM and its derivatives, and sums 1 - SSIM and the absolute error.
-pub mod ssim_columns_s2 {
-    use crate::gpu::kernel::*;
-    /// What the device needs to know. A variant of [`super::ssim_columns`].
-    pub const INFO: &KernelInfo = &KernelInfo {
-        name: "ssim_columns_s2",
-        spirv: include_bytes!("../../../shaders-glsl/spv/ssim_columns_s2.spv"),
-        ..*super::ssim_columns::INFO
-    };
-}
+crate::gpu::kernel::variant!(ssim_columns_s2 of ssim_columns);
 
 /// filters the derivatives of SSIM along the rows.
 pub mod ssim_bwd_rows {
@@ -171,17 +151,7 @@ pub mod ssim_bwd_rows {
         ],
     };
 }
-
-/// filters the derivatives of SSIM along the rows.
-pub mod ssim_bwd_rows_s2 {
-    use crate::gpu::kernel::*;
-    /// What the device needs to know. A variant of [`super::ssim_bwd_rows`].
-    pub const INFO: &KernelInfo = &KernelInfo {
-        name: "ssim_bwd_rows_s2",
-        spirv: include_bytes!("../../../shaders-glsl/spv/ssim_bwd_rows_s2.spv"),
-        ..*super::ssim_bwd_rows::INFO
-    };
-}
+crate::gpu::kernel::variant!(ssim_bwd_rows_s2 of ssim_bwd_rows);
 
 /// filters the derivatives of SSIM along the columns and forms the cotangent of the colour.
 pub mod ssim_bwd_columns {
@@ -240,17 +210,7 @@ pub mod ssim_bwd_columns {
         ],
     };
 }
-
-/// filters the derivatives of SSIM along the columns and forms the cotangent of the colour.
-pub mod ssim_bwd_columns_s2 {
-    use crate::gpu::kernel::*;
-    /// What the device needs to know. A variant of [`super::ssim_bwd_columns`].
-    pub const INFO: &KernelInfo = &KernelInfo {
-        name: "ssim_bwd_columns_s2",
-        spirv: include_bytes!("../../../shaders-glsl/spv/ssim_bwd_columns_s2.spv"),
-        ..*super::ssim_bwd_columns::INFO
-    };
-}
+crate::gpu::kernel::variant!(ssim_bwd_columns_s2 of ssim_bwd_columns);
 
 /// the absolute error alone, in the steps without SSIM: its cotangent and sums.
 pub mod l1 {

@@ -1,6 +1,7 @@
 //! Bindings of the kernels, generated from the shaders by `IVV_BLESS=1 cargo build --features shaders`: here the structs
 //! that kernels share, then a file for each folder of `shaders-glsl` with a module for each kernel: its buffers by name
-//! (`Args`), its push constants (`Push`), and what the device needs to know (`INFO`).
+//! (`Args`), its push constants (`Push`), and what the device needs to know (`INFO`). Variants of a shader with the same
+//! buffers as its first are a line each.
 
 mod adam;
 mod bilateral;

@@ -96,83 +96,13 @@ pub mod project_static_sh0 {
         ],
     };
 }
-
-/// projects the active Gaussians of a group, evaluates their colour and counts the tiles they touch.
-pub mod project_static_sh1 {
-    use crate::gpu::kernel::*;
-    /// What the device needs to know. A variant of [`super::project_static_sh0`].
-    pub const INFO: &KernelInfo = &KernelInfo {
-        name: "project_static_sh1",
-        spirv: include_bytes!("../../../shaders-glsl/spv/project_static_sh1.spv"),
-        ..*super::project_static_sh0::INFO
-    };
-}
-
-/// projects the active Gaussians of a group, evaluates their colour and counts the tiles they touch.
-pub mod project_static_sh2 {
-    use crate::gpu::kernel::*;
-    /// What the device needs to know. A variant of [`super::project_static_sh0`].
-    pub const INFO: &KernelInfo = &KernelInfo {
-        name: "project_static_sh2",
-        spirv: include_bytes!("../../../shaders-glsl/spv/project_static_sh2.spv"),
-        ..*super::project_static_sh0::INFO
-    };
-}
-
-/// projects the active Gaussians of a group, evaluates their colour and counts the tiles they touch.
-pub mod project_static_sh3 {
-    use crate::gpu::kernel::*;
-    /// What the device needs to know. A variant of [`super::project_static_sh0`].
-    pub const INFO: &KernelInfo = &KernelInfo {
-        name: "project_static_sh3",
-        spirv: include_bytes!("../../../shaders-glsl/spv/project_static_sh3.spv"),
-        ..*super::project_static_sh0::INFO
-    };
-}
-
-/// projects the active Gaussians of a group, evaluates their colour and counts the tiles they touch.
-pub mod project_dynamic_sh0 {
-    use crate::gpu::kernel::*;
-    /// What the device needs to know. A variant of [`super::project_static_sh0`].
-    pub const INFO: &KernelInfo = &KernelInfo {
-        name: "project_dynamic_sh0",
-        spirv: include_bytes!("../../../shaders-glsl/spv/project_dynamic_sh0.spv"),
-        ..*super::project_static_sh0::INFO
-    };
-}
-
-/// projects the active Gaussians of a group, evaluates their colour and counts the tiles they touch.
-pub mod project_dynamic_sh1 {
-    use crate::gpu::kernel::*;
-    /// What the device needs to know. A variant of [`super::project_static_sh0`].
-    pub const INFO: &KernelInfo = &KernelInfo {
-        name: "project_dynamic_sh1",
-        spirv: include_bytes!("../../../shaders-glsl/spv/project_dynamic_sh1.spv"),
-        ..*super::project_static_sh0::INFO
-    };
-}
-
-/// projects the active Gaussians of a group, evaluates their colour and counts the tiles they touch.
-pub mod project_dynamic_sh2 {
-    use crate::gpu::kernel::*;
-    /// What the device needs to know. A variant of [`super::project_static_sh0`].
-    pub const INFO: &KernelInfo = &KernelInfo {
-        name: "project_dynamic_sh2",
-        spirv: include_bytes!("../../../shaders-glsl/spv/project_dynamic_sh2.spv"),
-        ..*super::project_static_sh0::INFO
-    };
-}
-
-/// projects the active Gaussians of a group, evaluates their colour and counts the tiles they touch.
-pub mod project_dynamic_sh3 {
-    use crate::gpu::kernel::*;
-    /// What the device needs to know. A variant of [`super::project_static_sh0`].
-    pub const INFO: &KernelInfo = &KernelInfo {
-        name: "project_dynamic_sh3",
-        spirv: include_bytes!("../../../shaders-glsl/spv/project_dynamic_sh3.spv"),
-        ..*super::project_static_sh0::INFO
-    };
-}
+crate::gpu::kernel::variant!(project_static_sh1 of project_static_sh0);
+crate::gpu::kernel::variant!(project_static_sh2 of project_static_sh0);
+crate::gpu::kernel::variant!(project_static_sh3 of project_static_sh0);
+crate::gpu::kernel::variant!(project_dynamic_sh0 of project_static_sh0);
+crate::gpu::kernel::variant!(project_dynamic_sh1 of project_static_sh0);
+crate::gpu::kernel::variant!(project_dynamic_sh2 of project_static_sh0);
+crate::gpu::kernel::variant!(project_dynamic_sh3 of project_static_sh0);
 
 /// projects the active Gaussians of a group, evaluates their colour and counts the tiles they touch.
 pub mod project_static_sh1_half {
@@ -270,61 +200,11 @@ pub mod project_static_sh1_half {
         ],
     };
 }
-
-/// projects the active Gaussians of a group, evaluates their colour and counts the tiles they touch.
-pub mod project_static_sh2_half {
-    use crate::gpu::kernel::*;
-    /// What the device needs to know. A variant of [`super::project_static_sh1_half`].
-    pub const INFO: &KernelInfo = &KernelInfo {
-        name: "project_static_sh2_half",
-        spirv: include_bytes!("../../../shaders-glsl/spv/project_static_sh2_half.spv"),
-        ..*super::project_static_sh1_half::INFO
-    };
-}
-
-/// projects the active Gaussians of a group, evaluates their colour and counts the tiles they touch.
-pub mod project_static_sh3_half {
-    use crate::gpu::kernel::*;
-    /// What the device needs to know. A variant of [`super::project_static_sh1_half`].
-    pub const INFO: &KernelInfo = &KernelInfo {
-        name: "project_static_sh3_half",
-        spirv: include_bytes!("../../../shaders-glsl/spv/project_static_sh3_half.spv"),
-        ..*super::project_static_sh1_half::INFO
-    };
-}
-
-/// projects the active Gaussians of a group, evaluates their colour and counts the tiles they touch.
-pub mod project_dynamic_sh1_half {
-    use crate::gpu::kernel::*;
-    /// What the device needs to know. A variant of [`super::project_static_sh1_half`].
-    pub const INFO: &KernelInfo = &KernelInfo {
-        name: "project_dynamic_sh1_half",
-        spirv: include_bytes!("../../../shaders-glsl/spv/project_dynamic_sh1_half.spv"),
-        ..*super::project_static_sh1_half::INFO
-    };
-}
-
-/// projects the active Gaussians of a group, evaluates their colour and counts the tiles they touch.
-pub mod project_dynamic_sh2_half {
-    use crate::gpu::kernel::*;
-    /// What the device needs to know. A variant of [`super::project_static_sh1_half`].
-    pub const INFO: &KernelInfo = &KernelInfo {
-        name: "project_dynamic_sh2_half",
-        spirv: include_bytes!("../../../shaders-glsl/spv/project_dynamic_sh2_half.spv"),
-        ..*super::project_static_sh1_half::INFO
-    };
-}
-
-/// projects the active Gaussians of a group, evaluates their colour and counts the tiles they touch.
-pub mod project_dynamic_sh3_half {
-    use crate::gpu::kernel::*;
-    /// What the device needs to know. A variant of [`super::project_static_sh1_half`].
-    pub const INFO: &KernelInfo = &KernelInfo {
-        name: "project_dynamic_sh3_half",
-        spirv: include_bytes!("../../../shaders-glsl/spv/project_dynamic_sh3_half.spv"),
-        ..*super::project_static_sh1_half::INFO
-    };
-}
+crate::gpu::kernel::variant!(project_static_sh2_half of project_static_sh1_half);
+crate::gpu::kernel::variant!(project_static_sh3_half of project_static_sh1_half);
+crate::gpu::kernel::variant!(project_dynamic_sh1_half of project_static_sh1_half);
+crate::gpu::kernel::variant!(project_dynamic_sh2_half of project_static_sh1_half);
+crate::gpu::kernel::variant!(project_dynamic_sh3_half of project_static_sh1_half);
 
 /// rounds a band of spherical harmonics to halves, for projection to read.
 pub mod sh_half {
@@ -499,83 +379,13 @@ pub mod project_bwd_static_sh0 {
         ],
     };
 }
-
-/// carries each active Gaussian's sums back to its parameters; with ADAM it moves them there and then.
-pub mod project_bwd_static_sh1 {
-    use crate::gpu::kernel::*;
-    /// What the device needs to know. A variant of [`super::project_bwd_static_sh0`].
-    pub const INFO: &KernelInfo = &KernelInfo {
-        name: "project_bwd_static_sh1",
-        spirv: include_bytes!("../../../shaders-glsl/spv/project_bwd_static_sh1.spv"),
-        ..*super::project_bwd_static_sh0::INFO
-    };
-}
-
-/// carries each active Gaussian's sums back to its parameters; with ADAM it moves them there and then.
-pub mod project_bwd_static_sh2 {
-    use crate::gpu::kernel::*;
-    /// What the device needs to know. A variant of [`super::project_bwd_static_sh0`].
-    pub const INFO: &KernelInfo = &KernelInfo {
-        name: "project_bwd_static_sh2",
-        spirv: include_bytes!("../../../shaders-glsl/spv/project_bwd_static_sh2.spv"),
-        ..*super::project_bwd_static_sh0::INFO
-    };
-}
-
-/// carries each active Gaussian's sums back to its parameters; with ADAM it moves them there and then.
-pub mod project_bwd_static_sh3 {
-    use crate::gpu::kernel::*;
-    /// What the device needs to know. A variant of [`super::project_bwd_static_sh0`].
-    pub const INFO: &KernelInfo = &KernelInfo {
-        name: "project_bwd_static_sh3",
-        spirv: include_bytes!("../../../shaders-glsl/spv/project_bwd_static_sh3.spv"),
-        ..*super::project_bwd_static_sh0::INFO
-    };
-}
-
-/// carries each active Gaussian's sums back to its parameters; with ADAM it moves them there and then.
-pub mod project_bwd_dynamic_sh0 {
-    use crate::gpu::kernel::*;
-    /// What the device needs to know. A variant of [`super::project_bwd_static_sh0`].
-    pub const INFO: &KernelInfo = &KernelInfo {
-        name: "project_bwd_dynamic_sh0",
-        spirv: include_bytes!("../../../shaders-glsl/spv/project_bwd_dynamic_sh0.spv"),
-        ..*super::project_bwd_static_sh0::INFO
-    };
-}
-
-/// carries each active Gaussian's sums back to its parameters; with ADAM it moves them there and then.
-pub mod project_bwd_dynamic_sh1 {
-    use crate::gpu::kernel::*;
-    /// What the device needs to know. A variant of [`super::project_bwd_static_sh0`].
-    pub const INFO: &KernelInfo = &KernelInfo {
-        name: "project_bwd_dynamic_sh1",
-        spirv: include_bytes!("../../../shaders-glsl/spv/project_bwd_dynamic_sh1.spv"),
-        ..*super::project_bwd_static_sh0::INFO
-    };
-}
-
-/// carries each active Gaussian's sums back to its parameters; with ADAM it moves them there and then.
-pub mod project_bwd_dynamic_sh2 {
-    use crate::gpu::kernel::*;
-    /// What the device needs to know. A variant of [`super::project_bwd_static_sh0`].
-    pub const INFO: &KernelInfo = &KernelInfo {
-        name: "project_bwd_dynamic_sh2",
-        spirv: include_bytes!("../../../shaders-glsl/spv/project_bwd_dynamic_sh2.spv"),
-        ..*super::project_bwd_static_sh0::INFO
-    };
-}
-
-/// carries each active Gaussian's sums back to its parameters; with ADAM it moves them there and then.
-pub mod project_bwd_dynamic_sh3 {
-    use crate::gpu::kernel::*;
-    /// What the device needs to know. A variant of [`super::project_bwd_static_sh0`].
-    pub const INFO: &KernelInfo = &KernelInfo {
-        name: "project_bwd_dynamic_sh3",
-        spirv: include_bytes!("../../../shaders-glsl/spv/project_bwd_dynamic_sh3.spv"),
-        ..*super::project_bwd_static_sh0::INFO
-    };
-}
+crate::gpu::kernel::variant!(project_bwd_static_sh1 of project_bwd_static_sh0);
+crate::gpu::kernel::variant!(project_bwd_static_sh2 of project_bwd_static_sh0);
+crate::gpu::kernel::variant!(project_bwd_static_sh3 of project_bwd_static_sh0);
+crate::gpu::kernel::variant!(project_bwd_dynamic_sh0 of project_bwd_static_sh0);
+crate::gpu::kernel::variant!(project_bwd_dynamic_sh1 of project_bwd_static_sh0);
+crate::gpu::kernel::variant!(project_bwd_dynamic_sh2 of project_bwd_static_sh0);
+crate::gpu::kernel::variant!(project_bwd_dynamic_sh3 of project_bwd_static_sh0);
 
 /// carries each active Gaussian's sums back to its parameters; with ADAM it moves them there and then.
 pub mod project_bwd_adam_static_sh0 {
@@ -719,171 +529,21 @@ pub mod project_bwd_adam_static_sh0 {
         ],
     };
 }
-
-/// carries each active Gaussian's sums back to its parameters; with ADAM it moves them there and then.
-pub mod project_bwd_adam_static_sh1 {
-    use crate::gpu::kernel::*;
-    /// What the device needs to know. A variant of [`super::project_bwd_adam_static_sh0`].
-    pub const INFO: &KernelInfo = &KernelInfo {
-        name: "project_bwd_adam_static_sh1",
-        spirv: include_bytes!("../../../shaders-glsl/spv/project_bwd_adam_static_sh1.spv"),
-        ..*super::project_bwd_adam_static_sh0::INFO
-    };
-}
-
-/// carries each active Gaussian's sums back to its parameters; with ADAM it moves them there and then.
-pub mod project_bwd_adam_static_sh2 {
-    use crate::gpu::kernel::*;
-    /// What the device needs to know. A variant of [`super::project_bwd_adam_static_sh0`].
-    pub const INFO: &KernelInfo = &KernelInfo {
-        name: "project_bwd_adam_static_sh2",
-        spirv: include_bytes!("../../../shaders-glsl/spv/project_bwd_adam_static_sh2.spv"),
-        ..*super::project_bwd_adam_static_sh0::INFO
-    };
-}
-
-/// carries each active Gaussian's sums back to its parameters; with ADAM it moves them there and then.
-pub mod project_bwd_adam_static_sh3 {
-    use crate::gpu::kernel::*;
-    /// What the device needs to know. A variant of [`super::project_bwd_adam_static_sh0`].
-    pub const INFO: &KernelInfo = &KernelInfo {
-        name: "project_bwd_adam_static_sh3",
-        spirv: include_bytes!("../../../shaders-glsl/spv/project_bwd_adam_static_sh3.spv"),
-        ..*super::project_bwd_adam_static_sh0::INFO
-    };
-}
-
-/// carries each active Gaussian's sums back to its parameters; with ADAM it moves them there and then.
-pub mod project_bwd_adam_dynamic_sh0 {
-    use crate::gpu::kernel::*;
-    /// What the device needs to know. A variant of [`super::project_bwd_adam_static_sh0`].
-    pub const INFO: &KernelInfo = &KernelInfo {
-        name: "project_bwd_adam_dynamic_sh0",
-        spirv: include_bytes!("../../../shaders-glsl/spv/project_bwd_adam_dynamic_sh0.spv"),
-        ..*super::project_bwd_adam_static_sh0::INFO
-    };
-}
-
-/// carries each active Gaussian's sums back to its parameters; with ADAM it moves them there and then.
-pub mod project_bwd_adam_dynamic_sh1 {
-    use crate::gpu::kernel::*;
-    /// What the device needs to know. A variant of [`super::project_bwd_adam_static_sh0`].
-    pub const INFO: &KernelInfo = &KernelInfo {
-        name: "project_bwd_adam_dynamic_sh1",
-        spirv: include_bytes!("../../../shaders-glsl/spv/project_bwd_adam_dynamic_sh1.spv"),
-        ..*super::project_bwd_adam_static_sh0::INFO
-    };
-}
-
-/// carries each active Gaussian's sums back to its parameters; with ADAM it moves them there and then.
-pub mod project_bwd_adam_dynamic_sh2 {
-    use crate::gpu::kernel::*;
-    /// What the device needs to know. A variant of [`super::project_bwd_adam_static_sh0`].
-    pub const INFO: &KernelInfo = &KernelInfo {
-        name: "project_bwd_adam_dynamic_sh2",
-        spirv: include_bytes!("../../../shaders-glsl/spv/project_bwd_adam_dynamic_sh2.spv"),
-        ..*super::project_bwd_adam_static_sh0::INFO
-    };
-}
-
-/// carries each active Gaussian's sums back to its parameters; with ADAM it moves them there and then.
-pub mod project_bwd_adam_dynamic_sh3 {
-    use crate::gpu::kernel::*;
-    /// What the device needs to know. A variant of [`super::project_bwd_adam_static_sh0`].
-    pub const INFO: &KernelInfo = &KernelInfo {
-        name: "project_bwd_adam_dynamic_sh3",
-        spirv: include_bytes!("../../../shaders-glsl/spv/project_bwd_adam_dynamic_sh3.spv"),
-        ..*super::project_bwd_adam_static_sh0::INFO
-    };
-}
-
-/// carries each active Gaussian's sums back to its parameters; with ADAM it moves them there and then.
-pub mod project_bwd_adam_static_sh0_m16 {
-    use crate::gpu::kernel::*;
-    /// What the device needs to know. A variant of [`super::project_bwd_adam_static_sh0`].
-    pub const INFO: &KernelInfo = &KernelInfo {
-        name: "project_bwd_adam_static_sh0_m16",
-        spirv: include_bytes!("../../../shaders-glsl/spv/project_bwd_adam_static_sh0_m16.spv"),
-        ..*super::project_bwd_adam_static_sh0::INFO
-    };
-}
-
-/// carries each active Gaussian's sums back to its parameters; with ADAM it moves them there and then.
-pub mod project_bwd_adam_static_sh1_m16 {
-    use crate::gpu::kernel::*;
-    /// What the device needs to know. A variant of [`super::project_bwd_adam_static_sh0`].
-    pub const INFO: &KernelInfo = &KernelInfo {
-        name: "project_bwd_adam_static_sh1_m16",
-        spirv: include_bytes!("../../../shaders-glsl/spv/project_bwd_adam_static_sh1_m16.spv"),
-        ..*super::project_bwd_adam_static_sh0::INFO
-    };
-}
-
-/// carries each active Gaussian's sums back to its parameters; with ADAM it moves them there and then.
-pub mod project_bwd_adam_static_sh2_m16 {
-    use crate::gpu::kernel::*;
-    /// What the device needs to know. A variant of [`super::project_bwd_adam_static_sh0`].
-    pub const INFO: &KernelInfo = &KernelInfo {
-        name: "project_bwd_adam_static_sh2_m16",
-        spirv: include_bytes!("../../../shaders-glsl/spv/project_bwd_adam_static_sh2_m16.spv"),
-        ..*super::project_bwd_adam_static_sh0::INFO
-    };
-}
-
-/// carries each active Gaussian's sums back to its parameters; with ADAM it moves them there and then.
-pub mod project_bwd_adam_static_sh3_m16 {
-    use crate::gpu::kernel::*;
-    /// What the device needs to know. A variant of [`super::project_bwd_adam_static_sh0`].
-    pub const INFO: &KernelInfo = &KernelInfo {
-        name: "project_bwd_adam_static_sh3_m16",
-        spirv: include_bytes!("../../../shaders-glsl/spv/project_bwd_adam_static_sh3_m16.spv"),
-        ..*super::project_bwd_adam_static_sh0::INFO
-    };
-}
-
-/// carries each active Gaussian's sums back to its parameters; with ADAM it moves them there and then.
-pub mod project_bwd_adam_dynamic_sh0_m16 {
-    use crate::gpu::kernel::*;
-    /// What the device needs to know. A variant of [`super::project_bwd_adam_static_sh0`].
-    pub const INFO: &KernelInfo = &KernelInfo {
-        name: "project_bwd_adam_dynamic_sh0_m16",
-        spirv: include_bytes!("../../../shaders-glsl/spv/project_bwd_adam_dynamic_sh0_m16.spv"),
-        ..*super::project_bwd_adam_static_sh0::INFO
-    };
-}
-
-/// carries each active Gaussian's sums back to its parameters; with ADAM it moves them there and then.
-pub mod project_bwd_adam_dynamic_sh1_m16 {
-    use crate::gpu::kernel::*;
-    /// What the device needs to know. A variant of [`super::project_bwd_adam_static_sh0`].
-    pub const INFO: &KernelInfo = &KernelInfo {
-        name: "project_bwd_adam_dynamic_sh1_m16",
-        spirv: include_bytes!("../../../shaders-glsl/spv/project_bwd_adam_dynamic_sh1_m16.spv"),
-        ..*super::project_bwd_adam_static_sh0::INFO
-    };
-}
-
-/// carries each active Gaussian's sums back to its parameters; with ADAM it moves them there and then.
-pub mod project_bwd_adam_dynamic_sh2_m16 {
-    use crate::gpu::kernel::*;
-    /// What the device needs to know. A variant of [`super::project_bwd_adam_static_sh0`].
-    pub const INFO: &KernelInfo = &KernelInfo {
-        name: "project_bwd_adam_dynamic_sh2_m16",
-        spirv: include_bytes!("../../../shaders-glsl/spv/project_bwd_adam_dynamic_sh2_m16.spv"),
-        ..*super::project_bwd_adam_static_sh0::INFO
-    };
-}
-
-/// carries each active Gaussian's sums back to its parameters; with ADAM it moves them there and then.
-pub mod project_bwd_adam_dynamic_sh3_m16 {
-    use crate::gpu::kernel::*;
-    /// What the device needs to know. A variant of [`super::project_bwd_adam_static_sh0`].
-    pub const INFO: &KernelInfo = &KernelInfo {
-        name: "project_bwd_adam_dynamic_sh3_m16",
-        spirv: include_bytes!("../../../shaders-glsl/spv/project_bwd_adam_dynamic_sh3_m16.spv"),
-        ..*super::project_bwd_adam_static_sh0::INFO
-    };
-}
+crate::gpu::kernel::variant!(project_bwd_adam_static_sh1 of project_bwd_adam_static_sh0);
+crate::gpu::kernel::variant!(project_bwd_adam_static_sh2 of project_bwd_adam_static_sh0);
+crate::gpu::kernel::variant!(project_bwd_adam_static_sh3 of project_bwd_adam_static_sh0);
+crate::gpu::kernel::variant!(project_bwd_adam_dynamic_sh0 of project_bwd_adam_static_sh0);
+crate::gpu::kernel::variant!(project_bwd_adam_dynamic_sh1 of project_bwd_adam_static_sh0);
+crate::gpu::kernel::variant!(project_bwd_adam_dynamic_sh2 of project_bwd_adam_static_sh0);
+crate::gpu::kernel::variant!(project_bwd_adam_dynamic_sh3 of project_bwd_adam_static_sh0);
+crate::gpu::kernel::variant!(project_bwd_adam_static_sh0_m16 of project_bwd_adam_static_sh0);
+crate::gpu::kernel::variant!(project_bwd_adam_static_sh1_m16 of project_bwd_adam_static_sh0);
+crate::gpu::kernel::variant!(project_bwd_adam_static_sh2_m16 of project_bwd_adam_static_sh0);
+crate::gpu::kernel::variant!(project_bwd_adam_static_sh3_m16 of project_bwd_adam_static_sh0);
+crate::gpu::kernel::variant!(project_bwd_adam_dynamic_sh0_m16 of project_bwd_adam_static_sh0);
+crate::gpu::kernel::variant!(project_bwd_adam_dynamic_sh1_m16 of project_bwd_adam_static_sh0);
+crate::gpu::kernel::variant!(project_bwd_adam_dynamic_sh2_m16 of project_bwd_adam_static_sh0);
+crate::gpu::kernel::variant!(project_bwd_adam_dynamic_sh3_m16 of project_bwd_adam_static_sh0);
 
 /// adds the active Gaussians' gradients of the camera.
 pub mod camera_sum {

@@ -107,14 +107,4 @@ pub mod sort_scatter {
         ],
     };
 }
-
-/// moves each key and its value to its place by one 8-bit digit, stably.
-pub mod sort_scatter_w32 {
-    use crate::gpu::kernel::*;
-    /// What the device needs to know. A variant of [`super::sort_scatter`].
-    pub const INFO: &KernelInfo = &KernelInfo {
-        name: "sort_scatter_w32",
-        spirv: include_bytes!("../../../shaders-glsl/spv/sort_scatter_w32.spv"),
-        ..*super::sort_scatter::INFO
-    };
-}
+crate::gpu::kernel::variant!(sort_scatter_w32 of sort_scatter);
