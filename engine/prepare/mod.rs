@@ -44,7 +44,7 @@ impl ImageFormat {
 /// Of which frames points are triangulated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 pub enum Triangulate {
-    /// Of none; points that the source has are kept.
+    /// Of none; points that the source has are kept, of single frames too.
     None,
     /// Of the reference frame.
     Reference,
@@ -203,7 +203,12 @@ pub fn prepare(settings: &PrepareSettings, progress: &(dyn Fn(Progress) + Sync))
     if Manifest::read(output).ok().as_ref() != Some(&manifest) {
         manifest.write(output)?;
     }
-    let notes = source.notes.into_iter().chain(images.notes).collect();
+    let mut notes: Vec<String> = source.notes.into_iter().chain(images.notes).collect();
+    if settings.scale < 1.0 && !points.is_empty() && points.iter().all(|(_, n)| *n == 0) {
+        let note = "no point was found in pictures of this size: prepare without --scale, then the result with --scale, \
+                    which keeps its points";
+        notes.push(note.to_owned());
+    }
     let report = check_capture(output, &CaptureSettings::default());
     Ok(Prepared { source_format: source.format, notes, points, report })
 }

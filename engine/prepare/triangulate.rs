@@ -14,10 +14,11 @@ use super::journal::{Journal, make_folder};
 use super::model::{self, ModelCamera, ModelPoint};
 use super::program::COLMAP;
 use super::source::Source;
+use super::video::Selection;
 use super::{PrepareSettings, Progress, Triangulate};
 use crate::error::{Error, Result};
 use crate::parallel::in_parallel;
-use crate::scene::capture::{Pose, camera_center, tracks};
+use crate::scene::capture::{FramePoints, Pose, camera_center, tracks};
 use crate::scene::undistort::Lens;
 use crate::scene::{SeenPoint, write_atomic, write_points};
 
@@ -35,14 +36,17 @@ pub(super) fn make(
     journal: &mut Journal,
     progress: &(dyn Fn(Progress) + Sync),
 ) -> Result<Vec<(u32, usize)>> {
-    let of_source = if source.points.is_empty() { Triangulate::Every(1) } else { Triangulate::None };
-    let what = settings.triangulate.unwrap_or(of_source);
+    let has_points = source.frame_points.is_some() || !source.points.is_empty();
+    let what = settings.triangulate.unwrap_or(if has_points { Triangulate::None } else { Triangulate::Every(1) });
+    let carried = source.frame_points.as_ref().filter(|_| what == Triangulate::None);
+    let of_source = carried.map_or(json!(source.points.len()), |points| json!(points.folder));
     let posed: Vec<_> = images.cameras.iter().map(|c| json!([c.name, c.is_test, c.poses])).collect();
-    journal.begin("points", json!({ "triangulate": what, "cameras": posed, "source points": source.points.len() }))?;
+    journal.begin("points", json!({ "triangulate": what, "cameras": posed, "source points": of_source }))?;
     let stage = Triangulation { images, work: images.output.join(".colmap"), threads: settings.threads };
     let (model, points) = (images.output.join("sparse/0"), images.output.join("points"));
     let file = |frame: u32| points.join(format!("{frame:05}.ply"));
-    let Triangulate::Every(every) = what else {
+    let every = if let Triangulate::Every(every) = what { Some(every) } else { carried.map(|_| 1) };
+    let Some(every) = every else {
         if !model.join("points3D.txt").is_file() {
             let found = match what {
                 Triangulate::None => stage.of_source(source),
@@ -69,7 +73,11 @@ pub(super) fn make(
     let done = AtomicUsize::new(frames.len() - left.len());
     let one = |index: usize| {
         let frame = left[index];
-        let found = if frame.is_multiple_of(every) { stage.frame(source, frame)? } else { Vec::new() };
+        let found = match carried {
+            Some(points) => stage.carried(points, frame)?,
+            None if frame.is_multiple_of(every) => stage.frame(source, frame)?,
+            None => Vec::new(),
+        };
         write_points(&file(frame), &found)?;
         if frame == REFERENCE {
             stage.write_model(&model, &found)?;
@@ -119,6 +127,15 @@ impl Triangulation<'_> {
         points
             .map(|(point, by)| SeenPoint { position: point.position, rgb: point.color, camera_ids: seen(by) })
             .collect()
+    }
+
+    /// The source's points of a frame, which were triangulated from pictures of whatever size.
+    fn carried(&self, points: &FramePoints, frame: u32) -> Result<Vec<SeenPoint>> {
+        let Selection { start, every, .. } = self.images.select();
+        let index = |name: &str| self.images.cameras.iter().position(|camera| camera.name == name);
+        let points = points.read(start + frame * every, index)?.into_iter();
+        let seen = |by: Vec<usize>| by.into_iter().map(Self::id).collect();
+        Ok(points.map(|p| SeenPoint { position: p.position, rgb: p.color, camera_ids: seen(p.seen_by) }).collect())
     }
 
     /// The model of all cameras, in the names of the finished images, with the points of the reference frame.

@@ -1,6 +1,6 @@
 //! With the programs of others: ffmpeg, COLMAP and Python. Each test is skipped where its program is absent.
 
-use ivv::prepare::{PrepareSettings, Triangulate};
+use ivv::prepare::{PrepareSettings, Prepared, Triangulate};
 use ivv::scene::capture::{Capture, Manifest};
 use ivv::synth::{Options, Preset, write_capture};
 
@@ -96,7 +96,11 @@ fn a_frame_without_matches_has_no_points() {
     let settings = PrepareSettings { triangulate: Some(Triangulate::Every(1)), ..settings(&folder) };
     let prepared = done(&settings);
     assert_eq!(prepared.points, [(0, 0), (1, 0)]);
+    let of_the_size = |prepared: &Prepared| prepared.notes.iter().any(|note| note.contains("without --scale"));
+    assert!(!of_the_size(&prepared), "the pictures are as large as they can be");
     assert!(!settings.output.join(".colmap").exists());
+    let scaled = PrepareSettings { scale: 0.5, output: folder.0.join("scaled"), ..settings };
+    assert!(of_the_size(&done(&scaled)));
 }
 
 #[test]

@@ -4,8 +4,9 @@ use std::path::Path;
 
 use image::ExtendedColorType;
 use ivv::prepare::PrepareSettings;
-use ivv::scene::capture::{Capture, Manifest};
+use ivv::scene::capture::{Capture, FramePoint, Manifest};
 use ivv::scene::prior::{read_depth, read_flow, write_depth, write_flow};
+use ivv::scene::{SeenPoint, write_points};
 use serde_json::json;
 
 use super::{done, run, settings};
@@ -450,6 +451,43 @@ fn priors_of_a_capture_folder_are_undistorted() {
     let prepared = done(&scaled);
     assert!(prepared.notes.iter().any(|note| note.contains("not scaled with the images")), "{:?}", prepared.notes);
     assert!(!Manifest::read(&scaled.output).unwrap().flow);
+}
+
+/// Points of single frames are where they were whatever size the pictures have, and are not triangulated again.
+#[test]
+fn points_of_frames_come_along() {
+    let folder = Folder::new("prepare-frame-points");
+    let camera = |id| (id, 1, "PINHOLE", 64, 48, vec![50.0, 50.0, 32.0, 24.0]);
+    let image = |id, x, name| (id, IDENTITY, [x, 0.0, 4.0], id, name, vec![]);
+    // Ids that go against the order of names.
+    let images = vec![image(3, 0.0, "a/00000.png"), image(2, 1.0, "b/00000.png"), image(1, 2.0, "c/00000.png")];
+    let model = Model { cameras: vec![camera(1), camera(2), camera(3)], images, points: vec![] };
+    let [cameras, images, _] = binary(&model);
+    folder.write("source/sparse/0/cameras.bin", cameras);
+    folder.write("source/sparse/0/images.bin", images);
+    let manifest = Manifest { fps: 30.0, frames: 4, points: true, ..Manifest::default() };
+    manifest.write(&folder.0.join("source")).unwrap();
+    for name in ["a", "b", "c"] {
+        for frame in 0..4_u32 {
+            folder.write(&format!("source/images/{name}/{frame:05}.png"), png(64, 48, frame as u8));
+        }
+    }
+    for frame in 0..4_u8 {
+        let position = [f64::from(frame), 0.5, 2.0];
+        let of_frame = [SeenPoint { position, rgb: [frame, 2, 3], camera_ids: vec![3, 2] }; 1];
+        write_points(&folder.write(&format!("source/points/{frame:05}.ply"), ""), &of_frame).unwrap();
+    }
+    let of_source = PrepareSettings { scale: 0.5, start: 1, every: 2, triangulate: None, ..settings(&folder) };
+    let prepared = done(&of_source);
+    assert_eq!(prepared.points, [(0, 1), (1, 1)]);
+    let capture = Capture::open(&of_source.output).unwrap();
+    assert_eq!((capture.n_frames, capture.cameras[0].width), (2, 32));
+    assert_eq!((capture.points.len(), capture.points[0].position), (1, [1.0, 0.5, 2.0]));
+    for (frame, x) in [(0, 1), (1, 3)] {
+        let point = FramePoint { position: [f64::from(x), 0.5, 2.0], color: [x, 2, 3], seen_by: vec![0, 1] };
+        assert_eq!(capture.points_of(frame).unwrap(), [point]);
+    }
+    assert_eq!(run(&of_source).unwrap().1.iter().filter(|piece| piece.starts_with("points")).count(), 0);
 }
 
 /// Images, masks, of the left half co-visibility, flow of one pixel to the right and depth of two planes, for the cameras `a` and `b`.

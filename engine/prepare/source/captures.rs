@@ -22,6 +22,7 @@ pub(super) fn read(place: Place, faults: &mut Faults) -> Option<Source> {
         calibration: draft.calibration.clone(),
         fps: Some(draft.fps),
         notes: std::mem::take(&mut draft.notes),
+        frame_points: draft.frame_points.take(),
         ..Source::default()
     };
     let names: BTreeMap<_, _> = draft

@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
 use crate::prepare::PrepareSettings;
-use crate::scene::capture::{Faults, Point, Pose, Shot, check_test_cameras};
+use crate::scene::capture::{Faults, FramePoints, Point, Pose, Shot, check_test_cameras};
 use crate::scene::undistort::Lens;
 
 /// Where the pictures of a camera are.
@@ -54,6 +54,8 @@ pub(super) struct Source {
     pub fps: Option<f64>,
     /// Of a static scene, or of frame 0.
     pub points: Vec<SourcePoint>,
+    /// Of every frame.
+    pub frame_points: Option<FramePoints>,
     pub notes: Vec<String>,
 }
 

@@ -34,9 +34,9 @@ pub(crate) use header::read_size;
 pub(crate) use names::{is_image, relative};
 pub(crate) use npz::read_npy;
 pub(crate) use picture::decode_image;
+pub(crate) use points::FramePoints;
 pub(crate) use report::Faults;
 
-use self::points::FramePoints;
 use self::priors::PriorSource;
 use crate::error::{Error, Result};
 use crate::scene::{Similarity, View};
@@ -309,7 +309,8 @@ impl Capture {
             let remedy = "triangulate every frame: `ivv prepare` does, or ask for a frame of the clip";
             return Err(Error::data(&self.path, "", reason, remedy));
         };
-        let mut points = points.read(frame, &self.cameras)?;
+        let index = |name: &str| self.cameras.iter().position(|camera| camera.name == name);
+        let mut points = points.read(frame, index)?;
         points.iter_mut().for_each(|point| point.position = self.moved.point(point.position));
         Ok(points)
     }

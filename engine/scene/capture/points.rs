@@ -3,7 +3,6 @@
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
-use super::Camera;
 use super::draft::MAX_COORDINATE;
 use crate::error::{Error, Result};
 use crate::scene::ply_header::{Element, Scalar};
@@ -40,9 +39,9 @@ impl FramePoints {
         Columns::find(&path, header.element("vertex")).map(|_| ())
     }
 
-    /// The points of a frame in the world of the file. Who saw them and is not among `cameras` is left out.
-    pub fn read(&self, frame: u32, cameras: &[Camera]) -> Result<Vec<FramePoint>> {
-        let index = |name: &String| cameras.iter().position(|camera| camera.name == *name);
+    /// The points of a frame in the world of the file. `index` gives a camera's index by its name; who saw a point and has
+    /// none is left out.
+    pub fn read(&self, frame: u32, index: impl Fn(&str) -> Option<usize>) -> Result<Vec<FramePoint>> {
         let known: HashMap<u32, Option<usize>> = self.cameras.iter().map(|(id, name)| (*id, index(name))).collect();
         let path = self.path(frame);
         let (header, mut rows) = Rows::open(&path)?;
