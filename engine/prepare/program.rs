@@ -1,12 +1,20 @@
 //! Programs that others wrote: run, and their failures told.
 
 use std::ffi::OsStr;
+use std::fs;
 use std::io::{ErrorKind, Read};
 use std::path::Path;
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
 
 use crate::error::{Error, Result};
+
+/// A program that sleeps for so long and computes nothing never wakes: the threads of COLMAP 3.8 at times wait for each other
+/// when all is done (its queue tells its end without a lock).
+const PATIENCE: Duration = Duration::from_secs(30);
+/// How often such a program is run. What it had done it finds, and does not do again.
+const ATTEMPTS: usize = 3;
 
 /// A program and what to install when it is missing.
 #[derive(Clone, Copy)]
@@ -25,7 +33,7 @@ pub(super) const COLMAP: Program =
 pub(super) struct Running {
     pub child: Child,
     program: Program,
-    said: Option<JoinHandle<String>>,
+    said: Option<JoinHandle<Vec<u8>>>,
 }
 
 impl Program {
@@ -40,18 +48,12 @@ impl Program {
             };
             Error::data(about, "", reason, self.install)
         })?;
-        let mut errors = child.stderr.take();
-        let said = std::thread::spawn(move || {
-            let mut said = Vec::new();
-            // What cannot be read is not told.
-            let _ = errors.as_mut().map(|errors| errors.read_to_end(&mut said));
-            String::from_utf8_lossy(&said).into_owned()
-        });
-        Ok(Running { child, program: self, said: Some(said) })
+        let said = child.stderr.take().map(listen);
+        Ok(Running { child, program: self, said })
     }
 
     /// Runs the program to its end and returns its output.
-    pub fn run<S: AsRef<OsStr>>(self, arguments: impl IntoIterator<Item = S>, about: &Path) -> Result<Vec<u8>> {
+    pub fn run<S: AsRef<OsStr>>(self, arguments: impl IntoIterator<Item = S> + Clone, about: &Path) -> Result<Vec<u8>> {
         let (output, outcome) = self.attempt(arguments, about)?;
         outcome.map(|()| output)
     }
@@ -59,22 +61,29 @@ impl Program {
     /// As [`Program::run`]; of a program that ended badly the output comes too.
     pub fn attempt<S: AsRef<OsStr>>(
         self,
-        arguments: impl IntoIterator<Item = S>,
+        arguments: impl IntoIterator<Item = S> + Clone,
         about: &Path,
     ) -> Result<(Vec<u8>, Result<()>)> {
-        let mut running = self.start(arguments, about)?;
-        let mut output = Vec::new();
-        let read = running.child.stdout.take().map(|mut from| from.read_to_end(&mut output));
-        let (status, said) = running.end(about)?;
-        if let Some(Err(fault)) = read {
-            return Err(Error::data(about, "", format!("{} cannot be heard: {fault}", self.name), "try again"));
+        for _ in 0..ATTEMPTS {
+            let mut running = self.start(arguments.clone(), about)?;
+            let output = running.child.stdout.take().map(listen);
+            if running.is_done(about)? {
+                let output = output.and_then(|output| output.join().ok()).unwrap_or_default();
+                let (status, said) = running.end(about)?;
+                return Ok(self.ended(about, status, &said, output));
+            }
         }
+        let reason = format!("{} slept for {} s, {ATTEMPTS} times", self.name, PATIENCE.as_secs());
+        Err(Error::data(about, "", reason, "what is done is kept, so run the command again to go on"))
+    }
+
+    fn ended(self, about: &Path, status: ExitStatus, said: &str, output: Vec<u8>) -> (Vec<u8>, Result<()>) {
         if status.success() {
-            return Ok((output, Ok(())));
+            return (output, Ok(()));
         }
         // COLMAP tells some of its faults on standard output.
-        let last = last_line(&said).or_else(|| last_line(&String::from_utf8_lossy(&output)));
-        Ok((output, Err(self.failed(about, status, last))))
+        let last = last_line(said).or_else(|| last_line(&String::from_utf8_lossy(&output)));
+        (output, Err(self.failed(about, status, last)))
     }
 
     /// The error of a program that ended badly.
@@ -88,11 +97,31 @@ impl Program {
 impl Running {
     /// Waits for the end; what the program said on standard error comes with it.
     pub fn end(&mut self, about: &Path) -> Result<(ExitStatus, String)> {
-        let status = self.child.wait().map_err(|fault| {
-            Error::data(about, "", format!("{} cannot be waited for: {fault}", self.program.name), "try again")
-        })?;
+        let status = self.child.wait().map_err(|fault| self.lost(about, &fault))?;
         let said = self.said.take().and_then(|said| said.join().ok()).unwrap_or_default();
-        Ok((status, said))
+        Ok((status, String::from_utf8_lossy(&said).into_owned()))
+    }
+
+    /// Waits for the end, or until the program has slept for longer than it may.
+    fn is_done(&mut self, about: &Path) -> Result<bool> {
+        let (mut pause, mut computed, mut since) = (Duration::from_millis(1), None, Instant::now());
+        loop {
+            if self.child.try_wait().map_err(|fault| self.lost(about, &fault))?.is_some() {
+                return Ok(true);
+            }
+            let now = ticks_of_sleeper(self.child.id());
+            if now.is_none() || now != computed {
+                (computed, since) = (now, Instant::now());
+            } else if since.elapsed() > PATIENCE {
+                return Ok(false);
+            }
+            std::thread::sleep(pause);
+            pause = (2 * pause).min(Duration::from_millis(50));
+        }
+    }
+
+    fn lost(&self, about: &Path, fault: &std::io::Error) -> Error {
+        Error::data(about, "", format!("{} cannot be waited for: {fault}", self.program.name), "try again")
     }
 }
 
@@ -104,6 +133,27 @@ impl Drop for Running {
             let _ = self.child.wait();
         }
     }
+}
+
+/// All that comes from a pipe until it closes. What cannot be read is not told.
+fn listen(mut pipe: impl Read + Send + 'static) -> JoinHandle<Vec<u8>> {
+    std::thread::spawn(move || {
+        let mut heard = Vec::new();
+        let _ = pipe.read_to_end(&mut heard);
+        heard
+    })
+}
+
+/// Clock ticks that a process has computed, in all its threads, if it sleeps: does not compute now and waits for no disk.
+/// Nothing where the system has no `/proc`.
+fn ticks_of_sleeper(id: u32) -> Option<u64> {
+    let stat = fs::read_to_string(format!("/proc/{id}/stat")).ok()?;
+    // After the name, which is in brackets and may hold anything: the state, and ten fields later the two times.
+    let (_, fields) = stat.rsplit_once(") ")?;
+    let mut fields = fields.split(' ');
+    let sleeps = fields.next()? == "S";
+    let times = fields.skip(10).take(2).map(|ticks| ticks.parse::<u64>().ok());
+    times.sum::<Option<u64>>().filter(|_| sleeps)
 }
 
 /// The last line that says something; the trace of a crash does not.

@@ -7,6 +7,7 @@ use ivv::synth::{Options, Preset, write_capture};
 use super::{done, has, run, settings, video};
 use crate::capture::model::{Model, binary};
 use crate::capture::{Folder, assert_told};
+use crate::common::device::is_slow_lane;
 
 /// ImViD's layout: cameras and images of COLMAP, a video of each camera; `left` distorts.
 fn imvid(folder: &Folder) {
@@ -77,14 +78,9 @@ fn damaged_videos_are_told_in_the_words_of_ffmpeg() {
     assert!(!folder.0.join("out").exists());
 }
 
-/// Noise, of which no two cameras see the same.
-#[test]
-fn a_frame_without_matches_has_no_points() {
-    if !has("colmap", "help") {
-        return;
-    }
-    let folder = Folder::new("prepare-blank");
-    imvid(&folder);
+/// Two frames of noise, of which no two cameras see the same.
+fn noise(folder: &Folder) {
+    imvid(folder);
     let noise = |seed: u32, side: u32| -> Vec<u8> {
         let level = |i: u32| (i.wrapping_mul(2_654_435_761).wrapping_add(seed).wrapping_mul(2_246_822_519) >> 24) as u8;
         crate::capture::encode(&(0..side).map(level).collect::<Vec<_>>(), 64, side / 64, image::ExtendedColorType::L8)
@@ -93,6 +89,15 @@ fn a_frame_without_matches_has_no_points() {
         folder.write(&format!("source/left/{frame}.png"), noise(1, 64 * 48));
         folder.write(&format!("source/right/{frame}.png"), noise(99, 64 * 48));
     }
+}
+
+#[test]
+fn a_frame_without_matches_has_no_points() {
+    if !has("colmap", "help") {
+        return;
+    }
+    let folder = Folder::new("prepare-blank");
+    noise(&folder);
     let settings = PrepareSettings { triangulate: Some(Triangulate::Every(1)), ..settings(&folder) };
     let prepared = done(&settings);
     assert_eq!(prepared.points, [(0, 0), (1, 0)]);
@@ -101,6 +106,28 @@ fn a_frame_without_matches_has_no_points() {
     assert!(!settings.output.join(".colmap").exists());
     let scaled = PrepareSettings { scale: 0.5, output: folder.0.join("scaled"), ..settings };
     assert!(of_the_size(&done(&scaled)));
+}
+
+/// COLMAP's threads at times wait for each other for ever.
+#[test]
+fn slow_a_program_that_sleeps_is_begun_again() {
+    if !is_slow_lane() || !has("colmap", "help") {
+        return;
+    }
+    let folder = Folder::new("prepare-asleep");
+    noise(&folder);
+    // Its first call sleeps, and those after it are the real program's.
+    let script = "#!/bin/sh\nmkdir \"$0.slept\" 2>/dev/null && exec sleep 600\nPATH=${PATH#*:} exec colmap \"$@\"\n";
+    let fake = folder.write("bin/colmap", script);
+    std::fs::set_permissions(&fake, std::os::unix::fs::PermissionsExt::from_mode(0o755)).unwrap();
+    let path = format!("{}:{}", folder.0.join("bin").display(), std::env::var("PATH").unwrap());
+    let began = std::time::Instant::now();
+    let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_ivv"));
+    command.arg("prepare").arg(folder.0.join("source")).arg("-o").arg(folder.0.join("out")).env("PATH", path);
+    let output = command.output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    assert!(folder.0.join("bin/colmap.slept").is_dir() && began.elapsed().as_secs() >= 30);
+    assert!(Manifest::read(&folder.0.join("out")).unwrap().points);
 }
 
 #[test]
