@@ -24,7 +24,7 @@ alpha_min as a strict bound|shaders-glsl/blend/blend_fwd.comp|s/raw >= threshold
 row 28, the transmittance is not found again|shaders-glsl/blend/blend_bwd.comp|s/const float T_i = T\[k\] \* ra;/const float T_i = T[k];/|n08
 the gradient of an opacity of 0 is no number|shaders-glsl/blend/blend_bwd.comp|s/max(opacity, 1e-37)/opacity/|the_exact_preset_gives
 the second round of blending begins anew|shaders-glsl/blend/blend_fwd.comp|s/if (inside \&\& round > 0u)/if (inside \&\& round > 1u)/|n09
-row 25, a sort that is not stable|shaders-glsl/sort/sort_scatter.comp|s/peers.x \& below.x/peers.x \& ~below.x/|n10
+row 25, a sort that is not stable|shaders-glsl/sort/sort_scatter.comp|s/peers.x \& below.x/peers.x \& ~below.x/;s/(lane ^ j) < lane/(lane ^ j) > lane/|n10
 row 35, the window in time at half its length|shaders-glsl/cull/bound.comp|s/exp(t_scale) \* sqrt/0.5 * exp(t_scale) * sqrt/|n11
 row 36, the gradient of tau instead of log tau|shaders-glsl/project/project_bwd.comp|s/2.0 \* u \* u \* d_exponent/2.0 * u * u * rate * d_exponent/|n11
 row 37, 1 over tau overflows|shaders-glsl/include/temporal.glsl|s/exp(min(-t_scale, 80.0))/exp(-t_scale)/|n12
