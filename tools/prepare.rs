@@ -29,6 +29,10 @@ pub struct Args {
     /// Takes every n-th frame.
     #[arg(long, default_value_t = 1)]
     every: u32,
+    /// Frames by which the clip begins later in a camera's footage, or earlier where negative, as `cam02=3,cam05=-1`: for
+    /// cameras that did not begin to record at one time.
+    #[arg(long, value_delimiter = ',', value_name = "CAMERA=FRAMES")]
+    shift: Vec<String>,
     /// Size of the images relative to the source's, at most 1.
     #[arg(long, default_value_t = 1.0)]
     scale: f64,
@@ -96,6 +100,7 @@ fn settings(args: &Args) -> anyhow::Result<PrepareSettings> {
         start: args.start,
         frames: args.frames,
         every: args.every,
+        shifts: args.shift.iter().map(|word| shift(word)).collect::<anyhow::Result<_>>()?,
         scale: args.scale,
         format: if args.format == "jpg" { ImageFormat::Jpeg } else { ImageFormat::Png },
         fps: args.fps,
@@ -107,6 +112,12 @@ fn settings(args: &Args) -> anyhow::Result<PrepareSettings> {
         threads: args.threads.unwrap_or(defaults.threads).max(1),
         ..defaults
     })
+}
+
+/// A camera's name and its shift.
+fn shift(word: &str) -> anyhow::Result<(String, i32)> {
+    let parsed = word.rsplit_once('=').and_then(|(name, frames)| Some((name.to_owned(), frames.parse().ok()?)));
+    parsed.with_context(|| format!("--shift takes CAMERA=FRAMES, not `{word}`"))
 }
 
 fn triangulate(words: &[String]) -> anyhow::Result<Triangulate> {

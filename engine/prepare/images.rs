@@ -46,6 +46,8 @@ pub(super) struct Images {
 pub(super) struct Camera {
     pub name: String,
     pub is_test: bool,
+    /// First frame of the footage that is taken.
+    pub start: u32,
     /// Of the finished pictures.
     pub pinhole: Lens,
     /// One, or one for each frame when the camera moves.
@@ -93,8 +95,11 @@ impl Images {
                 rates[0]
             ));
         }
-        let available = least.map_or(0, |(n, _)| *n);
-        let PrepareSettings { start, every, .. } = *settings;
+        let PrepareSettings { start, every, ref shifts, .. } = *settings;
+        let shift = |name: &String| shifts.get(name).copied().unwrap_or(0);
+        let available =
+            counts.iter().map(|(n, name)| u32::try_from(i64::from(*n) - i64::from(shift(name))).unwrap_or(0)).min();
+        let available = available.unwrap_or(0);
         let n = available.saturating_sub(start).div_ceil(every).min(settings.frames.unwrap_or(u32::MAX));
         if n == 0 && faults.n() == 0 {
             let reason = format!("begins at frame {start}, the cameras have {available}");
@@ -113,10 +118,13 @@ impl Images {
             let remedy = "choose fewer cameras with --test-cameras";
             faults.add(&source.calibration, "", "has only test cameras", remedy);
         }
-        let made_from = json!({
+        let mut made_from = json!({
             "source": settings.source, "source format": source.format, "start": start, "every": every, "frames": n,
             "scale": settings.scale, "format": settings.format, "cameras": cameras.iter().map(Camera::stamp).collect::<Vec<_>>(),
         });
+        if !shifts.is_empty() {
+            made_from["shifts"] = json!(shifts);
+        }
         let (output, format, threads) = (settings.output.clone(), settings.format, settings.threads);
         Images { output, cameras, fps, notes, select, format, threads, made_from }
     }
@@ -125,10 +133,10 @@ impl Images {
         self.select.n
     }
 
-    /// Seconds of the source at which the clip begins, and its length.
-    pub fn span(&self) -> (f64, f64) {
+    /// Seconds of a camera's footage at which the clip begins, and its length.
+    fn span(&self, camera: &Camera) -> (f64, f64) {
         let rate = self.fps * f64::from(self.select.every);
-        (f64::from(self.select.start) / rate, f64::from(self.select.n) / self.fps)
+        (f64::from(camera.start) / rate, f64::from(self.select.n) / self.fps)
     }
 
     pub fn select(&self) -> Selection {
@@ -174,7 +182,7 @@ impl Images {
     pub fn carry_sound(&self, settings: &PrepareSettings) -> Result<()> {
         for camera in &self.cameras {
             if let Material::Video(path, video) = &camera.material {
-                let (from, length) = self.span();
+                let (from, length) = self.span(camera);
                 let to = self.output.join(format!("audio/{}.wav", camera.name));
                 if video.has_sound && !to.exists() {
                     make_folder(&self.output.join("audio"))?;
@@ -196,8 +204,8 @@ impl Images {
         if first == self.select.n {
             return Ok(());
         }
-        let Selection { start, every, n } = self.select;
-        let rest = Selection { start: start + first * every, every, n: n - first };
+        let Selection { every, n, .. } = self.select;
+        let rest = Selection { start: camera.start + first * every, every, n: n - first };
         let threads = (self.threads / self.cameras.len().max(1)).max(1);
         video::decode(path, rest, camera.part, (camera.lens.width, camera.lens.height), threads, |index, rgb| {
             let frame = first + index;
@@ -378,7 +386,14 @@ impl Planned<'_> {
             self.faults.add(&self.source.calibration, place, reason, "calibrate it again");
             return None;
         };
-        let frames: Vec<u32> = (0..self.select.n).map(|i| self.select.start + i * self.select.every).collect();
+        let shift = self.settings.shifts.get(&camera.name).copied().unwrap_or(0);
+        let Some(start) = self.select.start.checked_add_signed(shift) else {
+            let reason = format!("is to begin {} frames before its footage", shift.unsigned_abs() - self.select.start);
+            let remedy = format!("give --start {} or more", shift.unsigned_abs());
+            self.faults.add(&self.source.calibration, place, reason, remedy);
+            return None;
+        };
+        let frames: Vec<u32> = (0..self.select.n).map(|i| start + i * self.select.every).collect();
         let poses = if camera.poses.is_empty() {
             vec![camera.pose]
         } else {
@@ -400,7 +415,7 @@ impl Planned<'_> {
             (Footage::Video(_), None) => return None,
         };
         let (name, is_test) = (camera.name.clone(), camera.is_test);
-        Some(Camera { name, is_test, pinhole, poses, recorded: recorded.size, part, lens, material })
+        Some(Camera { name, is_test, start, pinhole, poses, recorded: recorded.size, part, lens, material })
     }
 
     /// Priors fit pictures of their own size, and flow leads to the next frame of the source.

@@ -14,6 +14,7 @@ mod source;
 mod triangulate;
 mod video;
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -67,6 +68,9 @@ pub struct PrepareSettings {
     pub frames: Option<u32>,
     /// Every n-th frame is taken.
     pub every: u32,
+    /// By name, frames of the source by which the clip begins later in a camera's footage, or earlier where negative: for
+    /// cameras that did not begin to record at one time. Points of the source, which lie at other times then, are not kept.
+    pub shifts: BTreeMap<String, i32>,
     /// Size of the images relative to the source's, in (0, 1].
     pub scale: f64,
     /// Format of images that are made.
@@ -98,6 +102,7 @@ impl PrepareSettings {
             start: 0,
             frames: None,
             every: 1,
+            shifts: BTreeMap::new(),
             scale: 1.0,
             format: ImageFormat::Png,
             fps,

@@ -8,6 +8,7 @@ use serde_json::Value;
 use super::PrepareSettings;
 use super::images::{Camera, Images, take_over};
 use super::journal::{cannot_list, make_folder};
+use super::video::Selection;
 use crate::error::{Error, Result};
 use crate::scene::undistort::Undistortion;
 use crate::scene::write_atomic;
@@ -15,12 +16,9 @@ use crate::scene::write_atomic;
 /// Takes over `audio/*.wav` and `keypoints/<camera>.json` of a source from whose first frame on all is taken. Keypoints are
 /// undistorted with their pictures.
 pub(super) fn carry(images: &Images, settings: &PrepareSettings) -> Result<()> {
-    let select = images.select();
-    if select.start != 0 {
-        return Ok(());
-    }
+    let Selection { start, every, n } = images.select();
     let audio = settings.source.join("audio");
-    if audio.is_dir() {
+    if start == 0 && audio.is_dir() {
         make_folder(&images.output.join("audio"))?;
         for entry in fs::read_dir(&audio).map_err(|fault| cannot_list(&audio, &fault))?.flatten() {
             let to = images.output.join("audio").join(entry.file_name());
@@ -29,12 +27,12 @@ pub(super) fn carry(images: &Images, settings: &PrepareSettings) -> Result<()> {
             }
         }
     }
-    for camera in &images.cameras {
+    for camera in images.cameras.iter().filter(|camera| camera.start == 0) {
         let name = format!("keypoints/{}.json", camera.name);
         let (from, to) = (settings.source.join(&name), images.output.join(&name));
         if from.is_file() && !to.exists() {
             make_folder(&images.output.join("keypoints"))?;
-            let moved = moved(&from, camera, select.every, select.n)?;
+            let moved = moved(&from, camera, every, n)?;
             write_atomic(&to, |to| Ok(serde_json::to_writer(to, &moved)?))?;
         }
     }

@@ -37,8 +37,9 @@ pub(super) fn make(
     progress: &(dyn Fn(Progress) + Sync),
 ) -> Result<Vec<(u32, usize)>> {
     let has_points = source.frame_points.is_some() || !source.points.is_empty();
-    let what = settings.triangulate.unwrap_or(if has_points { Triangulate::None } else { Triangulate::Every(1) });
-    let carried = source.frame_points.as_ref().filter(|_| what == Triangulate::None);
+    let keeps = has_points && settings.shifts.is_empty();
+    let what = settings.triangulate.unwrap_or(if keeps { Triangulate::None } else { Triangulate::Every(1) });
+    let carried = source.frame_points.as_ref().filter(|_| keeps && what == Triangulate::None);
     let of_source = carried.map_or(json!(source.points.len()), |points| json!(points.folder));
     let posed: Vec<_> = images.cameras.iter().map(|c| json!([c.name, c.is_test, c.poses])).collect();
     journal.begin("points", json!({ "triangulate": what, "cameras": posed, "source points": of_source }))?;

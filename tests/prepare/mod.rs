@@ -9,6 +9,7 @@ use std::path::Path;
 use std::sync::Mutex;
 
 use ivv::prepare::{PrepareSettings, Prepared, Triangulate, prepare};
+use ivv::scene::capture::Capture;
 
 use crate::capture::Folder;
 
@@ -35,6 +36,12 @@ fn done(settings: &PrepareSettings) -> Prepared {
     let (prepared, _) = run(settings).unwrap();
     assert_eq!(crate::capture::told(&prepared.report), "");
     prepared
+}
+
+/// Prepares what must have no fault, and opens it.
+fn open(settings: &PrepareSettings) -> Capture {
+    done(settings);
+    Capture::open(&settings.output).unwrap()
 }
 
 /// Whether a program is there; says so when it is not.

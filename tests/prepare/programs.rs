@@ -4,7 +4,7 @@ use ivv::prepare::{PrepareSettings, Prepared, Triangulate};
 use ivv::scene::capture::{Capture, Manifest};
 use ivv::synth::{Options, Preset, write_capture};
 
-use super::{done, has, run, settings, video};
+use super::{done, has, open, run, settings, video};
 use crate::capture::model::{Model, binary};
 use crate::capture::{Folder, assert_told};
 use crate::common::device::is_slow_lane;
@@ -44,13 +44,15 @@ fn videos_are_decoded_gone_on_with_and_compared() {
     assert_eq!((capture.n_frames, capture.fps), (2, 5.0));
     assert_eq!((capture.cameras[1].width, capture.cameras[1].fx), (64, 60.0));
     // Every frame of the test picture differs from the others, and frames 1 and 3 are those of the whole video.
-    let whole = PrepareSettings { start: 0, every: 1, output: folder.0.join("whole"), ..settings.clone() };
-    done(&whole);
-    let whole = Capture::open(&whole.output).unwrap();
+    let whole = open(&PrepareSettings { start: 0, every: 1, output: folder.0.join("whole"), ..settings.clone() });
     let pixels = |capture: &Capture, frame| capture.picture(1, frame).unwrap().pixels;
     assert_eq!((pixels(&capture, 0), pixels(&capture, 1)), (pixels(&whole, 1), pixels(&whole, 3)));
     assert_ne!(pixels(&whole, 1), pixels(&whole, 3));
     assert!(pixels(&whole, 0).iter().any(|pixel| pixel & 0xff > 200), "the test picture has bright colours");
+    let shifts = [("right".to_owned(), 2)].into();
+    let shifted = PrepareSettings { start: 0, every: 1, shifts, output: folder.0.join("shifted"), ..settings.clone() };
+    let shifted = open(&shifted);
+    assert_eq!((shifted.n_frames, pixels(&shifted, 0)), (3, pixels(&whole, 2)));
     // The second of two frames is missing: only that is decoded.
     let image = settings.output.join("images/right/00001.png");
     let bytes = std::fs::read(&image).unwrap();

@@ -9,7 +9,7 @@ use ivv::scene::prior::{read_depth, read_flow, write_depth, write_flow};
 use ivv::scene::{SeenPoint, write_points};
 use serde_json::json;
 
-use super::{done, run, settings};
+use super::{done, open, run, settings};
 use crate::capture::model::{Model, binary};
 use crate::capture::{Folder, assert_told, dynamic, encode, png};
 
@@ -20,11 +20,6 @@ fn sequence(folder: &Folder, name: &str, n: u32) {
     for frame in 0..n {
         folder.write(&format!("source/{name}/{frame:04}.png"), png(64, 48, (10 * frame) as u8));
     }
-}
-
-fn open(settings: &PrepareSettings) -> Capture {
-    done(settings);
-    Capture::open(&settings.output).unwrap()
 }
 
 fn close(found: &[[f64; 4]; 4], expected: [[f64; 4]; 3]) {
@@ -488,6 +483,28 @@ fn points_of_frames_come_along() {
         assert_eq!(capture.points_of(frame).unwrap(), [point]);
     }
     assert_eq!(run(&of_source).unwrap().1.iter().filter(|piece| piece.starts_with("points")).count(), 0);
+    // A camera that began earlier or later than the others shows other times, at which the points are not.
+    let shift = |b, c| [("b".to_owned(), b), ("c".to_owned(), c)].into();
+    let shifted =
+        PrepareSettings { shifts: shift(1, -1), every: 1, output: folder.0.join("shifted"), ..settings(&folder) };
+    let shifted = PrepareSettings { start: 1, ..shifted };
+    let capture = open(&shifted);
+    assert_eq!((capture.n_frames, capture.has_frame_points()), (2, false));
+    for (camera, first) in [(0, 1), (1, 2), (2, 0)] {
+        for frame in 0..2 {
+            let image = std::fs::read(&capture.cameras[camera].shots[frame as usize].image).unwrap();
+            assert_eq!(image, png(64, 48, first + frame), "camera {camera}, frame {frame}");
+        }
+    }
+    let unlike = PrepareSettings { shifts: shift(1, 0), ..shifted.clone() };
+    assert!(run(&unlike).unwrap_err().to_string().contains("made with other settings"));
+    let early = PrepareSettings { shifts: shift(0, -3), ..shifted.clone() };
+    assert_told(
+        &run(&early).unwrap().0.report,
+        &["camera `c`: is to begin 2 frames before its footage; give --start 3"],
+    );
+    let unknown = PrepareSettings { shifts: [("d".to_owned(), 1)].into(), ..shifted };
+    assert_told(&run(&unknown).unwrap().0.report, &["--shift: no camera is named `d`"]);
 }
 
 /// Images, masks, of the left half co-visibility, flow of one pixel to the right and depth of two planes, for the cameras `a` and `b`.

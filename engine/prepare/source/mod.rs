@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
 use crate::prepare::PrepareSettings;
-use crate::scene::capture::{Faults, FramePoints, Point, Pose, Shot, check_test_cameras};
+use crate::scene::capture::{Faults, FramePoints, Point, Pose, Shot, check_names};
 use crate::scene::undistort::Lens;
 
 /// Where the pictures of a camera are.
@@ -108,6 +108,8 @@ impl Source {
             let place = format!("camera `{}`", pair[0].name.escape_debug());
             faults.add(&source.calibration, place, "is listed twice", "give every camera its own name");
         }
+        let names: Vec<&str> = source.cameras.iter().map(|camera| camera.name.as_str()).collect();
+        check_names("--shift", settings.shifts.keys(), &names, &source.calibration, faults);
         source.choose_test_cameras(settings, faults);
         Ok(source)
     }
@@ -115,7 +117,7 @@ impl Source {
     fn choose_test_cameras(&mut self, settings: &PrepareSettings, faults: &mut Faults) {
         let Some(chosen) = &settings.test_cameras else { return };
         let names: Vec<&str> = self.cameras.iter().map(|camera| camera.name.as_str()).collect();
-        check_test_cameras(chosen, &names, &self.calibration, faults);
+        check_names("test cameras", chosen, &names, &self.calibration, faults);
         self.cameras.iter_mut().for_each(|camera| camera.is_test = chosen.contains(&camera.name));
     }
 }

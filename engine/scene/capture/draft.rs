@@ -194,17 +194,23 @@ impl Draft {
     fn choose_test_cameras(&mut self, settings: &CaptureSettings, faults: &mut Faults) {
         let Some(chosen) = &settings.test_cameras else { return };
         let names: Vec<&str> = self.cameras.iter().map(|camera| camera.name.as_str()).collect();
-        check_test_cameras(chosen, &names, &self.calibration, faults);
+        check_names("test cameras", chosen, &names, &self.calibration, faults);
         self.cameras.iter_mut().for_each(|camera| camera.is_test = chosen.contains(&camera.name));
     }
 }
 
 /// Notes a fault for each name that none of the cameras has.
-pub(crate) fn check_test_cameras(names: &[String], cameras: &[&str], file: &Path, faults: &mut Faults) {
-    for name in names.iter().filter(|name| !cameras.contains(&name.as_str())) {
+pub(crate) fn check_names<'a>(
+    place: &str,
+    names: impl IntoIterator<Item = &'a String>,
+    cameras: &[&str],
+    file: &Path,
+    faults: &mut Faults,
+) {
+    for name in names.into_iter().filter(|name| !cameras.contains(&name.as_str())) {
         let some = cameras[..cameras.len().min(5)].join(", ");
         let reason = format!("no camera is named `{}`", name.escape_debug());
-        faults.add(file, "test cameras", reason, format!("there are {} cameras: {some}, ...", cameras.len()));
+        faults.add(file, place, reason, format!("there are {} cameras: {some}, ...", cameras.len()));
     }
 }
 

@@ -6,7 +6,7 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use super::colmap::{Posed, read_model};
-use super::draft::{Draft, MAX_FRAMES, check_test_cameras};
+use super::draft::{Draft, MAX_FRAMES, check_names};
 use super::names::with_image_extension;
 use super::points::FramePoints;
 use super::report::Faults;
@@ -152,7 +152,7 @@ pub(super) fn read(path: &Path, settings: &CaptureSettings, faults: &mut Faults)
         draft.frame_points = frame_points(path, &model.file, ids, n_frames, faults);
     }
     let names: Vec<&str> = draft.cameras.iter().map(|camera| camera.name.as_str()).collect();
-    check_test_cameras(&manifest.test_cameras, &names, &draft.calibration, faults);
+    check_names("test cameras", &manifest.test_cameras, &names, &draft.calibration, faults);
     for camera in &mut draft.cameras {
         camera.is_test = manifest.test_cameras.contains(&camera.name);
     }
