@@ -85,7 +85,7 @@ impl Images {
         {
             notes.push(format!(
                 "the cameras have different numbers of frames, {least} (`{shortest}`) to {most} (`{longest}`): \
-                 the first {least} of each are used, in the hope that they begin together"
+                 what all have is used, in the hope that they begin together (--shift tells when they do not)"
             ));
         }
         let rates: Vec<f64> = material.iter().flatten().filter_map(|recorded| recorded.fps).collect();
