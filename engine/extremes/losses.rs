@@ -113,10 +113,12 @@ pub(super) fn similarity(bench: &Bench, tally: &mut Tally) -> Result<()> {
                     // The variance of a bright flat picture is what its moments' cancellation leaves: up to 22 roundings of
                     // 4e-6, 9 % of C2; they are not all of one sign. Of a blinding one it is many times C2, and the means alone
                     // tell that the two differ.
-                    let allowed = match name {
-                        _ if name.ends_with("blinding") => 2e-2,
-                        _ if name.starts_with("bright") => 5e-3,
-                        _ => 2e-6,
+                    let allowed = if name.ends_with("blinding") {
+                        2e-2
+                    } else if name.starts_with("bright") {
+                        5e-3
+                    } else {
+                        2e-6
                     };
                     let exact = pair.dual(&pair.image).ssim.value;
                     tally.within("SSIM", (found.ssim - exact).abs(), allowed)

@@ -96,10 +96,8 @@ impl Images {
             ));
         }
         let PrepareSettings { start, every, ref shifts, .. } = *settings;
-        let shift = |name: &String| shifts.get(name).copied().unwrap_or(0);
-        let available =
-            counts.iter().map(|(n, name)| u32::try_from(i64::from(*n) - i64::from(shift(name))).unwrap_or(0)).min();
-        let available = available.unwrap_or(0);
+        let left = |n: u32, name: &str| u32::try_from(i64::from(n) - i64::from(settings.shift(name))).unwrap_or(0);
+        let available = counts.iter().map(|(n, name)| left(*n, name)).min().unwrap_or(0);
         let n = available.saturating_sub(start).div_ceil(every).min(settings.frames.unwrap_or(u32::MAX));
         if n == 0 && faults.n() == 0 {
             let reason = format!("begins at frame {start}, the cameras have {available}");
@@ -386,7 +384,7 @@ impl Planned<'_> {
             self.faults.add(&self.source.calibration, place, reason, "calibrate it again");
             return None;
         };
-        let shift = self.settings.shifts.get(&camera.name).copied().unwrap_or(0);
+        let shift = self.settings.shift(&camera.name);
         let Some(start) = self.select.start.checked_add_signed(shift) else {
             let reason = format!("is to begin {} frames before its footage", shift.unsigned_abs() - self.select.start);
             let remedy = format!("give --start {} or more", shift.unsigned_abs());

@@ -69,7 +69,8 @@ pub struct PrepareSettings {
     /// Every n-th frame is taken.
     pub every: u32,
     /// By name, frames of the source by which the clip begins later in a camera's footage, or earlier where negative: for
-    /// cameras that did not begin to record at one time. Points of the source, which lie at other times then, are not kept.
+    /// cameras that did not begin to record at one time. The source's points of single frames lie at other times then, and are
+    /// not kept.
     pub shifts: BTreeMap<String, i32>,
     /// Size of the images relative to the source's, in (0, 1].
     pub scale: f64,
@@ -113,6 +114,11 @@ impl PrepareSettings {
             force: false,
             threads: std::thread::available_parallelism().map_or(1, std::num::NonZero::get),
         }
+    }
+
+    /// See [`PrepareSettings::shifts`].
+    fn shift(&self, camera: &str) -> i32 {
+        self.shifts.get(camera).copied().unwrap_or(0)
     }
 
     fn check(&self) -> Result<()> {

@@ -29,11 +29,14 @@ pub(super) const FFPROBE: Program = Program { name: "ffprobe", install: FFMPEG.i
 pub(super) const COLMAP: Program =
     Program { name: "colmap", install: "install COLMAP (Debian: apt-get install colmap), or give --triangulate none" };
 
+/// All that comes from a pipe until it closes.
+type Heard = JoinHandle<std::io::Result<Vec<u8>>>;
+
 /// A running program whose standard error is read.
 pub(super) struct Running {
     pub child: Child,
     program: Program,
-    said: Option<JoinHandle<Vec<u8>>>,
+    said: Option<Heard>,
 }
 
 impl Program {
@@ -68,8 +71,11 @@ impl Program {
             let mut running = self.start(arguments.clone(), about)?;
             let output = running.child.stdout.take().map(listen);
             if running.is_done(about)? {
-                let output = output.and_then(|output| output.join().ok()).unwrap_or_default();
+                let output = output.and_then(|output| output.join().ok()).unwrap_or(Ok(Vec::new()));
                 let (status, said) = running.end(about)?;
+                let output = output.map_err(|fault| {
+                    Error::data(about, "", format!("{} cannot be heard: {fault}", self.name), "try again")
+                })?;
                 return Ok(self.ended(about, status, &said, output));
             }
         }
@@ -98,7 +104,8 @@ impl Running {
     /// Waits for the end; what the program said on standard error comes with it.
     pub fn end(&mut self, about: &Path) -> Result<(ExitStatus, String)> {
         let status = self.child.wait().map_err(|fault| self.lost(about, &fault))?;
-        let said = self.said.take().and_then(|said| said.join().ok()).unwrap_or_default();
+        // What cannot be read is not told.
+        let said = self.said.take().and_then(|said| said.join().ok()?.ok()).unwrap_or_default();
         Ok((status, String::from_utf8_lossy(&said).into_owned()))
     }
 
@@ -135,12 +142,10 @@ impl Drop for Running {
     }
 }
 
-/// All that comes from a pipe until it closes. What cannot be read is not told.
-fn listen(mut pipe: impl Read + Send + 'static) -> JoinHandle<Vec<u8>> {
+fn listen(mut pipe: impl Read + Send + 'static) -> Heard {
     std::thread::spawn(move || {
         let mut heard = Vec::new();
-        let _ = pipe.read_to_end(&mut heard);
-        heard
+        pipe.read_to_end(&mut heard).map(|_| heard)
     })
 }
 

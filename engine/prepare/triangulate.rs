@@ -37,6 +37,7 @@ pub(super) fn make(
     progress: &(dyn Fn(Progress) + Sync),
 ) -> Result<Vec<(u32, usize)>> {
     let has_points = source.frame_points.is_some() || !source.points.is_empty();
+    // A camera that is shifted shows other times than those of the points.
     let keeps = has_points && settings.shifts.is_empty();
     let what = settings.triangulate.unwrap_or(if keeps { Triangulate::None } else { Triangulate::Every(1) });
     let carried = source.frame_points.as_ref().filter(|_| keeps && what == Triangulate::None);

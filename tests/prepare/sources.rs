@@ -448,10 +448,8 @@ fn priors_of_a_capture_folder_are_undistorted() {
     assert!(!Manifest::read(&scaled.output).unwrap().flow);
 }
 
-/// Points of single frames are where they were whatever size the pictures have, and are not triangulated again.
-#[test]
-fn points_of_frames_come_along() {
-    let folder = Folder::new("prepare-frame-points");
+/// A capture folder of three cameras and four frames, whose pictures and points tell their frame.
+fn capture_with_points(folder: &Folder) {
     let camera = |id| (id, 1, "PINHOLE", 64, 48, vec![50.0, 50.0, 32.0, 24.0]);
     let image = |id, x, name| (id, IDENTITY, [x, 0.0, 4.0], id, name, vec![]);
     // Ids that go against the order of names.
@@ -469,9 +467,16 @@ fn points_of_frames_come_along() {
     }
     for frame in 0..4_u8 {
         let position = [f64::from(frame), 0.5, 2.0];
-        let of_frame = [SeenPoint { position, rgb: [frame, 2, 3], camera_ids: vec![3, 2] }; 1];
+        let of_frame = [SeenPoint { position, rgb: [frame, 2, 3], camera_ids: vec![3, 2] }];
         write_points(&folder.write(&format!("source/points/{frame:05}.ply"), ""), &of_frame).unwrap();
     }
+}
+
+/// Points of single frames are where they were whatever size the pictures have, and are not triangulated again.
+#[test]
+fn points_of_frames_come_along() {
+    let folder = Folder::new("prepare-frame-points");
+    capture_with_points(&folder);
     let of_source = PrepareSettings { scale: 0.5, start: 1, every: 2, triangulate: None, ..settings(&folder) };
     let prepared = done(&of_source);
     assert_eq!(prepared.points, [(0, 1), (1, 1)]);
@@ -483,11 +488,15 @@ fn points_of_frames_come_along() {
         assert_eq!(capture.points_of(frame).unwrap(), [point]);
     }
     assert_eq!(run(&of_source).unwrap().1.iter().filter(|piece| piece.starts_with("points")).count(), 0);
-    // A camera that began earlier or later than the others shows other times, at which the points are not.
+}
+
+/// A camera that began earlier or later than the others shows other times, at which the points are not.
+#[test]
+fn cameras_that_did_not_begin_together_are_shifted() {
+    let folder = Folder::new("prepare-shifts");
+    capture_with_points(&folder);
     let shift = |b, c| [("b".to_owned(), b), ("c".to_owned(), c)].into();
-    let shifted =
-        PrepareSettings { shifts: shift(1, -1), every: 1, output: folder.0.join("shifted"), ..settings(&folder) };
-    let shifted = PrepareSettings { start: 1, ..shifted };
+    let shifted = PrepareSettings { shifts: shift(1, -1), start: 1, ..settings(&folder) };
     let capture = open(&shifted);
     assert_eq!((capture.n_frames, capture.has_frame_points()), (2, false));
     for (camera, first) in [(0, 1), (1, 2), (2, 0)] {
@@ -507,7 +516,8 @@ fn points_of_frames_come_along() {
     assert_told(&run(&unknown).unwrap().0.report, &["--shift: no camera is named `d`"]);
 }
 
-/// Images, masks, of the left half co-visibility, flow of one pixel to the right and depth of two planes, for the cameras `a` and `b`.
+/// For the cameras `a` and `b`: images, masks, co-visibility of the left half, flow of one pixel to the right, depth of two
+/// planes.
 fn sequence_of_folder(folder: &Folder) {
     let flow = vec![[1.0_f32, 0.0]; 64 * 48];
     let depth: Vec<f32> = (0..64 * 48).map(|i| if i % 64 < 32 { 2.0 } else { 3.0 }).collect();
