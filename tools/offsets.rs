@@ -5,7 +5,7 @@ use crate::files::write_json;
 use ivv::scene::Splats;
 use ivv::scene::capture::{Camera, Capture};
 use ivv::stage::Renderer;
-use ivv::train::{OffsetFit, Trainer, fit_offset, offset_pictures};
+use ivv::train::{Agreement, OffsetFit, Trainer, fit_offset, offset_pictures};
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -20,7 +20,7 @@ pub struct Row {
     pub offset: f64,
     /// Frames, with the scene held fixed; none where the pictures do not say.
     pub standard_error: Option<f64>,
-    /// Frames, less the mean of the learnt cameras', which nothing can tell; where the capture has a `truth.json`.
+    /// Frames, less the mean of the learnt cameras', which nothing can tell; where the capture knows.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub truth: Option<f64>,
 }
@@ -84,7 +84,7 @@ pub fn table(trainer: &mut Trainer, scorer: &Scorer, splats: &Splats, output: &P
 
 /// Rows of all cameras, from the fits of the learnt and of the test cameras.
 fn rows(capture: &Capture, learns: &[bool], fits: &BTreeMap<usize, OffsetFit>) -> Vec<Row> {
-    let truth = truth(&capture.path);
+    let truth = &capture.true_offsets;
     let learnt = |camera: usize| learns.get(camera).copied().unwrap_or(false);
     let known: Vec<f64> = (0..capture.cameras.len())
         .filter(|camera| learnt(*camera))
@@ -108,26 +108,18 @@ fn rows(capture: &Capture, learns: &[bool], fits: &BTreeMap<usize, OffsetFit>) -
     capture.cameras.iter().enumerate().map(row).collect()
 }
 
-/// By camera, the true offsets of a synthetic capture; empty for any other.
-fn truth(capture: &Path) -> BTreeMap<String, f64> {
-    let text = std::fs::read(capture.join("truth.json")).unwrap_or_default();
-    let value: serde_json::Value = serde_json::from_slice(&text).unwrap_or_default();
-    serde_json::from_value(value["time_offsets_frames"].clone()).unwrap_or_default()
-}
-
-/// Root mean square of what is wrong with the learnt offsets, frames; none without truth.
-pub fn rms_error(rows: &[Row]) -> Option<f64> {
-    let errors: Vec<f64> =
-        rows.iter().filter(|row| row.how == How::Learnt).filter_map(|row| Some(row.offset - row.truth?)).collect();
-    let squares: f64 = errors.iter().map(|error| error * error).sum();
-    (!errors.is_empty()).then(|| (squares / errors.len() as f64).sqrt())
+/// How well the learnt offsets agree with the true ones; none without truth.
+pub fn agreement(rows: &[Row]) -> Option<Agreement> {
+    let learnt = rows.iter().filter(|row| row.how == How::Learnt);
+    let pairs: Vec<(f64, f64)> = learnt.filter_map(|row| Some((row.offset, row.truth?))).collect();
+    Agreement::of(&pairs)
 }
 
 /// Root mean square of what is wrong with the time offsets that `trainer` is learning, frames; none without truth.
 pub fn learnt_error(trainer: &mut Trainer, capture: &Capture) -> ivv::Result<Option<f64>> {
     let (offsets, learns) = trainer.offsets()?;
     let fits = offsets.into_iter().map(|offset| OffsetFit { offset, standard_error: f64::NAN }).enumerate().collect();
-    Ok(rms_error(&rows(capture, &learns, &fits)))
+    Ok(agreement(&rows(capture, &learns, &fits)).map(|agreement| agreement.rms_error))
 }
 
 /// The table, for people.
@@ -146,7 +138,8 @@ pub fn print(rows: &[Row]) {
         };
         println!("{:<width$} {:>9.3} {error:>8} {truth}  {how}", row.camera, row.offset);
     }
-    if let Some(rms) = rms_error(rows) {
-        println!("offsets learnt to {rms:.3} frames (root mean square)");
+    if let Some(Agreement { rms_error, correlation }) = agreement(rows) {
+        let correlation = correlation.map_or(String::new(), |r| format!(", correlation {r:.3}"));
+        println!("offsets learnt to {rms_error:.3} frames (root mean square){correlation}");
     }
 }

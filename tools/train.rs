@@ -276,7 +276,9 @@ impl Session<'_> {
         totals["plan"] = serde_json::to_value(&self.plan)?;
         totals["depth_priors"] = serde_json::to_value(&self.depth_summary)?;
         totals["offsets"] = serde_json::to_value(&offsets)?;
-        totals["offset_error"] = offsets::rms_error(&offsets).into();
+        let agreement = offsets::agreement(&offsets);
+        totals["offset_error"] = agreement.map(|agreement| agreement.rms_error).into();
+        totals["offset_correlation"] = agreement.and_then(|agreement| agreement.correlation).into();
         write_json(&output.join("train.json"), &totals)?;
         let (scores, examples) = self.scorer.all(&splats, &scene, trainer.step(), output)?;
         if let Some(scores) = &scores {

@@ -108,6 +108,10 @@ impl Images {
         }
         let select = Selection { start, every, n };
         let fps = rates.first().copied().or(source.fps).unwrap_or(settings.fps) / f64::from(every);
+        if !(fps.is_finite() && fps > 0.0) {
+            let reason = format!("has {fps} frames per second");
+            faults.add(&source.calibration, "", reason, "give a positive number");
+        }
         let mut planned = Planned { source, settings, select, notes, faults };
         let pairs = source.cameras.iter().zip(material);
         let cameras: Vec<Camera> = pairs.filter_map(|(camera, material)| planned.camera(camera, material?)).collect();

@@ -9,12 +9,12 @@ use serde_json::Value;
 
 use super::PrepareSettings;
 use crate::error::{Error, Result};
+use crate::scene::capture::JOURNAL;
 use crate::scene::write_atomic;
 
-const FILE: &str = "prepare.json";
 /// The parts of a capture that each stage makes; all depend on the first.
 const STAGES: [(&str, &[&str]); 3] = [
-    ("images", &["images", "masks", "foreground", "covisible", "depth", "flow", "audio", "keypoints"]),
+    ("images", &["images", "masks", "foreground", "covisible", "depth", "flow", "audio", "keypoints", "truth.json"]),
     ("points", &["sparse", "points"]),
     ("flow", &["flow"]),
 ];
@@ -38,7 +38,7 @@ impl Journal {
     pub fn open(settings: &PrepareSettings) -> Result<Journal> {
         let output = &settings.output;
         make_folder(output)?;
-        let path = output.join(FILE);
+        let path = output.join(JOURNAL);
         let record = match fs::read(&path) {
             Ok(bytes) => serde_json::from_slice(&bytes).map_err(|fault| {
                 let reason = format!("is no journal of `ivv prepare`: {fault}");
@@ -46,7 +46,7 @@ impl Journal {
             })?,
             Err(fault) if fault.kind() == ErrorKind::NotFound => {
                 if !settings.force && !is_empty(output)? {
-                    let reason = format!("is not empty and was not made by `ivv prepare` (it has no {FILE})");
+                    let reason = format!("is not empty and was not made by `ivv prepare` (it has no {JOURNAL})");
                     let remedy = "choose another folder with -o, or give --force to replace a capture there";
                     return Err(Error::data(output, "", reason, remedy));
                 }
@@ -89,7 +89,7 @@ impl Journal {
         }
         self.record.made_from.insert(stage.to_owned(), made_from);
         let text = serde_json::to_vec_pretty(&self.record).map_err(std::io::Error::other);
-        write_atomic(&self.output.join(FILE), |to| to.write_all(&text?))
+        write_atomic(&self.output.join(JOURNAL), |to| to.write_all(&text?))
     }
 }
 

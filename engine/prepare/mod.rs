@@ -4,6 +4,7 @@
 //! Every stage goes on where an earlier, interrupted run stopped: each file is written whole and renamed, and `prepare.json`
 //! in the folder says from what the files of a stage were made. `capture.toml` comes last.
 
+mod clocks;
 mod flow;
 mod images;
 mod journal;
@@ -22,7 +23,7 @@ use self::images::Images;
 use self::journal::Journal;
 use self::source::Source;
 use crate::error::{Error, Result};
-use crate::scene::capture::{CaptureSettings, Faults, Manifest, Report, check_capture};
+use crate::scene::capture::{CaptureSettings, Faults, Manifest, Report, check_capture, write_true_offsets};
 
 /// The format of images that are made here; images that need no change are taken over as they are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
@@ -197,6 +198,10 @@ pub fn prepare(settings: &PrepareSettings, progress: &(dyn Fn(Progress) + Sync))
         flow::make(&images, settings, &mut journal, progress)?;
     }
     images.carry_sound(settings)?;
+    let true_offsets = clocks::true_offsets(&source, &images);
+    if !true_offsets.is_empty() {
+        write_true_offsets(output, true_offsets)?;
+    }
     let exists = |name: &str| output.join(name).is_dir();
     let manifest = Manifest {
         fps: images.fps,

@@ -36,7 +36,7 @@ pub use log::{Kind, Log};
 pub use metrics::{
     Evaluation, METRICS, METRICS_OF, Meter, SceneScores, Scores, Sight, ViewScores, evaluate, psnr, spread,
 };
-pub use offsets::{OffsetFit, fit_offset, offset_pictures};
+pub use offsets::{Agreement, OffsetFit, fit_offset, offset_pictures};
 pub use plan::{BoundBy, Class, INTERSECTIONS_PER_GAUSSIAN, Limits, Need, Plan, Workload};
 pub use preset::{PRESETS, Preset, PresetId, merge};
 pub use random::{Random, permutation};

@@ -30,6 +30,32 @@ impl OffsetFit {
     }
 }
 
+/// How well learnt offsets agree with the true ones.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Agreement {
+    /// Root mean square of what is wrong with them, frames.
+    pub rms_error: f64,
+    /// Pearson's; none where all learnt or all true offsets are the same.
+    pub correlation: Option<f64>,
+}
+
+impl Agreement {
+    /// Of pairs of a learnt and a true offset, frames; none without a pair.
+    pub fn of(pairs: &[(f64, f64)]) -> Option<Agreement> {
+        let mean =
+            |of: &dyn Fn(f64, f64) -> f64| pairs.iter().map(|(a, b)| of(*a, *b)).sum::<f64>() / pairs.len() as f64;
+        let (learnt, truth) = (mean(&|a, _| a), mean(&|_, b| b));
+        let [both, spread, true_spread] = [
+            mean(&|a, b| (a - learnt) * (b - truth)),
+            mean(&|a, _| (a - learnt).powi(2)),
+            mean(&|_, b| (b - truth).powi(2)),
+        ];
+        let correlation = (spread > 0.0 && true_spread > 0.0).then(|| both / (spread * true_spread).sqrt());
+        let rms_error = mean(&|a, b| (a - b).powi(2)).sqrt();
+        (!pairs.is_empty()).then_some(Agreement { rms_error, correlation })
+    }
+}
+
 /// Pictures of `camera` with their views at offset 0 over `background`, evenly spread over the clip: enough to tell its
 /// offset.
 ///

@@ -205,6 +205,12 @@ impl Report<'_> {
             return Ok(());
         }
         writeln!(page, "<section>\n<h2>Time offsets of the cameras</h2>")?;
+        if let Some(error) = self.totals["offset_error"].as_f64() {
+            let correlation = self.totals["offset_correlation"].as_f64();
+            let correlation =
+                correlation.map_or(String::new(), |r| format!("; their correlation with the truth is {r:.3}"));
+            writeln!(page, "<p>Those learnt are {error:.3} frames off (root mean square){correlation}.</p>")?;
+        }
         let rows = rows.iter().map(|row| {
             let frames = |key: &str| row[key].as_f64().map_or("-".to_owned(), |x| format!("{x:.3}"));
             let text = |key: &str| row[key].as_str().unwrap_or_default().to_owned();

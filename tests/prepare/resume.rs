@@ -5,9 +5,10 @@ use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
 use ivv::prepare::{ImageFormat, PrepareSettings};
+use ivv::scene::capture::{CaptureSettings, check_capture};
 
 use super::{done, run, settings};
-use crate::capture::{Folder, dynamic};
+use crate::capture::{Folder, assert_told, dynamic};
 
 /// Every file below a folder with its bytes and the time of its last change.
 fn tree(path: &Path) -> BTreeMap<PathBuf, (Vec<u8>, SystemTime)> {
@@ -56,6 +57,11 @@ fn a_killed_run_goes_on_where_it_stopped() {
         std::fs::remove_file(out.join(name)).unwrap();
     }
     std::fs::write(out.join("images/1/.00002.png.77-0.tmp"), b"half").unwrap();
+    // Until then it is no capture, though COLMAP's files are there.
+    let says = ["is a capture that `ivv prepare` has not finished; give the command that began it once more"];
+    assert_told(&check_capture(&out, &CaptureSettings::default()), &says);
+    let of_half = PrepareSettings { source: out.clone(), output: folder.0.join("of half"), ..settings.clone() };
+    assert_told(&run(&of_half).unwrap().0.report, &says);
     done(&settings);
     let again = tree(&out);
     let bytes = |tree: &BTreeMap<PathBuf, (Vec<u8>, SystemTime)>| {

@@ -235,6 +235,30 @@ fn caliscope_arrives() {
     assert_eq!((capture.cameras.len(), capture.cameras[1].world_to_camera[2][3]), (2, 1.5));
     // Barrel distortion: the pinhole shows more than the picture's size at its centre.
     assert!(capture.cameras[0].width > 64);
+    assert!(capture.true_offsets.is_empty() && !settings.output.join("truth.json").exists());
+    // Frames of 2 a second: cam_0 is at 1 and 1.5 s, cam_1 a quarter of a second later and on time.
+    let timestamps = "calibration/extrinsic/timestamps.csv";
+    let timed = PrepareSettings { fps: 2.0, output: folder.0.join("timed"), ..settings.clone() };
+    let write = |text: &str| folder.write(&format!("source/{timestamps}"), text);
+    write("sync_index,cam_id,frame_time\n3,1,1.25\n3,0,1.0\n\n4,0,1.5\n4,1,1.5\n");
+    let offsets = open(&timed).true_offsets;
+    assert_eq!(offsets, [("cam_0".to_owned(), -0.125), ("cam_1".to_owned(), 0.125)].into());
+    // A time that was not taken, and one beyond the frames that are chosen.
+    write("sync_index,cam_id,frame_time\n3,1,1.25\n3,0,1.0\n4,0,1.5\n4,1,\n");
+    let first = PrepareSettings { frames: Some(1), output: folder.0.join("first"), ..timed.clone() };
+    assert_eq!(open(&first).true_offsets["cam_1"], 0.25);
+    let whole = PrepareSettings { output: folder.0.join("whole"), ..timed.clone() };
+    assert_eq!(open(&whole).true_offsets, [("cam_0".to_owned(), 0.0)].into());
+    for (text, says) in [
+        ("sync_index,frame_time\n", "line 1: has no column `cam_id`"),
+        ("cam_id,frame_time\n0,1.0\n1\n", "line 3: has 1 fields, the first line 2"),
+        ("cam_id,frame_time\n0,inf\n", "line 2: has the time `inf`"),
+        ("", "line 1: has no column `cam_id`"),
+    ] {
+        write(text);
+        assert_told(&run(&timed).unwrap().0.report, &[says]);
+    }
+    std::fs::remove_file(folder.0.join("source").join(timestamps)).unwrap();
     folder.write("source/camera_array.toml", [camera(0, "rotation_count = 1\n"), camera(7, "")].concat());
     let says = ["is turned (rotation_count = 1)", "camera `cam_7`: has neither a video nor images"];
     assert_told(&run(&settings).unwrap().0.report, &says);
@@ -488,6 +512,11 @@ fn points_of_frames_come_along() {
         assert_eq!(capture.points_of(frame).unwrap(), [point]);
     }
     assert_eq!(run(&of_source).unwrap().1.iter().filter(|piece| piece.starts_with("points")).count(), 0);
+    let stopped = Manifest { fps: 0.0, ..Manifest::read(&of_source.source).unwrap() };
+    stopped.write(&of_source.source).unwrap();
+    let of_stopped = PrepareSettings { output: folder.0.join("stopped"), ..of_source };
+    assert_told(&run(&of_stopped).unwrap().0.report, &["has 0 frames per second; give a positive number"]);
+    assert!(!of_stopped.output.exists());
 }
 
 /// A camera that began earlier or later than the others shows other times, at which the points are not.
@@ -505,6 +534,20 @@ fn cameras_that_did_not_begin_together_are_shifted() {
             assert_eq!(image, png(64, 48, first + frame), "camera {camera}, frame {frame}");
         }
     }
+    // What is known of the cameras' clocks is known of the shifted ones; each other frame is taken.
+    assert!(capture.true_offsets.is_empty());
+    folder.write("source/truth.json", r#"{"seed": 3, "time_offsets_frames": {"a": 0.25, "b": -0.5}}"#);
+    let timed = PrepareSettings { every: 2, output: folder.0.join("timed"), ..shifted.clone() };
+    let offsets = open(&timed).true_offsets;
+    assert_eq!(offsets, [("a".to_owned(), 0.125), ("b".to_owned(), 0.25)].into());
+    for (text, says) in [
+        (r#"{"time_offsets_frames": {"e": 1}}"#, "time_offsets_frames: no camera is named `e`"),
+        ("{\n\"time_offsets_frames\": [1]}", "line 2: is no truth of a capture"),
+    ] {
+        folder.write("source/truth.json", text);
+        assert_told(&run(&timed).unwrap().0.report, &[says]);
+    }
+    std::fs::remove_file(folder.0.join("source/truth.json")).unwrap();
     let unlike = PrepareSettings { shifts: shift(1, 0), ..shifted.clone() };
     assert!(run(&unlike).unwrap_err().to_string().contains("made with other settings"));
     let early = PrepareSettings { shifts: shift(0, -3), ..shifted.clone() };

@@ -7,7 +7,7 @@ use ivv::Constants;
 use ivv::scene::capture::{Extent, Picture, PriorPlan};
 use ivv::scene::{Motion, Splats, View};
 use ivv::stage::{Outputs, Renderer};
-use ivv::train::{Config, LearningRates, Loss, Rate, Setup, Trainer, fit_offset, from_points};
+use ivv::train::{Agreement, Config, LearningRates, Loss, Rate, Setup, Trainer, fit_offset, from_points};
 
 /// What a step dispatches, by stage, and how often.
 fn dispatches(tiny: &Tiny, config: &Config) -> std::collections::BTreeMap<String, usize> {
@@ -138,4 +138,20 @@ fn a_fit_finds_the_offset_and_knows_when_there_is_nothing_to_find() {
     let mut renderer = Renderer::new(gpu().clone(), &still, Constants::default()).unwrap();
     let nothing = fit_offset(&mut renderer, &own, 0.0, 6).unwrap();
     assert!(nothing.offset == 0.0 && nothing.standard_error == f64::INFINITY && !nothing.is_identifiable());
+}
+
+#[test]
+fn agreement_of_offsets_is_their_error_and_their_correlation() {
+    // Twice the truth and a quarter more: all of one mind, and wrong by the root mean square of (0.25, 1.25).
+    let agreement = Agreement::of(&[(0.25, 0.0), (2.25, 1.0)]).unwrap();
+    assert!((agreement.rms_error - (0.5 * (0.0625 + 1.5625_f64)).sqrt()).abs() < 1e-15);
+    assert!((agreement.correlation.unwrap() - 1.0).abs() < 1e-15);
+    // Centred: (1, -1, 0) and (1, 1, -2): nothing in common.
+    let agreement = Agreement::of(&[(2.0, 3.0), (0.0, 3.0), (1.0, 0.0)]).unwrap();
+    assert!(agreement.correlation.unwrap().abs() < 1e-15 && agreement.rms_error > 1.0);
+    // Three quarters of the sum of squares in common: (2, -1, -1) and (1, 0, -1).
+    let agreement = Agreement::of(&[(2.0, 1.0), (-1.0, 0.0), (-1.0, -1.0)]).unwrap();
+    assert!((agreement.correlation.unwrap() - 0.75_f64.sqrt()).abs() < 1e-15);
+    assert_eq!(Agreement::of(&[(1.0, 0.5)]), Some(Agreement { rms_error: 0.5, correlation: None }));
+    assert_eq!(Agreement::of(&[]), None);
 }

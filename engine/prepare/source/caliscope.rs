@@ -1,8 +1,11 @@
-//! caliscope: `camera_array.toml` and the videos `cam_<id>.mp4`.
+//! caliscope: `camera_array.toml`, the videos `cam_<id>.mp4` and, beside them, `timestamps.csv` with the time of each of their
+//! frames.
 
 use std::collections::BTreeMap;
+use std::path::Path;
 
-use super::{Place, Source, SourceCamera, footage, opencv};
+use super::{Clocks, Place, Source, SourceCamera, footage, opencv};
+use crate::error::{self, Error};
 use crate::scene::capture::Faults;
 use crate::scene::rotation_of_vector;
 
@@ -64,7 +67,43 @@ pub(super) fn read(place: Place, faults: &mut Faults) -> Source {
         let Some(footage) = footage::take(place.footage, &name, &calibration, faults) else { continue };
         source.cameras.push(SourceCamera { name, lens, pose, poses: BTreeMap::new(), footage, is_test: false });
     }
+    let recording = source.cameras.first().and_then(|camera| camera.footage.place().parent());
+    if let Some(file) = recording.map(|folder| folder.join("timestamps.csv")).filter(|file| file.is_file()) {
+        source.clocks = faults.take(times(&file)).map_or(Clocks::Unknown, Clocks::Times);
+    }
     source
+}
+
+/// The times of the cameras' frames, in the order of the lines: a camera that dropped a frame has an empty line for it.
+fn times(file: &Path) -> error::Result<BTreeMap<String, Vec<Option<f64>>>> {
+    let bad = |line: usize, reason: String| {
+        let remedy = "give the file that caliscope wrote beside the videos, or remove it";
+        Error::data(file, format!("line {}", line + 1), reason, remedy)
+    };
+    let text = std::fs::read_to_string(file)
+        .map_err(|fault| Error::data(file, "", format!("cannot be read: {fault}"), "check its permissions"))?;
+    let header: Vec<&str> = text.lines().next().unwrap_or_default().split(',').map(str::trim).collect();
+    let column = |name: &str| {
+        let index = header.iter().position(|field| *field == name);
+        index.ok_or_else(|| bad(0, format!("has no column `{name}`")))
+    };
+    let (id, time) = (column("cam_id")?, column("frame_time")?);
+    let mut times: BTreeMap<String, Vec<Option<f64>>> = BTreeMap::new();
+    for (line, fields) in text.lines().enumerate().skip(1).filter(|(_, fields)| !fields.trim().is_empty()) {
+        let fields: Vec<&str> = fields.split(',').map(str::trim).collect();
+        let (Some(id), Some(seconds)) = (fields.get(id), fields.get(time)) else {
+            return Err(bad(line, format!("has {} fields, the first line {}", fields.len(), header.len())));
+        };
+        let seconds = match *seconds {
+            "" => None,
+            seconds => match seconds.parse::<f64>() {
+                Ok(seconds) if seconds.is_finite() => Some(seconds),
+                _ => return Err(bad(line, format!("has the time `{}`", seconds.escape_debug()))),
+            },
+        };
+        times.entry(format!("cam_{id}")).or_default().push(seconds);
+    }
+    Ok(times)
 }
 
 impl Camera {

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::{Footage, Place, Source, SourceCamera};
+use super::{Clocks, Footage, Place, Source, SourceCamera};
 use crate::scene::capture::{Camera, CaptureSettings, Draft, Faults, describe, model_folder, tracks};
 
 pub(super) fn read(place: Place, faults: &mut Faults) -> Option<Source> {
@@ -23,6 +23,7 @@ pub(super) fn read(place: Place, faults: &mut Faults) -> Option<Source> {
         fps: Some(draft.fps),
         notes: std::mem::take(&mut draft.notes),
         frame_points: draft.frame_points.take(),
+        clocks: Clocks::Offsets(std::mem::take(&mut draft.true_offsets)),
         ..Source::default()
     };
     let names: BTreeMap<_, _> = draft

@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
 use crate::prepare::PrepareSettings;
-use crate::scene::capture::{Faults, FramePoints, Point, Pose, Shot, check_names};
+use crate::scene::capture::{Faults, FramePoints, Point, Pose, Shot, check_names, is_unfinished};
 use crate::scene::undistort::Lens;
 
 /// Where the pictures of a camera are.
@@ -23,6 +23,16 @@ pub(super) enum Footage {
     Video(PathBuf),
     /// By frame of the source.
     Images(Vec<Shot>),
+}
+
+impl Footage {
+    /// The video, or the folder of the images.
+    fn place(&self) -> &Path {
+        match self {
+            Footage::Video(path) => path,
+            Footage::Images(shots) => shots.first().and_then(|shot| shot.image.parent()).unwrap_or(Path::new("")),
+        }
+    }
 }
 
 /// A camera as its source describes it.
@@ -42,6 +52,17 @@ pub(super) struct SourceCamera {
 /// A point and the names of the cameras that saw it.
 pub(super) type SourcePoint = (Point, Vec<String>);
 
+/// What is known of the times that cameras' pictures show.
+#[derive(Debug, Default, PartialEq)]
+pub(super) enum Clocks {
+    #[default]
+    Unknown,
+    /// By camera, frames of the source by which its pictures show a later time than their number says.
+    Offsets(BTreeMap<String, f64>),
+    /// By camera, seconds of each frame of the source; the zero is the same for all.
+    Times(BTreeMap<String, Vec<Option<f64>>>),
+}
+
 /// A recording.
 #[derive(Debug, Default)]
 pub(super) struct Source {
@@ -50,6 +71,7 @@ pub(super) struct Source {
     pub calibration: PathBuf,
     /// By name.
     pub cameras: Vec<SourceCamera>,
+    pub clocks: Clocks,
     /// Of image sequences that say so.
     pub fps: Option<f64>,
     /// Of a static scene, or of frame 0.
@@ -88,7 +110,7 @@ impl Source {
     pub fn read(settings: &PrepareSettings, faults: &mut Faults) -> Result<Source> {
         let folder = settings.source.as_path();
         let place = Place { settings, folder, footage: settings.footage.as_deref().unwrap_or(folder) };
-        let found = FORMATS.into_iter().find(|(_, is, _)| is(place));
+        let found = FORMATS.into_iter().find(|(_, is, _)| !is_unfinished(folder) && is(place));
         let source = match found {
             Some((format, _, read)) => Some(Source { format, ..read(place, faults) }),
             None => captures::read(place, faults),

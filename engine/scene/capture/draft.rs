@@ -30,6 +30,8 @@ pub(crate) struct Draft {
     /// What the lenses of cameras do, by name; nothing where a camera is not named.
     pub distorted: BTreeMap<String, Distortion>,
     pub frame_points: Option<FramePoints>,
+    /// See [`Capture::true_offsets`].
+    pub true_offsets: BTreeMap<String, f64>,
     pub notes: Vec<String>,
     /// The file that the cameras come from, for faults.
     pub calibration: std::path::PathBuf,
@@ -84,6 +86,7 @@ impl Draft {
             points: self.points,
             background: settings.background,
             frame_points: self.frame_points,
+            true_offsets: self.true_offsets,
             moved: Similarity::default(),
         }
     }

@@ -10,6 +10,7 @@ use super::draft::{Draft, MAX_FRAMES, check_names};
 use super::names::with_image_extension;
 use super::points::FramePoints;
 use super::report::Faults;
+use super::truth::read_true_offsets;
 use super::{Camera, CaptureSettings, Shot};
 use crate::error::{self, Error};
 use crate::scene::file::{cannot_read, write_atomic};
@@ -17,6 +18,8 @@ use crate::scene::prior::{DEPTH_EXTENSIONS, FLOW_EXTENSIONS};
 use crate::scene::undistort::{Distortion, Lens};
 
 const FILE: &str = "capture.toml";
+/// What `ivv prepare` begins a capture folder with; the manifest is the last that it writes.
+pub(crate) const JOURNAL: &str = "prepare.json";
 /// Images of a camera that are named one by one when they are missing: no number in a file makes the list longer.
 const MAX_MISSING: u32 = 1000;
 
@@ -88,6 +91,19 @@ impl Manifest {
     }
 }
 
+/// Whether the folder is a capture that `ivv prepare` began and has not finished: what is there of it may look like another
+/// format.
+pub(crate) fn is_unfinished(path: &Path) -> bool {
+    path.join(JOURNAL).is_file() && !path.join(FILE).exists()
+}
+
+/// What is said of an unfinished capture.
+pub(super) fn unfinished(path: &Path, _: &CaptureSettings, faults: &mut Faults) -> Draft {
+    let remedy = "give the command that began it once more: it goes on where it stopped";
+    faults.add(path, "", "is a capture that `ivv prepare` has not finished", remedy);
+    Draft::default()
+}
+
 pub(super) fn read(path: &Path, settings: &CaptureSettings, faults: &mut Faults) -> Draft {
     let manifest = faults.take(Manifest::read(path));
     let model = read_model(&path.join("sparse/0"), faults);
@@ -153,6 +169,7 @@ pub(super) fn read(path: &Path, settings: &CaptureSettings, faults: &mut Faults)
     }
     let names: Vec<&str> = draft.cameras.iter().map(|camera| camera.name.as_str()).collect();
     check_names("test cameras", &manifest.test_cameras, &names, &draft.calibration, faults);
+    draft.true_offsets = read_true_offsets(path, &names, faults);
     for camera in &mut draft.cameras {
         camera.is_test = manifest.test_cameras.contains(&camera.name);
     }

@@ -17,14 +17,17 @@ mod points;
 mod priors;
 mod report;
 mod transforms;
+mod truth;
 
 pub use cache::{CacheStats, FrameCache};
 pub use folder::Manifest;
+pub(crate) use folder::{JOURNAL, is_unfinished};
 pub use picture::Picture;
 pub use points::FramePoint;
 pub use priors::{PriorPlan, prior_word};
 pub use report::{Fault, Report};
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 pub(crate) use colmap::{Posed, model_folder, read_images, tracks};
@@ -36,6 +39,7 @@ pub(crate) use npz::read_npy;
 pub(crate) use picture::decode_image;
 pub(crate) use points::FramePoints;
 pub(crate) use report::Faults;
+pub(crate) use truth::write_true_offsets;
 
 use self::priors::PriorSource;
 use crate::error::{Error, Result};
@@ -195,6 +199,9 @@ pub struct Capture {
     pub points: Vec<Point>,
     /// Colour behind images that have an alpha channel, and of the views.
     pub background: [f32; 3],
+    /// By camera, the frames by which its pictures show a later time than their number says, where `truth.json` of the folder
+    /// knows (`time_offsets_frames`). Training is not told; what it learns is compared with them.
+    pub true_offsets: BTreeMap<String, f64>,
     frame_points: Option<FramePoints>,
     /// From the world of the files to this one's.
     moved: Similarity,
@@ -384,8 +391,9 @@ type Recogniser = fn(&Path) -> bool;
 type Reader = fn(&Path, &CaptureSettings, &mut Faults) -> Draft;
 
 /// Every format: its name, how a folder is recognised, how it is read. The first that fits is taken.
-const FORMATS: [(&str, Recogniser, Reader); 4] = [
+const FORMATS: [(&str, Recogniser, Reader); 5] = [
     ("ivv capture folder", |path| path.join("capture.toml").is_file(), folder::read),
+    ("ivv capture folder", folder::is_unfinished, folder::unfinished),
     ("Dynamic3DGaussians", |path| path.join("train_meta.json").is_file(), dynamic::read),
     (
         "transforms.json",
