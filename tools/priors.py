@@ -54,7 +54,10 @@ def write_flo(path, flow):
 
 
 def consistent(forward, backward):
-    """Where forward and back leads to the start (Sundaram, Brox and Keutzer 2010), and the end lies in the picture."""
+    """Where forward and back leads to the start (after Sundaram, Brox and Keutzer 2010), and the end lies in the picture.
+
+    With a fifth and a tenth of their tolerances: fewer pixels, but what moves is led astray by those that are wrong.
+    """
     height, width = forward.shape[:2]
     x, y = np.meshgrid(np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32))
     end_x, end_y = x + forward[..., 0], y + forward[..., 1]
@@ -62,12 +65,14 @@ def consistent(forward, backward):
     miss = ((forward + back) ** 2).sum(-1)
     size = (forward**2).sum(-1) + (back**2).sum(-1)
     inside = (end_x >= 0) & (end_x <= width - 1) & (end_y >= 0) & (end_y <= height - 1)
-    return inside & (miss < 0.01 * size + 0.5)
+    return inside & (miss < 0.002 * size + 0.05)
 
 
 def dis(_):
     """Pictures of two frames to flow."""
     estimator = cv2.DISOpticalFlow_create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM)
+    # The preset stops at half the resolution.
+    estimator.setFinestScale(0)
     grey = lambda picture: cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)
     return lambda first, second: estimator.calc(grey(first), grey(second), None)
 

@@ -27,7 +27,7 @@ pub(super) fn make(
     journal: &mut Journal,
     progress: &(dyn Fn(Progress) + Sync),
 ) -> Result<()> {
-    journal.begin("flow", json!({ "method": "dis" }))?;
+    journal.begin("flow", json!({ "method": "dis at full resolution" }))?;
     let n = images.n_frames().saturating_sub(1) as usize;
     let output = &images.output;
     let file = |name: &str, frame: usize| output.join("flow").join(name).join(format!("{frame:05}.flo"));

@@ -1,8 +1,10 @@
 //! With the programs of others: ffmpeg, COLMAP and Python. Each test is skipped where its program is absent.
 
 use ivv::prepare::{PrepareSettings, Prepared, Triangulate};
-use ivv::scene::capture::{Capture, Manifest};
+use ivv::scene::capture::{Camera, Capture, Manifest};
+use ivv::scene::prior::read_flow;
 use ivv::synth::{Options, Preset, write_capture};
+use std::path::Path;
 
 use super::{done, has, open, run, settings, video};
 use crate::capture::model::{Model, binary};
@@ -144,7 +146,8 @@ fn colmap_triangulates_and_opencv_estimates_flow() {
     for part in ["capture.toml", "truth.json", "synth.json"] {
         std::fs::remove_file(folder.0.join("source").join(part)).unwrap();
     }
-    for part in ["points", "flow", "depth", "truth", "keypoints", "audio"] {
+    std::fs::rename(folder.0.join("source/flow"), folder.0.join("true flow")).unwrap();
+    for part in ["points", "depth", "truth", "keypoints", "audio"] {
         std::fs::remove_dir_all(folder.0.join("source").join(part)).unwrap();
     }
     let settings = PrepareSettings { triangulate: Some(Triangulate::Every(1)), flow: true, ..settings(&folder) };
@@ -169,6 +172,20 @@ fn colmap_triangulates_and_opencv_estimates_flow() {
     let flow = std::fs::read(settings.output.join(format!("flow/{name}/00000.flo"))).unwrap();
     assert_eq!((&flow[..4], flow.len()), (b"PIEH".as_slice(), 12 + 8 * 256 * 192));
     assert!(!settings.output.join(format!("flow/{name}/00001.flo")).exists());
+    let flows = |place: &Path| -> Vec<[f32; 2]> {
+        let of = |camera: &Camera| read_flow(&place.join(&camera.name).join("00000.flo"), 256, 192).unwrap();
+        capture.cameras.iter().flat_map(of).collect()
+    };
+    let (found, truth) = (flows(&settings.output.join("flow")), flows(&folder.0.join("true flow")));
+    let miss = |(a, b): (&[f32; 2], &[f32; 2])| (a[0] - b[0]).hypot(a[1] - b[1]);
+    let mut misses: Vec<f32> = found.iter().zip(&truth).map(miss).filter(|miss| !miss.is_nan()).collect();
+    misses.sort_by(f32::total_cmp);
+    let share = misses.len() as f64 / truth.iter().filter(|flow| !flow[0].is_nan()).count() as f64;
+    let [median, most] = [misses.len() / 2, misses.len() * 95 / 100].map(|at| misses[at]);
+    println!(
+        "flow of {share:.3} of the pixels, off by {median:.3} pixels in the median, {most:.3} at the 95th percentile"
+    );
+    assert!(share > 0.8 && median < 0.1 && most < 1.0, "{share} {median} {most}");
     let (_, pieces) = run(&settings).unwrap();
     assert!(pieces.iter().all(|piece| piece.starts_with("images")), "{pieces:?}");
 }

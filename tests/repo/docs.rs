@@ -10,13 +10,14 @@ use std::collections::BTreeSet;
 use std::path::Path;
 use std::process::Command;
 
-const DOCUMENTS: [&str; 6] = [
+const DOCUMENTS: [&str; 7] = [
     "README.md",
     "engine/ARCHITECTURE.md",
     "engine/TRAINING.md",
     "engine/sound/README.md",
     "shaders-glsl/README.md",
     "assets/README.md",
+    "assets/measured.md",
 ];
 const KERNEL_TABLE: &str = "shaders-glsl/README.md";
 
