@@ -74,7 +74,7 @@ pub(super) fn read(place: Place, faults: &mut Faults) -> Source {
     source
 }
 
-/// The times of the cameras' frames, in the order of the lines: a camera that dropped a frame has an empty line for it.
+/// The times of the cameras' frames, the n-th line of a camera being its video's frame n; one without a time is not known.
 fn times(file: &Path) -> error::Result<BTreeMap<String, Vec<Option<f64>>>> {
     let bad = |line: usize, reason: String| {
         let remedy = "give the file that caliscope wrote beside the videos, or remove it";
