@@ -86,8 +86,12 @@ impl Progress {
         self.screen.show(self.done as u64, self.total as u64, &line);
     }
 
-    /// `done` of `total` things called `things` are done: so many pieces of this progress as that makes.
+    /// `done` of `total` things called `things` are done: so many pieces of this progress as that makes. It begins anew with
+    /// the first of other things.
     pub fn reach(&mut self, done: usize, total: usize, things: &str) {
+        if done == 1 && self.done == self.total {
+            (self.done, self.start) = (0, Instant::now());
+        }
         while self.done < self.total && (self.done + 1) * total <= done * self.total {
             self.step(&format!("{done} of {total} {things}"));
         }

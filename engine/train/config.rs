@@ -186,8 +186,8 @@ impl Default for Loss {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Init {
-    /// `Flow` where the capture has points of every frame and flow, else `Points` where it has some, else `Hull` where it
-    /// says what moves, else `Frustum`.
+    /// `Flow` where the capture has points of every frame and flow, else `Points` where it has some; where they are few, or
+    /// there are none, `Hull` if it says what moves, else `Frustum`.
     Auto,
     /// What stands still from the points of the reference frame, what moves from those of every frame, told apart by the
     /// flow (SPEC 5).

@@ -153,6 +153,13 @@ fn the_source_is_what_the_capture_has_or_what_is_asked_for_and_what_it_lacks_is_
     with_points.points = random_points(&capture, &config());
     assert_eq!(ask(&with_points, Init::Auto).unwrap().from, Init::Points);
     assert_eq!(ask(&with_points, Init::Random).unwrap().from, Init::Random);
+    // A hundred points are not what a scene is grown from, unless they are asked for.
+    with_points.points.truncate(100);
+    let initial = ask(&with_points, Init::Auto).unwrap();
+    assert_eq!((initial.from, initial.because), (Init::Frustum, "the capture has few points"));
+    assert!(initial.splats.len() > 200, "{initial}");
+    let asked = ask(&with_points, Init::Points).unwrap();
+    assert!(asked.from == Init::Points && (1..=100).contains(&asked.splats.len()), "{asked}");
     for (init, says) in [(Init::Points, "has no points"), (Init::Hull, "has no foreground masks")] {
         let error = ask(&capture, init).unwrap_err();
         assert!(error.exit_code() == 3 && error.to_string().contains(says), "{error}");

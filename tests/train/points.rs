@@ -4,7 +4,7 @@
 use crate::synth::{Body, bodies, json};
 use glam::DVec3;
 use ivv::scene::capture::{Camera, Capture, FramePoint, Manifest};
-use ivv::scene::{Similarity, Splats};
+use ivv::scene::{SeenPoint, Similarity, Splats, write_points};
 use ivv::stage::DepthSpace;
 use ivv::synth::{Options, Preset, write_capture};
 use ivv::train::{Config, Init, Initial, PointCounts, Unfit, fit_depths, initialise};
@@ -243,4 +243,25 @@ fn thresholds_and_tau_are_as_set_and_what_a_capture_lacks_is_told() {
     let error = initialise(&without, &config(Init::Flow), &mut |_, _| {}).unwrap_err();
     assert!(error.exit_code() == 3 && error.to_string().contains("has no optical flow"), "{error}");
     assert_eq!(initialise(&without, &config(Init::Auto), &mut |_, _| {}).unwrap().from, Init::Points);
+}
+
+#[test]
+fn few_points_are_taken_only_where_they_are_asked_for() {
+    let folder = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("train-few-points");
+    let options = Options { frames: 2, samples: 1, ..Preset::Small.options(5) };
+    write_capture(&folder, &options, 2, &mut |_, _| {}).unwrap();
+    let capture = Capture::open(&folder).unwrap();
+    for frame in 0..2 {
+        let few = capture.points_of(frame).unwrap().into_iter().take(20);
+        let seen = |point: FramePoint| SeenPoint { position: point.position, rgb: [128; 3], camera_ids: vec![1, 2] };
+        write_points(&folder.join(format!("points/{frame:05}.ply")), &few.map(seen).collect::<Vec<_>>()).unwrap();
+    }
+    let capture = Capture::open(&folder).unwrap();
+    let world = capture.normalisation();
+    let capture = capture.transformed(&world);
+    let first = |init: Init| initialise(&capture, &config(init), &mut |_, _| {}).unwrap();
+    let (asked, auto) = (first(Init::Flow), first(Init::Auto));
+    assert!(asked.from == Init::Flow && (1..=40).contains(&asked.splats.len()), "{asked}");
+    assert!(auto.from == Init::Hull && auto.splats.len() > 200, "{auto}");
+    assert_eq!(auto.because, "the capture has few points");
 }
