@@ -272,12 +272,16 @@ impl Images {
 }
 
 impl Camera {
+    /// Whether its pictures stay as they are.
+    fn is_as_recorded(&self) -> bool {
+        let whole = (self.lens.width, self.lens.height) == self.recorded && self.part == Part::whole(self.recorded);
+        whole && self.lens.distortion == Distortion::None
+    }
+
     /// The shot of a frame when its image is taken over as it is.
     fn taken_over(&self, frame: u32) -> Option<&Shot> {
-        let whole = (self.lens.width, self.lens.height) == self.recorded && self.part == Part::whole(self.recorded);
-        let same = whole && self.lens.distortion == Distortion::None;
         match &self.material {
-            Material::Images(shots) if same => shots.get(frame as usize),
+            Material::Images(shots) if self.is_as_recorded() => shots.get(frame as usize),
             _ => None,
         }
     }
@@ -411,7 +415,7 @@ impl Planned<'_> {
             (Footage::Video(path), Some(video)) => Material::Video(path.clone(), video),
             (Footage::Images(shots), _) => {
                 let mut shots = self.shots(&place, shots, &frames, recorded.size)?;
-                self.choose_priors(&mut shots, part == Part::whole(recorded.size));
+                self.choose_flow(&mut shots);
                 Material::Images(shots)
             }
             (Footage::Video(_), None) => return None,
@@ -420,23 +424,19 @@ impl Planned<'_> {
         Some(Camera { name, is_test, start, pinhole, poses, recorded: recorded.size, part, lens, material })
     }
 
-    /// Priors fit pictures of their own size, and flow leads to the next frame of the source.
-    fn choose_priors(&mut self, shots: &mut [Shot], whole: bool) {
+    /// Flow leads to the next frame of the source, which must be the next frame of the capture.
+    fn choose_flow(&mut self, shots: &mut [Shot]) {
         // The frame that the last flow leads to is not taken.
         shots.last_mut().map(|shot| shot.flow.take());
-        let has_priors = shots.iter().any(|shot| shot.flow.is_some() || shot.depth.is_some());
-        let (scaled, sparse) = (self.settings.scale != 1.0 || !whole, self.settings.every != 1);
-        if !has_priors || !(scaled || sparse) {
+        if self.settings.every == 1 || shots.iter().all(|shot| shot.flow.is_none()) {
             return;
         }
-        let note = if scaled { "flow and depth are not scaled with the images" } else { "flow does not skip frames" };
-        let note = format!("{note}: left out");
+        let note = "flow does not skip frames: left out".to_owned();
         if !self.notes.contains(&note) {
             self.notes.push(note);
         }
         for shot in shots {
             shot.flow = None;
-            shot.depth = shot.depth.take().filter(|_| !scaled);
         }
     }
 
@@ -531,6 +531,8 @@ struct Maker<'a> {
     output: &'a Path,
     camera: &'a Camera,
     undistortion: Option<Undistortion>,
+    /// From the part as it is recorded to the finished pictures: this one scales too.
+    from_recorded: Option<Undistortion>,
     validity: Option<Vec<u8>>,
 }
 
@@ -539,7 +541,10 @@ impl<'a> Maker<'a> {
         let distorts = camera.lens.distortion != Distortion::None;
         let undistortion = distorts.then(|| Undistortion::new(camera.lens, camera.pinhole));
         let validity = undistortion.as_ref().and_then(Undistortion::validity);
-        Maker { output: &images.output, camera, undistortion, validity }
+        let Part { width, height, .. } = camera.part;
+        let recorded = || Undistortion::new(camera.lens.resized(width, height), camera.pinhole);
+        let from_recorded = (!camera.is_as_recorded()).then(recorded);
+        Maker { output: &images.output, camera, undistortion, from_recorded, validity }
     }
 
     fn image<const C: usize>(&self, pixels: &[[u8; C]]) -> Vec<[u8; C]> {
@@ -586,7 +591,15 @@ impl<'a> Maker<'a> {
         self.write_png(folder, frame, &plane)
     }
 
-    /// Flow and depth of the source, undistorted with the pictures.
+    /// What is taken of a plane of the recorded size.
+    fn part<T: Copy>(&self, plane: &[T]) -> Vec<T> {
+        let Part { x, y, width, height } = self.camera.part;
+        let [across, x, width] = [self.camera.recorded.0, x, width].map(|side| side as usize);
+        let rows = plane.chunks_exact(across).skip(y as usize).take(height as usize);
+        rows.flat_map(|row| &row[x..x + width]).copied().collect()
+    }
+
+    /// Flow and depth of the source, scaled and undistorted as the pictures are.
     fn write_priors(&self, frame: u32, shot: &Shot) -> Result<()> {
         let (width, height) = self.camera.recorded;
         let Lens { width: to_width, height: to_height, .. } = self.camera.pinhole;
@@ -602,15 +615,14 @@ impl<'a> Maker<'a> {
             && let Some(to) = file("flow", "flo")?
         {
             let flow = read_flow(from, width, height)?;
-            let flow = self.undistortion.as_ref().map_or_else(|| flow.clone(), |undistortion| undistortion.flow(&flow));
+            let flow = self.from_recorded.as_ref().map_or_else(|| flow.clone(), |to| to.flow(&self.part(&flow)));
             write_flow(&to, &flow, to_width, to_height)?;
         }
         if let Some(from) = &shot.depth
             && let Some(to) = file("depth", "npy")?
         {
             let depth = read_depth(from, width, height)?;
-            let depth =
-                self.undistortion.as_ref().map_or_else(|| depth.clone(), |undistortion| undistortion.depth(&depth));
+            let depth = self.from_recorded.as_ref().map_or_else(|| depth.clone(), |to| to.depth(&self.part(&depth)));
             write_depth(&to, &depth, to_width, to_height)?;
         }
         Ok(())

@@ -467,9 +467,88 @@ fn priors_of_a_capture_folder_are_undistorted() {
     assert!(covisible.len() == (width * height) as usize);
     assert!(covisible.iter().enumerate().all(|(pixel, seen)| *seen == is_left(pixel)));
     let scaled = PrepareSettings { scale: 0.5, output: folder.0.join("scaled"), ..settings };
-    let prepared = done(&scaled);
-    assert!(prepared.notes.iter().any(|note| note.contains("not scaled with the images")), "{:?}", prepared.notes);
-    assert!(!Manifest::read(&scaled.output).unwrap().flow);
+    let capture = open(&scaled);
+    let (camera, shot) = (&capture.cameras[0], &capture.cameras[0].shots[0]);
+    assert!(camera.width.abs_diff(width / 2) <= 1 && camera.height.abs_diff(height / 2) <= 1);
+    let flow = read_flow(shot.flow.as_ref().unwrap(), camera.width, camera.height).unwrap();
+    let center = flow[(camera.height / 2 * camera.width + camera.cx as u32) as usize];
+    assert!((center[0] - 0.5).abs() < 0.01, "{center:?}");
+    let depth = read_depth(shot.depth.as_ref().unwrap(), camera.width, camera.height).unwrap();
+    assert!(depth.iter().all(|z| [2.0, 3.0].contains(z)) && depth.contains(&2.0) && depth.contains(&3.0));
+}
+
+/// Flow is in pixels of its picture, depth is not; an unknown flow stays one, and no more are.
+#[test]
+fn priors_of_a_capture_folder_are_scaled_and_cut_with_its_pictures() {
+    let folder = Folder::new("prepare-scaled");
+    let is_known = |flow: &[f32; 2]| flow.iter().all(|v| v.abs() < 1e9);
+    let flow_at = |column: u32, row: u32| [0.1 * column as f32, 3.0 - 0.05 * row as f32];
+    let model = |width: u32| Model {
+        cameras: vec![(1, 1, "PINHOLE", width.into(), 48, vec![50.0, 50.0, f64::from(width) / 2.0, 24.0])],
+        images: vec![
+            (1, IDENTITY, [0.0, 0.0, 4.0], 1, "a/00000.png", vec![]),
+            (2, IDENTITY, [1.0, 0.0, 4.0], 1, "b/00000.png", vec![]),
+        ],
+        points: vec![],
+    };
+    let write_model = |width: u32| {
+        let [cameras, images, _] = binary(&model(width));
+        folder.write("source/sparse/0/cameras.bin", cameras);
+        folder.write("source/sparse/0/images.bin", images);
+    };
+    write_model(64);
+    Manifest { fps: 30.0, frames: 2, flow: true, depth: true, ..Manifest::default() }
+        .write(&folder.0.join("source"))
+        .unwrap();
+    let pixels = || (0..64 * 48_u32).map(|i| (i % 64, i / 64));
+    let mut flow: Vec<[f32; 2]> = pixels().map(|(column, row)| flow_at(column, row)).collect();
+    flow[20 * 64 + 31] = [1e10; 2];
+    let depth: Vec<f32> = (0..64 * 48_u32).map(|i| 1.0 + i as f32).collect();
+    for (camera, frame) in [("a", 0), ("a", 1), ("b", 0), ("b", 1)] {
+        let path = |kind: &str, ending: &str| format!("source/{kind}/{camera}/{frame:05}.{ending}");
+        let bars = pixels().flat_map(|(_, row)| if (1..46).contains(&row) { [200, 100, 50] } else { [0; 3] });
+        folder.write(&path("images", "png"), encode(&bars.collect::<Vec<_>>(), 64, 48, ExtendedColorType::Rgb8));
+        write_flow(&folder.write(&path("flow", "flo"), ""), &flow, 64, 48).unwrap();
+        write_depth(&folder.write(&path("depth", "npy"), ""), &depth, 64, 48).unwrap();
+    }
+    let priors = |settings: &PrepareSettings| {
+        let capture = open(settings);
+        let (camera, shot) = (&capture.cameras[0], &capture.cameras[0].shots[0]);
+        let (width, height) = (camera.width, camera.height);
+        let flow = read_flow(shot.flow.as_ref().unwrap(), width, height).unwrap();
+        (width, height, flow, read_depth(shot.depth.as_ref().unwrap(), width, height).unwrap())
+    };
+
+    let whole = settings(&folder);
+    let (width, height, same, same_depth) = priors(&whole);
+    assert!((width, height) == (64, 48) && same_depth == depth);
+    let is_same = |(a, b): (&[f32; 2], &[f32; 2])| if is_known(b) { a == b } else { !is_known(a) };
+    assert!(same.iter().zip(&flow).all(is_same), "nothing to do: to the bit");
+    let half = PrepareSettings { scale: 0.5, output: folder.0.join("half"), ..whole.clone() };
+    let (width, height, halved, half_depth) = priors(&half);
+    assert_eq!((width, height), (32, 24));
+    for (i, (found, z)) in (0_u32..).zip(halved.iter().zip(&half_depth)) {
+        let (column, row) = (i % 32, i / 32);
+        // The mean of the four pixels below one, in pixels twice as large.
+        let (first, last) = (flow_at(2 * column, 2 * row), flow_at(2 * column + 1, 2 * row + 1));
+        let expected = [0, 1].map(|axis| 0.25 * (first[axis] + last[axis]));
+        let error = (0..2).map(|axis| (found[axis] - expected[axis]).abs()).fold(0.0, f32::max);
+        assert!(if (column, row) == (15, 10) { !is_known(found) } else { error < 1e-5 }, "{column}, {row}: {found:?}");
+        let below = |dx: u32, dy: u32| depth[((2 * row + dy) * 64 + 2 * column + dx) as usize];
+        assert!([below(0, 0), below(1, 0), below(0, 1), below(1, 1)].contains(z), "{column}, {row}: {z}");
+    }
+
+    // Pictures for a lens of 68 x 48 that were fitted into 64 x 48: 64 x 45 below a row of black.
+    write_model(68);
+    let cut = PrepareSettings { output: folder.0.join("cut"), ..whole };
+    let (width, height, cut_flow, cut_depth) = priors(&cut);
+    assert_eq!((width, height), (64, 45));
+    assert!(cut_depth == depth[64..46 * 64]);
+    let is_near = |(a, b): (&[f32; 2], &[f32; 2])| {
+        let error = (0..2).map(|axis| (a[axis] - b[axis]).abs()).fold(0.0, f32::max);
+        if is_known(b) { error < 1e-5 } else { !is_known(a) }
+    };
+    assert!(cut_flow.iter().zip(&flow[64..]).all(is_near));
 }
 
 /// A capture folder of three cameras and four frames, whose pictures and points tell their frame.

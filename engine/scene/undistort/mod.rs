@@ -9,6 +9,9 @@ const UNKNOWN_FLOW: f32 = 1e9;
 /// What is written for it.
 const NO_FLOW: [f32; 2] = [1e10, 1e10];
 
+/// What a neighbour counts for at least: less is rounding.
+const LEAST_WEIGHT: f64 = 1e-6;
+
 /// Takes pictures of one lens to another of the same place and direction. All planes are row by row, top first.
 #[derive(Clone, Copy, Debug)]
 pub struct Undistortion {
@@ -71,12 +74,14 @@ impl Undistortion {
         let moved = self.each(|[x, y]| {
             let mut end = [x, y];
             for (at, weight) in self.corners([x, y]) {
-                let known = flow[at].iter().all(|v| v.abs() < UNKNOWN_FLOW);
-                if weight > 0.0 && !known {
+                if weight < LEAST_WEIGHT {
+                    continue;
+                }
+                if !flow[at].iter().all(|v| v.abs() < UNKNOWN_FLOW) {
                     return None;
                 }
                 for axis in 0..2 {
-                    end[axis] += if weight > 0.0 { weight * f64::from(flow[at][axis]) } else { 0.0 };
+                    end[axis] += weight * f64::from(flow[at][axis]);
                 }
             }
             self.target_of(end)
