@@ -614,15 +614,19 @@ impl<'a> Maker<'a> {
         if let Some(from) = &shot.flow
             && let Some(to) = file("flow", "flo")?
         {
-            let flow = read_flow(from, width, height)?;
-            let flow = self.from_recorded.as_ref().map_or_else(|| flow.clone(), |to| to.flow(&self.part(&flow)));
+            let mut flow = read_flow(from, width, height)?;
+            if let Some(to) = &self.from_recorded {
+                flow = to.flow(&self.part(&flow));
+            }
             write_flow(&to, &flow, to_width, to_height)?;
         }
         if let Some(from) = &shot.depth
             && let Some(to) = file("depth", "npy")?
         {
-            let depth = read_depth(from, width, height)?;
-            let depth = self.from_recorded.as_ref().map_or_else(|| depth.clone(), |to| to.depth(&self.part(&depth)));
+            let mut depth = read_depth(from, width, height)?;
+            if let Some(to) = &self.from_recorded {
+                depth = to.depth(&self.part(&depth));
+            }
             write_depth(&to, &depth, to_width, to_height)?;
         }
         Ok(())

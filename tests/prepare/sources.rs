@@ -497,14 +497,14 @@ fn priors_of_a_capture_folder_are_scaled_and_cut_with_its_pictures() {
         folder.write("source/sparse/0/images.bin", images);
     };
     write_model(64);
-    Manifest { fps: 30.0, frames: 2, flow: true, depth: true, ..Manifest::default() }
+    Manifest { fps: 30.0, frames: 3, flow: true, depth: true, ..Manifest::default() }
         .write(&folder.0.join("source"))
         .unwrap();
     let pixels = || (0..64 * 48_u32).map(|i| (i % 64, i / 64));
     let mut flow: Vec<[f32; 2]> = pixels().map(|(column, row)| flow_at(column, row)).collect();
     flow[20 * 64 + 31] = [1e10; 2];
     let depth: Vec<f32> = (0..64 * 48_u32).map(|i| 1.0 + i as f32).collect();
-    for (camera, frame) in [("a", 0), ("a", 1), ("b", 0), ("b", 1)] {
+    for (camera, frame) in [("a", 0), ("a", 1), ("a", 2), ("b", 0), ("b", 1), ("b", 2)] {
         let path = |kind: &str, ending: &str| format!("source/{kind}/{camera}/{frame:05}.{ending}");
         let bars = pixels().flat_map(|(_, row)| if (1..46).contains(&row) { [200, 100, 50] } else { [0; 3] });
         folder.write(&path("images", "png"), encode(&bars.collect::<Vec<_>>(), 64, 48, ExtendedColorType::Rgb8));
@@ -537,6 +537,11 @@ fn priors_of_a_capture_folder_are_scaled_and_cut_with_its_pictures() {
         let below = |dx: u32, dy: u32| depth[((2 * row + dy) * 64 + 2 * column + dx) as usize];
         assert!([below(0, 0), below(1, 0), below(0, 1), below(1, 1)].contains(z), "{column}, {row}: {z}");
     }
+
+    let sparse = PrepareSettings { every: 2, output: folder.0.join("sparse"), ..whole.clone() };
+    assert!(done(&sparse).notes.iter().any(|note| note.contains("flow does not skip frames")));
+    let manifest = Manifest::read(&sparse.output).unwrap();
+    assert!((manifest.frames, manifest.flow, manifest.depth) == (2, false, true));
 
     // Pictures for a lens of 68 x 48 that were fitted into 64 x 48: 64 x 45 below a row of black.
     write_model(68);
