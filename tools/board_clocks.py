@@ -3,14 +3,16 @@
 
   board_clocks.py SESSION -o CORRECTED            then: ivv prepare CORRECTED -o CAPTURE
 
-caliscope takes frames that arrived together for simultaneous and calibrates by that. A camera that hands its frames over late
-is off by its delay, which timestamps.csv, the times of arrival, does not tell, and the calibrated poses have bent to it. This
-fits to the corners that caliscope found (xy_*.csv) the board's pose in every frame, the poses of all cameras but the first,
-and a time offset for each camera, in frames, with the mean of 0: robust least squares (Huber, 2 pixels), the board moving
-along the parabola through its places in three frames; frames that are not among three in a row are left out. Lenses stay.
+caliscope takes frames that arrived together for simultaneous and calibrates by that. A camera that hands its frames over
+late is off by its delay, which timestamps.csv, the times of arrival, does not tell, and the calibrated poses have bent to
+it. This fits to the corners that caliscope found (xy_*.csv) the board's pose in every frame, the poses of all cameras but
+the first, and a time offset for each camera, in frames, with the mean of 0: robust least squares (Huber, 2 pixels), the
+board moving along the parabola through its places in three frames; frames that are not among three in a row are left out.
+Lenses stay as they are.
 
 CORRECTED is a session of camera_array.toml with the fitted poses, timestamps.csv with the fitted times, and links to the
-videos. Printed are the offsets with their standard errors, and the error of the corners with and without offsets.
+videos. Printed are the offsets with their standard errors, how far the poses were off, and the error of the corners with and
+without offsets.
 """
 
 import argparse
@@ -60,7 +62,7 @@ class Session:
         middles = {frame + step: frame for step in (1, -1, 0) for frame in there if {frame - 1, frame + 1} <= there}
         rows = [row for row in rows if int(row["sync_index"]) in middles]
         if not rows:
-            sys.exit(f"{found[0]}: holds no corners of three frames in a row from {first} to {last}")
+            sys.exit(f"{found[0]}: holds no corners of three frames in a row among those chosen")
         pick = lambda kind, *names: np.array([[kind(row[name]) for name in names] for row in rows])
         frames, ids = (pick(int, name)[:, 0] for name in ("sync_index", "cam_id"))
         self.frames, self.frame = np.unique(frames, return_inverse=True)
@@ -98,7 +100,7 @@ FIELDS = ("matrix", "distortions", "rotation", "translation")
 
 
 class Fit:
-    """Least squares. Parameters: 6 per frame (board), 6 per camera but the first, then, `with_clocks`, offsets but the last."""
+    """Least squares. Parameters: 6 per frame (board), 6 per camera but the first, offsets but the last if `with_clocks`."""
 
     def __init__(self, session, with_clocks):
         self.s, self.n, self.k = session, len(session.frames), len(session.ids)
@@ -190,15 +192,16 @@ class Fit:
 
 
 def write(session, fit, output):
-    """The session with fitted poses and times, into a folder that is new."""
-    output.mkdir(parents=True)
+    """The session with fitted poses and times, into a folder that is new; it has its name when it is whole."""
+    partial = output.with_name(f".{output.name}.{os.getpid()}.tmp")
+    partial.mkdir(parents=True)
     text, (turns, shifts), offsets = session.text, fit.cameras(fit.p), fit.offsets(fit.p)
     places = [(session.place(camera, name), value[index])
               for index, camera in enumerate(session.ids)
               for name, value in (("rotation", turns), ("translation", shifts))]
     for (begin, end), value in sorted(places, key=lambda place: -place[0][0]):
         text = text[:begin] + str(value.tolist()) + text[end:]
-    (output / "camera_array.toml").write_text(text)
+    (partial / "camera_array.toml").write_text(text)
     by_frame = {}
     for frame, camera, time in session.times:
         if time and camera in session.ids:
@@ -211,10 +214,11 @@ def write(session, fit, output):
         if camera in session.ids:
             own = f"{mean[frame] + seconds * offsets[list(session.ids).index(camera)]:.6f}" if time else ""
             lines.append(f"{frame},{camera},{own}")
-    (output / "timestamps.csv").write_text("\n".join(lines) + "\n")
+    (partial / "timestamps.csv").write_text("\n".join(lines) + "\n")
     for camera in session.ids:
         video = session.videos / f"cam_{camera}.mp4"
-        (output / video.name).symlink_to(os.path.abspath(video))
+        (partial / video.name).symlink_to(os.path.abspath(video))
+    os.rename(partial, output)
 
 
 def main():
@@ -226,12 +230,20 @@ def main():
     arguments = parser.parse_args()
     if arguments.output and arguments.output.exists():
         sys.exit(f"{arguments.output}: is there already; choose another or remove it")
-    session = Session(arguments.session, arguments.first, arguments.last)
+    try:
+        session = Session(arguments.session, arguments.first, arguments.last)
+    except (OSError, ValueError, KeyError) as error:
+        sys.exit(f"{arguments.session}: is no session that caliscope calibrated: {error!r}")
     if len(session.ids) < 2:
         sys.exit(f"{arguments.session}: only one camera sees the board")
     still, fit = Fit(session, False), Fit(session, True)
-    for camera, offset, error in zip(session.ids, fit.offsets(fit.p), fit.standard_error):
-        print(f"cam_{camera} {offset:8.3f} +- {error:.3f} frames")
+    turns, shifts = fit.cameras(fit.p)
+    for index, camera in enumerate(session.ids):
+        old, new = session.rotation[index], turns[index]
+        moved = np.linalg.norm(new.T @ shifts[index] - old.T @ session.translation[index])
+        turned = np.degrees(np.linalg.norm(cv2.Rodrigues(new @ old.T)[0]))
+        offset, error = fit.offsets(fit.p)[index], fit.standard_error[index]
+        print(f"cam_{camera} {offset:8.3f} +- {error:.3f} frames; its pose was off by {1e3 * moved:.1f} mm, {turned:.2f} degrees")
     print(f"{len(session.corner)} corners in {fit.n} frames: median error {np.median(fit.error):.2f} px, Huber's cost "
           f"{fit.final_cost:.0f}; poses fitted without offsets {np.median(still.error):.2f} px, {still.final_cost:.0f}")
     if arguments.output:

@@ -99,7 +99,15 @@ fn corners_of_a_board_tell_clocks_and_poses() {
     }
     let again = run();
     assert!(!again.status.success() && String::from_utf8_lossy(&again.stderr).contains("is there already"));
-    std::fs::write(session.join("calibration/extrinsic/CHARUCO/xy_other.csv"), "").unwrap();
     std::fs::remove_dir_all(&fitted).unwrap();
-    assert!(String::from_utf8_lossy(&run().stderr).contains("holds 2 files xy_*.csv"));
+    let mut fails = |file: &str, text: &str, says: &str| {
+        folder.write(&format!("session/{file}"), text);
+        let said = String::from_utf8_lossy(&run().stderr).into_owned();
+        assert!(said.contains(says) && !said.contains("Traceback") && !fitted.exists(), "{file}: {said}");
+    };
+    let corners = "calibration/extrinsic/CHARUCO/xy_CHARUCO.csv";
+    fails(corners, "sync_index,cam_id\nx,1\n", "is no session that caliscope calibrated");
+    fails(corners, "sync_index\n", "holds no corners of three frames in a row");
+    fails("camera_array.toml", "", "holds no corners");
+    fails("calibration/extrinsic/xy_other.csv", "", "holds 2 files xy_*.csv");
 }

@@ -1,5 +1,5 @@
-//! caliscope: `camera_array.toml`, the videos `cam_<id>.mp4` and, beside them, `timestamps.csv` with the time of each of their
-//! frames.
+//! caliscope: `camera_array.toml`, the videos `cam_<id>.mp4` and, beside them, `timestamps.csv` with the time at which each of
+//! their frames arrived; `tools/board_clocks.py` makes of it that at which the frame was taken.
 
 use std::collections::BTreeMap;
 use std::path::Path;
