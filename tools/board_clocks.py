@@ -88,6 +88,8 @@ class Session:
         field = table and re.search(rf"^{name}\s*=\s*(\[[^=]*\])\s*$", table.group(1), re.M)
         if not field:
             sys.exit(f"camera_array.toml: camera {camera} has no {name}: calibrate it with caliscope")
+        if re.search(r"^fisheye\s*=\s*true", table.group(1), re.M):
+            sys.exit(f"camera_array.toml: camera {camera} is a fisheye, which is not read: remove its corners from xy_*.csv")
         return table.start(1) + field.start(1), table.start(1) + field.end(1)
 
     def field(self, camera, name):

@@ -100,14 +100,17 @@ fn corners_of_a_board_tell_clocks_and_poses() {
     let again = run();
     assert!(!again.status.success() && String::from_utf8_lossy(&again.stderr).contains("is there already"));
     std::fs::remove_dir_all(&fitted).unwrap();
-    let mut fails = |file: &str, text: &str, says: &str| {
+    let array = std::fs::read_to_string(session.join("camera_array.toml")).unwrap();
+    let fails = |file: &str, text: &str, says: &str| {
         folder.write(&format!("session/{file}"), text);
         let said = String::from_utf8_lossy(&run().stderr).into_owned();
         assert!(said.contains(says) && !said.contains("Traceback") && !fitted.exists(), "{file}: {said}");
     };
+    fails("camera_array.toml", &array.replace("distortions", "fisheye = true\ndistortions"), "is a fisheye");
+    fails("camera_array.toml", &array.replace("translation", "t"), "camera 0 has no translation: calibrate it");
+    fails("camera_array.toml", "[cameras.0]\n", "camera 0 has no matrix");
     let corners = "calibration/extrinsic/CHARUCO/xy_CHARUCO.csv";
     fails(corners, "sync_index,cam_id\nx,1\n", "is no session that caliscope calibrated");
     fails(corners, "sync_index\n", "holds no corners of three frames in a row");
-    fails("camera_array.toml", "", "holds no corners");
     fails("calibration/extrinsic/xy_other.csv", "", "holds 2 files xy_*.csv");
 }
