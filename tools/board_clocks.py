@@ -10,31 +10,27 @@ the first, and a time offset for each camera, in frames, with the mean of 0: rob
 board moving along the parabola through its places in three frames; frames that are not among three in a row are left out.
 Lenses stay as they are.
 
-CORRECTED is a session of camera_array.toml with the fitted poses, timestamps.csv with the fitted times, and links to the
-videos. Printed are the offsets with their standard errors, how far the poses were off, and the error of the corners with and
+CORRECTED is a session of the cameras that see the board: camera_array.toml with the fitted poses, timestamps.csv with the
+fitted times, and links to the videos. Printed are the offsets with their standard errors, how far the poses were off, and the error of the corners with and
 without offsets.
 """
 
 import argparse
 import csv
+import json
 import os
-import re
 import sys
+import tomllib
 from pathlib import Path
 
+try:
+    import cv2
+    import numpy as np
+except ImportError as error:
+    sys.exit(f"{error}: install OpenCV for Python (tools/setup.sh prepare)")
+
 HUBER = 2.0
-
-
-def need(module, remedy):
-    """The module, or the end of the program with what to install."""
-    try:
-        return __import__(module, fromlist=["_"])
-    except ImportError as error:
-        sys.exit(f"{error}: {remedy}")
-
-
-np = need("numpy", "install NumPy (Debian: apt-get install python3-numpy)")
-cv2 = need("cv2", "install OpenCV for Python (Debian: apt-get install python3-opencv)")
+CALIBRATED = ("matrix", "distortions", "rotation", "translation")
 
 
 def rotations(vectors):
@@ -46,7 +42,7 @@ class Session:
     """What caliscope wrote: cameras, corners by frame and camera, times of arrival."""
 
     def __init__(self, folder, first, last):
-        self.text = (folder / "camera_array.toml").read_text()
+        self.array = tomllib.loads((folder / "camera_array.toml").read_text()).get("cameras", {})
         found = sorted(folder.glob("**/xy_*.csv"))
         if len(found) != 1:
             sys.exit(f"{folder}: holds {len(found)} files xy_*.csv, and must hold one, that of its board")
@@ -54,7 +50,10 @@ class Session:
         if self.videos is None:
             sys.exit(f"{found[0]}: has no timestamps.csv in a folder around it")
         with open(self.videos / "timestamps.csv") as file:
-            self.times = [(int(row["sync_index"]), int(row["cam_id"]), row["frame_time"]) for row in csv.DictReader(file)]
+            rows = [(int(row["sync_index"]), int(row["cam_id"]), row["frame_time"]) for row in csv.DictReader(file)]
+        self.times = [(frame, camera, float(time) if time else None) for frame, camera, time in rows]
+        if len({frame for frame, _, time in self.times if time is not None}) < 2:
+            sys.exit(f"{self.videos / 'timestamps.csv'}: has the times of fewer than two frames")
         with open(found[0]) as file:
             rows = [row for row in csv.DictReader(file) if first <= int(row["sync_index"]) <= last]
         # The middle of the three frames that tell how the board moves in a frame: itself or a neighbour.
@@ -74,7 +73,7 @@ class Session:
         self.focal = np.empty(len(rows))
         self.rotation, self.translation = [], []
         for index, camera in enumerate(self.ids):
-            matrix, distortions, rotation, translation = (self.field(camera, name) for name in FIELDS)
+            matrix, distortions, rotation, translation = self.calibration(camera)
             own = self.camera == index
             self.at[own] = cv2.undistortPoints(pixel[own][:, None], matrix, distortions)[:, 0]
             self.focal[own] = matrix[0, 0]
@@ -82,23 +81,15 @@ class Session:
             self.translation.append(translation)
         self.rotation, self.translation = np.array(self.rotation), np.array(self.translation)
 
-    def place(self, camera, name):
-        """Where the camera's table has the value of a field, in the text."""
-        table = re.search(rf"^\[cameras\.{camera}\]$(.*?)(?=^\[|\Z)", self.text, re.M | re.S)
-        field = table and re.search(rf"^{name}\s*=\s*(\[[^=]*\])\s*$", table.group(1), re.M)
-        if not field:
-            sys.exit(f"camera_array.toml: camera {camera} has no {name}: calibrate it with caliscope")
-        if re.search(r"^fisheye\s*=\s*true", table.group(1), re.M):
+    def calibration(self, camera):
+        """Matrix, distortions, rotation (matrix or vector) and translation of a camera."""
+        table = self.array.get(str(camera), {})
+        missing = [name for name in CALIBRATED if name not in table]
+        if missing:
+            sys.exit(f"camera_array.toml: camera {camera} has no {missing[0]}: calibrate it with caliscope")
+        if table.get("fisheye"):
             sys.exit(f"camera_array.toml: camera {camera} is a fisheye, which is not read: remove its corners from xy_*.csv")
-        return table.start(1) + field.start(1), table.start(1) + field.end(1)
-
-    def field(self, camera, name):
-        begin, end = self.place(camera, name)
-        return np.array([float(number) for number in re.findall(r"[-+.\deE]+", self.text[begin:end])]).reshape(
-            {"matrix": (3, 3), "rotation": (-1, 3)}.get(name, -1)).squeeze()
-
-
-FIELDS = ("matrix", "distortions", "rotation", "translation")
+        return (np.array(table[name], float) for name in CALIBRATED)
 
 
 class Fit:
@@ -119,10 +110,10 @@ class Fit:
             own = (s.frame == frame) & (s.camera == best)
             if own.sum() < 4:
                 sys.exit(f"frame {s.frames[frame]}: no camera sees four corners; choose others with --first and --last")
-            _, turn, shift = cv2.solvePnP(s.corner[own], s.at[own][:, None], np.eye(3), None)
+            _, rotation, translation = cv2.solvePnP(s.corner[own], s.at[own][:, None], np.eye(3), None)
             back = s.rotation[best].T
-            poses.append((back @ cv2.Rodrigues(turn)[0], back @ (shift.ravel() - s.translation[best])))
-        return np.array([turn for turn, _ in poses]), np.array([shift for _, shift in poses])
+            poses.append((back @ cv2.Rodrigues(rotation)[0], back @ (translation.ravel() - s.translation[best])))
+        return tuple(np.array(parts) for parts in zip(*poses))
 
     def cameras(self, p):
         change = np.vstack([np.zeros(6), p[6 * self.n:6 * (self.n + self.k - 1)].reshape(-1, 6)])
@@ -135,14 +126,14 @@ class Fit:
     def residual(self, p):
         """Pixels that the corners are off, (corners, 2)."""
         s, change = self.s, p[:6 * self.n].reshape(-1, 6)
-        turn, shift = self.board[0] @ rotations(change[:, :3]), self.board[1] + change[:, 3:]
-        place = lambda frame: np.einsum("nij,nj->ni", turn[frame], s.corner) + shift[frame]
+        rotation, translation = self.board[0] @ rotations(change[:, :3]), self.board[1] + change[:, 3:]
+        place = lambda frame: np.einsum("nij,nj->ni", rotation[frame], s.corner) + translation[frame]
         middle = s.middle[s.frame]
         before, now, after = place(middle - 1), place(middle), place(middle + 1)
         time = (self.offsets(p)[s.camera] + s.frame - middle)[:, None]
         moved = now + time * (after - before) / 2 + time * time / 2 * (after - 2 * now + before)
-        turn, shift = self.cameras(p)
-        seen = np.einsum("nij,nj->ni", turn[s.camera], moved) + shift[s.camera]
+        to_camera, origin = self.cameras(p)
+        seen = np.einsum("nij,nj->ni", to_camera[s.camera], moved) + origin[s.camera]
         return (seen[:, :2] / seen[:, 2:] - s.at) * s.focal[:, None]
 
     def cost(self, p):
@@ -197,24 +188,25 @@ def write(session, fit, output):
     """The session with fitted poses and times, into a folder that is new; it has its name when it is whole."""
     partial = output.with_name(f".{output.name}.{os.getpid()}.tmp")
     partial.mkdir(parents=True)
-    text, (turns, shifts), offsets = session.text, fit.cameras(fit.p), fit.offsets(fit.p)
-    places = [(session.place(camera, name), value[index])
-              for index, camera in enumerate(session.ids)
-              for name, value in (("rotation", turns), ("translation", shifts))]
-    for (begin, end), value in sorted(places, key=lambda place: -place[0][0]):
-        text = text[:begin] + str(value.tolist()) + text[end:]
-    (partial / "camera_array.toml").write_text(text)
+    (rotation, translation), offsets = fit.cameras(fit.p), fit.offsets(fit.p)
+    lines = []
+    for index, camera in enumerate(session.ids):
+        fitted = {"rotation": rotation[index].tolist(), "translation": translation[index].tolist()}
+        lines.append(f"[cameras.{camera}]")
+        # Numbers, lists and truth values are the same in JSON and TOML.
+        lines += [f"{name} = {json.dumps(value)}" for name, value in {**session.array[str(camera)], **fitted}.items()]
+    (partial / "camera_array.toml").write_text("\n".join(lines) + "\n")
     by_frame = {}
-    for frame, camera, time in session.times:
-        if time and camera in session.ids:
-            by_frame.setdefault(frame, []).append(float(time))
+    for frame, _, time in session.times:
+        if time is not None:
+            by_frame.setdefault(frame, []).append(time)
     mean = {frame: np.mean(times) for frame, times in by_frame.items()}
     frames = sorted(mean)
     seconds = (mean[frames[-1]] - mean[frames[0]]) / (frames[-1] - frames[0])
     lines = ["sync_index,cam_id,frame_time"]
     for frame, camera, time in session.times:
         if camera in session.ids:
-            own = f"{mean[frame] + seconds * offsets[list(session.ids).index(camera)]:.6f}" if time else ""
+            own = "" if time is None else f"{mean[frame] + seconds * offsets[list(session.ids).index(camera)]:.6f}"
             lines.append(f"{frame},{camera},{own}")
     (partial / "timestamps.csv").write_text("\n".join(lines) + "\n")
     for camera in session.ids:
@@ -239,10 +231,10 @@ def main():
     if len(session.ids) < 2:
         sys.exit(f"{arguments.session}: only one camera sees the board")
     still, fit = Fit(session, False), Fit(session, True)
-    turns, shifts = fit.cameras(fit.p)
+    rotation, translation = fit.cameras(fit.p)
     for index, camera in enumerate(session.ids):
-        old, new = session.rotation[index], turns[index]
-        moved = np.linalg.norm(new.T @ shifts[index] - old.T @ session.translation[index])
+        old, new = session.rotation[index], rotation[index]
+        moved = np.linalg.norm(new.T @ translation[index] - old.T @ session.translation[index])
         turned = np.degrees(np.linalg.norm(cv2.Rodrigues(new @ old.T)[0]))
         offset, error = fit.offsets(fit.p)[index], fit.standard_error[index]
         print(f"cam_{camera} {offset:8.3f} +- {error:.3f} frames; its pose was off by {1e3 * moved:.1f} mm, {turned:.2f} degrees")

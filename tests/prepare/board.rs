@@ -8,6 +8,7 @@ use glam::{DMat3, DQuat, DVec3};
 use crate::capture::Folder;
 
 const FOCAL: f64 = 600.0;
+const RADIAL: f64 = -0.2;
 /// When the cameras' frames are taken, frames after they count as taken; the mean is 0.
 const OFFSETS: [f64; 3] = [0.3, -0.45, 0.15];
 const FRAMES: usize = 24;
@@ -35,23 +36,31 @@ fn write_session(folder: &Folder) {
     for (id, offset) in OFFSETS.into_iter().enumerate() {
         let (turn, shift) = camera(id);
         for frame in 0..FRAMES {
-            times += &format!("{},{id},{}\n", frame + 5, 9.0 + frame as f64 / 6.0);
+            // They arrive a little early or late, which says nothing.
+            times += &format!("{},{id},{}\n", frame + 5, 9.0 + frame as f64 / 6.0 + 0.01 * (id as f64 - 1.0));
             for key in 0..12 {
                 let at = DVec3::new((key % 4) as f64 * 0.05, (key / 4) as f64 * 0.05, 0.0);
                 let p = turn * corner(at, frame as f64 + offset) + shift;
-                let [x, y] = [p.x / p.z * FOCAL + 320.0, p.y / p.z * FOCAL + 240.0];
+                let radial = 1.0 + RADIAL * (p.x * p.x + p.y * p.y) / (p.z * p.z);
+                // One corner was taken for another.
+                let mistaken = if (id, frame, key) == (2, 7, 3) { 30.0 } else { 0.0 };
+                let [x, y] = [radial * p.x / p.z * FOCAL + 320.0 + mistaken, radial * p.y / p.z * FOCAL + 240.0];
                 corners += &format!("{},{id},0,{key},{x:.6},{y:.6},{},{},0.0\n", frame + 5, at.x, at.y);
             }
         }
         let wrong = if id == 1 { 1.0 } else { 0.0 };
         let told = DMat3::from_rotation_y(0.01 * wrong) * turn;
         let rows: Vec<[f64; 3]> = (0..3).map(|row| told.row(row).to_array()).collect();
+        // caliscope writes matrices or, as for camera 0 here, rotation vectors.
+        let rotation = if id == 0 { "[0.0, -0.5, 0.0]".to_owned() } else { format!("{rows:?}") };
         let translation = (shift + DVec3::new(0.01, -0.01, 0.005) * wrong).to_array();
         array += &format!(
             "[cameras.{id}]\nsize = [640, 480]\nmatrix = [[{FOCAL:.1}, 0.0, 320.0], [0.0, {FOCAL:.1}, 240.0], [0.0, 0.0, 1.0]]\n\
-             distortions = [0.0, 0.0, 0.0, 0.0, 0.0]\ntranslation = {translation:?}\nrotation = {rows:?}\n\n"
+             distortions = [{RADIAL}, 0.0, 0.0, 0.0, 0.0]\ntranslation = {translation:?}\nrotation = {rotation}\n\n"
         );
     }
+    // A frame without neighbours tells nothing of how the board moves.
+    corners += "90,0,0,0,300.0,200.0,0.0,0.0,0.0\n";
     folder.write("session/camera_array.toml", array);
     folder.write("session/calibration/extrinsic/timestamps.csv", times);
     folder.write("session/calibration/extrinsic/CHARUCO/xy_CHARUCO.csv", corners);
@@ -60,7 +69,7 @@ fn write_session(folder: &Folder) {
 #[test]
 fn corners_of_a_board_tell_clocks_and_poses() {
     let Some(python) = ["python3", "/usr/bin/python3"].into_iter().find(|python| {
-        let output = Command::new(python).args(["-c", "import cv2, numpy"]).output();
+        let output = Command::new(python).args(["-c", "import cv2, numpy, tomllib"]).output();
         output.is_ok_and(|output| output.status.success())
     }) else {
         return eprintln!("skipped: no python3 with OpenCV and NumPy is installed");
