@@ -18,6 +18,9 @@ pub struct DueArgs {
     /// Test images of such an evaluation, evenly spread over all of them; the end of the run takes all.
     #[arg(long, default_value_t = 16)]
     pub eval_images: usize,
+    /// At the end, fits the time offset of every test camera to its own images, and scores them at these offsets too.
+    #[arg(long)]
+    pub fit_offsets: bool,
 }
 
 /// What is due after which step.

@@ -30,6 +30,9 @@ pub struct Args {
     /// The capture, where it is not where it was when the run was made.
     #[arg(long)]
     capture: Option<PathBuf>,
+    /// Fits the time offset of every test camera to its own images, and gives the scores at these offsets too.
+    #[arg(long)]
+    fit_offsets: bool,
     #[command(flatten)]
     device: DeviceArgs,
 }
@@ -51,12 +54,14 @@ impl Scorer<'_> {
         evaluate(&mut renderer, &mut meter, &sight, frames, step, |_, _, _| Ok(()))
     }
 
-    /// Scores `splats`, which `scene` holds, on all test views; writes eval.json and the renders into `output`. Returns
-    /// the scores and some views for the report; none when there is no test view.
+    /// Scores `splats`, which `scene` holds, on all test views, and once more at the time offsets `fits` by camera where there
+    /// are any; writes eval.json and the renders into `output`. Returns the scores and some views for the report; none when
+    /// there is no test view.
     pub fn all(
         &self,
         splats: &Splats,
         scene: &Path,
+        fits: &BTreeMap<usize, OffsetFit>,
         step: u64,
         output: &Path,
     ) -> ivv::Result<(Option<SceneScores>, Vec<Example>)> {
@@ -72,7 +77,7 @@ impl Scorer<'_> {
         let evaluation = evaluate(&mut renderer, &mut meter, &sight, &frames, step, write)?;
         let Some(evaluation) = evaluation else { return Ok((None, Vec::new())) };
         let mut scores = SceneScores::new(scene, splats, &self.gpu.caps().name, evaluation);
-        scores.mean_at_fitted_offsets = self.at_fitted_offsets(&mut renderer, &mut meter, &frames, step)?;
+        scores.mean_at_fitted_offsets = self.at_offsets(fits, &mut renderer, &mut meter, &frames, step)?;
         write_json(&output.join("eval.json"), &scores)?;
         let mut examples = Vec::new();
         for (index, why) in scores.evaluation.examples(EXAMPLES) {
@@ -86,29 +91,30 @@ impl Scorer<'_> {
     }
 
     /// By test camera, its time offset fitted to its own images; empty where the run did not learn offsets.
-    pub fn fitted_offsets(&self, renderer: &mut Renderer) -> ivv::Result<BTreeMap<usize, OffsetFit>> {
-        let Scorer { capture, config, .. } = self;
+    pub fn fitted_offsets(&self, splats: &Splats) -> ivv::Result<BTreeMap<usize, OffsetFit>> {
+        let Scorer { gpu, capture, run, config } = self;
+        let mut renderer = Renderer::new((*gpu).clone(), splats, run.constants)?;
         let learns = Setup::new(capture, config).learns_offset.contains(&true);
         let cameras = capture.cameras.iter().enumerate().filter(|(_, camera)| learns && camera.is_test);
         let fit = |(index, _)| {
             let pictures = offset_pictures(capture, config.background, index)?;
-            Ok((index, fit_offset(renderer, &pictures, 0.0, FIT_ITERATIONS)?))
+            Ok((index, fit_offset(&mut renderer, &pictures, 0.0, FIT_ITERATIONS)?))
         };
         cameras.map(fit).collect()
     }
 
-    fn at_fitted_offsets(
+    fn at_offsets(
         &self,
+        fits: &BTreeMap<usize, OffsetFit>,
         renderer: &mut Renderer,
         meter: &mut Meter,
         frames: &[(usize, u32)],
         step: u64,
     ) -> ivv::Result<Option<Scores>> {
-        let fits = self.fitted_offsets(renderer)?;
         if fits.is_empty() {
             return Ok(None);
         }
-        let offsets = fits.into_iter().map(|(camera, fit)| (camera, fit.offset)).collect();
+        let offsets = fits.iter().map(|(camera, fit)| (*camera, fit.offset)).collect();
         let sight = Sight { offsets, ..Sight::new(self.capture, self.config.background) };
         let scored = evaluate(renderer, meter, &sight, frames, step, |_, _, _| Ok(()))?;
         Ok(scored.map(|evaluation| evaluation.mean))
@@ -157,7 +163,8 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let gpu = args.device.open()?;
     let scorer = Scorer { gpu: &gpu, capture: &capture, run: &run, config: &config };
     let step = totals(&args.run)["steps"].as_u64().unwrap_or(0);
-    let (scores, examples) = scorer.all(&splats, scene, step, &output)?;
+    let fits = if args.fit_offsets { scorer.fitted_offsets(&splats)? } else { BTreeMap::new() };
+    let (scores, examples) = scorer.all(&splats, scene, &fits, step, &output)?;
     let Some(scores) = scores else {
         let remedy = "train again with --test-cameras";
         return Err(ivv::Error::data(&Run::file(&args.run), "test_cameras", "names none with an image", remedy).into());

@@ -2,7 +2,6 @@
 
 use crate::eval::Scorer;
 use crate::files::write_json;
-use ivv::scene::Splats;
 use ivv::scene::capture::{Camera, Capture};
 use ivv::stage::Renderer;
 use ivv::train::{Agreement, OffsetFit, Trainer, fit_offset, offset_pictures};
@@ -20,6 +19,9 @@ pub struct Row {
     pub offset: f64,
     /// Frames, with the scene held fixed; none where the pictures do not say.
     pub standard_error: Option<f64>,
+    /// Whether the fit ended at the edge of the search, 2 frames: the offset may lie beyond.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub at_bound: bool,
     /// Frames, less the mean of the learnt cameras', which nothing can tell; where the capture knows.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub truth: Option<f64>,
@@ -68,15 +70,20 @@ pub fn freeze(trainer: &mut Trainer, scorer: &Scorer) -> ivv::Result<()> {
     Ok(())
 }
 
-/// The table of a run that ended with `splats`, written into `output`; empty where no offset was to be learnt.
-pub fn table(trainer: &mut Trainer, scorer: &Scorer, splats: &Splats, output: &Path) -> ivv::Result<Vec<Row>> {
+/// The table of a run, with the test cameras' offsets `fitted` afterwards, written into `output`; empty where no offset was to
+/// be learnt.
+pub fn table(
+    trainer: &mut Trainer,
+    scorer: &Scorer,
+    fitted: &BTreeMap<usize, OffsetFit>,
+    output: &Path,
+) -> ivv::Result<Vec<Row>> {
     let (_, learns) = trainer.offsets()?;
     if learns.is_empty() {
         return Ok(Vec::new());
     }
     let mut fits = learnt(trainer, scorer)?;
-    let mut renderer = Renderer::new(scorer.gpu.clone(), splats, scorer.run.constants)?;
-    fits.extend(scorer.fitted_offsets(&mut renderer)?);
+    fits.extend(fitted);
     let rows = rows(scorer.capture, &learns, &fits);
     write_json(&output.join("offsets.json"), &rows)?;
     Ok(rows)
@@ -101,11 +108,13 @@ fn rows(capture: &Capture, learns: &[bool], fits: &BTreeMap<usize, OffsetFit>) -
                 (false, false) => How::Frozen,
             },
             offset: fit.map_or(0.0, |fit| fit.offset),
+            at_bound: fit.is_some_and(OffsetFit::is_at_bound),
             standard_error: fit.map(|fit| fit.standard_error).filter(|error| error.is_finite()),
             truth: truth.get(&camera.name).map(|offset| offset - mean),
         }
     };
-    capture.cameras.iter().enumerate().map(row).collect()
+    let is_listed = |(index, camera): &(usize, &Camera)| !camera.is_test || fits.contains_key(index);
+    capture.cameras.iter().enumerate().filter(is_listed).map(row).collect()
 }
 
 /// How well the learnt offsets agree with the true ones; none without truth.
@@ -133,9 +142,10 @@ pub fn print(rows: &[Row]) {
         let truth = row.truth.map_or(String::new(), |truth| format!("{truth:>9.3}"));
         let how = match row.how {
             How::Learnt => "",
-            How::Frozen => "frozen: its pictures do not say",
+            How::Frozen => "fixed at 0: not observable in this camera's images",
             How::Fitted => "test camera, fitted afterwards",
         };
+        let how = if row.at_bound { "at the edge of the search: the true offset may be larger" } else { how };
         println!("{:<width$} {:>9.3} {error:>8} {truth}  {how}", row.camera, row.offset);
     }
     if let Some(Agreement { rms_error, correlation }) = agreement(rows) {

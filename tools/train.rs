@@ -15,10 +15,12 @@ use crate::settings::SettingArgs;
 use crate::totals::{ProfiledStep, Seconds, totals};
 use anyhow::Context;
 use ivv::scene::capture::{Capture, CaptureSettings, FrameCache, PriorPlan};
+use ivv::scene::read_views;
 use ivv::stage::PassReport;
 use ivv::train::{
     Checkpoint, DepthSummary, Evaluation, Kind, Log, Plan, Run, Setup, StepReport, Trainer, permutation, spread,
 };
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -42,6 +44,10 @@ pub struct Args {
     /// Cameras to test on, by name, separated by commas; the capture's own choice without it.
     #[arg(long, value_delimiter = ',')]
     test_cameras: Option<Vec<String>>,
+    /// A cameras file (JSON) of views that the scene will be seen from, in the capture's world: nothing wide is left just
+    /// before them. They take the place of no test: scores of test cameras that are named here say less. run.json keeps them.
+    #[arg(long, conflicts_with = "resume")]
+    viewpoints: Option<PathBuf>,
     /// Goes on from the newest checkpoint of the run folder, with its settings, cameras and constants.
     #[arg(long)]
     resume: bool,
@@ -269,7 +275,8 @@ impl Session<'_> {
             seconds_per_step: seconds_stepping / trainer.step().max(1) as f64,
             waited_for_images_s: self.waited,
         };
-        let offsets = offsets::table(trainer, &self.scorer, &splats, output)?;
+        let fits = if self.args.due.fit_offsets { self.scorer.fitted_offsets(&splats)? } else { BTreeMap::new() };
+        let offsets = offsets::table(trainer, &self.scorer, &fits, output)?;
         let Scorer { gpu, run, capture, config } = self.scorer;
         let mut totals = totals(gpu, trainer.step(), &splats, (run, config), &self.log, &seconds)?;
         totals["reviews"] = self.log.lines(Kind::Review).cloned().collect();
@@ -280,7 +287,7 @@ impl Session<'_> {
         totals["offset_error"] = agreement.map(|agreement| agreement.rms_error).into();
         totals["offset_correlation"] = agreement.and_then(|agreement| agreement.correlation).into();
         write_json(&output.join("train.json"), &totals)?;
-        let (scores, examples) = self.scorer.all(&splats, &scene, trainer.step(), output)?;
+        let (scores, examples) = self.scorer.all(&splats, &scene, &fits, trainer.step(), output)?;
         if let Some(scores) = &scores {
             // The last point of the curve: the same images as those before it.
             let some = self.some_test.iter().map(|(camera, frame)| (capture.cameras[*camera].name.as_str(), *frame));
@@ -337,7 +344,8 @@ fn capture(args: &Args, goes_on: bool) -> anyhow::Result<(Capture, Run)> {
     }
     let constants = args.constants.checked()?;
     let settings = CaptureSettings { test_cameras: args.test_cameras.clone(), ..CaptureSettings::default() };
-    let capture = Capture::open_with(&args.capture, &settings)?;
+    let mut capture = Capture::open_with(&args.capture, &settings)?;
+    capture.viewpoints = args.viewpoints.as_deref().map_or(Ok(Vec::new()), read_views)?;
     let run = Run::new(&capture, constants)?;
     Ok((capture.transformed(&run.world), run))
 }

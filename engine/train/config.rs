@@ -306,6 +306,7 @@ impl Config {
     /// Its name and what is wrong.
     pub fn check(&self) -> Result<(), String> {
         let LearningRates {
+            pace: Pace { start, end, most, .. },
             position,
             sh0,
             sh_rest,
@@ -336,6 +337,11 @@ impl Config {
             if !(positive || (start == 0.0 && end == 0.0)) {
                 return Err(format!("lr.{name} goes from {start} to {end}: both must be positive, or both 0"));
             }
+        }
+        if !((0.0..=1.0).contains(&start) && (0.0..=1.0).contains(&end) && (1.0..=100.0).contains(&most)) {
+            return Err(format!(
+                "lr.pace.start is {start}, end {end}, most {most}: expected powers from 0 to 1, and most from 1 to 100"
+            ));
         }
         let Loss { depth, flow, offset, grid_variation, lpips, lpips_every, .. } = self.loss;
         let weights = [
@@ -384,10 +390,42 @@ impl Rate {
     }
 }
 
-/// Learning rates by kind of parameter.
+/// How learning rates follow the length of a run: they are written down for [`Pace::steps`] steps, and a shorter run, which
+/// has less time to get as far, takes larger ones. A longer run takes them as they are.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Pace {
+    /// Steps of the run that the rates are written down for; 0 for rates that are the same in every run.
+    pub steps: u64,
+    /// A run of n steps begins with (steps / n)^start times the rates.
+    pub start: f64,
+    /// It ends with (steps / n)^end times the rates.
+    pub end: f64,
+    /// They are never more than this many times what is written.
+    pub most: f64,
+}
+
+impl Default for Pace {
+    fn default() -> Self {
+        Pace { steps: 30_000, start: 0.5, end: 0.3, most: 16.0 }
+    }
+}
+
+impl Pace {
+    /// What the rates are multiplied by when `done`, from 0 to 1, of a run of `total` steps is done; at least 1.
+    pub fn at(&self, done: f64, total: u64) -> f64 {
+        let shorter = (self.steps as f64 / total.max(1) as f64).max(1.0);
+        let [start, end] = [self.start, self.end].map(|power| shorter.powf(power).min(self.most));
+        Rate { start, end }.at(done)
+    }
+}
+
+/// Learning rates by kind of parameter, as they are in a run of [`Pace::steps`] steps.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct LearningRates {
+    /// How much larger they are in a shorter run.
+    pub pace: Pace,
     /// Of positions, in units of the scene's extent.
     pub position: Rate,
     /// Of the constant band.
@@ -416,6 +454,7 @@ impl Default for LearningRates {
     fn default() -> Self {
         let constant = |rate: f64| Rate { start: rate, end: rate };
         LearningRates {
+            pace: Pace::default(),
             position: Rate { start: 1.6e-4, end: 1.6e-6 },
             sh0: constant(2.5e-3),
             sh_rest: constant(1.25e-4),

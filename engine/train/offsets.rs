@@ -11,6 +11,8 @@ const STEP: f64 = 0.1;
 const LONGEST: f64 = 0.5;
 /// Pictures of a camera that are looked at, at most, evenly spread over the clip.
 const PICTURES: usize = 12;
+/// Longest side of those pictures, pixels: larger ones are reduced. A time shows in how far things are, not in their detail.
+const SIDE: u32 = 192;
 /// Standard error above which an offset is not identifiable, frames.
 const LARGEST_ERROR: f64 = 0.25;
 
@@ -24,6 +26,11 @@ pub struct OffsetFit {
 }
 
 impl OffsetFit {
+    /// Whether the fit ended where the search does: the offset may lie beyond.
+    pub fn is_at_bound(&self) -> bool {
+        self.offset.abs() >= OFFSET_BOUND
+    }
+
     /// Whether the pictures say what the offset is.
     pub fn is_identifiable(&self) -> bool {
         self.standard_error <= LARGEST_ERROR
@@ -56,8 +63,8 @@ impl Agreement {
     }
 }
 
-/// Pictures of `camera` with their views at offset 0 over `background`, evenly spread over the clip: enough to tell its
-/// offset.
+/// Pictures of `camera` with their views at offset 0 over `background`, evenly spread over the clip and reduced: enough to
+/// tell its offset.
 ///
 /// # Errors
 /// Those of the capture's pictures.
@@ -68,14 +75,16 @@ pub fn offset_pictures(capture: &Capture, background: [f32; 3], camera: usize) -
     frames
         .map(|frame| {
             let view = View { background, ..capture.view(camera, frame)? };
-            Ok((view, capture.picture(camera, frame)?))
+            let reduction = view.width.max(view.height).div_ceil(SIDE).min(view.width).min(view.height);
+            Ok((view.reduced(reduction), capture.picture(camera, frame)?.reduced(reduction)))
         })
         .collect()
 }
 
 /// Fits a camera's offset to `pictures` by `iterations` Gauss-Newton steps on the squared error of the colours, from `start`
 /// frames; with none it stays there and gets its standard error. That is robust to errors that the pixels of one picture
-/// share: gradients are squared and added up by picture (sandwich estimator, White 1980).
+/// share: gradients are squared and added up by picture (sandwich estimator, White 1980). One picture alone says nothing of
+/// how much pictures differ: its error is infinite.
 ///
 /// # Errors
 /// Those of the renderer.
@@ -97,7 +106,8 @@ pub fn fit_offset(
         }
         let spread = sum(&|[g, h]| (g - slope / curvature * h).powi(2));
         let n = terms.len() as f64;
-        fit.standard_error = (n / (n - 1.0).max(0.5) * spread).sqrt() / curvature;
+        fit.standard_error =
+            if terms.len() > 1 { (n / (n - 1.0) * spread).sqrt() / curvature } else { f64::INFINITY };
         if iteration < iterations {
             let step = (-slope / curvature).clamp(-LONGEST, LONGEST);
             fit.offset = (fit.offset + step).clamp(-OFFSET_BOUND, OFFSET_BOUND);

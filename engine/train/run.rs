@@ -2,7 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::scene::capture::{Capture, CaptureSettings};
-use crate::scene::{Similarity, write_atomic};
+use crate::scene::{Similarity, View, write_atomic};
 use crate::settings::Constants;
 use std::path::{Path, PathBuf};
 
@@ -14,6 +14,9 @@ pub struct Run {
     pub capture: PathBuf,
     /// Names of the cameras that are kept for testing.
     pub test_cameras: Vec<String>,
+    /// Views, in the capture's own world, before which training was told to keep clear; see [`Capture::viewpoints`].
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub viewpoints: Vec<View>,
     /// From the capture to the frame that training computes in.
     pub world: Similarity,
     /// Rendering constants.
@@ -74,6 +77,7 @@ impl Run {
         Ok(Run {
             capture: absolute,
             test_cameras: tests.map(|camera| camera.name.clone()).collect(),
+            viewpoints: capture.viewpoints.clone(),
             world: capture.normalisation(),
             constants,
             held: CaptureSummary::new(capture),
@@ -116,7 +120,8 @@ impl Run {
             return Err(Error::data(path, "", "is no folder", remedy));
         }
         let settings = CaptureSettings { test_cameras: Some(self.test_cameras.clone()), ..CaptureSettings::default() };
-        let capture = Capture::open_with(path, &settings)?;
+        let mut capture = Capture::open_with(path, &settings)?;
+        capture.viewpoints.clone_from(&self.viewpoints);
         let holds = CaptureSummary::new(&capture);
         if holds != self.held {
             let reason = format!("holds {holds:?}, the run's held {:?}", self.held);

@@ -59,6 +59,7 @@ fn run() -> Run {
     };
     let test_cameras = vec!["cam<1>".to_owned()];
     Run {
+        viewpoints: Vec::new(),
         capture: "/captures/a & b".into(),
         test_cameras,
         world: Default::default(),

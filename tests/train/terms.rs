@@ -7,7 +7,7 @@ use ivv::Constants;
 use ivv::scene::capture::{Extent, Picture, PriorPlan};
 use ivv::scene::{Motion, Splats, View};
 use ivv::stage::{Outputs, Renderer};
-use ivv::train::{Agreement, Config, LearningRates, Loss, Rate, Setup, Trainer, fit_offset, from_points};
+use ivv::train::{Agreement, Config, LearningRates, Loss, Pace, Rate, Setup, Trainer, fit_offset, from_points};
 
 /// What a step dispatches, by stage, and how often.
 fn dispatches(tiny: &Tiny, config: &Config) -> std::collections::BTreeMap<String, usize> {
@@ -90,6 +90,7 @@ fn offsets_are_learnt_where_everything_else_is_known() {
     let (splats, pictures) = moving_scene(truth);
     let still = Rate { start: 0.0, end: 0.0 };
     let lr = LearningRates {
+        pace: Pace::default(),
         position: still,
         sh0: still,
         sh_rest: still,

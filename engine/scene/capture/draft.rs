@@ -87,6 +87,7 @@ impl Draft {
             background: settings.background,
             frame_points: self.frame_points,
             true_offsets: self.true_offsets,
+            viewpoints: Vec::new(),
             moved: Similarity::default(),
         }
     }

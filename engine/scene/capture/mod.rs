@@ -202,6 +202,9 @@ pub struct Capture {
     /// By camera, the frames by which its pictures show a later time than their number says, where `truth.json` of the folder
     /// knows (`time_offsets_frames`). Training is not told; what it learns is compared with them.
     pub true_offsets: BTreeMap<String, f64>,
+    /// Views that the scene will be seen from beside those of its cameras, where somebody says so; training keeps clear what
+    /// lies just before them. Empty unless set.
+    pub viewpoints: Vec<View>,
     frame_points: Option<FramePoints>,
     /// From the world of the files to this one's.
     moved: Similarity,
@@ -250,11 +253,11 @@ impl Capture {
         self.frames(true)
     }
 
-    /// A view of every pose of every camera, test cameras among them: one of a camera that rests, one for each image of a
-    /// camera that moves.
+    /// A view of every pose of every training camera (one of a camera that rests, one for each image of a camera that moves),
+    /// and [`Capture::viewpoints`]. None of a test camera: training must not know where it will be tested.
     pub fn lens_views(&self) -> Vec<View> {
-        let mut views = Vec::new();
-        for (index, camera) in self.cameras.iter().enumerate() {
+        let mut views = self.viewpoints.clone();
+        for (index, camera) in self.cameras.iter().enumerate().filter(|(_, camera)| !camera.is_test) {
             let moves = camera.shots.iter().any(|shot| shot.world_to_camera.is_some());
             let shots = camera.shots.iter().take(if moves { usize::MAX } else { 1 });
             views.extend(shots.filter_map(|shot| self.view(index, shot.frame).ok()));
@@ -341,6 +344,7 @@ impl Capture {
             let poses = camera.shots.iter_mut().filter_map(|shot| shot.world_to_camera.as_mut());
             poses.for_each(|pose| *pose = to.pose(pose));
         }
+        self.viewpoints.iter_mut().for_each(|view| view.world_to_camera = to.pose(&view.world_to_camera));
         self.points.iter_mut().for_each(|point| point.position = to.point(point.position));
         self.moved = self.moved.then(to);
         self

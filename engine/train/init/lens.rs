@@ -11,7 +11,7 @@ const BEFORE: f64 = 0.5;
 /// Nothing begins wider than this part of its distance to a lens.
 const WIDEST: f64 = 1.0 / 6.0;
 
-/// Every pose of every camera, also of those kept for testing: where they are is known to all.
+/// Every pose of every training camera, and the views that somebody named ([`Capture::viewpoints`]).
 pub(super) struct Lenses(Vec<View>);
 
 impl Lenses {
