@@ -1,6 +1,7 @@
 //! `ivv ablate`: the paper's ablations on a capture.
 
 use crate::files::{make_folder, read_json, write_json};
+use crate::screen::{out, say};
 use crate::settings::SettingArgs;
 use anyhow::Context;
 use ivv::scene::capture::{Capture, camera_center};
@@ -59,7 +60,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         }
     }
     for (index, (key, seed, own)) in runs.iter().enumerate() {
-        eprintln!("run {} of {}: {key}, seed {seed}", index + 1, runs.len());
+        say!("run {} of {}: {key}, seed {seed}", index + 1, runs.len());
         train(args, &folder(args, key, *seed), own)?;
     }
     let mut text = format!("# Ablations on `{}`\n", args.capture.display());
@@ -77,9 +78,9 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let all = json!({ "capture": args.capture, "peripheral_camera": peripheral, "settings": config, "studies": all });
     write_json(&args.output.join("ablation.json"), &all)?;
     if json {
-        println!("{}", serde_json::to_string_pretty(&all)?);
+        out!("{}", serde_json::to_string_pretty(&all)?);
     } else {
-        println!("{text}\n{}", args.output.join("ablation.md").display());
+        out!("{text}\n{}", args.output.join("ablation.md").display());
     }
     Ok(())
 }

@@ -1,5 +1,6 @@
 //! `ivv demo`.
 
+use crate::screen::out;
 use ivv::scene::{demo, write_ply, write_views};
 use std::path::PathBuf;
 
@@ -16,6 +17,6 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let (splats, views) = demo();
     write_ply(&args.output.join("scene.ply"), &splats)?;
     write_views(&args.output.join("cameras.json"), &views)?;
-    println!("{}: {} Gaussians, {} views", args.output.display(), splats.len(), views.len());
+    out!("{}: {} Gaussians, {} views", args.output.display(), splats.len(), views.len());
     Ok(())
 }

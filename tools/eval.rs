@@ -2,6 +2,7 @@
 
 use crate::device::DeviceArgs;
 use crate::files::{make_folder, read_json, write_json};
+use crate::screen::out;
 use ivv::gpu::Gpu;
 use ivv::scene::capture::Capture;
 use ivv::scene::{Frame, Splats, read_scene};
@@ -164,36 +165,49 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     };
     let report = scorer.report(Some(&scores), &examples, &args.run, &output)?;
     if json {
-        println!("{}", serde_json::to_string_pretty(&scores)?);
+        out!("{}", serde_json::to_string_pretty(&scores)?);
         return Ok(());
     }
     print(&scores);
-    println!("{}", report.display());
+    out!("{}", report.display());
     Ok(())
 }
 
 fn print(scores: &SceneScores) {
     let Evaluation { views, mean, .. } = &scores.evaluation;
     let width = views.iter().map(|v| v.view.chars().count()).fold(4, usize::max);
-    println!(
+    out!(
         "{:<width$} {:>9} {:>9} {:>10} {:>9} {:>8} {:>8}",
-        "view", "PSNR, dB", "aligned", "foreground", "covisible", "SSIM", "L1"
+        "view",
+        "PSNR, dB",
+        "aligned",
+        "foreground",
+        "covisible",
+        "SSIM",
+        "L1"
     );
     let fitted = scores.mean_at_fitted_offsets.as_ref().map(|scores| ("mean at fitted time offsets", scores));
     for (view, s) in views.iter().map(|v| (v.view.as_str(), &v.scores)).chain([("mean", mean)]).chain(fitted) {
         let [foreground, covisible] =
             [s.psnr_foreground, s.psnr_covisible].map(|psnr| psnr.map_or("-".to_owned(), |psnr| format!("{psnr:.3}")));
-        println!(
+        out!(
             "{view:<width$} {:>9.3} {:>9.3} {foreground:>10} {covisible:>9} {:>8.4} {:>8.5}",
-            s.psnr, s.psnr_aligned, s.ssim, s.l1
+            s.psnr,
+            s.psnr_aligned,
+            s.ssim,
+            s.l1
         );
     }
     for (name, definition) in &scores.metrics {
-        println!("{name}: {definition}");
+        out!("{name}: {definition}");
     }
-    println!("of {METRICS_OF}");
-    println!(
+    out!("of {METRICS_OF}");
+    out!(
         "{} Gaussians of SH degree {}, {} bytes; {:.1} frames per second on {}",
-        scores.gaussians, scores.sh_degree, scores.bytes, scores.frames_per_second, scores.device
+        scores.gaussians,
+        scores.sh_degree,
+        scores.bytes,
+        scores.frames_per_second,
+        scores.device
     );
 }

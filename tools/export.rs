@@ -1,5 +1,6 @@
 //! `ivv export`.
 
+use crate::screen::out;
 use ivv::scene::{Splats, read_scene, write_ply, write_splat, write_spz};
 use std::path::{Path, PathBuf};
 
@@ -51,7 +52,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     write(&args.output, &splats)?;
     let bytes = std::fs::metadata(&args.output).map_or(0, |m| m.len());
     if json {
-        println!(
+        out!(
             "{}",
             serde_json::json!({
                 "path": args.output, "gaussians": splats.len(), "dynamic_gaussians": splats.motion.len(),
@@ -60,7 +61,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         );
         return Ok(());
     }
-    println!(
+    out!(
         "{}: {} of {n_read} Gaussians, {} of them dynamic, {bytes} bytes",
         args.output.display(),
         splats.len(),

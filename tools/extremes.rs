@@ -1,6 +1,8 @@
 //! `ivv extremes`.
 
 use crate::device::cache_folder;
+use crate::fault;
+use crate::screen::out;
 use anyhow::{Context, bail, ensure};
 use ivv::extremes::{Bench, ROWS, Row, Tally, Verdict};
 use ivv::gpu::{Gpu, Options};
@@ -82,7 +84,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let mut gpu = open()?;
     let caps = gpu.caps().clone();
     if !json {
-        head(&caps, args).iter().for_each(|line| println!("{line}"));
+        head(&caps, args).iter().for_each(|line| out!("{line}"));
     }
     let mut all = Vec::new();
     for row in ROWS.iter().filter(|row| args.rows.is_empty() || args.rows.iter().any(|name| name == row.name)) {
@@ -98,21 +100,20 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         }
         all.push(done);
     }
+    let n_failed = all.iter().filter(|done| done.verdict == Verdict::Failed).count();
+    let failed = (n_failed > 0).then(|| anyhow::Error::from(Failed(n_failed)));
     if json {
         let report = serde_json::json!({ "revision": REVISION, "device": caps, "slow": args.slow, "rows": all });
-        println!("{}", serde_json::to_string_pretty(&report)?);
+        fault::results(&report, failed.as_ref())?;
     } else {
-        println!("\n{}", total(&all));
+        out!("\n{}", total(&all));
     }
     if let Some(path) = &args.output {
         let lines = head(&caps, args);
         let report = if format == Some("html") { page(&lines, &all) } else { markdown(&lines, &all) };
         write_atomic(path, |to| to.write_all(report.as_bytes()))?;
     }
-    match all.iter().filter(|done| done.verdict == Verdict::Failed).count() {
-        0 => Ok(()),
-        n => Err(Failed(n).into()),
-    }
+    failed.map_or(Ok(()), Err)
 }
 
 impl Done {
@@ -142,8 +143,8 @@ impl Done {
 
     fn print(&self) {
         let (cases, verdict, worst) = (self.tally.cases, self.verdict(), self.worst());
-        println!("{}  {verdict:7} {cases:5} cases  {worst:20} {:6.1} s  {}", self.row, self.seconds, self.what);
-        self.notes().for_each(|note| println!("       {note}"));
+        out!("{}  {verdict:7} {cases:5} cases  {worst:20} {:6.1} s  {}", self.row, self.seconds, self.what);
+        self.notes().for_each(|note| out!("       {note}"));
     }
 }
 

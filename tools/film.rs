@@ -5,6 +5,7 @@ use crate::files::make_folder;
 use crate::interrupt::{Interrupted, Stop};
 use crate::progress::Progress;
 use crate::render::check_finite;
+use crate::screen::out;
 use crate::synth::size;
 use anyhow::Context;
 use ivv::Constants;
@@ -205,13 +206,13 @@ pub fn run(
         let line = serde_json::json!({
             "path": file, "frames": film.n_frames, "fps": film.fps, "seconds": seconds, "command": command, "sound": report,
         });
-        println!("{line}");
+        out!("{line}");
         return Ok(());
     }
     let (Made::Whole(file) | Made::Pictures { file, .. }) = &made;
-    println!("{}: {} frames at {} a second, in {seconds:.1} s", file.display(), film.n_frames, film.fps);
+    out!("{}: {} frames at {} a second, in {seconds:.1} s", file.display(), film.n_frames, film.fps);
     if let Made::Pictures { command: Some(command), .. } = &made {
-        println!("ffmpeg is not installed; where it is, this makes {}:\n  {command}", output.display());
+        out!("ffmpeg is not installed; where it is, this makes {}:\n  {command}", output.display());
     }
     Ok(())
 }

@@ -1,6 +1,7 @@
 //! `ivv init`.
 
 use crate::begin;
+use crate::screen::out;
 use ivv::scene::capture::Capture;
 use ivv::train::{Config, Init};
 use std::path::PathBuf;
@@ -44,9 +45,9 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
             "dynamic_gaussians": initial.splats.motion.len(), "bytes": bytes, "counts": initial.counts,
             "ratio": initial.counts.map(|counts| counts.ratio()),
         });
-        println!("{line}");
+        out!("{line}");
     } else {
-        println!("{}: {initial}; {bytes} bytes", args.output.display());
+        out!("{}: {initial}; {bytes} bytes", args.output.display());
     }
     Ok(())
 }

@@ -1,4 +1,4 @@
-//! `ivv`: the command line. One file per verb; exit codes are SPEC 10's.
+//! `ivv`: the command line. One file per verb; README.md lists the exit codes.
 
 mod ablate;
 mod begin;
@@ -10,11 +10,13 @@ mod due;
 mod eval;
 mod export;
 mod extremes;
+mod fault;
 mod files;
 mod film;
 mod init;
 mod inspect;
 mod interrupt;
+mod line;
 mod offsets;
 mod passes;
 mod prepare;
@@ -23,6 +25,7 @@ mod progress;
 mod render;
 mod replay;
 mod require;
+mod screen;
 mod settings;
 mod sound;
 mod synth;
@@ -45,12 +48,15 @@ use tracing_subscriber::prelude::*;
 struct Cli {
     #[command(subcommand)]
     verb: Verb,
-    /// What is logged on standard error: error, warn, info, debug or trace.
+    /// Least severity of the log on standard error: error, warn, info, debug or trace.
     #[arg(long, global = true, default_value = "warn")]
     log_level: tracing::Level,
-    /// Machine-readable output on standard output.
+    /// Writes results, and errors too, as JSON on standard output.
     #[arg(long, global = true)]
     json: bool,
+    /// Leaves out messages and progress: standard error has warnings and errors only.
+    #[arg(short, long, global = true)]
+    quiet: bool,
 }
 
 #[derive(Subcommand)]
@@ -92,14 +98,26 @@ enum Verb {
 }
 
 fn main() -> ExitCode {
-    let cli = Cli::parse();
+    let cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        Err(told) => return ExitCode::from(fault::usage(&told)),
+    };
+    if cli.quiet {
+        screen::be_quiet();
+    }
     // The reader of SOFA files warns of good files; what is wrong with bad ones is in the error.
     let told = Targets::new().with_default(cli.log_level).with_target("sofar", LevelFilter::OFF);
-    tracing_subscriber::registry()
-        .with(tracing_subscriber::fmt::layer().with_writer(std::io::stderr))
-        .with(told)
-        .init();
-    let done = match &cli.verb {
+    let log = tracing_subscriber::fmt::layer()
+        .with_writer(|| screen::Log)
+        .with_ansi(screen::has_colours())
+        .log_internal_errors(false);
+    tracing_subscriber::registry().with(log).with(told).init();
+    let done = run(&cli);
+    ExitCode::from(fault::exit(done, cli.json))
+}
+
+fn run(cli: &Cli) -> anyhow::Result<()> {
+    match &cli.verb {
         Verb::Devices(args) => devices::run(args, cli.json),
         Verb::Prepare(args) => prepare::run(args, cli.json),
         Verb::Check(args) => check::run(args, cli.json),
@@ -117,26 +135,5 @@ fn main() -> ExitCode {
         Verb::Vjp(args) => vjp::run(args),
         Verb::Demo(args) => demo::run(args),
         Verb::Synth(args) => synth::run(args, cli.json),
-    };
-    match done {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            eprintln!("ivv: {error:#}");
-            ExitCode::from(exit_code(&error))
-        }
     }
-}
-
-/// SPEC 10: the engine's own errors know theirs; an interruption is 130; anything else is the fault of what was asked.
-fn exit_code(error: &anyhow::Error) -> u8 {
-    if error.downcast_ref::<interrupt::Interrupted>().is_some() {
-        return 130;
-    }
-    if error.downcast_ref::<check::Faulty>().is_some() {
-        return 3;
-    }
-    if error.downcast_ref::<extremes::Failed>().is_some() {
-        return 4;
-    }
-    error.downcast_ref::<ivv::Error>().map_or(2, ivv::Error::exit_code)
 }

@@ -1,7 +1,9 @@
 //! `ivv prepare`.
 
 use crate::check::{self, Faulty};
+use crate::fault;
 use crate::progress::Pieces;
+use crate::screen::out;
 use anyhow::Context;
 use ivv::prepare::{ImageFormat, PrepareSettings, Triangulate, prepare};
 use std::path::PathBuf;
@@ -71,26 +73,24 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         pieces.lock().unwrap_or_else(std::sync::PoisonError::into_inner).show(&progress);
     })?;
     drop(pieces);
+    let faulty = (prepared.report.n_faults > 0).then(|| anyhow::Error::from(Faulty(prepared.report.n_faults)));
     if json {
-        println!("{}", serde_json::to_string_pretty(&prepared)?);
+        fault::results(&prepared, faulty.as_ref())?;
     } else {
         let format = if prepared.source_format.is_empty() { "unknown format" } else { prepared.source_format };
-        println!("source:  {}, {format}", args.source.display());
+        out!("source:  {}, {format}", args.source.display());
         for note in &prepared.notes {
-            println!("note:    {note}");
+            out!("note:    {note}");
         }
         if !prepared.points.is_empty() {
             let counts = prepared.points.iter().map(|(_, n)| *n);
             let (least, most) = (counts.clone().min().unwrap_or(0), counts.clone().max().unwrap_or(0));
             let mean = counts.sum::<usize>() as f64 / prepared.points.len() as f64;
-            println!("points:  {mean:.0} a frame, {least} to {most}, of {} frames", prepared.points.len());
+            out!("points:  {mean:.0} a frame, {least} to {most}, of {} frames", prepared.points.len());
         }
         check::print(&prepared.report);
     }
-    match prepared.report.n_faults {
-        0 => Ok(()),
-        n => Err(Faulty(n).into()),
-    }
+    faulty.map_or(Ok(()), Err)
 }
 
 fn settings(args: &Args) -> anyhow::Result<PrepareSettings> {

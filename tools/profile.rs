@@ -6,6 +6,7 @@ use crate::files::{make_folder, write_json};
 use crate::passes::cpu_threads;
 use crate::progress::Progress;
 use crate::replay::{self, ReplayArgs};
+use crate::screen::out;
 use crate::settings::SettingArgs;
 use anyhow::Context;
 use ivv::Constants;
@@ -108,11 +109,11 @@ impl Measured {
             write_atomic(&output.join(file), |to| to.write_all(text.as_bytes()))?;
         }
         if json {
-            println!("{}", serde_json::to_string_pretty(&profile)?);
+            out!("{}", serde_json::to_string_pretty(&profile)?);
             return Ok(());
         }
-        print!("{}", profile.terminal());
-        println!("{}", output.join("profile.html").display());
+        out!("{}", profile.terminal().trim_end());
+        out!("{}", output.join("profile.html").display());
         Ok(())
     }
 }
@@ -121,7 +122,7 @@ fn written(dispatch: Option<Dispatch>, kernel: &str, output: &Path, gpu: &Gpu) -
     let dispatch = dispatch.with_context(|| format!("nothing here runs the kernel `{kernel}`"))?;
     let file = output.join(format!("{kernel}.dispatch"));
     write_dispatch(&file, &dispatch, gpu)?;
-    println!("{}", file.display());
+    out!("{}", file.display());
     Ok(())
 }
 

@@ -6,6 +6,7 @@ use crate::film::{self, PathArgs};
 use crate::interrupt::{Interrupted, Stop};
 use crate::passes::{self, TimedPass};
 use crate::progress::Progress;
+use crate::screen::{alert, out};
 use anyhow::Context;
 use ivv::scene::{Frame, View, read_scene, read_views};
 use ivv::stage::{FrameReport, Outputs, Renderer};
@@ -198,7 +199,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     }
     let bad = reports.iter().map(|r| r.frame.bad_gaussians).max().unwrap_or(0);
     if bad > 0 {
-        eprintln!("ivv: {bad} Gaussians have parameters that are not finite; they were not drawn");
+        alert!("ivv: {bad} Gaussians have parameters that are not finite; they were not drawn");
     }
     let caps = gpu.caps();
     let passes = reports.iter().flat_map(|r| &r.frame.passes).map(|pass| TimedPass::new(pass, caps));
@@ -208,12 +209,12 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         let report = serde_json::json!({
             "device": caps, "constants": constants, "views": reports, "profile": profile, "peak_bytes": peak_bytes,
         });
-        println!("{}", serde_json::to_string_pretty(&report)?);
+        out!("{}", serde_json::to_string_pretty(&report)?);
     } else if let Some(passes) = &profile {
         let mean = |f: fn(&FrameReport) -> u64| {
             reports.iter().map(|r| f(&r.frame)).sum::<u64>() as f64 / reports.len().max(1) as f64
         };
-        println!(
+        out!(
             "per view: {:.0} active, {:.0} visible, {:.0} intersections, {:.0} tiles",
             mean(|f| f.active),
             mean(|f| f.visible),
@@ -221,7 +222,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
             mean(|f| f.tiles)
         );
         passes::print(passes, "view");
-        println!("peak of device buffers: {:.1} MiB", peak_bytes as f64 / f64::from(1 << 20));
+        out!("peak of device buffers: {:.1} MiB", peak_bytes as f64 / f64::from(1 << 20));
     }
     Ok(())
 }

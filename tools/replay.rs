@@ -1,5 +1,6 @@
 //! `ivv profile --replay` and `--disassemble`: single kernels.
 
+use crate::screen::out;
 use anyhow::Context;
 use ivv::gpu::{Gpu, KernelInfo, kernel_named};
 use ivv::profile::{Replay, Replayed, read_dispatch};
@@ -45,7 +46,7 @@ pub fn run(args: &ReplayArgs, gpu: &Gpu, json: bool) -> anyhow::Result<()> {
     let show = |kernels: &[&'static KernelInfo]| -> anyhow::Result<()> {
         let lines = replay.run(kernels, args.n as usize)?;
         if json {
-            println!("{}", serde_json::to_string_pretty(&lines)?);
+            out!("{}", serde_json::to_string_pretty(&lines)?);
         } else {
             print(&lines, args.n);
         }
@@ -60,7 +61,7 @@ pub fn run(args: &ReplayArgs, gpu: &Gpu, json: bool) -> anyhow::Result<()> {
 }
 
 fn print(lines: &[Replayed], n: u32) {
-    println!(
+    out!(
         "{:<28} {:>11} {:>9} {:>24} {:>10} {:>11} {:>11} {:>11}",
         format!("{n} runs each, in turns"),
         "median, ms",
@@ -73,7 +74,7 @@ fn print(lines: &[Replayed], n: u32) {
     );
     for line in lines {
         let Replayed { kernel, median_ns, mad_ns, ratio, from_first, from_captured } = line;
-        println!(
+        out!(
             "{kernel:<28} {:>11.4} {:>9.4} {:>24} {:>10} {:>11.3e} {:>11.3e} {:>11.3e}",
             median_ns / 1e6,
             mad_ns / 1e6,
@@ -96,15 +97,15 @@ pub fn disassemble(name: &str, json: bool) -> anyhow::Result<()> {
         *counts.entry(instruction.class.opname).or_default() += 1;
     }
     if json {
-        println!("{}", serde_json::to_string_pretty(&counts)?);
+        out!("{}", serde_json::to_string_pretty(&counts)?);
         return Ok(());
     }
-    println!("{}", module.disassemble());
+    out!("{}", module.disassemble());
     let mut counts: Vec<_> = counts.into_iter().collect();
     counts.sort_by_key(|(_, n)| std::cmp::Reverse(*n));
-    println!("; {} instructions of {}, {} bytes", counts.iter().map(|c| c.1).sum::<usize>(), name, kernel.spirv.len());
+    out!("; {} instructions of {}, {} bytes", counts.iter().map(|c| c.1).sum::<usize>(), name, kernel.spirv.len());
     for (name, n) in counts {
-        println!("; {n:>6} Op{name}");
+        out!("; {n:>6} Op{name}");
     }
     Ok(())
 }

@@ -1,6 +1,7 @@
 //! `ivv synth`.
 
 use crate::progress::Progress;
+use crate::screen::out;
 use anyhow::Context;
 use clap::builder::PossibleValuesParser;
 use ivv::synth::{Noise, Options, Preset, Rig, write_capture};
@@ -57,10 +58,10 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         progress.reach(done, total, "pictures, point clouds and recordings");
     })?;
     if json {
-        println!("{}", serde_json::json!({ "path": args.output, "options": options, "summary": summary }));
+        out!("{}", serde_json::json!({ "path": args.output, "options": options, "summary": summary }));
         return Ok(());
     }
-    println!(
+    out!(
         "{}: {} cameras ({} for test), {} frames, {} images of {} x {}, {} points ({} outliers)",
         args.output.display(),
         summary.cameras,

@@ -5,6 +5,7 @@ use crate::device::DeviceArgs;
 use crate::files::{make_folder, read_json, write_json};
 use crate::offsets;
 use crate::progress::Progress;
+use crate::screen::out;
 use crate::settings::{SettingArgs, patch};
 use anyhow::Context;
 use ivv::Constants;
@@ -132,9 +133,9 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     write_atomic(&args.output.join("trade.md"), |to| to.write_all(text.as_bytes()))?;
     write_atomic(&args.output.join("trade.svg"), |to| to.write_all(trade.svg().as_bytes()))?;
     if json {
-        println!("{}", serde_json::to_string_pretty(&all)?);
+        out!("{}", serde_json::to_string_pretty(&all)?);
     } else {
-        println!("{text}\n{}", args.output.join("trade.md").display());
+        out!("{text}\n{}", args.output.join("trade.md").display());
     }
     Ok(())
 }

@@ -11,6 +11,7 @@ use crate::passes::{self, TimedPass};
 use crate::progress::Steps;
 use crate::render::ConstantArgs;
 use crate::require;
+use crate::screen::{alert, out, say};
 use crate::settings::SettingArgs;
 use crate::totals::{ProfiledStep, Seconds, totals};
 use anyhow::Context;
@@ -84,11 +85,11 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         None => begin::first_gaussians(&capture, &config)?,
     };
     if config.loss.lpips > 0.0 && config.loss.lpips_weights.is_none() {
-        eprintln!("LPIPS is off: there are no weights, see --set loss.lpips_weights");
+        say!("LPIPS is off: there are no weights, see --set loss.lpips_weights");
     }
     let (priors, depth_summary) = begin::priors(&capture, &config, &setup)?;
     let plan = begin::plan(&capture, &config, &setup, &splats, gpu.caps(), args.cache_bytes);
-    eprintln!("{plan}");
+    say!("{plan}");
     let trainer = match &resumed {
         Some(checkpoint) => Trainer::resume(gpu.clone(), checkpoint, run.constants, setup)?,
         None => {
@@ -98,9 +99,9 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     };
     let before = trainer.step();
     if let Some(n @ 1..) = splats.len().checked_sub(trainer.n_gaussians() as usize) {
-        eprintln!("{n} Gaussians are left out: not finite, or too bright");
+        alert!("{n} Gaussians are left out: not finite, or too bright");
     }
-    eprintln!(
+    say!(
         "{} training images, {} test images, {} Gaussians, steps {} to {total}, SH degree {}",
         training.len(),
         test.len(),
@@ -222,7 +223,7 @@ impl Session<'_> {
         self.seconds += begun.elapsed().as_secs_f64();
         let told = require::told(&review);
         if !told.is_empty() {
-            self.progress.note(&told);
+            say!("{told}");
         }
         self.log.push(Kind::Review, &review)?;
         Ok(())
@@ -293,7 +294,7 @@ impl Session<'_> {
         self.log.write()?;
         let report = self.scorer.report(scores.as_ref(), &examples, output, output)?;
         if json {
-            println!("{}", serde_json::to_string_pretty(&totals)?);
+            out!("{}", serde_json::to_string_pretty(&totals)?);
             return Ok(());
         }
         let quality = scores.as_ref().map_or("no test images".to_owned(), |scores| {
@@ -304,7 +305,7 @@ impl Session<'_> {
             offsets::print(&offsets);
         }
         let (n, step) = (splats.len(), seconds.seconds_per_step);
-        println!("{quality}; {n} Gaussians, {step:.3} s a step; {}", report.display());
+        out!("{quality}; {n} Gaussians, {step:.3} s a step; {}", report.display());
         if self.args.profile {
             let passes = totals["profile"]["passes"].clone();
             passes::print(&serde_json::from_value::<Vec<TimedPass>>(passes)?, "step");

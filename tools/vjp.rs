@@ -1,6 +1,7 @@
 //! `ivv vjp`.
 
 use crate::device::DeviceArgs;
+use crate::screen::out;
 use anyhow::ensure;
 use ivv::scene::{Frame, Splats, Tensor, View, read_scene, read_tensors, read_views, write_tensors};
 use ivv::stage::{Accumulation, Gradients, Renderer};
@@ -69,12 +70,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     }
     write_gradients(&args.output, &gradients, &splats)?;
     let n = splats.len();
-    println!(
-        "{}: gradients of view `{}`, {} of {n} Gaussians visible",
-        args.output.display(),
-        view.name,
-        report.visible
-    );
+    out!("{}: gradients of view `{}`, {} of {n} Gaussians visible", args.output.display(), view.name, report.visible);
     Ok(())
 }
 

@@ -1,6 +1,7 @@
 //! `ivv sound localize`.
 
 use crate::files::{make_folder, write_json};
+use crate::screen::out;
 use crate::synth::size;
 use anyhow::Context;
 use glam::DVec3;
@@ -73,7 +74,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         _ => None,
     };
     if json {
-        println!("{}", serde_json::json!({ "report": found.report, "scene": scene }));
+        out!("{}", serde_json::json!({ "report": found.report, "scene": scene }));
     } else {
         print(args, &found, scene.as_deref());
     }
@@ -157,18 +158,18 @@ fn loudness(sound: &[f32], fps: f64, n_frames: usize) -> Vec<f64> {
 fn print(args: &Args, found: &Localized, scene: Option<&Path>) {
     let report = &found.report;
     let n_mouths: usize = report.mouths.values().sum();
-    println!(
+    out!(
         "{} frames, {} cameras, {n_mouths} mouths; cameras agree on {:.0} % of them",
         report.frames,
         report.mouths.len(),
         100.0 * report.agreeing
     );
     if report.agreeing < FEW_AGREE {
-        println!("few agree: compare the size of the detector's pictures, the first frame, and the cameras' names");
+        out!("few agree: compare the size of the detector's pictures, the first frame, and the cameras' names");
     }
     for (source, track) in report.sources.iter().zip(&found.tracks) {
         let flags: Vec<String> = source.flags.iter().map(|(flag, n)| format!("{n} {flag}")).collect();
-        println!(
+        out!(
             "{}: {}; {:.1} views, {:.2} px, standard deviation {:.4} units",
             source.id,
             flags.join(", "),
@@ -177,16 +178,16 @@ fn print(args: &Args, found: &Localized, scene: Option<&Path>) {
             source.worst_sd
         );
         if track.samples.iter().any(|sample| sample.flag == Flag::Approx) {
-            println!("  approx: by the nose, some 7 cm from the mouth");
+            out!("  approx: by the nose, some 7 cm from the mouth");
         }
     }
     if report.is_scale_estimated {
-        println!("a scene unit is taken for {:.2} m for the smoothing, by the width of mouths", report.metres_per_unit);
+        out!("a scene unit is taken for {:.2} m for the smoothing, by the width of mouths", report.metres_per_unit);
     }
     match scene {
-        Some(scene) => println!("{}", scene.display()),
-        None if found.tracks.is_empty() => println!("{}: nobody was found", args.output.display()),
-        None => println!(
+        Some(scene) => out!("{}", scene.display()),
+        None if found.tracks.is_empty() => out!("{}: nobody was found", args.output.display()),
+        None => out!(
             "{}: tracks without a scene, since the capture has no recording audio/<camera>.wav",
             args.output.display()
         ),

@@ -3,6 +3,7 @@
 use super::plot::{Panel, plot};
 use crate::files::write_json;
 use crate::film::Axes;
+use crate::screen::out;
 use ivv::sound::geometry::Mode;
 use ivv::sound::hrtf::{HrtfSet, Lookup};
 use ivv::sound::metrics::ear_course;
@@ -132,7 +133,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         draw(&rendered, path)?;
     }
     if json {
-        println!("{}", serde_json::to_string(&rendered.report)?);
+        out!("{}", serde_json::to_string(&rendered.report)?);
     } else {
         print(&rendered, &args.output, seconds);
     }
@@ -142,26 +143,26 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
 fn print(rendered: &Rendered, output: &Path, seconds: f64) {
     let report = &rendered.report;
     let licence = &report.hrtf.licence;
-    println!("ears: {}; licence: {licence}", report.hrtf.title);
+    out!("ears: {}; licence: {licence}", report.hrtf.title);
     if !report.hrtf.sha256.is_empty() {
-        println!("      sha256 {}", report.hrtf.sha256);
+        out!("      sha256 {}", report.hrtf.sha256);
     }
     for SourceReport { id, gain_db: [low, high], clamped, beyond_6_db, unseen, jumps } in &report.sources {
-        println!(
+        out!(
             "source {id}: {low:+.1} to {high:+.1} dB against the recording; at the smallest distance {:.0} % of the time; {:.0} % of its \
              places were not seen; {jumps} jumps",
             100.0 * clamped,
             100.0 * unseen
         );
         if *beyond_6_db > OFTEN {
-            println!(
+            out!(
                 "  {:.0} % of the time it is more than 6 dB from the recording's level: the recorded room goes with it, too loud or too quiet",
                 100.0 * beyond_6_db
             );
         }
     }
     let lufs = report.loudness.lufs.map_or("silent".into(), |lufs| format!("{:.1} LUFS", lufs + report.gain_db));
-    println!(
+    out!(
         "{}: {:.2} s, {lufs}, gain {:+.1} dB; {:.0} times as fast as it sounds",
         output.display(),
         report.seconds,
