@@ -28,6 +28,7 @@ mod require;
 mod screen;
 mod settings;
 mod sound;
+mod start;
 mod synth;
 mod totals;
 mod trade;

@@ -241,7 +241,7 @@ fn begun(args: &Args, folder: &Path, gpu: &Arc<Gpu>, steps: u64) -> anyhow::Resu
     let splats = begin::first_gaussians(&capture, &config)?;
     let (priors, _) = begin::priors(&capture, &config, &setup)?;
     let images = capture.training_frames().len() as u64;
-    let total = if config.steps > 0 { config.steps } else { u64::from(config.epochs) * images };
+    let total = config.total(images);
     let seed = config.seed;
     let trainer = Trainer::new(gpu.clone(), &splats, Constants::default(), config, total.max(steps), setup)?;
     Ok(Training { capture, priors, trainer, seed })

@@ -84,30 +84,41 @@ impl KnobArgs {
     }
 }
 
-/// The rendering constants of SPEC 3 as options.
+/// The rendering constants as options.
 #[derive(clap::Args)]
 pub struct ConstantArgs {
-    /// A Gaussian contributes to a pixel when its alpha there is at least this.
-    #[arg(long, default_value_t = Constants::default().alpha_min)]
-    alpha_min: f32,
-    /// Alpha is clamped to this.
-    #[arg(long, default_value_t = Constants::default().alpha_max)]
-    alpha_max: f32,
-    /// A pixel is finished when the next Gaussian would bring its transmittance below this.
-    #[arg(long, default_value_t = Constants::default().t_min)]
-    t_min: f32,
-    /// Variance added to the projected covariance, square pixels.
-    #[arg(long, default_value_t = Constants::default().blur)]
-    blur: f32,
-    /// Gaussians at most this far before the camera are dropped, scene units.
-    #[arg(long, default_value_t = Constants::default().near)]
-    near: f32,
+    #[arg(long, help = help("Least alpha with which a Gaussian contributes to a pixel", Constants::default().alpha_min))]
+    alpha_min: Option<f32>,
+    #[arg(long, help = help("Largest alpha of a Gaussian at a pixel", Constants::default().alpha_max))]
+    alpha_max: Option<f32>,
+    #[arg(long, help = help("Transmittance below which no further Gaussian is blended", Constants::default().t_min))]
+    t_min: Option<f32>,
+    #[arg(long, help = help("Variance added to the projected covariance, square pixels", Constants::default().blur))]
+    blur: Option<f32>,
+    #[arg(long, help = help("Gaussians up to this far before the camera are dropped, scene units", Constants::default().near))]
+    near: Option<f32>,
+}
+
+fn help(what: &str, default: f32) -> String {
+    format!("{what} [default: {default}]")
 }
 
 impl ConstantArgs {
-    /// The constants, each in the range in which SPEC 3 makes sense.
+    /// The constants.
+    ///
+    /// # Errors
+    /// The first that is out of its range.
     pub fn checked(&self) -> anyhow::Result<Constants> {
-        let Self { alpha_min, alpha_max, t_min, blur, near } = *self;
+        let d = Constants::default();
+        let constants = Constants {
+            alpha_min: self.alpha_min.unwrap_or(d.alpha_min),
+            alpha_max: self.alpha_max.unwrap_or(d.alpha_max),
+            t_min: self.t_min.unwrap_or(d.t_min),
+            blur: self.blur.unwrap_or(d.blur),
+            near: self.near.unwrap_or(d.near),
+            ..d
+        };
+        let Constants { alpha_min, alpha_max, t_min, blur, near, .. } = constants;
         let checks = [
             (alpha_min > 0.0 && alpha_min < 1.0, "--alpha-min must lie between 0 and 1"),
             (alpha_max >= alpha_min && alpha_max < 1.0, "--alpha-max must lie between --alpha-min and 1"),
@@ -118,7 +129,23 @@ impl ConstantArgs {
         for (holds, message) in checks {
             anyhow::ensure!(holds, message);
         }
-        Ok(Constants { alpha_min, alpha_max, t_min, blur, near, ..Constants::default() })
+        Ok(constants)
+    }
+
+    /// What the options ask for that a run with the constants `run` does not have.
+    pub fn contradictions(&self, run: &Constants) -> Vec<String> {
+        let all = [
+            ("alpha-min", self.alpha_min, run.alpha_min),
+            ("alpha-max", self.alpha_max, run.alpha_max),
+            ("t-min", self.t_min, run.t_min),
+            ("blur", self.blur, run.blur),
+            ("near", self.near, run.near),
+        ];
+        let differ = |(name, asked, has): (&str, Option<f32>, f32)| {
+            let asked = asked.filter(|asked| *asked != has)?;
+            Some(format!("--{name}: the run has {has}, asked for is {asked}"))
+        };
+        all.into_iter().filter_map(differ).collect()
     }
 }
 

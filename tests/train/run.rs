@@ -8,7 +8,7 @@ use std::path::Path;
 use std::process::Output;
 
 /// Runs `ivv` on the device of this lane.
-fn ivv(arguments: &[&str]) -> Output {
+pub(super) fn ivv(arguments: &[&str]) -> Output {
     let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_ivv"));
     command.args(arguments);
     if let (Ok(device), true) =
@@ -19,7 +19,7 @@ fn ivv(arguments: &[&str]) -> Output {
     command.output().unwrap()
 }
 
-fn works(arguments: &[&str]) -> String {
+pub(super) fn works(arguments: &[&str]) -> String {
     let output = ivv(arguments);
     let told = String::from_utf8_lossy(&output.stderr).into_owned();
     assert!(output.status.success(), "{arguments:?}: {told}");
@@ -27,14 +27,14 @@ fn works(arguments: &[&str]) -> String {
 }
 
 /// What is told on standard error by a command that ends with `code`.
-fn fails(arguments: &[&str], code: i32) -> String {
+pub(super) fn fails(arguments: &[&str], code: i32) -> String {
     let output = ivv(arguments);
     let told = String::from_utf8_lossy(&output.stderr).into_owned();
     assert_eq!(output.status.code(), Some(code), "{arguments:?}: {told}");
     told
 }
 
-fn json(file: &Path) -> Value {
+pub(super) fn json(file: &Path) -> Value {
     serde_json::from_slice(&std::fs::read(file).unwrap()).unwrap()
 }
 
