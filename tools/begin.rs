@@ -19,7 +19,7 @@ const THREADS: usize = 2;
 /// The first Gaussians of a run in the frame of training, and a line about where they come from.
 pub fn first_gaussians(capture: &Capture, config: &Config) -> ivv::Result<Splats> {
     let initial = begin(capture, config)?;
-    say!("initialised from {initial}");
+    say!("initialised {initial}");
     Ok(initial.splats)
 }
 

@@ -3,6 +3,7 @@
 use crate::fault;
 use crate::screen::out;
 use ivv::scene::capture::{CaptureSettings, Report, check_capture};
+use ivv::words::count;
 use std::path::PathBuf;
 
 /// Options of `ivv check`.
@@ -10,7 +11,7 @@ use std::path::PathBuf;
 pub struct Args {
     /// A capture: the project's own folder, plain COLMAP, transforms.json or Dynamic3DGaussians.
     capture: PathBuf,
-    /// Names of the test cameras, where the capture declares none or others.
+    /// Names of the test cameras, instead of those that the capture declares.
     #[arg(long, value_delimiter = ',')]
     test_cameras: Option<Vec<String>>,
     /// Every n-th image is a test image where the capture declares none; 0 for none.
@@ -19,16 +20,16 @@ pub struct Args {
     /// Uses only the first frames of the clip.
     #[arg(long)]
     max_frames: Option<u32>,
-    /// Leaves out images whose file is absent; each is a fault otherwise.
+    /// Leaves out images whose file is missing, which are faults otherwise.
     #[arg(long)]
     skip_missing: bool,
     /// Folder of the images of a plain COLMAP project, relative to the capture.
     #[arg(long, default_value = "images")]
     images: PathBuf,
-    /// Scales the calibration to the size of the images; a difference is a fault otherwise.
+    /// Scales the calibration to the size of the images. Without it a different size is a fault.
     #[arg(long)]
     rescale: bool,
-    /// Takes the foreground masks of Dynamic3DGaussians as masks too.
+    /// Also uses the foreground masks of Dynamic3DGaussians as masks.
     #[arg(long)]
     foreground_masks: bool,
 }
@@ -70,7 +71,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
 pub fn print(report: &Report) {
     let format = if report.format.is_empty() { "unknown format" } else { &report.format };
     out!("{}: {format}", report.path.display());
-    out!("cameras: {}, {} of them for testing", report.n_cameras, report.n_test_cameras);
+    out!("cameras: {}, of which {} for testing", report.n_cameras, report.n_test_cameras);
     out!("frames:  {}, {} per second", report.n_frames, report.fps);
     let mib = report.bytes_decoded as f64 / f64::from(1 << 20);
     let (n, n_masks, n_foregrounds) = (report.n_images, report.n_masks, report.n_foregrounds);
@@ -86,6 +87,6 @@ pub fn print(report: &Report) {
     }
     let n_left_out = report.n_faults - report.faults.len() as u64;
     if n_left_out > 0 {
-        out!("and {n_left_out} faults more");
+        out!("and {} more", count(n_left_out, "fault"));
     }
 }

@@ -11,6 +11,7 @@ use ivv::train::{
     Config, Evaluation, Example, Log, METRICS_OF, Meter, OffsetFit, Report, Run, SceneScores, Scores, Setup, Sight,
     evaluate, fit_offset, offset_pictures,
 };
+use ivv::words::count;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -25,10 +26,10 @@ const EXAMPLES: usize = 8;
 pub struct Args {
     /// The folder of a run of `ivv train`.
     run: PathBuf,
-    /// Another scene in the run's place; its scores go to RUN/eval/NAME.
+    /// Another scene to score; its scores go to RUN/eval/NAME.
     #[arg(long)]
     scene: Option<PathBuf>,
-    /// The capture, where it is not where it was when the run was made.
+    /// The capture, if it has moved since the run.
     #[arg(long)]
     capture: Option<PathBuf>,
     #[command(flatten)]
@@ -146,7 +147,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let own_scene = args.run.join("scene.ply");
     if args.scene.is_none() && !own_scene.is_file() {
         let remedy = "end the run with `ivv train --resume`, or give a scene with --scene";
-        return Err(ivv::Error::data(&own_scene, "", "is absent: the run has not ended", remedy).into());
+        return Err(ivv::Error::data(&own_scene, "", "not there yet: the run has not ended", remedy).into());
     }
     let scene = args.scene.as_ref().unwrap_or(&own_scene);
     let splats = run.world.splats(&read_scene(scene)?.by_degree());
@@ -161,7 +162,9 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let (scores, examples) = scorer.all(&splats, scene, step, &output)?;
     let Some(scores) = scores else {
         let remedy = "train again with --test-cameras";
-        return Err(ivv::Error::data(&Run::file(&args.run), "test_cameras", "names none with an image", remedy).into());
+        return Err(
+            ivv::Error::data(&Run::file(&args.run), "test_cameras", "no test camera has an image", remedy).into()
+        );
     };
     let report = scorer.report(Some(&scores), &examples, &args.run, &output)?;
     if json {
@@ -203,8 +206,8 @@ fn print(scores: &SceneScores) {
     }
     out!("of {METRICS_OF}");
     out!(
-        "{} Gaussians of SH degree {}, {} bytes; {:.1} frames per second on {}",
-        scores.gaussians,
+        "{} of SH degree {}, {} bytes; {:.1} frames per second on {}",
+        count(scores.gaussians, "Gaussian"),
         scores.sh_degree,
         scores.bytes,
         scores.frames_per_second,

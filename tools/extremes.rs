@@ -8,6 +8,7 @@ use ivv::extremes::{Bench, ROWS, Row, Tally, Verdict};
 use ivv::gpu::{Gpu, Options};
 use ivv::scene::write_atomic;
 use ivv::vk::{Caps, DeviceChoice};
+use ivv::words::count;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
@@ -24,16 +25,16 @@ pub struct Args {
     /// The device: an index or part of a name from `ivv devices`.
     #[arg(long)]
     device: Option<String>,
-    /// Only these rows, by name: n03,n24.
+    /// Runs only these rows, by name: n03,n24.
     #[arg(long, value_delimiter = ',')]
     rows: Vec<String>,
-    /// Also the cases that take minutes on a CPU.
+    /// Also runs the cases that take minutes on a CPU.
     #[arg(long)]
     slow: bool,
-    /// Under Vulkan's validation layer, whose messages fail their row.
+    /// Runs under Vulkan's validation layer; a message fails its row.
     #[arg(long)]
     validation: bool,
-    /// Where the report goes, besides the terminal: a file that ends in .md or .html.
+    /// Also writes the report to this file, .md or .html.
     #[arg(short, long)]
     output: Option<PathBuf>,
 }
@@ -46,8 +47,8 @@ impl std::fmt::Display for Failed {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(
             f,
-            "{} rows failed on this device: report them with the output above, or choose another by --device",
-            self.0
+            "{} failed on this device: report it with the output above, or choose another device with --device",
+            count(self.0, "row")
         )
     }
 }
@@ -69,9 +70,9 @@ struct Done {
 
 pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let format = args.output.as_ref().map(|path| path.extension().and_then(|e| e.to_str()).unwrap_or_default());
-    ensure!(matches!(format, None | Some("md" | "html")), "the report is a file that ends in .md or .html");
+    ensure!(matches!(format, None | Some("md" | "html")), "unsupported report type; use .md or .html");
     if let Some(name) = args.rows.iter().find(|name| !ROWS.iter().any(|row| row.name == name.as_str())) {
-        bail!("there is no row `{name}`; they are n01 to n{}", ROWS.len());
+        bail!("unknown row `{name}`; choose from n01 to n{}", ROWS.len());
     }
     let choice = DeviceChoice {
         device: args.device.clone(),
@@ -152,7 +153,7 @@ fn total(all: &[Done]) -> String {
     let n_of = |verdict| all.iter().filter(|done| done.verdict == verdict).count();
     let cases: usize = all.iter().map(|done| done.tally.cases).sum();
     let [passed, failed, not_run] = [Verdict::Passed, Verdict::Failed, Verdict::NotRun].map(n_of);
-    format!("{passed} rows passed, {failed} failed, {not_run} did not run; {cases} cases")
+    format!("{} passed, {failed} failed, {not_run} did not run; {}", count(passed, "row"), count(cases, "case"))
 }
 
 /// The device, and how it was asked.

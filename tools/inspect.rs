@@ -4,6 +4,7 @@ use crate::require;
 use crate::screen::out;
 use ivv::scene::{Quantiles, read_scene};
 use ivv::train::Review;
+use ivv::words::count;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 
@@ -25,9 +26,9 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     }
     let mib = |bytes: u64| bytes as f64 / f64::from(1 << 20);
     out!(
-        "{}: {} Gaussians, {} static and {} dynamic, SH degree {}",
+        "{}: {}, {} static and {} dynamic, SH degree {}",
         scene.display(),
-        summary.n,
+        count(summary.n, "Gaussian"),
         summary.n_static,
         summary.n_dynamic,
         summary.sh_degree
@@ -58,7 +59,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         out!("time:          peaks from {first} to {last}");
     }
     if summary.n_non_finite > 0 {
-        out!("not finite:    {} Gaussians, which are never drawn", summary.n_non_finite);
+        out!("not finite:    {}, never drawn", count(summary.n_non_finite, "Gaussian"));
     }
     for review in &reviews {
         out!("{}", require::told(review));

@@ -62,39 +62,39 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Verb {
-    /// Lists Vulkan devices with the limits and features that matter; says which one is picked and why.
+    /// Lists Vulkan devices with their limits and features, and says which one is picked and why.
     Devices(devices::Args),
-    /// Makes a capture folder of recordings: decodes video, undistorts, triangulates points, estimates flow.
+    /// Turns recordings into a capture folder: decodes video, undistorts, triangulates points, estimates flow.
     Prepare(prepare::Args),
-    /// Lists all faults of a capture at once, and what it holds.
+    /// Lists everything that is wrong with a capture, and what it holds.
     Check(check::Args),
-    /// Says what a scene holds: counts by population, SH degree, bytes, extent.
+    /// Shows what a scene holds: static and dynamic Gaussians, SH degree, bytes, extent.
     Inspect(inspect::Args),
     /// Renders views of a scene, one file per view and format, named after the view; or a video along a path, with sound.
     Render(render::Args),
-    /// The sound field: where speakers are, and how they sound along a path.
+    /// Sound: finds speakers, and renders what is heard along a path.
     Sound(sound::Args),
     /// Writes the first Gaussians of a capture from the points of its frames.
     Init(init::Args),
     /// Fits Gaussians to the images of a capture.
     Train(train::Args),
-    /// Scores the test views of a run again, from its folder alone, and writes its report.
+    /// Scores the test views of a run again from its folder, and writes its report.
     Eval(eval::Args),
-    /// Trains a capture with and without each part of the method, and tables what each is worth.
+    /// Trains a capture with and without each part of the method, and tabulates what each contributes.
     Ablate(ablate::Args),
-    /// Runs the table of numerical extremes on a device, and reports row by row whether it holds.
+    /// Runs numerical extremes on a device and reports, row by row, whether it passes.
     Extremes(extremes::Args),
-    /// Measures the device, then every pass of a step or a frame against it; captures and replays single kernels.
+    /// Measures the device, and how close each pass of a step or a frame comes to it; captures and replays single kernels.
     Profile(profile::Args),
-    /// Measures what settings and presets cost and buy: speed, accuracy, bytes, over several seeds.
+    /// Measures what settings and presets cost and bring: speed, accuracy, bytes, over several seeds.
     Trade(trade::Args),
-    /// Writes a scene in another format, or as it is at one time.
+    /// Writes a scene in another format, or as it looks at one time.
     Export(export::Args),
     /// Gradients of sum(cotangent * output) of a view, by parameter group.
     Vjp(vjp::Args),
     /// Writes the scene that the project ships in assets/demo.
     Demo(demo::Args),
-    /// Writes a synthetic capture of a room with moving things, and everything that is true of it.
+    /// Writes a synthetic capture of a room with moving things, with its ground truth.
     Synth(synth::Args),
 }
 

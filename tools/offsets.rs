@@ -63,7 +63,7 @@ pub fn freeze(trainer: &mut Trainer, scorer: &Scorer) -> ivv::Result<()> {
     let lost = cameras.iter().zip(&freeze).filter(|(_, freeze)| **freeze);
     let names: Vec<&str> = lost.map(|(camera, _)| camera.name.as_str()).collect();
     if !names.is_empty() {
-        alert!("time offsets set to 0, since the images do not tell them: cameras {}", names.join(", "));
+        alert!("could not estimate time offsets from the images; fixed at 0 for {}", names.join(", "));
         trainer.freeze_offsets(&freeze)?;
     }
     Ok(())
@@ -134,7 +134,7 @@ pub fn print(rows: &[Row]) {
         let truth = row.truth.map_or(String::new(), |truth| format!("{truth:>9.3}"));
         let how = match row.how {
             How::Learnt => "",
-            How::Frozen => "frozen: its pictures do not say",
+            How::Frozen => "fixed at 0: not observable in this camera's images",
             How::Fitted => "test camera, fitted afterwards",
         };
         out!("{:<width$} {:>9.3} {error:>8} {truth}  {how}", row.camera, row.offset);

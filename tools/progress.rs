@@ -2,6 +2,7 @@
 
 use crate::screen;
 use ivv::train::StepReport;
+use ivv::words::count;
 use std::time::{Duration, Instant};
 
 /// Between two lines on a terminal.
@@ -133,12 +134,6 @@ impl Steps {
         let images = count(n_views, "test image");
         screen::message(&format!("after {}: PSNR {psnr:.2} dB, SSIM {ssim:.4} on {images}", count(step, "step")));
     }
-}
-
-/// `n` things, in the plural where there is not one.
-pub fn count(n: impl TryInto<u64>, thing: &str) -> String {
-    let n = n.try_into().unwrap_or(u64::MAX);
-    format!("{n} {thing}{}", if n == 1 { "" } else { "s" })
 }
 
 /// Seconds as hours, minutes and seconds.

@@ -10,6 +10,7 @@ use crate::screen::{alert, out};
 use anyhow::Context;
 use ivv::scene::{Frame, View, read_scene, read_views};
 use ivv::stage::{FrameReport, Outputs, Renderer};
+use ivv::words::count;
 use ivv::{Constants, Knobs, TileBound};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -20,7 +21,7 @@ pub struct Args {
     /// A scene file: 3DGS or compressed PLY, .splat, .spz, or the folder or meta.json of a SOG.
     #[arg(long)]
     scene: PathBuf,
-    /// Cameras, JSON (SPEC 9).
+    /// A cameras file (JSON).
     #[arg(long, required_unless_present = "path", conflicts_with = "path")]
     cameras: Option<PathBuf>,
     /// The folder for the pictures; with --path the video: .mp4, .mov or .mkv (by ffmpeg), or .y4m.
@@ -29,7 +30,7 @@ pub struct Args {
     /// What to write: png (colour), exr (all outputs as named channels), safetensors (all outputs).
     #[arg(long, value_delimiter = ',', default_value = "png", conflicts_with = "path")]
     format: Vec<Format>,
-    /// Print the time of every pass, its share and its fraction of the ideal-limit model.
+    /// Print the time of every pass, its share, and its speed against a model of lavapipe.
     #[arg(long, conflicts_with = "path")]
     profile: bool,
     #[command(flatten)]
@@ -45,13 +46,13 @@ pub struct Args {
 /// How frames are computed: what may be traded for time, see `ivv trade`. The defaults are exact.
 #[derive(clap::Args)]
 pub struct KnobArgs {
-    /// The tiles that a Gaussian is listed for; changes no picture: ellipse, rectangle or square.
+    /// The tiles that a Gaussian is listed for: ellipse, rectangle or square. Changes no picture.
     #[arg(long, value_parser = tile_bound, default_value = "ellipse")]
     tile_bound: TileBound,
-    /// Ask every pixel of a tile about every Gaussian of its list; changes no picture.
+    /// Test every pixel of a tile against every Gaussian of its list. Changes no picture.
     #[arg(long)]
     no_block_cull: bool,
-    /// Project Gaussians at times when they do not show too; changes no picture.
+    /// Project Gaussians even at times when they are invisible. Changes no picture.
     #[arg(long)]
     no_time_cull: bool,
     /// Bits of the depths that Gaussians are sorted by: 32, 24 or 16.
@@ -183,7 +184,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     }
     let constants = args.knobs.on(args.constants.checked()?)?;
     let stop = Stop::listen()?;
-    let views = read_views(args.cameras.as_deref().context("--cameras or --path is needed")?)?;
+    let views = read_views(args.cameras.as_deref().context("give --cameras or --path")?)?;
     let splats = read_scene(&args.scene)?.by_degree();
     make_folder(&args.output)?;
     let gpu = args.device.open()?;
@@ -226,7 +227,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     }
     let bad = reports.iter().map(|r| r.frame.bad_gaussians).max().unwrap_or(0);
     if bad > 0 {
-        alert!("ivv: {bad} Gaussians have parameters that are not finite; they were not drawn");
+        alert!("{} not drawn: their parameters are not finite", count(bad, "Gaussian"));
     }
     let caps = gpu.caps();
     let passes = reports.iter().flat_map(|r| &r.frame.passes).map(|pass| TimedPass::new(pass, caps));
@@ -254,7 +255,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// SPEC 10: a picture with a value that is not finite is an error, not a picture.
+/// A picture with a value that is not finite is an error, not a picture.
 pub fn check_finite(frame: &Frame, view: &View) -> ivv::Result<()> {
     let values = frame.color.as_flattened().iter().chain(&frame.alpha).chain(&frame.depth);
     let values = values.chain(&frame.inverse_depth).chain(frame.flow.as_flattened());

@@ -4,6 +4,7 @@ use crate::screen::out;
 use anyhow::Context;
 use ivv::gpu::{Gpu, KernelInfo, kernel_named};
 use ivv::profile::{Replay, Replayed, read_dispatch};
+use ivv::words::count;
 use rspirv::binary::Disassemble;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -37,7 +38,8 @@ pub fn run(args: &ReplayArgs, gpu: &Gpu, json: bool) -> anyhow::Result<()> {
     let (dispatch, captured) = read_dispatch(args.file().context("--replay names no file")?)?;
     let mut kernels = vec![captured];
     for name in &args.variant {
-        let kernel = kernel_named(name).with_context(|| format!("--variant {name}: there is no such kernel"))?;
+        let kernel = kernel_named(name)
+            .with_context(|| format!("--variant {name}: unknown kernel; see shaders-glsl/README.md"))?;
         if kernels.iter().all(|other| other.name != kernel.name) {
             kernels.push(kernel);
         }
@@ -63,7 +65,7 @@ pub fn run(args: &ReplayArgs, gpu: &Gpu, json: bool) -> anyhow::Result<()> {
 fn print(lines: &[Replayed], n: u32) {
     out!(
         "{:<28} {:>11} {:>9} {:>24} {:>10} {:>11} {:>11} {:>11}",
-        format!("{n} runs each, in turns"),
+        format!("{} each, in turns", count(n, "run")),
         "median, ms",
         "MAD, ms",
         "ratio (95 %)",
@@ -78,7 +80,7 @@ fn print(lines: &[Replayed], n: u32) {
             "{kernel:<28} {:>11.4} {:>9.4} {:>24} {:>10} {:>11.3e} {:>11.3e} {:>11.3e}",
             median_ns / 1e6,
             mad_ns / 1e6,
-            format!("{:.3} ({:.3} to {:.3})", ratio.median, ratio.low, ratio.high),
+            ratio.to_string(),
             from_first.words,
             from_first.max_abs,
             from_first.max_rel,
@@ -89,8 +91,8 @@ fn print(lines: &[Replayed], n: u32) {
 
 /// Prints a kernel's SPIR-V, and how often it has which instruction.
 pub fn disassemble(name: &str, json: bool) -> anyhow::Result<()> {
-    let kernel: &KernelInfo =
-        kernel_named(name).with_context(|| format!("--disassemble {name}: there is no such kernel"))?;
+    let kernel: &KernelInfo = kernel_named(name)
+        .with_context(|| format!("--disassemble {name}: unknown kernel; see shaders-glsl/README.md"))?;
     let module = rspirv::dr::load_bytes(kernel.spirv).map_err(|e| anyhow::anyhow!("{name}: {e}"))?;
     let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
     for instruction in module.all_inst_iter() {

@@ -15,20 +15,21 @@ pub struct SettingArgs {
     /// Steps, instead of what the epochs give; with --resume, of the whole run.
     #[arg(long, value_parser = clap::value_parser!(u64).range(1..))]
     steps: Option<u64>,
-    /// Settings to begin from: reference, exact, balanced, fast, preview, or the path of a .json file of that form; see
-    /// `ivv trade`.
+    /// A preset to start from: reference, exact, balanced, fast, preview, or the path of a preset's .json file; `ivv trade`
+    /// measures them.
     #[arg(long)]
     preset: Option<String>,
-    /// Settings, JSON, after the preset; as config.json of an earlier run has them.
+    /// A JSON file of settings, such as an earlier run's config.json. It overrides the preset.
     #[arg(long)]
     config: Option<PathBuf>,
-    /// One setting, KEY=VALUE, after the file; nested keys with dots, as density.strategy=mcmc or lr.scale=1e-2.
+    /// One setting, KEY=VALUE, for example density.strategy=mcmc or lr.scale=1e-2. It overrides the file; may be given several
+    /// times.
     #[arg(long = "set")]
     set: Vec<String>,
-    /// Gaussians never exceed this.
+    /// Most Gaussians.
     #[arg(long)]
     max_gaussians: Option<usize>,
-    /// Seed of the order of the images, the initial points and density control.
+    /// Seed of the image order, the first Gaussians and density control.
     #[arg(long)]
     seed: Option<u64>,
     /// Highest degree of the spherical harmonics.
@@ -38,10 +39,10 @@ pub struct SettingArgs {
 
 /// The settings that KEY=VALUE changes; keys of nested ones with dots.
 pub fn patch(set: &str) -> anyhow::Result<Value> {
-    let (key, text) = set.split_once('=').context("KEY=VALUE is needed")?;
+    let (key, text) = set.split_once('=').context("expected KEY=VALUE")?;
     let pointer = format!("/{}", key.replace('.', "/"));
     let mut all = serde_json::to_value(Config::default())?;
-    all.pointer_mut(&pointer).context("there is no such setting")?;
+    all.pointer_mut(&pointer).context("unknown setting; config.json of a run lists all")?;
     // JSON, or a bare word.
     let value = serde_json::from_str(text).unwrap_or_else(|_| text.into());
     Ok(key.rsplit('.').fold(value, |inner, key| json!({ key: inner })))

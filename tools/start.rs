@@ -1,7 +1,6 @@
 //! How `ivv train` begins: anew, from the newest checkpoint of a run, or from a run that was killed before its first.
 
 use crate::files::{make_folder, read_json, write_json};
-use crate::progress::count;
 use crate::screen::say;
 use crate::train::Args;
 use anyhow::{Context, bail, ensure};
@@ -10,6 +9,7 @@ use ivv::gpu::Gpu;
 use ivv::scene::capture::{Capture, CaptureSettings};
 use ivv::scene::remove_temporaries;
 use ivv::train::{Checkpoint, Config, Run, RunLock, Trainer};
+use ivv::words::count;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;

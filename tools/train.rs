@@ -8,7 +8,7 @@ use crate::files::write_json;
 use crate::interrupt::{Interrupted, Stop};
 use crate::offsets;
 use crate::passes::{self, TimedPass};
-use crate::progress::{Steps, count};
+use crate::progress::Steps;
 use crate::render::ConstantArgs;
 use crate::require;
 use crate::screen::{alert, out, say};
@@ -21,6 +21,7 @@ use ivv::stage::PassReport;
 use ivv::train::{
     Checkpoint, DepthSummary, Evaluation, Kind, Log, Plan, Setup, StepReport, Trainer, permutation, spread,
 };
+use ivv::words::count;
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -37,13 +38,13 @@ pub struct Args {
     pub output: PathBuf,
     #[command(flatten)]
     pub settings: SettingArgs,
-    /// Bytes of decoded images kept ahead.
+    /// Bytes of images to decode ahead.
     #[arg(long, default_value_t = 256 << 20)]
     cache_bytes: u64,
     /// Steps between two lines of train.jsonl.
     #[arg(long, default_value_t = 20, value_parser = clap::value_parser!(u64).range(1..))]
     log_every: u64,
-    /// Cameras to test on, by name, separated by commas; the capture's own choice without it.
+    /// Names of the test cameras, separated by commas, instead of those that the capture declares.
     #[arg(long, value_delimiter = ',')]
     pub test_cameras: Option<Vec<String>>,
     /// Continues the run in the run folder from its newest checkpoint, with its settings, cameras and constants. With --steps
@@ -78,7 +79,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         None => begin::first_gaussians(capture, config)?,
     };
     if config.loss.lpips > 0.0 && config.loss.lpips_weights.is_none() {
-        say!("LPIPS is off: there are no weights, see --set loss.lpips_weights");
+        say!("LPIPS is off: it needs weights, given by --set loss.lpips_weights=FILE");
     }
     let (priors, depth_summary) = begin::priors(capture, config, &setup)?;
     let plan = begin::plan(capture, config, &setup, &splats, gpu.caps(), args.cache_bytes);
@@ -201,7 +202,7 @@ impl Session<'_> {
                 Checkpoint::keep_best(&self.checkpoints, step, psnr)?;
             }
             if is_stopped {
-                return Err(Interrupted("a checkpoint was written; go on with --resume").into());
+                return Err(Interrupted("a checkpoint was written; continue with --resume").into());
             }
         }
         Ok(())
@@ -289,15 +290,15 @@ impl Session<'_> {
             out!("{}", serde_json::to_string_pretty(&totals)?);
             return Ok(());
         }
-        let quality = scores.as_ref().map_or("no test images".to_owned(), |scores| {
+        let quality = scores.as_ref().map_or("no test images (name some with --test-cameras)".to_owned(), |scores| {
             let Evaluation { mean, views, .. } = &scores.evaluation;
-            format!("{} test images: PSNR {:.2} dB, SSIM {:.4}", views.len(), mean.psnr, mean.ssim)
+            format!("{}: PSNR {:.2} dB, SSIM {:.4}", count(views.len(), "test image"), mean.psnr, mean.ssim)
         });
         if !offsets.is_empty() {
             offsets::print(&offsets);
         }
         let (n, step) = (splats.len(), seconds.seconds_per_step);
-        out!("{quality}; {n} Gaussians, {step:.3} s a step; {}", report.display());
+        out!("{quality}; {}, {step:.3} s a step; {}", count(n, "Gaussian"), report.display());
         if self.args.profile {
             let passes = totals["profile"]["passes"].clone();
             passes::print(&serde_json::from_value::<Vec<TimedPass>>(passes)?, "step");

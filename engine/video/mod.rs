@@ -77,16 +77,16 @@ impl Video {
         let VideoSettings { width, height, fps, .. } = settings;
         let ending = path.extension().map_or_else(String::new, |ending| ending.to_string_lossy().to_lowercase());
         if !["mp4", "mov", "mkv", "y4m"].contains(&ending.as_str()) {
-            return fault(
-                "is no video that can be written".to_owned(),
-                "choose a name that ends in .mp4, .mov, .mkv or .y4m",
-            );
+            return fault("unsupported video type".to_owned(), "use .mp4, .mov, .mkv or .y4m");
         }
         if width == 0 || height == 0 || (ending != "y4m" && (width % 2, height % 2) != (0, 0)) {
-            return fault(format!("has {width} x {height} pixels"), "choose even numbers of pixels, or a .y4m");
+            return fault(
+                format!("{width} x {height} pixels: both must be even"),
+                "choose another size, or write a .y4m",
+            );
         }
         if !(fps.is_finite() && (0.1..=1000.0).contains(&fps)) {
-            return fault(format!("has {fps} frames per second"), "choose a rate from 0.1 to 1000");
+            return fault(format!("{fps} frames per second: expected 0.1 to 1000"), "choose another rate");
         }
         let mut video = Video {
             temporary: Some(beside(path, &ending)?),
@@ -186,7 +186,7 @@ impl Video {
     /// [`Error::Data`] when there is no frame, ffmpeg fails, or the file cannot be written.
     pub fn finish(mut self) -> Result<Made> {
         if self.n_frames == 0 {
-            return Err(Error::data(&self.path, "", "has no frame", "render at least one"));
+            return Err(Error::data(&self.path, "", "no frame was rendered", "render at least one"));
         }
         match self.sink.take() {
             Some(Sink::Ffmpeg(encoder)) => encoder.end(&self.path)?,

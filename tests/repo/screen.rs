@@ -23,3 +23,22 @@ fn nothing_prints_past_the_screen() {
     let writers: Vec<String> = files("tools").into_iter().filter(|file| file.ends_with(".rs")).filter(direct).collect();
     assert_eq!(writers, ["tools/screen.rs"]);
 }
+
+/// The lines of code below `folder` that cite a specification which no user has; comments of the code may.
+fn citations(folder: &str, help: bool) -> Vec<String> {
+    let cites = |line: &str| line.split("SPEC ").skip(1).any(|rest| rest.starts_with(|c: char| c.is_ascii_digit()));
+    let told = |line: &&str| help || !line.trim_start().starts_with("//");
+    let of = |file: String| {
+        let source = text(&file);
+        source.lines().filter(told).filter(|line| cites(line)).map(|line| format!("{file}: {line}")).collect::<Vec<_>>()
+    };
+    files(folder).into_iter().filter(|file| file.ends_with(".rs")).flat_map(of).collect()
+}
+
+#[test]
+fn no_user_is_sent_to_a_specification_that_is_not_here() {
+    // The help is made of the comments of the tools.
+    assert_eq!([citations("tools", true), citations("engine", false)].concat(), Vec::<String>::new());
+    assert!(!text("README.md").contains("SPEC"));
+    assert!(!citations("engine", true).is_empty(), "they are found where they are");
+}

@@ -123,7 +123,7 @@ fn capture_that_moved(tiny: &Tiny, run: &Path) {
     let (path, elsewhere) = (run.to_str().unwrap(), tiny.folder.with_extension("elsewhere"));
     std::fs::rename(&tiny.folder, &elsewhere).unwrap();
     let told = fails(&["eval", path], 3);
-    assert!(told.contains("is no folder") && told.contains("--capture"), "{told}");
+    assert!(told.contains("no such folder") && told.contains("--capture"), "{told}");
     let table = works(&["eval", path, "--capture", elsewhere.to_str().unwrap()]);
     assert!(table.contains("mean") && table.contains("frames per second") && table.contains("SH degree 1"), "{table}");
     // One image fewer is another capture.

@@ -10,6 +10,7 @@ use ivv::sound::render::render;
 use ivv::sound::scene_file::SoundScene;
 use ivv::sound::simulate::{Motion, simulate};
 use ivv::sound::wav;
+use ivv::words::count;
 use std::path::{Path, PathBuf};
 
 /// Seconds of the ablation's scene.
@@ -18,7 +19,7 @@ const SECONDS: f64 = 4.0;
 /// Options of `ivv sound bench`.
 #[derive(clap::Args)]
 pub struct Args {
-    /// The scene.json to measure; without one the built-in scene is, with the paper's ablation and the table of settings.
+    /// The scene.json to measure, with --truth; or give --built-in.
     scene: Option<PathBuf>,
     /// The folder of `ivv sound synth` that tells the truth of the scene.
     #[arg(long, requires = "scene", required_unless_present = "built_in")]
@@ -59,7 +60,10 @@ fn measure(args: &Args, scene: &Path, truth: &Path, json: bool) -> anyhow::Resul
         out!("{}", serde_json::to_string(&difference)?);
     } else {
         let Difference { azimuth, azimuth_95, level, frames } = difference;
-        out!("azimuth {azimuth:.2} degrees off (95 %: {azimuth_95:.2}), level {level:.2} dB off, {frames} frames");
+        out!(
+            "azimuth {azimuth:.2} degrees off (95 %: {azimuth_95:.2}), level {level:.2} dB off, {}",
+            count(frames, "frame")
+        );
     }
     Ok(())
 }

@@ -31,7 +31,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     }
     out!("title      {}", set.meta.title);
     out!("licence    {}", set.meta.licence);
-    out!("sha256     {}", if set.meta.sha256.is_empty() { "none: it is computed" } else { &set.meta.sha256 });
+    out!("sha256     {}", if set.meta.sha256.is_empty() { "none (computed)" } else { &set.meta.sha256 });
     out!(
         "directions {} in {} triangles, elevations {low:.0} to {high:.0} degrees, measured at {} m",
         set.directions().len(),

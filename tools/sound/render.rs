@@ -42,10 +42,10 @@ pub struct Args {
     /// Also write the sound field at the head's place as first-order AmbiX (W, Y, Z, X), for players that turn the head.
     #[arg(long)]
     ambix: Option<PathBuf>,
-    /// Also write what is to be known of the rendering, JSON.
+    /// Also write a JSON report.
     #[arg(long)]
     report: Option<PathBuf>,
-    /// Also draw azimuth, and time and level between the ears, over time: .svg.
+    /// Also plot azimuth, and the time and level differences between the ears, over time: .svg.
     #[arg(long)]
     plot: Option<PathBuf>,
 }
@@ -62,16 +62,16 @@ pub struct ConfigArgs {
     /// Paper modes: samples of a frame.
     #[arg(long, default_value_t = RenderConfig::default().frame)]
     frame: usize,
-    /// Paper modes: samples between frames, which divides the frame at least twice. By default half a frame.
+    /// Paper modes: samples between frames; a half, a third, ... of a frame. By default half a frame.
     #[arg(long)]
     hop: Option<usize>,
     /// Physical mode: samples of a block.
     #[arg(long, default_value_t = RenderConfig::default().block)]
     block: usize,
-    /// Nearer than this nothing gets louder, metres.
+    /// Sources nearer than this get no louder, metres.
     #[arg(long, default_value_t = RenderConfig::default().r_min_m)]
     r_min: f64,
-    /// Loudness of the whole, LUFS. By default it stays as it is, below -1 dBTP.
+    /// Loudness of the result, LUFS. By default unchanged, with peaks below -1 dBTP.
     #[arg(long, allow_hyphen_values = true)]
     lufs: Option<f64>,
 }
@@ -156,14 +156,14 @@ fn print(rendered: &Rendered, output: &Path, seconds: f64) {
         );
         if *beyond_6_db > OFTEN {
             out!(
-                "  {:.0} % of the time it is more than 6 dB from the recording's level: the recorded room goes with it, too loud or too quiet",
+                "  for {:.0} % of the clip the level differs by more than 6 dB from the recording, so its room sound is scaled too",
                 100.0 * beyond_6_db
             );
         }
     }
     let lufs = report.loudness.lufs.map_or("silent".into(), |lufs| format!("{:.1} LUFS", lufs + report.gain_db));
     out!(
-        "{}: {:.2} s, {lufs}, gain {:+.1} dB; {:.0} times as fast as it sounds",
+        "{}: {:.2} s, {lufs}, gain {:+.1} dB; {:.0} times real time",
         output.display(),
         report.seconds,
         report.gain_db,
