@@ -21,6 +21,7 @@ pub mod train;
 pub mod twin;
 pub mod video;
 pub mod vk;
+pub mod words;
 
 pub use error::{Error, Result};
 pub use settings::{Constants, Knobs, TileBound};

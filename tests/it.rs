@@ -9,6 +9,7 @@ mod profile;
 mod render;
 mod repo;
 mod scene;
+mod screen;
 mod sound;
 mod synth;
 mod train;

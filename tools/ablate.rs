@@ -1,6 +1,7 @@
 //! `ivv ablate`: the paper's ablations on a capture.
 
 use crate::files::{make_folder, read_json, write_json};
+use crate::screen::{out, say};
 use crate::settings::SettingArgs;
 use anyhow::Context;
 use ivv::scene::capture::{Capture, camera_center};
@@ -15,16 +16,16 @@ use std::process::{Command, Stdio};
 pub struct Args {
     /// A capture.
     capture: PathBuf,
-    /// Where the runs, ablation.md, ablation.json and the plots go. Runs that are there already are not made again.
+    /// The folder for the runs, ablation.md, ablation.json and the plots. Runs that are there are not repeated.
     #[arg(short, long)]
     output: PathBuf,
-    /// Seeds; every setting is run with each of them.
+    /// Seeds. Every setting runs once with each.
     #[arg(long, value_delimiter = ',', default_value = "1,2,3")]
     seeds: Vec<u64>,
     /// Studies, separated by commas: initialisation, offsets, supervision, required.
     #[arg(long, value_delimiter = ',', default_value = "initialisation,offsets,supervision")]
     studies: Vec<String>,
-    /// The test camera that is called peripheral; the one farthest from the middle of all without it.
+    /// The test camera to call peripheral. By default the one farthest from the middle of all.
     #[arg(long)]
     peripheral: Option<String>,
     #[command(flatten)]
@@ -36,10 +37,12 @@ pub struct Args {
 
 pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let config = args.settings.resolve()?;
-    anyhow::ensure!(!args.seeds.is_empty(), "--seeds names none");
+    anyhow::ensure!(!args.seeds.is_empty(), "--seeds needs at least one seed");
     let studies = args.studies.iter().map(|name| {
         let known = STUDIES.iter().find(|study| study.name == name);
-        known.with_context(|| format!("--studies {name}: there are initialisation, offsets, supervision and required"))
+        known.with_context(|| {
+            format!("--studies {name}: unknown study; choose from initialisation, offsets, supervision, required")
+        })
     });
     let studies: Vec<&Study> = studies.collect::<Result<_, _>>()?;
     let capture = Capture::open(&args.capture)?;
@@ -59,7 +62,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         }
     }
     for (index, (key, seed, own)) in runs.iter().enumerate() {
-        eprintln!("run {} of {}: {key}, seed {seed}", index + 1, runs.len());
+        say!("run {} of {}: {key}, seed {seed}", index + 1, runs.len());
         train(args, &folder(args, key, *seed), own)?;
     }
     let mut text = format!("# Ablations on `{}`\n", args.capture.display());
@@ -77,9 +80,9 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let all = json!({ "capture": args.capture, "peripheral_camera": peripheral, "settings": config, "studies": all });
     write_json(&args.output.join("ablation.json"), &all)?;
     if json {
-        println!("{}", serde_json::to_string_pretty(&all)?);
+        out!("{}", serde_json::to_string_pretty(&all)?);
     } else {
-        println!("{text}\n{}", args.output.join("ablation.md").display());
+        out!("{text}\n{}", args.output.join("ablation.md").display());
     }
     Ok(())
 }

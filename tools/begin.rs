@@ -2,6 +2,7 @@
 //! capture's own frame.
 
 use crate::progress::Progress;
+use crate::screen::say;
 use ivv::scene::capture::{Capture, PriorPlan};
 use ivv::scene::{Similarity, Splats, write_ply};
 use ivv::train::{
@@ -18,7 +19,7 @@ const THREADS: usize = 2;
 /// The first Gaussians of a run in the frame of training, and a line about where they come from.
 pub fn first_gaussians(capture: &Capture, config: &Config) -> ivv::Result<Splats> {
     let initial = begin(capture, config)?;
-    eprintln!("initialised from {initial}");
+    say!("initialised {initial}");
     Ok(initial.splats)
 }
 
@@ -41,7 +42,7 @@ pub fn priors(capture: &Capture, config: &Config, setup: &Setup) -> ivv::Result<
     let usable = fits.iter().filter_map(|(image, fit)| Some((image, fit.ok()?)));
     plan.depth = usable.map(|(image, fit)| (image, [fit.scale, fit.shift])).collect();
     let summary = fits.summary();
-    eprintln!("{summary}");
+    say!("{summary}");
     Ok((plan, Some(summary)))
 }
 

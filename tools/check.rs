@@ -1,6 +1,9 @@
 //! `ivv check`.
 
+use crate::fault;
+use crate::screen::out;
 use ivv::scene::capture::{CaptureSettings, Report, check_capture};
+use ivv::words::count;
 use std::path::PathBuf;
 
 /// Options of `ivv check`.
@@ -8,7 +11,7 @@ use std::path::PathBuf;
 pub struct Args {
     /// A capture: the project's own folder, plain COLMAP, transforms.json or Dynamic3DGaussians.
     capture: PathBuf,
-    /// Names of the test cameras, where the capture declares none or others.
+    /// Names of the test cameras, instead of those that the capture declares.
     #[arg(long, value_delimiter = ',')]
     test_cameras: Option<Vec<String>>,
     /// Every n-th image is a test image where the capture declares none; 0 for none.
@@ -17,16 +20,16 @@ pub struct Args {
     /// Uses only the first frames of the clip.
     #[arg(long)]
     max_frames: Option<u32>,
-    /// Leaves out images whose file is absent; each is a fault otherwise.
+    /// Leaves out images whose file is missing, which are faults otherwise.
     #[arg(long)]
     skip_missing: bool,
     /// Folder of the images of a plain COLMAP project, relative to the capture.
     #[arg(long, default_value = "images")]
     images: PathBuf,
-    /// Scales the calibration to the size of the images; a difference is a fault otherwise.
+    /// Scales the calibration to the size of the images. Without it a different size is a fault.
     #[arg(long)]
     rescale: bool,
-    /// Takes the foreground masks of Dynamic3DGaussians as masks too.
+    /// Also uses the foreground masks of Dynamic3DGaussians as masks.
     #[arg(long)]
     foreground_masks: bool,
 }
@@ -55,34 +58,35 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         ..CaptureSettings::default()
     };
     let report = check_capture(&args.capture, &settings);
+    let faulty = (report.n_faults > 0).then(|| anyhow::Error::from(Faulty(report.n_faults)));
     if json {
-        println!("{}", serde_json::to_string_pretty(&report)?);
+        fault::results(&report, faulty.as_ref())?;
     } else {
         print(&report);
     }
-    if report.n_faults > 0 { Err(Faulty(report.n_faults).into()) } else { Ok(()) }
+    faulty.map_or(Ok(()), Err)
 }
 
 /// Prints a report as text.
 pub fn print(report: &Report) {
     let format = if report.format.is_empty() { "unknown format" } else { &report.format };
-    println!("{}: {format}", report.path.display());
-    println!("cameras: {}, {} of them for testing", report.n_cameras, report.n_test_cameras);
-    println!("frames:  {}, {} per second", report.n_frames, report.fps);
+    out!("{}: {format}", report.path.display());
+    out!("cameras: {}, of which {} for testing", report.n_cameras, report.n_test_cameras);
+    out!("frames:  {}, {} per second", report.n_frames, report.fps);
     let mib = report.bytes_decoded as f64 / f64::from(1 << 20);
     let (n, n_masks, n_foregrounds) = (report.n_images, report.n_masks, report.n_foregrounds);
-    println!("images:  {n}, {n_masks} with a mask, {n_foregrounds} with a foreground mask; {mib:.1} MiB decoded");
-    println!("priors:  {} images with flow, {} with depth", report.n_flows, report.n_depths);
+    out!("images:  {n}, {n_masks} with a mask, {n_foregrounds} with a foreground mask; {mib:.1} MiB decoded");
+    out!("priors:  {} images with flow, {} with depth", report.n_flows, report.n_depths);
     let per_frame = if report.has_frame_points { "; every frame has its own" } else { "" };
-    println!("points:  {}{per_frame}", report.n_points);
+    out!("points:  {}{per_frame}", report.n_points);
     for note in &report.notes {
-        println!("note:    {note}");
+        out!("note:    {note}");
     }
     for fault in &report.faults {
-        println!("fault:   {fault}");
+        out!("fault:   {fault}");
     }
     let n_left_out = report.n_faults - report.faults.len() as u64;
     if n_left_out > 0 {
-        println!("and {n_left_out} faults more");
+        out!("and {} more", count(n_left_out, "fault"));
     }
 }

@@ -1,6 +1,8 @@
 //! `ivv demo`.
 
+use crate::screen::out;
 use ivv::scene::{demo, write_ply, write_views};
+use ivv::words::count;
 use std::path::PathBuf;
 
 /// Options of `ivv demo`.
@@ -16,6 +18,6 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let (splats, views) = demo();
     write_ply(&args.output.join("scene.ply"), &splats)?;
     write_views(&args.output.join("cameras.json"), &views)?;
-    println!("{}: {} Gaussians, {} views", args.output.display(), splats.len(), views.len());
+    out!("{}: {}, {}", args.output.display(), count(splats.len(), "Gaussian"), count(views.len(), "view"));
     Ok(())
 }

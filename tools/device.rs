@@ -1,5 +1,6 @@
 //! The device that a verb works on.
 
+use crate::screen::say;
 use ivv::gpu::{Gpu, Options};
 use ivv::vk::DeviceChoice;
 use std::path::PathBuf;
@@ -22,7 +23,7 @@ impl DeviceArgs {
             ..DeviceChoice::default()
         };
         let gpu = Arc::new(Gpu::open(&Options { device: choice, ..Options::default() })?);
-        eprintln!("device: {} ({})", gpu.caps().name, gpu.chosen_because());
+        say!("device: {} ({})", gpu.caps().name, gpu.chosen_because());
         Ok(gpu)
     }
 }

@@ -1,5 +1,6 @@
 //! `ivv devices`.
 
+use crate::screen::out;
 use ivv::vk::{Device, DeviceChoice, list_devices};
 
 /// Options of `ivv devices`.
@@ -22,20 +23,20 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
             })
             .collect();
         let report = serde_json::json!({ "devices": listed, "picked": picked.caps().name, "because": why });
-        println!("{}", serde_json::to_string_pretty(&report)?);
+        out!("{}", serde_json::to_string_pretty(&report)?);
         return Ok(());
     }
     for (index, device) in devices.iter().enumerate() {
         let caps = match device {
             Ok(caps) => caps,
             Err(reason) => {
-                println!("{index}: unusable: {reason}");
+                out!("{index}: unusable: {reason}");
                 continue;
             }
         };
         let yes = |b: bool| if b { "yes" } else { "no" };
-        println!("{index}: {} ({:?}), Vulkan {}, {}", caps.name, caps.kind, caps.api, caps.driver.trim());
-        println!(
+        out!("{index}: {} ({:?}), Vulkan {}, {}", caps.name, caps.kind, caps.api, caps.driver.trim());
+        out!(
             "   subgroups of {} lanes ({} to {}, {}), workgroups of up to {}, {} KiB shared",
             caps.subgroup_size,
             caps.subgroup_min,
@@ -44,13 +45,13 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
             caps.max_workgroup,
             caps.max_shared_bytes >> 10,
         );
-        println!(
+        out!(
             "   bindings of up to {} MiB, allocations of up to {} MiB, largest heap {} MiB",
             caps.max_binding_bytes >> 20,
             caps.max_allocation_bytes >> 20,
             caps.heap_bytes >> 20,
         );
-        println!(
+        out!(
             "   push descriptors {}, timestamps {}, float atomics {}, 64-bit atomics {}, half precision {}",
             yes(caps.push_descriptors),
             yes(caps.timestamp_ns > 0.0),
@@ -59,6 +60,6 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
             yes(caps.float16),
         );
     }
-    println!("picked: {} ({why})", picked.caps().name);
+    out!("picked: {} ({why})", picked.caps().name);
     Ok(())
 }

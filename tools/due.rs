@@ -6,16 +6,16 @@ const PROFILED: u64 = 5;
 /// How often a run is saved and scored.
 #[derive(clap::Args)]
 pub struct DueArgs {
-    /// Steps between two checkpoints; a tenth of the run without it.
+    /// Steps between checkpoints. By default a tenth of the run.
     #[arg(long)]
     checkpoint_every: Option<u64>,
-    /// Steps between two evaluations of some test images; a tenth of the run without it, 0 for none.
+    /// Steps between evaluations of some test images; 0 for none. By default a tenth of the run.
     #[arg(long)]
     eval_every: Option<u64>,
-    /// Evaluations after these steps too, separated by commas.
+    /// Also evaluates after these steps, separated by commas.
     #[arg(long, value_delimiter = ',')]
     eval_at: Vec<u64>,
-    /// Test images of such an evaluation, evenly spread over all of them; the end of the run takes all.
+    /// Test images of such an evaluation, spread evenly over all. The end of the run takes all.
     #[arg(long, default_value_t = 16)]
     pub eval_images: usize,
     /// At the end, fits the time offset of every test camera to its own images, and scores them at these offsets too.

@@ -2,6 +2,7 @@
 
 use crate::device::DeviceArgs;
 use crate::files::{make_folder, read_json, write_json};
+use crate::screen::out;
 use ivv::gpu::Gpu;
 use ivv::scene::capture::Capture;
 use ivv::scene::{Frame, Splats, read_scene};
@@ -10,6 +11,7 @@ use ivv::train::{
     Config, Evaluation, Example, Log, METRICS_OF, Meter, OffsetFit, Report, Run, SceneScores, Scores, Setup, Sight,
     evaluate, fit_offset, offset_pictures,
 };
+use ivv::words::count;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -24,10 +26,10 @@ const EXAMPLES: usize = 8;
 pub struct Args {
     /// The folder of a run of `ivv train`.
     run: PathBuf,
-    /// Another scene in the run's place; its scores go to RUN/eval/NAME.
+    /// Another scene to score; its scores go to RUN/eval/NAME.
     #[arg(long)]
     scene: Option<PathBuf>,
-    /// The capture, where it is not where it was when the run was made.
+    /// The capture, if it has moved since the run.
     #[arg(long)]
     capture: Option<PathBuf>,
     /// Fits the time offset of every test camera to its own images, and gives the scores at these offsets too.
@@ -151,7 +153,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let own_scene = args.run.join("scene.ply");
     if args.scene.is_none() && !own_scene.is_file() {
         let remedy = "end the run with `ivv train --resume`, or give a scene with --scene";
-        return Err(ivv::Error::data(&own_scene, "", "is absent: the run has not ended", remedy).into());
+        return Err(ivv::Error::data(&own_scene, "", "not there yet: the run has not ended", remedy).into());
     }
     let scene = args.scene.as_ref().unwrap_or(&own_scene);
     let splats = run.world.splats(&read_scene(scene)?.by_degree());
@@ -167,40 +169,55 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let (scores, examples) = scorer.all(&splats, scene, &fits, step, &output)?;
     let Some(scores) = scores else {
         let remedy = "train again with --test-cameras";
-        return Err(ivv::Error::data(&Run::file(&args.run), "test_cameras", "names none with an image", remedy).into());
+        return Err(
+            ivv::Error::data(&Run::file(&args.run), "test_cameras", "no test camera has an image", remedy).into()
+        );
     };
     let report = scorer.report(Some(&scores), &examples, &args.run, &output)?;
     if json {
-        println!("{}", serde_json::to_string_pretty(&scores)?);
+        out!("{}", serde_json::to_string_pretty(&scores)?);
         return Ok(());
     }
     print(&scores);
-    println!("{}", report.display());
+    out!("{}", report.display());
     Ok(())
 }
 
 fn print(scores: &SceneScores) {
     let Evaluation { views, mean, .. } = &scores.evaluation;
     let width = views.iter().map(|v| v.view.chars().count()).fold(4, usize::max);
-    println!(
+    out!(
         "{:<width$} {:>9} {:>9} {:>10} {:>9} {:>8} {:>8}",
-        "view", "PSNR, dB", "aligned", "foreground", "covisible", "SSIM", "L1"
+        "view",
+        "PSNR, dB",
+        "aligned",
+        "foreground",
+        "covisible",
+        "SSIM",
+        "L1"
     );
     let fitted = scores.mean_at_fitted_offsets.as_ref().map(|scores| ("mean at fitted time offsets", scores));
     for (view, s) in views.iter().map(|v| (v.view.as_str(), &v.scores)).chain([("mean", mean)]).chain(fitted) {
         let [foreground, covisible] =
             [s.psnr_foreground, s.psnr_covisible].map(|psnr| psnr.map_or("-".to_owned(), |psnr| format!("{psnr:.3}")));
-        println!(
+        out!(
             "{view:<width$} {:>9.3} {:>9.3} {foreground:>10} {covisible:>9} {:>8.4} {:>8.5}",
-            s.psnr, s.psnr_aligned, s.ssim, s.l1
+            s.psnr,
+            s.psnr_aligned,
+            s.ssim,
+            s.l1
         );
     }
     for (name, definition) in &scores.metrics {
-        println!("{name}: {definition}");
+        out!("{name}: {definition}");
     }
-    println!("of {METRICS_OF}");
-    println!(
-        "{} Gaussians of SH degree {}, {} bytes; {:.1} frames per second on {}",
-        scores.gaussians, scores.sh_degree, scores.bytes, scores.frames_per_second, scores.device
+    out!("of {METRICS_OF}");
+    out!(
+        "{} of SH degree {}, {} bytes; {:.1} frames per second on {}",
+        count(scores.gaussians, "Gaussian"),
+        scores.sh_degree,
+        scores.bytes,
+        scores.frames_per_second,
+        scores.device
     );
 }

@@ -1,24 +1,25 @@
 //! `ivv export`.
 
+use crate::screen::out;
 use ivv::scene::{Splats, read_scene, write_ply, write_splat, write_spz};
 use std::path::{Path, PathBuf};
 
 /// Options of `ivv export`.
 #[derive(clap::Args)]
 pub struct Args {
-    /// The folder of a run, whose scene.ply is taken, or a scene file.
+    /// A run folder (its scene.ply is taken) or a scene file.
     scene: PathBuf,
     /// The file to write.
     #[arg(short, long)]
     output: PathBuf,
-    /// Its format; by its ending without this. ply: 3DGS's, with the motion of dynamic Gaussians; spz: Niantic's,
+    /// Its format. By default from the name's ending. ply: 3DGS's, with the motion of dynamic Gaussians; spz: Niantic's,
     /// version 3; splat: antimatter15's, without view dependence.
     #[arg(long)]
     format: Option<Format>,
-    /// The scene as it is at this normalised time, 0 to 1: static Gaussians that every viewer shows.
+    /// The scene at this normalised time, 0 to 1, as static Gaussians that every viewer shows.
     #[arg(long)]
     time: Option<f64>,
-    /// With --time: Gaussians that are less opaque then are left out.
+    /// With --time: leaves out Gaussians less opaque than this.
     #[arg(long, requires = "time", default_value_t = ivv::Constants::default().alpha_min)]
     min_opacity: f32,
 }
@@ -51,7 +52,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     write(&args.output, &splats)?;
     let bytes = std::fs::metadata(&args.output).map_or(0, |m| m.len());
     if json {
-        println!(
+        out!(
             "{}",
             serde_json::json!({
                 "path": args.output, "gaussians": splats.len(), "dynamic_gaussians": splats.motion.len(),
@@ -60,7 +61,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         );
         return Ok(());
     }
-    println!(
+    out!(
         "{}: {} of {n_read} Gaussians, {} of them dynamic, {bytes} bytes",
         args.output.display(),
         splats.len(),
@@ -75,11 +76,6 @@ fn by_ending(file: &Path) -> ivv::Result<Format> {
         Some("ply") => Ok(Format::Ply),
         Some("spz") => Ok(Format::Spz),
         Some("splat") => Ok(Format::Splat),
-        _ => Err(ivv::Error::data(
-            file,
-            "",
-            "its ending names no format",
-            "end it in .ply, .spz or .splat, or give --format",
-        )),
+        _ => Err(ivv::Error::data(file, "", "unsupported scene format", "use .ply, .spz or .splat, or give --format")),
     }
 }

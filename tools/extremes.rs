@@ -1,11 +1,14 @@
 //! `ivv extremes`.
 
 use crate::device::cache_folder;
+use crate::fault;
+use crate::screen::out;
 use anyhow::{Context, bail, ensure};
 use ivv::extremes::{Bench, ROWS, Row, Tally, Verdict};
 use ivv::gpu::{Gpu, Options};
 use ivv::scene::write_atomic;
 use ivv::vk::{Caps, DeviceChoice};
+use ivv::words::count;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
@@ -22,16 +25,16 @@ pub struct Args {
     /// The device: an index or part of a name from `ivv devices`.
     #[arg(long)]
     device: Option<String>,
-    /// Only these rows, by name: n03,n24.
+    /// Runs only these rows, by name: n03,n24.
     #[arg(long, value_delimiter = ',')]
     rows: Vec<String>,
-    /// Also the cases that take minutes on a CPU.
+    /// Also runs the cases that take minutes on a CPU.
     #[arg(long)]
     slow: bool,
-    /// Under Vulkan's validation layer, whose messages fail their row.
+    /// Runs under Vulkan's validation layer; a message fails its row.
     #[arg(long)]
     validation: bool,
-    /// Where the report goes, besides the terminal: a file that ends in .md or .html.
+    /// Also writes the report to this file, .md or .html.
     #[arg(short, long)]
     output: Option<PathBuf>,
 }
@@ -44,8 +47,8 @@ impl std::fmt::Display for Failed {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(
             f,
-            "{} rows failed on this device: report them with the output above, or choose another by --device",
-            self.0
+            "{} failed on this device: report it with the output above, or choose another device with --device",
+            count(self.0, "row")
         )
     }
 }
@@ -67,9 +70,9 @@ struct Done {
 
 pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let format = args.output.as_ref().map(|path| path.extension().and_then(|e| e.to_str()).unwrap_or_default());
-    ensure!(matches!(format, None | Some("md" | "html")), "the report is a file that ends in .md or .html");
+    ensure!(matches!(format, None | Some("md" | "html")), "unsupported report type; use .md or .html");
     if let Some(name) = args.rows.iter().find(|name| !ROWS.iter().any(|row| row.name == name.as_str())) {
-        bail!("there is no row `{name}`; they are n01 to n{}", ROWS.len());
+        bail!("unknown row `{name}`; choose from n01 to n{}", ROWS.len());
     }
     let choice = DeviceChoice {
         device: args.device.clone(),
@@ -82,7 +85,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let mut gpu = open()?;
     let caps = gpu.caps().clone();
     if !json {
-        head(&caps, args).iter().for_each(|line| println!("{line}"));
+        head(&caps, args).iter().for_each(|line| out!("{line}"));
     }
     let mut all = Vec::new();
     for row in ROWS.iter().filter(|row| args.rows.is_empty() || args.rows.iter().any(|name| name == row.name)) {
@@ -98,21 +101,20 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         }
         all.push(done);
     }
+    let n_failed = all.iter().filter(|done| done.verdict == Verdict::Failed).count();
+    let failed = (n_failed > 0).then(|| anyhow::Error::from(Failed(n_failed)));
     if json {
         let report = serde_json::json!({ "revision": REVISION, "device": caps, "slow": args.slow, "rows": all });
-        println!("{}", serde_json::to_string_pretty(&report)?);
+        fault::results(&report, failed.as_ref())?;
     } else {
-        println!("\n{}", total(&all));
+        out!("\n{}", total(&all));
     }
     if let Some(path) = &args.output {
         let lines = head(&caps, args);
         let report = if format == Some("html") { page(&lines, &all) } else { markdown(&lines, &all) };
         write_atomic(path, |to| to.write_all(report.as_bytes()))?;
     }
-    match all.iter().filter(|done| done.verdict == Verdict::Failed).count() {
-        0 => Ok(()),
-        n => Err(Failed(n).into()),
-    }
+    failed.map_or(Ok(()), Err)
 }
 
 impl Done {
@@ -142,8 +144,8 @@ impl Done {
 
     fn print(&self) {
         let (cases, verdict, worst) = (self.tally.cases, self.verdict(), self.worst());
-        println!("{}  {verdict:7} {cases:5} cases  {worst:20} {:6.1} s  {}", self.row, self.seconds, self.what);
-        self.notes().for_each(|note| println!("       {note}"));
+        out!("{}  {verdict:7} {cases:5} cases  {worst:20} {:6.1} s  {}", self.row, self.seconds, self.what);
+        self.notes().for_each(|note| out!("       {note}"));
     }
 }
 
@@ -151,7 +153,7 @@ fn total(all: &[Done]) -> String {
     let n_of = |verdict| all.iter().filter(|done| done.verdict == verdict).count();
     let cases: usize = all.iter().map(|done| done.tally.cases).sum();
     let [passed, failed, not_run] = [Verdict::Passed, Verdict::Failed, Verdict::NotRun].map(n_of);
-    format!("{passed} rows passed, {failed} failed, {not_run} did not run; {cases} cases")
+    format!("{} passed, {failed} failed, {not_run} did not run; {}", count(passed, "row"), count(cases, "case"))
 }
 
 /// The device, and how it was asked.

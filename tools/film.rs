@@ -5,6 +5,7 @@ use crate::files::make_folder;
 use crate::interrupt::{Interrupted, Stop};
 use crate::progress::Progress;
 use crate::render::check_finite;
+use crate::screen::out;
 use crate::synth::size;
 use anyhow::Context;
 use ivv::Constants;
@@ -18,6 +19,7 @@ use ivv::sound::scene_file::SoundScene;
 use ivv::sound::wav::{Depth, write};
 use ivv::stage::{Outputs, Renderer};
 use ivv::video::{Made, Video, VideoSettings};
+use ivv::words::count;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -30,15 +32,15 @@ const FOV: f64 = 50.0;
 /// Options of a video along a path.
 #[derive(clap::Args)]
 pub struct PathArgs {
-    /// The way of a head, for a video: TUM, CSV (t,x,y,z,qx,qy,qz,qw), or the JSON of nerfstudio and nerfview; seconds of the
-    /// clip, in the world of the scene.
+    /// Camera (head) path for a video: TUM, CSV (t,x,y,z,qx,qy,qz,qw), or the JSON of nerfstudio or nerfview. Times are
+    /// seconds of the clip; positions are in the scene's frame.
     #[arg(long)]
     path: Option<PathBuf>,
     /// The axes of the path's poses. By default the head's in a CSV, OpenGL's in a JSON, OpenCV's in a TUM file.
     #[arg(long, requires = "path")]
     path_convention: Option<Axes>,
-    /// The capture that the scene was trained on: its rate and length tell how seconds become the scene's time. Needed where
-    /// anything moves.
+    /// The capture that the scene was trained on. Its frame rate and length map seconds to scene time. A dynamic scene needs
+    /// it.
     #[arg(long, requires = "path")]
     capture: Option<PathBuf>,
     /// Frames per second. By default the path's, else the capture's, else 30.
@@ -50,13 +52,13 @@ pub struct PathArgs {
     /// Vertical field of view, degrees. By default the path's, else 50.
     #[arg(long, requires = "path")]
     fov: Option<f64>,
-    /// What is heard along the path: the scene.json of `ivv sound localize`.
+    /// Sound to hear along the path: the scene.json of `ivv sound localize`.
     #[arg(long, requires = "path")]
     sound: Option<PathBuf>,
     /// The ears: `sphere`, a SOFA file, or a folder of WAV files as SADIE's.
     #[arg(long, requires = "sound", default_value = "sphere")]
     hrtf: PathBuf,
-    /// Sound that is already rendered along the path, from the second 0 of the clip on.
+    /// Sound that was rendered along the path before. It starts at second 0 of the clip.
     #[arg(long, requires = "path", conflicts_with = "sound")]
     wav: Option<PathBuf>,
 }
@@ -175,8 +177,12 @@ pub fn run(
     let film = Film::new(args, path)?;
     let splats = read_scene(scene)?.by_degree();
     let is_still = splats.motion.is_empty();
-    anyhow::ensure!(is_still || film.clip.is_some(), "{} moves: give --capture, which tells its time", scene.display());
-    make_folder(output.parent().context("-o names no file")?)?;
+    anyhow::ensure!(
+        is_still || film.clip.is_some(),
+        "{} is dynamic; pass --capture to map seconds of the path to scene time",
+        scene.display()
+    );
+    make_folder(output.parent().context("-o must name a video file")?)?;
     let (sound, report) = sound(args, &film, output)?;
     let gpu = device.open()?;
     let mut renderer = Renderer::new(gpu, &splats, constants)?;
@@ -205,13 +211,13 @@ pub fn run(
         let line = serde_json::json!({
             "path": file, "frames": film.n_frames, "fps": film.fps, "seconds": seconds, "command": command, "sound": report,
         });
-        println!("{line}");
+        out!("{line}");
         return Ok(());
     }
     let (Made::Whole(file) | Made::Pictures { file, .. }) = &made;
-    println!("{}: {} frames at {} a second, in {seconds:.1} s", file.display(), film.n_frames, film.fps);
+    out!("{}: {}, {} per second, in {seconds:.1} s", file.display(), count(film.n_frames, "frame"), film.fps);
     if let Made::Pictures { command: Some(command), .. } = &made {
-        println!("ffmpeg is not installed; where it is, this makes {}:\n  {command}", output.display());
+        out!("ffmpeg is not installed; once it is, this command makes {}:\n  {command}", output.display());
     }
     Ok(())
 }

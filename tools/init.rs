@@ -1,6 +1,7 @@
 //! `ivv init`.
 
 use crate::begin;
+use crate::screen::out;
 use ivv::scene::capture::Capture;
 use ivv::train::{Config, Init};
 use std::path::PathBuf;
@@ -13,11 +14,11 @@ pub struct Args {
     /// The scene to write, a PLY in the capture's own frame.
     #[arg(short, long)]
     output: PathBuf,
-    /// flow: what stands still from the reference frame's points, what moves from those of every frame. concat: every
-    /// point of every frame.
+    /// flow: static Gaussians from the points of the reference frame, dynamic ones from the moving points of every frame.
+    /// concat: every point of every frame.
     #[arg(long, default_value = "flow")]
     mode: Mode,
-    /// With --mode flow: a point moves if the flow at it exceeds this in two views, or its only one; pixels per frame.
+    /// With --mode flow: a point moves if its flow exceeds this in two views, or in its only one; pixels per frame.
     #[arg(long, default_value_t = Config::default().init_flow_threshold)]
     threshold: f64,
 }
@@ -44,9 +45,9 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
             "dynamic_gaussians": initial.splats.motion.len(), "bytes": bytes, "counts": initial.counts,
             "ratio": initial.counts.map(|counts| counts.ratio()),
         });
-        println!("{line}");
+        out!("{line}");
     } else {
-        println!("{}: {initial}; {bytes} bytes", args.output.display());
+        out!("{}: {initial}; {bytes} bytes", args.output.display());
     }
     Ok(())
 }

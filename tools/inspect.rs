@@ -1,8 +1,10 @@
 //! `ivv inspect`.
 
 use crate::require;
+use crate::screen::out;
 use ivv::scene::{Quantiles, read_scene};
 use ivv::train::Review;
+use ivv::words::count;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 
@@ -19,27 +21,27 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     if json {
         let mut value = serde_json::to_value(&summary)?;
         value["reviews"] = serde_json::to_value(&reviews)?;
-        println!("{}", serde_json::to_string_pretty(&value)?);
+        out!("{}", serde_json::to_string_pretty(&value)?);
         return Ok(());
     }
     let mib = |bytes: u64| bytes as f64 / f64::from(1 << 20);
-    println!(
-        "{}: {} Gaussians, {} static and {} dynamic, SH degree {}",
+    out!(
+        "{}: {}, {} static and {} dynamic, SH degree {}",
         scene.display(),
-        summary.n,
+        count(summary.n, "Gaussian"),
         summary.n_static,
         summary.n_dynamic,
         summary.sh_degree
     );
     let by_degree = |counts: [usize; 4]| counts.map(|n| n.to_string()).join(" / ");
-    println!(
+    out!(
         "modelled:      {:.1} MiB of parameters; SH degree 0 / 1 / 2 / 3: {} static, {} dynamic",
         mib(summary.parameter_bytes),
         by_degree(summary.static_by_degree),
         by_degree(summary.dynamic_by_degree)
     );
-    println!("as PLY:        {} bytes each, {:.1} MiB in all", summary.ply_bytes_per_gaussian, mib(summary.ply_bytes));
-    println!(
+    out!("as PLY:        {} bytes each, {:.1} MiB in all", summary.ply_bytes_per_gaussian, mib(summary.ply_bytes));
+    out!(
         "on the device: {:.1} MiB: geometry {:.1}, motion {:.1}, SH by band {}",
         mib(summary.device.total),
         mib(summary.device.geometry),
@@ -47,20 +49,20 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         summary.device.sh_bands.iter().map(|b| format!("{:.1}", mib(*b))).collect::<Vec<_>>().join(" + ")
     );
     if let Some(b) = &summary.bounds {
-        println!("extent:        {:?} to {:?}; 98 % within {:?} to {:?}", b.min, b.max, b.p01, b.p99);
+        out!("extent:        {:?} to {:?}; 98 % within {:?} to {:?}", b.min, b.max, b.p01, b.p99);
     }
     let line = |q: &Quantiles| format!("{:.4} / {:.4} / {:.4}", q.p01, q.p50, q.p99);
     if let (Some(opacity), Some(scale)) = (&summary.opacity, &summary.scale) {
-        println!("1 % / median / 99 %: opacity {}, standard deviation {}", line(opacity), line(scale));
+        out!("1 % / median / 99 %: opacity {}, standard deviation {}", line(opacity), line(scale));
     }
     if let Some([first, last]) = summary.time_range {
-        println!("time:          peaks from {first} to {last}");
+        out!("time:          peaks from {first} to {last}");
     }
     if summary.n_non_finite > 0 {
-        println!("not finite:    {} Gaussians, which are never drawn", summary.n_non_finite);
+        out!("not finite:    {}, never drawn", count(summary.n_non_finite, "Gaussian"));
     }
     for review in &reviews {
-        println!("{}", require::told(review));
+        out!("{}", require::told(review));
     }
     Ok(())
 }

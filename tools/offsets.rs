@@ -2,6 +2,7 @@
 
 use crate::eval::Scorer;
 use crate::files::write_json;
+use crate::screen::{alert, out};
 use ivv::scene::capture::{Camera, Capture};
 use ivv::stage::Renderer;
 use ivv::train::{Agreement, OffsetFit, Trainer, fit_offset, offset_pictures};
@@ -64,7 +65,7 @@ pub fn freeze(trainer: &mut Trainer, scorer: &Scorer) -> ivv::Result<()> {
     let lost = cameras.iter().zip(&freeze).filter(|(_, freeze)| **freeze);
     let names: Vec<&str> = lost.map(|(camera, _)| camera.name.as_str()).collect();
     if !names.is_empty() {
-        eprintln!("time offsets set to 0, since the images do not tell them: cameras {}", names.join(", "));
+        alert!("could not estimate time offsets from the images; fixed at 0 for {}", names.join(", "));
         trainer.freeze_offsets(&freeze)?;
     }
     Ok(())
@@ -136,7 +137,7 @@ pub fn print(rows: &[Row]) {
     let width = rows.iter().map(|row| row.camera.chars().count()).fold(6, usize::max);
     let has_truth = rows.iter().any(|row| row.truth.is_some());
     let true_head = if has_truth { format!("{:>9}", "true") } else { String::new() };
-    println!("{:<width$} {:>9} {:>8} {true_head}  (frames)", "camera", "offset", "+-");
+    out!("{:<width$} {:>9} {:>8} {true_head}  (frames)", "camera", "offset", "+-");
     for row in rows {
         let error = row.standard_error.map_or("?".to_owned(), |error| format!("{error:.3}"));
         let truth = row.truth.map_or(String::new(), |truth| format!("{truth:>9.3}"));
@@ -146,10 +147,10 @@ pub fn print(rows: &[Row]) {
             How::Fitted => "test camera, fitted afterwards",
         };
         let how = if row.at_bound { "at the edge of the search: the true offset may be larger" } else { how };
-        println!("{:<width$} {:>9.3} {error:>8} {truth}  {how}", row.camera, row.offset);
+        out!("{:<width$} {:>9.3} {error:>8} {truth}  {how}", row.camera, row.offset);
     }
     if let Some(Agreement { rms_error, correlation }) = agreement(rows) {
         let correlation = correlation.map_or(String::new(), |r| format!(", correlation {r:.3}"));
-        println!("offsets learnt to {rms_error:.3} frames (root mean square){correlation}");
+        out!("offsets learnt to {rms_error:.3} frames (root mean square){correlation}");
     }
 }

@@ -1,5 +1,6 @@
 //! Times of passes against those of kernels that are well written for a CPU driver, without measuring the device first.
 
+use crate::screen::out;
 use ivv::stage::PassReport;
 use ivv::vk::{Caps, DeviceKind};
 
@@ -74,16 +75,17 @@ pub fn total(passes: &[TimedPass], label: &str) -> Option<TimedPass> {
     Some(TimedPass { units: 0.0, ..sum.times(1.0) })
 }
 
-/// Prints the passes of one `what`, and their sum.
+/// Prints the passes of one `what`, and their sum. The model is one of lavapipe that was measured on another machine, so a
+/// pass may be faster.
 pub fn print(passes: &[TimedPass], what: &str) {
     let Some(total) = total(passes, what) else { return };
     let (ms, units) = (format!("ms/{what}"), format!("units/{what}"));
-    println!("{:<40} {:>6} {ms:>10} {:>7} {units:>12} {:>9}", "pass", "calls", "share", "of limit");
+    out!("{:<40} {:>6} {ms:>10} {:>7} {units:>12} {:>9}", "pass", "calls", "share", "model, ms");
     for line in passes.iter().chain([&total]) {
-        let of_limit = line.of_limit.map_or("-".to_owned(), |f| format!("{:.0} %", 100.0 * f));
+        let model = line.limit_ms.map_or("-".to_owned(), |ms| format!("{ms:.3}"));
         let share = 100.0 * line.ms / total.ms;
         let TimedPass { label, dispatches, units, ms, .. } = line;
-        println!("{label:<40} {dispatches:>6.0} {ms:>10.3} {share:>6.1}% {units:>12.0} {of_limit:>9}");
+        out!("{label:<40} {dispatches:>6.0} {ms:>10.3} {share:>6.1}% {units:>12.0} {model:>9}");
     }
 }
 

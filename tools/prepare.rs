@@ -1,9 +1,12 @@
 //! `ivv prepare`.
 
 use crate::check::{self, Faulty};
+use crate::fault;
 use crate::progress::Pieces;
+use crate::screen::out;
 use anyhow::Context;
 use ivv::prepare::{ImageFormat, PrepareSettings, Triangulate, prepare};
+use ivv::words::count;
 use std::path::PathBuf;
 use std::sync::Mutex;
 
@@ -13,43 +16,43 @@ pub struct Args {
     /// A recording: ImViD or COLMAP's calibration beside videos, N3V, MeetRoom, Google Immersive, Dynamic3DGaussians,
     /// transforms.json, plain COLMAP, Pose2Sim, caliscope, or a capture folder.
     source: PathBuf,
-    /// The capture folder; a run that was interrupted is gone on with.
+    /// The capture folder. Run the same command again to continue an interrupted preparation.
     #[arg(short, long)]
     output: PathBuf,
-    /// Where videos and image sequences are, when not beside the calibration; of plain COLMAP, the folder of images below
-    /// the source.
+    /// The folder of the videos or image sequences, if they are not beside the calibration. For plain COLMAP: the folder of
+    /// images inside the source.
     #[arg(long)]
     footage: Option<PathBuf>,
-    /// First frame that is taken.
+    /// First frame to take.
     #[arg(long, default_value_t = 0)]
     start: u32,
-    /// Most frames that are taken.
+    /// Most frames to take.
     #[arg(long)]
     frames: Option<u32>,
     /// Takes every n-th frame.
     #[arg(long, default_value_t = 1)]
     every: u32,
-    /// Frames by which the clip begins later in a camera's footage, or earlier where negative, as `cam02=3,cam05=-1`: for
-    /// cameras that did not begin to record at one time.
+    /// Frames to skip at the start of a camera's footage, as `cam02=3,cam05=-1`, for cameras that did not start recording
+    /// together. A negative number starts earlier.
     #[arg(long, value_delimiter = ',', value_name = "CAMERA=FRAMES")]
     shift: Vec<String>,
     /// Size of the images relative to the source's, at most 1.
     #[arg(long, default_value_t = 1.0)]
     scale: f64,
-    /// Format of the images that are made; those that need no change are taken over as they are.
+    /// Format of new images. Images that need no change are copied as they are.
     #[arg(long, value_parser = ["png", "jpg"], default_value = "png")]
     format: String,
     /// Frames per second of image sequences.
     #[arg(long, default_value_t = PrepareSettings::new("".as_ref(), "".as_ref()).fps)]
     fps: f64,
-    /// Of which frames COLMAP triangulates points: none, reference, or every N-th. By default of every frame, unless the
-    /// source has points.
+    /// The frames of which COLMAP triangulates points: none, the reference frame, or every N-th. By default every frame, unless
+    /// the source has points.
     #[arg(long, num_args = 1..=2, value_names = ["none|reference|every", "N"])]
     triangulate: Option<Vec<String>>,
-    /// Estimates optical flow; dis is OpenCV's, by Python.
+    /// Estimates optical flow. dis: OpenCV's DIS, run in Python.
     #[arg(long, value_parser = ["dis"])]
     flow: Option<String>,
-    /// Names of the test cameras, where the source declares none or others. No points are made from them.
+    /// Names of the test cameras, instead of those that the source declares. No points are made from them.
     #[arg(long, value_delimiter = ',')]
     test_cameras: Option<Vec<String>>,
     /// Every n-th image of plain COLMAP and transforms.json is a test image; 0 for none.
@@ -58,7 +61,7 @@ pub struct Args {
     /// Replaces what was made with other settings, or a capture that was not made by `ivv prepare`.
     #[arg(long)]
     force: bool,
-    /// Threads, and the most programs that run at once; by default as many as there are cores.
+    /// Threads, and programs that run at once. By default the number of cores.
     #[arg(long)]
     threads: Option<usize>,
 }
@@ -71,26 +74,24 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         pieces.lock().unwrap_or_else(std::sync::PoisonError::into_inner).show(&progress);
     })?;
     drop(pieces);
+    let faulty = (prepared.report.n_faults > 0).then(|| anyhow::Error::from(Faulty(prepared.report.n_faults)));
     if json {
-        println!("{}", serde_json::to_string_pretty(&prepared)?);
+        fault::results(&prepared, faulty.as_ref())?;
     } else {
         let format = if prepared.source_format.is_empty() { "unknown format" } else { prepared.source_format };
-        println!("source:  {}, {format}", args.source.display());
+        out!("source:  {}, {format}", args.source.display());
         for note in &prepared.notes {
-            println!("note:    {note}");
+            out!("note:    {note}");
         }
         if !prepared.points.is_empty() {
             let counts = prepared.points.iter().map(|(_, n)| *n);
             let (least, most) = (counts.clone().min().unwrap_or(0), counts.clone().max().unwrap_or(0));
             let mean = counts.sum::<usize>() as f64 / prepared.points.len() as f64;
-            println!("points:  {mean:.0} a frame, {least} to {most}, of {} frames", prepared.points.len());
+            out!("points:  {mean:.0} a frame, {least} to {most}, of {}", count(prepared.points.len(), "frame"));
         }
         check::print(&prepared.report);
     }
-    match prepared.report.n_faults {
-        0 => Ok(()),
-        n => Err(Faulty(n).into()),
-    }
+    faulty.map_or(Ok(()), Err)
 }
 
 fn settings(args: &Args) -> anyhow::Result<PrepareSettings> {

@@ -6,6 +6,7 @@ use crate::files::{make_folder, write_json};
 use crate::passes::cpu_threads;
 use crate::progress::Progress;
 use crate::replay::{self, ReplayArgs};
+use crate::screen::out;
 use crate::settings::SettingArgs;
 use anyhow::Context;
 use ivv::Constants;
@@ -34,13 +35,13 @@ pub struct Args {
     /// Where profile.json, profile.md, profile.html, roofline.svg and trace.json go.
     #[arg(short, long, required_unless_present_any = ["replay", "disassemble"])]
     output: Option<PathBuf>,
-    /// Cameras to see a scene with, JSON (SPEC 9).
+    /// Cameras to render a scene from: a cameras file.
     #[arg(long)]
     cameras: Option<PathBuf>,
-    /// Steps, or views, whose passes are timed; as many more are not, to tell what the timing costs.
+    /// Steps, or views, to time pass by pass. As many more run without timing, to measure what it costs.
     #[arg(long, default_value_t = 20, value_parser = clap::value_parser!(u64).range(1..))]
     samples: u64,
-    /// Steps of a capture, or views of a scene, before the first that is timed.
+    /// Steps of a capture, or views of a scene, to run before timing.
     #[arg(long, default_value_t = 100)]
     warm_up: u64,
     /// Only writes the first dispatch of this kernel, with everything that it worked on, to OUTPUT/KERNEL.dispatch.
@@ -51,7 +52,7 @@ pub struct Args {
     disassemble: Option<String>,
     #[command(flatten)]
     replay: ReplayArgs,
-    /// The capture of a run, where it is not where it was.
+    /// The capture of a run, if it has moved since.
     #[arg(long)]
     capture_at: Option<PathBuf>,
     #[command(flatten)]
@@ -68,7 +69,9 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         let gpu = args.device.open()?;
         return replay::run(&args.replay, &gpu, json);
     }
-    let (Some(subject), Some(output)) = (&args.subject, &args.output) else { anyhow::bail!("--output is needed") };
+    let (Some(subject), Some(output)) = (&args.subject, &args.output) else {
+        anyhow::bail!("give -o, the folder for the results")
+    };
     if let Some(kernel) = &args.capture {
         kernel_named(kernel)
             .with_context(|| format!("--capture {kernel}: see shaders-glsl/README.md for the kernels"))?;
@@ -108,29 +111,31 @@ impl Measured {
             write_atomic(&output.join(file), |to| to.write_all(text.as_bytes()))?;
         }
         if json {
-            println!("{}", serde_json::to_string_pretty(&profile)?);
+            out!("{}", serde_json::to_string_pretty(&profile)?);
             return Ok(());
         }
-        print!("{}", profile.terminal());
-        println!("{}", output.join("profile.html").display());
+        out!("{}", profile.terminal().trim_end());
+        out!("{}", output.join("profile.html").display());
         Ok(())
     }
 }
 
 fn written(dispatch: Option<Dispatch>, kernel: &str, output: &Path, gpu: &Gpu) -> anyhow::Result<()> {
-    let dispatch = dispatch.with_context(|| format!("nothing here runs the kernel `{kernel}`"))?;
+    let dispatch = dispatch.with_context(|| {
+        format!("no pass here runs the kernel `{kernel}`; profile.md of the same run lists those that run")
+    })?;
     let file = output.join(format!("{kernel}.dispatch"));
     write_dispatch(&file, &dispatch, gpu)?;
-    println!("{}", file.display());
+    out!("{}", file.display());
     Ok(())
 }
 
 fn scene(args: &Args, subject: &Path, output: &Path, gpu: &Arc<Gpu>, json: bool) -> anyhow::Result<()> {
-    let views = read_views(args.cameras.as_deref().context("a scene needs --cameras")?)?;
+    let views = read_views(args.cameras.as_deref().context("give --cameras to profile a scene")?)?;
     let splats = read_scene(subject)?;
     let peaks = if args.capture.is_none() { Some(Peaks::measure(gpu)?) } else { None };
     let mut renderer = Renderer::new(gpu.clone(), &splats, Constants::default())?;
-    let Some(first) = views.first() else { anyhow::bail!("there is no view") };
+    let Some(first) = views.first() else { anyhow::bail!("the cameras file has no view; add one") };
     let Some(peaks) = peaks else {
         let kernel = args.capture.as_deref().unwrap_or_default();
         return written(renderer.capture(first, Outputs::Color, kernel)?, kernel, output, gpu);
@@ -175,7 +180,7 @@ fn training(args: &Args, subject: &Path, output: &Path, gpu: &Arc<Gpu>, json: bo
     let Training { capture, priors, mut trainer, seed } =
         if is_run { resumed(args, subject, gpu, steps)? } else { begun(args, subject, gpu, steps)? };
     let frames = capture.training_frames();
-    anyhow::ensure!(!frames.is_empty(), "{}: there is no training image", subject.display());
+    anyhow::ensure!(!frames.is_empty(), "{}: no training image; see `ivv check`", subject.display());
     let order: Vec<(usize, u32)> = (0..steps.div_ceil(frames.len() as u64))
         .flat_map(|epoch| permutation(frames.len(), &[seed, epoch]).into_iter().map(|i| frames[i]))
         .take(steps as usize)
@@ -221,7 +226,8 @@ fn resumed(args: &Args, run_folder: &Path, gpu: &Arc<Gpu>, steps: u64) -> anyhow
     let run = Run::read(run_folder)?;
     let capture = run.open_capture(args.capture_at.as_deref())?;
     let checkpoint = Checkpoint::newest(&run_folder.join("checkpoints"))?;
-    let mut checkpoint = checkpoint.context("the run has no checkpoint")?;
+    let mut checkpoint =
+        checkpoint.context("the run has no checkpoint yet; train it longer, or profile its capture")?;
     checkpoint.total = checkpoint.total.max(checkpoint.step + steps);
     let setup = Setup::new(&capture, &checkpoint.config);
     let (priors, _) = begin::priors(&capture, &checkpoint.config, &setup)?;
@@ -240,7 +246,7 @@ fn begun(args: &Args, folder: &Path, gpu: &Arc<Gpu>, steps: u64) -> anyhow::Resu
     let splats = begin::first_gaussians(&capture, &config)?;
     let (priors, _) = begin::priors(&capture, &config, &setup)?;
     let images = capture.training_frames().len() as u64;
-    let total = if config.steps > 0 { config.steps } else { u64::from(config.epochs) * images };
+    let total = config.total(images);
     let seed = config.seed;
     let trainer = Trainer::new(gpu.clone(), &splats, Constants::default(), config, total.max(steps), setup)?;
     Ok(Training { capture, priors, trainer, seed })

@@ -6,9 +6,11 @@ use crate::film::{self, PathArgs};
 use crate::interrupt::{Interrupted, Stop};
 use crate::passes::{self, TimedPass};
 use crate::progress::Progress;
+use crate::screen::{alert, out};
 use anyhow::Context;
 use ivv::scene::{Frame, View, read_scene, read_views};
 use ivv::stage::{FrameReport, Outputs, Renderer};
+use ivv::words::count;
 use ivv::{Constants, Knobs, TileBound};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -19,7 +21,7 @@ pub struct Args {
     /// A scene file: 3DGS or compressed PLY, .splat, .spz, or the folder or meta.json of a SOG.
     #[arg(long)]
     scene: PathBuf,
-    /// Cameras, JSON (SPEC 9).
+    /// A cameras file (JSON).
     #[arg(long, required_unless_present = "path", conflicts_with = "path")]
     cameras: Option<PathBuf>,
     /// The folder for the pictures; with --path the video: .mp4, .mov or .mkv (by ffmpeg), or .y4m.
@@ -28,7 +30,7 @@ pub struct Args {
     /// What to write: png (colour), exr (all outputs as named channels), safetensors (all outputs).
     #[arg(long, value_delimiter = ',', default_value = "png", conflicts_with = "path")]
     format: Vec<Format>,
-    /// Print the time of every pass, its share and its fraction of the ideal-limit model.
+    /// Print the time of every pass, its share, and its speed against a model of lavapipe.
     #[arg(long, conflicts_with = "path")]
     profile: bool,
     #[command(flatten)]
@@ -44,13 +46,13 @@ pub struct Args {
 /// How frames are computed: what may be traded for time, see `ivv trade`. The defaults are exact.
 #[derive(clap::Args)]
 pub struct KnobArgs {
-    /// The tiles that a Gaussian is listed for; changes no picture: ellipse, rectangle or square.
+    /// The tiles that a Gaussian is listed for: ellipse, rectangle or square. Changes no picture.
     #[arg(long, value_parser = tile_bound, default_value = "ellipse")]
     tile_bound: TileBound,
-    /// Ask every pixel of a tile about every Gaussian of its list; changes no picture.
+    /// Test every pixel of a tile against every Gaussian of its list. Changes no picture.
     #[arg(long)]
     no_block_cull: bool,
-    /// Project Gaussians at times when they do not show too; changes no picture.
+    /// Project Gaussians even at times when they are invisible. Changes no picture.
     #[arg(long)]
     no_time_cull: bool,
     /// Bits of the depths that Gaussians are sorted by: 32, 24 or 16.
@@ -83,30 +85,41 @@ impl KnobArgs {
     }
 }
 
-/// The rendering constants of SPEC 3 as options.
+/// The rendering constants as options.
 #[derive(clap::Args)]
 pub struct ConstantArgs {
-    /// A Gaussian contributes to a pixel when its alpha there is at least this.
-    #[arg(long, default_value_t = Constants::default().alpha_min)]
-    alpha_min: f32,
-    /// Alpha is clamped to this.
-    #[arg(long, default_value_t = Constants::default().alpha_max)]
-    alpha_max: f32,
-    /// A pixel is finished when the next Gaussian would bring its transmittance below this.
-    #[arg(long, default_value_t = Constants::default().t_min)]
-    t_min: f32,
-    /// Variance added to the projected covariance, square pixels.
-    #[arg(long, default_value_t = Constants::default().blur)]
-    blur: f32,
-    /// Gaussians at most this far before the camera are dropped, scene units.
-    #[arg(long, default_value_t = Constants::default().near)]
-    near: f32,
+    #[arg(long, help = help("Least alpha with which a Gaussian contributes to a pixel", Constants::default().alpha_min))]
+    alpha_min: Option<f32>,
+    #[arg(long, help = help("Largest alpha of a Gaussian at a pixel", Constants::default().alpha_max))]
+    alpha_max: Option<f32>,
+    #[arg(long, help = help("Transmittance below which no further Gaussian is blended", Constants::default().t_min))]
+    t_min: Option<f32>,
+    #[arg(long, help = help("Variance added to the projected covariance, square pixels", Constants::default().blur))]
+    blur: Option<f32>,
+    #[arg(long, help = help("Gaussians up to this far before the camera are dropped, scene units", Constants::default().near))]
+    near: Option<f32>,
+}
+
+fn help(what: &str, default: f32) -> String {
+    format!("{what} [default: {default}]")
 }
 
 impl ConstantArgs {
-    /// The constants, each in the range in which SPEC 3 makes sense.
+    /// The constants.
+    ///
+    /// # Errors
+    /// The first that is out of its range.
     pub fn checked(&self) -> anyhow::Result<Constants> {
-        let Self { alpha_min, alpha_max, t_min, blur, near } = *self;
+        let d = Constants::default();
+        let constants = Constants {
+            alpha_min: self.alpha_min.unwrap_or(d.alpha_min),
+            alpha_max: self.alpha_max.unwrap_or(d.alpha_max),
+            t_min: self.t_min.unwrap_or(d.t_min),
+            blur: self.blur.unwrap_or(d.blur),
+            near: self.near.unwrap_or(d.near),
+            ..d
+        };
+        let Constants { alpha_min, alpha_max, t_min, blur, near, .. } = constants;
         let checks = [
             (alpha_min > 0.0 && alpha_min < 1.0, "--alpha-min must lie between 0 and 1"),
             (alpha_max >= alpha_min && alpha_max < 1.0, "--alpha-max must lie between --alpha-min and 1"),
@@ -117,7 +130,23 @@ impl ConstantArgs {
         for (holds, message) in checks {
             anyhow::ensure!(holds, message);
         }
-        Ok(Constants { alpha_min, alpha_max, t_min, blur, near, ..Constants::default() })
+        Ok(constants)
+    }
+
+    /// What the options ask for that a run with the constants `run` does not have.
+    pub fn contradictions(&self, run: &Constants) -> Vec<String> {
+        let all = [
+            ("alpha-min", self.alpha_min, run.alpha_min),
+            ("alpha-max", self.alpha_max, run.alpha_max),
+            ("t-min", self.t_min, run.t_min),
+            ("blur", self.blur, run.blur),
+            ("near", self.near, run.near),
+        ];
+        let differ = |(name, asked, has): (&str, Option<f32>, f32)| {
+            let asked = asked.filter(|asked| *asked != has)?;
+            Some(format!("--{name}: the run has {has}, asked for is {asked}"))
+        };
+        all.into_iter().filter_map(differ).collect()
     }
 }
 
@@ -155,7 +184,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     }
     let constants = args.knobs.on(args.constants.checked()?)?;
     let stop = Stop::listen()?;
-    let views = read_views(args.cameras.as_deref().context("--cameras or --path is needed")?)?;
+    let views = read_views(args.cameras.as_deref().context("give --cameras or --path")?)?;
     let splats = read_scene(&args.scene)?.by_degree();
     make_folder(&args.output)?;
     let gpu = args.device.open()?;
@@ -198,7 +227,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     }
     let bad = reports.iter().map(|r| r.frame.bad_gaussians).max().unwrap_or(0);
     if bad > 0 {
-        eprintln!("ivv: {bad} Gaussians have parameters that are not finite; they were not drawn");
+        alert!("{} not drawn: their parameters are not finite", count(bad, "Gaussian"));
     }
     let caps = gpu.caps();
     let passes = reports.iter().flat_map(|r| &r.frame.passes).map(|pass| TimedPass::new(pass, caps));
@@ -208,12 +237,12 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         let report = serde_json::json!({
             "device": caps, "constants": constants, "views": reports, "profile": profile, "peak_bytes": peak_bytes,
         });
-        println!("{}", serde_json::to_string_pretty(&report)?);
+        out!("{}", serde_json::to_string_pretty(&report)?);
     } else if let Some(passes) = &profile {
         let mean = |f: fn(&FrameReport) -> u64| {
             reports.iter().map(|r| f(&r.frame)).sum::<u64>() as f64 / reports.len().max(1) as f64
         };
-        println!(
+        out!(
             "per view: {:.0} active, {:.0} visible, {:.0} intersections, {:.0} tiles",
             mean(|f| f.active),
             mean(|f| f.visible),
@@ -221,12 +250,12 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
             mean(|f| f.tiles)
         );
         passes::print(passes, "view");
-        println!("peak of device buffers: {:.1} MiB", peak_bytes as f64 / f64::from(1 << 20));
+        out!("peak of device buffers: {:.1} MiB", peak_bytes as f64 / f64::from(1 << 20));
     }
     Ok(())
 }
 
-/// SPEC 10: a picture with a value that is not finite is an error, not a picture.
+/// A picture with a value that is not finite is an error, not a picture.
 pub fn check_finite(frame: &Frame, view: &View) -> ivv::Result<()> {
     let values = frame.color.as_flattened().iter().chain(&frame.alpha).chain(&frame.depth);
     let values = values.chain(&frame.inverse_depth).chain(frame.flow.as_flattened());

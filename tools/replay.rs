@@ -1,8 +1,10 @@
 //! `ivv profile --replay` and `--disassemble`: single kernels.
 
+use crate::screen::out;
 use anyhow::Context;
 use ivv::gpu::{Gpu, KernelInfo, kernel_named};
 use ivv::profile::{Replay, Replayed, read_dispatch};
+use ivv::words::count;
 use rspirv::binary::Disassemble;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -36,7 +38,8 @@ pub fn run(args: &ReplayArgs, gpu: &Gpu, json: bool) -> anyhow::Result<()> {
     let (dispatch, captured) = read_dispatch(args.file().context("--replay names no file")?)?;
     let mut kernels = vec![captured];
     for name in &args.variant {
-        let kernel = kernel_named(name).with_context(|| format!("--variant {name}: there is no such kernel"))?;
+        let kernel = kernel_named(name)
+            .with_context(|| format!("--variant {name}: unknown kernel; see shaders-glsl/README.md"))?;
         if kernels.iter().all(|other| other.name != kernel.name) {
             kernels.push(kernel);
         }
@@ -45,7 +48,7 @@ pub fn run(args: &ReplayArgs, gpu: &Gpu, json: bool) -> anyhow::Result<()> {
     let show = |kernels: &[&'static KernelInfo]| -> anyhow::Result<()> {
         let lines = replay.run(kernels, args.n as usize)?;
         if json {
-            println!("{}", serde_json::to_string_pretty(&lines)?);
+            out!("{}", serde_json::to_string_pretty(&lines)?);
         } else {
             print(&lines, args.n);
         }
@@ -60,9 +63,9 @@ pub fn run(args: &ReplayArgs, gpu: &Gpu, json: bool) -> anyhow::Result<()> {
 }
 
 fn print(lines: &[Replayed], n: u32) {
-    println!(
+    out!(
         "{:<28} {:>11} {:>9} {:>24} {:>10} {:>11} {:>11} {:>11}",
-        format!("{n} runs each, in turns"),
+        format!("{} each, in turns", count(n, "run")),
         "median, ms",
         "MAD, ms",
         "ratio (95 %)",
@@ -73,11 +76,11 @@ fn print(lines: &[Replayed], n: u32) {
     );
     for line in lines {
         let Replayed { kernel, median_ns, mad_ns, ratio, from_first, from_captured } = line;
-        println!(
+        out!(
             "{kernel:<28} {:>11.4} {:>9.4} {:>24} {:>10} {:>11.3e} {:>11.3e} {:>11.3e}",
             median_ns / 1e6,
             mad_ns / 1e6,
-            format!("{:.3} ({:.3} to {:.3})", ratio.median, ratio.low, ratio.high),
+            ratio.to_string(),
             from_first.words,
             from_first.max_abs,
             from_first.max_rel,
@@ -88,23 +91,23 @@ fn print(lines: &[Replayed], n: u32) {
 
 /// Prints a kernel's SPIR-V, and how often it has which instruction.
 pub fn disassemble(name: &str, json: bool) -> anyhow::Result<()> {
-    let kernel: &KernelInfo =
-        kernel_named(name).with_context(|| format!("--disassemble {name}: there is no such kernel"))?;
+    let kernel: &KernelInfo = kernel_named(name)
+        .with_context(|| format!("--disassemble {name}: unknown kernel; see shaders-glsl/README.md"))?;
     let module = rspirv::dr::load_bytes(kernel.spirv).map_err(|e| anyhow::anyhow!("{name}: {e}"))?;
     let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
     for instruction in module.all_inst_iter() {
         *counts.entry(instruction.class.opname).or_default() += 1;
     }
     if json {
-        println!("{}", serde_json::to_string_pretty(&counts)?);
+        out!("{}", serde_json::to_string_pretty(&counts)?);
         return Ok(());
     }
-    println!("{}", module.disassemble());
+    out!("{}", module.disassemble());
     let mut counts: Vec<_> = counts.into_iter().collect();
     counts.sort_by_key(|(_, n)| std::cmp::Reverse(*n));
-    println!("; {} instructions of {}, {} bytes", counts.iter().map(|c| c.1).sum::<usize>(), name, kernel.spirv.len());
+    out!("; {} instructions of {}, {} bytes", counts.iter().map(|c| c.1).sum::<usize>(), name, kernel.spirv.len());
     for (name, n) in counts {
-        println!("; {n:>6} Op{name}");
+        out!("; {n:>6} Op{name}");
     }
     Ok(())
 }

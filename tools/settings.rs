@@ -9,26 +9,27 @@ use std::path::PathBuf;
 /// Settings of a run.
 #[derive(clap::Args)]
 pub struct SettingArgs {
-    /// Passes over all training images.
-    #[arg(long)]
+    /// Passes over all training images; with --resume, of the whole run.
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..), conflicts_with = "steps")]
     epochs: Option<u32>,
-    /// Steps, instead of what the epochs give.
-    #[arg(long)]
+    /// Steps, instead of what the epochs give; with --resume, of the whole run.
+    #[arg(long, value_parser = clap::value_parser!(u64).range(1..))]
     steps: Option<u64>,
-    /// Settings to begin from: reference, exact, balanced, fast, preview, or the path of a .json file of that form; see
-    /// `ivv trade`.
+    /// A preset to start from: reference, exact, balanced, fast, preview, or the path of a preset's .json file; `ivv trade`
+    /// measures them.
     #[arg(long)]
     preset: Option<String>,
-    /// Settings, JSON, after the preset; as config.json of an earlier run has them.
+    /// A JSON file of settings, such as an earlier run's config.json. It overrides the preset.
     #[arg(long)]
     config: Option<PathBuf>,
-    /// One setting, KEY=VALUE, after the file; nested keys with dots, as density.strategy=mcmc or lr.scale=1e-2.
+    /// One setting, KEY=VALUE, for example density.strategy=mcmc or lr.scale=1e-2. It overrides the file; may be given several
+    /// times.
     #[arg(long = "set")]
     set: Vec<String>,
-    /// Gaussians never exceed this.
+    /// Most Gaussians.
     #[arg(long)]
     max_gaussians: Option<usize>,
-    /// Seed of the order of the images, the initial points and density control.
+    /// Seed of the image order, the first Gaussians and density control.
     #[arg(long)]
     seed: Option<u64>,
     /// Highest degree of the spherical harmonics.
@@ -38,19 +39,55 @@ pub struct SettingArgs {
 
 /// The settings that KEY=VALUE changes; keys of nested ones with dots.
 pub fn patch(set: &str) -> anyhow::Result<Value> {
-    let (key, text) = set.split_once('=').context("KEY=VALUE is needed")?;
+    let (key, text) = set.split_once('=').context("expected KEY=VALUE")?;
     let pointer = format!("/{}", key.replace('.', "/"));
     let mut all = serde_json::to_value(Config::default())?;
-    all.pointer_mut(&pointer).context("there is no such setting")?;
+    all.pointer_mut(&pointer).context("unknown setting; config.json of a run lists all")?;
     // JSON, or a bare word.
     let value = serde_json::from_str(text).unwrap_or_else(|_| text.into());
     Ok(key.rsplit('.').fold(value, |inner, key| json!({ key: inner })))
 }
 
+/// The settings in which `asked` differs from `has`, with their values.
+fn differences(key: &str, has: &Value, asked: &Value, found: &mut Vec<String>) {
+    match (has, asked) {
+        (Value::Object(has), Value::Object(asked)) => {
+            for (name, value) in asked {
+                let key = if key.is_empty() { name.clone() } else { format!("{key}.{name}") };
+                differences(&key, has.get(name).unwrap_or(&Value::Null), value, found);
+            }
+        }
+        _ if has == asked => {}
+        _ => found.push(format!("{key}: the run has {has}, asked for is {asked}")),
+    }
+}
+
 impl SettingArgs {
+    /// The settings of a run that goes on for as long as --steps or --epochs ask.
+    pub fn extended(&self, run: &Config) -> Config {
+        let mut config = run.clone();
+        if let Some(epochs) = self.epochs {
+            (config.epochs, config.steps) = (epochs, 0);
+        }
+        config.steps = self.steps.unwrap_or(config.steps);
+        config
+    }
+
+    /// What else the flags ask for that `run` does not have.
+    pub fn contradictions(&self, run: &Config) -> anyhow::Result<Vec<String>> {
+        let asked = Config { steps: run.steps, epochs: run.epochs, ..self.on(run)? };
+        let mut found = Vec::new();
+        differences("", &serde_json::to_value(run)?, &serde_json::to_value(asked)?, &mut found);
+        Ok(found)
+    }
+
     /// The defaults, then the preset, then the file, then each `--set`, then the flags.
     pub fn resolve(&self) -> anyhow::Result<Config> {
-        let mut value = serde_json::to_value(Config::default())?;
+        self.on(&Config::default())
+    }
+
+    fn on(&self, config: &Config) -> anyhow::Result<Config> {
+        let mut value = serde_json::to_value(config)?;
         if let Some(name) = &self.preset {
             let preset = Preset::find(name)?;
             merge(&mut value, &preset.settings);

@@ -1,9 +1,11 @@
 //! `ivv synth`.
 
 use crate::progress::Progress;
+use crate::screen::out;
 use anyhow::Context;
 use clap::builder::PossibleValuesParser;
 use ivv::synth::{Noise, Options, Preset, Rig, write_capture};
+use ivv::words::count;
 use std::path::PathBuf;
 
 /// Lines of progress.
@@ -20,10 +22,10 @@ pub struct Args {
     /// --masks and --noise all. outward: small with 12 cameras that look outward. room: 20 cameras, 480 x 360, 60 frames.
     #[arg(long, default_value = "small", value_parser = PossibleValuesParser::new(Preset::ALL.map(Preset::name)))]
     preset: String,
-    /// Decides colours, textures, speeds and all noise.
+    /// Seed of colours, textures, speeds and all noise.
     #[arg(long, default_value_t = 42)]
     seed: u64,
-    /// Lets each training camera's clock be off by a part of a frame.
+    /// Shifts each training camera's clock by a fraction of a frame.
     #[arg(long)]
     offsets: bool,
     /// Gives each training camera its own colour transform.
@@ -32,10 +34,11 @@ pub struct Args {
     /// Covers a corner of every second training camera's images and writes masks that say so.
     #[arg(long)]
     masks: bool,
-    /// What is noisy: nothing; points, flow, depth and keypoints; these and the images. By default as the preset says.
+    /// Where noise is added: nowhere; to points, flow, depth and keypoints; to these and the images. By default as the preset
+    /// says.
     #[arg(long, value_parser = PossibleValuesParser::new(["none", "priors", "all"]))]
     noise: Option<String>,
-    /// Where the cameras stand. By default as the preset says.
+    /// Which way the cameras face. By default as the preset says.
     #[arg(long, value_parser = PossibleValuesParser::new(["inward", "outward"]))]
     rig: Option<String>,
     /// Cameras in all, instead of the preset's.
@@ -57,19 +60,19 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         progress.reach(done, total, "pictures, point clouds and recordings");
     })?;
     if json {
-        println!("{}", serde_json::json!({ "path": args.output, "options": options, "summary": summary }));
+        out!("{}", serde_json::json!({ "path": args.output, "options": options, "summary": summary }));
         return Ok(());
     }
-    println!(
-        "{}: {} cameras ({} for test), {} frames, {} images of {} x {}, {} points ({} outliers)",
+    out!(
+        "{}: {} ({} for testing), {}, {} of {} x {}, {} ({} outliers)",
         args.output.display(),
-        summary.cameras,
+        count(summary.cameras, "camera"),
         summary.test_cameras,
-        summary.frames,
-        summary.images,
+        count(summary.frames, "frame"),
+        count(summary.images, "image"),
         options.width,
         options.height,
-        summary.points,
+        count(summary.points, "point"),
         summary.outliers,
     );
     Ok(())
@@ -101,6 +104,6 @@ fn options(args: &Args) -> anyhow::Result<Options> {
 /// WIDTHxHEIGHT.
 pub fn size(text: &str) -> Result<(u32, u32), String> {
     let number = |text: &str| text.parse::<u32>().map_err(|e| format!("{text}: {e}"));
-    let (width, height) = text.split_once('x').ok_or("WIDTHxHEIGHT is needed, as 128x96")?;
+    let (width, height) = text.split_once('x').ok_or("expected WIDTHxHEIGHT, for example 128x96")?;
     Ok((number(width)?, number(height)?))
 }

@@ -5,6 +5,7 @@ use crate::device::DeviceArgs;
 use crate::files::{make_folder, read_json, write_json};
 use crate::offsets;
 use crate::progress::Progress;
+use crate::screen::out;
 use crate::settings::{SettingArgs, patch};
 use anyhow::Context;
 use ivv::Constants;
@@ -35,29 +36,29 @@ const CACHE: u64 = 64 << 20;
 /// Options of `ivv trade`.
 #[derive(clap::Args)]
 pub struct Args {
-    /// A capture with test cameras; a synthetic one knows its flow and its clocks.
+    /// A capture with test cameras. A synthetic one also has true flow and clocks to compare with.
     capture: PathBuf,
-    /// Where trade.md, trade.json and trade.svg go, and the runs of each seed, which are not made again.
+    /// The folder for trade.md, trade.json, trade.svg and the runs of each seed. Runs that are there are not repeated.
     #[arg(short, long)]
     output: PathBuf,
-    /// Seeds; every setting is run with each of them.
+    /// Seeds. Every setting runs once with each.
     #[arg(long, value_delimiter = ',', default_value = "1,2,3")]
     seeds: Vec<u64>,
-    /// Presets that are measured, by name or path; `exact`, which all else is compared with, always is.
+    /// Presets to measure, by name or path. `exact`, with which all others are compared, is always among them.
     #[arg(long, value_delimiter = ',', default_value = "reference,balanced,fast,preview")]
     presets: Vec<String>,
-    /// A single setting that is measured, KEY=VALUE as for --set; may be given several times. A list of all that trade
-    /// accuracy for speed without it.
+    /// A single setting to measure, KEY=VALUE as for --set; may be given several times. By default all settings that trade
+    /// accuracy for speed.
     #[arg(long)]
     knob: Vec<String>,
-    /// The preset that is measured without each of its settings.
+    /// The preset to measure again without each of its settings.
     #[arg(long, default_value = "fast")]
     without: String,
-    /// Measure presets alone, no single settings.
+    /// Measure presets only, no single settings.
     #[arg(long, conflicts_with_all = ["knob", "without"])]
     only_presets: bool,
-    /// Test cameras that are scored; all without it. What a camera sees that stands apart from those of training is luck, and
-    /// varies more than any setting moves it.
+    /// Test cameras to score; all by default. Cameras far from the training cameras vary more between seeds than between
+    /// settings; exclude them.
     #[arg(long, value_delimiter = ',')]
     test_cameras: Vec<String>,
     /// Steps of a run that are timed together before the next run's turn.
@@ -81,7 +82,7 @@ struct Bench<'a> {
 }
 
 pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
-    anyhow::ensure!(!args.seeds.is_empty(), "--seeds names none");
+    anyhow::ensure!(!args.seeds.is_empty(), "--seeds needs at least one seed");
     let shared = args.settings.resolve()?;
     let arms = arms(args, &shared)?;
     let capture = Capture::open(&args.capture)?;
@@ -92,12 +93,12 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let mut test_frames = capture.test_frames();
     for name in &args.test_cameras {
         let is_there = test_frames.iter().any(|(camera, _)| capture.cameras[*camera].name == *name);
-        anyhow::ensure!(is_there, "--test-cameras {name}: no test camera is called so");
+        anyhow::ensure!(is_there, "--test-cameras: the capture has no test camera `{name}`");
     }
     let scored = &args.test_cameras;
     test_frames.retain(|(camera, _)| scored.is_empty() || scored.contains(&capture.cameras[*camera].name));
     if n_training == 0 || test_frames.is_empty() {
-        let reason = "has no training image or no test image";
+        let reason = "needs at least one training image and one test image";
         return Err(ivv::Error::data(&args.capture, "", reason, "see `ivv check`").into());
     }
     make_folder(&args.output)?;
@@ -132,9 +133,9 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     write_atomic(&args.output.join("trade.md"), |to| to.write_all(text.as_bytes()))?;
     write_atomic(&args.output.join("trade.svg"), |to| to.write_all(trade.svg().as_bytes()))?;
     if json {
-        println!("{}", serde_json::to_string_pretty(&all)?);
+        out!("{}", serde_json::to_string_pretty(&all)?);
     } else {
-        println!("{text}\n{}", args.output.join("trade.md").display());
+        out!("{text}\n{}", args.output.join("trade.md").display());
     }
     Ok(())
 }

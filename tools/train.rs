@@ -4,114 +4,107 @@ use crate::begin;
 use crate::device::DeviceArgs;
 use crate::due::{Due, DueArgs};
 use crate::eval::Scorer;
-use crate::files::{make_folder, write_json};
+use crate::files::write_json;
 use crate::interrupt::{Interrupted, Stop};
 use crate::offsets;
 use crate::passes::{self, TimedPass};
 use crate::progress::Steps;
 use crate::render::ConstantArgs;
 use crate::require;
+use crate::screen::{alert, out, say};
 use crate::settings::SettingArgs;
+use crate::start::Start;
 use crate::totals::{ProfiledStep, Seconds, totals};
 use anyhow::Context;
-use ivv::scene::capture::{Capture, CaptureSettings, FrameCache, PriorPlan};
-use ivv::scene::read_views;
+use ivv::scene::capture::{FrameCache, PriorPlan};
 use ivv::stage::PassReport;
 use ivv::train::{
-    Checkpoint, DepthSummary, Evaluation, Kind, Log, Plan, Run, Setup, StepReport, Trainer, permutation, spread,
+    Checkpoint, DepthSummary, Evaluation, Kind, Log, Plan, Setup, StepReport, Trainer, permutation, spread,
 };
+use ivv::words::count;
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Instant;
 
 /// Options of `ivv train`.
 #[derive(clap::Args)]
 pub struct Args {
-    /// A capture: SPEC 8's folder, COLMAP, transforms.json or Dynamic3DGaussians; see `ivv check`.
-    capture: PathBuf,
+    /// A capture: the project's own folder, COLMAP, transforms.json or Dynamic3DGaussians; see `ivv check`. With --resume
+    /// only where it has moved.
+    #[arg(required_unless_present = "resume")]
+    pub capture: Option<PathBuf>,
     /// The run folder: run.json, config.json, train.jsonl, train.json, checkpoints, scene.ply, eval.json, renders,
     /// report.html.
     #[arg(short, long)]
-    output: PathBuf,
+    pub output: PathBuf,
     #[command(flatten)]
-    settings: SettingArgs,
-    /// Bytes of decoded images kept ahead.
+    pub settings: SettingArgs,
+    /// Bytes of images to decode ahead.
     #[arg(long, default_value_t = 256 << 20)]
     cache_bytes: u64,
     /// Steps between two lines of train.jsonl.
     #[arg(long, default_value_t = 20, value_parser = clap::value_parser!(u64).range(1..))]
     log_every: u64,
-    /// Cameras to test on, by name, separated by commas; the capture's own choice without it.
+    /// Names of the test cameras, separated by commas, instead of those that the capture declares.
     #[arg(long, value_delimiter = ',')]
-    test_cameras: Option<Vec<String>>,
-    /// A cameras file (JSON) of views that the scene will be seen from, in the capture's world: nothing wide is left just
-    /// before them. They take the place of no test: scores of test cameras that are named here say less. run.json keeps them.
+    pub test_cameras: Option<Vec<String>>,
+    /// A cameras file (JSON) of views, in the capture's world, that the scene will be seen from: training keeps clear what lies
+    /// just before them. run.json and the report name them; do not give the cameras that you test on.
     #[arg(long, conflicts_with = "resume")]
-    viewpoints: Option<PathBuf>,
-    /// Goes on from the newest checkpoint of the run folder, with its settings, cameras and constants.
+    pub viewpoints: Option<PathBuf>,
+    /// Continues the run in the run folder from its newest checkpoint, with its settings, cameras and constants. With --steps
+    /// or --epochs it goes on for as long as these say, an ended run too: learning rates and density control are then those
+    /// of a run of that length, which may raise the rates and lower the scores for a while.
     #[arg(long)]
-    resume: bool,
-    /// Begins anew in a folder that holds a run, whose checkpoints are removed.
+    pub resume: bool,
+    /// Replaces the run in the run folder.
     #[arg(long, conflicts_with = "resume")]
-    overwrite: bool,
+    pub overwrite: bool,
     #[command(flatten)]
     due: DueArgs,
     /// Print the mean time of every pass of a step.
     #[arg(long)]
     profile: bool,
     #[command(flatten)]
-    constants: ConstantArgs,
+    pub constants: ConstantArgs,
     #[command(flatten)]
-    device: DeviceArgs,
+    pub device: DeviceArgs,
 }
 
 pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
-    let start = Instant::now();
+    let begun = Instant::now();
     let stop = Stop::listen()?;
-    let checkpoints = args.output.join("checkpoints");
-    let resumed = newest_checkpoint(args, &checkpoints)?;
-    let config = match &resumed {
-        Some(checkpoint) => checkpoint.config.clone(),
-        None => args.settings.resolve()?,
-    };
-    let (capture, run) = capture(args, resumed.is_some())?;
+    let start = Start::new(args)?;
+    let Start { gpu, run, capture, config, total, checkpoints, resumed, .. } = &start;
+    let total = *total;
     let (training, test) = (capture.training_frames(), capture.test_frames());
-    if training.is_empty() {
-        return Err(ivv::Error::data(&args.capture, "", "has no training image", "see `ivv check`").into());
-    }
-    let total = if config.steps > 0 { config.steps } else { u64::from(config.epochs) * training.len() as u64 };
-    make_folder(&args.output)?;
-    write_json(&args.output.join("config.json"), &config)?;
-    run.write(&args.output)?;
-    let gpu = args.device.open()?;
-    let setup = Setup::new(&capture, &config);
-    let splats = match &resumed {
+    let setup = Setup::new(capture, config);
+    let splats = match resumed {
         Some(checkpoint) => checkpoint.params.clone(),
-        None => begin::first_gaussians(&capture, &config)?,
+        None => begin::first_gaussians(capture, config)?,
     };
     if config.loss.lpips > 0.0 && config.loss.lpips_weights.is_none() {
-        eprintln!("LPIPS is off: there are no weights, see --set loss.lpips_weights");
+        say!("LPIPS is off: it needs weights, given by --set loss.lpips_weights=FILE");
     }
-    let (priors, depth_summary) = begin::priors(&capture, &config, &setup)?;
-    let plan = begin::plan(&capture, &config, &setup, &splats, gpu.caps(), args.cache_bytes);
-    eprintln!("{plan}");
-    let trainer = match &resumed {
+    let (priors, depth_summary) = begin::priors(capture, config, &setup)?;
+    let plan = begin::plan(capture, config, &setup, &splats, gpu.caps(), args.cache_bytes);
+    say!("{plan}");
+    let mut trainer = match resumed {
         Some(checkpoint) => Trainer::resume(gpu.clone(), checkpoint, run.constants, setup)?,
-        None => {
-            Checkpoint::remove_all(&checkpoints)?;
-            Trainer::new(gpu.clone(), &splats, run.constants, config.clone(), total, setup)?
-        }
+        None => Trainer::new(gpu.clone(), &splats, run.constants, config.clone(), total, setup)?,
     };
+    start.extend(&mut trainer)?;
     let before = trainer.step();
     if let Some(n @ 1..) = splats.len().checked_sub(trainer.n_gaussians() as usize) {
-        eprintln!("{n} Gaussians are left out: not finite, or too bright");
+        alert!("{} left out: not finite, or too bright", count(n, "Gaussian"));
     }
-    eprintln!(
-        "{} training images, {} test images, {} Gaussians, steps {} to {total}, SH degree {}",
-        training.len(),
-        test.len(),
-        trainer.n_gaussians(),
-        before + 1,
+    let steps =
+        if before < total { format!("steps {} to {total}", before + 1) } else { format!("all {total} steps done") };
+    say!(
+        "{}, {}, {}, {steps}, SH degree {}",
+        count(training.len(), "training image"),
+        count(test.len(), "test image"),
+        count(trainer.n_gaussians(), "Gaussian"),
         config.sh_degree
     );
     let order: Vec<(usize, u32)> = (0..total.div_ceil(training.len() as u64))
@@ -122,17 +115,17 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let log = Log::open(&args.output, before);
     let mut session = Session {
         args,
-        scorer: Scorer { gpu: &gpu, capture: &capture, run: &run, config: &config },
+        scorer: Scorer { gpu, capture, run, config },
         trainer,
         total,
         plan,
         priors,
         depth_summary,
-        checkpoints,
+        checkpoints: checkpoints.clone(),
         some_test: spread(&test, args.due.eval_images),
         due: Due::new(&args.due, total),
         progress: Steps::new(total, before),
-        start,
+        start: begun,
         seconds: 0.0,
         seconds_before: log.series(Kind::Step, "seconds").last().map_or(0.0, |[_, seconds]| *seconds),
         waited: 0.0,
@@ -214,7 +207,7 @@ impl Session<'_> {
                 Checkpoint::keep_best(&self.checkpoints, step, psnr)?;
             }
             if is_stopped {
-                return Err(Interrupted("a checkpoint was written; go on with --resume").into());
+                return Err(Interrupted("a checkpoint was written; continue with --resume").into());
             }
         }
         Ok(())
@@ -228,7 +221,7 @@ impl Session<'_> {
         self.seconds += begun.elapsed().as_secs_f64();
         let told = require::told(&review);
         if !told.is_empty() {
-            self.progress.note(&told);
+            say!("{told}");
         }
         self.log.push(Kind::Review, &review)?;
         Ok(())
@@ -256,7 +249,7 @@ impl Session<'_> {
         let Some(Evaluation { mean, views, .. }) = &scored else { return Ok(None) };
         self.progress.scored(step, mean.psnr, mean.ssim, views.len());
         self.log.push(Kind::Evaluation, &scored)?;
-        let best = Checkpoint::best(&self.checkpoints);
+        let best = Checkpoint::best(&self.checkpoints)?;
         Ok(best.is_none_or(|(_, psnr)| mean.psnr > psnr).then_some(mean.psnr))
     }
 
@@ -300,54 +293,24 @@ impl Session<'_> {
         self.log.write()?;
         let report = self.scorer.report(scores.as_ref(), &examples, output, output)?;
         if json {
-            println!("{}", serde_json::to_string_pretty(&totals)?);
+            out!("{}", serde_json::to_string_pretty(&totals)?);
             return Ok(());
         }
-        let quality = scores.as_ref().map_or("no test images".to_owned(), |scores| {
+        let quality = scores.as_ref().map_or("no test images (name some with --test-cameras)".to_owned(), |scores| {
             let Evaluation { mean, views, .. } = &scores.evaluation;
-            format!("{} test images: PSNR {:.2} dB, SSIM {:.4}", views.len(), mean.psnr, mean.ssim)
+            format!("{}: PSNR {:.2} dB, SSIM {:.4}", count(views.len(), "test image"), mean.psnr, mean.ssim)
         });
         if !offsets.is_empty() {
             offsets::print(&offsets);
         }
         let (n, step) = (splats.len(), seconds.seconds_per_step);
-        println!("{quality}; {n} Gaussians, {step:.3} s a step; {}", report.display());
+        out!("{quality}; {}, {step:.3} s a step; {}", count(n, "Gaussian"), report.display());
         if self.args.profile {
             let passes = totals["profile"]["passes"].clone();
             passes::print(&serde_json::from_value::<Vec<TimedPass>>(passes)?, "step");
         }
         Ok(())
     }
-}
-
-/// The checkpoint to go on from.
-///
-/// # Errors
-/// [`ivv::Error::Data`] when the folder holds a run and nothing says what to do with it.
-fn newest_checkpoint(args: &Args, folder: &Path) -> ivv::Result<Option<Checkpoint>> {
-    if args.resume {
-        return Checkpoint::newest(folder);
-    }
-    if !args.overwrite && Checkpoint::any_in(folder) {
-        let remedy = "go on with --resume, begin anew with --overwrite, or choose another folder with -o";
-        return Err(ivv::Error::data(folder, "", "holds the checkpoints of a run", remedy));
-    }
-    Ok(None)
-}
-
-/// The capture in the frame of training, and what run.json says of it; a run that goes on has the cameras and constants that it had.
-fn capture(args: &Args, goes_on: bool) -> anyhow::Result<(Capture, Run)> {
-    if goes_on {
-        let run = Run::read(&args.output)?;
-        let capture = run.open_capture(Some(&args.capture))?;
-        return Ok((capture, run));
-    }
-    let constants = args.constants.checked()?;
-    let settings = CaptureSettings { test_cameras: args.test_cameras.clone(), ..CaptureSettings::default() };
-    let mut capture = Capture::open_with(&args.capture, &settings)?;
-    capture.viewpoints = args.viewpoints.as_deref().map_or(Ok(Vec::new()), read_views)?;
-    let run = Run::new(&capture, constants)?;
-    Ok((capture.transformed(&run.world), run))
 }
 
 /// A line about a step whose passes were timed.

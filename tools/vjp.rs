@@ -1,6 +1,7 @@
 //! `ivv vjp`.
 
 use crate::device::DeviceArgs;
+use crate::screen::out;
 use anyhow::ensure;
 use ivv::scene::{Frame, Splats, Tensor, View, read_scene, read_tensors, read_views, write_tensors};
 use ivv::stage::{Accumulation, Gradients, Renderer};
@@ -13,7 +14,7 @@ pub struct Args {
     /// A scene file, as for render.
     #[arg(long)]
     scene: PathBuf,
-    /// Cameras, JSON (SPEC 9); the first view is taken.
+    /// A cameras file; its first view is taken.
     #[arg(long)]
     cameras: PathBuf,
     /// Cotangents of the outputs: safetensors with any of color, alpha, depth, inverse_depth, flow.
@@ -56,7 +57,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let constants = args.constants.checked()?;
     let views = read_views(&args.cameras)?;
     let Some(view) = views.first() else {
-        return Err(ivv::Error::data(&args.cameras, "views", "holds no view", "add one").into());
+        return Err(ivv::Error::data(&args.cameras, "views", "has no view", "add one").into());
     };
     let cotangents = cotangents(args, view)?;
     let splats = read_scene(&args.scene)?;
@@ -69,12 +70,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     }
     write_gradients(&args.output, &gradients, &splats)?;
     let n = splats.len();
-    println!(
-        "{}: gradients of view `{}`, {} of {n} Gaussians visible",
-        args.output.display(),
-        view.name,
-        report.visible
-    );
+    out!("{}: gradients of view `{}`, {} of {n} Gaussians visible", args.output.display(), view.name, report.visible);
     Ok(())
 }
 
@@ -94,7 +90,7 @@ fn cotangents(args: &Args, view: &View) -> anyhow::Result<Frame> {
     };
     if let Some(name) = tensors.keys().next() {
         let remedy = "name color, alpha, depth, inverse_depth or flow";
-        return Err(ivv::Error::data(&args.cotangents, name, "is no output of a render", remedy).into());
+        return Err(ivv::Error::data(&args.cotangents, name, "unknown output", remedy).into());
     }
     ensure!(w * h > 0, "the view has no pixels");
     Ok(frame)
@@ -112,11 +108,16 @@ fn take(
     let Some(tensor) = tensors.remove(name) else { return Ok(vec![0.0; w * h * channels]) };
     let shape: &[usize] = if channels == 1 { &[h, w] } else { &[h, w, channels] };
     if tensor.shape != shape {
-        let reason = format!("has shape {:?}, the view asks for {shape:?}", tensor.shape);
+        let reason = format!("has shape {:?}, expected {shape:?} for this view", tensor.shape);
         return Err(ivv::Error::data(&args.cotangents, name, reason, "make it for this view"));
     }
     if let Some(at) = tensor.data.iter().position(|x| !x.is_finite()) {
-        return Err(ivv::Error::data(&args.cotangents, format!("{name}[{at}]"), "is not finite", "mend it"));
+        return Err(ivv::Error::data(
+            &args.cotangents,
+            format!("{name}[{at}]"),
+            "is not finite",
+            "replace it by a finite number",
+        ));
     }
     Ok(tensor.data.iter().map(|x| *x as f32).collect())
 }

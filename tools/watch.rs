@@ -3,6 +3,7 @@
 //! The compiler is that of the build: its script is run again for the one kernel.
 
 use crate::interrupt::{Interrupted, Stop};
+use crate::screen::{alert, say};
 use anyhow::Context;
 use ivv::gpu::KernelInfo;
 use std::fmt::Write;
@@ -22,7 +23,7 @@ pub fn watch(
     let stop = Stop::listen()?;
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let (mut seen, mut version) = (newest(root)?, 0);
-    eprintln!("watching {}; Ctrl-C ends it", root.join("shaders-glsl").display());
+    say!("watching {}; Ctrl-C ends it", root.join("shaders-glsl").display());
     while !stop.is_asked() {
         std::thread::sleep(EVERY);
         let now = newest(root)?;
@@ -32,7 +33,7 @@ pub fn watch(
         (seen, version) = (now, version + 1);
         match compile(root, kernel, version) {
             Ok(edited) => show(edited)?,
-            Err(fault) => eprintln!("{fault:#}"),
+            Err(fault) => alert!("{fault:#}"),
         }
     }
     Err(Interrupted("the shaders are watched no more").into())

@@ -10,7 +10,7 @@ use serde_json::Value;
 use super::PrepareSettings;
 use crate::error::{Error, Result};
 use crate::scene::capture::JOURNAL;
-use crate::scene::write_atomic;
+use crate::scene::{remove_temporaries, write_atomic};
 
 /// The parts of a capture that each stage makes; all depend on the first.
 const STAGES: [(&str, &[&str]); 3] = [
@@ -64,7 +64,7 @@ impl Journal {
     /// images all that was made from them; that needs `force`, as does removing files of which nothing is known.
     pub fn begin(&mut self, stage: &'static str, made_from: Value) -> Result<()> {
         if self.record.made_from.get(stage) == Some(&made_from) {
-            remove_temporaries(&self.output)?;
+            remove_temporaries(&self.output, 2)?;
             return Ok(());
         }
         let anew: Vec<_> = STAGES.iter().filter(|(name, _)| *name == stage || stage == STAGES[0].0).collect();
@@ -122,22 +122,4 @@ fn is_empty(path: &Path) -> Result<bool> {
 
 pub(super) fn cannot_list(path: &Path, fault: &std::io::Error) -> Error {
     Error::data(path, "", format!("cannot be listed: {fault}"), "check the path and its permissions")
-}
-
-/// Removes what a killed run left of files that it was writing, two folders deep.
-fn remove_temporaries(folder: &Path) -> Result<()> {
-    let mut folders = vec![(folder.to_owned(), 0)];
-    while let Some((folder, depth)) = folders.pop() {
-        for entry in fs::read_dir(&folder).map_err(|fault| cannot_list(&folder, &fault))?.flatten() {
-            let name = entry.file_name();
-            let name = name.to_string_lossy();
-            if name.starts_with('.') && name.ends_with(".tmp") {
-                // One that stays does no harm.
-                let _ = fs::remove_file(entry.path());
-            } else if depth < 2 && entry.file_type().is_ok_and(|kind| kind.is_dir()) {
-                folders.push((entry.path(), depth + 1));
-            }
-        }
-    }
-    Ok(())
 }

@@ -72,10 +72,7 @@ fn tables(profile: &Profile, lines: &[&Line]) -> Vec<Table> {
             rows: vec![
                 vec![format!("{sample} with timestamps, host's clock"), format!("{:.2} ms", overhead.timed_ms)],
                 vec![format!("{sample} without"), format!("{:.2} ms", overhead.plain_ms)],
-                vec![
-                    "ratio, 95 % interval".to_owned(),
-                    format!("{:.3} ({:.3} to {:.3})", ratio.median, ratio.low, ratio.high),
-                ],
+                vec!["ratio, 95 % interval".to_owned(), ratio.to_string()],
             ],
         },
     ]

@@ -33,6 +33,14 @@ pub struct Ratio {
     pub high: f64,
 }
 
+impl std::fmt::Display for Ratio {
+    /// One pair alone has no interval.
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Ratio { median, low, high } = self;
+        if low == high { write!(f, "{median:.3}") } else { write!(f, "{median:.3} ({low:.3} to {high:.3})") }
+    }
+}
+
 /// `over[i] / under[i]`: their median, and between which of them it lies with 95 % confidence whatever their
 /// distribution: the k-th smallest and the k-th largest, with the largest k for which a fair coin thrown n times shows
 /// fewer than k heads with a probability of at most 2.5 %. Fewer than six pairs have the whole range.

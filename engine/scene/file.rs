@@ -18,31 +18,121 @@ static NEXT_TEMPORARY: AtomicU64 = AtomicU64::new(0);
 /// # Errors
 /// [`Error::Data`] naming `path` when the folder does not exist or cannot be written, or when `write` fails.
 pub fn write_atomic(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<()> {
-    let temporary = temporary_beside(path)?;
-    let outcome = fill(&temporary, write).and_then(|()| fs::rename(&temporary, path));
-    if let Err(fault) = outcome {
-        // The first fault is the one to report; a temporary that was never created cannot be removed either.
-        let _ = fs::remove_file(&temporary);
-        return Err(cannot_write(path, &fault));
-    }
-    sync_folder(path).map_err(|fault| cannot_write(path, &fault))
-}
-
-fn fill(temporary: &Path, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
-    let mut buffered = BufWriter::new(File::create_new(temporary)?);
-    write(&mut buffered)?;
-    buffered.into_inner().map_err(io::IntoInnerError::into_error)?.sync_all()
-}
-
-fn temporary_beside(path: &Path) -> Result<PathBuf> {
-    let Some(name) = path.file_name() else {
-        return Err(Error::data(path, "", "this names no file", "give a path that ends in a file name"));
+    let mut temporary = Temporary::beside(path, "")?;
+    let fill = |file: &mut File| {
+        let mut buffered = BufWriter::new(file);
+        write(&mut buffered)?;
+        buffered.flush()
     };
-    let serial = NEXT_TEMPORARY.fetch_add(1, Ordering::Relaxed);
-    let mut temporary = std::ffi::OsString::from(".");
-    temporary.push(name);
-    temporary.push(format!(".{}-{serial}.tmp", std::process::id()));
-    Ok(path.with_file_name(temporary))
+    fill(&mut temporary.file).map_err(|fault| cannot_write(path, &fault))?;
+    temporary.keep()
+}
+
+/// A file that is being written, under a name of its own beside the one that it will have. One that is dropped before
+/// [`Temporary::keep`] is removed.
+///
+/// It is locked as long as it is being written, so that [`remove_temporaries`] tells it from what a killed process left.
+#[derive(Debug)]
+pub struct Temporary {
+    at: PathBuf,
+    target: PathBuf,
+    file: File,
+}
+
+impl Temporary {
+    /// An empty file that will be `path`. Its name ends in `ending`, which is empty or begins with a dot.
+    ///
+    /// # Errors
+    /// [`Error::Data`] naming `path` when it names no file or its folder cannot be written.
+    pub fn beside(path: &Path, ending: &str) -> Result<Self> {
+        let Some(name) = path.file_name() else {
+            return Err(Error::data(path, "", "this names no file", "give a path that ends in a file name"));
+        };
+        loop {
+            let serial = NEXT_TEMPORARY.fetch_add(1, Ordering::Relaxed);
+            let mut temporary = std::ffi::OsString::from(".");
+            temporary.push(name);
+            temporary.push(format!(".{}-{serial}.tmp{ending}", std::process::id()));
+            let temporary = path.with_file_name(temporary);
+            match File::create_new(&temporary) {
+                Ok(file) => {
+                    // Elsewhere a lock would keep other programs from writing. A file system without locks does without.
+                    if cfg!(unix) {
+                        let _ = file.try_lock();
+                    }
+                    return Ok(Temporary { at: temporary, target: path.to_owned(), file });
+                }
+                // A process with the same number was killed here: in a container all have the same.
+                Err(fault) if fault.kind() == io::ErrorKind::AlreadyExists => {}
+                Err(fault) => return Err(cannot_write(path, &fault)),
+            }
+        }
+    }
+
+    /// Where the file is.
+    pub fn path(&self) -> &Path {
+        &self.at
+    }
+
+    /// The open file.
+    pub fn file(&self) -> &File {
+        &self.file
+    }
+
+    /// Makes the file durable and gives it its name.
+    ///
+    /// # Errors
+    /// [`Error::Data`] naming the file; the temporary one is then removed.
+    pub fn keep(self) -> Result<()> {
+        let kept = self.file.sync_all().and_then(|()| fs::rename(&self.at, &self.target));
+        kept.and_then(|()| sync_folder(&self.target)).map_err(|fault| cannot_write(&self.target, &fault))
+    }
+}
+
+impl Drop for Temporary {
+    fn drop(&mut self) {
+        // After a rename there is nothing to remove.
+        let _ = fs::remove_file(&self.at);
+    }
+}
+
+/// Whether `name` is that of a [`Temporary`]: `.NAME.PID-SERIAL.tmp`, with or without an ending.
+fn is_temporary(name: &str) -> bool {
+    let parts = || {
+        let (head, ending) = name.strip_prefix('.')?.rsplit_once(".tmp")?;
+        let (pid, serial) = head.rsplit_once('.')?.1.split_once('-')?;
+        let is_number = |part: &str| !part.is_empty() && part.bytes().all(|b| b.is_ascii_digit());
+        let is_ending = ending.is_empty() || (ending.starts_with('.') && ending.len() > 1);
+        Some(is_number(pid) && is_number(serial) && is_ending)
+    };
+    parts().unwrap_or(false)
+}
+
+/// Removes what killed processes left in `folder`, and `depth` folders below it, of files that they were writing. What a
+/// process is writing now stays, and so does what cannot be removed: it does no harm.
+///
+/// # Errors
+/// [`Error::Data`] naming a folder that cannot be listed.
+pub fn remove_temporaries(folder: &Path, depth: usize) -> Result<()> {
+    let cannot_list = |fault| Error::data(folder, "", format!("cannot be listed: {fault}"), "check its permissions");
+    for entry in fs::read_dir(folder).map_err(cannot_list)?.flatten() {
+        let Ok(kind) = entry.file_type() else { continue };
+        if kind.is_dir() && depth > 0 {
+            remove_temporaries(&entry.path(), depth - 1)?;
+        } else if kind.is_file() && entry.file_name().to_str().is_some_and(is_temporary) {
+            remove_abandoned(&entry.path());
+        }
+    }
+    Ok(())
+}
+
+/// Removes a temporary file that no process has locked.
+fn remove_abandoned(path: &Path) {
+    if let Ok(file) = File::open(path)
+        && !matches!(file.try_lock(), Err(fs::TryLockError::WouldBlock))
+    {
+        let _ = fs::remove_file(path);
+    }
 }
 
 /// Makes the rename itself durable. Only Unix lets a folder be opened for that.

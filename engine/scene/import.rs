@@ -45,6 +45,6 @@ pub fn read_scene(path: &Path) -> Result<Splats> {
         Some("splat") => read_splat(path),
         Some("json") => read_sog(path),
         Some("sog") => Err(Error::data(path, "", "is a bundled SOG scene", "unzip it and give the folder")),
-        _ => Err(Error::data(path, "", "is in no known scene format", SUPPORTED)),
+        _ => Err(Error::data(path, "", "not a recognised scene format", SUPPORTED)),
     }
 }

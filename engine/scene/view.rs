@@ -106,7 +106,7 @@ pub fn read_views(path: &Path) -> Result<Vec<View>> {
     let text = read_bytes(path)?;
     let remedy = "write {\"views\": [{\"name\": ..., \"width\": ..., ...}]}";
     let parsed = serde_json::from_slice::<Document>(&text);
-    let document = parsed.map_err(|fault| Error::data(path, "", format!("no cameras JSON: {fault}"), remedy))?;
+    let document = parsed.map_err(|fault| Error::data(path, "", format!("not a cameras file: {fault}"), remedy))?;
     let mut views = Vec::new();
     for (index, value) in document.views.into_iter().enumerate() {
         let name = value.get("name").and_then(|name| name.as_str()).unwrap_or_default();

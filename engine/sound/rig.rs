@@ -96,7 +96,7 @@ impl Rig {
         }
         let Some((_, draft)) = described else {
             let remedy = "give a capture folder; `ivv prepare` makes one";
-            return Err(Error::data(path, "", "is in no known capture format", remedy));
+            return Err(Error::data(path, "", "not a recognised capture", remedy));
         };
         let bad = |place: String, reason: String| {
             Err(Error::data(&draft.calibration, place, reason, "`ivv check` lists all faults of the capture"))

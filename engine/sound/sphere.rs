@@ -66,7 +66,7 @@ impl Sphere {
             radius_m: self.distance,
             meta: Meta {
                 title: format!("rigid sphere, radius {} m (Duda and Martens 1998)", self.radius),
-                licence: "none needed: computed".into(),
+                licence: "not needed (computed)".into(),
                 sha256: String::new(),
             },
         }

@@ -2,6 +2,7 @@
 
 use super::config::{Config, Init};
 use super::report_plot::escape;
+use crate::words::count;
 use std::fmt::Write;
 
 /// A quantity that runs are compared by.
@@ -261,8 +262,9 @@ impl StudyResult<'_> {
         }
         let _ = writeln!(
             text,
-            "\nMeans over {n_seeds} seeds; in brackets the paper's, of another capture. The difference is to the first row, \
-             paired by seed, with its 95 % interval."
+            "\nMeans over {}; in brackets the paper's, of another capture. The difference is to the first row, \
+             paired by seed, with its 95 % interval.",
+            count(n_seeds, "seed")
         );
         text
     }

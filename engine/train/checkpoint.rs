@@ -176,32 +176,38 @@ impl Checkpoint {
             }
             Ok(())
         })?;
-        let mut all = list(folder);
+        let mut all = list(folder)?;
         all.retain(|kept| kept.psnr.is_none());
         all.iter().rev().skip(KEEP).for_each(|old| remove(&old.file));
         Ok(())
     }
 
     /// Whether `folder` holds a checkpoint, readable or not.
-    pub fn any_in(folder: &Path) -> bool {
-        !list(folder).is_empty()
+    ///
+    /// # Errors
+    /// [`Error::Data`] when the folder is there and cannot be listed.
+    pub fn any_in(folder: &Path) -> Result<bool> {
+        Ok(!list(folder)?.is_empty())
     }
 
     /// Removes every checkpoint of `folder`.
     ///
     /// # Errors
-    /// [`Error::Data`] naming one that stays.
+    /// [`Error::Data`] naming one that stays, or the folder when it cannot be listed.
     pub fn remove_all(folder: &Path) -> Result<()> {
-        list(folder).into_iter().try_for_each(|kept| {
+        list(folder)?.into_iter().try_for_each(|kept| {
             let fault = |e| Error::data(&kept.file, "", format!("cannot be removed: {e}"), "check its permissions");
             std::fs::remove_file(&kept.file).map_err(fault)
         })
     }
 
     /// Step and PSNR of the best checkpoint of `folder`.
-    pub fn best(folder: &Path) -> Option<(u64, f64)> {
-        let scored = list(folder).into_iter().filter_map(|kept| Some((kept.step, kept.psnr?)));
-        scored.max_by(|a, b| a.1.total_cmp(&b.1))
+    ///
+    /// # Errors
+    /// [`Error::Data`] when the folder is there and cannot be listed.
+    pub fn best(folder: &Path) -> Result<Option<(u64, f64)>> {
+        let scored = list(folder)?.into_iter().filter_map(|kept| Some((kept.step, kept.psnr?)));
+        Ok(scored.max_by(|a, b| a.1.total_cmp(&b.1)))
     }
 
     /// Keeps the checkpoint of `step` in `folder`, whose test views have a mean of `psnr` dB, as the best one if it is;
@@ -210,7 +216,7 @@ impl Checkpoint {
     /// # Errors
     /// [`Error::Data`] when there is no such checkpoint or it cannot be kept.
     pub fn keep_best(folder: &Path, step: u64, psnr: f64) -> Result<bool> {
-        if !psnr.is_finite() || Self::best(folder).is_some_and(|(_, best)| best >= psnr) {
+        if !psnr.is_finite() || Self::best(folder)?.is_some_and(|(_, best)| best >= psnr) {
             return Ok(false);
         }
         let file = Self::file(folder, step);
@@ -222,7 +228,7 @@ impl Checkpoint {
                 .map_err(|e| Error::data(&file, "", format!("cannot be read: {e}"), "check the folder"))?;
             write_atomic(&best, |to| to.write_all(&bytes))?;
         }
-        list(folder).iter().filter(|kept| kept.psnr.is_some() && kept.file != best).for_each(|old| remove(&old.file));
+        list(folder)?.iter().filter(|kept| kept.psnr.is_some() && kept.file != best).for_each(|old| remove(&old.file));
         Ok(true)
     }
 
@@ -232,6 +238,10 @@ impl Checkpoint {
     /// [`Error::Data`] naming the section that is cut, changed or missing.
     pub fn read(file: &Path) -> Result<Self> {
         let fault = |place: &str, reason: String| Error::data(file, place, reason, REMEDY);
+        // A pipe would be waited for.
+        if !std::fs::metadata(file).map_err(|e| fault("", format!("cannot be read: {e}")))?.is_file() {
+            return Err(fault("", "is not a file".to_owned()));
+        }
         let bytes = std::fs::read(file).map_err(|e| fault("", format!("cannot be read: {e}")))?;
         let Some((head, rest)) = bytes.split_at_checked(24).filter(|(head, _)| head.starts_with(MAGIC)) else {
             return Err(fault("", "is no checkpoint of this version".to_owned()));
@@ -307,10 +317,10 @@ impl Checkpoint {
     /// is no file.
     ///
     /// # Errors
-    /// The newest one's fault, when none can be read.
+    /// The newest one's fault, when none can be read; [`Error::Data`] when the folder is there and cannot be listed.
     pub fn newest(folder: &Path) -> Result<Option<Self>> {
         let mut newest_fault = None;
-        for Kept { file, .. } in list(folder).into_iter().rev() {
+        for Kept { file, .. } in list(folder)?.into_iter().rev() {
             match Self::read(&file) {
                 Ok(checkpoint) => return Ok(Some(checkpoint)),
                 Err(fault) => {
@@ -331,11 +341,17 @@ struct Kept {
     file: PathBuf,
 }
 
-/// The checkpoints of `folder`, oldest first; of one step, the best one first.
-fn list(folder: &Path) -> Vec<Kept> {
-    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
+/// The checkpoints of `folder`, oldest first; of one step, the best one first. A folder that is not there has none.
+fn list(folder: &Path) -> Result<Vec<Kept>> {
+    let fault = |e| Error::data(folder, "", format!("cannot be listed: {e}"), "check its permissions");
+    let entries = match std::fs::read_dir(folder) {
+        Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(Vec::new()),
+        entries => entries.map_err(fault)?.collect::<std::io::Result<Vec<_>>>().map_err(fault)?,
+    };
     let mut all: Vec<Kept> = entries
-        .filter_map(|file| {
+        .into_iter()
+        .filter_map(|entry| {
+            let file = entry.path();
             let stem = file.file_name()?.to_str()?.strip_suffix(".ckpt")?;
             let (step, psnr) = match stem.strip_prefix("best-") {
                 Some(best) => {
@@ -348,7 +364,7 @@ fn list(folder: &Path) -> Vec<Kept> {
         })
         .collect();
     all.sort_by_key(|kept| (kept.step, kept.psnr.is_none()));
-    all
+    Ok(all)
 }
 
 fn remove(old: &Path) {

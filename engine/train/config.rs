@@ -300,6 +300,11 @@ impl From<RateForm> for Rate {
 }
 
 impl Config {
+    /// Steps of a run on `n_images` training images.
+    pub fn total(&self, n_images: u64) -> u64 {
+        if self.steps > 0 { self.steps } else { u64::from(self.epochs) * n_images }
+    }
+
     /// The first setting that cannot be; a learning rate is 0 throughout or positive throughout.
     ///
     /// # Errors

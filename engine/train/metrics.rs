@@ -26,7 +26,7 @@ pub const METRICS: [(&str, &str); 7] = [
          anyone's guess",
     ),
     ("ssim", "as 3DGS: 11 x 11 Gaussian window, sigma 1.5, zero padding, C1 = 0.01^2, C2 = 0.03^2"),
-    ("lpips", "LPIPS v0.1 of the whole view (SPEC 4), where the run has weights for it; hidden pixels equal the image"),
+    ("lpips", "LPIPS v0.1 of the whole view, where the run has weights for it; hidden pixels equal the image"),
     ("l1", "mean absolute error over the same values as PSNR"),
 ];
 

@@ -7,6 +7,7 @@ mod config;
 mod density;
 mod depth_fit;
 mod init;
+mod lock;
 mod log;
 mod metrics;
 mod objective;
@@ -32,6 +33,7 @@ pub use config::{Config, Density, FlowChoice, Init, LearningRates, Loss, Pace, R
 pub use density::{density_round, noise, regularisers};
 pub use depth_fit::{DepthFit, DepthFits, DepthSummary, Unfit, fit_depths};
 pub use init::{Initial, PointCounts, from_points, initialise, random_points};
+pub use lock::RunLock;
 pub use log::{Kind, Log};
 pub use metrics::{
     Evaluation, METRICS, METRICS_OF, Meter, SceneScores, Scores, Sight, ViewScores, evaluate, psnr, spread,

@@ -240,8 +240,8 @@ impl fmt::Display for BoundBy {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             BoundBy::MaxGaussians => write!(f, "--max-gaussians"),
-            BoundBy::Binding(name) => write!(f, "the device's longest binding (buffer `{name}`)"),
-            BoundBy::Memory => write!(f, "the device's memory"),
+            BoundBy::Binding(name) => write!(f, "largest single buffer: `{name}`"),
+            BoundBy::Memory => write!(f, "device memory"),
         }
     }
 }
@@ -303,6 +303,10 @@ impl fmt::Display for Plan {
         writeln!(f, "  {:<20} {:>12.1} {:>12.1}", "device", mib(begin.bytes()), mib(full.bytes()))?;
         writeln!(f, "  {:<20} {:>12.1} {:>12.1}", "frame cache (host)", mib(*cache_bytes), mib(*cache_bytes))?;
         let (memory, binding) = (mib(limits.memory_bytes), mib(limits.binding_bytes));
-        write!(f, "at most {} Gaussians: {bound_by}; it has {memory:.0} MiB, {binding:.0} in a binding", full.gaussians)
+        write!(
+            f,
+            "limit: {} Gaussians ({bound_by}); device memory {memory:.0} MiB, largest single buffer {binding:.0} MiB",
+            full.gaussians
+        )
     }
 }

@@ -60,7 +60,7 @@ impl Preset {
         let Some((_, text)) = PRESETS.iter().find(|(known, _)| *known == name) else {
             let known = PRESETS.map(|(known, _)| known).join(", ");
             let remedy = format!("there are {known}; or give the path of a .json file");
-            return Err(Error::data(Path::new("--preset"), name, "is no preset", remedy));
+            return Err(Error::data(Path::new("--preset"), name, "unknown preset", remedy));
         };
         Self::parse(path, name, text)
     }

@@ -10,6 +10,7 @@ use crate::error::{Error, Result};
 use crate::scene::capture::Picture;
 use crate::scene::{Frame, write_atomic};
 use crate::settings::Constants;
+use crate::words::count;
 use serde_json::Value;
 use std::fmt::Write;
 use std::path::Path;
@@ -89,14 +90,13 @@ impl Report<'_> {
         let [width, height] = held.largest_image;
         writeln!(
             page,
-            "<p class=\"note\">{}: {} cameras, {} frames, {} training and {} test images of up to {width} x {height}, \
-             {} points</p>",
+            "<p class=\"note\">{}: {}, {}, {} and {} of up to {width} x {height}, {}</p>",
             escape(&self.run.capture.display().to_string()),
-            held.cameras,
-            held.frames,
-            held.training_images,
-            held.test_images,
-            held.points
+            count(held.cameras, "camera"),
+            count(held.frames, "frame"),
+            count(held.training_images, "training image"),
+            count(held.test_images, "test image"),
+            count(held.points, "point")
         )?;
         if self.config.loss.lpips > 0.0 && self.config.loss.lpips_weights.is_none() {
             writeln!(page, "<p class=\"note\">LPIPS was off: the run had no weights for it.</p>")?;
@@ -241,15 +241,19 @@ impl Report<'_> {
             writeln!(page, "<p class=\"note\">The device has no timestamps, or the run was not timed.</p>")?;
         } else {
             let n = profile["steps"].as_array().map_or(0, Vec::len);
-            let tick = if stages[0].limit_ms.is_some() { "; the tick is the ideal limit" } else { "" };
+            let tick = if stages[0].limit_ms.is_some() {
+                "; the tick is the time that a model of lavapipe, measured on another machine, expects"
+            } else {
+                ""
+            };
             *page += &bars("plot-stages", &format!("Stages, mean of {n} steps spread over the run{tick}"), &stages);
         }
         let rows = passes.iter().map(|pass| {
-            let percent = pass["of_limit"].as_f64().map_or("-".to_owned(), |f| format!("{:.0} %", 100.0 * f));
+            let model = pass["limit_ms"].as_f64().map_or("-".to_owned(), |ms| format!("{ms:.3}"));
             let label = pass["label"].as_str().unwrap_or_default().to_owned();
-            vec![label, pass["dispatches"].to_string(), format!("{:.3}", pass["ms"].as_f64().unwrap_or(0.0)), percent]
+            vec![label, pass["dispatches"].to_string(), format!("{:.3}", pass["ms"].as_f64().unwrap_or(0.0)), model]
         });
-        details(page, "Passes", &["pass", "dispatches", "ms", "of limit"], rows)?;
+        details(page, "Passes", &["pass", "dispatches", "ms", "model, ms"], rows)?;
         let buffers = self.totals["bytes_by_buffer"].as_object().into_iter().flatten();
         let mut buffers: Vec<(&str, f64)> =
             buffers.map(|(name, n)| (name.as_str(), n.as_f64().unwrap_or(0.0))).collect();

@@ -138,7 +138,7 @@ pub(super) struct Bar {
     pub limit_ms: Option<f64>,
 }
 
-/// Horizontal bars of milliseconds, each with a tick at its ideal limit.
+/// Horizontal bars of milliseconds, each with a tick at the model's time.
 pub(super) fn bars(id: &str, title: &str, rows: &[Bar]) -> String {
     let longest = rows.iter().flat_map(|row| [row.ms, row.limit_ms.unwrap_or(0.0)]).fold(1e-9, f64::max);
     let total: f64 = rows.iter().map(|row| row.ms).sum();
@@ -146,8 +146,7 @@ pub(super) fn bars(id: &str, title: &str, rows: &[Bar]) -> String {
     let mut svg = String::new();
     for (index, row) in rows.iter().enumerate() {
         let top = BAR * index as f64;
-        let of_limit =
-            row.limit_ms.map_or(String::new(), |limit| format!(", {:.0} % of limit", 100.0 * limit / row.ms));
+        let model = row.limit_ms.map_or(String::new(), |limit| format!(", model {limit:.2}"));
         let length = width * row.ms / longest;
         let _ = writeln!(
             svg,
@@ -168,7 +167,7 @@ pub(super) fn bars(id: &str, title: &str, rows: &[Bar]) -> String {
         let share = 100.0 * row.ms / total;
         let _ = writeln!(
             svg,
-            "<text x=\"{:.1}\" y=\"{}\">{:.2} ms, {share:.0} %{of_limit}</text>",
+            "<text x=\"{:.1}\" y=\"{}\">{:.2} ms, {share:.0} %{model}</text>",
             end + 6.0,
             top + 16.0,
             row.ms

@@ -116,8 +116,9 @@ impl Run {
     pub fn open_capture(&self, moved_to: Option<&Path>) -> Result<Capture> {
         let path = moved_to.unwrap_or(&self.capture);
         if !path.is_dir() {
-            let remedy = "say where the capture is now with --capture";
-            return Err(Error::data(path, "", "is no folder", remedy));
+            let remedy =
+                "the capture has moved: give its new place (`ivv train --resume -o RUN CAPTURE`, elsewhere --capture)";
+            return Err(Error::data(path, "", "no such folder", remedy));
         }
         let settings = CaptureSettings { test_cameras: Some(self.test_cameras.clone()), ..CaptureSettings::default() };
         let mut capture = Capture::open_with(path, &settings)?;
@@ -125,7 +126,7 @@ impl Run {
         let holds = CaptureSummary::new(&capture);
         if holds != self.held {
             let reason = format!("holds {holds:?}, the run's held {:?}", self.held);
-            return Err(Error::data(path, "", reason, "give the run's own capture with --capture, or train again"));
+            return Err(Error::data(path, "", reason, "give the capture of this run, or train again"));
         }
         Ok(capture.transformed(&self.world))
     }

@@ -4,6 +4,7 @@ use super::ablation::Estimate;
 use super::preset::Preset;
 use super::report_plot::escape;
 use crate::error::Result;
+use crate::words::count;
 use serde_json::Value;
 use std::collections::BTreeSet;
 use std::fmt::Write;
@@ -376,13 +377,13 @@ impl Trade {
     pub fn markdown(&self) -> String {
         let Circumstances { device, driver, date, shaders, capture, steps, seeds } = &self.at;
         let mut text = format!(
-            "# What settings buy\n\n{device}, {driver}, {date}; shaders {shaders}. `{capture}`, {steps} steps, {} seeds.\n\n\
+            "# What settings buy\n\n{device}, {driver}, {date}; shaders {shaders}. `{capture}`, {steps} steps, {}.\n\n\
              Blocks of steps of all settings were run in turn in one process. *Speed*: how many times as fast a step is as with \
              `exact`, over whole runs, median (lowest to highest seed); *of reference*: the same as with `reference`. *To quality*: how many times as soon a run reaches the \
-             PSNR that `exact` ends with less {QUALITY_GAP_DB} dB; in brackets with how many seeds. Differences are to `exact`, \
+             final PSNR of `exact` minus {QUALITY_GAP_DB} dB; in brackets with how many seeds. Differences are to `exact`, \
              paired by seed, with Student's interval of 95 %. *Equivalent*: two one-sided tests at 5 % put it within \
              {MARGIN_DB} dB, and the worst frame within {WORST_MARGIN_DB} dB. Scores are of the test views, rendered exactly.\n",
-            seeds.len()
+            count(seeds.len(), "seed")
         );
         for (kind, title) in [
             (Kind::Preset, "Presets"),
@@ -487,7 +488,7 @@ impl Trade {
              .preset {{ fill: #2a78c2; stroke: #2a78c2 }} .single {{ fill: #2e9e6b; stroke: #2e9e6b }} \
              .without {{ fill: #c9822b; stroke: #c9822b }} circle {{ fill-opacity: 0.7 }} text.preset {{ stroke: none; font-weight: bold }}\
              </style>\n{body}<text x=\"{middle}\" y=\"{bottom}\" text-anchor=\"middle\">speed of a step, times that of exact</text>\n\
-             <text x=\"{left}\" y=\"18\">PSNR more than exact, dB; bars: 95 %. \
+             <text x=\"{left}\" y=\"18\">PSNR difference from exact, dB; bars: 95 %. \
              <tspan fill=\"#2a78c2\">presets</tspan>, <tspan fill=\"#2e9e6b\">one setting</tspan>, \
              <tspan fill=\"#c9822b\">a preset but for one</tspan></text>\n</svg>\n"
         )

@@ -334,6 +334,26 @@ impl Trainer {
         Ok(())
     }
 
+    /// Goes on to `total` steps with the settings `config`. All that depends on how far the run is (learning rates, the degree of
+    /// the spherical harmonics, density control, the pictures' size, reviews) is from here on as at this step of a run of
+    /// `total` steps.
+    ///
+    /// # Errors
+    /// As [`Trainer::train`].
+    pub fn extend(&mut self, config: Config, total: u64) -> Result<()> {
+        self.finish()?;
+        if self.config.adam == AdamMode::Lazy {
+            // The steps that are owed are of the rates so far.
+            self.gpu.write(&self.optimiser.params, &[self.adam_params(self.step.max(1))])?;
+            let mut rec = Recording::new();
+            let status = self.gpu.upload("status", &[Status::default()])?;
+            self.optimiser.record_catch_up_all(&mut rec, &self.scene, &status, self.step);
+            self.gpu.run(&rec)?;
+        }
+        let checkpoint = Checkpoint { config, total, ..self.checkpoint()? };
+        self.replace(&checkpoint)
+    }
+
     fn adam_params(&self, step: u64) -> AdamParams {
         let settings = StepSettings {
             // tau stays above half a frame.

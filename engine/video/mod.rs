@@ -3,14 +3,13 @@
 mod y4m;
 
 use std::ffi::OsString;
-use std::fs::{self, File};
 use std::io::{self, BufWriter, ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, Command, Stdio};
 use std::thread::JoinHandle;
 
 use crate::error::{Error, Result};
-use crate::scene::Frame;
+use crate::scene::{Frame, Temporary, remove_temporaries};
 
 const INSTALL: &str =
     "install ffmpeg 5.1 or newer (Debian: apt-get install ffmpeg), or choose a file that ends in .y4m";
@@ -45,7 +44,8 @@ pub enum Made {
 /// A video that is being written. It takes its name when it is finished; one that is dropped before leaves nothing.
 pub struct Video {
     path: PathBuf,
-    temporary: PathBuf,
+    /// Until it is finished.
+    temporary: Option<Temporary>,
     settings: VideoSettings,
     n_frames: u64,
     sink: Option<Sink>,
@@ -55,7 +55,8 @@ pub struct Video {
 
 enum Sink {
     Ffmpeg(Encoder),
-    File(BufWriter<File>),
+    /// The temporary file itself.
+    File,
 }
 
 struct Encoder {
@@ -76,40 +77,35 @@ impl Video {
         let VideoSettings { width, height, fps, .. } = settings;
         let ending = path.extension().map_or_else(String::new, |ending| ending.to_string_lossy().to_lowercase());
         if !["mp4", "mov", "mkv", "y4m"].contains(&ending.as_str()) {
-            return fault(
-                "is no video that can be written".to_owned(),
-                "choose a name that ends in .mp4, .mov, .mkv or .y4m",
-            );
+            return fault("unsupported video type".to_owned(), "use .mp4, .mov, .mkv or .y4m");
         }
         if width == 0 || height == 0 || (ending != "y4m" && (width % 2, height % 2) != (0, 0)) {
-            return fault(format!("has {width} x {height} pixels"), "choose even numbers of pixels, or a .y4m");
+            return fault(
+                format!("{width} x {height} pixels: both must be even"),
+                "choose another size, or write a .y4m",
+            );
         }
         if !(fps.is_finite() && (0.1..=1000.0).contains(&fps)) {
-            return fault(format!("has {fps} frames per second"), "choose a rate from 0.1 to 1000");
+            return fault(format!("{fps} frames per second: expected 0.1 to 1000"), "choose another rate");
         }
         let mut video = Video {
-            temporary: beside(path, &ending)?,
+            temporary: Some(beside(path, &ending)?),
             path: path.to_owned(),
             settings,
             n_frames: 0,
             sink: None,
             command: None,
         };
-        video.sink = Some(if ending == "y4m" { video.file()? } else { video.encoder()? });
+        video.sink = Some(if ending == "y4m" { Sink::File } else { video.encoder()? });
         let header = y4m::header(&video.settings);
         video.write(header.as_bytes())?;
         Ok(video)
     }
 
-    fn file(&self) -> Result<Sink> {
-        let file = File::create(&self.temporary).map_err(|fault| self.cannot_write(&fault))?;
-        Ok(Sink::File(BufWriter::new(file)))
-    }
-
     /// ffmpeg, or without one a file of pictures.
     fn encoder(&mut self) -> Result<Sink> {
         let path = self.path.clone();
-        let arguments = self.arguments("pipe:0", &self.temporary);
+        let arguments = self.arguments("pipe:0", self.temporary.as_ref().map_or(&path, Temporary::path));
         let started = Command::new("ffmpeg").args(&arguments).stdin(Stdio::piped()).stderr(Stdio::piped()).spawn();
         match started {
             Ok(child) => Ok(Sink::Ffmpeg(Encoder::new(child, &path)?)),
@@ -118,9 +114,9 @@ impl Video {
                 let words = self.arguments(&pictures.to_string_lossy(), &path);
                 let words: Vec<String> = words.iter().map(|word| quoted(&word.to_string_lossy())).collect();
                 self.command = Some(format!("ffmpeg {}", words.join(" ")));
-                self.temporary = beside(&pictures, "y4m")?;
+                self.temporary = Some(beside(&pictures, "y4m")?);
                 self.path = pictures;
-                self.file()
+                Ok(Sink::File)
             }
             Err(fault) => Err(Error::data(&path, "", format!("ffmpeg does not start: {fault}"), INSTALL)),
         }
@@ -166,7 +162,8 @@ impl Video {
     fn write(&mut self, bytes: &[u8]) -> Result<()> {
         let outcome = match &mut self.sink {
             Some(Sink::Ffmpeg(encoder)) => encoder.to.write_all(bytes),
-            Some(Sink::File(file)) => file.write_all(bytes),
+            // Frames are long: nothing is won by a buffer.
+            Some(Sink::File) => self.temporary.as_ref().map_or(Ok(()), |file| file.file().write_all(bytes)),
             None => Ok(()),
         };
         match (outcome, self.sink.take()) {
@@ -189,17 +186,13 @@ impl Video {
     /// [`Error::Data`] when there is no frame, ffmpeg fails, or the file cannot be written.
     pub fn finish(mut self) -> Result<Made> {
         if self.n_frames == 0 {
-            return Err(Error::data(&self.path, "", "has no frame", "render at least one"));
+            return Err(Error::data(&self.path, "", "no frame was rendered", "render at least one"));
         }
         match self.sink.take() {
             Some(Sink::Ffmpeg(encoder)) => encoder.end(&self.path)?,
-            Some(Sink::File(file)) => {
-                let synced = file.into_inner().map_err(io::IntoInnerError::into_error).and_then(|file| file.sync_all());
-                synced.map_err(|fault| self.cannot_write(&fault))?;
-            }
-            None => {}
+            Some(Sink::File) | None => {}
         }
-        fs::rename(&self.temporary, &self.path).map_err(|fault| self.cannot_write(&fault))?;
+        self.temporary.take().map_or(Ok(()), Temporary::keep)?;
         let file = self.path.clone();
         let is_whole = file.extension().is_none_or(|ending| ending != "y4m");
         Ok(if is_whole { Made::Whole(file) } else { Made::Pictures { file, command: self.command.take() } })
@@ -217,8 +210,6 @@ impl Drop for Video {
             let _ = encoder.child.kill();
             let _ = encoder.child.wait();
         }
-        // After a rename there is nothing to remove.
-        let _ = fs::remove_file(&self.temporary);
     }
 }
 
@@ -254,13 +245,13 @@ impl Encoder {
     }
 }
 
-/// A name for what is not finished, with the ending by which ffmpeg knows the format.
-fn beside(path: &Path, ending: &str) -> Result<PathBuf> {
-    let Some(name) = path.file_name() else {
-        return Err(Error::data(path, "", "this names no file", "give a path that ends in a file name"));
-    };
-    let name = name.to_string_lossy();
-    Ok(path.with_file_name(format!(".{name}.{}.tmp.{ending}", std::process::id())))
+/// What is not finished, with the ending by which ffmpeg knows the format. What killed processes left in the folder goes.
+fn beside(path: &Path, ending: &str) -> Result<Temporary> {
+    let temporary = Temporary::beside(path, &format!(".{ending}"))?;
+    if let Some(folder) = temporary.path().parent().filter(|folder| !folder.as_os_str().is_empty()) {
+        remove_temporaries(folder, 0)?;
+    }
+    Ok(temporary)
 }
 
 /// A word for a POSIX shell.

@@ -143,6 +143,6 @@ fn every_fault_of_the_manifest_is_told() {
     folder.write("capture.toml", [0xff, 0xfe]);
     assert_told(&folder.check(), &["is not UTF-8"]);
     let nothing = Folder::new("folder-nothing");
-    assert_told(&nothing.check(), &["is in no known capture format"]);
+    assert_told(&nothing.check(), &["not a recognised capture"]);
     assert!(Capture::open_with(&nothing.0.join("x"), &CaptureSettings::default()).is_err());
 }

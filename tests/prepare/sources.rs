@@ -408,9 +408,9 @@ fn transforms_arrive_still_and_moving() {
 fn what_is_no_source_is_told() {
     let folder = Folder::new("prepare-nothing");
     let mut given = settings(&folder);
-    assert!(run(&given).unwrap_err().to_string().contains("is no folder"));
+    assert!(run(&given).unwrap_err().to_string().contains("no such folder"));
     folder.write("source/x.txt", "x");
-    assert!(run(&given).unwrap_err().to_string().contains("holds no recording in a known format"));
+    assert!(run(&given).unwrap_err().to_string().contains("not a recognised recording"));
     folder.write("source/models.json", "[]");
     assert_told(&run(&given).unwrap().0.report, &["holds no camera"]);
     dynamic::write_below(&folder, "source/", 2);

@@ -304,9 +304,9 @@ fn opacities_of_0_and_255_stay_finite_and_on_the_right_side_of_the_thresholds() 
 fn an_unknown_format_is_told_what_is_supported() {
     let folder = Folder::new("unknown");
     for (name, bytes, says) in [
-        ("scene.ksplat", &b"\0\x01scene"[..], "no known scene format"),
-        ("scene.ply", b"", "no known scene format"),
-        ("scene.ply", b"plywood", "no known scene format"),
+        ("scene.ksplat", &b"\0\x01scene"[..], "not a recognised scene format"),
+        ("scene.ply", b"", "not a recognised scene format"),
+        ("scene.ply", b"plywood", "not a recognised scene format"),
         ("scene.sog", b"PK\x03\x04", "unzip it"),
         ("scene.splat", b"", "no whole number of rows"),
         ("scene.splat", b"123456789", "no whole number of rows"),

@@ -123,15 +123,15 @@ fn every_fault_of_a_view_is_named_by_the_writer() {
 fn every_fault_of_a_file_is_named_by_the_reader() {
     let folder = Folder::new("faults-of-files");
     let cases = [
-        ("", "", "no cameras JSON"),
+        ("", "", "not a cameras file"),
         (PLAIN, "{\"views\": []}", "holds no view"),
-        (PLAIN, "[]", "no cameras JSON"),
+        (PLAIN, "[]", "not a cameras file"),
         (PLAIN, "{\"views\": [3]}", "view 0: invalid type"),
         ("\"width\": 4", "\"width\": -4", "view 0 (`n`): invalid value"),
         ("\"width\": 4", "\"width\": 4.5", "view 0 (`n`): invalid type"),
         ("\"width\": 4", "\"width\": 65537", "view 0 (`n`), field `width`"),
         ("\"fx\": 5,", "", "missing field `fx`"),
-        ("\"fx\": 5", "\"fx\": 1e999", "no cameras JSON"),
+        ("\"fx\": 5", "\"fx\": 1e999", "not a cameras file"),
         ("[0,0,0,1]]", "[0,0,0]]", "view 0 (`n`): invalid length 3"),
         ("[1,0,0,0]", "[2,0,0,0]", "has no rotation"),
         ("\"name\": \"n\",", "", "view 0: missing field `name`"),

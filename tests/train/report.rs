@@ -125,7 +125,7 @@ fn a_report_shows_everything_it_is_given() {
     assert!((100..=240).contains(&n_points), "{n_points} points of 1000");
     let stages = plot(&html, "plot-stages");
     assert_eq!(stages.matches("<rect").count(), 2, "passes of one stage are one bar");
-    assert!(stages.contains("8.00 ms, 73 %, 25 % of limit"), "{stages}");
+    assert!(stages.contains("8.00 ms, 73 %, model 2.00"), "{stages}");
     for told in [
         "cam&lt;1&gt;_00000",
         "cam&lt;1&gt;_00001",

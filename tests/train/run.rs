@@ -8,7 +8,7 @@ use std::path::Path;
 use std::process::Output;
 
 /// Runs `ivv` on the device of this lane.
-fn ivv(arguments: &[&str]) -> Output {
+pub(super) fn ivv(arguments: &[&str]) -> Output {
     let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_ivv"));
     command.args(arguments);
     if let (Ok(device), true) =
@@ -19,7 +19,7 @@ fn ivv(arguments: &[&str]) -> Output {
     command.output().unwrap()
 }
 
-fn works(arguments: &[&str]) -> String {
+pub(super) fn works(arguments: &[&str]) -> String {
     let output = ivv(arguments);
     let told = String::from_utf8_lossy(&output.stderr).into_owned();
     assert!(output.status.success(), "{arguments:?}: {told}");
@@ -27,14 +27,14 @@ fn works(arguments: &[&str]) -> String {
 }
 
 /// What is told on standard error by a command that ends with `code`.
-fn fails(arguments: &[&str], code: i32) -> String {
+pub(super) fn fails(arguments: &[&str], code: i32) -> String {
     let output = ivv(arguments);
     let told = String::from_utf8_lossy(&output.stderr).into_owned();
     assert_eq!(output.status.code(), Some(code), "{arguments:?}: {told}");
     told
 }
 
-fn json(file: &Path) -> Value {
+pub(super) fn json(file: &Path) -> Value {
     serde_json::from_slice(&std::fs::read(file).unwrap()).unwrap()
 }
 
@@ -123,7 +123,7 @@ fn capture_that_moved(tiny: &Tiny, run: &Path) {
     let (path, elsewhere) = (run.to_str().unwrap(), tiny.folder.with_extension("elsewhere"));
     std::fs::rename(&tiny.folder, &elsewhere).unwrap();
     let told = fails(&["eval", path], 3);
-    assert!(told.contains("is no folder") && told.contains("--capture"), "{told}");
+    assert!(told.contains("no such folder") && told.contains("--capture"), "{told}");
     let table = works(&["eval", path, "--capture", elsewhere.to_str().unwrap()]);
     assert!(table.contains("mean") && table.contains("frames per second") && table.contains("SH degree 1"), "{table}");
     // One image fewer is another capture.

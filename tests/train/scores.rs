@@ -126,7 +126,7 @@ fn the_best_checkpoint_outlives_the_last_three() {
     let setup = Setup::plain(tiny.capture.extent(), 0.25);
     let mut trainer = Trainer::new(gpu.clone(), &splats, Constants::default(), config, 100, setup).unwrap();
     let folder = tiny.folder.join("checkpoints");
-    assert_eq!((Checkpoint::best(&folder), Checkpoint::any_in(&folder)), (None, false));
+    assert_eq!((Checkpoint::best(&folder).unwrap(), Checkpoint::any_in(&folder).unwrap()), (None, false));
     let mut checkpoint = trainer.checkpoint().unwrap();
     let psnrs = [18.0, 21.5, 21.25, 21.5, f64::NAN, 20.0];
     let mut kept = Vec::new();
@@ -146,7 +146,7 @@ fn the_best_checkpoint_outlives_the_last_three() {
     };
     let expected = ["00000004.ckpt", "00000005.ckpt", "00000006.ckpt", "best-00000002-21.5000dB.ckpt"];
     assert_eq!(names(), expected);
-    assert_eq!(Checkpoint::best(&folder), Some((2, 21.5)));
+    assert_eq!(Checkpoint::best(&folder).unwrap(), Some((2, 21.5)));
     assert_eq!(Checkpoint::read(&folder.join(expected[3])).unwrap().step, 2);
     assert_eq!(Checkpoint::newest(&folder).unwrap().unwrap().step, 6);
     // When every later one is damaged, the best one serves.

@@ -89,8 +89,11 @@ fn a_path_becomes_a_video_with_what_is_heard_on_it() {
 
     let capture = at("capture");
     arguments.extend(["--capture", &capture]);
+    // What a killed process left.
+    let left = folder.write(".film.mp4.1-0.tmp.mp4", "");
     let done = ivv(&arguments);
     assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+    assert!(!left.exists() && at("film.y4m") == output);
     let report: serde_json::Value = serde_json::from_slice(&done.stdout).unwrap();
     assert_eq!((report["frames"].as_u64(), report["fps"].as_f64()), (Some(6), Some(10.0)));
     assert_eq!(report["sound"]["sources"][0]["id"], "p0");

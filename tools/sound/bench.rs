@@ -1,6 +1,7 @@
 //! `ivv sound bench`.
 
 use super::render::ConfigArgs;
+use crate::screen::out;
 use ivv::sound::bench::{Ablation, Difference, Trade, ablation, compare, lateness, trade};
 use ivv::sound::geometry::Mode;
 use ivv::sound::hrtf::HrtfSet;
@@ -9,6 +10,7 @@ use ivv::sound::render::render;
 use ivv::sound::scene_file::SoundScene;
 use ivv::sound::simulate::{Motion, simulate};
 use ivv::sound::wav;
+use ivv::words::count;
 use std::path::{Path, PathBuf};
 
 /// Seconds of the ablation's scene.
@@ -17,7 +19,7 @@ const SECONDS: f64 = 4.0;
 /// Options of `ivv sound bench`.
 #[derive(clap::Args)]
 pub struct Args {
-    /// The scene.json to measure; without one the built-in scene is, with the paper's ablation and the table of settings.
+    /// The scene.json to measure, with --truth; or give --built-in.
     scene: Option<PathBuf>,
     /// The folder of `ivv sound synth` that tells the truth of the scene.
     #[arg(long, requires = "scene", required_unless_present = "built_in")]
@@ -55,10 +57,13 @@ fn measure(args: &Args, scene: &Path, truth: &Path, json: bool) -> anyhow::Resul
     let heard: Vec<[f32; 2]> = rendered.samples.iter().map(|frame| frame.map(|value| scale * value)).collect();
     let difference = compare(&heard, &truth, &hrtf, late)?;
     if json {
-        println!("{}", serde_json::to_string(&difference)?);
+        out!("{}", serde_json::to_string(&difference)?);
     } else {
         let Difference { azimuth, azimuth_95, level, frames } = difference;
-        println!("azimuth {azimuth:.2} degrees off (95 %: {azimuth_95:.2}), level {level:.2} dB off, {frames} frames");
+        out!(
+            "azimuth {azimuth:.2} degrees off (95 %: {azimuth_95:.2}), level {level:.2} dB off, {}",
+            count(frames, "frame")
+        );
     }
     Ok(())
 }
@@ -69,11 +74,11 @@ fn built_in(args: &Args, json: bool) -> anyhow::Result<()> {
     let rows = ablation(&simulate(Motion::Walk, SECONDS, 1, &hrtf), &hrtf)?;
     let table = trade(open)?;
     if json {
-        println!("{}", serde_json::json!({ "ablation": rows, "trade": table }));
+        out!("{}", serde_json::json!({ "ablation": rows, "trade": table }));
         return Ok(());
     }
-    println!("ears: {}\n", hrtf.meta.title);
-    println!("| rendered | azimuth off, degrees | level off, dB |\n| --- | --- | --- |");
+    out!("ears: {}\n", hrtf.meta.title);
+    out!("| rendered | azimuth off, degrees | level off, dB |\n| --- | --- | --- |");
     for Ablation { direction, distance, error } in rows {
         let name = match (direction, distance) {
             (false, false) => "neither",
@@ -81,14 +86,15 @@ fn built_in(args: &Args, json: bool) -> anyhow::Result<()> {
             (true, false) => "direction",
             (true, true) => "both",
         };
-        println!("| {name} | {:.1} | {:.2} |", error.azimuth, error.level);
+        out!("| {name} | {:.1} | {:.2} |", error.azimuth, error.level);
     }
-    println!("\n| setting | azimuth off, degrees | level off, dB | splatter, dB | filters off, dB | times real time |");
-    println!("| --- | --- | --- | --- | --- | --- |");
+    out!("\n| setting | azimuth off, degrees | level off, dB | splatter, dB | filters off, dB | times real time |");
+    out!("| --- | --- | --- | --- | --- | --- |");
     for Trade { setting, error, splatter, spectrum, real_time } in table {
-        println!(
+        out!(
             "| {setting} | {:.2} | {:.2} | {splatter:.0} | {spectrum:.2} | {real_time:.0} |",
-            error.azimuth, error.level
+            error.azimuth,
+            error.level
         );
     }
     Ok(())

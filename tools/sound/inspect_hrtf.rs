@@ -1,5 +1,6 @@
 //! `ivv sound inspect-hrtf`.
 
+use crate::screen::out;
 use ivv::sound::FS;
 use ivv::sound::hrtf::{HrtfSet, Lookup, degrees};
 use ivv::sound::metrics::{ild_db, itd};
@@ -25,19 +26,19 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
             "taps": set.taps(Lookup::Nearest), "elevation_deg": [low, high], "latency_samples": set.latency(),
             "alignment_loss_db": set.alignment_db(), "left_lead_us": lead, "left_louder_db": louder,
         });
-        println!("{line}");
+        out!("{line}");
         return Ok(());
     }
-    println!("title      {}", set.meta.title);
-    println!("licence    {}", set.meta.licence);
-    println!("sha256     {}", if set.meta.sha256.is_empty() { "none: it is computed" } else { &set.meta.sha256 });
-    println!(
+    out!("title      {}", set.meta.title);
+    out!("licence    {}", set.meta.licence);
+    out!("sha256     {}", if set.meta.sha256.is_empty() { "none (computed)" } else { &set.meta.sha256 });
+    out!(
         "directions {} in {} triangles, elevations {low:.0} to {high:.0} degrees, measured at {} m",
         set.directions().len(),
         set.hull().triangles().len(),
         set.radius_m
     );
-    println!("responses  {} taps at {FS} Hz, aligned to {:.0} dB", set.taps(Lookup::Nearest), set.alignment_db());
-    println!("from left  the left ear leads by {lead:.0} us and is {louder:.1} dB louder");
+    out!("responses  {} taps at {FS} Hz, aligned to {:.0} dB", set.taps(Lookup::Nearest), set.alignment_db());
+    out!("from left  the left ear leads by {lead:.0} us and is {louder:.1} dB louder");
     Ok(())
 }

@@ -1,6 +1,7 @@
 //! `ivv sound localize`.
 
 use crate::files::{make_folder, write_json};
+use crate::screen::out;
 use crate::synth::size;
 use anyhow::Context;
 use glam::DVec3;
@@ -11,6 +12,7 @@ use ivv::sound::scene_file::{Mic, SoundScene, Source};
 use ivv::sound::source_track::Flag;
 use ivv::sound::wav::{Channel, read_channel};
 use ivv::sound::{FS, speaker};
+use ivv::words::count;
 use std::path::{Path, PathBuf};
 
 /// Below this part of agreeing mouths something is wrong with the keypoints, and not with a detection here and there.
@@ -37,13 +39,13 @@ pub struct Args {
     /// Hold a speaker's place through gaps of any length, instead of silence in those above 3 s.
     #[arg(long)]
     hold: bool,
-    /// The number of the first frame, where the keypoints do not tell: 0 or 1 mostly.
+    /// Number of the first frame, if the keypoints do not say; usually 0 or 1.
     #[arg(long)]
     first_frame: Option<u32>,
-    /// WIDTHxHEIGHT of the pictures that the detector saw, where it is not the camera's.
+    /// WIDTHxHEIGHT of the pictures that the detector saw, if not those of the camera.
     #[arg(long, value_parser = size)]
     image_size: Option<(u32, u32)>,
-    /// The camera whose recording audio/<camera>.wav is heard. By default the one nearest to the middle of all.
+    /// The camera whose recording, audio/<camera>.wav, is used. By default the one nearest to the middle of all.
     #[arg(long)]
     microphone: Option<String>,
 }
@@ -73,7 +75,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         _ => None,
     };
     if json {
-        println!("{}", serde_json::json!({ "report": found.report, "scene": scene }));
+        out!("{}", serde_json::json!({ "report": found.report, "scene": scene }));
     } else {
         print(args, &found, scene.as_deref());
     }
@@ -92,7 +94,7 @@ fn read_keypoints(args: &Args, rig: &Rig) -> anyhow::Result<Vec<Mouths>> {
         mouths.push(path.map_or(Ok(Mouths::default()), |path| Mouths::read(&path, &camera.lens, &settings))?);
     }
     if n_cameras < 2 {
-        let reason = format!("holds keypoints of {n_cameras} cameras of the capture, two are needed");
+        let reason = format!("has keypoints of {} of the capture; expected two or more", count(n_cameras, "camera"));
         let remedy = "name the files after the cameras, <camera>.json";
         return Err(ivv::Error::data(&folder, "", reason, remedy).into());
     }
@@ -157,18 +159,19 @@ fn loudness(sound: &[f32], fps: f64, n_frames: usize) -> Vec<f64> {
 fn print(args: &Args, found: &Localized, scene: Option<&Path>) {
     let report = &found.report;
     let n_mouths: usize = report.mouths.values().sum();
-    println!(
-        "{} frames, {} cameras, {n_mouths} mouths; cameras agree on {:.0} % of them",
-        report.frames,
-        report.mouths.len(),
+    out!(
+        "{}, {}, {}; cameras agree on {:.0} % of them",
+        count(report.frames, "frame"),
+        count(report.mouths.len(), "camera"),
+        count(n_mouths, "mouth"),
         100.0 * report.agreeing
     );
     if report.agreeing < FEW_AGREE {
-        println!("few agree: compare the size of the detector's pictures, the first frame, and the cameras' names");
+        out!("few cameras agree: check --image-size, --first-frame and the cameras' names");
     }
     for (source, track) in report.sources.iter().zip(&found.tracks) {
         let flags: Vec<String> = source.flags.iter().map(|(flag, n)| format!("{n} {flag}")).collect();
-        println!(
+        out!(
             "{}: {}; {:.1} views, {:.2} px, standard deviation {:.4} units",
             source.id,
             flags.join(", "),
@@ -177,18 +180,17 @@ fn print(args: &Args, found: &Localized, scene: Option<&Path>) {
             source.worst_sd
         );
         if track.samples.iter().any(|sample| sample.flag == Flag::Approx) {
-            println!("  approx: by the nose, some 7 cm from the mouth");
+            out!("  approx: placed by the nose, about 7 cm from the mouth");
         }
     }
     if report.is_scale_estimated {
-        println!("a scene unit is taken for {:.2} m for the smoothing, by the width of mouths", report.metres_per_unit);
+        out!("smoothing takes a scene unit for {:.2} m, from the width of mouths", report.metres_per_unit);
     }
     match scene {
-        Some(scene) => println!("{}", scene.display()),
-        None if found.tracks.is_empty() => println!("{}: nobody was found", args.output.display()),
-        None => println!(
-            "{}: tracks without a scene, since the capture has no recording audio/<camera>.wav",
-            args.output.display()
-        ),
+        Some(scene) => out!("{}", scene.display()),
+        None if found.tracks.is_empty() => out!("{}: no speaker was found", args.output.display()),
+        None => {
+            out!("{}: tracks only, no scene: the capture has no recording audio/<camera>.wav", args.output.display())
+        }
     }
 }

@@ -3,6 +3,7 @@
 use super::plot::{Panel, plot};
 use crate::files::write_json;
 use crate::film::Axes;
+use crate::screen::out;
 use ivv::sound::geometry::Mode;
 use ivv::sound::hrtf::{HrtfSet, Lookup};
 use ivv::sound::metrics::ear_course;
@@ -41,10 +42,10 @@ pub struct Args {
     /// Also write the sound field at the head's place as first-order AmbiX (W, Y, Z, X), for players that turn the head.
     #[arg(long)]
     ambix: Option<PathBuf>,
-    /// Also write what is to be known of the rendering, JSON.
+    /// Also write a JSON report.
     #[arg(long)]
     report: Option<PathBuf>,
-    /// Also draw azimuth, and time and level between the ears, over time: .svg.
+    /// Also plot azimuth, and the time and level differences between the ears, over time: .svg.
     #[arg(long)]
     plot: Option<PathBuf>,
 }
@@ -61,16 +62,16 @@ pub struct ConfigArgs {
     /// Paper modes: samples of a frame.
     #[arg(long, default_value_t = RenderConfig::default().frame)]
     frame: usize,
-    /// Paper modes: samples between frames, which divides the frame at least twice. By default half a frame.
+    /// Paper modes: samples between frames; a half, a third, ... of a frame. By default half a frame.
     #[arg(long)]
     hop: Option<usize>,
     /// Physical mode: samples of a block.
     #[arg(long, default_value_t = RenderConfig::default().block)]
     block: usize,
-    /// Nearer than this nothing gets louder, metres.
+    /// Sources nearer than this get no louder, metres.
     #[arg(long, default_value_t = RenderConfig::default().r_min_m)]
     r_min: f64,
-    /// Loudness of the whole, LUFS. By default it stays as it is, below -1 dBTP.
+    /// Loudness of the result, LUFS. By default unchanged, with peaks below -1 dBTP.
     #[arg(long, allow_hyphen_values = true)]
     lufs: Option<f64>,
 }
@@ -132,7 +133,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         draw(&rendered, path)?;
     }
     if json {
-        println!("{}", serde_json::to_string(&rendered.report)?);
+        out!("{}", serde_json::to_string(&rendered.report)?);
     } else {
         print(&rendered, &args.output, seconds);
     }
@@ -142,27 +143,27 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
 fn print(rendered: &Rendered, output: &Path, seconds: f64) {
     let report = &rendered.report;
     let licence = &report.hrtf.licence;
-    println!("ears: {}; licence: {licence}", report.hrtf.title);
+    out!("ears: {}; licence: {licence}", report.hrtf.title);
     if !report.hrtf.sha256.is_empty() {
-        println!("      sha256 {}", report.hrtf.sha256);
+        out!("      sha256 {}", report.hrtf.sha256);
     }
     for SourceReport { id, gain_db: [low, high], clamped, beyond_6_db, unseen, jumps } in &report.sources {
-        println!(
+        out!(
             "source {id}: {low:+.1} to {high:+.1} dB against the recording; at the smallest distance {:.0} % of the time; {:.0} % of its \
              places were not seen; {jumps} jumps",
             100.0 * clamped,
             100.0 * unseen
         );
         if *beyond_6_db > OFTEN {
-            println!(
-                "  {:.0} % of the time it is more than 6 dB from the recording's level: the recorded room goes with it, too loud or too quiet",
+            out!(
+                "  for {:.0} % of the clip the level differs by more than 6 dB from the recording, so its room sound is scaled too",
                 100.0 * beyond_6_db
             );
         }
     }
     let lufs = report.loudness.lufs.map_or("silent".into(), |lufs| format!("{:.1} LUFS", lufs + report.gain_db));
-    println!(
-        "{}: {:.2} s, {lufs}, gain {:+.1} dB; {:.0} times as fast as it sounds",
+    out!(
+        "{}: {:.2} s, {lufs}, gain {:+.1} dB; {:.0} times real time",
         output.display(),
         report.seconds,
         report.gain_db,

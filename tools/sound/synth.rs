@@ -1,6 +1,7 @@
 //! `ivv sound synth`.
 
 use crate::files::{make_folder, read_json};
+use crate::screen::out;
 use anyhow::Context;
 use glam::{DQuat, DVec3};
 use ivv::sound::FS;
@@ -61,9 +62,9 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     write(&args.output.join("truth.wav"), &truth, Depth::Float32)?;
     let seconds = truth.len() as f64 / f64::from(FS);
     if json {
-        println!("{}", serde_json::json!({ "path": args.output, "seconds": seconds, "hrtf": hrtf.meta }));
+        out!("{}", serde_json::json!({ "path": args.output, "seconds": seconds, "hrtf": hrtf.meta }));
     } else {
-        println!("{}: {seconds:.2} s as heard through {}", args.output.display(), hrtf.meta.title);
+        out!("{}: {seconds:.2} s as heard through {}", args.output.display(), hrtf.meta.title);
     }
     Ok(())
 }

@@ -116,7 +116,7 @@ impl Source {
             None => captures::read(place, faults),
         };
         let Some(mut source) = source else {
-            let reason = if folder.is_dir() { "holds no recording in a known format" } else { "is no folder" };
+            let reason = if folder.is_dir() { "not a recognised recording" } else { "no such folder" };
             let remedy = "give a folder with models.json, poses_bounds.npy, camera_array.toml, Pose2Sim's calibration/, \
                           cameras.txt and images.txt beside videos, capture.toml, train_meta.json, transforms.json or a \
                           COLMAP model in sparse/0";

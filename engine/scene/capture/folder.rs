@@ -99,7 +99,7 @@ pub(crate) fn is_unfinished(path: &Path) -> bool {
 
 /// What is said of an unfinished capture.
 pub(super) fn unfinished(path: &Path, _: &CaptureSettings, faults: &mut Faults) -> Draft {
-    let remedy = "give the command that began it once more: it goes on where it stopped";
+    let remedy = "run the same `ivv prepare` command again to continue it";
     faults.add(path, "", "is a capture that `ivv prepare` has not finished", remedy);
     Draft::default()
 }

@@ -417,7 +417,7 @@ pub(crate) fn describe(path: &Path, settings: &CaptureSettings, faults: &mut Fau
 fn read(path: &Path, settings: &CaptureSettings) -> (Capture, Report) {
     let mut faults = Faults::default();
     let (format, draft) = describe(path, settings, &mut faults).unwrap_or_else(|| {
-        let reason = if path.is_dir() { "is in no known capture format" } else { "is no folder" };
+        let reason = if path.is_dir() { "not a recognised capture" } else { "no such folder" };
         let remedy = "give a folder with capture.toml, train_meta.json, transforms.json or a COLMAP model in sparse/0; \
                       `ivv prepare` makes one from other formats";
         faults.add(path, "", reason, remedy);

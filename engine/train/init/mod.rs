@@ -70,7 +70,16 @@ impl fmt::Display for Initial {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Initial { splats, from, because, n_hulls, counts } = self;
         let (n_static, n_dynamic) = (splats.n_static, splats.len() - splats.n_static);
-        write!(f, "{} ({because}): {n_static} static and {n_dynamic} dynamic Gaussians", from.name())?;
+        let source = match from {
+            Init::Flow => "the points and the flow of every frame",
+            Init::Concat => "the points of every frame",
+            Init::Auto | Init::Points => "the capture's points",
+            Init::Hull => "visual hulls and surfaces on which the images agree",
+            Init::Frustum => "surfaces on which the images agree",
+            Init::Random => "random points",
+        };
+        let dynamic = if n_dynamic > 0 { format!(" and {n_dynamic} dynamic") } else { String::new() };
+        write!(f, "{n_static} static{dynamic} Gaussians from {source} (init={}: {because})", from.name())?;
         if *n_hulls > 0 {
             write!(f, ", hulls of {n_hulls} frames")?;
         }

@@ -1,0 +1,44 @@
+//! All output goes through one screen.
+
+use super::{files, text, without_comments};
+
+/// The files below `folders` whose code prints by itself.
+fn printers(folders: &[&str]) -> Vec<String> {
+    let sources = folders.iter().flat_map(|folder| files(folder)).filter(|file| file.ends_with(".rs"));
+    let prints = |file: &String| {
+        let source = without_comments(&text(file));
+        ["println!", "eprintln!", "print!", "eprint!", "dbg!"]
+            .iter()
+            .any(|name| source.match_indices(name).any(|(at, _)| !source[..at].ends_with(char::is_alphanumeric)))
+    };
+    sources.filter(prints).collect()
+}
+
+#[test]
+fn nothing_prints_past_the_screen() {
+    // They panic where nobody reads.
+    assert_eq!(printers(&["tools", "engine"]), Vec::<String>::new());
+    assert!(printers(&["tests"]).len() > 3, "they are found where they are");
+    let direct = |file: &String| text(file).contains("io::stdout()") || text(file).contains("io::stderr()");
+    let writers: Vec<String> = files("tools").into_iter().filter(|file| file.ends_with(".rs")).filter(direct).collect();
+    assert_eq!(writers, ["tools/screen.rs"]);
+}
+
+/// The lines of code below `folder` that cite a specification which no user has; comments of the code may.
+fn citations(folder: &str, help: bool) -> Vec<String> {
+    let cites = |line: &str| line.split("SPEC ").skip(1).any(|rest| rest.starts_with(|c: char| c.is_ascii_digit()));
+    let told = |line: &&str| help || !line.trim_start().starts_with("//");
+    let of = |file: String| {
+        let source = text(&file);
+        source.lines().filter(told).filter(|line| cites(line)).map(|line| format!("{file}: {line}")).collect::<Vec<_>>()
+    };
+    files(folder).into_iter().filter(|file| file.ends_with(".rs")).flat_map(of).collect()
+}
+
+#[test]
+fn no_user_is_sent_to_a_specification_that_is_not_here() {
+    // The help is made of the comments of the tools.
+    assert_eq!([citations("tools", true), citations("engine", false)].concat(), Vec::<String>::new());
+    assert!(!text("README.md").contains("SPEC"));
+    assert!(!citations("engine", true).is_empty(), "they are found where they are");
+}

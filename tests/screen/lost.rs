@@ -1,0 +1,162 @@
+//! Output that cannot be written ends no work, and never with a panic.
+
+use super::{Folder, ivv};
+use serde_json::Value;
+use std::fs::File;
+use std::io::{BufRead, BufReader, Read};
+use std::process::{Child, Output, Stdio};
+
+/// The writing end of a pipe that nobody reads.
+fn closed_pipe() -> Stdio {
+    let (reader, writer) = std::io::pipe().unwrap();
+    drop(reader);
+    writer.into()
+}
+
+/// A device that is always full; none where the system has none.
+fn full() -> Option<Stdio> {
+    File::options().write(true).open("/dev/full").ok().map(Stdio::from)
+}
+
+/// The code that a command ends with, and what it told on standard error.
+fn ended(output: &Output) -> (Option<i32>, String) {
+    (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
+}
+
+#[test]
+fn a_listing_whose_reader_goes_ends_quietly() {
+    for arguments in [&["devices"][..], &["devices", "--json"], &["--help"], &["--version"], &["train", "--help"]] {
+        let (code, told) = ended(&ivv(arguments).stdout(closed_pipe()).stderr(Stdio::piped()).output().unwrap());
+        assert_eq!((code, told.as_str()), (Some(0), ""), "{arguments:?}");
+    }
+    let folder = Folder::new("listing");
+    let (code, told) = ended(&ivv(&["check", &folder.path("none")]).stdout(closed_pipe()).output().unwrap());
+    assert!(code == Some(3) && !told.contains("panicked"), "what is wrong is still told: {code:?} {told}");
+}
+
+#[test]
+fn results_that_find_no_room_are_an_error() {
+    let folder = Folder::new("full");
+    let capture = folder.capture();
+    let cases =
+        [&["devices"][..], &["devices", "--json"], &["--json", "check", &capture], &["check", &capture], &["--help"]];
+    for arguments in cases {
+        let Some(full) = full() else { return println!("skipped: this system has no /dev/full") };
+        let (code, told) = ended(&ivv(arguments).stdout(full).stderr(Stdio::piped()).output().unwrap());
+        assert_eq!(code, Some(3), "{arguments:?}: {told}");
+        assert!(told.starts_with("ivv: standard output: cannot be written") && told.lines().count() == 1, "{told}");
+    }
+}
+
+#[test]
+fn warnings_and_faults_that_find_no_room_change_nothing() {
+    let folder = Folder::new("warnings");
+    let (mut splats, views) = ivv::scene::demo();
+    splats.position[0][0] = f32::NAN;
+    ivv::scene::write_ply(&folder.0.join("scene.ply"), &splats).unwrap();
+    ivv::scene::write_views(&folder.0.join("cameras.json"), &views[..1]).unwrap();
+    let (scene, cameras, out) = (folder.path("scene.ply"), folder.path("cameras.json"), folder.path("out"));
+    let render = ["render", "--scene", &scene, "--cameras", &cameras, "-o", &out, "--log-level", "trace"];
+    let none = folder.path("none");
+    for lost in [Some(closed_pipe()), full()].into_iter().flatten() {
+        assert_eq!(ivv(&render).stderr(lost).status().unwrap().code(), Some(0));
+    }
+    for (arguments, code) in [(&["check", &none][..], 3), (&["no-such-verb"], 2), (&[], 2)] {
+        assert_eq!(ivv(arguments).stderr(closed_pipe()).output().unwrap().status.code(), Some(code), "{arguments:?}");
+    }
+}
+
+/// A training whose standard error is read up to its first line.
+fn train_without_reader(folder: &Folder, more: &[&str]) -> Child {
+    let (capture, run) = (folder.capture(), folder.path("run"));
+    let train = ["train", &capture, "-o", &run, "--max-gaussians", "800", "--eval-every", "0", "--log-level", "trace"];
+    let mut child = ivv(&[&train, more].concat()).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
+    let mut reader = BufReader::new(child.stderr.take().unwrap());
+    reader.read_line(&mut String::new()).unwrap();
+    child
+}
+
+#[test]
+fn a_training_outlives_the_reader_of_its_messages() {
+    let folder = Folder::new("reader");
+    let mut child = train_without_reader(&folder, &["--steps", "12"]);
+    assert_eq!(child.wait().unwrap().code(), Some(0));
+    assert!(folder.0.join("run/scene.ply").is_file() && folder.0.join("run/report.html").is_file());
+}
+
+#[test]
+#[cfg(unix)]
+fn ctrl_c_leaves_a_checkpoint_where_nobody_reads_the_messages() {
+    let folder = Folder::new("interrupt");
+    let mut child = train_without_reader(&folder, &["--steps", "100000", "--checkpoint-every", "5"]);
+    // Steps are under way once there is a checkpoint.
+    while !folder.0.join("run/checkpoints/00000005.ckpt").is_file() {
+        assert!(child.try_wait().unwrap().is_none(), "it ended by itself");
+        std::thread::sleep(std::time::Duration::from_millis(20));
+    }
+    let pid = rustix::process::Pid::from_child(&child);
+    rustix::process::kill_process(pid, rustix::process::Signal::INT).unwrap();
+    assert_eq!(child.wait().unwrap().code(), Some(130));
+}
+
+#[test]
+fn with_json_a_fault_is_json_too() {
+    let folder = Folder::new("json");
+    let (none, run) = (folder.path("none"), folder.path("run"));
+    let cases = [
+        (&["train", &none, "-o", &run, "--json"][..], "data", 3),
+        (&["prepare", &none, "-o", &run, "--json"], "data", 3),
+        (&["--json", "check", &none], "data", 3),
+        (&["inspect", &none, "--json"], "data", 3),
+        (&["train", "--json"], "usage", 2),
+        (&["train", &none, "-o", &run, "--set", "growth", "--json"], "usage", 2),
+        (&["devices", "--device", "no such device", "--json"], "no_device", 4),
+    ];
+    for (arguments, kind, code) in cases {
+        let mut child = std::process::Command::new(env!("CARGO_BIN_EXE_ivv"));
+        let output = child.args(arguments).output().unwrap();
+        let (ended, told) = ended(&output);
+        assert_eq!(ended, Some(code), "{arguments:?}: {told}");
+        let value: Value = serde_json::from_slice(&output.stdout).unwrap_or_else(|e| panic!("{arguments:?}: {e}"));
+        let error = &value["error"];
+        assert_eq!((&error["kind"], &error["exit_code"]), (&Value::from(kind), &Value::from(code)), "{arguments:?}");
+        let message = error["message"].as_str().unwrap();
+        assert!(!message.is_empty() && told.contains(message), "{message} / {told}");
+    }
+}
+
+#[test]
+fn logs_have_colours_on_terminals_alone_and_quiet_leaves_warnings() {
+    let folder = Folder::new("quiet");
+    let (capture, run) = (folder.capture(), folder.path("run"));
+    let train = ["train", &capture, "-o", &run, "--steps", "3", "--set", "offsets=false", "--overwrite"];
+    let told = |more: &[&str]| ended(&ivv(&[&train, more].concat()).output().unwrap());
+    let (code, plain) = told(&["--log-level", "debug"]);
+    assert_eq!(code, Some(0), "{plain}");
+    assert!(plain.contains("device: ") && !plain.contains('\x1b'), "{plain}");
+    let (code, quiet) = told(&["--quiet"]);
+    assert_eq!((code, quiet.as_str()), (Some(0), ""));
+    // A checkpoint that cannot be read is warned of all the same.
+    std::fs::write(folder.0.join("run/checkpoints/00000099.ckpt"), "no checkpoint").unwrap();
+    let resume = ["train", &capture, "-o", &run, "--resume", "-q"];
+    let (code, warned) = ended(&ivv(&resume).output().unwrap());
+    assert_eq!(code, Some(0), "{warned}");
+    assert!(warned.contains("WARN") && warned.contains("00000099.ckpt") && !warned.contains('\x1b'), "{warned}");
+}
+
+#[test]
+fn views_that_are_soon_rendered_have_no_line_each() {
+    let folder = Folder::new("views");
+    let (splats, views) = ivv::scene::demo();
+    let view = ivv::scene::View { width: 16, height: 16, ..views[0].clone() };
+    let views: Vec<_> = (0..30).map(|i| ivv::scene::View { name: format!("v{i}"), ..view.clone() }).collect();
+    ivv::scene::write_ply(&folder.0.join("scene.ply"), &splats).unwrap();
+    ivv::scene::write_views(&folder.0.join("cameras.json"), &views).unwrap();
+    let (scene, cameras, out) = (folder.path("scene.ply"), folder.path("cameras.json"), folder.path("out"));
+    let render = ["render", "--scene", &scene, "--cameras", &cameras, "-o", &out];
+    let mut child = ivv(&render).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
+    let mut told = String::new();
+    child.stderr.take().unwrap().read_to_string(&mut told).unwrap();
+    assert!(child.wait().unwrap().success() && folder.0.join("out/v29.png").is_file(), "{told}");
+    assert!(told.lines().count() < 15, "{told}");
+}

@@ -1,0 +1,204 @@
+//! How `ivv train` begins: anew, from the newest checkpoint of a run, or from a run that was killed before its first.
+
+use crate::files::{make_folder, read_json, write_json};
+use crate::screen::say;
+use crate::train::Args;
+use anyhow::{Context, bail, ensure};
+use ivv::Error;
+use ivv::gpu::Gpu;
+use ivv::scene::capture::{Capture, CaptureSettings};
+use ivv::scene::{read_views, remove_temporaries};
+use ivv::train::{Checkpoint, Config, Run, RunLock, Trainer};
+use ivv::words::count;
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Results of a run, which another one in its folder would replace.
+const RESULTS: [&str; 6] = ["scene.ply", "train.json", "train.jsonl", "offsets.json", "eval.json", "report.html"];
+
+/// A run that is about to begin or go on. Its folder is locked as long as this lives.
+pub struct Start {
+    _lock: RunLock,
+    pub gpu: Arc<Gpu>,
+    pub run: Run,
+    pub capture: Capture,
+    pub config: Config,
+    /// Steps of the whole run.
+    pub total: u64,
+    pub checkpoints: PathBuf,
+    /// Where the run goes on from.
+    pub resumed: Option<Checkpoint>,
+}
+
+impl Start {
+    /// As `args` say. Nothing is written or removed before all that is needed is there.
+    pub fn new(args: &Args) -> anyhow::Result<Self> {
+        if args.resume { Self::resumed(args) } else { Self::anew(args) }
+    }
+
+    fn anew(args: &Args) -> anyhow::Result<Self> {
+        let config = args.settings.resolve()?;
+        let constants = args.constants.checked()?;
+        let path = args.capture.as_deref().context("CAPTURE is needed, unless a run is resumed")?;
+        let settings = CaptureSettings { test_cameras: args.test_cameras.clone(), ..CaptureSettings::default() };
+        let mut capture = Capture::open_with(path, &settings)?;
+        capture.viewpoints = args.viewpoints.as_deref().map_or(Ok(Vec::new()), read_views)?;
+        let run = Run::new(&capture, constants)?;
+        let capture = capture.transformed(&run.world);
+        let total = config.total(n_training(&capture)?);
+        make_folder(&args.output)?;
+        let (lock, checkpoints) = (locked(&args.output)?, args.output.join("checkpoints"));
+        let holds_a_run = Checkpoint::any_in(&checkpoints)? || args.output.join("scene.ply").exists();
+        if holds_a_run && !args.overwrite {
+            let remedy = "continue it with --resume, replace it with --overwrite, or choose another folder with -o";
+            return Err(Error::data(&args.output, "", "already holds a run", remedy).into());
+        }
+        let gpu = args.device.open()?;
+        if args.overwrite {
+            Checkpoint::remove_all(&checkpoints)?;
+            RESULTS.iter().try_for_each(|name| remove(&args.output.join(name)))?;
+        }
+        write_json(&args.output.join("config.json"), &config)?;
+        run.write(&args.output)?;
+        Ok(Start { _lock: lock, gpu, run, capture, config, total, checkpoints, resumed: None })
+    }
+
+    fn resumed(args: &Args) -> anyhow::Result<Self> {
+        let (folder, checkpoints) = (&args.output, args.output.join("checkpoints"));
+        is_run(folder)?;
+        let lock = locked(folder)?;
+        let mut run = Run::read(folder)?;
+        let checkpoint = Checkpoint::newest(&checkpoints)?;
+        let file = folder.join("config.json");
+        let planned = match &checkpoint {
+            Some(checkpoint) => checkpoint.config.clone(),
+            None => settings_of_a_run_without_checkpoint(folder, &file)?,
+        };
+        agrees(args, &planned, &run)?;
+        let capture = run.open_capture(args.capture.as_deref())?;
+        if let Some(path) = &args.capture {
+            let now = std::path::absolute(path).unwrap_or_else(|_| path.clone());
+            if now != run.capture {
+                say!("the capture is now at {}", now.display());
+                run.capture = now;
+                run.write(folder)?;
+            }
+        }
+        let n_images = n_training(&capture)?;
+        let planned_total = checkpoint.as_ref().map_or(planned.total(n_images), |checkpoint| checkpoint.total);
+        let asked = args.settings.extended(&planned);
+        let total = if asked == planned { planned_total } else { asked.total(n_images) };
+        let done = checkpoint.as_ref().map_or(0, |checkpoint| checkpoint.step);
+        ensure!(total >= done, "the run has done {}, and {total} are asked for: ask for more", count(done, "step"));
+        let is_extended = total != planned_total;
+        let config = if is_extended { asked } else { planned };
+        let gpu = args.device.open()?;
+        if checkpoint.is_none() {
+            say!("no checkpoint was written yet: the run begins again with its own settings");
+        }
+        // A file that was lost or damaged is renewed.
+        if is_extended || read_json::<Config>(&file, "").is_err() {
+            write_json(&file, &config)?;
+        }
+        Ok(Start { _lock: lock, gpu, run, capture, config, total, checkpoints, resumed: checkpoint })
+    }
+
+    /// Makes `trainer`, which goes on from [`Start::resumed`], go on for as long as is asked, and keeps that.
+    pub fn extend(&self, trainer: &mut Trainer) -> anyhow::Result<()> {
+        let Some(checkpoint) = self.resumed.as_ref().filter(|checkpoint| checkpoint.total != self.total) else {
+            return Ok(());
+        };
+        trainer.extend(self.config.clone(), self.total)?;
+        // A run that is killed before its next checkpoint still goes on to the new end.
+        Checkpoint { world: self.run.world, ..trainer.checkpoint()? }.write(&self.checkpoints)?;
+        let percent = |total: u64| 100.0 * checkpoint.step as f64 / total.max(1) as f64;
+        say!(
+            "the run now has {} instead of {}: its schedule is stretched, and {:.0} % done becomes {:.0} % done. Learning \
+             rates, density control and all else that follows the schedule go on as at that point of a run of the new \
+             length, so the rates may rise and the scores fall for a while",
+            count(self.total, "step"),
+            checkpoint.total,
+            percent(checkpoint.total),
+            percent(self.total)
+        );
+        Ok(())
+    }
+}
+
+/// Images that are trained on.
+fn n_training(capture: &Capture) -> ivv::Result<u64> {
+    match capture.training_frames().len() {
+        0 => Err(Error::data(&capture.path, "", "has no training image", "see `ivv check`")),
+        n => Ok(n as u64),
+    }
+}
+
+/// Locks a run's folder and removes what killed processes left there half written.
+fn locked(folder: &Path) -> ivv::Result<RunLock> {
+    let lock = RunLock::take(folder)?;
+    let parts = [("", 0), ("checkpoints", 0), ("renders", 1)].map(|(name, depth)| (folder.join(name), depth));
+    parts.iter().filter(|(part, _)| part.is_dir()).try_for_each(|(part, depth)| remove_temporaries(part, *depth))?;
+    Ok(lock)
+}
+
+fn remove(file: &Path) -> ivv::Result<()> {
+    match std::fs::remove_file(file) {
+        Err(e) if e.kind() != std::io::ErrorKind::NotFound => {
+            Err(Error::data(file, "", format!("cannot be removed: {e}"), "check its permissions"))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Whether `folder` is one of a run; else what is there.
+fn is_run(folder: &Path) -> ivv::Result<()> {
+    let fault = |reason: String| Err(Error::data(folder, "", reason, "give the folder of the run to --resume with -o"));
+    if !folder.exists() {
+        return fault("no such folder".to_owned());
+    }
+    if Run::file(folder).is_file() {
+        return Ok(());
+    }
+    let mut names: Vec<String> = match std::fs::read_dir(folder) {
+        Ok(entries) => entries.flatten().map(|entry| entry.file_name().to_string_lossy().into_owned()).collect(),
+        Err(e) => return fault(format!("cannot be listed: {e}")),
+    };
+    names.sort();
+    let more = if names.len() > 5 { ", ..." } else { "" };
+    names.truncate(5);
+    let holds =
+        if names.is_empty() { "it is empty".to_owned() } else { format!("it holds {}{more}", names.join(", ")) };
+    fault(format!("is not the folder of a run: it has no run.json; {holds}"))
+}
+
+/// The settings of a run that was killed before its first checkpoint.
+fn settings_of_a_run_without_checkpoint(folder: &Path, file: &Path) -> ivv::Result<Config> {
+    // Both are written after the first checkpoint.
+    if let Some(result) = ["train.jsonl", "scene.ply"].into_iter().find(|name| folder.join(name).exists()) {
+        let checkpoints = folder.join("checkpoints");
+        let reason = if checkpoints.is_dir() { "holds no checkpoint" } else { "no such folder" };
+        let reason = format!("{reason}, but the run has got further: there is {result}");
+        return Err(Error::data(&checkpoints, "", reason, "restore the checkpoints, or train again with --overwrite"));
+    }
+    read_json(file, "the run has no checkpoint either: train again with --overwrite")
+}
+
+/// Whether the flags ask for nothing but what the run has.
+fn agrees(args: &Args, config: &Config, run: &Run) -> anyhow::Result<()> {
+    let mut differ = args.settings.contradictions(config)?;
+    let names = |cameras: &[String]| cameras.iter().cloned().collect::<BTreeSet<_>>();
+    if let Some(asked) = args.test_cameras.as_ref().filter(|asked| names(asked) != names(&run.test_cameras)) {
+        let (asked, has) = (asked.join(","), run.test_cameras.join(","));
+        differ.push(format!("--test-cameras: the run has {has}, asked for is {asked}"));
+    }
+    differ.extend(args.constants.contradictions(&run.constants));
+    if differ.is_empty() {
+        return Ok(());
+    }
+    bail!(
+        "a resumed run keeps its settings, and other flags contradict them: {}; leave these flags out, or train anew in \
+         another folder (--steps and --epochs can change)",
+        differ.join("; ")
+    )
+}
