@@ -96,7 +96,8 @@ pub struct ConstantArgs {
     t_min: Option<f32>,
     #[arg(long, help = help("Variance added to the projected covariance, square pixels", Constants::default().blur))]
     blur: Option<f32>,
-    #[arg(long, help = help("Gaussians up to this far before the camera are dropped, scene units", Constants::default().near))]
+    #[arg(long, help = help("Gaussians up to this far before the camera are dropped, scene units; `train`: units of a frame in which the rig's \
+        radius is 3, and a fifteenth of that or half the depth of the nearest points is the default", Constants::default().near))]
     near: Option<f32>,
 }
 
@@ -110,7 +111,14 @@ impl ConstantArgs {
     /// # Errors
     /// The first that is out of its range.
     pub fn checked(&self) -> anyhow::Result<Constants> {
-        let d = Constants::default();
+        self.checked_over(Constants::default())
+    }
+
+    /// The constants, `d` where the options do not say.
+    ///
+    /// # Errors
+    /// As [`ConstantArgs::checked`].
+    pub fn checked_over(&self, d: Constants) -> anyhow::Result<Constants> {
         let constants = Constants {
             alpha_min: self.alpha_min.unwrap_or(d.alpha_min),
             alpha_max: self.alpha_max.unwrap_or(d.alpha_max),

@@ -8,7 +8,8 @@ use ivv::Error;
 use ivv::gpu::Gpu;
 use ivv::scene::capture::{Capture, CaptureSettings};
 use ivv::scene::{read_views, remove_temporaries};
-use ivv::train::{Checkpoint, Config, Run, RunLock, Trainer};
+use ivv::settings::Constants;
+use ivv::train::{Checkpoint, Config, Run, RunLock, Trainer, near_plane};
 use ivv::words::count;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -39,13 +40,13 @@ impl Start {
 
     fn anew(args: &Args) -> anyhow::Result<Self> {
         let config = args.settings.resolve()?;
-        let constants = args.constants.checked()?;
         let path = args.capture.as_deref().context("CAPTURE is needed, unless a run is resumed")?;
         let settings = CaptureSettings { test_cameras: args.test_cameras.clone(), ..CaptureSettings::default() };
         let mut capture = Capture::open_with(path, &settings)?;
         capture.viewpoints = args.viewpoints.as_deref().map_or(Ok(Vec::new()), read_views)?;
-        let run = Run::new(&capture, constants)?;
+        let mut run = Run::new(&capture, Constants::default())?;
         let capture = capture.transformed(&run.world);
+        run.constants = args.constants.checked_over(Constants { near: near_plane(&capture), ..run.constants })?;
         let total = config.total(n_training(&capture)?);
         make_folder(&args.output)?;
         let (lock, checkpoints) = (locked(&args.output)?, args.output.join("checkpoints"));

@@ -49,7 +49,7 @@ pub use require::{
 };
 pub use run::{CaptureSummary, Run};
 pub use schedule::rates;
-pub use setup::Setup;
+pub use setup::{Setup, near_plane};
 pub use trade::{
     Circumstances, Comparison, KNOB_SETTINGS, KernelError, Kind as TradeKind, Spread, Trade, TradeArm, TradeRun,
     Verdict, is_equivalent, trade_arms,

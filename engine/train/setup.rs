@@ -1,17 +1,14 @@
 //! What a trainer needs to know of a capture beside its pictures.
 
 use super::config::{Config, FlowChoice};
-use crate::scene::capture::{Capture, Extent, camera_center};
+use crate::scene::capture::{Capture, Extent, TRAINING_RADIUS};
 use crate::scene::{FlowModel, View};
-use glam::{DMat3, DQuat, DVec3};
-use std::collections::BTreeSet;
+use crate::settings::Constants;
 
 /// Lenses that a Gaussian is compared with, at most: a round of density control asks each Gaussian about all.
 const MOST_LENSES: usize = 64;
-/// Neighbours of a view between which and it somebody may stand.
-const NEIGHBOURS: usize = 4;
-/// Cosine of the angle between the axes of neighbours, at least.
-const ALIKE: f64 = 0.5;
+/// Points whose depths the near plane is chosen by, at most.
+const MOST_POINTS: usize = 10_000;
 
 /// A capture, to a trainer.
 #[derive(Clone, Debug, PartialEq)]
@@ -82,34 +79,34 @@ impl Setup {
     }
 }
 
-/// The views of `capture`, and views half-way between neighbours: who looks at the scene stands between its cameras.
+/// The near plane of a run on `capture`, which is in the frame of training: an eighth of the rig's radius, but at most half the
+/// depth of the nearest points that its training cameras see. Cameras stand at walls and in frames of other cameras' pictures,
+/// and so does who looks at the scene from among them: what others rightly see there, from the side, would hide the whole
+/// picture. Before a training camera, what lies nearer than anything it can see is a floater.
+pub fn near_plane(capture: &Capture) -> f32 {
+    let views = lenses(capture);
+    let each = capture.points.len().div_ceil(MOST_POINTS).max(1);
+    let depth = |view: &View, point: [f64; 3]| {
+        let row = |k: usize| (0..3).map(|j| view.world_to_camera[k][j] * point[j]).sum::<f64>() + view.world_to_camera[k][3];
+        let (x, y, z) = (row(0), row(1), row(2));
+        let is_within = |at: f64, side: u32| (0.0..f64::from(side)).contains(&at);
+        let is_seen = z > 0.0
+            && is_within(view.fx * x / z + view.cx, view.width)
+            && is_within(view.fy * y / z + view.cy, view.height);
+        is_seen.then_some(z)
+    };
+    let points = || capture.points.iter().step_by(each);
+    let mut depths: Vec<f64> =
+        views.iter().flat_map(|view| points().filter_map(|point| depth(view, point.position))).collect();
+    depths.sort_unstable_by(f64::total_cmp);
+    let nearest = depths.get(depths.len() / 100).map_or(f64::INFINITY, |depth| 0.5 * depth);
+    (TRAINING_RADIUS / 8.0).min(nearest).max(f64::from(Constants::default().near)) as f32
+}
+
 fn lenses(capture: &Capture) -> Vec<View> {
     let views = capture.lens_views();
     let each = views.len().div_ceil(MOST_LENSES).max(1);
-    let mut views: Vec<View> = views.into_iter().step_by(each).collect();
-    let poses: Vec<(DVec3, DQuat)> = views.iter().map(pose).collect();
-    let axis = |i: usize| poses[i].1 * DVec3::Z;
-    let mut pairs = BTreeSet::new();
-    for (i, (place, _)) in poses.iter().enumerate() {
-        let others = (0..poses.len()).filter(|j| *j != i && axis(*j).dot(axis(i)) > ALIKE);
-        let mut others: Vec<(f64, usize)> = others.map(|j| (place.distance(poses[j].0), j)).collect();
-        others.sort_by(|a, b| a.0.total_cmp(&b.0));
-        pairs.extend(others.into_iter().take(NEIGHBOURS).map(|(_, j)| (i.min(j), i.max(j))));
-    }
-    for (i, j) in pairs {
-        let place = 0.5 * (poses[i].0 + poses[j].0);
-        let turn = DMat3::from_quat(poses[i].1.slerp(poses[j].1, 0.5)).transpose();
-        let moved = -(turn * place);
-        let row = |k: usize| [turn.row(k).x, turn.row(k).y, turn.row(k).z, moved[k]];
-        views.push(View { world_to_camera: [row(0), row(1), row(2), [0.0, 0.0, 0.0, 1.0]], ..views[i].clone() });
-    }
-    views
-}
-
-/// Where a view is, and its turn from camera to world.
-fn pose(view: &View) -> (DVec3, DQuat) {
-    let [x, y, z, _] = view.world_to_camera.map(|row| DVec3::from_slice(&row[..3]));
-    (DVec3::from(camera_center(&view.world_to_camera)), DQuat::from_mat3(&DMat3::from_cols(x, y, z)).normalize())
+    views.into_iter().step_by(each).collect()
 }
 
 /// Whether `capture` is a clip that several training cameras took: of one alone, the scene's own times and colours take up
