@@ -2,9 +2,13 @@
 
 use crate::fault;
 use crate::screen::out;
-use ivv::scene::capture::{CaptureSettings, Report, check_capture};
+use ivv::scene::capture::{CaptureSettings, Fault, Report, check_capture};
 use ivv::words::count;
+use std::collections::HashMap;
 use std::path::PathBuf;
+
+/// Files that a line names of those that have the same fault.
+const NAMED: usize = 3;
 
 /// Options of `ivv check`.
 #[derive(clap::Args)]
@@ -40,7 +44,7 @@ pub struct Faulty(pub u64);
 
 impl std::fmt::Display for Faulty {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "the capture has {} fault{}", self.0, if self.0 == 1 { "" } else { "s" })
+        write!(f, "the capture has {}", count(self.0, "fault"))
     }
 }
 
@@ -67,10 +71,53 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     faulty.map_or(Ok(()), Err)
 }
 
+/// Faults that say the same of several files, together, in the order of the first of each.
+fn grouped(faults: &[Fault]) -> Vec<Vec<&Fault>> {
+    let mut groups: Vec<Vec<&Fault>> = Vec::new();
+    let mut at = HashMap::new();
+    for fault in faults {
+        let group = *at.entry((&fault.reason, &fault.remedy)).or_insert(groups.len());
+        if group == groups.len() {
+            groups.push(Vec::new());
+        }
+        groups[group].push(fault);
+    }
+    groups
+}
+
+/// Faults that say the same, in one line.
+fn told(faults: &[&Fault]) -> String {
+    let [first, _, ..] = faults else { return faults.iter().map(|fault| fault.to_string()).collect() };
+    let place = |fault: &&Fault| match fault.place.as_str() {
+        "" => fault.file.display().to_string(),
+        place => format!("{} ({place})", fault.file.display()),
+    };
+    let named: Vec<String> = faults.iter().take(NAMED).map(place).collect();
+    let more = if faults.len() > NAMED { ", ..." } else { "" };
+    format!("{} times: {}; {}: {}{more}", faults.len(), first.reason, first.remedy, named.join(", "))
+}
+
 /// Prints a report as text.
 pub fn print(report: &Report) {
     let format = if report.format.is_empty() { "unknown format" } else { &report.format };
     out!("{}: {format}", report.path.display());
+    if report.n_cameras > 0 {
+        holds(report);
+    }
+    for note in &report.notes {
+        out!("note:    {note}");
+    }
+    for faults in grouped(&report.faults) {
+        out!("fault:   {}", told(&faults));
+    }
+    let n_left_out = report.n_faults - report.faults.len() as u64;
+    if n_left_out > 0 {
+        out!("and {} more", count(n_left_out, "fault"));
+    }
+}
+
+/// Prints what a capture holds.
+fn holds(report: &Report) {
     out!("cameras: {}, of which {} for testing", report.n_cameras, report.n_test_cameras);
     out!("frames:  {}, {} per second", report.n_frames, report.fps);
     let mib = report.bytes_decoded as f64 / f64::from(1 << 20);
@@ -79,14 +126,4 @@ pub fn print(report: &Report) {
     out!("priors:  {} images with flow, {} with depth", report.n_flows, report.n_depths);
     let per_frame = if report.has_frame_points { "; every frame has its own" } else { "" };
     out!("points:  {}{per_frame}", report.n_points);
-    for note in &report.notes {
-        out!("note:    {note}");
-    }
-    for fault in &report.faults {
-        out!("fault:   {fault}");
-    }
-    let n_left_out = report.n_faults - report.faults.len() as u64;
-    if n_left_out > 0 {
-        out!("and {} more", count(n_left_out, "fault"));
-    }
 }

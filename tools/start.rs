@@ -99,7 +99,7 @@ impl Start {
             say!("no checkpoint was written yet: the run begins again with its own settings");
         }
         // A file that was lost or damaged is renewed.
-        if is_extended || read_json::<Config>(&file, "").is_err() {
+        if (is_extended && checkpoint.is_none()) || read_json::<Config>(&file, "").is_err() {
             write_json(&file, &config)?;
         }
         Ok(Start { _lock: lock, gpu, run, capture, config, total, checkpoints, resumed: checkpoint })
@@ -113,6 +113,7 @@ impl Start {
         trainer.extend(self.config.clone(), self.total)?;
         // A run that is killed before its next checkpoint still goes on to the new end.
         Checkpoint { world: self.run.world, ..trainer.checkpoint()? }.write(&self.checkpoints)?;
+        write_json(&self.checkpoints.with_file_name("config.json"), &self.config)?;
         let percent = |total: u64| 100.0 * checkpoint.step as f64 / total.max(1) as f64;
         say!(
             "the run now has {} instead of {}: its schedule is stretched, and {:.0} % done becomes {:.0} % done. Learning \

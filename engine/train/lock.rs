@@ -8,6 +8,9 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 /// The file of the lock in a run folder. It stays there: one that came and went could be locked twice.
 const NAME: &str = ".lock";
+/// How often a lock that another process holds is tried again, and the time between.
+const TRIES: usize = 20;
+const PAUSE: Duration = Duration::from_millis(50);
 /// Longest text that is believed, bytes.
 const MAX_TEXT: u64 = 1 << 12;
 
@@ -36,7 +39,7 @@ impl RunLock {
         let open = File::options().read(true).write(true).create(true).truncate(false).open(&path);
         let cannot = |e| Error::data(&path, "", format!("cannot be written: {e}"), "check the folder's permissions");
         let mut file = open.map_err(cannot)?;
-        match file.try_lock() {
+        match patiently(&file) {
             Ok(()) => {}
             Err(TryLockError::WouldBlock) => {
                 let reason = format!("a training is running in this folder: {}", told(&mut file));
@@ -55,6 +58,17 @@ impl RunLock {
         file.set_len(0).and_then(|()| file.rewind()).and_then(|()| file.write_all(&text)).map_err(cannot)?;
         Ok(RunLock { _file: file })
     }
+}
+
+/// Locks `file`. A process that was killed holds its locks until it is gone, which is soon.
+fn patiently(file: &File) -> std::result::Result<(), TryLockError> {
+    for _ in 0..TRIES {
+        match file.try_lock() {
+            Err(TryLockError::WouldBlock) => std::thread::sleep(PAUSE),
+            outcome => return outcome,
+        }
+    }
+    file.try_lock()
 }
 
 /// Who holds the lock of `file`, and for how long.

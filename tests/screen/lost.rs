@@ -126,6 +126,29 @@ fn with_json_a_fault_is_json_too() {
 }
 
 #[test]
+fn files_with_the_same_fault_are_told_of_together() {
+    let folder = Folder::new("faults");
+    let capture = folder.capture();
+    let told = |capture: &str| {
+        let output = ivv(&["check", capture]).output().unwrap();
+        assert_eq!(output.status.code(), Some(3));
+        String::from_utf8(output.stdout).unwrap()
+    };
+    for frame in 0..2 {
+        for camera in ["cam00", "cam01", "cam02"] {
+            std::fs::remove_file(folder.0.join(format!("capture/images/{camera}/{frame:05}.png"))).unwrap();
+        }
+    }
+    let faults = told(&capture);
+    let faults: Vec<&str> = faults.lines().filter(|line| line.starts_with("fault:")).collect();
+    assert!(faults.len() == 1 && faults[0].contains("6 times: "), "{faults:#?}");
+    assert!(faults[0].contains("images/cam00/00000.png") && faults[0].ends_with(", ..."), "{faults:#?}");
+    // Nothing is counted in what is not there.
+    let nothing = told(&folder.path("none"));
+    assert!(nothing.contains("no such folder") && !nothing.contains("cameras:"), "{nothing}");
+}
+
+#[test]
 fn logs_have_colours_on_terminals_alone_and_quiet_leaves_warnings() {
     let folder = Folder::new("quiet");
     let (capture, run) = (folder.capture(), folder.path("run"));
