@@ -10,7 +10,7 @@ use serde_json::Value;
 use super::PrepareSettings;
 use crate::error::{Error, Result};
 use crate::scene::capture::JOURNAL;
-use crate::scene::write_atomic;
+use crate::scene::{read_file, write_atomic};
 
 /// The parts of a capture that each stage makes; all depend on the first.
 const STAGES: [(&str, &[&str]); 3] = [
@@ -39,7 +39,7 @@ impl Journal {
         let output = &settings.output;
         make_folder(output)?;
         let path = output.join(JOURNAL);
-        let record = match fs::read(&path) {
+        let record = match read_file(&path) {
             Ok(bytes) => serde_json::from_slice(&bytes).map_err(|fault| {
                 let reason = format!("is no journal of `ivv prepare`: {fault}");
                 Error::data(&path, "", reason, "remove the file and give --force, or choose another folder with -o")

@@ -6,6 +6,7 @@ use std::io::{self, BufReader, ErrorKind, Read, Seek, SeekFrom};
 use std::path::Path;
 
 use super::report::Fault;
+use crate::scene::file::open_file;
 
 pub(in crate::scene) const BROKEN: &str = "make or copy the image again";
 const PNG: [u8; 8] = *b"\x89PNG\r\n\x1a\n";
@@ -32,7 +33,7 @@ pub(super) fn unreadable(path: &Path, cause: &io::Error) -> Fault {
 /// Width and height in pixels, neither of them 0, of a file that is not cut off.
 pub(crate) fn read_size(path: &Path) -> Result<(u32, u32), Fault> {
     let failed = |cause: io::Error| unreadable(path, &cause);
-    let file = File::open(path).map_err(failed)?;
+    let file = open_file(path).map_err(failed)?;
     let n_bytes = file.metadata().map_err(failed)?.len();
     if n_bytes == 0 {
         return Err(fault(path, "has 0 bytes", BROKEN));

@@ -1,6 +1,5 @@
 //! Decoded images of a capture, as the device takes them.
 
-use std::fs::File;
 use std::io::{BufRead, BufReader};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
@@ -11,6 +10,7 @@ use super::header::{BROKEN, fault, read_size, unreadable};
 use super::priors::{PriorSource, Priors, prior_of, prior_word};
 use super::report::Fault;
 use crate::error;
+use crate::scene::file::open_file;
 
 /// Largest width or height, pixels.
 pub(super) const MAX_SIDE: u32 = 1 << 16;
@@ -172,7 +172,7 @@ fn pixels_of(path: &Path, source: &Source) -> Result<DynamicImage, Fault> {
 
 pub(in crate::scene) fn decoder_of(path: &Path, max_bytes: u64) -> Result<impl ImageDecoder, Fault> {
     let failed = |cause: std::io::Error| unreadable(path, &cause);
-    let mut file = BufReader::new(File::open(path).map_err(failed)?);
+    let mut file = BufReader::new(open_file(path).map_err(failed)?);
     let start = file.fill_buf().map_err(failed)?;
     let format = match image::guess_format(start) {
         Ok(format @ (ImageFormat::Png | ImageFormat::Jpeg)) => format,
