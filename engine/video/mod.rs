@@ -1,6 +1,9 @@
 //! Moving pictures: frames as they are rendered go into ffmpeg, with sound, or into a Y4M file.
 
+mod local;
 mod y4m;
+
+pub(crate) use local::input;
 
 use std::ffi::OsString;
 use std::fs::{self, File};
@@ -11,6 +14,7 @@ use std::thread::JoinHandle;
 
 use crate::error::{Error, Result};
 use crate::scene::Frame;
+use local::file_url;
 
 const INSTALL: &str =
     "install ffmpeg 5.1 or newer (Debian: apt-get install ffmpeg), or choose a file that ends in .y4m";
@@ -109,13 +113,13 @@ impl Video {
     /// ffmpeg, or without one a file of pictures.
     fn encoder(&mut self) -> Result<Sink> {
         let path = self.path.clone();
-        let arguments = self.arguments("pipe:0", &self.temporary);
+        let arguments = self.arguments("pipe:0".into(), &self.temporary);
         let started = Command::new("ffmpeg").args(&arguments).stdin(Stdio::piped()).stderr(Stdio::piped()).spawn();
         match started {
             Ok(child) => Ok(Sink::Ffmpeg(Encoder::new(child, &path)?)),
             Err(fault) if fault.kind() == ErrorKind::NotFound => {
                 let pictures = path.with_extension("y4m");
-                let words = self.arguments(&pictures.to_string_lossy(), &path);
+                let words = self.arguments(file_url(&pictures), &path);
                 let words: Vec<String> = words.iter().map(|word| quoted(&word.to_string_lossy())).collect();
                 self.command = Some(format!("ffmpeg {}", words.join(" ")));
                 self.temporary = beside(&pictures, "y4m")?;
@@ -127,13 +131,21 @@ impl Video {
     }
 
     /// What ffmpeg is told, from `pictures` to `output`.
-    fn arguments(&self, pictures: &str, output: &Path) -> Vec<OsString> {
+    fn arguments(&self, pictures: OsString, output: &Path) -> Vec<OsString> {
         let ending = self.path.extension().unwrap_or_default();
         let mut words: Vec<OsString> = Vec::new();
-        let mut add = |more: &[&str]| words.extend(more.iter().map(Into::into));
-        add(&["-v", "error", "-nostdin", "-y", "-f", "yuv4mpegpipe", "-i", pictures]);
+        fn plain<'a>(words: &'a [&str]) -> impl Iterator<Item = OsString> + 'a {
+            words.iter().map(OsString::from)
+        }
+        words.extend(plain(&["-v", "error", "-nostdin", "-y", "-f", "yuv4mpegpipe", "-i"]));
+        words.push(pictures);
         if let Some((file, from)) = &self.settings.sound {
-            add(&["-ss", &from.to_string(), "-i", &file.to_string_lossy(), "-map", "0:v", "-map", "1:a"]);
+            words.extend(plain(&["-ss", &from.to_string()]));
+            words.extend(input(file));
+            words.extend(plain(&["-map", "0:v", "-map", "1:a"]));
+        }
+        let mut add = |more: &[&str]| words.extend(plain(more));
+        if self.settings.sound.is_some() {
             add(if ending == "mp4" { &["-c:a", "aac", "-b:a", "320k"] } else { &["-c:a", "pcm_s24le"] });
             // Sound that is longer than the pictures ends with them; shorter sound is followed by silence.
             add(&["-af", "apad", "-shortest"]);
@@ -145,7 +157,7 @@ impl Video {
         if ending == "mp4" {
             add(&["-movflags", "+faststart"]);
         }
-        words.push(output.into());
+        words.push(file_url(output));
         words
     }
 
@@ -259,8 +271,10 @@ fn beside(path: &Path, ending: &str) -> Result<PathBuf> {
     let Some(name) = path.file_name() else {
         return Err(Error::data(path, "", "this names no file", "give a path that ends in a file name"));
     };
-    let name = name.to_string_lossy();
-    Ok(path.with_file_name(format!(".{name}.{}.tmp.{ending}", std::process::id())))
+    let mut temporary = OsString::from(".");
+    temporary.push(name);
+    temporary.push(format!(".{}.tmp.{ending}", std::process::id()));
+    Ok(path.with_file_name(temporary))
 }
 
 /// A word for a POSIX shell.
