@@ -15,10 +15,10 @@ use super::video::{self, Selection, Video};
 use super::{ImageFormat, PrepareSettings, Progress, sound};
 use crate::error::{Error, Result};
 use crate::parallel::in_parallel;
-use crate::scene::capture::{Faults, Pose, Shot, decode_image, read_size};
+use crate::scene::capture::{Faults, Pose, RATES, Shot, decode_image, read_size};
 use crate::scene::prior::{read_depth, read_flow, write_depth, write_flow};
 use crate::scene::undistort::{Distortion, Lens, Undistortion};
-use crate::scene::write_atomic;
+use crate::scene::{open_file, write_atomic};
 
 const JPEG_QUALITY: u8 = 95;
 /// Columns or rows that an encoder may have cut off at the right or the bottom: less than a block of a video.
@@ -108,9 +108,9 @@ impl Images {
         }
         let select = Selection { start, every, n };
         let fps = rates.first().copied().or(source.fps).unwrap_or(settings.fps) / f64::from(every);
-        if !(fps.is_finite() && fps > 0.0) {
-            let reason = format!("has {fps} frames per second");
-            faults.add(&source.calibration, "", reason, "give a positive number");
+        if !RATES.contains(&fps) {
+            let reason = format!("has {fps} frames per second, {} to {} are allowed", RATES.start(), RATES.end());
+            faults.add(&source.calibration, "", reason, "give the rate at which the pictures were taken with --fps");
         }
         let mut planned = Planned { source, settings, select, notes, faults };
         let pairs = source.cameras.iter().zip(material);
@@ -121,7 +121,7 @@ impl Images {
             faults.add(&source.calibration, "", "has only test cameras", remedy);
         }
         let mut made_from = json!({
-            "source": settings.source, "source format": source.format, "start": start, "every": every, "frames": n,
+            "source": settings.source.to_string_lossy(), "source format": source.format, "start": start, "every": every, "frames": n,
             "scale": settings.scale, "format": settings.format, "cameras": cameras.iter().map(Camera::stamp).collect::<Vec<_>>(),
         });
         if !shifts.is_empty() {
@@ -296,12 +296,14 @@ impl Camera {
 
     /// What the camera's pictures are made from.
     fn stamp(&self) -> Value {
+        // Not every name of a file is text, which JSON must be.
         let file = |path: &Path| {
+            let name = path.to_string_lossy();
             let data = fs::metadata(path).ok();
             let time = data.as_ref().and_then(|data| data.modified().ok());
             let seconds =
                 time.and_then(|time| time.duration_since(std::time::UNIX_EPOCH).ok()).map(|age| age.as_secs());
-            json!([path, data.map(|data| data.len()), seconds])
+            json!([name, data.map(|data| data.len()), seconds])
         };
         let footage = match &self.material {
             Material::Video(path, _) => vec![file(path)],
@@ -387,8 +389,9 @@ impl Planned<'_> {
         self.notes.extend(note.map(|note| format!("{place}: {note}")));
         let side = |side: u32| ((f64::from(side) * self.settings.scale).round() as u32).max(1);
         let lens = lens.resized(side(part.width), side(part.height));
-        let Some(pinhole) = lens.pinhole() else {
-            let reason = "has a distortion after which no rectangle of the picture is left";
+        let kept = |pinhole: &Lens| pinhole.width >= lens.width.div_ceil(16) && pinhole.height >= lens.height.div_ceil(16);
+        let Some(pinhole) = lens.pinhole().filter(kept) else {
+            let reason = "has a distortion after which no rectangle of a sixteenth of the picture's sides is left";
             self.faults.add(&self.source.calibration, place, reason, "calibrate it again");
             return None;
         };
@@ -661,6 +664,6 @@ pub(super) fn take_over(from: &Path, to: &Path) -> Result<()> {
     if fs::hard_link(&from_real, to).is_ok() {
         return Ok(());
     }
-    let mut file = fs::File::open(&from_real).map_err(fault)?;
+    let mut file = open_file(&from_real).map_err(fault)?;
     write_atomic(to, |to| std::io::copy(&mut file, to).map(|_| ()))
 }

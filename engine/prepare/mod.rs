@@ -21,9 +21,10 @@ use std::path::{Path, PathBuf};
 
 use self::images::Images;
 use self::journal::Journal;
-use self::source::Source;
+use self::program::{COLMAP, FFMPEG, FFPROBE};
+use self::source::{Footage, Source};
 use crate::error::{Error, Result};
-use crate::scene::capture::{CaptureSettings, Faults, Manifest, Report, check_capture, write_true_offsets};
+use crate::scene::capture::{CaptureSettings, Faults, Manifest, RATES, Report, check_capture, write_true_offsets};
 
 /// The format of images that are made here; images that need no change are taken over as they are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
@@ -127,8 +128,9 @@ impl PrepareSettings {
         if !(self.scale > 0.0 && self.scale <= 1.0) {
             return bad("--scale", format!("is {}", self.scale), "give a number above 0, at most 1");
         }
-        if !(self.fps.is_finite() && self.fps > 0.0) {
-            return bad("--fps", format!("is {}", self.fps), "give a positive number");
+        if !RATES.contains(&self.fps) {
+            let reason = format!("is {}, {} to {} are allowed", self.fps, RATES.start(), RATES.end());
+            return bad("--fps", reason, "give the rate at which the pictures were taken");
         }
         let zero = [
             ("--every", self.every == 0),
@@ -184,11 +186,21 @@ pub fn prepare(settings: &PrepareSettings, progress: &(dyn Fn(Progress) + Sync))
     settings.check()?;
     let mut faults = Faults::default();
     let source = Source::read(settings, &mut faults)?;
+    // What is missing is told before a picture is decoded.
+    if source.cameras.iter().any(|camera| matches!(camera.footage, Footage::Video(_))) {
+        [FFMPEG, FFPROBE].iter().try_for_each(|program| program.require(&settings.source))?;
+    }
     let images = Images::plan(&source, settings, &mut faults);
     if faults.n() > 0 {
         let mut report = Report::new(&settings.source, source.format);
         report.set_faults(faults);
         return Ok(Prepared { source_format: source.format, notes: source.notes, points: Vec::new(), report });
+    }
+    if triangulate::needs_colmap(&images, &source, settings) {
+        COLMAP.require(&settings.source)?;
+    }
+    if settings.flow && (settings.force || !flow::left(&images).is_empty()) {
+        flow::python(&settings.source)?;
     }
     let mut journal = Journal::open(settings)?;
     let output = &settings.output;

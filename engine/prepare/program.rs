@@ -40,16 +40,30 @@ pub(super) struct Running {
 }
 
 impl Program {
+    /// Looks for the program on the path, before anything is begun that needs it.
+    ///
+    /// # Errors
+    /// [`Error::Data`] that names the program and what to install.
+    pub fn require(self, about: &Path) -> Result<()> {
+        let folders = std::env::var_os("PATH").unwrap_or_default();
+        let name = format!("{}{}", self.name, std::env::consts::EXE_SUFFIX);
+        if std::env::split_paths(&folders).any(|folder| folder.join(&name).is_file()) { Ok(()) } else { Err(self.missing(about)) }
+    }
+
+    fn missing(self, about: &Path) -> Error {
+        Error::data(about, "", format!("needs the program {}, which is not installed", self.name), self.install)
+    }
+
     /// Starts the program with its output piped; `about` is the file to blame.
     pub fn start<S: AsRef<OsStr>>(self, arguments: impl IntoIterator<Item = S>, about: &Path) -> Result<Running> {
         let mut command = Command::new(self.name);
         command.args(arguments).stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
-        let mut child = command.spawn().map_err(|fault| {
-            let reason = match fault.kind() {
-                ErrorKind::NotFound => format!("needs the program {}, which is not installed", self.name),
-                _ => format!("needs the program {}, which does not start: {fault}", self.name),
-            };
-            Error::data(about, "", reason, self.install)
+        let mut child = command.spawn().map_err(|fault| match fault.kind() {
+            ErrorKind::NotFound => self.missing(about),
+            _ => {
+                let reason = format!("needs the program {}, which does not start: {fault}", self.name);
+                Error::data(about, "", reason, self.install)
+            }
         })?;
         let said = child.stderr.take().map(listen);
         Ok(Running { child, program: self, said })

@@ -2,7 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::scene::capture::{Capture, CaptureSettings};
-use crate::scene::{Similarity, write_atomic};
+use crate::scene::{Similarity, read_file, write_atomic};
 use crate::settings::Constants;
 use std::path::{Path, PathBuf};
 
@@ -70,6 +70,10 @@ impl Run {
     pub fn new(capture: &Capture, constants: Constants) -> Result<Self> {
         let absolute = std::path::absolute(&capture.path)
             .map_err(|e| Error::data(&capture.path, "", format!("has no absolute path: {e}"), "give another path"))?;
+        if absolute.to_str().is_none() {
+            let remedy = "rename the folder, or give a link with another name";
+            return Err(Error::data(&absolute, "", "has a name that is not UTF-8, which run.json cannot hold", remedy));
+        }
         let tests = capture.cameras.iter().filter(|camera| camera.is_test);
         Ok(Run {
             capture: absolute,
@@ -92,7 +96,7 @@ impl Run {
     pub fn read(folder: &Path) -> Result<Self> {
         let file = Self::file(folder);
         let fault = |reason: String| Error::data(&file, "", reason, "give the folder of a run of `ivv train`");
-        let text = std::fs::read(&file).map_err(|e| fault(format!("cannot be read: {e}")))?;
+        let text = read_file(&file).map_err(|e| fault(format!("cannot be read: {e}")))?;
         serde_json::from_slice(&text).map_err(|e| fault(e.to_string()))
     }
 

@@ -4,6 +4,7 @@ mod cache;
 mod colmap;
 pub mod dynamic;
 mod folder;
+pub mod hostile;
 pub mod model;
 mod priors;
 mod real;

@@ -271,7 +271,7 @@ fn every_fault_of_the_priors_is_told_at_once() {
         "depth/a: holds files of several kinds; keep one of npy, pfm",
         "flow/b: holds no file of a known kind; give one of flo, npy, exr, png",
         "00001.ply, header: has no list `camera_ids`",
-        "00002.ply: cannot be read",
+        "00002.ply: is missing",
     ];
     assert_told(&folder.check(), &says);
     assert_eq!(folder.check().n_faults, 6);

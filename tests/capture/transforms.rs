@@ -106,7 +106,7 @@ fn every_fault_of_a_transforms_file_is_told() {
         (|d| d["h"] = json!(1e30), "whole numbers of 1 to 65536"),
         (|d| d["w"] = json!(7), "is 6 x 4, its camera `images_0000` is calibrated for 7 x 4"),
         (|d| drop(d.as_object_mut().unwrap().remove("fl_x")), "neither fl_x nor camera_angle_x"),
-        (|d| d["fl_x"] = json!(-1.0), "fx: is -1, not a positive number"),
+        (|d| d["fl_x"] = json!(-1.0), "has fx = -1.0 pixels"),
         (|d| d["frames"] = json!([]), "holds no frame"),
         (|d| d["frames"][1]["file_path"] = json!("../images/0001.png"), "has `..`"),
         (|d| d["frames"][1]["mask_path"] = json!("/etc/passwd"), "is absolute"),

@@ -599,7 +599,7 @@ fn points_of_frames_come_along() {
     let stopped = Manifest { fps: 0.0, ..Manifest::read(&of_source.source).unwrap() };
     stopped.write(&of_source.source).unwrap();
     let of_stopped = PrepareSettings { output: folder.0.join("stopped"), ..of_source };
-    assert_told(&run(&of_stopped).unwrap().0.report, &["has 0 frames per second; give a positive number"]);
+    assert_told(&run(&of_stopped).unwrap().0.report, &["has 0 frames per second, 0.0001 to 100000 are allowed"]);
     assert!(!of_stopped.output.exists());
 }
 

@@ -130,6 +130,12 @@ impl Source {
             let place = format!("camera `{}`", pair[0].name.escape_debug());
             faults.add(&source.calibration, place, "is listed twice", "give every camera its own name");
         }
+        for camera in &source.cameras {
+            if let Some(reason) = camera.lens.fault() {
+                let place = format!("camera `{}`", camera.name.escape_debug());
+                faults.add(&source.calibration, place, reason, "calibrate the camera again, or correct the file");
+            }
+        }
         let names: Vec<&str> = source.cameras.iter().map(|camera| camera.name.as_str()).collect();
         check_names("--shift", settings.shifts.keys(), &names, &source.calibration, faults);
         source.choose_test_cameras(settings, faults);

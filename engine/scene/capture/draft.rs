@@ -17,6 +17,8 @@ use crate::scene::{FlowModel, Similarity, View};
 pub(super) const MAX_COORDINATE: f64 = 1e9;
 /// Most frames of a clip.
 pub(super) const MAX_FRAMES: u32 = 1 << 20;
+/// Frames per second of a clip: from pictures hours apart to the fastest cameras.
+pub(crate) const RATES: std::ops::RangeInclusive<f64> = 1e-4..=1e5;
 
 /// A capture as its format gives it.
 #[derive(Default)]
@@ -118,9 +120,9 @@ impl Draft {
         if faults.n() > 0 && self.cameras.is_empty() {
             return;
         }
-        if !(self.fps.is_finite() && self.fps > 0.0) {
-            let reason = format!("has {} frames per second", self.fps);
-            faults.add(&self.calibration, "", reason, "give a positive number");
+        if !RATES.contains(&self.fps) {
+            let reason = format!("has {} frames per second, {} to {} are allowed", self.fps, RATES.start(), RATES.end());
+            faults.add(&self.calibration, "field `fps`", reason, "give the rate at which the pictures were taken");
         }
         if !(1..=MAX_FRAMES).contains(&self.n_frames) {
             let reason = format!("has {} frames, 1 to {MAX_FRAMES} are allowed", self.n_frames);
@@ -178,6 +180,10 @@ impl Draft {
             if u64::from(camera.width) * u64::from(camera.height) > MAX_PIXELS {
                 let reason = format!("has {} x {} pixels, at most {MAX_PIXELS}", camera.width, camera.height);
                 faults.add(&self.calibration, &place, reason + " are allowed", "give smaller images");
+            }
+            if let Some(reason) = self.lens(camera).fault() {
+                faults.add(&self.calibration, &place, reason, "calibrate the camera again, or correct the file");
+                continue;
             }
             let moving = camera.shots.iter().filter_map(|shot| Some((shot.frame, shot.world_to_camera.as_ref()?)));
             let fixed = moving.clone().next().is_none().then_some((0, &camera.world_to_camera));

@@ -32,7 +32,7 @@ use std::path::{Path, PathBuf};
 
 pub(crate) use colmap::{Posed, model_folder, read_images, tracks};
 pub use draft::camera_center;
-pub(crate) use draft::{Draft, check_names};
+pub(crate) use draft::{Draft, RATES, check_names};
 pub(crate) use header::read_size;
 pub(crate) use names::{is_image, relative};
 pub(crate) use npz::read_npy;

@@ -8,10 +8,16 @@ use crate::error::{Error, Result};
 /// Faults kept in full; beyond them they are only counted, so that a hostile file cannot fill the memory with them.
 const MAX_KEPT: usize = 10_000;
 
+/// A path for a reader: JSON is text, and not every name of a file is.
+fn as_text<S: serde::Serializer>(path: &Path, to: S) -> std::result::Result<S::Ok, S::Error> {
+    to.collect_str(&path.display())
+}
+
 /// One thing that is wrong with a capture.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Fault {
     /// The file or folder.
+    #[serde(serialize_with = "as_text")]
     pub file: PathBuf,
     /// Where in it: a line, a byte offset, a camera, a frame; empty for the file as a whole.
     pub place: String,
@@ -84,6 +90,7 @@ impl Faults {
 #[derive(Clone, Debug, serde::Serialize)]
 pub struct Report {
     /// The folder.
+    #[serde(serialize_with = "as_text")]
     pub path: PathBuf,
     /// Its format; empty when none was recognised.
     pub format: String,
