@@ -5,6 +5,7 @@ mod docs;
 mod extremes;
 mod hazards;
 mod kernels;
+mod supply;
 mod trade;
 
 use std::path::{Path, PathBuf};
