@@ -12,6 +12,9 @@ use std::path::{Path, PathBuf};
 pub struct Run {
     /// Folder of the capture, absolute.
     pub capture: PathBuf,
+    /// How the capture was read.
+    #[serde(default)]
+    pub capture_settings: CaptureSettings,
     /// Names of the cameras that are kept for testing.
     pub test_cameras: Vec<String>,
     /// From the capture to the frame that training computes in.
@@ -70,13 +73,14 @@ impl Run {
     pub fn new(capture: &Capture, constants: Constants) -> Result<Self> {
         let absolute = std::path::absolute(&capture.path)
             .map_err(|e| Error::data(&capture.path, "", format!("has no absolute path: {e}"), "give another path"))?;
-        if absolute.to_str().is_none() {
+        if absolute.to_str().is_none() || capture.settings().images.to_str().is_none() {
             let remedy = "rename the folder, or give a link with another name";
             return Err(Error::data(&absolute, "", "has a name that is not UTF-8, which run.json cannot hold", remedy));
         }
         let tests = capture.cameras.iter().filter(|camera| camera.is_test);
         Ok(Run {
             capture: absolute,
+            capture_settings: capture.settings().clone(),
             test_cameras: tests.map(|camera| camera.name.clone()).collect(),
             world: capture.normalisation(),
             constants,
@@ -119,7 +123,8 @@ impl Run {
             let remedy = "say where the capture is now with --capture";
             return Err(Error::data(path, "", "is no folder", remedy));
         }
-        let settings = CaptureSettings { test_cameras: Some(self.test_cameras.clone()), ..CaptureSettings::default() };
+        let settings =
+            CaptureSettings { test_cameras: Some(self.test_cameras.clone()), ..self.capture_settings.clone() };
         let capture = Capture::open_with(path, &settings)?;
         let holds = CaptureSummary::new(&capture);
         if holds != self.held {

@@ -8,6 +8,7 @@ pub mod hostile;
 pub mod model;
 mod priors;
 mod real;
+mod settings;
 mod transforms;
 
 use std::fs;

@@ -104,7 +104,7 @@ fn every_fault_of_a_transforms_file_is_told() {
         (|d| d["camera_model"] = json!("OPENCV_FISHEYE"), "OPENCV_FISHEYE"),
         (|d| d["w"] = json!(6.5), "has 6.5 x 4 pixels"),
         (|d| d["h"] = json!(1e30), "whole numbers of 1 to 65536"),
-        (|d| d["w"] = json!(7), "is 6 x 4, its camera `images_0000` is calibrated for 7 x 4"),
+        (|d| d["w"] = json!(7), "is 6 x 4, its camera is calibrated for 7 x 4"),
         (|d| drop(d.as_object_mut().unwrap().remove("fl_x")), "neither fl_x nor camera_angle_x"),
         (|d| d["fl_x"] = json!(-1.0), "has fx = -1.0 pixels"),
         (|d| d["frames"] = json!([]), "holds no frame"),

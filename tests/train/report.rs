@@ -60,6 +60,7 @@ fn run() -> Run {
     let test_cameras = vec!["cam<1>".to_owned()];
     Run {
         capture: "/captures/a & b".into(),
+        capture_settings: Default::default(),
         test_cameras,
         world: Default::default(),
         constants: Constants::default(),

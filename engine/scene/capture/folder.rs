@@ -212,7 +212,8 @@ fn frame_points(
     let (there, absent): (Vec<u32>, Vec<u32>) = (0..n_frames).partition(|frame| points.has(*frame));
     if let Some(first) = absent.first() {
         let more = absent.len() - 1;
-        let reason = if more > 0 { format!("is missing, as are those of {more} more frames") } else { "is missing".into() };
+        let reason =
+            if more > 0 { format!("is missing, as are those of {more} more frames") } else { "is missing".into() };
         let remedy = format!("triangulate every frame, or set points = false in {FILE}");
         faults.add(&points.path(*first), "", reason, remedy);
     }

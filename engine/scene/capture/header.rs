@@ -61,6 +61,14 @@ pub(crate) fn read_size(path: &Path) -> Result<(u32, u32), Fault> {
     }
 }
 
+/// Whether the header of a PNG says that it has an alpha channel; no JPEG has one.
+pub(crate) fn has_alpha(path: &Path) -> bool {
+    // The signature, then length and name of the first chunk, width, height, bits of a sample, kind of the colours.
+    let mut start = [0; 26];
+    let is_read = open_file(path).is_ok_and(|mut file| file.read_exact(&mut start).is_ok());
+    is_read && start.starts_with(&PNG) && matches!(start[25], 4 | 6)
+}
+
 fn read<const N: usize>(from: &mut impl Read) -> io::Result<[u8; N]> {
     let mut bytes = [0; N];
     from.read_exact(&mut bytes)?;

@@ -131,13 +131,21 @@ pub(super) fn decode_or_fault(source: &Source) -> Result<Picture, Fault> {
     Ok(Picture { width, height, pixels, priors: words, n_depth, n_flow })
 }
 
-/// Whether each pixel of a mask for the image of `source` is at least 128.
+/// Whether each pixel of a mask for the image of `source` is at least 128; of the image itself, whether its alpha is.
 ///
 /// # Errors
 /// `Error::Data` naming the mask.
 pub(super) fn bright(path: &Path, source: &Source) -> error::Result<Vec<bool>> {
-    let mask = guarded(path, || pixels_of(path, source))?.into_luma8();
-    Ok(mask.as_raw().iter().map(|level| *level >= 128).collect())
+    let mask = guarded(path, || pixels_of(path, source))?;
+    if path == source.image {
+        return Ok(alpha_of(mask).iter().map(|level| *level >= 128).collect());
+    }
+    Ok(mask.into_luma8().as_raw().iter().map(|level| *level >= 128).collect())
+}
+
+/// The alpha channel of an image, row by row.
+pub(crate) fn alpha_of(image: DynamicImage) -> Vec<u8> {
+    image.into_rgba8().as_raw().as_chunks::<4>().0.iter().map(|pixel| pixel[3]).collect()
 }
 
 /// Decodes an image or a mask of a known size.

@@ -1,5 +1,6 @@
 //! What is wrong with a capture: every fault at once, and what it holds.
 
+use std::collections::HashMap;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
@@ -108,6 +109,8 @@ pub struct Report {
     pub n_masks: usize,
     /// Images of which it is known what moves in them.
     pub n_foregrounds: usize,
+    /// Images that have an alpha channel.
+    pub n_alphas: usize,
     /// Images that have optical flow.
     pub n_flows: usize,
     /// Images that have a depth prior.
@@ -138,6 +141,7 @@ impl Report {
             n_images: 0,
             n_masks: 0,
             n_foregrounds: 0,
+            n_alphas: 0,
             n_flows: 0,
             n_depths: 0,
             n_points: 0,
@@ -152,6 +156,21 @@ impl Report {
     pub(crate) fn set_faults(&mut self, faults: Faults) {
         self.n_faults = faults.n;
         self.faults = faults.kept;
+    }
+
+    /// The faults with those of one kind (the same reason and remedy, of different files) together, in the order of the first
+    /// of each kind.
+    pub fn grouped(&self) -> Vec<Vec<&Fault>> {
+        let mut groups: Vec<Vec<&Fault>> = Vec::new();
+        let mut of: HashMap<(&str, &str), usize> = HashMap::new();
+        for fault in &self.faults {
+            let group = *of.entry((&fault.reason, &fault.remedy)).or_insert(groups.len());
+            if group == groups.len() {
+                groups.push(Vec::new());
+            }
+            groups[group].push(fault);
+        }
+        groups
     }
 
     /// The error of a capture with faults: the first of them, how many more there are, and where to see them all.
