@@ -1,6 +1,7 @@
 //! `ivv check`.
 
-use ivv::scene::capture::{CaptureSettings, Report, check_capture};
+use crate::capture::{self, CaptureArgs};
+use ivv::scene::capture::Report;
 use std::path::PathBuf;
 
 /// Options of `ivv check`.
@@ -8,28 +9,12 @@ use std::path::PathBuf;
 pub struct Args {
     /// A capture: the project's own folder, plain COLMAP, transforms.json or Dynamic3DGaussians.
     capture: PathBuf,
-    /// Names of the test cameras, where the capture declares none or others.
-    #[arg(long, value_delimiter = ',')]
-    test_cameras: Option<Vec<String>>,
-    /// Every n-th image is a test image where the capture declares none; 0 for none.
-    #[arg(long, default_value_t = CaptureSettings::default().test_every)]
-    test_every: usize,
-    /// Uses only the first frames of the clip.
-    #[arg(long)]
-    max_frames: Option<u32>,
-    /// Leaves out images whose file is absent; each is a fault otherwise.
-    #[arg(long)]
-    skip_missing: bool,
-    /// Folder of the images of a plain COLMAP project, relative to the capture.
-    #[arg(long, default_value = "images")]
-    images: PathBuf,
-    /// Scales the calibration to the size of the images; a difference is a fault otherwise.
-    #[arg(long)]
-    rescale: bool,
-    /// Takes the foreground masks of Dynamic3DGaussians as masks too.
-    #[arg(long)]
-    foreground_masks: bool,
+    #[command(flatten)]
+    read: CaptureArgs,
 }
+
+/// Files that are listed of faults of one kind, after the first.
+const LISTED: usize = 3;
 
 /// What [`run`] returns for a capture with faults, which it has printed.
 #[derive(Debug)]
@@ -44,17 +29,7 @@ impl std::fmt::Display for Faulty {
 impl std::error::Error for Faulty {}
 
 pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
-    let settings = CaptureSettings {
-        test_cameras: args.test_cameras.clone(),
-        test_every: args.test_every,
-        max_frames: args.max_frames,
-        skip_missing: args.skip_missing,
-        images: args.images.clone(),
-        rescale: args.rescale,
-        foreground_masks: args.foreground_masks,
-        ..CaptureSettings::default()
-    };
-    let report = check_capture(&args.capture, &settings);
+    let report = capture::check(&args.capture, &args.read.settings());
     if json {
         println!("{}", serde_json::to_string_pretty(&report)?);
     } else {
@@ -67,6 +42,36 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
 pub fn print(report: &Report) {
     let format = if report.format.is_empty() { "unknown format" } else { &report.format };
     println!("{}: {format}", report.path.display());
+    // Of what could not be read there is nothing to count.
+    if report.n_images > 0 {
+        print_counts(report);
+    }
+    for note in &report.notes {
+        println!("note:    {note}");
+    }
+    for group in report.grouped() {
+        println!("fault:   {}", group[0]);
+        let others = group.iter().skip(1).map(|fault| {
+            let file = fault.file.strip_prefix(&report.path).unwrap_or(&fault.file).display();
+            if fault.place.is_empty() { file.to_string() } else { format!("{file}, {}", fault.place) }
+        });
+        match group.len() - 1 {
+            0 => {}
+            n if n <= LISTED => println!("         the same: {}", others.collect::<Vec<_>>().join("; ")),
+            n => {
+                let listed = others.take(LISTED).collect::<Vec<_>>().join("; ");
+                println!("         the same {n} times more: {listed}; ...");
+            }
+        }
+    }
+    let n_left_out = report.n_faults - report.faults.len() as u64;
+    if n_left_out > 0 {
+        println!("and {n_left_out} more faults");
+    }
+}
+
+/// Prints what a capture holds.
+fn print_counts(report: &Report) {
     println!("cameras: {}, {} of them for testing", report.n_cameras, report.n_test_cameras);
     println!("frames:  {}, {} per second", report.n_frames, report.fps);
     let mib = report.bytes_decoded as f64 / f64::from(1 << 20);
@@ -75,14 +80,4 @@ pub fn print(report: &Report) {
     println!("priors:  {} images with flow, {} with depth", report.n_flows, report.n_depths);
     let per_frame = if report.has_frame_points { "; every frame has its own" } else { "" };
     println!("points:  {}{per_frame}", report.n_points);
-    for note in &report.notes {
-        println!("note:    {note}");
-    }
-    for fault in &report.faults {
-        println!("fault:   {fault}");
-    }
-    let n_left_out = report.n_faults - report.faults.len() as u64;
-    if n_left_out > 0 {
-        println!("and {n_left_out} faults more");
-    }
 }

@@ -1,6 +1,7 @@
 //! `ivv train`.
 
 use crate::begin;
+use crate::capture::CaptureArgs;
 use crate::device::DeviceArgs;
 use crate::due::{Due, DueArgs};
 use crate::eval::Scorer;
@@ -14,7 +15,7 @@ use crate::require;
 use crate::settings::SettingArgs;
 use crate::totals::{ProfiledStep, Seconds, totals};
 use anyhow::Context;
-use ivv::scene::capture::{Capture, CaptureSettings, FrameCache, PriorPlan};
+use ivv::scene::capture::{Capture, FrameCache, PriorPlan};
 use ivv::stage::PassReport;
 use ivv::train::{
     Checkpoint, DepthSummary, Evaluation, Kind, Log, Plan, Run, Setup, StepReport, Trainer, permutation, spread,
@@ -39,9 +40,8 @@ pub struct Args {
     /// Steps between two lines of train.jsonl.
     #[arg(long, default_value_t = 20, value_parser = clap::value_parser!(u64).range(1..))]
     log_every: u64,
-    /// Cameras to test on, by name, separated by commas; the capture's own choice without it.
-    #[arg(long, value_delimiter = ',')]
-    test_cameras: Option<Vec<String>>,
+    #[command(flatten)]
+    read: CaptureArgs,
     /// Goes on from the newest checkpoint of the run folder, with its settings, cameras and constants.
     #[arg(long)]
     resume: bool,
@@ -336,8 +336,7 @@ fn capture(args: &Args, goes_on: bool) -> anyhow::Result<(Capture, Run)> {
         return Ok((capture, run));
     }
     let constants = args.constants.checked()?;
-    let settings = CaptureSettings { test_cameras: args.test_cameras.clone(), ..CaptureSettings::default() };
-    let capture = Capture::open_with(&args.capture, &settings)?;
+    let capture = crate::capture::open(&args.capture, &args.read.settings())?;
     let run = Run::new(&capture, constants)?;
     Ok((capture.transformed(&run.world), run))
 }

@@ -99,15 +99,25 @@ fn asked(source: &Source, settings: &PrepareSettings) -> (Triangulate, bool) {
     (settings.triangulate.unwrap_or(if keeps { Triangulate::None } else { Triangulate::Every(1) }), keeps)
 }
 
-/// Whether COLMAP will be run: points are asked for, and not all of them are there from an earlier run.
-pub(super) fn needs_colmap(images: &Images, source: &Source, settings: &PrepareSettings) -> bool {
+/// What COLMAP will need, unless all points that are asked for are there from an earlier run: itself, and two cameras.
+///
+/// # Errors
+/// [`Error::Data`] that says what is missing.
+pub(super) fn require(images: &Images, source: &Source, settings: &PrepareSettings) -> Result<()> {
     let points = |frame: u32| images.output.join(format!("points/{frame:05}.ply")).is_file();
     let has_points = match asked(source, settings).0 {
-        Triangulate::None => return false,
+        Triangulate::None => return Ok(()),
         Triangulate::Reference => true,
         Triangulate::Every(_) => (0..images.n_frames()).all(points),
     };
-    settings.force || !(has_points && images.output.join("sparse/0/points3D.txt").is_file())
+    if !settings.force && has_points && images.output.join("sparse/0/points3D.txt").is_file() {
+        return Ok(());
+    }
+    if images.cameras.iter().filter(|camera| !camera.is_test).count() < 2 {
+        let reason = "has one training camera; points need two that see the same";
+        return Err(Error::data(&source.calibration, "", reason, "give --triangulate none"));
+    }
+    COLMAP.require(&settings.source)
 }
 
 /// The number in the header of a file of points.
@@ -184,10 +194,6 @@ impl Triangulation<'_> {
         let about = &source.calibration;
         let all = self.images.cameras.iter().enumerate();
         let cameras: Vec<(usize, &Camera)> = all.filter(|(_, camera)| !camera.is_test).collect();
-        if cameras.len() < 2 {
-            let reason = "has one training camera; points need two that see the same";
-            return Err(Error::data(about, "", reason, "give --triangulate none"));
-        }
         let work = self.work.join(format!("{frame:05}"));
         let _ = fs::remove_dir_all(&work);
         let (input, found) = (work.join("model"), work.join("found"));

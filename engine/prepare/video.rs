@@ -4,7 +4,7 @@ use std::ffi::OsString;
 use std::io::{ErrorKind, Read};
 use std::path::Path;
 
-use super::images::Part;
+use super::fit::Part;
 use super::program::{FFMPEG, FFPROBE, last_line};
 use crate::error::{Error, Result};
 use crate::scene::write_atomic;
