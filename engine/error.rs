@@ -38,6 +38,13 @@ pub enum Error {
         /// What to do about it.
         remedy: String,
     },
+    /// The driver ran out of memory in a call that does not say how much it needed.
+    DriverOutOfMemory {
+        /// The call.
+        call: &'static str,
+        /// Whose memory: `the device` or `the host`.
+        of: &'static str,
+    },
     /// The device stopped answering.
     DeviceLost {
         /// The last pass known to have begun.
@@ -70,7 +77,7 @@ impl Error {
         match self {
             Error::Data { .. } => 3,
             Error::NoDevice { .. } | Error::DeviceLost { .. } | Error::Vulkan { .. } => 4,
-            Error::OutOfMemory { .. } => 5,
+            Error::OutOfMemory { .. } | Error::DriverOutOfMemory { .. } => 5,
             Error::NonFinite { .. } => 6,
         }
     }
@@ -90,6 +97,11 @@ impl fmt::Display for Error {
             Error::OutOfMemory { what, needed, limit, remedy } => {
                 write!(f, "{what} needs {needed}, the limit is {limit}; {remedy}")
             }
+            Error::DriverOutOfMemory { call, of } => write!(
+                f,
+                "{call} failed: {of} is out of memory; close other programs, choose a device with more memory, or use a \
+                 smaller scene or picture"
+            ),
             Error::DeviceLost { after_pass } => write!(
                 f,
                 "the device was lost; the last pass known to have begun is `{after_pass}`; \

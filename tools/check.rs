@@ -1,10 +1,10 @@
 //! `ivv check`.
 
+use crate::capture::{self, CaptureArgs};
 use crate::fault;
 use crate::screen::out;
-use ivv::scene::capture::{CaptureSettings, Fault, Report, check_capture};
+use ivv::scene::capture::{Fault, Report};
 use ivv::words::count;
-use std::collections::HashMap;
 use std::path::PathBuf;
 
 /// Files that a line names of those that have the same fault.
@@ -15,27 +15,8 @@ const NAMED: usize = 3;
 pub struct Args {
     /// A capture: the project's own folder, plain COLMAP, transforms.json or Dynamic3DGaussians.
     capture: PathBuf,
-    /// Names of the test cameras, instead of those that the capture declares.
-    #[arg(long, value_delimiter = ',')]
-    test_cameras: Option<Vec<String>>,
-    /// Every n-th image is a test image where the capture declares none; 0 for none.
-    #[arg(long, default_value_t = CaptureSettings::default().test_every)]
-    test_every: usize,
-    /// Uses only the first frames of the clip.
-    #[arg(long)]
-    max_frames: Option<u32>,
-    /// Leaves out images whose file is missing, which are faults otherwise.
-    #[arg(long)]
-    skip_missing: bool,
-    /// Folder of the images of a plain COLMAP project, relative to the capture.
-    #[arg(long, default_value = "images")]
-    images: PathBuf,
-    /// Scales the calibration to the size of the images. Without it a different size is a fault.
-    #[arg(long)]
-    rescale: bool,
-    /// Also uses the foreground masks of Dynamic3DGaussians as masks.
-    #[arg(long)]
-    foreground_masks: bool,
+    #[command(flatten)]
+    read: CaptureArgs,
 }
 
 /// What [`run`] returns for a capture with faults, which it has printed.
@@ -51,17 +32,7 @@ impl std::fmt::Display for Faulty {
 impl std::error::Error for Faulty {}
 
 pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
-    let settings = CaptureSettings {
-        test_cameras: args.test_cameras.clone(),
-        test_every: args.test_every,
-        max_frames: args.max_frames,
-        skip_missing: args.skip_missing,
-        images: args.images.clone(),
-        rescale: args.rescale,
-        foreground_masks: args.foreground_masks,
-        ..CaptureSettings::default()
-    };
-    let report = check_capture(&args.capture, &settings);
+    let report = capture::check(&args.capture, &args.read.settings());
     let faulty = (report.n_faults > 0).then(|| anyhow::Error::from(Faulty(report.n_faults)));
     if json {
         fault::results(&report, faulty.as_ref())?;
@@ -69,20 +40,6 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         print(&report);
     }
     faulty.map_or(Ok(()), Err)
-}
-
-/// Faults that say the same of several files, together, in the order of the first of each.
-fn grouped(faults: &[Fault]) -> Vec<Vec<&Fault>> {
-    let mut groups: Vec<Vec<&Fault>> = Vec::new();
-    let mut at = HashMap::new();
-    for fault in faults {
-        let group = *at.entry((&fault.reason, &fault.remedy)).or_insert(groups.len());
-        if group == groups.len() {
-            groups.push(Vec::new());
-        }
-        groups[group].push(fault);
-    }
-    groups
 }
 
 /// Faults that say the same, in one line.
@@ -107,7 +64,7 @@ pub fn print(report: &Report) {
     for note in &report.notes {
         out!("note:    {note}");
     }
-    for faults in grouped(&report.faults) {
+    for faults in report.grouped() {
         out!("fault:   {}", told(&faults));
     }
     let n_left_out = report.n_faults - report.faults.len() as u64;

@@ -86,7 +86,7 @@ fn kind(error: &anyhow::Error) -> (&'static str, u8) {
     let kind = match error {
         ivv::Error::Data { .. } => "data",
         ivv::Error::NoDevice { .. } => "no_device",
-        ivv::Error::OutOfMemory { .. } => "out_of_memory",
+        ivv::Error::OutOfMemory { .. } | ivv::Error::DriverOutOfMemory { .. } => "out_of_memory",
         ivv::Error::DeviceLost { .. } => "device_lost",
         ivv::Error::Vulkan { .. } => "vulkan",
         ivv::Error::NonFinite { .. } => "non_finite",

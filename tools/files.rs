@@ -1,6 +1,6 @@
 //! Folders and JSON files of the verbs.
 
-use ivv::scene::write_atomic;
+use ivv::scene::{read_file, write_atomic};
 use std::path::Path;
 
 /// Makes `folder` and those above it.
@@ -17,6 +17,6 @@ pub fn write_json(file: &Path, value: &impl serde::Serialize) -> ivv::Result<()>
 /// Reads JSON.
 pub fn read_json<T: serde::de::DeserializeOwned>(file: &Path, remedy: &str) -> ivv::Result<T> {
     let fault = |reason: String| ivv::Error::data(file, "", reason, remedy);
-    let text = std::fs::read(file).map_err(|e| fault(format!("cannot be read: {e}")))?;
+    let text = read_file(file).map_err(|e| fault(format!("cannot be read: {e}")))?;
     serde_json::from_slice(&text).map_err(|e| fault(e.to_string()))
 }

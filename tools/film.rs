@@ -25,6 +25,8 @@ use std::time::Instant;
 
 /// Frames per second where nothing says.
 const FPS: f64 = 30.0;
+/// Most frames of a video: a path in milliseconds, taken for seconds, would render for years.
+const MOST_FRAMES: f64 = 5_184_000.0;
 /// Size in pixels and vertical field of view in degrees where nothing says.
 const SIZE: (u32, u32) = (640, 360);
 const FOV: f64 = 50.0;
@@ -115,7 +117,16 @@ impl Film {
             ([_], Some((fps, n_frames))) => f64::from(n_frames - 1) / fps,
             (poses, _) => poses[poses.len() - 1].t - poses[0].t,
         };
-        let n_frames = (seconds * fps + 1e-6) as usize + 1;
+        let n_frames = seconds * fps + 1.0;
+        if n_frames > MOST_FRAMES {
+            let reason = format!(
+                "the video would have {n_frames:.0} frames ({seconds} s at {fps} a second); at most {MOST_FRAMES} are \
+                 rendered, a day at 60 a second"
+            );
+            let remedy = "give a shorter path, check that its times are in seconds, or give a lower --fps";
+            return Err(ivv::Error::data(&args.path.clone().unwrap_or_default(), "", reason, remedy).into());
+        }
+        let n_frames = (n_frames + 1e-6) as usize;
         Ok(Film { path, fps, size, focal, clip, n_frames })
     }
 

@@ -72,6 +72,6 @@ fn scene_and_reviews(path: &Path) -> (PathBuf, Vec<Review>) {
     let scene = if path.join("train.json").is_file() { path.join("scene.ply") } else { path.to_owned() };
     let totals = scene.with_file_name("train.json");
     let totals: Value =
-        std::fs::read(totals).ok().and_then(|text| serde_json::from_slice(&text).ok()).unwrap_or_default();
+        ivv::scene::read_file(&totals).ok().and_then(|text| serde_json::from_slice(&text).ok()).unwrap_or_default();
     (scene, serde_json::from_value(totals["reviews"].clone()).unwrap_or_default())
 }

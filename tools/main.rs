@@ -2,6 +2,7 @@
 
 mod ablate;
 mod begin;
+mod capture;
 mod check;
 mod demo;
 mod device;

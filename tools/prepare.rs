@@ -1,11 +1,13 @@
 //! `ivv prepare`.
 
+use crate::capture::CaptureArgs;
 use crate::check::{self, Faulty};
 use crate::fault;
 use crate::progress::Pieces;
-use crate::screen::out;
+use crate::screen::{out, say};
 use anyhow::Context;
-use ivv::prepare::{ImageFormat, PrepareSettings, Triangulate, prepare};
+use ivv::prepare::{ImageFormat, PrepareSettings, Triangulate, forecast, prepare};
+use ivv::scene::capture::CaptureSettings;
 use ivv::words::count;
 use std::path::PathBuf;
 use std::sync::Mutex;
@@ -13,7 +15,8 @@ use std::sync::Mutex;
 /// Options of `ivv prepare`.
 #[derive(clap::Args)]
 pub struct Args {
-    /// A recording: ImViD or COLMAP's calibration beside videos, N3V, MeetRoom, Google Immersive, Dynamic3DGaussians,
+    /// Photos of a scene that stands still, a video of one, or a folder of videos of one moment, whose cameras COLMAP finds; or
+    /// a recording with its calibration: ImViD or COLMAP's calibration beside videos, N3V, MeetRoom, Google Immersive, Dynamic3DGaussians,
     /// transforms.json, plain COLMAP, Pose2Sim, caliscope, or a capture folder.
     source: PathBuf,
     /// The capture folder. Run the same command again to continue an interrupted preparation.
@@ -26,9 +29,6 @@ pub struct Args {
     /// First frame to take.
     #[arg(long, default_value_t = 0)]
     start: u32,
-    /// Most frames to take.
-    #[arg(long)]
-    frames: Option<u32>,
     /// Takes every n-th frame.
     #[arg(long, default_value_t = 1)]
     every: u32,
@@ -43,7 +43,7 @@ pub struct Args {
     #[arg(long, value_parser = ["png", "jpg"], default_value = "png")]
     format: String,
     /// Frames per second of image sequences.
-    #[arg(long, default_value_t = PrepareSettings::new("".as_ref(), "".as_ref()).fps)]
+    #[arg(long, default_value_t = CaptureSettings::default().fps)]
     fps: f64,
     /// The frames of which COLMAP triangulates points: none, the reference frame, or every N-th. By default every frame, unless
     /// the source has points.
@@ -52,12 +52,8 @@ pub struct Args {
     /// Estimates optical flow. dis: OpenCV's DIS, run in Python.
     #[arg(long, value_parser = ["dis"])]
     flow: Option<String>,
-    /// Names of the test cameras, instead of those that the source declares. No points are made from them.
-    #[arg(long, value_delimiter = ',')]
-    test_cameras: Option<Vec<String>>,
-    /// Every n-th image of plain COLMAP and transforms.json is a test image; 0 for none.
-    #[arg(long, default_value_t = PrepareSettings::new("".as_ref(), "".as_ref()).test_every)]
-    test_every: usize,
+    #[command(flatten)]
+    read: CaptureArgs,
     /// Replaces what was made with other settings, or a capture that was not made by `ivv prepare`.
     #[arg(long)]
     force: bool,
@@ -68,6 +64,9 @@ pub struct Args {
 
 pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let settings = settings(args)?;
+    if let Some(forecast) = forecast(&settings)? {
+        say!("{forecast}");
+    }
     let pieces = Mutex::new(Pieces::new());
     let prepared = prepare(&settings, &|progress| {
         // A thread that panicked while it told of progress is no reason to stop.
@@ -96,19 +95,18 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
 
 fn settings(args: &Args) -> anyhow::Result<PrepareSettings> {
     let defaults = PrepareSettings::new(&args.source, &args.output);
+    let capture = CaptureSettings { fps: args.fps, ..args.read.settings() };
     Ok(PrepareSettings {
         footage: args.footage.clone(),
         start: args.start,
-        frames: args.frames,
+        frames: capture.max_frames,
         every: args.every,
         shifts: args.shift.iter().map(|word| shift(word)).collect::<anyhow::Result<_>>()?,
         scale: args.scale,
         format: if args.format == "jpg" { ImageFormat::Jpeg } else { ImageFormat::Png },
-        fps: args.fps,
         triangulate: args.triangulate.as_deref().map(triangulate).transpose()?,
         flow: args.flow.is_some(),
-        test_cameras: args.test_cameras.clone(),
-        test_every: args.test_every,
+        capture,
         force: args.force,
         threads: args.threads.unwrap_or(defaults.threads).max(1),
         ..defaults

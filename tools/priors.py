@@ -82,7 +82,7 @@ def raft(args):
     models = need("torchvision.models.optical_flow", "pip install torchvision")
     device = "cuda" if torch.cuda.is_available() else "cpu"
     model = models.raft_large(weights=None)
-    model.load_state_dict(torch.load(args.weights, map_location="cpu"))
+    model.load_state_dict(torch.load(args.weights, map_location="cpu", weights_only=True))
     model = model.to(device).eval()
 
     def estimate(first, second):
@@ -107,7 +107,7 @@ def videoflow(args):
     network = need("core.Networks", remedy).build_network(cfg)
     padder_class = need("utils.utils", remedy).InputPadder
     model = torch.nn.DataParallel(network)
-    model.load_state_dict(torch.load(args.weights, map_location="cpu"))
+    model.load_state_dict(torch.load(args.weights, map_location="cpu", weights_only=True))
     model = model.module.cuda().eval()
 
     def estimate(pictures):
@@ -130,7 +130,7 @@ def depth_anything(args):
     features = {"vits": 64, "vitb": 128, "vitl": 256}
     encoder = args.encoder
     model = package.DepthAnythingV2(encoder=encoder, features=features[encoder], out_channels=channels[encoder])
-    model.load_state_dict(torch.load(args.weights, map_location="cpu"))
+    model.load_state_dict(torch.load(args.weights, map_location="cpu", weights_only=True))
     model = model.to("cuda" if torch.cuda.is_available() else "cpu").eval()
     return model.infer_image
 

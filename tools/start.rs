@@ -41,8 +41,7 @@ impl Start {
     fn anew(args: &Args) -> anyhow::Result<Self> {
         let config = args.settings.resolve()?;
         let path = args.capture.as_deref().context("CAPTURE is needed, unless a run is resumed")?;
-        let settings = CaptureSettings { test_cameras: args.test_cameras.clone(), ..CaptureSettings::default() };
-        let mut capture = Capture::open_with(path, &settings)?;
+        let mut capture = crate::capture::open(path, &args.read.settings())?;
         capture.viewpoints = args.viewpoints.as_deref().map_or(Ok(Vec::new()), read_views)?;
         let mut run = Run::new(&capture, Constants::default())?;
         let capture = capture.transformed(&run.world);
@@ -190,9 +189,14 @@ fn settings_of_a_run_without_checkpoint(folder: &Path, file: &Path) -> ivv::Resu
 fn agrees(args: &Args, config: &Config, run: &Run) -> anyhow::Result<()> {
     let mut differ = args.settings.contradictions(config)?;
     let names = |cameras: &[String]| cameras.iter().cloned().collect::<BTreeSet<_>>();
-    if let Some(asked) = args.test_cameras.as_ref().filter(|asked| names(asked) != names(&run.test_cameras)) {
+    let read = args.read.settings();
+    if let Some(asked) = read.test_cameras.as_ref().filter(|asked| names(asked) != names(&run.test_cameras)) {
         let (asked, has) = (asked.join(","), run.test_cameras.join(","));
         differ.push(format!("--test-cameras: the run has {has}, asked for is {asked}"));
+    }
+    let of = |settings: &CaptureSettings| CaptureSettings { test_cameras: None, ..settings.clone() };
+    if of(&read) != of(&CaptureSettings::default()) && of(&read) != of(&run.capture_settings) {
+        differ.push("the options of how the capture is read: run.json has those of the run".to_owned());
     }
     differ.extend(args.constants.contradictions(&run.constants));
     if differ.is_empty() {

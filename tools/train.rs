@@ -1,6 +1,7 @@
 //! `ivv train`.
 
 use crate::begin;
+use crate::capture::CaptureArgs;
 use crate::device::DeviceArgs;
 use crate::due::{Due, DueArgs};
 use crate::eval::Scorer;
@@ -45,9 +46,8 @@ pub struct Args {
     /// Steps between two lines of train.jsonl.
     #[arg(long, default_value_t = 20, value_parser = clap::value_parser!(u64).range(1..))]
     log_every: u64,
-    /// Names of the test cameras, separated by commas, instead of those that the capture declares.
-    #[arg(long, value_delimiter = ',')]
-    pub test_cameras: Option<Vec<String>>,
+    #[command(flatten)]
+    pub read: CaptureArgs,
     /// A cameras file (JSON) of views, in the capture's world, that the scene will be seen from: training keeps clear what lies
     /// just before them. run.json and the report name them; do not give the cameras that you test on.
     #[arg(long, conflicts_with = "resume")]

@@ -30,28 +30,42 @@ pub(super) fn make(
     journal.begin("flow", json!({ "method": "dis at full resolution" }))?;
     let n = images.n_frames().saturating_sub(1) as usize;
     let output = &images.output;
-    let file = |name: &str, frame: usize| output.join("flow").join(name).join(format!("{frame:05}.flo"));
-    let is_done = |name: &str| (0..n).all(|frame| file(name, frame).is_file());
-    let names: Vec<&str> = images.cameras.iter().map(|camera| camera.name.as_str()).collect();
-    let left: Vec<&str> = names.iter().copied().filter(|name| !is_done(name)).collect();
+    let left = left(images);
     if left.is_empty() {
         return Ok(());
     }
-    let has_opencv = |python: &&str| {
-        let mut command = Command::new(python);
-        command.args(["-c", "import cv2, numpy"]).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
-        command.status().is_ok_and(|status| status.success())
-    };
-    let Some(python) = PYTHONS.iter().find(|python| has_opencv(python)) else {
-        let reason = "needs python3 with OpenCV and NumPy for --flow dis, which is not installed";
-        return Err(Error::data(output, "", reason, INSTALL));
-    };
-    let (done, total) = (AtomicUsize::new((names.len() - left.len()) * n), names.len() * n);
+    let python = python(output)?;
+    let n_cameras = images.cameras.len();
+    let (done, total) = (AtomicUsize::new((n_cameras - left.len()) * n), n_cameras * n);
     let tell = |piece: &str| {
         let done = done.fetch_add(1, Ordering::Relaxed) + 1;
         progress(Progress { stage: "flow", done, total, piece });
     };
     in_parallel(left.len(), settings.threads, |index| estimate(python, output, left[index], &tell), |_| {}).map(|_| ())
+}
+
+/// The cameras whose flow is not estimated yet.
+pub(super) fn left(images: &Images) -> Vec<&str> {
+    let n = images.n_frames().saturating_sub(1);
+    let file = |name: &str, frame: u32| images.output.join("flow").join(name).join(format!("{frame:05}.flo"));
+    let is_done = |name: &str| (0..n).all(|frame| file(name, frame).is_file());
+    images.cameras.iter().map(|camera| camera.name.as_str()).filter(|name| !is_done(name)).collect()
+}
+
+/// A Python that has what the script needs.
+///
+/// # Errors
+/// [`Error::Data`] that names the package.
+pub(super) fn python(about: &Path) -> Result<&'static str> {
+    let has_opencv = |python: &&str| {
+        let mut command = Command::new(python);
+        command.args(["-c", "import cv2, numpy"]).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
+        command.status().is_ok_and(|status| status.success())
+    };
+    PYTHONS.into_iter().find(has_opencv).ok_or_else(|| {
+        let reason = "needs python3 with OpenCV and NumPy for --flow dis, which is not installed";
+        Error::data(about, "", reason, INSTALL)
+    })
 }
 
 /// Runs the script on one camera; it prints a line for each file.

@@ -9,22 +9,19 @@ use image::imageops::FilterType;
 use image::{DynamicImage, ExtendedColorType, ImageEncoder};
 use serde_json::{Value, json};
 
+use super::fit::{Part, fitted};
 use super::journal::{Journal, make_folder};
 use super::source::{Footage, Source, SourceCamera};
 use super::video::{self, Selection, Video};
 use super::{ImageFormat, PrepareSettings, Progress, sound};
 use crate::error::{Error, Result};
 use crate::parallel::in_parallel;
-use crate::scene::capture::{Faults, Pose, Shot, decode_image, read_size};
+use crate::scene::capture::{Faults, Pose, RATES, Shot, alpha_of, decode_image, read_size};
 use crate::scene::prior::{read_depth, read_flow, write_depth, write_flow};
 use crate::scene::undistort::{Distortion, Lens, Undistortion};
-use crate::scene::write_atomic;
+use crate::scene::{open_file, write_atomic};
 
-const JPEG_QUALITY: u8 = 95;
-/// Columns or rows that an encoder may have cut off at the right or the bottom: less than a block of a video.
-const MAX_CUT: u32 = 15;
-/// Bars around a picture are darker in the mean, of 255.
-const BLACK: u64 = 16;
+pub(super) const JPEG_QUALITY: u8 = 95;
 /// Rates differ when their ratio is farther from 1.
 const RATE_TOLERANCE: f64 = 1e-3;
 
@@ -107,21 +104,22 @@ impl Images {
             notes.push(format!("only {n} frames are there"));
         }
         let select = Selection { start, every, n };
-        let fps = rates.first().copied().or(source.fps).unwrap_or(settings.fps) / f64::from(every);
-        if !(fps.is_finite() && fps > 0.0) {
-            let reason = format!("has {fps} frames per second");
-            faults.add(&source.calibration, "", reason, "give a positive number");
+        let fps = rates.first().copied().or(source.fps).unwrap_or(settings.capture.fps) / f64::from(every);
+        if !RATES.contains(&fps) {
+            let reason = format!("has {fps} frames per second, {} to {} are allowed", RATES.start(), RATES.end());
+            faults.add(&source.calibration, "", reason, "give the rate at which the pictures were taken with --fps");
         }
-        let mut planned = Planned { source, settings, select, notes, faults };
+        let mut planned = Planned { source, settings, select, notes, of_cameras: Vec::new(), faults };
         let pairs = source.cameras.iter().zip(material);
         let cameras: Vec<Camera> = pairs.filter_map(|(camera, material)| planned.camera(camera, material?)).collect();
-        let notes = planned.notes;
+        let mut notes = planned.notes;
+        notes.extend(grouped(&planned.of_cameras, source.cameras.len()));
         if cameras.iter().all(|camera| camera.is_test) && faults.n() == 0 {
             let remedy = "choose fewer cameras with --test-cameras";
             faults.add(&source.calibration, "", "has only test cameras", remedy);
         }
         let mut made_from = json!({
-            "source": settings.source, "source format": source.format, "start": start, "every": every, "frames": n,
+            "source": settings.source.to_string_lossy(), "source format": source.format, "start": start, "every": every, "frames": n,
             "scale": settings.scale, "format": settings.format, "cameras": cameras.iter().map(Camera::stamp).collect::<Vec<_>>(),
         });
         if !shifts.is_empty() {
@@ -249,7 +247,7 @@ impl Images {
         maker.write_mask(frame, shot.mask.as_deref())?;
         for (folder, mask) in [("foreground", &shot.foreground), ("covisible", &shot.covisible)] {
             if let Some(mask) = mask {
-                maker.write_plane(folder, frame, mask)?;
+                maker.write_plane(folder, frame, mask, *mask == shot.image)?;
             }
         }
         maker.write_priors(frame, shot)?;
@@ -296,12 +294,14 @@ impl Camera {
 
     /// What the camera's pictures are made from.
     fn stamp(&self) -> Value {
+        // Not every name of a file is text, which JSON must be.
         let file = |path: &Path| {
+            let name = path.to_string_lossy();
             let data = fs::metadata(path).ok();
             let time = data.as_ref().and_then(|data| data.modified().ok());
             let seconds =
                 time.and_then(|time| time.duration_since(std::time::UNIX_EPOCH).ok()).map(|age| age.as_secs());
-            json!([path, data.map(|data| data.len()), seconds])
+            json!([name, data.map(|data| data.len()), seconds])
         };
         let footage = match &self.material {
             Material::Video(path, _) => vec![file(path)],
@@ -368,27 +368,52 @@ struct Planned<'a> {
     settings: &'a PrepareSettings,
     select: Selection,
     notes: Vec<String>,
+    /// Cameras by name, and what is noted of each.
+    of_cameras: Vec<(String, String)>,
     faults: &'a mut Faults,
+}
+
+/// Notes of cameras, those of one text together.
+fn grouped(of_cameras: &[(String, String)], n_cameras: usize) -> Vec<String> {
+    let mut groups: Vec<(&str, Vec<&str>)> = Vec::new();
+    for (camera, note) in of_cameras {
+        match groups.iter_mut().find(|(text, _)| text == note) {
+            Some((_, cameras)) => cameras.push(camera),
+            None => groups.push((note, vec![camera])),
+        }
+    }
+    let told = groups.into_iter().map(|(note, cameras)| match cameras.as_slice() {
+        [camera] => format!("camera `{}`: {note}", camera.escape_debug()),
+        all if all.len() == n_cameras => format!("all {n_cameras} cameras: {note}"),
+        some => format!("{} cameras ({}): {note}", some.len(), some.join(", ")),
+    });
+    told.collect()
 }
 
 impl Planned<'_> {
     fn camera(&mut self, camera: &SourceCamera, recorded: Recorded) -> Option<Camera> {
         let place = format!("camera `{}`", camera.name.escape_debug());
         let (width, height) = recorded.size;
-        let Some((lens, part, note)) =
-            self.faults.take(fitted(&camera.lens, recorded.size, || recorded.first(&camera.footage)))?
-        else {
+        let fitted = fitted(&camera.lens, recorded.size, || recorded.first(&camera.footage));
+        let rescaled = self.settings.capture.rescale.then(|| {
+            let note = format!("the calibration is scaled to the pictures, {width} x {height}");
+            (camera.lens.resized(width, height), Part::whole(recorded.size), Some(note))
+        });
+        let Some((lens, part, note)) = self.faults.take(fitted)?.or(rescaled) else {
             let Lens { width: w, height: h, .. } = camera.lens;
             let reason = format!("is calibrated for {w} x {h}, its pictures are {width} x {height}");
-            let remedy = "give the footage of this calibration, or calibrate again";
+            let remedy =
+                "give the footage of this calibration, calibrate again, or scale the calibration with --rescale";
             self.faults.add(&self.source.calibration, place, reason, remedy);
             return None;
         };
-        self.notes.extend(note.map(|note| format!("{place}: {note}")));
+        self.of_cameras.extend(note.map(|note| (camera.name.clone(), note)));
         let side = |side: u32| ((f64::from(side) * self.settings.scale).round() as u32).max(1);
         let lens = lens.resized(side(part.width), side(part.height));
-        let Some(pinhole) = lens.pinhole() else {
-            let reason = "has a distortion after which no rectangle of the picture is left";
+        let kept =
+            |pinhole: &Lens| pinhole.width >= lens.width.div_ceil(16) && pinhole.height >= lens.height.div_ceil(16);
+        let Some(pinhole) = lens.pinhole().filter(kept) else {
+            let reason = "has a distortion after which no rectangle of a sixteenth of the picture's sides is left";
             self.faults.add(&self.source.calibration, place, reason, "calibrate it again");
             return None;
         };
@@ -466,66 +491,6 @@ impl Planned<'_> {
     }
 }
 
-/// The part of recorded pictures that is used, pixels.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Part {
-    pub x: u32,
-    pub y: u32,
-    pub width: u32,
-    pub height: u32,
-}
-
-impl Part {
-    fn whole((width, height): (u32, u32)) -> Self {
-        Part { x: 0, y: 0, width, height }
-    }
-}
-
-/// The lens and the part of pictures of another size than the calibration's, and what was done.
-///
-/// Both sides in the same proportion: the pictures were scaled. Black bars above and below or beside: they were scaled into a
-/// frame of another shape. One side shorter by less than a block of a video, the other the same: a codec cut them at the right
-/// or the bottom. `first` gives the first picture.
-fn fitted(
-    lens: &Lens,
-    size: (u32, u32),
-    first: impl FnOnce() -> Result<Vec<[u8; 3]>>,
-) -> Result<Option<(Lens, Part, Option<String>)>> {
-    let ((width, height), Lens { width: w, height: h, .. }) = (size, *lens);
-    if (w, h) == (width, height) {
-        return Ok(Some((*lens, Part::whole(size), None)));
-    }
-    let sizes = format!("the pictures are {width} x {height}, the calibration is for {w} x {h}");
-    let [width_f, height_f, w_f, h_f] = [width, height, w, h].map(f64::from);
-    let scale = (width_f / w_f).min(height_f / h_f);
-    let (inner_width, inner_height) = ((w_f * scale).round() as u32, (h_f * scale).round() as u32);
-    let (across, down) = (width.saturating_sub(inner_width), height.saturating_sub(inner_height));
-    // Rounding the scaled size may have moved either side by a pixel.
-    if across <= 1 && down <= 1 {
-        return Ok(Some((lens.resized(width, height), Part::whole(size), Some(format!("{sizes}: it is scaled")))));
-    }
-    let part = Part { x: across / 2, y: down / 2, width: inner_width, height: inner_height };
-    let row = |y: u32| (y as usize * width as usize)..((y + 1) as usize * width as usize);
-    let picture = first()?;
-    let bars = (0..height).flat_map(|y| {
-        let inside = (part.y..part.y + part.height).contains(&y);
-        let sides = picture[row(y)].iter().zip(0_u32..);
-        sides.filter(move |(_, x)| !inside || !(part.x..part.x + part.width).contains(x)).map(|(pixel, _)| pixel)
-    });
-    let (n, sum) =
-        bars.fold((0_u64, 0_u64), |(n, sum), pixel| (n + 3, sum + pixel.iter().map(|v| u64::from(*v)).sum::<u64>()));
-    if n > 0 && sum < BLACK * n {
-        let note = format!("{sizes}: taken as scaled to {inner_width} x {inner_height} between black bars");
-        return Ok(Some((lens.resized(inner_width, inner_height), part, Some(note))));
-    }
-    let cut = |calibrated: u32, found: u32| calibrated >= found && calibrated - found <= MAX_CUT;
-    if (w == width && cut(h, height)) || (h == height && cut(w, width)) {
-        let note = format!("{sizes}: taken as cut off at the right or the bottom");
-        return Ok(Some((Lens { width, height, ..*lens }, Part::whole(size), Some(note))));
-    }
-    Ok(None)
-}
-
 /// Makes the pictures of a camera.
 struct Maker<'a> {
     output: &'a Path,
@@ -576,17 +541,19 @@ impl<'a> Maker<'a> {
     /// The mask of the source, or what of the undistorted picture is valid, if there is need of one.
     fn write_mask(&self, frame: u32, mask: Option<&Path>) -> Result<()> {
         match (mask, &self.validity) {
-            (Some(mask), _) => self.write_plane("masks", frame, mask),
+            (Some(mask), _) => self.write_plane("masks", frame, mask, false),
             (None, Some(validity)) => self.write_png("masks", frame, validity),
             (None, None) => Ok(()),
         }
     }
 
-    fn write_plane(&self, folder: &str, frame: u32, from: &Path) -> Result<()> {
+    /// A mask, or the alpha of an image, scaled and undistorted.
+    fn write_plane(&self, folder: &str, frame: u32, from: &Path, of_alpha: bool) -> Result<()> {
         if self.path(folder, frame).is_file() {
             return Ok(());
         }
-        let plane = self.scaled(from, FilterType::Nearest)?.into_luma8().into_raw();
+        let plane = self.scaled(from, FilterType::Nearest)?;
+        let plane = if of_alpha { alpha_of(plane) } else { plane.into_luma8().into_raw() };
         let plane = self.undistortion.as_ref().map_or_else(|| plane.clone(), |undistortion| undistortion.mask(&plane));
         self.write_png(folder, frame, &plane)
     }
@@ -661,6 +628,6 @@ pub(super) fn take_over(from: &Path, to: &Path) -> Result<()> {
     if fs::hard_link(&from_real, to).is_ok() {
         return Ok(());
     }
-    let mut file = fs::File::open(&from_real).map_err(fault)?;
+    let mut file = open_file(&from_real).map_err(fault)?;
     write_atomic(to, |to| std::io::copy(&mut file, to).map(|_| ()))
 }

@@ -10,10 +10,11 @@ use serde_json::Value;
 use super::PrepareSettings;
 use crate::error::{Error, Result};
 use crate::scene::capture::JOURNAL;
-use crate::scene::{remove_temporaries, write_atomic};
+use crate::scene::{read_file, remove_temporaries, write_atomic};
 
-/// The parts of a capture that each stage makes; all depend on the first.
-const STAGES: [(&str, &[&str]); 3] = [
+/// The parts of a capture that each stage makes. All depend on the first two, which come in this order.
+const STAGES: [(&str, &[&str]); 4] = [
+    ("reconstruction", &["reconstruction"]),
     ("images", &["images", "masks", "foreground", "covisible", "depth", "flow", "audio", "keypoints", "truth.json"]),
     ("points", &["sparse", "points"]),
     ("flow", &["flow"]),
@@ -39,7 +40,7 @@ impl Journal {
         let output = &settings.output;
         make_folder(output)?;
         let path = output.join(JOURNAL);
-        let record = match fs::read(&path) {
+        let record = match read_file(&path) {
             Ok(bytes) => serde_json::from_slice(&bytes).map_err(|fault| {
                 let reason = format!("is no journal of `ivv prepare`: {fault}");
                 Error::data(&path, "", reason, "remove the file and give --force, or choose another folder with -o")
@@ -67,7 +68,9 @@ impl Journal {
             remove_temporaries(&self.output, 2)?;
             return Ok(());
         }
-        let anew: Vec<_> = STAGES.iter().filter(|(name, _)| *name == stage || stage == STAGES[0].0).collect();
+        let at = STAGES.iter().position(|(name, _)| *name == stage).unwrap_or(0);
+        let n = if at < 2 { STAGES.len() - at } else { 1 };
+        let anew = &STAGES[at..at + n];
         let parts = anew.iter().flat_map(|(_, parts)| *parts);
         let old: Vec<PathBuf> = parts.map(|part| self.output.join(part)).filter(|path| path.exists()).collect();
         if let Some(path) = old.first().filter(|_| !self.force) {

@@ -5,11 +5,13 @@
 //! in the folder says from what the files of a stage were made. `capture.toml` comes last.
 
 mod clocks;
+mod fit;
 mod flow;
 mod images;
 mod journal;
 mod model;
 mod program;
+mod reconstruct;
 mod sound;
 mod source;
 mod triangulate;
@@ -21,9 +23,11 @@ use std::path::{Path, PathBuf};
 
 use self::images::Images;
 use self::journal::Journal;
-use self::source::Source;
+use self::program::{FFMPEG, FFPROBE};
+pub use self::reconstruct::Forecast;
+use self::source::{Footage, Source};
 use crate::error::{Error, Result};
-use crate::scene::capture::{CaptureSettings, Faults, Manifest, Report, check_capture, write_true_offsets};
+use crate::scene::capture::{CaptureSettings, Faults, Manifest, RATES, Report, check_capture, write_true_offsets};
 
 /// The format of images that are made here; images that need no change are taken over as they are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
@@ -77,16 +81,14 @@ pub struct PrepareSettings {
     pub scale: f64,
     /// Format of images that are made.
     pub format: ImageFormat,
-    /// Frames per second of image sequences, which do not say.
-    pub fps: f64,
     /// `None`: every frame, unless the source has points.
     pub triangulate: Option<Triangulate>,
     /// Estimates optical flow with OpenCV's DIS.
     pub flow: bool,
-    /// Names of the test cameras; `None` takes those that the source declares.
-    pub test_cameras: Option<Vec<String>>,
-    /// See [`CaptureSettings::test_every`].
-    pub test_every: usize,
+    /// How a source is read that is a capture; of every source the test cameras (those that it declares where there are
+    /// none) and the frames per second of image sequences, which do not say. `max_frames` is [`PrepareSettings::frames`]
+    /// here.
+    pub capture: CaptureSettings,
     /// Replaces what other settings made, and files of a capture that was not made here.
     pub force: bool,
     /// Threads, and the most programs that run at once.
@@ -96,7 +98,6 @@ pub struct PrepareSettings {
 impl PrepareSettings {
     /// The settings that suit every source.
     pub fn new(source: &Path, output: &Path) -> Self {
-        let CaptureSettings { fps, test_every, .. } = CaptureSettings::default();
         PrepareSettings {
             source: source.to_owned(),
             output: output.to_owned(),
@@ -107,11 +108,9 @@ impl PrepareSettings {
             shifts: BTreeMap::new(),
             scale: 1.0,
             format: ImageFormat::Png,
-            fps,
             triangulate: None,
             flow: false,
-            test_cameras: None,
-            test_every,
+            capture: CaptureSettings::default(),
             force: false,
             threads: std::thread::available_parallelism().map_or(1, std::num::NonZero::get),
         }
@@ -127,8 +126,10 @@ impl PrepareSettings {
         if !(self.scale > 0.0 && self.scale <= 1.0) {
             return bad("--scale", format!("is {}", self.scale), "give a number above 0, at most 1");
         }
-        if !(self.fps.is_finite() && self.fps > 0.0) {
-            return bad("--fps", format!("is {}", self.fps), "give a positive number");
+        let fps = self.capture.fps;
+        if !RATES.contains(&fps) {
+            let reason = format!("is {fps}, {} to {} are allowed", RATES.start(), RATES.end());
+            return bad("--fps", reason, "give the rate at which the pictures were taken");
         }
         let zero = [
             ("--every", self.every == 0),
@@ -159,6 +160,21 @@ pub struct Progress<'a> {
     pub piece: &'a str,
 }
 
+/// What a folder or file holds of which [`prepare`] makes a capture, and which is none itself: an English phrase such as
+/// `a Pose2Sim recording`; nothing where it is a capture or unknown.
+pub fn recognise(path: &Path) -> Option<String> {
+    source::recognise(path)
+}
+
+/// What COLMAP will have to do before pictures without cameras can be prepared, and how long about that takes; nothing where
+/// the source has cameras.
+///
+/// # Errors
+/// [`Error::Data`] when COLMAP or ffmpeg is needed and missing, or a video cannot be read.
+pub fn forecast(settings: &PrepareSettings) -> Result<Option<Forecast>> {
+    source::pictures(settings).map(|pictures| reconstruct::forecast(settings, &pictures)).transpose()
+}
+
 /// What was made.
 #[derive(Clone, Debug, serde::Serialize)]
 pub struct Prepared {
@@ -182,15 +198,40 @@ pub struct Prepared {
 /// a file cannot be read or written.
 pub fn prepare(settings: &PrepareSettings, progress: &(dyn Fn(Progress) + Sync)) -> Result<Prepared> {
     settings.check()?;
+    let Some(pictures) = source::pictures(settings) else { return prepare_posed(settings, None, Vec::new(), progress) };
+    let mut journal = Journal::open(settings)?;
+    let (posed, notes) = reconstruct::make(settings, &pictures, &mut journal, progress)?;
+    let prepared = prepare_posed(&posed, Some(journal), notes, progress)?;
+    Ok(Prepared { source_format: pictures.name(), ..prepared })
+}
+
+/// Prepares a source that has cameras.
+fn prepare_posed(
+    settings: &PrepareSettings,
+    journal: Option<Journal>,
+    notes: Vec<String>,
+    progress: &(dyn Fn(Progress) + Sync),
+) -> Result<Prepared> {
     let mut faults = Faults::default();
     let source = Source::read(settings, &mut faults)?;
+    // What is missing is told before a picture is decoded.
+    if source.cameras.iter().any(|camera| matches!(camera.footage, Footage::Video(_))) {
+        [FFMPEG, FFPROBE].iter().try_for_each(|program| program.require(&settings.source))?;
+    }
     let images = Images::plan(&source, settings, &mut faults);
     if faults.n() > 0 {
         let mut report = Report::new(&settings.source, source.format);
         report.set_faults(faults);
         return Ok(Prepared { source_format: source.format, notes: source.notes, points: Vec::new(), report });
     }
-    let mut journal = Journal::open(settings)?;
+    triangulate::require(&images, &source, settings)?;
+    if settings.flow && (settings.force || !flow::left(&images).is_empty()) {
+        flow::python(&settings.source)?;
+    }
+    let mut journal = match journal {
+        Some(journal) => journal,
+        None => Journal::open(settings)?,
+    };
     let output = &settings.output;
     images.make(&mut journal, progress)?;
     let points = triangulate::make(&images, &source, settings, &mut journal, progress)?;
@@ -219,7 +260,7 @@ pub fn prepare(settings: &PrepareSettings, progress: &(dyn Fn(Progress) + Sync))
     if Manifest::read(output).ok().as_ref() != Some(&manifest) {
         manifest.write(output)?;
     }
-    let mut notes: Vec<String> = source.notes.into_iter().chain(images.notes).collect();
+    let mut notes: Vec<String> = notes.into_iter().chain(source.notes).chain(images.notes).collect();
     if settings.scale < 1.0 && !points.is_empty() && points.iter().all(|(_, n)| *n == 0) {
         let note = "no point was found in pictures of this size: prepare without --scale, then the result with --scale, \
                     which keeps its points";

@@ -2,9 +2,10 @@
 
 use std::ffi::OsStr;
 use std::fs;
-use std::io::{ErrorKind, Read};
+use std::io::{BufRead, BufReader, ErrorKind, Read};
 use std::path::Path;
 use std::process::{Child, Command, ExitStatus, Stdio};
+use std::sync::mpsc;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
@@ -40,16 +41,34 @@ pub(super) struct Running {
 }
 
 impl Program {
+    /// Looks for the program on the path, before anything is begun that needs it.
+    ///
+    /// # Errors
+    /// [`Error::Data`] that names the program and what to install.
+    pub fn require(self, about: &Path) -> Result<()> {
+        let folders = std::env::var_os("PATH").unwrap_or_default();
+        let name = format!("{}{}", self.name, std::env::consts::EXE_SUFFIX);
+        if std::env::split_paths(&folders).any(|folder| folder.join(&name).is_file()) {
+            Ok(())
+        } else {
+            Err(self.missing(about))
+        }
+    }
+
+    fn missing(self, about: &Path) -> Error {
+        Error::data(about, "", format!("needs the program {}, which is not installed", self.name), self.install)
+    }
+
     /// Starts the program with its output piped; `about` is the file to blame.
     pub fn start<S: AsRef<OsStr>>(self, arguments: impl IntoIterator<Item = S>, about: &Path) -> Result<Running> {
         let mut command = Command::new(self.name);
         command.args(arguments).stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
-        let mut child = command.spawn().map_err(|fault| {
-            let reason = match fault.kind() {
-                ErrorKind::NotFound => format!("needs the program {}, which is not installed", self.name),
-                _ => format!("needs the program {}, which does not start: {fault}", self.name),
-            };
-            Error::data(about, "", reason, self.install)
+        let mut child = command.spawn().map_err(|fault| match fault.kind() {
+            ErrorKind::NotFound => self.missing(about),
+            _ => {
+                let reason = format!("needs the program {}, which does not start: {fault}", self.name);
+                Error::data(about, "", reason, self.install)
+            }
         })?;
         let said = child.stderr.take().map(listen);
         Ok(Running { child, program: self, said })
@@ -67,10 +86,23 @@ impl Program {
         arguments: impl IntoIterator<Item = S> + Clone,
         about: &Path,
     ) -> Result<(Vec<u8>, Result<()>)> {
+        self.attempt_heard(arguments, about, &mut |_| {})
+    }
+
+    /// As [`Program::attempt`]; `hear` is given each line of the output while the program runs.
+    pub fn attempt_heard<S: AsRef<OsStr>>(
+        self,
+        arguments: impl IntoIterator<Item = S> + Clone,
+        about: &Path,
+        hear: &mut dyn FnMut(&str),
+    ) -> Result<(Vec<u8>, Result<()>)> {
         for _ in 0..ATTEMPTS {
             let mut running = self.start(arguments.clone(), about)?;
-            let output = running.child.stdout.take().map(listen);
-            if running.is_done(about)? {
+            let (to, lines) = mpsc::channel();
+            let output = running.child.stdout.take().map(|pipe| listen_for_lines(pipe, to));
+            let is_done = running.is_done(about, &mut || lines.try_iter().for_each(|line: String| hear(&line)))?;
+            if is_done {
+                lines.iter().for_each(|line| hear(&line));
                 let output = output.and_then(|output| output.join().ok()).unwrap_or(Ok(Vec::new()));
                 let (status, said) = running.end(about)?;
                 let output = output.map_err(|fault| {
@@ -110,12 +142,14 @@ impl Running {
     }
 
     /// Waits for the end, or until the program has slept for longer than it may.
-    fn is_done(&mut self, about: &Path) -> Result<bool> {
+    /// `meanwhile` is called again and again.
+    fn is_done(&mut self, about: &Path, meanwhile: &mut dyn FnMut()) -> Result<bool> {
         let (mut pause, mut computed, mut since) = (Duration::from_millis(1), None, Instant::now());
         loop {
             if self.child.try_wait().map_err(|fault| self.lost(about, &fault))?.is_some() {
                 return Ok(true);
             }
+            meanwhile();
             let now = ticks_of_sleeper(self.child.id());
             if now.is_none() || now != computed {
                 (computed, since) = (now, Instant::now());
@@ -146,6 +180,21 @@ fn listen(mut pipe: impl Read + Send + 'static) -> Heard {
     std::thread::spawn(move || {
         let mut heard = Vec::new();
         pipe.read_to_end(&mut heard).map(|_| heard)
+    })
+}
+
+/// As [`listen`], and sends each line as it comes.
+fn listen_for_lines(pipe: impl Read + Send + 'static, to: mpsc::Sender<String>) -> Heard {
+    std::thread::spawn(move || {
+        let (mut heard, mut pipe) = (Vec::new(), BufReader::new(pipe));
+        loop {
+            let start = heard.len();
+            if pipe.read_until(b'\n', &mut heard)? == 0 {
+                return Ok(heard);
+            }
+            // Nobody may listen any more.
+            let _ = to.send(String::from_utf8_lossy(&heard[start..]).trim().to_owned());
+        }
     })
 }
 

@@ -11,7 +11,7 @@ use super::journal::{cannot_list, make_folder};
 use super::video::Selection;
 use crate::error::{Error, Result};
 use crate::scene::undistort::Undistortion;
-use crate::scene::write_atomic;
+use crate::scene::{read_file, write_atomic};
 
 /// Takes over `audio/*.wav` and `keypoints/<camera>.json` of a source from whose first frame on all is taken. Keypoints are
 /// undistorted with their pictures.
@@ -43,7 +43,7 @@ pub(super) fn carry(images: &Images, settings: &PrepareSettings) -> Result<()> {
 /// a point that no pinhole shows gets the score 0.
 fn moved(path: &Path, camera: &Camera, every: u32, n: u32) -> Result<Value> {
     let fault = |reason: String| Error::data(path, "", reason, "give the list of detections of each frame");
-    let bytes = fs::read(path).map_err(|fault_of| fault(format!("cannot be read: {fault_of}")))?;
+    let bytes = read_file(path).map_err(|fault_of| fault(format!("cannot be read: {fault_of}")))?;
     let mut frames: Vec<Value> = serde_json::from_slice(&bytes).map_err(|fault_of| fault(fault_of.to_string()))?;
     let undistortion = Undistortion::new(camera.lens, camera.pinhole);
     let place = |point: &Value| {

@@ -20,7 +20,7 @@ use crate::error::{Error, Result};
 use crate::parallel::in_parallel;
 use crate::scene::capture::{FramePoints, Pose, camera_center, tracks};
 use crate::scene::undistort::Lens;
-use crate::scene::{SeenPoint, write_atomic, write_points};
+use crate::scene::{SeenPoint, read_file, read_text, write_atomic, write_points};
 
 /// The frame of `sparse/0/points3D.txt`.
 const REFERENCE: u32 = 0;
@@ -36,12 +36,9 @@ pub(super) fn make(
     journal: &mut Journal,
     progress: &(dyn Fn(Progress) + Sync),
 ) -> Result<Vec<(u32, usize)>> {
-    let has_points = source.frame_points.is_some() || !source.points.is_empty();
-    // A camera that is shifted shows other times than those of the points.
-    let keeps = has_points && settings.shifts.is_empty();
-    let what = settings.triangulate.unwrap_or(if keeps { Triangulate::None } else { Triangulate::Every(1) });
+    let (what, keeps) = asked(source, settings);
     let carried = source.frame_points.as_ref().filter(|_| keeps && what == Triangulate::None);
-    let of_source = carried.map_or(json!(source.points.len()), |points| json!(points.folder));
+    let of_source = carried.map_or(json!(source.points.len()), |points| json!(points.folder.to_string_lossy()));
     let posed: Vec<_> = images.cameras.iter().map(|c| json!([c.name, c.is_test, c.poses])).collect();
     journal.begin("points", json!({ "triangulate": what, "cameras": posed, "source points": of_source }))?;
     let stage = Triangulation { images, work: images.output.join(".colmap"), threads: settings.threads };
@@ -62,7 +59,7 @@ pub(super) fn make(
             stage.write_model(&model, &found)?;
             progress(Progress { stage: "points", done: 1, total: 1, piece: "the reference frame" });
         }
-        let rows = fs::read_to_string(model.join("points3D.txt")).unwrap_or_default();
+        let rows = read_text(&model.join("points3D.txt")).unwrap_or_default();
         let n = rows.lines().filter(|line| !line.starts_with('#')).count();
         stage.clear()?;
         return Ok(Vec::from_iter((n > 0).then_some((REFERENCE, n))));
@@ -94,10 +91,39 @@ pub(super) fn make(
     frames.into_iter().step_by(every as usize).map(|frame| Ok((frame, n_points(&file(frame))?))).collect()
 }
 
+/// Of which frames points are triangulated, and whether the source's are kept.
+fn asked(source: &Source, settings: &PrepareSettings) -> (Triangulate, bool) {
+    let has_points = source.frame_points.is_some() || !source.points.is_empty();
+    // A camera that is shifted shows other times than those of the points.
+    let keeps = has_points && settings.shifts.is_empty();
+    (settings.triangulate.unwrap_or(if keeps { Triangulate::None } else { Triangulate::Every(1) }), keeps)
+}
+
+/// What COLMAP will need, unless all points that are asked for are there from an earlier run: itself, and two cameras.
+///
+/// # Errors
+/// [`Error::Data`] that says what is missing.
+pub(super) fn require(images: &Images, source: &Source, settings: &PrepareSettings) -> Result<()> {
+    let points = |frame: u32| images.output.join(format!("points/{frame:05}.ply")).is_file();
+    let has_points = match asked(source, settings).0 {
+        Triangulate::None => return Ok(()),
+        Triangulate::Reference => true,
+        Triangulate::Every(_) => (0..images.n_frames()).all(points),
+    };
+    if !settings.force && has_points && images.output.join("sparse/0/points3D.txt").is_file() {
+        return Ok(());
+    }
+    if images.cameras.iter().filter(|camera| !camera.is_test).count() < 2 {
+        let reason = "has one training camera; points need two that see the same";
+        return Err(Error::data(&source.calibration, "", reason, "give --triangulate none"));
+    }
+    COLMAP.require(&settings.source)
+}
+
 /// The number in the header of a file of points.
 fn n_points(path: &Path) -> Result<usize> {
     let fault = || Error::data(path, "", "is no file of points", "remove it and prepare again");
-    let bytes = fs::read(path).map_err(|_| fault())?;
+    let bytes = read_file(path).map_err(|_| fault())?;
     let header = String::from_utf8_lossy(&bytes[..bytes.len().min(512)]);
     let n = header.lines().find_map(|line| line.strip_prefix("element vertex ")?.parse().ok());
     n.ok_or_else(fault)
@@ -168,10 +194,6 @@ impl Triangulation<'_> {
         let about = &source.calibration;
         let all = self.images.cameras.iter().enumerate();
         let cameras: Vec<(usize, &Camera)> = all.filter(|(_, camera)| !camera.is_test).collect();
-        if cameras.len() < 2 {
-            let reason = "has one training camera; points need two that see the same";
-            return Err(Error::data(about, "", reason, "give --triangulate none"));
-        }
         let work = self.work.join(format!("{frame:05}"));
         let _ = fs::remove_dir_all(&work);
         let (input, found) = (work.join("model"), work.join("found"));

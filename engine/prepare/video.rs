@@ -1,12 +1,14 @@
 //! Video, by the installed ffmpeg.
 
+use std::ffi::OsString;
 use std::io::{ErrorKind, Read};
 use std::path::Path;
 
-use super::images::Part;
+use super::fit::Part;
 use super::program::{FFMPEG, FFPROBE, last_line};
 use crate::error::{Error, Result};
 use crate::scene::write_atomic;
+use crate::video::input;
 
 /// What a video file holds.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -45,8 +47,8 @@ struct SideData {
 /// Looks at a video file; its packets are counted, not decoded.
 pub(super) fn probe(path: &Path) -> Result<Video> {
     let entries = "stream=codec_type,width,height,avg_frame_rate,nb_read_packets:stream_side_data=rotation";
-    let arguments = ["-v", "error", "-count_packets", "-show_entries", entries, "-of", "json", "-i"];
-    let output = FFPROBE.run(arguments.iter().map(|a| a.as_ref()).chain([path.as_os_str()]), path)?;
+    let arguments = ["-v", "error", "-count_packets", "-show_entries", entries, "-of", "json"].map(OsString::from);
+    let output = FFPROBE.run(arguments.into_iter().chain(input(path)), path)?;
     let bad = |reason: &str| Error::data(path, "", reason, "give a video that ffmpeg can read");
     let probe: Probe = serde_json::from_slice(&output).map_err(|_| bad("is not understood by ffprobe"))?;
     let has_sound = probe.streams.iter().any(|stream| stream.codec_type == "audio");
@@ -88,11 +90,11 @@ pub(super) fn decode(
     let filter =
         format!("select=gte(n\\,{start})*not(mod(n-{start}\\,{every})),crop={w}:{h}:{x}:{y},scale={width}:{height}");
     let (threads, n_text) = (threads.to_string(), n.to_string());
-    let before = ["-v", "error", "-nostdin", "-threads", &threads, "-i"];
+    let before = ["-v", "error", "-nostdin", "-threads", &threads].map(OsString::from);
     let after = ["-map", "0:v:0", "-vf", &filter, "-sws_flags", "area+accurate_rnd+full_chroma_int"];
     let output = ["-fps_mode", "passthrough", "-frames:v", &n_text, "-pix_fmt", "rgb24", "-f", "rawvideo", "pipe:1"];
-    let arguments = before.iter().map(|a| a.as_ref()).chain([path.as_os_str()]);
-    let mut running = FFMPEG.start(arguments.chain(after.iter().chain(&output).map(|a| a.as_ref())), path)?;
+    let arguments = before.into_iter().chain(input(path));
+    let mut running = FFMPEG.start(arguments.chain(after.iter().chain(&output).map(OsString::from)), path)?;
     let mut from = running.child.stdout.take();
     let mut frame = vec![0; 3 * width as usize * height as usize];
     let mut n_read = 0;
@@ -118,10 +120,10 @@ pub(super) fn decode(
 /// Writes the sound of a part of a video as WAV of one channel; times in seconds.
 pub(super) fn sound(path: &Path, from: f64, length: f64, to: &Path) -> Result<()> {
     let (from, length) = (from.to_string(), length.to_string());
-    let before = ["-v", "error", "-nostdin", "-ss", &from, "-t", &length, "-i"];
+    let before = ["-v", "error", "-nostdin", "-ss", &from, "-t", &length].map(OsString::from);
     let after = ["-map", "0:a:0", "-vn", "-ac", "1", "-c:a", "pcm_s16le", "-f", "wav", "pipe:1"];
-    let arguments = before.iter().map(|a| a.as_ref()).chain([path.as_os_str()]);
-    let mut wav = FFMPEG.run(arguments.chain(after.iter().map(|a| a.as_ref())), path)?;
+    let arguments = before.into_iter().chain(input(path)).chain(after.map(OsString::from));
+    let mut wav = FFMPEG.run(arguments, path)?;
     set_wav_length(&mut wav);
     write_atomic(to, |to| to.write_all(&wav))
 }

@@ -2,7 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::gpu::{Bound, Dispatch, Gpu, KernelInfo, kernel_named};
-use crate::scene::write_atomic;
+use crate::scene::{read_file, write_atomic};
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
@@ -83,7 +83,7 @@ pub fn write_dispatch(file: &Path, dispatch: &Dispatch, gpu: &Gpu) -> Result<()>
 /// [`Error::Data`] when the file cannot be read, is damaged, or is of another kernel than the engine's.
 pub fn read_dispatch(file: &Path) -> Result<(Dispatch, &'static KernelInfo)> {
     let fault = |place: &str, reason: String| Error::data(file, place, reason, REMEDY);
-    let bytes = std::fs::read(file).map_err(|e| fault("", format!("cannot be read: {e}")))?;
+    let bytes = read_file(file).map_err(|e| fault("", format!("cannot be read: {e}")))?;
     let (_, metadata) = SafeTensors::read_metadata(&bytes).map_err(|e| fault("header", e.to_string()))?;
     let tensors = SafeTensors::deserialize(&bytes).map_err(|e| fault("header", e.to_string()))?;
     let text = metadata.metadata().as_ref().and_then(|all| all.get(KEY));

@@ -1,7 +1,7 @@
 //! Reading and writing whole files: bounded, atomic, with typed errors.
 
 use std::fs::{self, File};
-use std::io::{self, BufWriter, Write};
+use std::io::{self, BufWriter, Read, Write};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -156,9 +156,58 @@ fn cannot_write(path: &Path, fault: &io::Error) -> Error {
     )
 }
 
+/// Opens a file for reading. Only regular files are opened: a pipe would wait for a writer that may never come, and a
+/// device may never end.
+///
+/// # Errors
+/// Those of the system; [`io::ErrorKind::InvalidInput`], naming what is there, for anything but a regular file.
+pub fn open_file(path: &Path) -> io::Result<File> {
+    let kind = fs::metadata(path)?.file_type();
+    if kind.is_file() {
+        return File::open(path);
+    }
+    let found = if kind.is_dir() { "a folder" } else { special(&kind) };
+    Err(io::Error::new(io::ErrorKind::InvalidInput, format!("expected a regular file, found {found}")))
+}
+
+#[cfg(unix)]
+fn special(kind: &fs::FileType) -> &'static str {
+    use std::os::unix::fs::FileTypeExt;
+    match () {
+        () if kind.is_fifo() => "a named pipe",
+        () if kind.is_socket() => "a socket",
+        () if kind.is_char_device() || kind.is_block_device() => "a device",
+        () => "something else",
+    }
+}
+
+#[cfg(not(unix))]
+fn special(_: &fs::FileType) -> &'static str {
+    "something else"
+}
+
+/// The bytes of a whole file.
+///
+/// # Errors
+/// As [`open_file`].
+pub fn read_file(path: &Path) -> io::Result<Vec<u8>> {
+    let mut file = open_file(path)?;
+    let mut bytes = Vec::new();
+    file.read_to_end(&mut bytes)?;
+    Ok(bytes)
+}
+
+/// The text of a whole file.
+///
+/// # Errors
+/// As [`open_file`]; [`io::ErrorKind::InvalidData`] where it is not UTF-8.
+pub fn read_text(path: &Path) -> io::Result<String> {
+    String::from_utf8(read_file(path)?).map_err(|_| io::Error::new(io::ErrorKind::InvalidData, "it is not UTF-8"))
+}
+
 /// A whole file in memory.
 pub(super) fn read_bytes(path: &Path) -> Result<Vec<u8>> {
-    fs::read(path).map_err(|fault| cannot_read(path, &fault))
+    read_file(path).map_err(|fault| cannot_read(path, &fault))
 }
 
 /// The error of a file that cannot be opened or read.

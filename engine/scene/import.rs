@@ -1,11 +1,10 @@
 //! One entry for every scene format.
 
-use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
 use super::compressed_ply::{is_compressed, read_compressed};
-use super::file::cannot_read;
+use super::file::{cannot_read, open_file};
 use super::ply::read_vertices;
 use super::ply_rows::Rows;
 use super::sog::read_sog;
@@ -27,7 +26,7 @@ pub fn read_scene(path: &Path) -> Result<Splats> {
         return read_sog(&path.join("meta.json"));
     }
     let mut start = Vec::new();
-    let opened = File::open(path).and_then(|file| file.take(4).read_to_end(&mut start));
+    let opened = open_file(path).and_then(|file| file.take(4).read_to_end(&mut start));
     opened.map_err(|fault| cannot_read(path, &fault))?;
     if start == b"ply\n" || start == b"ply\r" {
         let (header, rows) = Rows::open(path)?;

@@ -28,7 +28,7 @@ mod view;
 
 pub use decode::SH_C0;
 pub use demo::demo;
-pub use file::{Temporary, remove_temporaries, write_atomic};
+pub use file::{Temporary, open_file, read_file, read_text, remove_temporaries, write_atomic};
 pub use frame::Frame;
 pub use import::read_scene;
 pub use ply::{read_ply, write_ply};

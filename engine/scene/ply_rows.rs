@@ -4,7 +4,7 @@ use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 
-use super::file::cannot_read;
+use super::file::{cannot_read, open_file};
 use super::ply_header::{Element, Encoding, Header, Scalar};
 use crate::error::{Error, Result};
 
@@ -85,7 +85,7 @@ pub(super) struct Rows {
 impl Rows {
     /// Opens a file, reads its header and compares what that promises with the file's length.
     pub fn open(path: &Path) -> Result<(Header, Self)> {
-        let file = File::open(path).map_err(|fault| cannot_read(path, &fault))?;
+        let file = open_file(path).map_err(|fault| cannot_read(path, &fault))?;
         let length = file.metadata().map_err(|fault| cannot_read(path, &fault))?.len();
         let mut source = BufReader::with_capacity(BLOCK_BYTES, file);
         let header = Header::read(path, &mut source)?;

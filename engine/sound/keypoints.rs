@@ -16,6 +16,7 @@ use glam::DVec2;
 
 use super::mouth::{Keypoint, Mouth, mouth};
 use crate::error::{Error, Result};
+use crate::scene::read_text;
 use crate::scene::undistort::Lens;
 
 /// Largest file of keypoints, bytes.
@@ -225,7 +226,7 @@ fn read_file(path: &Path) -> Result<(Vec<Frame>, Option<u64>)> {
     if size > MAX_BYTES {
         return Err(fault(format!("has {size} bytes, at most {MAX_BYTES} are read")));
     }
-    let text = std::fs::read_to_string(path).map_err(|e| fault(format!("cannot be read: {e}")))?;
+    let text = read_text(path).map_err(|e| fault(format!("cannot be read: {e}")))?;
     // Python writes what is not finite as no JSON knows it; Pose2Sim does so for points it did not find.
     let text = match text.contains("NaN") || text.contains("Infinity") {
         true => ["NaN", "-Infinity", "Infinity"].iter().fold(text, |text, word| text.replace(word, "null")),

@@ -14,6 +14,7 @@ use glam::{DMat3, DQuat, DVec3};
 
 use super::pose::{Pose, PoseTrack};
 use crate::error::{Error, Result};
+use crate::scene::read_text;
 
 /// Largest deviation of R R^T from the identity, entry by entry.
 const ROTATION_TOLERANCE: f64 = 1e-3;
@@ -83,8 +84,8 @@ pub struct PathCamera {
 /// [`Error::Data`] with the line or the pose when the file cannot be read or parsed, has no pose, a number that is not
 /// finite, a rotation that is none, or times that do not increase.
 pub fn read_path(path: &Path, convention: Option<Convention>) -> Result<HeadPath> {
-    let text = std::fs::read_to_string(path)
-        .map_err(|fault| Error::data(path, "", format!("cannot be read: {fault}"), "check the path"))?;
+    let text =
+        read_text(path).map_err(|fault| Error::data(path, "", format!("cannot be read: {fault}"), "check the path"))?;
     let ending = path.extension().map(|ending| ending.to_string_lossy().to_lowercase());
     let (poses, camera, own) = match ending.as_deref() {
         Some("json") => nerfstudio(path, &text)?,

@@ -8,6 +8,7 @@ use super::path::Convention;
 use super::pose::{Pose, PoseTrack};
 use crate::error::{Error, Result};
 use crate::scene::capture::{self, Camera, CaptureSettings, Faults, describe};
+use crate::scene::read_file;
 use crate::scene::undistort::Lens;
 
 /// A camera with its clock.
@@ -136,7 +137,7 @@ impl Rig {
     pub fn read_offsets(&mut self, path: &Path) -> Result<()> {
         let remedy = "give the offsets.json of a run on this capture";
         let fault = |reason: String| Error::data(path, "", reason, remedy);
-        let text = std::fs::read(path).map_err(|e| fault(format!("cannot be read: {e}")))?;
+        let text = read_file(path).map_err(|e| fault(format!("cannot be read: {e}")))?;
         let rows: Vec<Offset> = serde_json::from_slice(&text).map_err(|e| fault(e.to_string()))?;
         let mut n_found = 0;
         for camera in &mut self.cameras {

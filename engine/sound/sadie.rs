@@ -9,6 +9,7 @@ use sha2::{Digest, Sha256};
 use super::hrtf::{Measured, Meta, degrees};
 use super::wav;
 use crate::error::{Error, Result};
+use crate::scene::{read_file, read_text};
 
 /// Names by which a licence lies in a folder or above it.
 const LICENCES: [&str; 4] = ["LICENSE", "LICENSE.txt", "LICENSE.md", "COPYING"];
@@ -33,7 +34,7 @@ pub fn read(folder: &Path) -> Result<Measured> {
     let (mut directions, mut irs) = (Vec::new(), Vec::new());
     for (path, [az, el]) in &files {
         let recording = wav::read(path)?;
-        hash.update(fs::read(path).map_err(|e| fault(path, format!("cannot be read: {e}")))?);
+        hash.update(read_file(path).map_err(|e| fault(path, format!("cannot be read: {e}")))?);
         let [left, right] = <[Vec<f32>; 2]>::try_from(recording.channels)
             .map_err(|channels| fault(path, format!("it has {} channels, not 2", channels.len())))?;
         if fs_of_all != 0 && recording.fs != fs_of_all {
@@ -72,6 +73,6 @@ fn licence(folder: &Path) -> Option<String> {
     let text = folder
         .ancestors()
         .take(6)
-        .find_map(|folder| LICENCES.iter().find_map(|name| fs::read_to_string(folder.join(name)).ok()))?;
+        .find_map(|folder| LICENCES.iter().find_map(|name| read_text(&folder.join(name)).ok()))?;
     text.lines().map(str::trim).find(|line| !line.is_empty()).map(str::to_owned)
 }

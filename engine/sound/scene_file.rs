@@ -20,7 +20,7 @@ use super::pose::{Pose, PoseTrack};
 use super::source_track::SourceTrack;
 use super::wav::Channel;
 use crate::error::{Error, Result};
-use crate::scene::write_atomic;
+use crate::scene::{read_file, write_atomic};
 
 /// The file's version.
 const VERSION: u32 = 1;
@@ -119,7 +119,7 @@ impl SoundScene {
         let fault = |place: &str, reason: String| {
             Error::data(path, place, reason, "see engine/sound/README.md for what a scene holds")
         };
-        let bytes = std::fs::read(path).map_err(|e| fault("", format!("cannot be read: {e}")))?;
+        let bytes = read_file(path).map_err(|e| fault("", format!("cannot be read: {e}")))?;
         let file: SceneFile = serde_json::from_slice(&bytes).map_err(|e| fault("", e.to_string()))?;
         if file.version != VERSION {
             return Err(fault("version", format!("it is {}, not {VERSION}", file.version)));

@@ -13,6 +13,7 @@ use sofar::hdf::{DataFormat, DataObject, ParsedHdf, parse_with_children};
 
 use super::hrtf::{Measured, Meta, degrees};
 use crate::error::{Error, Result};
+use crate::scene::read_file;
 
 /// Sets are far smaller: SADIE II's largest has 36 MB.
 const MAX_BYTES: u64 = 1 << 30;
@@ -34,7 +35,7 @@ pub fn read(path: &Path) -> Result<Measured> {
     if bytes > MAX_BYTES {
         return Err(fault("", format!("it has {bytes} bytes, more than {MAX_BYTES}")));
     }
-    let bytes = fs::read(path).map_err(|e| fault("", format!("cannot be read: {e}")))?;
+    let bytes = read_file(path).map_err(|e| fault("", format!("cannot be read: {e}")))?;
     // The parser has checked arithmetic and indexing only, so a damaged file can make it panic; that ends here.
     let file = catch_unwind(AssertUnwindSafe(|| File::read(&bytes)))
         .unwrap_or_else(|_| Err(("".into(), "its HDF5 structure is damaged".into())))

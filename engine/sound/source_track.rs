@@ -6,7 +6,7 @@ use std::path::Path;
 use glam::DVec3;
 
 use crate::error::{Error, Result};
-use crate::scene::write_atomic;
+use crate::scene::{read_text, write_atomic};
 
 const HEADER: &str = "t,x,y,z,cxx,cxy,cxz,cyy,cyz,czz,views,reproj_px,flag";
 const REMEDY: &str = "write the columns that `ivv sound localize` writes";
@@ -105,7 +105,7 @@ impl SourceTrack {
     /// [`Error::Data`] with the line when the file cannot be read, has other columns, a number that is none or not finite,
     /// times that do not increase, or no sample.
     pub fn read_csv(path: &Path) -> Result<SourceTrack> {
-        let text = std::fs::read_to_string(path)
+        let text = read_text(path)
             .map_err(|fault| Error::data(path, "", format!("cannot be read: {fault}"), "check the path"))?;
         let mut lines = text.lines().enumerate();
         let header = lines.next().map_or("", |(_, line)| line.trim());

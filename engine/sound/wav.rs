@@ -1,12 +1,15 @@
 //! WAV files: one channel in, at the engine's rate; several channels out.
 
-use std::io::Cursor;
+use std::io::{BufReader, Cursor};
 use std::path::Path;
 
 use super::FS;
 use super::sinc::Resampler;
 use crate::error::{Error, Result};
-use crate::scene::write_atomic;
+use crate::scene::{open_file, write_atomic};
+
+/// Sample rates that are read, per second: those of sound. Far from them a change of rate needs weights without end.
+const RATES: std::ops::RangeInclusive<u32> = 8_000..=400_000;
 
 /// Which channel of a recording is the microphone.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
@@ -30,19 +33,27 @@ pub struct Recording {
     pub channels: Vec<Vec<f32>>,
 }
 
-/// Reads a WAV file of 8 to 32 bit integers or 32 bit floats.
+/// Reads a WAV file of 8 to 32 bit integers or 32 bit floats, of 8,000 to 400,000 samples per second.
 ///
 /// # Errors
-/// [`Error::Data`] where the file is no WAV, ends early, is empty, or holds a value that is not finite.
+/// [`Error::Data`] where the file is no WAV, ends early, is empty, has another sample rate, or holds a value that is not
+/// finite.
 pub fn read(path: &Path) -> Result<Recording> {
     let fault = |place: String, reason: String| {
         Error::data(path, place, reason, "give a WAV file of 16, 24 or 32 bits (ffmpeg -i IN -c:a pcm_s24le OUT.wav)")
     };
-    let reader = hound::WavReader::open(path).map_err(|e| fault(String::new(), format!("cannot be read: {e}")))?;
+    let file = open_file(path).map_err(|e| fault(String::new(), format!("cannot be read: {e}")))?;
+    let reader = hound::WavReader::new(BufReader::new(file));
+    let reader = reader.map_err(|e| fault(String::new(), format!("cannot be read: {e}")))?;
     let spec = reader.spec();
     let n_channels = usize::from(spec.channels);
-    if n_channels == 0 || spec.sample_rate == 0 {
-        return Err(fault("header".into(), "it has no channel or no sample rate".into()));
+    if n_channels == 0 {
+        return Err(fault("header, field `channels`".into(), "it has no channel".into()));
+    }
+    if !RATES.contains(&spec.sample_rate) {
+        let reason = format!("is {}, {} to {} is read", spec.sample_rate, RATES.start(), RATES.end());
+        let remedy = "convert the file (ffmpeg -i IN -ar 48000 OUT.wav)";
+        return Err(Error::data(path, "header, field `sample rate`", reason, remedy));
     }
     let full = 2f32.powi(i32::from(spec.bits_per_sample) - 1);
     let samples: std::result::Result<Vec<f32>, hound::Error> = match spec.sample_format {

@@ -6,7 +6,7 @@
 
 use super::config::Config;
 use crate::error::{Error, Result};
-use crate::scene::{Similarity, Splats, write_atomic};
+use crate::scene::{Similarity, Splats, read_file, write_atomic};
 use crate::stage::GridState;
 use std::path::{Path, PathBuf};
 
@@ -224,7 +224,7 @@ impl Checkpoint {
         // One file under two names costs no space; a copy serves where the file system has no such thing.
         let linked = std::fs::hard_link(&file, &best);
         if linked.is_err() {
-            let bytes = std::fs::read(&file)
+            let bytes = read_file(&file)
                 .map_err(|e| Error::data(&file, "", format!("cannot be read: {e}"), "check the folder"))?;
             write_atomic(&best, |to| to.write_all(&bytes))?;
         }
@@ -238,11 +238,7 @@ impl Checkpoint {
     /// [`Error::Data`] naming the section that is cut, changed or missing.
     pub fn read(file: &Path) -> Result<Self> {
         let fault = |place: &str, reason: String| Error::data(file, place, reason, REMEDY);
-        // A pipe would be waited for.
-        if !std::fs::metadata(file).map_err(|e| fault("", format!("cannot be read: {e}")))?.is_file() {
-            return Err(fault("", "is not a file".to_owned()));
-        }
-        let bytes = std::fs::read(file).map_err(|e| fault("", format!("cannot be read: {e}")))?;
+        let bytes = read_file(file).map_err(|e| fault("", format!("cannot be read: {e}")))?;
         let Some((head, rest)) = bytes.split_at_checked(24).filter(|(head, _)| head.starts_with(MAGIC)) else {
             return Err(fault("", "is no checkpoint of this version".to_owned()));
         };

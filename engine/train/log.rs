@@ -1,7 +1,7 @@
 //! `train.jsonl`: one JSON object a line, each with its `kind` and `step`.
 
 use crate::error::{Error, Result};
-use crate::scene::write_atomic;
+use crate::scene::{read_text, write_atomic};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 
@@ -40,7 +40,7 @@ impl Log {
     /// The log in `folder`, with the lines of an earlier part of the run up to `step`; what is no such line is dropped.
     pub fn open(folder: &Path, step: u64) -> Self {
         let file = folder.join("train.jsonl");
-        let text = if step > 0 { std::fs::read_to_string(&file).unwrap_or_default() } else { String::new() };
+        let text = if step > 0 { read_text(&file).unwrap_or_default() } else { String::new() };
         let lines = text.lines().filter_map(|line| serde_json::from_str::<Value>(line).ok());
         let lines = lines.filter(|line| line["step"].as_u64().is_some_and(|at| at <= step)).collect();
         Log { file, lines }

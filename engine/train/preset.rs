@@ -2,6 +2,7 @@
 
 use super::config::Config;
 use crate::error::{Error, Result};
+use crate::scene::read_text;
 use serde_json::Value;
 use sha2::{Digest, Sha256};
 use std::path::Path;
@@ -53,7 +54,7 @@ impl Preset {
         let path = Path::new(name);
         if path.extension().is_some_and(|extension| extension == "json") {
             let fault = |e| Error::data(path, "", format!("cannot be read: {e}"), "give the path of a preset");
-            let text = std::fs::read_to_string(path).map_err(fault)?;
+            let text = read_text(path).map_err(fault)?;
             let stem = path.file_stem().map_or(name.into(), |stem| stem.to_string_lossy());
             return Self::parse(path, &stem, &text);
         }

@@ -2,7 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::scene::capture::{Capture, CaptureSettings};
-use crate::scene::{Similarity, View, write_atomic};
+use crate::scene::{Similarity, View, read_file, write_atomic};
 use crate::settings::Constants;
 use std::path::{Path, PathBuf};
 
@@ -12,6 +12,9 @@ use std::path::{Path, PathBuf};
 pub struct Run {
     /// Folder of the capture, absolute.
     pub capture: PathBuf,
+    /// How the capture was read.
+    #[serde(default)]
+    pub capture_settings: CaptureSettings,
     /// Names of the cameras that are kept for testing.
     pub test_cameras: Vec<String>,
     /// Views, in the capture's own world, before which training was told to keep clear; see [`Capture::viewpoints`].
@@ -73,9 +76,14 @@ impl Run {
     pub fn new(capture: &Capture, constants: Constants) -> Result<Self> {
         let absolute = std::path::absolute(&capture.path)
             .map_err(|e| Error::data(&capture.path, "", format!("has no absolute path: {e}"), "give another path"))?;
+        if absolute.to_str().is_none() || capture.settings().images.to_str().is_none() {
+            let remedy = "rename the folder, or give a link with another name";
+            return Err(Error::data(&absolute, "", "has a name that is not UTF-8, which run.json cannot hold", remedy));
+        }
         let tests = capture.cameras.iter().filter(|camera| camera.is_test);
         Ok(Run {
             capture: absolute,
+            capture_settings: capture.settings().clone(),
             test_cameras: tests.map(|camera| camera.name.clone()).collect(),
             viewpoints: capture.viewpoints.clone(),
             world: capture.normalisation(),
@@ -96,7 +104,7 @@ impl Run {
     pub fn read(folder: &Path) -> Result<Self> {
         let file = Self::file(folder);
         let fault = |reason: String| Error::data(&file, "", reason, "give the folder of a run of `ivv train`");
-        let text = std::fs::read(&file).map_err(|e| fault(format!("cannot be read: {e}")))?;
+        let text = read_file(&file).map_err(|e| fault(format!("cannot be read: {e}")))?;
         serde_json::from_slice(&text).map_err(|e| fault(e.to_string()))
     }
 
@@ -120,7 +128,8 @@ impl Run {
                 "the capture has moved: give its new place (`ivv train --resume -o RUN CAPTURE`, elsewhere --capture)";
             return Err(Error::data(path, "", "no such folder", remedy));
         }
-        let settings = CaptureSettings { test_cameras: Some(self.test_cameras.clone()), ..CaptureSettings::default() };
+        let settings =
+            CaptureSettings { test_cameras: Some(self.test_cameras.clone()), ..self.capture_settings.clone() };
         let mut capture = Capture::open_with(path, &settings)?;
         capture.viewpoints.clone_from(&self.viewpoints);
         let holds = CaptureSummary::new(&capture);

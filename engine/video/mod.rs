@@ -1,6 +1,9 @@
 //! Moving pictures: frames as they are rendered go into ffmpeg, with sound, or into a Y4M file.
 
+mod local;
 mod y4m;
+
+pub(crate) use local::input;
 
 use std::ffi::OsString;
 use std::io::{self, BufWriter, ErrorKind, Read, Write};
@@ -10,6 +13,7 @@ use std::thread::JoinHandle;
 
 use crate::error::{Error, Result};
 use crate::scene::{Frame, Temporary, remove_temporaries};
+use local::file_url;
 
 const INSTALL: &str =
     "install ffmpeg 5.1 or newer (Debian: apt-get install ffmpeg), or choose a file that ends in .y4m";
@@ -105,13 +109,13 @@ impl Video {
     /// ffmpeg, or without one a file of pictures.
     fn encoder(&mut self) -> Result<Sink> {
         let path = self.path.clone();
-        let arguments = self.arguments("pipe:0", self.temporary.as_ref().map_or(&path, Temporary::path));
+        let arguments = self.arguments("pipe:0".into(), self.temporary.as_ref().map_or(&path, Temporary::path));
         let started = Command::new("ffmpeg").args(&arguments).stdin(Stdio::piped()).stderr(Stdio::piped()).spawn();
         match started {
             Ok(child) => Ok(Sink::Ffmpeg(Encoder::new(child, &path)?)),
             Err(fault) if fault.kind() == ErrorKind::NotFound => {
                 let pictures = path.with_extension("y4m");
-                let words = self.arguments(&pictures.to_string_lossy(), &path);
+                let words = self.arguments(file_url(&pictures), &path);
                 let words: Vec<String> = words.iter().map(|word| quoted(&word.to_string_lossy())).collect();
                 self.command = Some(format!("ffmpeg {}", words.join(" ")));
                 self.temporary = Some(beside(&pictures, "y4m")?);
@@ -123,13 +127,21 @@ impl Video {
     }
 
     /// What ffmpeg is told, from `pictures` to `output`.
-    fn arguments(&self, pictures: &str, output: &Path) -> Vec<OsString> {
+    fn arguments(&self, pictures: OsString, output: &Path) -> Vec<OsString> {
         let ending = self.path.extension().unwrap_or_default();
         let mut words: Vec<OsString> = Vec::new();
-        let mut add = |more: &[&str]| words.extend(more.iter().map(Into::into));
-        add(&["-v", "error", "-nostdin", "-y", "-f", "yuv4mpegpipe", "-i", pictures]);
+        fn plain<'a>(words: &'a [&str]) -> impl Iterator<Item = OsString> + 'a {
+            words.iter().map(OsString::from)
+        }
+        words.extend(plain(&["-v", "error", "-nostdin", "-y", "-f", "yuv4mpegpipe", "-i"]));
+        words.push(pictures);
         if let Some((file, from)) = &self.settings.sound {
-            add(&["-ss", &from.to_string(), "-i", &file.to_string_lossy(), "-map", "0:v", "-map", "1:a"]);
+            words.extend(plain(&["-ss", &from.to_string()]));
+            words.extend(input(file));
+            words.extend(plain(&["-map", "0:v", "-map", "1:a"]));
+        }
+        let mut add = |more: &[&str]| words.extend(plain(more));
+        if self.settings.sound.is_some() {
             add(if ending == "mp4" { &["-c:a", "aac", "-b:a", "320k"] } else { &["-c:a", "pcm_s24le"] });
             // Sound that is longer than the pictures ends with them; shorter sound is followed by silence.
             add(&["-af", "apad", "-shortest"]);
@@ -141,7 +153,7 @@ impl Video {
         if ending == "mp4" {
             add(&["-movflags", "+faststart"]);
         }
-        words.push(output.into());
+        words.push(file_url(output));
         words
     }
 

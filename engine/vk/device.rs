@@ -75,15 +75,22 @@ impl Instance {
             reason,
             remedy: "install the Vulkan loader and a driver (Debian: libvulkan1 mesa-vulkan-drivers)".to_owned(),
         };
+        // The loader says that memory is short, too, when it cannot parse the file of a driver.
+        let no_driver = |what: &str, fault: vk::Result| Error::NoDevice {
+            reason: format!(
+                "the Vulkan loader cannot list its {what} ({fault:?}): the file of a driver may be damaged"
+            ),
+            remedy: "check that the files named by VK_DRIVER_FILES or VK_ICD_FILENAMES, or those in \
+                     /usr/share/vulkan/icd.d, are the JSON that came with the drivers"
+                .to_owned(),
+        };
         // SAFETY: loading the system's Vulkan library runs its initialisers, which are trusted.
         let entry = unsafe { Entry::load() }.map_err(|e| no_loader(e.to_string()))?;
         // SAFETY: plain queries.
         let (layers, extensions) = unsafe {
             (
-                entry.enumerate_instance_layer_properties().map_err(vk_error("vkEnumerateInstanceLayerProperties"))?,
-                entry
-                    .enumerate_instance_extension_properties(None)
-                    .map_err(vk_error("vkEnumerateInstanceExtensionProperties"))?,
+                entry.enumerate_instance_layer_properties().map_err(|e| no_driver("layers", e))?,
+                entry.enumerate_instance_extension_properties(None).map_err(|e| no_driver("extensions", e))?,
             )
         };
         let named = |name: &vk::ExtensionProperties, wanted: &CStr| name.extension_name_as_c_str() == Ok(wanted);
@@ -119,7 +126,10 @@ impl Instance {
             info = info.push_next(&mut features);
         }
         // SAFETY: every pointer in `info` outlives the call; `validation` outlives the instance (it is dropped after).
-        let raw = unsafe { entry.create_instance(&info, None) }.map_err(|e| no_loader(format!("{e:?}")))?;
+        let raw = unsafe { entry.create_instance(&info, None) }.map_err(|e| match e {
+            vk::Result::ERROR_OUT_OF_HOST_MEMORY => no_driver("drivers", e),
+            e => no_loader(format!("{e:?}")),
+        })?;
         let messenger = if wants_validation {
             let debug = ext::debug_utils::Instance::new(&entry, &raw);
             // SAFETY: as above.
@@ -359,7 +369,8 @@ impl Device {
         })
         .map_err(|e| Error::Vulkan { call: "the allocator's set-up", reason: e.to_string() })?;
         // A cache that the driver does not recognise is ignored by the driver; one that cannot be read is no cache.
-        let cached = choice.pipeline_cache.as_ref().and_then(|file| std::fs::read(file).ok()).unwrap_or_default();
+        let cached = choice.pipeline_cache.as_ref().filter(|file| file.is_file());
+        let cached = cached.and_then(|file| std::fs::read(file).ok()).unwrap_or_default();
         let cache_info = vk::PipelineCacheCreateInfo::default().initial_data(&cached);
         let mut kind = vk::SemaphoreTypeCreateInfo::default().semaphore_type(vk::SemaphoreType::TIMELINE);
         let semaphore_info = vk::SemaphoreCreateInfo::default().push_next(&mut kind);

@@ -26,13 +26,29 @@ use ash::vk;
 /// Names a failed Vulkan call; out-of-memory and lost devices keep their meaning.
 fn vk_error(call: &'static str) -> impl FnOnce(vk::Result) -> Error {
     move |result| match result {
-        vk::Result::ERROR_OUT_OF_DEVICE_MEMORY | vk::Result::ERROR_OUT_OF_HOST_MEMORY => Error::OutOfMemory {
-            what: call.to_owned(),
-            needed: 0,
-            limit: 0,
-            remedy: "choose a device with more memory or a smaller scene or picture".to_owned(),
-        },
+        vk::Result::ERROR_OUT_OF_DEVICE_MEMORY => Error::DriverOutOfMemory { call, of: "the device" },
+        vk::Result::ERROR_OUT_OF_HOST_MEMORY => Error::DriverOutOfMemory { call, of: "the host" },
         vk::Result::ERROR_DEVICE_LOST => Error::DeviceLost { after_pass: String::new() },
         other => Error::Vulkan { call, reason: format!("{other:?}") },
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A call that is no allocation knows neither a need nor a limit.
+    #[test]
+    fn memory_that_runs_out_in_a_call_is_told_without_numbers() {
+        for (result, of) in [
+            (vk::Result::ERROR_OUT_OF_DEVICE_MEMORY, "the device is out of memory"),
+            (vk::Result::ERROR_OUT_OF_HOST_MEMORY, "the host is out of memory"),
+        ] {
+            let error = vk_error("vkCreateBuffer")(result);
+            let told = error.to_string();
+            assert_eq!(error.exit_code(), 5);
+            assert!(told.contains("vkCreateBuffer") && told.contains(of), "{told}");
+            assert!(!told.contains("limit is 0"), "{told}");
+        }
     }
 }

@@ -4,9 +4,11 @@ mod cache;
 mod colmap;
 pub mod dynamic;
 mod folder;
+pub mod hostile;
 pub mod model;
 mod priors;
 mod real;
+mod settings;
 mod transforms;
 
 use std::fs;

@@ -267,11 +267,11 @@ fn every_fault_of_the_priors_is_told_at_once() {
     fs::remove_file(folder.0.join("points/00002.ply")).unwrap();
     let says = [
         "flow/a/00000.flo: is 3 x 2, which takes 60 bytes, and has 30",
-        "depth/b/00001.npy: is 2 x 3, its camera `b` is calibrated for 3 x 2",
+        "depth/b/00001.npy: is 2 x 3, its camera is calibrated for 3 x 2",
         "depth/a: holds files of several kinds; keep one of npy, pfm",
         "flow/b: holds no file of a known kind; give one of flo, npy, exr, png",
         "00001.ply, header: has no list `camera_ids`",
-        "00002.ply: cannot be read",
+        "00002.ply: is missing",
     ];
     assert_told(&folder.check(), &says);
     assert_eq!(folder.check().n_faults, 6);

@@ -1,6 +1,8 @@
 //! Preparing captures: lenses are undone, every source is read, work is gone on with and never overwritten.
 
 mod board;
+mod hostile;
+mod pictures;
 mod programs;
 mod resume;
 mod sources;
@@ -10,7 +12,7 @@ use std::path::Path;
 use std::sync::Mutex;
 
 use ivv::prepare::{PrepareSettings, Prepared, Triangulate, prepare};
-use ivv::scene::capture::Capture;
+use ivv::scene::capture::{Capture, CaptureSettings};
 
 use crate::capture::Folder;
 
@@ -21,6 +23,11 @@ fn settings(folder: &Folder) -> PrepareSettings {
         threads: 2,
         ..PrepareSettings::new(&folder.0.join("source"), &folder.0.join("out"))
     }
+}
+
+/// How a source is read whose image sequences have `fps` frames per second.
+fn rate(fps: f64) -> CaptureSettings {
+    CaptureSettings { fps, ..CaptureSettings::default() }
 }
 
 /// Prepares; returns also the pieces that were done now.

@@ -7,7 +7,7 @@ use std::time::SystemTime;
 use ivv::prepare::{ImageFormat, PrepareSettings};
 use ivv::scene::capture::{CaptureSettings, check_capture};
 
-use super::{done, run, settings};
+use super::{done, rate, run, settings};
 use crate::capture::{Folder, assert_told, dynamic};
 
 /// Every file below a folder with its bytes and the time of its last change.
@@ -89,7 +89,10 @@ fn other_settings_and_foreign_files_need_force() {
     assert_eq!(image::image_dimensions(out.join("images/0/00000.png")).unwrap(), (6, 4));
     // Fewer test cameras change the points, not the pictures.
     let images = tree(&out.join("images"));
-    let fewer = PrepareSettings { test_cameras: Some(vec!["2".to_owned()]), ..other };
+    let fewer = PrepareSettings {
+        capture: CaptureSettings { test_cameras: Some(vec!["2".to_owned()]), ..rate(30.0) },
+        ..other
+    };
     assert!(run(&fewer).unwrap_err().to_string().contains("cameras have changed"));
     let (prepared, _) = run(&PrepareSettings { force: true, ..fewer }).unwrap();
     assert_eq!((prepared.report.n_faults, prepared.report.n_test_cameras), (0, 1));
@@ -112,7 +115,7 @@ fn other_settings_and_foreign_files_need_force() {
     for (change, says) in [
         (PrepareSettings { scale: 1.5, ..settings.clone() }, "--scale"),
         (PrepareSettings { every: 0, ..settings.clone() }, "--every"),
-        (PrepareSettings { fps: f64::NAN, ..settings.clone() }, "--fps"),
+        (PrepareSettings { capture: rate(f64::NAN), ..settings.clone() }, "--fps"),
     ] {
         let error = run(&change).unwrap_err();
         assert!(error.exit_code() == 3 && error.to_string().contains(says), "{error}");

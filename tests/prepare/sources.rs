@@ -4,12 +4,12 @@ use std::path::Path;
 
 use image::ExtendedColorType;
 use ivv::prepare::PrepareSettings;
-use ivv::scene::capture::{Capture, FramePoint, Manifest};
+use ivv::scene::capture::{Capture, CaptureSettings, FramePoint, Manifest};
 use ivv::scene::prior::{read_depth, read_flow, write_depth, write_flow};
 use ivv::scene::{SeenPoint, write_points};
 use serde_json::json;
 
-use super::{done, open, run, settings};
+use super::{done, open, rate, run, settings};
 use crate::capture::model::{Model, binary};
 use crate::capture::{Folder, assert_told, dynamic, encode, png};
 
@@ -60,15 +60,17 @@ fn n3v_arrives() {
     let settings = PrepareSettings {
         start: 1,
         every: 2,
-        fps: 30.0,
-        test_cameras: Some(vec!["cam07".into()]),
+        capture: CaptureSettings { test_cameras: Some(vec!["cam07".into()]), ..rate(30.0) },
         ..settings(&folder)
     };
     let prepared = done(&settings);
     assert_eq!(prepared.source_format, "N3V");
     let notes = prepared.notes.join("\n");
     assert!(notes.contains("different numbers of frames, 4 (`cam07`) to 5 (`cam00`)"), "{notes}");
-    assert!(notes.contains("it is scaled"), "{notes}");
+    assert!(
+        notes.contains("all 2 cameras: the pictures are 64 x 48") && notes.matches("it is scaled").count() == 1,
+        "{notes}"
+    );
     let capture = Capture::open(&settings.output).unwrap();
     // Frames 1 and 3 of the four that both have.
     assert_eq!((capture.n_frames, capture.fps), (2, 15.0));
@@ -238,7 +240,7 @@ fn caliscope_arrives() {
     assert!(capture.true_offsets.is_empty() && !settings.output.join("truth.json").exists());
     // Frames of 2 a second: cam_0 is at 1 and 1.5 s, cam_1 a quarter of a second later and on time.
     let timestamps = "calibration/extrinsic/timestamps.csv";
-    let timed = PrepareSettings { fps: 2.0, output: folder.0.join("timed"), ..settings.clone() };
+    let timed = PrepareSettings { capture: rate(2.0), output: folder.0.join("timed"), ..settings.clone() };
     let write = |text: &str| folder.write(&format!("source/{timestamps}"), text);
     write("sync_index,cam_id,frame_time\n3,1,1.25\n3,0,1.0\n\n4,0,1.5\n4,1,1.5\n");
     let offsets = open(&timed).true_offsets;
@@ -326,7 +328,11 @@ fn plain_colmap_is_undistorted_with_its_points() {
         folder.write(&format!("source/sparse/0/{name}.bin"), bytes);
     }
     ["a", "b"].iter().for_each(|name| drop(folder.write(&format!("source/images/{name}.png"), png(64, 48, 1))));
-    let settings = PrepareSettings { triangulate: None, test_every: 0, ..settings(&folder) };
+    let settings = PrepareSettings {
+        triangulate: None,
+        capture: CaptureSettings { test_every: 0, ..rate(30.0) },
+        ..settings(&folder)
+    };
     let capture = open(&settings);
     assert_eq!((capture.n_frames, capture.cameras.len(), capture.points.len()), (1, 2, 1));
     assert_eq!((capture.points[0].color, capture.points[0].n_views), ([9, 8, 7], 2));
@@ -345,7 +351,7 @@ fn dynamic_3d_gaussians_arrive_with_what_moves() {
     for frame in 0..3 {
         folder.write(&format!("source/seg/2/{frame:06}.png"), encode(&moves, 6, 4, ExtendedColorType::L8));
     }
-    let settings = PrepareSettings { frames: Some(2), fps: 25.0, ..settings(&folder) };
+    let settings = PrepareSettings { frames: Some(2), capture: rate(25.0), ..settings(&folder) };
     let capture = open(&settings);
     assert_eq!((capture.n_frames, capture.fps), (2, 25.0));
     let tests: Vec<_> = capture.cameras.iter().map(|camera| camera.is_test).collect();
@@ -418,9 +424,9 @@ fn what_is_no_source_is_told() {
     given.start = 9;
     assert_told(&run(&given).unwrap().0.report, &["begins at frame 9, the cameras have 2"]);
     given.start = 0;
-    given.test_cameras = Some(vec!["7".into()]);
+    given.capture.test_cameras = Some(vec!["7".into()]);
     assert_told(&run(&given).unwrap().0.report, &["no camera is named `7`"]);
-    given.test_cameras = Some(["0", "1", "2"].map(String::from).to_vec());
+    given.capture.test_cameras = Some(["0", "1", "2"].map(String::from).to_vec());
     assert_told(&run(&given).unwrap().0.report, &["has only test cameras"]);
     assert!(!given.output.exists(), "nothing is made of a faulty source");
 }
@@ -599,7 +605,7 @@ fn points_of_frames_come_along() {
     let stopped = Manifest { fps: 0.0, ..Manifest::read(&of_source.source).unwrap() };
     stopped.write(&of_source.source).unwrap();
     let of_stopped = PrepareSettings { output: folder.0.join("stopped"), ..of_source };
-    assert_told(&run(&of_stopped).unwrap().0.report, &["has 0 frames per second; give a positive number"]);
+    assert_told(&run(&of_stopped).unwrap().0.report, &["has 0 frames per second, 0.0001 to 100000 are allowed"]);
     assert!(!of_stopped.output.exists());
 }
 

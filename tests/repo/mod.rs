@@ -6,6 +6,7 @@ mod extremes;
 mod hazards;
 mod kernels;
 mod screen;
+mod supply;
 mod trade;
 
 use std::path::{Path, PathBuf};

@@ -210,3 +210,31 @@ fn the_physical_mode_asks_for_a_scale() {
     assert!(rendered(Mode::Physical).unwrap_err().to_string().contains("metres_per_unit"));
     assert!((rendered(Mode::Paper2d).unwrap().report.r_min - 0.02).abs() < 1e-12);
 }
+
+/// 2 samples of 16 bits at a rate.
+fn two_samples(fs: u32) -> Vec<u8> {
+    let mut bytes = b"RIFF\x28\0\0\0WAVEfmt \x10\0\0\0\x01\0\x01\0".to_vec();
+    bytes.extend(fs.to_le_bytes());
+    bytes.extend(fs.wrapping_mul(2).to_le_bytes());
+    bytes.extend(b"\x02\0\x10\0data\x04\0\0\0\0\x10\0\x20");
+    bytes
+}
+
+/// Weights of a change of rate are kept by phase, so that 268,468,411 Hz would need 40 GB of them and 1 Hz 38 GB.
+#[test]
+fn sample_rates_that_no_sound_has_are_refused_by_the_name_of_the_field() {
+    let folder = folder("rates");
+    let path = folder.join("a.wav");
+    for fs in [0, 1, 7_999, 400_001, 999_983, 268_468_411] {
+        fs::write(&path, two_samples(fs)).unwrap();
+        let error = read_channel(&path, Channel::Left, 0.0).unwrap_err();
+        let told = error.to_string();
+        assert!(matches!(error, Error::Data { .. }) && error.exit_code() == 3, "{told}");
+        assert!(told.contains("field `sample rate`") && told.contains(&format!("is {fs}")), "{told}");
+    }
+    for fs in [8_000, 400_000] {
+        fs::write(&path, two_samples(fs)).unwrap();
+        assert_eq!(read(&path).unwrap().fs, fs);
+    }
+    fs::remove_dir_all(folder).unwrap();
+}

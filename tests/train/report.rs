@@ -61,6 +61,7 @@ fn run() -> Run {
     Run {
         viewpoints: Vec::new(),
         capture: "/captures/a & b".into(),
+        capture_settings: Default::default(),
         test_cameras,
         world: Default::default(),
         constants: Constants::default(),

@@ -327,3 +327,25 @@ fn a_trade_runs_all_settings_in_turn_and_finds_the_reference_to_be_exact() {
     assert_eq!(std::fs::metadata(&seed).unwrap().modified().unwrap(), before, "a run was made again");
     assert!(fails(&["trade", capture, "-o", "x", "--knob", "frame.depth=16"], 2).contains("frame.depth=16"));
 }
+
+/// A capture that `check` accepts with some options is trained, scored and gone on with as it was checked.
+#[test]
+fn the_options_of_a_capture_are_those_of_its_run() {
+    let model = crate::capture::model::sample();
+    let folder = crate::capture::Folder::new("run-options");
+    crate::capture::model::write(&folder, &model);
+    for (index, name) in ["a.png", "b.png"].iter().enumerate() {
+        folder.write(&format!("images_2/{name}"), crate::capture::png(3, 2, 40 * index as u8));
+    }
+    let at = |path: &Path| path.to_str().unwrap().to_owned();
+    let (capture, output) = (at(&folder.0), at(&folder.0.join("run")));
+    let options = ["--downscale", "2", "--skip-missing", "--test-cameras", "b"];
+    works(&[&["check", &capture], options.as_slice()].concat());
+    let train = ["train", &capture, "-o", &output, "--steps", "2", "--set", "init=random", "--set", "init_points=20"];
+    works(&[&train, options.as_slice()].concat());
+    let run = json(&folder.0.join("run/run.json"));
+    assert_eq!(run["capture_settings"]["downscale"], 2);
+    assert_eq!(run["capture_settings"]["skip_missing"], true);
+    assert_eq!(run["test_cameras"], serde_json::json!(["b"]));
+    works(&["eval", &output]);
+}

@@ -142,3 +142,63 @@ fn a_path_becomes_a_video_with_what_is_heard_on_it() {
     let both = ivv(&[&arguments[..], &["--cameras", "c.json"]].concat());
     assert_eq!(both.status.code(), Some(2));
 }
+
+#[test]
+fn a_name_with_a_colon_is_a_name() {
+    if !super::has_ffmpeg() {
+        return;
+    }
+    let folder = Folder::new("film-colon");
+    let path = folder.write("path.txt", "0 -0.3 0 -4 0 0 0 1\n0.05 0.3 0 -4 0 0 0 1\n");
+    let still = still_scene(&folder);
+    for name in ["a:b.mp4", "-c.mp4"] {
+        let output = run(Command::new(env!("CARGO_BIN_EXE_ivv"))
+            .current_dir(&folder.0)
+            .args(["render", "--scene", &still, "--path", path.to_str().unwrap(), "--size", "32x24"])
+            .arg(format!("--output={name}")));
+        assert!(output.status.success(), "{name}: {}", String::from_utf8_lossy(&output.stderr));
+        assert!(folder.0.join(name).is_file(), "{name}");
+    }
+}
+
+/// A scene of two Gaussians that stand still.
+fn still_scene(folder: &Folder) -> String {
+    let splats = ivv::scene::Splats {
+        position: vec![[-0.5, 0.0, 0.0], [0.5, 0.0, 0.0]],
+        rotation: vec![[1.0, 0.0, 0.0, 0.0]; 2],
+        scale: vec![[-1.5; 3]; 2],
+        opacity: vec![3.0; 2],
+        sh: vec![[0.5, 0.2, 0.1]; 2],
+        n_static: 2,
+        source_row: vec![0, 1],
+        ..ivv::scene::Splats::new(0)
+    };
+    let path = folder.0.join("still.ply");
+    ivv::scene::write_ply(&path, &splats).unwrap();
+    path.to_str().unwrap().to_owned()
+}
+
+#[test]
+fn a_video_of_years_is_refused_with_the_number_of_its_frames() {
+    let folder = Folder::new("film-endless");
+    let path = folder.write("path.txt", "0 0 0 -4 0 0 0 1\n1e9 0 0 -4 0 0 0 1\n");
+    let output = folder.0.join("film.y4m");
+    let scene = still_scene(&folder);
+    let done = ivv(&["render", "--scene", &scene, "--path", path.to_str().unwrap(), "-o", output.to_str().unwrap()]);
+    let told = String::from_utf8_lossy(&done.stderr).into_owned();
+    assert_eq!(done.status.code(), Some(3), "{told}");
+    assert!(told.contains("30000000001 frames") && told.contains("5184000"), "{told}");
+    assert!(!output.exists());
+}
+
+/// The loader says that memory is short when it cannot parse the file of a driver.
+#[test]
+fn the_file_of_a_driver_that_is_no_json_is_no_lack_of_memory() {
+    let folder = Folder::new("film-driver");
+    let file = folder.write("driver.json", "no JSON");
+    let mut command = Command::new(env!("CARGO_BIN_EXE_ivv"));
+    let output = command.arg("devices").env("VK_ICD_FILENAMES", &file).env("VK_DRIVER_FILES", &file).output().unwrap();
+    let told = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(4), "{told}");
+    assert!(told.contains("the file of a driver may be damaged") && !told.contains("limit is 0"), "{told}");
+}

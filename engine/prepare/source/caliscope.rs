@@ -7,7 +7,7 @@ use std::path::Path;
 use super::{Clocks, Place, Source, SourceCamera, footage, opencv};
 use crate::error::{self, Error};
 use crate::scene::capture::Faults;
-use crate::scene::rotation_of_vector;
+use crate::scene::{read_text, rotation_of_vector};
 
 const REMEDY: &str = "calibrate all cameras with caliscope, or set ignore = true for this one";
 
@@ -41,7 +41,7 @@ enum Rotation {
 pub(super) fn read(place: Place, faults: &mut Faults) -> Source {
     let calibration = place.folder.join("camera_array.toml");
     let mut source = Source { calibration: calibration.clone(), ..Source::default() };
-    let text = match std::fs::read_to_string(&calibration) {
+    let text = match read_text(&calibration) {
         Ok(text) => text,
         Err(fault) => {
             faults.add(&calibration, "", format!("cannot be read: {fault}"), "check the file and its permissions");
@@ -80,7 +80,7 @@ fn times(file: &Path) -> error::Result<BTreeMap<String, Vec<Option<f64>>>> {
         let remedy = "give the file that caliscope wrote beside the videos, or remove it";
         Error::data(file, format!("line {}", line + 1), reason, remedy)
     };
-    let text = std::fs::read_to_string(file)
+    let text = read_text(file)
         .map_err(|fault| Error::data(file, "", format!("cannot be read: {fault}"), "check its permissions"))?;
     let header: Vec<&str> = text.lines().next().unwrap_or_default().split(',').map(str::trim).collect();
     let column = |name: &str| {

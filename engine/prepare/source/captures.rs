@@ -3,17 +3,29 @@
 use std::collections::BTreeMap;
 
 use super::{Clocks, Footage, Place, Source, SourceCamera};
-use crate::scene::capture::{Camera, CaptureSettings, Draft, Faults, describe, model_folder, tracks};
+use crate::scene::capture::{
+    Alpha, Camera, CaptureSettings, Draft, Faults, describe, has_alpha, images_folder, model_folder, tracks,
+};
 
 pub(super) fn read(place: Place, faults: &mut Faults) -> Option<Source> {
-    let defaults = CaptureSettings::default();
-    let settings = CaptureSettings {
-        test_every: place.settings.test_every,
-        fps: place.settings.fps,
-        images: place.settings.footage.clone().unwrap_or(defaults.images.clone()),
-        ..defaults
-    };
+    let asked = &place.settings.capture;
+    let images = place.settings.footage.clone().unwrap_or(asked.images.clone());
+    let settings = CaptureSettings { images, max_frames: None, ..asked.clone() };
     let (format, mut draft) = describe(place.folder, &settings, faults)?;
+    if settings.skip_missing {
+        let shots = |draft: &Draft| draft.cameras.iter().map(|camera| camera.shots.len()).sum::<usize>();
+        let before = shots(&draft);
+        draft.cameras.iter_mut().for_each(|camera| camera.shots.retain(|shot| shot.image.exists()));
+        draft.cameras.retain(|camera| !camera.shots.is_empty());
+        let n = before - shots(&draft);
+        draft.notes.extend((n > 0).then(|| format!("{n} images are missing and left out")));
+    }
+    if settings.alpha == Alpha::Mask {
+        for shot in draft.cameras.iter_mut().flat_map(|camera| &mut camera.shots) {
+            let alpha = has_alpha(&shot.image).then(|| shot.image.clone());
+            shot.foreground = shot.foreground.take().or(alpha);
+        }
+    }
     if draft.n_frames > 1 {
         merge_moving(&mut draft);
     }
@@ -31,7 +43,7 @@ pub(super) fn read(place: Place, faults: &mut Faults) -> Option<Source> {
         .iter()
         .filter_map(|camera| Some((camera.shots.first()?.image.clone(), camera.name.clone())))
         .collect();
-    let images = place.folder.join(&settings.images);
+    let images = images_folder(place.folder, &settings);
     let seen = model_folder(place.folder).filter(|folder| folder.join("points3D.bin").is_file());
     let seen = seen.and_then(|folder| faults.take(tracks(&folder)));
     source.points = match seen {

@@ -6,13 +6,13 @@ use std::path::{Path, PathBuf};
 use super::Footage;
 use crate::scene::capture::{Faults, Shot, is_image, relative};
 
-const VIDEOS: [&str; 6] = ["mp4", "mov", "mkv", "avi", "webm", "MP4"];
+const VIDEOS: [&str; 9] = ["mp4", "mov", "mkv", "avi", "webm", "MP4", "MOV", "MKV", "AVI"];
 /// Folders of videos, or of folders of images, below a source.
 const FOLDERS: [&str; 5] = ["", "videos", "images", "calibration/extrinsic", "recordings"];
 
 /// The video `<folder>/<name>.mp4` (or of another ending), or the images of `<folder>/<name>` or `<folder>/<name>/images`,
 /// the first of them in the order of their names being frame 0.
-pub(super) fn find(footage: &Path, name: &str) -> Option<Footage> {
+pub(in crate::prepare) fn find(footage: &Path, name: &str) -> Option<Footage> {
     FOLDERS.iter().find_map(|folder| {
         let stem = footage.join(folder).join(name);
         let video = VIDEOS.iter().map(|ending| with_ending(&stem, ending)).find(|path| path.is_file());
@@ -41,11 +41,16 @@ pub(super) fn take(footage: &Path, name: &str, calibration: &Path, faults: &mut 
     found
 }
 
+/// Whether a path is a video, by its ending.
+pub(in crate::prepare) fn is_video(path: &Path) -> bool {
+    path.extension().is_some_and(|e| VIDEOS.iter().any(|ending| e == *ending)) && path.is_file()
+}
+
 /// Names of all videos in the folders of a source, without ending, sorted.
-pub(super) fn video_names(footage: &Path) -> Vec<String> {
+pub(in crate::prepare) fn video_names(footage: &Path) -> Vec<String> {
     let folders = FOLDERS.iter().filter_map(|folder| fs::read_dir(footage.join(folder)).ok());
     let files = folders.flat_map(|entries| entries.flatten().map(|entry| entry.path()));
-    let videos = files.filter(|path| path.extension().is_some_and(|e| VIDEOS.iter().any(|ending| e == *ending)));
+    let videos = files.filter(|path| is_video(path));
     let mut names: Vec<_> = videos.filter_map(|path| Some(path.file_stem()?.to_str()?.to_owned())).collect();
     names.sort();
     names.dedup();

@@ -5,8 +5,8 @@ use std::collections::BTreeMap;
 use super::{Place, Source, SourceCamera, footage, opencv};
 use crate::error::{Error, Result};
 use crate::scene::capture::Faults;
-use crate::scene::rotation_of_vector;
 use crate::scene::undistort::{Distortion, Lens};
+use crate::scene::{read_file, rotation_of_vector};
 
 const REMEDY: &str = "give the file that came with the videos";
 
@@ -54,8 +54,7 @@ pub(super) fn read(place: Place, faults: &mut Faults) -> Source {
 }
 
 fn models(path: &std::path::Path) -> Result<Vec<Model>> {
-    let bytes =
-        std::fs::read(path).map_err(|fault| Error::data(path, "", format!("cannot be read: {fault}"), REMEDY))?;
+    let bytes = read_file(path).map_err(|fault| Error::data(path, "", format!("cannot be read: {fault}"), REMEDY))?;
     serde_json::from_slice(&bytes).map_err(|fault| {
         let place = format!("line {}, column {}", fault.line(), fault.column());
         Error::data(path, place, format!("is no models.json: {fault}"), REMEDY)

@@ -2,7 +2,7 @@
 
 mod caliscope;
 mod captures;
-mod footage;
+pub(super) mod footage;
 mod immersive;
 mod llff;
 mod opencv;
@@ -14,7 +14,8 @@ use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
 use crate::prepare::PrepareSettings;
-use crate::scene::capture::{Faults, FramePoints, Point, Pose, Shot, check_names, is_unfinished};
+use crate::prepare::reconstruct::Pictures;
+use crate::scene::capture::{Faults, FramePoints, Point, Pose, Shot, check_names, is_capture, is_unfinished};
 use crate::scene::undistort::Lens;
 
 /// Where the pictures of a camera are.
@@ -102,6 +103,24 @@ const FORMATS: [(&str, Recogniser, Reader); 5] = [
     ("COLMAP rig", rig::is_rig, rig::read),
 ];
 
+/// See [`crate::prepare::recognise`].
+pub(super) fn recognise(folder: &Path) -> Option<String> {
+    let settings = PrepareSettings::new(folder, Path::new(""));
+    let place = Place { settings: &settings, folder, footage: folder };
+    match FORMATS.into_iter().find(|(_, is, _)| is(place)) {
+        Some((format, ..)) => Some(format!("a {format} recording")),
+        None => pictures(&settings).map(|pictures| pictures.name().to_owned()),
+    }
+}
+
+/// Pictures without cameras, where the source is nothing else.
+pub(super) fn pictures(settings: &PrepareSettings) -> Option<Pictures> {
+    let folder = settings.source.as_path();
+    let place = Place { settings, folder, footage: settings.footage.as_deref().unwrap_or(folder) };
+    let is_known = is_unfinished(folder) || is_capture(folder) || FORMATS.into_iter().any(|(_, is, _)| is(place));
+    if is_known { None } else { Pictures::at(folder) }
+}
+
 impl Source {
     /// Reads the source of the settings; the format is recognised from the folder's content.
     ///
@@ -119,7 +138,7 @@ impl Source {
             let reason = if folder.is_dir() { "not a recognised recording" } else { "no such folder" };
             let remedy = "give a folder with models.json, poses_bounds.npy, camera_array.toml, Pose2Sim's calibration/, \
                           cameras.txt and images.txt beside videos, capture.toml, train_meta.json, transforms.json or a \
-                          COLMAP model in sparse/0";
+                          COLMAP model in sparse/0; or photos, a video or a folder of videos, whose cameras COLMAP finds";
             return Err(Error::data(folder, "", reason, remedy));
         };
         source.cameras.sort_by(|a, b| a.name.cmp(&b.name));
@@ -130,6 +149,12 @@ impl Source {
             let place = format!("camera `{}`", pair[0].name.escape_debug());
             faults.add(&source.calibration, place, "is listed twice", "give every camera its own name");
         }
+        for camera in &source.cameras {
+            if let Some(reason) = camera.lens.fault() {
+                let place = format!("camera `{}`", camera.name.escape_debug());
+                faults.add(&source.calibration, place, reason, "calibrate the camera again, or correct the file");
+            }
+        }
         let names: Vec<&str> = source.cameras.iter().map(|camera| camera.name.as_str()).collect();
         check_names("--shift", settings.shifts.keys(), &names, &source.calibration, faults);
         source.choose_test_cameras(settings, faults);
@@ -137,7 +162,7 @@ impl Source {
     }
 
     fn choose_test_cameras(&mut self, settings: &PrepareSettings, faults: &mut Faults) {
-        let Some(chosen) = &settings.test_cameras else { return };
+        let Some(chosen) = &settings.capture.test_cameras else { return };
         let names: Vec<&str> = self.cameras.iter().map(|camera| camera.name.as_str()).collect();
         check_names("test cameras", chosen, &names, &self.calibration, faults);
         self.cameras.iter_mut().for_each(|camera| camera.is_test = chosen.contains(&camera.name));

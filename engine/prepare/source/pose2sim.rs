@@ -7,8 +7,8 @@ use roxmltree::{Document, Node};
 
 use super::{Place, Source, SourceCamera, footage, opencv};
 use crate::scene::capture::{Faults, Pose};
-use crate::scene::rotation_of_vector;
 use crate::scene::undistort::{Distortion, Lens};
+use crate::scene::{read_text, rotation_of_vector};
 
 const REMEDY: &str = "calibrate the cameras again, or export the calibration again";
 /// Qualisys gives focal lengths and centres in parts of a pixel.
@@ -38,7 +38,7 @@ pub(super) fn read(place: Place, faults: &mut Faults) -> Source {
     let calibration = calibration(place.folder).unwrap_or_else(|| place.folder.join("calibration"));
     let mut source = Source { calibration: calibration.clone(), ..Source::default() };
     let is_toml = calibration.extension().is_some_and(|ending| ending == "toml");
-    let text = std::fs::read_to_string(&calibration).map_err(|fault| format!("cannot be read: {fault}"));
+    let text = read_text(&calibration).map_err(|fault| format!("cannot be read: {fault}"));
     let cameras = match text.and_then(|text| if is_toml { of_toml(&text) } else { of_qualisys(&text) }) {
         Ok(cameras) => cameras,
         Err(reason) => {

@@ -300,6 +300,23 @@ pub(crate) fn tracks(folder: &Path) -> crate::Result<Vec<(Point, Vec<PathBuf>)>>
     }
 }
 
+/// The folder of a plain COLMAP project's images: the one that is asked for, or where it is absent the largest of its smaller
+/// copies.
+pub(crate) fn images_folder(path: &Path, settings: &CaptureSettings) -> PathBuf {
+    let images = path.join(&settings.images);
+    let smaller = |n: u32| {
+        let mut name = images.clone().into_os_string();
+        name.push(format!("_{n}"));
+        PathBuf::from(name)
+    };
+    match settings.downscale {
+        Some(1) => images,
+        Some(n) => smaller(n),
+        None if images.is_dir() => images,
+        None => [2, 4, 8].map(smaller).into_iter().find(|folder| folder.is_dir()).unwrap_or(images),
+    }
+}
+
 /// A plain COLMAP project as a clip of one frame, every image a camera of its own.
 pub(super) fn read_capture(path: &Path, settings: &CaptureSettings, faults: &mut Faults) -> Draft {
     let mut model = model_folder(path).map_or_else(Model::default, |folder| read_model(&folder, faults));
@@ -307,7 +324,7 @@ pub(super) fn read_capture(path: &Path, settings: &CaptureSettings, faults: &mut
         faults.add(&model.file, "", "holds no image", "run COLMAP's mapper, or export the model again");
     }
     model.images.sort_by(|a, b| a.name.cmp(&b.name));
-    let images = path.join(&settings.images);
+    let images = images_folder(path, settings);
     let camera = |(index, posed): (usize, &Posed)| Camera {
         is_test: settings.test_every > 0 && index.is_multiple_of(settings.test_every),
         ..posed.camera(flat(&posed.name), &images.join(&posed.name))
@@ -320,6 +337,16 @@ pub(super) fn read_capture(path: &Path, settings: &CaptureSettings, faults: &mut
         calibration: model.file,
         ..Draft::default()
     };
+    let asked = path.join(&settings.images);
+    if let Some(n) = settings.downscale.filter(|_| !images.is_dir()) {
+        let remedy = format!("make it with pictures of 1/{n} of the size, or choose another --downscale");
+        faults.add(&images, "", "is missing", remedy);
+        draft.cameras.clear();
+    } else if settings.downscale.is_none() && images != asked {
+        let [taken, asked] =
+            [&images, &asked].map(|path| path.strip_prefix(path.parent().unwrap_or(path)).unwrap_or(path));
+        draft.notes.push(format!("there is no folder {}: {} is taken", asked.display(), taken.display()));
+    }
     for (camera, posed) in draft.cameras.iter().zip(&model.images) {
         draft.distorted.insert(camera.name.clone(), posed.lens.distortion);
     }

@@ -7,7 +7,7 @@ use std::path::Path;
 use super::colmap::{DAMAGED, MODELS, RawCamera, RawImage, RawPoint};
 use super::report::Faults;
 use crate::error::{Error, Result};
-use crate::scene::file::cannot_read;
+use crate::scene::file::{cannot_read, open_file};
 
 /// Longest name of an image, bytes.
 const MAX_NAME_BYTES: usize = 4096;
@@ -32,7 +32,7 @@ struct Reader<'a> {
 
 impl<'a> Reader<'a> {
     fn open(path: &'a Path) -> Result<Self> {
-        let file = File::open(path).map_err(|fault| cannot_read(path, &fault))?;
+        let file = open_file(path).map_err(|fault| cannot_read(path, &fault))?;
         let length = file.metadata().map_err(|fault| cannot_read(path, &fault))?.len();
         Ok(Reader { path, from: BufReader::new(file), length, left: length })
     }

@@ -8,7 +8,7 @@ use std::str::{FromStr, SplitAsciiWhitespace};
 use super::colmap::{MODELS, RawCamera, RawImage, RawPoint};
 use super::report::Faults;
 use crate::error;
-use crate::scene::file::cannot_read;
+use crate::scene::file::{cannot_read, open_file};
 
 const REMEDY: &str = "correct this line, or export the model again";
 
@@ -22,7 +22,7 @@ struct Lines<'a> {
 
 impl<'a> Lines<'a> {
     fn open(path: &'a Path) -> error::Result<Self> {
-        let file = File::open(path).map_err(|fault| cannot_read(path, &fault))?;
+        let file = open_file(path).map_err(|fault| cannot_read(path, &fault))?;
         Ok(Lines { path, from: BufReader::new(file), line: String::new(), number: 0 })
     }
 

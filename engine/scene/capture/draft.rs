@@ -3,11 +3,11 @@
 use std::collections::{BTreeMap, HashSet};
 use std::path::Path;
 
-use super::header::read_size;
+use super::header::{has_alpha, read_size};
 use super::picture::MAX_PIXELS;
 use super::points::FramePoints;
 use super::report::{Faults, Report};
-use super::{Camera, Capture, CaptureSettings, Extent, Point, Pose};
+use super::{Alpha, Camera, Capture, CaptureSettings, Extent, Point, Pose};
 use crate::error::Error;
 use crate::scene::prior::{depth_size, flow_size};
 use crate::scene::undistort::{Distortion, Lens};
@@ -17,6 +17,8 @@ use crate::scene::{FlowModel, Similarity, View};
 pub(super) const MAX_COORDINATE: f64 = 1e9;
 /// Most frames of a clip.
 pub(super) const MAX_FRAMES: u32 = 1 << 20;
+/// Frames per second of a clip: from pictures hours apart to the fastest cameras.
+pub(crate) const RATES: std::ops::RangeInclusive<f64> = 1e-4..=1e5;
 
 /// A capture as its format gives it.
 #[derive(Default)]
@@ -54,7 +56,7 @@ impl Draft {
         self.cameras.iter_mut().for_each(|camera| camera.shots.sort_by_key(|shot| shot.frame));
         self.check_lenses(faults);
         self.check_clip(faults);
-        self.check_images(settings, faults);
+        self.check_images(settings, faults, report);
         self.check_cameras(settings, faults);
         self.choose_test_cameras(settings, faults);
         // An empty capture whose reason is known needs no second fault.
@@ -88,6 +90,7 @@ impl Draft {
             frame_points: self.frame_points,
             true_offsets: self.true_offsets,
             viewpoints: Vec::new(),
+            settings: settings.clone(),
             moved: Similarity::default(),
         }
     }
@@ -119,9 +122,10 @@ impl Draft {
         if faults.n() > 0 && self.cameras.is_empty() {
             return;
         }
-        if !(self.fps.is_finite() && self.fps > 0.0) {
-            let reason = format!("has {} frames per second", self.fps);
-            faults.add(&self.calibration, "", reason, "give a positive number");
+        if !RATES.contains(&self.fps) {
+            let reason =
+                format!("has {} frames per second, {} to {} are allowed", self.fps, RATES.start(), RATES.end());
+            faults.add(&self.calibration, "field `fps`", reason, "give the rate at which the pictures were taken");
         }
         if !(1..=MAX_FRAMES).contains(&self.n_frames) {
             let reason = format!("has {} frames, 1 to {MAX_FRAMES} are allowed", self.n_frames);
@@ -133,7 +137,7 @@ impl Draft {
     }
 
     /// Compares every image, mask and prior with its camera; drops missing images where that is asked for.
-    fn check_images(&mut self, settings: &CaptureSettings, faults: &mut Faults) {
+    fn check_images(&mut self, settings: &CaptureSettings, faults: &mut Faults, report: &mut Report) {
         let mut n_missing = 0_usize;
         for camera in &mut self.cameras {
             if settings.skip_missing {
@@ -144,6 +148,13 @@ impl Draft {
             if settings.rescale {
                 rescale(camera);
             }
+        }
+        if let Some(factor) = common_factor(&self.cameras) {
+            self.cameras.iter_mut().for_each(rescale);
+            let size = format!("images of {factor} of the calibration's size");
+            self.notes.push(format!("{size} in all cameras: the calibration is scaled to them"));
+        }
+        for camera in &self.cameras {
             let calibrated = (camera.width, camera.height);
             for shot in &camera.shots {
                 let sizes = shot.pictures().map(|file| (file, read_size(file).map_err(Error::from)));
@@ -151,20 +162,46 @@ impl Draft {
                 let depth = shot.depth.iter().map(|file| (file, depth_size(file)));
                 for (file, size) in sizes.chain(flow).chain(depth) {
                     let Some((width, height)) = faults.take(size).filter(|size| *size != calibrated) else { continue };
-                    let reason = format!(
-                        "is {width} x {height}, its camera `{}` is calibrated for {} x {}",
-                        camera.name, calibrated.0, calibrated.1
-                    );
-                    let remedy = "give the images of the calibration, or scale the calibration to the images";
+                    // Without the camera's name, so that faults of one kind can be told together.
+                    let (w, h) = calibrated;
+                    let reason = format!("is {width} x {height}, its camera is calibrated for {w} x {h}");
+                    let remedy = "give the images of the calibration, or scale the calibration with --rescale";
                     faults.add(file, "", reason, remedy);
                 }
             }
         }
+        self.note_alpha(settings, report);
         if n_missing > 0 {
             self.notes.push(format!("{n_missing} images are missing and left out"));
         }
         if settings.skip_missing {
             self.cameras.retain(|camera| !camera.shots.is_empty());
+        }
+    }
+
+    /// Counts the images that have an alpha channel, takes it as their foreground mask where that is asked for, and says so.
+    fn note_alpha(&mut self, settings: &CaptureSettings, report: &mut Report) {
+        for camera in &mut self.cameras {
+            // Images of a camera are of one kind.
+            if !camera.shots.first().is_some_and(|shot| has_alpha(&shot.image)) {
+                continue;
+            }
+            report.n_alphas += camera.shots.len();
+            if settings.alpha == Alpha::Mask {
+                for shot in camera.shots.iter_mut().filter(|shot| shot.foreground.is_none()) {
+                    shot.foreground = has_alpha(&shot.image).then(|| shot.image.clone());
+                }
+            }
+        }
+        let n = report.n_alphas;
+        match (n, settings.alpha) {
+            (0, Alpha::Background) => {}
+            (0, Alpha::Mask) => self.notes.push("--alpha mask changes nothing: no image has an alpha channel".to_owned()),
+            (_, Alpha::Mask) => self.notes.push(format!("images whose alpha is taken as their foreground mask: {n}")),
+            (_, Alpha::Background) => self.notes.push(format!(
+                "images with an alpha channel: {n}; the background shows through it (--alpha mask takes it as a foreground \
+                 mask too)"
+            )),
         }
     }
 
@@ -179,6 +216,10 @@ impl Draft {
             if u64::from(camera.width) * u64::from(camera.height) > MAX_PIXELS {
                 let reason = format!("has {} x {} pixels, at most {MAX_PIXELS}", camera.width, camera.height);
                 faults.add(&self.calibration, &place, reason + " are allowed", "give smaller images");
+            }
+            if let Some(reason) = self.lens(camera).fault() {
+                faults.add(&self.calibration, &place, reason, "calibrate the camera again, or correct the file");
+                continue;
             }
             let moving = camera.shots.iter().filter_map(|shot| Some((shot.frame, shot.world_to_camera.as_ref()?)));
             let fixed = moving.clone().next().is_none().then_some((0, &camera.world_to_camera));
@@ -216,6 +257,26 @@ pub(crate) fn check_names<'a>(
         let reason = format!("no camera is named `{}`", name.escape_debug());
         faults.add(file, place, reason, format!("there are {} cameras: {some}, ...", cameras.len()));
     }
+}
+
+/// The one factor, other than 1, by which the images of all cameras differ from their calibration, when there is one within
+/// the rounding of either side to whole pixels: as a word, `1/4` or a number.
+fn common_factor(cameras: &[Camera]) -> Option<String> {
+    let (mut low, mut high) = (0.0_f64, f64::INFINITY);
+    for camera in cameras {
+        let Some((width, height)) = camera.shots.iter().find_map(|shot| read_size(&shot.image).ok()) else { continue };
+        for (found, calibrated) in [(width, camera.width), (height, camera.height)] {
+            let [found, calibrated] = [found, calibrated].map(f64::from);
+            // Rounded to the nearest, or down.
+            (low, high) = (low.max((found - 0.5) / calibrated), high.min((found + 1.0) / calibrated));
+        }
+    }
+    if !(low < high && high.is_finite()) || (low..=high).contains(&1.0) {
+        return None;
+    }
+    let parts = (2.0 / (low + high)).round();
+    let is_part = parts > 1.0 && (low..=high).contains(&(1.0 / parts));
+    Some(if is_part { format!("1/{parts}") } else { format!("{:.4}", 0.5 * (low + high)) })
 }
 
 /// Scales intrinsics to the size of the first readable image. Pixel edges stay where they are, so each axis scales by

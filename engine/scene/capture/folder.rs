@@ -13,7 +13,7 @@ use super::report::Faults;
 use super::truth::read_true_offsets;
 use super::{Camera, CaptureSettings, Shot};
 use crate::error::{self, Error};
-use crate::scene::file::{cannot_read, write_atomic};
+use crate::scene::file::{cannot_read, read_text, write_atomic};
 use crate::scene::prior::{DEPTH_EXTENSIONS, FLOW_EXTENSIONS};
 use crate::scene::undistort::{Distortion, Lens};
 
@@ -68,7 +68,7 @@ impl Manifest {
     /// is not one of the fields.
     pub fn read(capture: &Path) -> error::Result<Manifest> {
         let path = capture.join(FILE);
-        let text = std::fs::read_to_string(&path).map_err(|fault| match fault.kind() {
+        let text = read_text(&path).map_err(|fault| match fault.kind() {
             ErrorKind::InvalidData => Error::data(&path, "", "is not UTF-8", "write it as TOML"),
             _ => cannot_read(&path, &fault),
         })?;
@@ -108,8 +108,9 @@ pub(super) fn read(path: &Path, settings: &CaptureSettings, faults: &mut Faults)
     let manifest = faults.take(Manifest::read(path));
     let model = read_model(&path.join("sparse/0"), faults);
     let Some(manifest) = manifest else { return Draft::default() };
-    // The draft refuses a clip that is longer; until then no list is made of its frames.
-    let n_frames = manifest.frames.min(settings.max_frames.unwrap_or(MAX_FRAMES)).min(MAX_FRAMES);
+    // The draft refuses a clip that is longer; that its frames are not there needs no fault for each of them.
+    let is_possible = manifest.frames <= MAX_FRAMES;
+    let n_frames = if is_possible { manifest.frames.min(settings.max_frames.unwrap_or(MAX_FRAMES)) } else { 0 };
     let mut draft = Draft {
         fps: manifest.fps,
         n_frames: manifest.frames,
@@ -208,7 +209,15 @@ fn frame_points(
         }
     }
     let points = FramePoints { folder, cameras };
-    for frame in 0..n_frames {
+    let (there, absent): (Vec<u32>, Vec<u32>) = (0..n_frames).partition(|frame| points.has(*frame));
+    if let Some(first) = absent.first() {
+        let more = absent.len() - 1;
+        let reason =
+            if more > 0 { format!("is missing, as are those of {more} more frames") } else { "is missing".into() };
+        let remedy = format!("triangulate every frame, or set points = false in {FILE}");
+        faults.add(&points.path(*first), "", reason, remedy);
+    }
+    for frame in there {
         faults.take(points.check(frame));
     }
     Some(points)

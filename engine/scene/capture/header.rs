@@ -6,6 +6,7 @@ use std::io::{self, BufReader, ErrorKind, Read, Seek, SeekFrom};
 use std::path::Path;
 
 use super::report::Fault;
+use crate::scene::file::open_file;
 
 pub(in crate::scene) const BROKEN: &str = "make or copy the image again";
 const PNG: [u8; 8] = *b"\x89PNG\r\n\x1a\n";
@@ -32,7 +33,7 @@ pub(super) fn unreadable(path: &Path, cause: &io::Error) -> Fault {
 /// Width and height in pixels, neither of them 0, of a file that is not cut off.
 pub(crate) fn read_size(path: &Path) -> Result<(u32, u32), Fault> {
     let failed = |cause: io::Error| unreadable(path, &cause);
-    let file = File::open(path).map_err(failed)?;
+    let file = open_file(path).map_err(failed)?;
     let n_bytes = file.metadata().map_err(failed)?.len();
     if n_bytes == 0 {
         return Err(fault(path, "has 0 bytes", BROKEN));
@@ -58,6 +59,14 @@ pub(crate) fn read_size(path: &Path) -> Result<(u32, u32), Fault> {
     } else {
         Err(fault(path, "is cut off: the end of the image is missing", BROKEN))
     }
+}
+
+/// Whether the header of a PNG says that it has an alpha channel; no JPEG has one.
+pub(crate) fn has_alpha(path: &Path) -> bool {
+    // The signature, then length and name of the first chunk, width, height, bits of a sample, kind of the colours.
+    let mut start = [0; 26];
+    let is_read = open_file(path).is_ok_and(|mut file| file.read_exact(&mut start).is_ok());
+    is_read && start.starts_with(&PNG) && matches!(start[25], 4 | 6)
 }
 
 fn read<const N: usize>(from: &mut impl Read) -> io::Result<[u8; N]> {

@@ -30,13 +30,13 @@ pub use report::{Fault, Report};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-pub(crate) use colmap::{Posed, model_folder, read_images, tracks};
+pub(crate) use colmap::{Posed, images_folder, model_folder, read_images, tracks};
 pub use draft::camera_center;
-pub(crate) use draft::{Draft, check_names};
-pub(crate) use header::read_size;
+pub(crate) use draft::{Draft, RATES, check_names};
+pub(crate) use header::{has_alpha, read_size};
 pub(crate) use names::{is_image, relative};
 pub(crate) use npz::read_npy;
-pub(crate) use picture::decode_image;
+pub(crate) use picture::{alpha_of, decode_image};
 pub(crate) use points::FramePoints;
 pub(crate) use report::Faults;
 pub(crate) use truth::write_true_offsets;
@@ -49,8 +49,20 @@ use crate::scene::{Similarity, View};
 /// in scene units, as those of velocities and the near plane, mean the same in every capture.
 pub const TRAINING_RADIUS: f64 = 3.0;
 
+/// What the alpha channel of images is. Either way the background shows through where it is below 1.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Alpha {
+    /// No more than that.
+    #[default]
+    Background,
+    /// The foreground mask too, of images that have no other: what is at least half opaque.
+    Mask,
+}
+
 /// How a capture is read. The default suits every format.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct CaptureSettings {
     /// Names of the test cameras; `None` takes those that the format declares.
     pub test_cameras: Option<Vec<String>>,
@@ -67,11 +79,17 @@ pub struct CaptureSettings {
     /// Takes the foreground masks of Dynamic3DGaussians (`seg/`) as masks too. Off: they label what moves, not what is
     /// valid, and a training that ignores what they leave out has no background.
     pub foreground_masks: bool,
-    /// Folder of the images of a plain COLMAP project, relative to the capture.
+    /// Folder of the images of a plain COLMAP project, relative to the capture. Where it is absent the largest of `images_2`,
+    /// `images_4` and `images_8` is taken, with a note.
     pub images: PathBuf,
-    /// Scales a camera's intrinsics, along each axis, to the size of its images where it differs from the calibration;
-    /// a difference is a fault otherwise.
+    /// Takes the folder of images of 1/N of the size, `images_N`, instead.
+    pub downscale: Option<u32>,
+    /// Scales a camera's intrinsics, along each axis, to the size of its images where it differs from the calibration.
+    /// Otherwise they are scaled, with a note, when the images of all cameras differ by one common factor, within rounding;
+    /// any other difference is a fault.
     pub rescale: bool,
+    /// What the alpha channel of images is.
+    pub alpha: Alpha,
 }
 
 impl Default for CaptureSettings {
@@ -85,7 +103,9 @@ impl Default for CaptureSettings {
             skip_missing: false,
             foreground_masks: false,
             images: PathBuf::from("images"),
+            downscale: None,
             rescale: false,
+            alpha: Alpha::default(),
         }
     }
 }
@@ -102,7 +122,8 @@ pub struct Shot {
     pub image: PathBuf,
     /// PNG of the camera's size; pixels of value 0 are to be ignored.
     pub mask: Option<PathBuf>,
-    /// PNG of the camera's size; pixels of at least 128 show what moves. Only the first Gaussians are made from it.
+    /// PNG of the camera's size; pixels of at least 128 show what moves. Only the first Gaussians are made from it. The image
+    /// itself where its alpha channel is meant ([`Alpha::Mask`]).
     pub foreground: Option<PathBuf>,
     /// PNG of the camera's size, of a test camera; pixels of at least 128 show what a training camera sees too (co-visibility,
     /// Gao et al. 2022). Only scores are made from it.
@@ -206,6 +227,8 @@ pub struct Capture {
     /// lies just before them. Empty unless set.
     pub viewpoints: Vec<View>,
     frame_points: Option<FramePoints>,
+    /// How it was read.
+    settings: CaptureSettings,
     /// From the world of the files to this one's.
     moved: Similarity,
 }
@@ -229,6 +252,11 @@ impl Capture {
             Some(error) => Err(error),
             None => Ok(capture),
         }
+    }
+
+    /// How it was read.
+    pub fn settings(&self) -> &CaptureSettings {
+        &self.settings
     }
 
     /// The view of a camera at a frame: time is `frame / n_frames`, `flow_dt` is `1 / n_frames`. The view is named after
@@ -407,6 +435,11 @@ const FORMATS: [(&str, Recogniser, Reader); 5] = [
     ("COLMAP", |path| colmap::model_folder(path).is_some(), colmap::read_capture),
 ];
 
+/// Whether a folder is in one of the [`FORMATS`].
+pub(crate) fn is_capture(path: &Path) -> bool {
+    FORMATS.into_iter().any(|(_, is, _)| is(path))
+}
+
 /// What the files of a folder in one of the [`FORMATS`] say, lenses that distort included, before it is compared with the
 /// images; `None` when the folder is in none of them.
 pub(crate) fn describe(path: &Path, settings: &CaptureSettings, faults: &mut Faults) -> Option<(&'static str, Draft)> {
@@ -423,6 +456,15 @@ fn read(path: &Path, settings: &CaptureSettings) -> (Capture, Report) {
         faults.add(path, "", reason, remedy);
         ("", Draft::default())
     });
+    if settings.downscale.is_some() && !["", "COLMAP"].contains(&format) {
+        let remedy = "leave it out; `ivv prepare --scale` makes smaller pictures of any capture";
+        faults.add(
+            path,
+            "--downscale",
+            "is for a plain COLMAP project, which has images_2, images_4 and so on",
+            remedy,
+        );
+    }
     let mut report = Report::new(path, format);
     let capture = draft.finish(path, settings, &mut faults, &mut report);
     report.set_faults(faults);

@@ -1,6 +1,5 @@
 //! Decoded images of a capture, as the device takes them.
 
-use std::fs::File;
 use std::io::{BufRead, BufReader};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
@@ -11,6 +10,7 @@ use super::header::{BROKEN, fault, read_size, unreadable};
 use super::priors::{PriorSource, Priors, prior_of, prior_word};
 use super::report::Fault;
 use crate::error;
+use crate::scene::file::open_file;
 
 /// Largest width or height, pixels.
 pub(super) const MAX_SIDE: u32 = 1 << 16;
@@ -131,13 +131,21 @@ pub(super) fn decode_or_fault(source: &Source) -> Result<Picture, Fault> {
     Ok(Picture { width, height, pixels, priors: words, n_depth, n_flow })
 }
 
-/// Whether each pixel of a mask for the image of `source` is at least 128.
+/// Whether each pixel of a mask for the image of `source` is at least 128; of the image itself, whether its alpha is.
 ///
 /// # Errors
 /// `Error::Data` naming the mask.
 pub(super) fn bright(path: &Path, source: &Source) -> error::Result<Vec<bool>> {
-    let mask = guarded(path, || pixels_of(path, source))?.into_luma8();
-    Ok(mask.as_raw().iter().map(|level| *level >= 128).collect())
+    let mask = guarded(path, || pixels_of(path, source))?;
+    if path == source.image {
+        return Ok(alpha_of(mask).iter().map(|level| *level >= 128).collect());
+    }
+    Ok(mask.into_luma8().as_raw().iter().map(|level| *level >= 128).collect())
+}
+
+/// The alpha channel of an image, row by row.
+pub(crate) fn alpha_of(image: DynamicImage) -> Vec<u8> {
+    image.into_rgba8().as_raw().as_chunks::<4>().0.iter().map(|pixel| pixel[3]).collect()
 }
 
 /// Decodes an image or a mask of a known size.
@@ -172,7 +180,7 @@ fn pixels_of(path: &Path, source: &Source) -> Result<DynamicImage, Fault> {
 
 pub(in crate::scene) fn decoder_of(path: &Path, max_bytes: u64) -> Result<impl ImageDecoder, Fault> {
     let failed = |cause: std::io::Error| unreadable(path, &cause);
-    let mut file = BufReader::new(File::open(path).map_err(failed)?);
+    let mut file = BufReader::new(open_file(path).map_err(failed)?);
     let start = file.fill_buf().map_err(failed)?;
     let format = match image::guess_format(start) {
         Ok(format @ (ImageFormat::Png | ImageFormat::Jpeg)) => format,

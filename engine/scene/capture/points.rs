@@ -32,6 +32,11 @@ pub(crate) struct FramePoints {
 }
 
 impl FramePoints {
+    /// Whether a frame has a file.
+    pub fn has(&self, frame: u32) -> bool {
+        self.path(frame).exists()
+    }
+
     /// Checks the header of a frame's file and that the file is no shorter than it says.
     pub fn check(&self, frame: u32) -> Result<()> {
         let path = self.path(frame);
@@ -63,7 +68,8 @@ impl FramePoints {
         Ok(points)
     }
 
-    fn path(&self, frame: u32) -> PathBuf {
+    /// The file of a frame.
+    pub fn path(&self, frame: u32) -> PathBuf {
         self.folder.join(format!("{frame:05}.ply"))
     }
 }

@@ -1,5 +1,6 @@
 //! What is wrong with a capture: every fault at once, and what it holds.
 
+use std::collections::HashMap;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
@@ -8,10 +9,16 @@ use crate::error::{Error, Result};
 /// Faults kept in full; beyond them they are only counted, so that a hostile file cannot fill the memory with them.
 const MAX_KEPT: usize = 10_000;
 
+/// A path for a reader: JSON is text, and not every name of a file is.
+fn as_text<S: serde::Serializer>(path: &Path, to: S) -> std::result::Result<S::Ok, S::Error> {
+    to.collect_str(&path.display())
+}
+
 /// One thing that is wrong with a capture.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Fault {
     /// The file or folder.
+    #[serde(serialize_with = "as_text")]
     pub file: PathBuf,
     /// Where in it: a line, a byte offset, a camera, a frame; empty for the file as a whole.
     pub place: String,
@@ -84,6 +91,7 @@ impl Faults {
 #[derive(Clone, Debug, serde::Serialize)]
 pub struct Report {
     /// The folder.
+    #[serde(serialize_with = "as_text")]
     pub path: PathBuf,
     /// Its format; empty when none was recognised.
     pub format: String,
@@ -101,6 +109,8 @@ pub struct Report {
     pub n_masks: usize,
     /// Images of which it is known what moves in them.
     pub n_foregrounds: usize,
+    /// Images that have an alpha channel.
+    pub n_alphas: usize,
     /// Images that have optical flow.
     pub n_flows: usize,
     /// Images that have a depth prior.
@@ -131,6 +141,7 @@ impl Report {
             n_images: 0,
             n_masks: 0,
             n_foregrounds: 0,
+            n_alphas: 0,
             n_flows: 0,
             n_depths: 0,
             n_points: 0,
@@ -145,6 +156,21 @@ impl Report {
     pub(crate) fn set_faults(&mut self, faults: Faults) {
         self.n_faults = faults.n;
         self.faults = faults.kept;
+    }
+
+    /// The faults with those of one kind (the same reason and remedy, of different files) together, in the order of the first
+    /// of each kind.
+    pub fn grouped(&self) -> Vec<Vec<&Fault>> {
+        let mut groups: Vec<Vec<&Fault>> = Vec::new();
+        let mut of: HashMap<(&str, &str), usize> = HashMap::new();
+        for fault in &self.faults {
+            let group = *of.entry((&fault.reason, &fault.remedy)).or_insert(groups.len());
+            if group == groups.len() {
+                groups.push(Vec::new());
+            }
+            groups[group].push(fault);
+        }
+        groups
     }
 
     /// The error of a capture with faults: the first of them, how many more there are, and where to see them all.

@@ -6,7 +6,7 @@ use std::path::Path;
 use super::draft::check_names;
 use super::report::Faults;
 use crate::error::{Error, Result};
-use crate::scene::file::{cannot_read, write_atomic};
+use crate::scene::file::{cannot_read, read_file, write_atomic};
 
 const FILE: &str = "truth.json";
 
@@ -23,7 +23,7 @@ pub(super) fn read_true_offsets(folder: &Path, cameras: &[&str], faults: &mut Fa
     if !path.exists() {
         return BTreeMap::new();
     }
-    let text = std::fs::read(&path).map_err(|fault| cannot_read(&path, &fault));
+    let text = read_file(&path).map_err(|fault| cannot_read(&path, &fault));
     let truth = text.and_then(|text| {
         serde_json::from_slice::<Truth>(&text).map_err(|fault| {
             let place = format!("line {}", fault.line());
@@ -43,7 +43,7 @@ pub(super) fn read_true_offsets(folder: &Path, cameras: &[&str], faults: &mut Fa
 pub(crate) fn write_true_offsets(folder: &Path, offsets: BTreeMap<String, f64>) -> Result<()> {
     let text = serde_json::to_vec_pretty(&Truth { time_offsets_frames: offsets }).map_err(std::io::Error::other);
     let path = folder.join(FILE);
-    if text.as_ref().is_ok_and(|text| std::fs::read(&path).is_ok_and(|before| before == *text)) {
+    if text.as_ref().is_ok_and(|text| read_file(&path).is_ok_and(|before| before == *text)) {
         return Ok(());
     }
     write_atomic(&path, |to| to.write_all(&text?))

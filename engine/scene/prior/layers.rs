@@ -1,5 +1,6 @@
 //! OpenEXR priors: channels by their usual names.
 
+use std::io::BufReader;
 use std::path::Path;
 
 use exr::meta::MetaData;
@@ -7,6 +8,7 @@ use exr::prelude::{ReadChannels, ReadLayers, ReadSpecificChannel, Vec2};
 
 use crate::error::{Error, Result};
 use crate::scene::capture::picture::guarded;
+use crate::scene::file::{cannot_read, open_file};
 
 /// Names of the channels of a flow and of a depth, the first that are present being taken.
 const FLOW: &[Channels] = &[&["flow.X", "flow.Y"], &["u", "v"], &["U", "V"], &["X", "Y"], &["R", "G"]];
@@ -20,7 +22,8 @@ pub(super) type Channels = &'static [&'static str];
 
 /// Size and channels of the first layer that has what is wanted.
 pub(super) fn header(path: &Path, channels: usize) -> Result<((u32, u32), Channels)> {
-    let meta = guarded(path, || Ok(MetaData::read_from_file(path, false)))?;
+    let file = BufReader::new(open_file(path).map_err(|cause| cannot_read(path, &cause))?);
+    let meta = guarded(path, || Ok(MetaData::read_from_buffered(file, false)))?;
     let meta = meta.map_err(|cause| fault(path, format!("has a broken header: {cause}")))?;
     let wanted = if channels == 2 { FLOW } else { DEPTH };
     for names in wanted {

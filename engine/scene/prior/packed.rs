@@ -5,7 +5,7 @@ use std::io::{BufReader, Read, Seek, SeekFrom};
 use std::path::Path;
 
 use crate::error::{Error, Result};
-use crate::scene::file::cannot_read;
+use crate::scene::file::{cannot_read, open_file};
 use crate::scene::npy::{Float, Header};
 
 const REMEDY: &str = "make or copy the file again";
@@ -122,7 +122,7 @@ pub(super) fn read<const N: usize>(path: &Path, size: (u32, u32), layout: Layout
 }
 
 fn open(path: &Path) -> Result<BufReader<File>> {
-    Ok(BufReader::new(File::open(path).map_err(|cause| cannot_read(path, &cause))?))
+    Ok(BufReader::new(open_file(path).map_err(|cause| cannot_read(path, &cause))?))
 }
 
 fn fault(path: &Path, reason: impl Into<String>) -> Error {

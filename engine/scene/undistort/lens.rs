@@ -10,6 +10,8 @@ const CONVERGED: f64 = 1e-12;
 /// How far the rectangle of a pinhole may reach beyond the size of the image, in multiples of it, from the principal point
 /// to each side: wide lenses would ask for huge pictures whose borders hold no detail.
 const MAX_GROWTH: f64 = 2.0;
+/// Largest width or height of a pinhole, pixels.
+const MAX_SIDE: f64 = 65_536.0;
 
 /// What a lens does to a point (x, y) of the plane at distance 1.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
@@ -50,14 +52,6 @@ impl Distortion {
                     (true, true, true) => "SIMPLE_RADIAL",
                 }
             }
-        }
-    }
-
-    fn parameters(&self) -> Vec<f64> {
-        match self {
-            Distortion::None => Vec::new(),
-            Distortion::Brown { radial, tangential } => radial.iter().chain(tangential).copied().collect(),
-            Distortion::Fisheye(k) => k.to_vec(),
         }
     }
 
@@ -193,17 +187,6 @@ pub struct Lens {
 }
 
 impl Lens {
-    /// What is wrong with the numbers, if anything: focal lengths must be positive, all must be finite.
-    pub fn fault(&self) -> Option<String> {
-        let Lens { fx, fy, cx, cy, distortion, .. } = *self;
-        let numbers = [fx, fy, cx, cy].into_iter().chain(distortion.parameters());
-        let good = fx > 0.0 && fy > 0.0 && numbers.clone().all(f64::is_finite);
-        (!good).then(|| {
-            let numbers: Vec<f64> = numbers.collect();
-            format!("has the parameters {numbers:?}: a focal length is not positive or one is not finite")
-        })
-    }
-
     /// The lens of pictures of another size that show the same: pixel edges stay where they are, each axis scales by the
     /// ratio of the sizes.
     pub fn resized(&self, width: u32, height: u32) -> Lens {
@@ -217,7 +200,7 @@ impl Lens {
     /// most twice as far from the principal point as the image. Where the inverse does not converge on the border the
     /// rectangle may hold pixels that nothing shows: [`super::Undistortion::validity`] tells them.
     ///
-    /// `None` when nothing is left.
+    /// `None` when nothing is left, or when a side would have more than 65,536 pixels.
     pub fn pinhole(&self) -> Option<Lens> {
         if self.distortion == Distortion::None {
             return Some(*self);
@@ -238,7 +221,7 @@ impl Lens {
         let top = most(top, &mut columns().filter_map(|x| Some(plane(x, 0.5)?[1])));
         let bottom = MAX_GROWTH * (h - 0.5 - self.cy) / self.fy;
         let bottom = least(bottom, &mut columns().filter_map(|x| Some(plane(x, h - 0.5)?[1])));
-        let side = |length: f64| (length >= 0.0).then(|| length as u32 + 1);
+        let side = |length: f64| (0.0..MAX_SIDE).contains(&length).then(|| length as u32 + 1);
         Some(Lens {
             width: side((right - left) * self.fx)?,
             height: side((bottom - top) * self.fy)?,

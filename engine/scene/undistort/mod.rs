@@ -1,5 +1,6 @@
 //! From pictures of a distorting lens to those of a pinhole (SPEC 7): images, masks, depth and flow.
 
+mod bounds;
 mod lens;
 
 pub use lens::{Distortion, Lens};

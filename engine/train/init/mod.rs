@@ -41,8 +41,6 @@ const HULL_PIXELS: u64 = 1 << 28;
 /// Gaussians from points that are worth beginning with unless asked for. Fewer cover no picture, and by division they grow too
 /// slowly: of a room with 100 of them nothing is seen after 500 steps.
 const ENOUGH: usize = 200;
-/// Why they come from the pictures then.
-const FEW: &str = "the capture has few points";
 /// Standard deviation of a Gaussian in units of the distance to its neighbours: they touch on a surface.
 const SIZE: f64 = 0.5;
 /// Key of the random choice among a hull's points.
@@ -59,7 +57,7 @@ pub struct Initial {
     /// Where they come from; never [`Init::Auto`].
     pub from: Init,
     /// Why.
-    pub because: &'static str,
+    pub because: String,
     /// Frames whose hulls were taken.
     pub n_hulls: usize,
     /// What became of the points of the frames, where they were taken.
@@ -111,33 +109,43 @@ pub fn initialise(capture: &Capture, config: &Config, progress: &mut dyn FnMut(u
         Init::Hull if !has_foreground => return lacks("foreground masks"),
         asked => (asked, "asked for"),
     };
-    let at = |points: &[Point], from: Init, because: &'static str| {
+    let at = |points: &[Point], from: Init, because: String| {
         Ok(Initial { splats: from_points(points, capture, config), from, because, n_hulls: 0, counts: None })
     };
-    let pictures = |with_hulls: bool, because: &'static str, progress: &mut dyn FnMut(usize, usize)| {
+    let pictures = |with_hulls: bool, because: String, progress: &mut dyn FnMut(usize, usize)| {
         let (splats, n_hulls) = from_pictures(capture, config, with_hulls, progress)?;
         if splats.is_empty() {
-            return at(&random_points(capture, config), Init::Random, "no surface was found");
+            let because = format!("{because}; no surface was found in the pictures either");
+            return at(&random_points(capture, config), Init::Random, because);
         }
         let from = if with_hulls { Init::Hull } else { Init::Frustum };
         Ok(Initial { splats, from, because, n_hulls, counts: None })
     };
     let few = |n: usize| config.init == Init::Auto && n < ENOUGH;
+    // What becomes of points that are there and not used is said.
+    let unused = |n: usize, init: Init| {
+        let init = init.name();
+        format!(
+            "the {n} points that were found are not used: fewer than {ENOUGH} cover no picture; --set init={init} takes them"
+        )
+    };
     match from {
         Init::Flow | Init::Concat => {
             let (splats, counts) = flow::from_frames(capture, config, from == Init::Flow, progress)?;
             if few(splats.len()) {
-                return pictures(has_foreground, FEW, progress);
+                return pictures(has_foreground, unused(splats.len(), from), progress);
             }
             if splats.is_empty() {
-                return at(&random_points(capture, config), Init::Random, "no frame has a point");
+                return at(&random_points(capture, config), Init::Random, "no frame has a point".to_owned());
             }
-            Ok(Initial { splats, from, because, n_hulls: 0, counts: Some(counts) })
+            Ok(Initial { splats, from, because: because.to_owned(), n_hulls: 0, counts: Some(counts) })
         }
-        Init::Points if few(capture.points.len()) => pictures(has_foreground, FEW, progress),
-        Init::Points => at(&capture.points, from, because),
-        Init::Random => at(&random_points(capture, config), from, because),
-        Init::Auto | Init::Hull | Init::Frustum => pictures(from == Init::Hull, because, progress),
+        Init::Points if few(capture.points.len()) => {
+            pictures(has_foreground, unused(capture.points.len(), from), progress)
+        }
+        Init::Points => at(&capture.points, from, because.to_owned()),
+        Init::Random => at(&random_points(capture, config), from, because.to_owned()),
+        Init::Auto | Init::Hull | Init::Frustum => pictures(from == Init::Hull, because.to_owned(), progress),
     }
 }
 

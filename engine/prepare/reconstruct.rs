@@ -1,0 +1,353 @@
+//! Cameras for pictures that have none: COLMAP finds features, matches them and places the pictures, on the CPU.
+//!
+//! The result is a plain COLMAP project in `reconstruction/` of the output; from there on it is prepared as any other.
+
+use std::cell::Cell;
+use std::collections::HashSet;
+use std::ffi::{OsStr, OsString};
+use std::fmt;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use image::codecs::jpeg::JpegEncoder;
+use image::{ExtendedColorType, ImageEncoder};
+use serde_json::json;
+
+use super::fit::Part;
+use super::images::JPEG_QUALITY;
+use super::journal::{Journal, cannot_list, make_folder};
+use super::program::{COLMAP, FFMPEG, FFPROBE};
+use super::source::Footage;
+use super::source::footage::{find, is_video, video_names};
+use super::video::{self, Selection};
+use super::{PrepareSettings, Progress};
+use crate::error::{Error, Result};
+use crate::scene::capture::{Faults, is_image, read_images};
+use crate::scene::write_atomic;
+
+/// Most pictures that are taken of a single video, evenly chosen.
+const OF_VIDEO: u32 = 120;
+/// Pictures of a video that each is matched with, after it.
+const OVERLAP: usize = 10;
+/// Fewer placed pictures are no capture.
+const LEAST_PLACED: usize = 3;
+/// Pictures are searched for features in this size at most: larger ones take long on a CPU and hardly place better.
+const MAX_SIDE: &str = "1600";
+/// Pictures of a block of pairs, after each of which progress is told.
+const BLOCK: usize = 10;
+/// Seconds of one core, measured on pictures of 1280 x 720 with 7,000 features: to find the features of a picture, to match a
+/// pair, to place a picture.
+const SECONDS: [f64; 3] = [1.2, 0.45, 0.5];
+
+/// Pictures without cameras.
+pub(super) enum Pictures {
+    /// A folder of photos of something that stands still.
+    Photos(PathBuf),
+    /// A video of something that stands still, by a camera that moves.
+    Video(PathBuf),
+    /// A folder of videos of the same moment, by cameras that stand still.
+    Videos(PathBuf),
+}
+
+impl Pictures {
+    /// What a path without any calibration holds; nothing where it is neither photos nor videos.
+    pub fn at(path: &Path) -> Option<Pictures> {
+        if is_video(path) {
+            return Some(Pictures::Video(path.to_owned()));
+        }
+        if !video_names(path).is_empty() {
+            return Some(Pictures::Videos(path.to_owned()));
+        }
+        let holds_photos = |folder: &Path| {
+            let files = fs::read_dir(folder).into_iter().flatten().flatten();
+            files.map(|file| file.path()).filter(|file| is_image(file) && file.is_file()).nth(1).is_some()
+        };
+        [path.to_owned(), path.join("images")].into_iter().find(|folder| holds_photos(folder)).map(Pictures::Photos)
+    }
+
+    /// For messages.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Pictures::Photos(_) => "photos",
+            Pictures::Video(_) => "a video",
+            Pictures::Videos(_) => "a folder of videos",
+        }
+    }
+
+    /// How many pictures COLMAP will be given.
+    fn count(&self, settings: &PrepareSettings) -> Result<usize> {
+        match self {
+            Pictures::Photos(folder) => Ok(photos(folder)?.len()),
+            Pictures::Video(path) => Ok(selection(settings, video::probe(path)?.n_frames).n as usize),
+            Pictures::Videos(folder) => Ok(video_names(folder).len()),
+        }
+    }
+}
+
+/// What is to be expected of COLMAP.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Forecast {
+    /// What the source holds, as `photos`.
+    pub what: &'static str,
+    /// Pictures that are to be placed.
+    pub pictures: usize,
+    /// Pairs of them that are matched.
+    pub pairs: usize,
+    /// A rough estimate, from the number of pictures alone.
+    pub seconds: f64,
+    /// Cores that are used.
+    pub threads: usize,
+}
+
+impl fmt::Display for Forecast {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Forecast { what, pictures, pairs, seconds, threads } = self;
+        let time = if *seconds < 90.0 { format!("{seconds:.0} s") } else { format!("{:.0} minutes", seconds / 60.0) };
+        write!(
+            f,
+            "{what} without cameras: COLMAP places {pictures} pictures, matching {pairs} pairs, in about {time} (CPU, threads: \
+             {threads}); an interrupted run goes on where it stopped"
+        )
+    }
+}
+
+/// How long COLMAP will take; nothing where the source needs none to place its pictures.
+pub(super) fn forecast(settings: &PrepareSettings, pictures: &Pictures) -> Result<Forecast> {
+    require(settings, pictures)?;
+    let n = pictures.count(settings)?;
+    let pairs = match pictures {
+        Pictures::Video(_) => (0..n).map(|later| OVERLAP.min(later)).sum(),
+        _ => n * n.saturating_sub(1) / 2,
+    };
+    let threads = settings.threads.max(1);
+    let [find, pair, place] = SECONDS;
+    let seconds = (n as f64 * find + pairs as f64 * pair) / threads as f64 + n as f64 * place;
+    Ok(Forecast { what: pictures.name(), pictures: n, pairs, seconds, threads })
+}
+
+/// The programs that will be needed.
+fn require(settings: &PrepareSettings, pictures: &Pictures) -> Result<()> {
+    if !matches!(pictures, Pictures::Photos(_)) {
+        [FFMPEG, FFPROBE].iter().try_for_each(|program| program.require(&settings.source))?;
+    }
+    COLMAP.require(&settings.source)
+}
+
+/// Settings that prepare what COLMAP placed, with notes about it. What an earlier run has done is not done again.
+pub(super) fn make(
+    settings: &PrepareSettings,
+    pictures: &Pictures,
+    journal: &mut Journal,
+    progress: &(dyn Fn(Progress) + Sync),
+) -> Result<(PrepareSettings, Vec<String>)> {
+    require(settings, pictures)?;
+    let project = settings.output.join("reconstruction");
+    let PrepareSettings { start, every, frames, shifts, .. } = settings;
+    journal.begin(
+        "reconstruction",
+        json!({
+            "pictures": pictures.name(), "source": settings.source.to_string_lossy(), "start": start, "every": every,
+            "frames": frames, "shifts": shifts,
+        }),
+    )?;
+    make_folder(&project)?;
+    let images = match pictures {
+        Pictures::Photos(folder) => folder.clone(),
+        _ => project.join("images"),
+    };
+    // Absolute, since the project is read as a capture, whose images are looked for in its own folder.
+    let images = std::path::absolute(&images).unwrap_or(images);
+    let work = Reconstruction { settings, pictures, project, images, progress };
+    work.take_pictures()?;
+    let names = photos(&work.images)?;
+    if names.len() < LEAST_PLACED {
+        let reason = format!("has {} pictures, at least {LEAST_PLACED} are needed", names.len());
+        return Err(Error::data(&settings.source, "", reason, "give more pictures that overlap"));
+    }
+    if !work.project.join("sparse/0/images.bin").is_file() {
+        work.place(&names)?;
+    }
+    let notes = work.notes(&names)?;
+    let mut derived = settings.clone();
+    derived.source = work.project.clone();
+    derived.capture.images = work.images.clone();
+    derived.capture.downscale = None;
+    match pictures {
+        Pictures::Videos(folder) => derived.footage = Some(folder.clone()),
+        // The chosen frames are pictures of one moment now.
+        _ => (derived.start, derived.every, derived.frames, derived.footage) = (0, 1, None, None),
+    }
+    Ok((derived, notes))
+}
+
+/// Which frames of a video are placed.
+fn selection(settings: &PrepareSettings, n_frames: u32) -> Selection {
+    let PrepareSettings { start, every, frames, .. } = *settings;
+    let left = n_frames.saturating_sub(start);
+    let most = frames.unwrap_or(OF_VIDEO).max(1);
+    let every = if every > 1 { every } else { left.div_ceil(most).max(1) };
+    Selection { start, every, n: left.div_ceil(every).min(most) }
+}
+
+/// Names of the pictures of a folder, sorted.
+fn photos(folder: &Path) -> Result<Vec<OsString>> {
+    let files = fs::read_dir(folder).map_err(|fault| cannot_list(folder, &fault))?.flatten();
+    let photos = files.map(|file| file.path()).filter(|file| is_image(file) && file.is_file());
+    let mut names: Vec<OsString> = photos.filter_map(|file| file.file_name().map(OsStr::to_owned)).collect();
+    names.sort();
+    Ok(names)
+}
+
+struct Reconstruction<'a> {
+    settings: &'a PrepareSettings,
+    pictures: &'a Pictures,
+    project: PathBuf,
+    /// Where COLMAP finds the pictures.
+    images: PathBuf,
+    progress: &'a (dyn Fn(Progress) + Sync),
+}
+
+impl Reconstruction<'_> {
+    fn tell(&self, stage: &'static str, done: usize, total: usize, piece: &str) {
+        (self.progress)(Progress { stage, done: done.min(total), total, piece });
+    }
+
+    /// Frames of videos as pictures.
+    fn take_pictures(&self) -> Result<()> {
+        match self.pictures {
+            Pictures::Photos(_) => Ok(()),
+            Pictures::Video(path) => {
+                let n = video::probe(path)?.n_frames;
+                self.take(path, selection(self.settings, n), |frame| format!("{frame:05}.jpg"))
+            }
+            Pictures::Videos(folder) => {
+                for name in video_names(folder) {
+                    let Some(Footage::Video(path)) = find(folder, &name) else { continue };
+                    let start = self.settings.start.saturating_add_signed(self.settings.shift(&name));
+                    self.take(&path, Selection { start, every: 1, n: 1 }, |_| format!("{name}.jpg"))?;
+                }
+                Ok(())
+            }
+        }
+    }
+
+    fn take(&self, path: &Path, select: Selection, name: impl Fn(u32) -> String) -> Result<()> {
+        make_folder(&self.images)?;
+        let file = |frame: u32| self.images.join(name(frame));
+        if (0..select.n).all(|frame| file(frame).is_file()) {
+            return Ok(());
+        }
+        let video::Video { width, height, .. } = video::probe(path)?;
+        let size = (width, height);
+        video::decode(path, select, Part::whole(size), size, self.settings.threads, |frame, rgb| {
+            write_atomic(&file(frame), |to| {
+                let encoder = JpegEncoder::new_with_quality(to, JPEG_QUALITY);
+                encoder.write_image(rgb, width, height, ExtendedColorType::Rgb8).map_err(std::io::Error::other)
+            })?;
+            self.tell("frames", frame as usize + 1, select.n as usize, &name(frame));
+            Ok(())
+        })
+    }
+
+    /// Features, matches, places.
+    fn place(&self, names: &[OsString]) -> Result<()> {
+        let n = names.len();
+        let (database, models) = (self.project.join("database.db"), self.project.join("models"));
+        let threads = self.settings.threads.max(1).to_string();
+        let sizes: HashSet<_> =
+            names.iter().filter_map(|name| crate::scene::capture::read_size(&self.images.join(name)).ok()).collect();
+        // Cameras of a rig are different ones; pictures of one size are taken to be of one camera.
+        let is_single = sizes.len() == 1 && !matches!(self.pictures, Pictures::Videos(_));
+        let place = [("--database_path", database.as_os_str()), ("--image_path", self.images.as_os_str())];
+        let word = OsStr::new;
+        let find = [
+            ("--ImageReader.single_camera", word(if is_single { "1" } else { "0" })),
+            ("--SiftExtraction.use_gpu", word("0")),
+            ("--SiftExtraction.max_image_size", word(MAX_SIDE)),
+            ("--SiftExtraction.num_threads", word(&threads)),
+        ];
+        self.run("feature_extractor", &[&place[..], &find].concat(), &|line| {
+            let (done, total) = line.strip_prefix("Processed file [")?.strip_suffix(']')?.split_once('/')?;
+            self.tell("features", done.parse().ok()?, total.parse().ok()?, "COLMAP");
+            Some(())
+        })?;
+        let matching = [("--SiftMatching.use_gpu", word("0")), ("--SiftMatching.num_threads", word(&threads))];
+        let (overlap, block) = (OVERLAP.to_string(), BLOCK.to_string());
+        let (verb, order) = match self.pictures {
+            Pictures::Video(_) => ("sequential_matcher", ("--SequentialMatching.overlap", word(&overlap))),
+            _ => ("exhaustive_matcher", ("--ExhaustiveMatching.block_size", word(&block))),
+        };
+        let n_blocks = if verb == "sequential_matcher" { n } else { n.div_ceil(BLOCK) * n.div_ceil(BLOCK) };
+        let done = Cell::new(0);
+        self.run(verb, &[&place[..1], &matching, &[order]].concat(), &|line| {
+            if line.starts_with("Matching ") && line.contains(" in ") {
+                done.set(done.get() + 1);
+                self.tell("matches", done.get(), n_blocks, "COLMAP");
+            }
+            Some(())
+        })?;
+        let _ = fs::remove_dir_all(&models);
+        make_folder(&models)?;
+        let to = [("--output_path", models.as_os_str()), ("--Mapper.num_threads", word(&threads))];
+        self.run("mapper", &[&place[..], &to].concat(), &|line| {
+            let placed = line.strip_prefix("Registering image #")?.split_once('(')?.1.strip_suffix(')')?;
+            self.tell("cameras", placed.parse().ok()?, n, "COLMAP");
+            Some(())
+        })?;
+        self.keep_largest(&models)
+    }
+
+    /// COLMAP makes several models of pictures that do not hang together; the one with most pictures is kept.
+    fn keep_largest(&self, models: &Path) -> Result<()> {
+        let folders = fs::read_dir(models).map_err(|fault| cannot_list(models, &fault))?.flatten();
+        let found = folders.map(|folder| folder.path()).filter(|folder| folder.join("cameras.bin").is_file());
+        let counted = found.map(|folder| (read_images(&folder, &mut Faults::default()).images.len(), folder));
+        let Some((n, model)) = counted.max().filter(|(n, _)| *n >= LEAST_PLACED) else {
+            let reason = "holds pictures that COLMAP cannot place: it finds too little that several of them share";
+            let remedy = "take more pictures with much overlap, sharp, of a scene with texture, from different places";
+            return Err(Error::data(&self.settings.source, "", reason, remedy));
+        };
+        let to = self.project.join("sparse/0");
+        make_folder(&to)?;
+        // The images come last: where they are the model is whole.
+        for name in ["cameras.bin", "points3D.bin", "images.bin"] {
+            let bytes = crate::scene::read_file(&model.join(name)).map_err(|fault| {
+                let remedy = format!("check that the folder is writable; {n} pictures were placed");
+                Error::data(&model.join(name), "", format!("cannot be read: {fault}"), remedy)
+            })?;
+            write_atomic(&to.join(name), |to| to.write_all(&bytes))?;
+        }
+        let _ = fs::remove_dir_all(models);
+        Ok(())
+    }
+
+    /// Which pictures were placed.
+    fn notes(&self, names: &[OsString]) -> Result<Vec<String>> {
+        let mut faults = Faults::default();
+        let model = read_images(&self.project.join("sparse/0"), &mut faults);
+        if let Some(error) = faults.first() {
+            return Err(error);
+        }
+        let placed: HashSet<&OsStr> = model.images.iter().map(|image| image.name.as_os_str()).collect();
+        let mut notes = vec![format!("COLMAP placed {} of {} pictures", placed.len(), names.len())];
+        let left_out: Vec<_> = names.iter().filter(|name| !placed.contains(name.as_os_str())).collect();
+        if !left_out.is_empty() {
+            let some: Vec<_> = left_out.iter().take(5).map(|name| name.to_string_lossy()).collect();
+            let more = if left_out.len() > some.len() { ", ..." } else { "" };
+            notes.push(format!("left out, since too little of them is in others: {}{more}", some.join(", ")));
+        }
+        Ok(notes)
+    }
+
+    /// Runs a command of COLMAP and gives it what the command says line by line.
+    fn run(&self, verb: &str, arguments: &[(&str, &OsStr)], hear: &dyn Fn(&str) -> Option<()>) -> Result<()> {
+        let pairs = arguments.iter().flat_map(|(name, value)| [OsStr::new(name), value]);
+        let words: Vec<&OsStr> = std::iter::once(OsStr::new(verb)).chain(pairs).collect();
+        COLMAP
+            .attempt_heard(words, &self.settings.source, &mut |line| {
+                // A line that says nothing of progress.
+                let _ = hear(line);
+            })?
+            .1
+    }
+}

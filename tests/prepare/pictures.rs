@@ -1,0 +1,211 @@
+//! Pictures without cameras: photos, a video, a folder of videos.
+
+use std::os::unix::fs::PermissionsExt;
+use std::path::Path;
+use std::process::{Command, Output};
+
+use ivv::prepare::{PrepareSettings, Triangulate, forecast, prepare, recognise};
+use ivv::scene::capture::{Capture, Manifest};
+
+use super::{has, settings, video};
+use crate::capture::model::{Model, binary};
+use crate::capture::{Folder, png, shared};
+use crate::common::device::is_slow_lane;
+
+/// A program in the place of COLMAP that writes what it is called with, tells progress as COLMAP does, and has the mapper find
+/// the model in `model/`.
+fn stub(folder: &Folder) -> String {
+    let script = "#!/bin/sh\nhere=$(dirname \"$0\")/..\necho \"$@\" >>\"$here/calls\"\n\
+        case $1 in\nfeature_extractor) echo 'Processed file [1/4]'; echo 'Processed file [4/4]';;\n\
+        exhaustive_matcher) echo 'Matching block [1/1, 1/1] in 0.1s';;\n\
+        mapper) while [ \"$1\" != --output_path ]; do shift; done\n\
+        mkdir -p \"$2/0\" \"$2/1\"; cp \"$here\"/small/* \"$2/0\"; cp \"$here\"/model/* \"$2/1\"\n\
+        echo 'Registering image #4 (4)';;\nesac\n";
+    let program = folder.write("bin/colmap", script);
+    std::fs::set_permissions(&program, PermissionsExt::from_mode(0o755)).unwrap();
+    format!("{}:{}", folder.0.join("bin").display(), std::env::var("PATH").unwrap())
+}
+
+/// The models that the stub finds: one of three pictures of the four, and a smaller one.
+fn models(folder: &Folder, names: [&'static str; 3]) {
+    let turn = [1.0, 0.0, 0.0, 0.0];
+    let images = |n: usize| {
+        let image = |k: usize| (k as u32 + 1, turn, [k as f64, 0.0, 0.0], 1, names[k], vec![]);
+        (0..n).map(image).collect::<Vec<_>>()
+    };
+    for (part, n) in [("model", 3), ("small", 2)] {
+        let points = vec![(5, [0.5, 0.0, 4.0], [9, 8, 7], 0.1, vec![(1, 0), (2, 0)])];
+        let camera = (1, 2, "SIMPLE_RADIAL", 64, 48, vec![60.0, 32.0, 24.0, -0.02]);
+        let model = Model { cameras: vec![camera], images: images(n), points };
+        for (stem, bytes) in ["cameras", "images", "points3D"].iter().zip(binary(&model)) {
+            folder.write(&format!("{part}/{stem}.bin"), bytes);
+        }
+    }
+}
+
+fn photos(folder: &Folder) {
+    for (index, name) in ["a", "b", "c", "d"].iter().enumerate() {
+        folder.write(&format!("source/{name}.png"), png(64, 48, 20 * index as u8));
+    }
+}
+
+fn prepare_with(path: &str, source: &Path, output: &Path) -> Output {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_ivv"));
+    command.arg("prepare").arg(source).arg("-o").arg(output).env("PATH", path).output().unwrap()
+}
+
+#[test]
+fn photos_become_a_capture() {
+    let folder = Folder::new("prepare-photos");
+    photos(&folder);
+    models(&folder, ["a.png", "b.png", "d.png"]);
+    let path = stub(&folder);
+    let (source, out) = (folder.0.join("source"), folder.0.join("out"));
+    let output = prepare_with(&path, &source, &out);
+    let (said, told) = (String::from_utf8(output.stdout).unwrap(), String::from_utf8(output.stderr).unwrap());
+    assert!(output.status.success(), "{told}");
+    // How long it will take comes first.
+    let first = told.lines().next().unwrap();
+    assert!(first.contains("COLMAP places 4 pictures, matching 6 pairs, in about "), "{first}");
+    assert!(told.contains("features 4/4") && told.contains("matches 1/1"), "{told}");
+    assert!(
+        said.contains("COLMAP placed 3 of 4 pictures") && said.contains("left out") && said.contains("c.png"),
+        "{said}"
+    );
+    let calls = std::fs::read_to_string(folder.0.join("calls")).unwrap();
+    let verbs: Vec<&str> = calls.lines().filter_map(|line| line.split(' ').next()).collect();
+    assert_eq!(verbs, ["feature_extractor", "exhaustive_matcher", "mapper"]);
+    assert!(
+        calls.lines().take(2).all(|line| line.contains("use_gpu 0")) && calls.contains("single_camera 1"),
+        "{calls}"
+    );
+    let capture = Capture::open(&out).unwrap();
+    let names: Vec<_> = capture.cameras.iter().map(|camera| camera.name.as_str()).collect();
+    assert_eq!(names, ["a", "b", "d"]);
+    assert_eq!((capture.n_frames, capture.points.len(), capture.cameras[2].world_to_camera[0][3]), (1, 1, 2.0));
+    // The distortion is undone, and the picture is the photo's.
+    assert_eq!(capture.cameras[0].fx, 60.0);
+    let [r, ..] = capture.picture(1, 0).unwrap().pixels[0].to_le_bytes();
+    assert!((20..40).contains(&r), "{r}");
+    // A second run asks COLMAP for nothing.
+    assert!(prepare_with(&path, &source, &out).status.success());
+    assert_eq!(std::fs::read_to_string(folder.0.join("calls")).unwrap(), calls);
+}
+
+#[test]
+fn photos_that_cannot_be_placed_are_told() {
+    let folder = Folder::new("prepare-unplaced");
+    photos(&folder);
+    models(&folder, ["a.png", "b.png", "d.png"]);
+    let path = stub(&folder);
+    for stem in ["cameras", "images", "points3D"] {
+        std::fs::rename(folder.0.join(format!("small/{stem}.bin")), folder.0.join(format!("model/{stem}.bin")))
+            .unwrap();
+    }
+    std::fs::write(folder.0.join("small/none"), "").unwrap();
+    let output = prepare_with(&path, &folder.0.join("source"), &folder.0.join("out"));
+    let told = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(3), "{told}");
+    assert!(told.contains("COLMAP cannot place") && told.contains("overlap"), "{told}");
+}
+
+#[test]
+fn videos_of_one_moment_become_a_capture_of_their_frames() {
+    if !has("ffmpeg", "-version") {
+        return;
+    }
+    let folder = Folder::new("prepare-videos");
+    for name in ["left", "middle", "right"] {
+        video(&folder.0.join(format!("source/{name}.mp4")), 3);
+    }
+    models(&folder, ["left.jpg", "middle.jpg", "right.jpg"]);
+    let path = stub(&folder);
+    let out = folder.0.join("out");
+    let mut command = Command::new(env!("CARGO_BIN_EXE_ivv"));
+    command.arg("prepare").arg(folder.0.join("source")).arg("-o").arg(&out).env("PATH", &path);
+    let output = command.args(["--triangulate", "none", "--frames", "2"]).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let calls = std::fs::read_to_string(folder.0.join("calls")).unwrap();
+    assert!(calls.contains("single_camera 0"), "{calls}");
+    let capture = Capture::open(&out).unwrap();
+    assert_eq!((capture.cameras.len(), capture.n_frames, capture.fps), (3, 2, 10.0));
+    let forecast = forecast(&PrepareSettings::new(&folder.0.join("source"), &out)).unwrap().unwrap();
+    assert_eq!((forecast.what, forecast.pictures, forecast.pairs), ("a folder of videos", 3, 3));
+}
+
+#[test]
+fn a_video_of_what_stands_still_becomes_a_capture_of_one_moment() {
+    if !has("ffmpeg", "-version") {
+        return;
+    }
+    let folder = Folder::new("prepare-walk");
+    video(&folder.0.join("walk.mp4"), 4);
+    models(&folder, ["00000.jpg", "00001.jpg", "00003.jpg"]);
+    let path = stub(&folder);
+    // Names relative to the folder in which the command is given.
+    let mut command = Command::new(env!("CARGO_BIN_EXE_ivv"));
+    command.args(["prepare", "walk.mp4", "-o", "out"]).current_dir(&folder.0).env("PATH", &path);
+    let output = command.output().unwrap();
+    let told = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.success(), "{told}");
+    assert!(told.starts_with("a video without cameras: COLMAP places 4 pictures, matching 6 pairs"), "{told}");
+    let calls = std::fs::read_to_string(folder.0.join("calls")).unwrap();
+    assert!(calls.lines().nth(1).unwrap().starts_with("sequential_matcher"), "{calls}");
+    let capture = Capture::open(&folder.0.join("out")).unwrap();
+    let names: Vec<_> = capture.cameras.iter().map(|camera| camera.name.as_str()).collect();
+    assert_eq!((names.as_slice(), capture.n_frames), (["00000", "00001", "00003"].as_slice(), 1));
+}
+
+#[test]
+fn what_is_no_capture_yet_is_told_by_its_name_and_the_command() {
+    let folder = Folder::new("prepare-names");
+    folder.write("photos/a.png", png(6, 4, 0));
+    folder.write("photos/b.png", png(6, 4, 0));
+    folder.write("n3v/poses_bounds.npy", "");
+    folder.write("caliscope/camera_array.toml", "");
+    folder.write("p2s/calibration/Calib.toml", "");
+    folder.write("videos/a.mp4", "");
+    folder.write("one.MOV", "");
+    folder.write("capture/capture.toml", "");
+    folder.write("capture/a.png", png(6, 4, 0));
+    folder.write("capture/b.png", png(6, 4, 0));
+    for (name, what) in [
+        ("photos", "photos"),
+        ("n3v", "a N3V recording"),
+        ("caliscope", "a caliscope recording"),
+        ("p2s", "a Pose2Sim recording"),
+        ("videos", "a folder of videos"),
+        ("one.MOV", "a video"),
+    ] {
+        let path = folder.0.join(name);
+        assert_eq!(recognise(&path).as_deref(), Some(what));
+        for verb in ["check", "train"] {
+            let mut command = Command::new(env!("CARGO_BIN_EXE_ivv"));
+            command.arg(verb).arg(&path);
+            let run = folder.0.join("run");
+            let output = if verb == "train" { command.arg("-o").arg(&run) } else { &mut command }.output().unwrap();
+            let told = [output.stdout, output.stderr].map(|text| String::from_utf8(text).unwrap()).concat();
+            assert_eq!(output.status.code(), Some(3), "{told}");
+            let command = format!("`ivv prepare {} -o CAPTURE`", path.display());
+            assert!(told.contains(&format!("found {what}")) && told.contains(&command), "{told}");
+            assert!(!run.exists());
+        }
+    }
+    assert_eq!((recognise(&folder.0.join("capture")), recognise(&folder.0.join("nowhere"))), (None, None));
+}
+
+/// COLMAP itself, on seven photos.
+#[test]
+fn slow_colmap_places_photos() {
+    let Some(source) = shared("data/colmap_simple_radial_7img/images") else { return };
+    if !is_slow_lane() || !has("colmap", "help") {
+        return;
+    }
+    let folder = Folder::new("prepare-colmap");
+    let settings = PrepareSettings { source, scale: 0.25, triangulate: None::<Triangulate>, ..settings(&folder) };
+    let prepared = prepare(&settings, &|_| {}).unwrap();
+    assert_eq!(crate::capture::told(&prepared.report), "");
+    assert_eq!((prepared.source_format, prepared.report.n_cameras), ("photos", 7));
+    assert!(prepared.report.n_points > 500, "{:?}", prepared.report);
+    assert!(Manifest::read(&settings.output).is_ok());
+}

@@ -1,0 +1,95 @@
+//! How the verbs that read a capture are told to read it: one set of options for `check`, `prepare` and `train`.
+
+use ivv::prepare::recognise;
+use ivv::scene::capture::{Alpha, Capture, CaptureSettings, Fault, Report, check_capture};
+use std::path::{Path, PathBuf};
+
+/// How a capture is read.
+#[derive(clap::Args)]
+pub struct CaptureArgs {
+    /// Names of the test cameras, separated by commas, where the capture declares none or others.
+    #[arg(long, value_delimiter = ',')]
+    test_cameras: Option<Vec<String>>,
+    /// Every n-th image is a test image where the capture declares none; 0 for none.
+    #[arg(long, default_value_t = CaptureSettings::default().test_every)]
+    test_every: usize,
+    /// Uses only the first frames of the clip.
+    #[arg(long, visible_alias = "frames")]
+    max_frames: Option<u32>,
+    /// Leaves out images whose file is absent; each is a fault otherwise.
+    #[arg(long)]
+    skip_missing: bool,
+    /// Folder of the images of a plain COLMAP project, relative to the capture. Without it and without `images`, the largest
+    /// of `images_2`, `images_4` and `images_8` is taken.
+    #[arg(long, default_value = "images")]
+    images: PathBuf,
+    /// Takes the folder with `_N` behind its name instead, as `images_4`: pictures of 1/N of the size.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    downscale: Option<u32>,
+    /// Scales the calibration of each camera and each axis to the size of its images. Without it, images of one and the same
+    /// scale are taken, and any other difference is a fault.
+    #[arg(long)]
+    rescale: bool,
+    /// Takes the foreground masks of Dynamic3DGaussians as masks too.
+    #[arg(long)]
+    foreground_masks: bool,
+    /// What the alpha of images is: `background` shows the background through it; `mask` also takes it as the foreground mask
+    /// from which the first Gaussians are made.
+    #[arg(long, value_parser = alpha, default_value = "background", value_name = "background|mask")]
+    alpha: Alpha,
+}
+
+fn alpha(word: &str) -> Result<Alpha, String> {
+    match word {
+        "background" => Ok(Alpha::Background),
+        "mask" => Ok(Alpha::Mask),
+        _ => Err("expected background or mask".to_owned()),
+    }
+}
+
+impl CaptureArgs {
+    /// The settings that the options ask for.
+    pub fn settings(&self) -> CaptureSettings {
+        CaptureSettings {
+            test_cameras: self.test_cameras.clone(),
+            test_every: self.test_every,
+            max_frames: self.max_frames,
+            skip_missing: self.skip_missing,
+            images: self.images.clone(),
+            downscale: self.downscale,
+            rescale: self.rescale,
+            foreground_masks: self.foreground_masks,
+            alpha: self.alpha,
+            ..CaptureSettings::default()
+        }
+    }
+}
+
+/// Opens a capture; what `ivv prepare` can make one of is told by its name.
+pub fn open(path: &Path, settings: &CaptureSettings) -> ivv::Result<Capture> {
+    Capture::open_with(path, settings).map_err(|error| match unprepared(path) {
+        Some((_, fault)) => fault.into(),
+        None => error,
+    })
+}
+
+/// The report of a capture; what `ivv prepare` can make one of is told by its name.
+pub fn check(path: &Path, settings: &CaptureSettings) -> Report {
+    let mut report = check_capture(path, settings);
+    if let Some((what, fault)) = unprepared(path).filter(|_| report.n_faults > 0) {
+        (report.format, report.n_faults, report.faults) = (what, 1, vec![fault]);
+    }
+    report
+}
+
+/// What a recording is that is not a capture yet, and what is said of it.
+fn unprepared(path: &Path) -> Option<(String, Fault)> {
+    let what = recognise(path)?;
+    let fault = Fault {
+        file: path.to_owned(),
+        place: String::new(),
+        reason: format!("expected a capture, found {what}"),
+        remedy: format!("run `ivv prepare {} -o CAPTURE`, which makes a capture of it, then use that", path.display()),
+    };
+    Some((what, fault))
+}
