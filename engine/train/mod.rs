@@ -29,7 +29,9 @@ mod trainer;
 pub use ablation::{Arm, ArmResult, Estimate, Measure, STUDIES, Study, StudyResult};
 pub use align::ColorMap;
 pub use checkpoint::{CameraState, Checkpoint};
-pub use config::{Config, Density, FlowChoice, Init, LearningRates, Loss, Pace, Rate, Required, Resolution, Round, Strategy};
+pub use config::{
+    Config, Density, FlowChoice, Init, LearningRates, Loss, Pace, Rate, Required, Resolution, Round, Strategy,
+};
 pub use density::{density_round, noise, regularisers};
 pub use depth_fit::{DepthFit, DepthFits, DepthSummary, Unfit, fit_depths};
 pub use init::{Initial, PointCounts, from_points, initialise, random_points};

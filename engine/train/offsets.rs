@@ -106,8 +106,7 @@ pub fn fit_offset(
         }
         let spread = sum(&|[g, h]| (g - slope / curvature * h).powi(2));
         let n = terms.len() as f64;
-        fit.standard_error =
-            if terms.len() > 1 { (n / (n - 1.0) * spread).sqrt() / curvature } else { f64::INFINITY };
+        fit.standard_error = if terms.len() > 1 { (n / (n - 1.0) * spread).sqrt() / curvature } else { f64::INFINITY };
         if iteration < iterations {
             let step = (-slope / curvature).clamp(-LONGEST, LONGEST);
             fit.offset = (fit.offset + step).clamp(-OFFSET_BOUND, OFFSET_BOUND);

@@ -87,7 +87,8 @@ pub fn near_plane(capture: &Capture) -> f32 {
     let views = lenses(capture);
     let each = capture.points.len().div_ceil(MOST_POINTS).max(1);
     let depth = |view: &View, point: [f64; 3]| {
-        let row = |k: usize| (0..3).map(|j| view.world_to_camera[k][j] * point[j]).sum::<f64>() + view.world_to_camera[k][3];
+        let row =
+            |k: usize| (0..3).map(|j| view.world_to_camera[k][j] * point[j]).sum::<f64>() + view.world_to_camera[k][3];
         let (x, y, z) = (row(0), row(1), row(2));
         let is_within = |at: f64, side: u32| (0.0..f64::from(side)).contains(&at);
         let is_seen = z > 0.0

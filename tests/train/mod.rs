@@ -3,6 +3,7 @@
 mod density;
 mod init;
 mod knobs;
+mod leak;
 mod plan;
 mod points;
 mod report;

@@ -1,0 +1,96 @@
+//! Nothing of a test camera reaches training: a capture without them, their files deleted, trains to the same bits.
+
+use super::Tiny;
+use super::run::works;
+use std::fs;
+use std::path::Path;
+
+/// Copies `from` to `to` without the cameras `left_out`: none of their files, nor of their lines in the calibration.
+fn copy_without(from: &Path, to: &Path, left_out: &[&str]) {
+    fs::create_dir_all(to).unwrap();
+    for entry in fs::read_dir(from).unwrap().map(Result::unwrap) {
+        let (path, name) = (entry.path(), entry.file_name().into_string().unwrap());
+        let stem = name.split('.').next().unwrap();
+        if left_out.contains(&stem) || ["truth", "truth.json", "synth.json"].contains(&name.as_str()) {
+            continue;
+        }
+        let copy = to.join(&name);
+        if path.is_dir() {
+            copy_without(&path, &copy, left_out);
+        } else {
+            fs::copy(&path, &copy).unwrap();
+        }
+    }
+}
+
+/// Removes the pair of lines of every image of the cameras `left_out`, and their own in cameras.txt.
+fn strike(sparse: &Path, left_out: &[&str]) {
+    let (images, cameras) = (sparse.join("images.txt"), sparse.join("cameras.txt"));
+    let text = fs::read_to_string(&images).unwrap();
+    let (head, rows): (Vec<&str>, Vec<&str>) = text.lines().partition(|line| line.starts_with('#'));
+    let (mut kept, mut struck) = (head, Vec::new());
+    for pair in rows.chunks(2) {
+        let words: Vec<&str> = pair[0].split(' ').collect();
+        if left_out.contains(&words[9].split('/').next().unwrap()) {
+            struck.push(words[8]);
+        } else {
+            kept.extend(pair);
+        }
+    }
+    assert_eq!(struck.len(), left_out.len());
+    fs::write(&images, kept.join("\n") + "\n").unwrap();
+    let text = fs::read_to_string(&cameras).unwrap();
+    let is_kept = |line: &&str| !struck.contains(&line.split(' ').next().unwrap());
+    fs::write(&cameras, text.lines().filter(is_kept).collect::<Vec<_>>().join("\n") + "\n").unwrap();
+}
+
+#[test]
+fn a_capture_without_its_test_cameras_trains_to_the_same_bits() {
+    let tiny = Tiny::new("leak");
+    let tests: Vec<&str> = tiny.capture.cameras.iter().filter(|c| c.is_test).map(|c| c.name.as_str()).collect();
+    assert!(tests.len() > 1);
+    // Read before the text, which is easier to strike from.
+    ["cameras", "images", "points3D"].iter().for_each(|name| {
+        fs::remove_file(tiny.folder.join("sparse/0").join(name).with_extension("bin")).unwrap();
+    });
+    let bare = tiny.folder.with_file_name(format!("ivv-train-leak-bare-{}", std::process::id()));
+    copy_without(&tiny.folder, &bare, &tests);
+    strike(&bare.join("sparse/0"), &tests);
+    let toml = fs::read_to_string(bare.join("capture.toml")).unwrap();
+    let line = |line: &str| if line.starts_with("test_cameras") { "test_cameras = []" } else { line }.to_owned();
+    fs::write(bare.join("capture.toml"), toml.lines().map(line).collect::<Vec<_>>().join("\n")).unwrap();
+
+    let scene = |capture: &Path, init: &str, number: usize| {
+        let run = tiny.folder.with_file_name(format!("ivv-train-leak-run-{}-{number}", std::process::id()));
+        let init = format!("init={init}");
+        // Gaussians grow and go, clocks, grids and reviews among it.
+        works(&[
+            "train",
+            capture.to_str().unwrap(),
+            "-o",
+            run.to_str().unwrap(),
+            "--steps",
+            "40",
+            "--sh-degree",
+            "1",
+            "--eval-every",
+            "0",
+            "--set",
+            &init,
+            "--set",
+            "init_points=400",
+            "--set",
+            "required.reviews=2",
+        ]);
+        let [scene, offsets] = ["scene.ply", "offsets.json"].map(|name| fs::read(run.join(name)).unwrap());
+        fs::remove_dir_all(run).unwrap();
+        (scene, offsets)
+    };
+    for init in ["flow", "concat", "points", "hull", "frustum", "random"] {
+        let (with, without) = (scene(&tiny.folder, init, 0), scene(&bare, init, 1));
+        assert!(with.0.len() > 10_000, "{init}");
+        assert!(with.0 == without.0, "init={init}: the Gaussians know of the test cameras");
+        assert_eq!(String::from_utf8_lossy(&with.1), String::from_utf8_lossy(&without.1), "init={init}: clocks");
+    }
+    fs::remove_dir_all(bare).unwrap();
+}
