@@ -43,7 +43,8 @@ pub use random::{Random, permutation};
 pub use report::{Example, Report};
 pub(crate) use report_plot::escape;
 pub use require::{
-    Due, Evidence, Fate, GridCheck, InTime, Review, affordable, carry_out, fates, merge_resting, review, review_due,
+    Due, Evidence, Fate, GridCheck, InTime, Review, Seen, affordable, carry_out, fates, merge_resting, review,
+    review_due,
 };
 pub use run::{CaptureSummary, Run};
 pub use schedule::rates;

@@ -7,6 +7,7 @@ mod plan;
 mod points;
 mod report;
 mod require;
+mod require_seen;
 mod run;
 mod scores;
 mod terms;
