@@ -8,6 +8,7 @@ mod points;
 mod report;
 mod require;
 mod require_seen;
+mod rigs;
 mod run;
 mod scores;
 mod terms;

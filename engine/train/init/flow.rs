@@ -4,7 +4,7 @@
 //! Frames are read one after another, and of each frame one camera's flow a thread: nothing but the result grows with the
 //! clip.
 
-use super::points::{Found, OPACITY, push, spacings};
+use super::points::{Found, OPACITY, Reach, push, spacings};
 use crate::error::Result;
 use crate::parallel::in_parallel;
 use crate::scene::capture::{Capture, FramePoint};
@@ -70,7 +70,7 @@ pub(super) fn from_frames(
     progress: &mut dyn FnMut(usize, usize),
 ) -> Result<(Splats, PointCounts)> {
     let threads = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
-    let (radius, dt) = (capture.extent().radius, 1.0 / f64::from(capture.n_frames));
+    let (reach, dt) = (Reach::new(capture), 1.0 / f64::from(capture.n_frames));
     let mut counts = PointCounts::default();
     let mut still = Splats::new(config.sh_degree);
     let mut moving = Splats::new(config.sh_degree);
@@ -79,7 +79,7 @@ pub(super) fn from_frames(
         let color = |point: &FramePoint| point.color.map(|c| f32::from(c) / 255.0);
         let found: Vec<Found> =
             points.iter().map(|point| Found { position: point.position, color: color(point) }).collect();
-        let sizes = spacings(&found, radius);
+        let sizes = spacings(&found, &reach);
         let sights =
             if by_flow { sights(capture, &points, frame, config.init_flow_threshold, threads)? } else { Vec::new() };
         counts.before += points.len();

@@ -25,7 +25,7 @@ use crate::scene::{Motion, Splats};
 use crate::train::config::{Config, Init};
 use eye::{Eye, Seen};
 use lens::Lenses;
-use points::Found;
+use points::{Found, Reach};
 use std::fmt;
 
 /// Longest side of the pictures that silhouettes are taken from, pixels.
@@ -160,7 +160,7 @@ fn from_pictures(
         n_done += 1;
         progress(n_done, n_pieces);
     };
-    let radius = capture.extent().radius;
+    let reach = Reach::new(capture);
     let lenses = Lenses::new(capture);
     let (mut still, mut moving) = (Vec::new(), Vec::new());
     for frame in frames {
@@ -189,7 +189,7 @@ fn from_pictures(
     }
     let mut splats = Splats::new(config.sh_degree);
     let mut append = |found: Vec<Found>, motion: Option<Motion>| {
-        let (found, sizes) = settled(found, &lenses, radius);
+        let (found, sizes) = settled(found, &lenses, &reach);
         points::append(&mut splats, &found, &sizes, config.init_opacity, motion);
     };
     append(still, if with_hulls { None } else { points::throughout(capture) });
@@ -231,10 +231,10 @@ fn hull_frames(capture: &Capture, cameras: &[usize]) -> Vec<u32> {
 }
 
 /// Without the lonely ones, each with the standard deviation of its Gaussian.
-fn settled(found: Vec<Found>, lenses: &Lenses, radius: f64) -> (Vec<Found>, Vec<f64>) {
-    let spacings = points::spacings(&found, radius);
+fn settled(found: Vec<Found>, lenses: &Lenses, reach: &Reach) -> (Vec<Found>, Vec<f64>) {
+    let spacings = points::spacings(&found, reach);
     // Beyond the cameras points are farther apart.
-    let scale = |found: &Found| found.position.iter().map(|x| x * x).sum::<f64>().sqrt().max(radius);
+    let scale = |found: &Found| found.position.iter().map(|x| x * x).sum::<f64>().sqrt().max(reach.radius);
     let mut relative: Vec<f64> = found.iter().zip(&spacings).map(|(found, spacing)| spacing / scale(found)).collect();
     relative.sort_by(f64::total_cmp);
     let most = LONELY * relative.get(relative.len() / 2).copied().unwrap_or(0.0);
