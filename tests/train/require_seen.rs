@@ -67,7 +67,7 @@ fn what_two_of_24_cameras_see_stays_with_all_that_they_see_of_it() {
         }
     }
     let tiny = shown("require-two", circle(), &truth);
-    let (review, splats) = reviewed(&tiny.capture, &truth, 128);
+    let (review, _) = reviewed(&tiny.capture, &truth, 128);
     println!("{review:?}");
     assert_eq!((review.removed, review.merged, review.lost_bands), (0, 0, [0; 3]));
 

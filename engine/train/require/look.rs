@@ -124,6 +124,7 @@ pub(super) struct Album<'a> {
     /// Index of the first picture of each lens, and the number of all.
     lenses: Vec<usize>,
     is_looked_at: Vec<bool>,
+    n_looked: usize,
     /// Lenses and frames that were looked at, in the order of their bits.
     slots: (Vec<usize>, Vec<u32>),
     tallies: Vec<Tally>,
@@ -160,6 +161,7 @@ impl<'a> Album<'a> {
             splats,
             opacity: (0..splats.len()).map(of).collect(),
             is_looked_at: vec![false; shots.len()],
+            n_looked: 0,
             shots,
             lenses,
             slots: (Vec::new(), Vec::new()),
@@ -238,7 +240,6 @@ impl<'a> Album<'a> {
 
     /// What was seen of a Gaussian so far.
     fn seen(&self, tally: &Tally) -> Seen {
-        let n_looked = self.is_looked_at.iter().filter(|is| **is).count().max(1);
         let by_all = tally.looked_lenses.count_ones() >= tally.lenses_in_view;
         Seen {
             pictures: tally.pictures,
@@ -249,7 +250,7 @@ impl<'a> Album<'a> {
             is_hidden: by_all && tally.pictures == 0 && tally.looked >= LEAST_PICTURES,
             scale: match (tally.in_view, tally.looked) {
                 (in_view @ 1.., looked @ 1..) => f64::from(in_view) / f64::from(looked),
-                _ => self.shots.len() as f64 / n_looked as f64,
+                _ => self.shots.len() as f64 / self.n_looked.max(1) as f64,
             },
         }
     }
@@ -271,7 +272,7 @@ impl<'a> Album<'a> {
         // Two that share a bit count as one: then less is judged, not more.
         let (lens, frame) = (1 << (bit(&mut self.slots.0, lens) % 128), 1 << (bit(&mut self.slots.1, frame) % 64));
         let held = self.by_piece(|i| self.holds(&self.shots[at], i))?;
-        self.is_looked_at[at] = true;
+        (self.is_looked_at[at], self.n_looked) = (true, self.n_looked + 1);
         let time = self.shots[at].time;
         for (i, ((tally, held), shows)) in self.tallies.iter_mut().zip(held).zip(shows).enumerate() {
             if held {
@@ -301,15 +302,14 @@ impl<'a> Album<'a> {
     /// The next pictures to look at, `most` at most: those that show most of what has not been seen. None where all but
     /// `share` of the Gaussians have been seen enough, or where no picture is left that may show more.
     pub fn choose(&self, share: f64, most: usize, key: &[u64]) -> Result<Vec<usize>> {
-        let n_looked = self.is_looked_at.iter().filter(|is| **is).count();
         let lacking = self.lacking();
-        let is_first = n_looked == 0;
+        let is_first = self.n_looked == 0;
         if !is_first && lacking.len() as f64 <= share * self.tallies.len() as f64 {
             return Ok(Vec::new());
         }
         let n_sample = lacking.len().min(SAMPLE);
         let sample: Vec<usize> = (0..n_sample).map(|k| lacking[k * lacking.len() / n_sample]).collect();
-        let mut candidates = permutation(self.shots.len(), &[key, &[n_looked as u64]].concat());
+        let mut candidates = permutation(self.shots.len(), &[key, &[self.n_looked as u64]].concat());
         candidates.retain(|at| !self.is_looked_at[*at]);
         candidates.truncate(CANDIDATES);
         let held = |k: usize| -> Result<Vec<(usize, f64)>> {
