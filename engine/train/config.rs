@@ -29,7 +29,8 @@ pub struct Config {
     pub init_opacity: f64,
     /// Tau of Gaussians from hulls, in times between two hulls.
     pub init_tau: f64,
-    /// `flow`: a point moves if the flow at it exceeds this in two views, or its only one; pixels per frame.
+    /// `flow`: a point moves if the flow at it exceeds this in two views, or its only one; `any_view`: in any view; pixels per
+    /// frame.
     pub init_flow_threshold: f64,
     /// `flow` and `concat`: tau of points that belong to their frame, in frames.
     pub init_point_tau: f64,
@@ -203,6 +204,9 @@ pub enum Init {
     /// What stands still from the points of the reference frame, what moves from those of every frame, told apart by the
     /// flow (SPEC 5).
     Flow,
+    /// As `Flow`, but a point moves if the flow at it exceeds the threshold in any view that saw it: the paper's rule.
+    #[serde(rename = "any_view")]
+    AnyView,
     /// The points of every frame, each visible around its time.
     Concat,
     /// The capture's points.
@@ -221,6 +225,7 @@ impl Init {
         match self {
             Init::Auto => "auto",
             Init::Flow => "flow",
+            Init::AnyView => "any_view",
             Init::Concat => "concat",
             Init::Points => "points",
             Init::Hull => "hull",

@@ -25,7 +25,7 @@ mod setup;
 mod trade;
 mod trainer;
 
-pub use ablation::{Arm, ArmResult, Estimate, Measure, STUDIES, Study, StudyResult};
+pub use ablation::{Arm, ArmResult, Base, Estimate, Measure, STUDIES, Study, StudyResult};
 pub use align::ColorMap;
 pub use checkpoint::{CameraState, Checkpoint};
 pub use config::{Config, Density, FlowChoice, Init, LearningRates, Loss, Rate, Required, Resolution, Round, Strategy};

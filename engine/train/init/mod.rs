@@ -86,7 +86,7 @@ impl fmt::Display for Initial {
 /// [`Error::Data`] when the capture has not what `config.init` asks for, or when an image does not decode.
 pub fn initialise(capture: &Capture, config: &Config, progress: &mut dyn FnMut(usize, usize)) -> Result<Initial> {
     let lacks = |what: &str| {
-        let remedy = "set it to one of auto, flow, concat, points, hull, frustum and random";
+        let remedy = "set it to one of auto, flow, any_view, concat, points, hull, frustum and random";
         Err(Error::data(&capture.path, "setting `init`", format!("the capture has no {what}"), remedy))
     };
     let (has_points, has_foreground) = (!capture.points.is_empty(), has_foreground(capture));
@@ -96,8 +96,8 @@ pub fn initialise(capture: &Capture, config: &Config, progress: &mut dyn FnMut(u
         Init::Auto if has_points => (Init::Points, "the capture has points"),
         Init::Auto if has_foreground => (Init::Hull, "no points, but foreground masks"),
         Init::Auto => (Init::Frustum, "no points, no foreground masks"),
-        Init::Flow if !has_flow => return lacks("optical flow"),
-        Init::Flow | Init::Concat if !has_frame_points => return lacks("points of every frame"),
+        Init::Flow | Init::AnyView if !has_flow => return lacks("optical flow"),
+        Init::Flow | Init::AnyView | Init::Concat if !has_frame_points => return lacks("points of every frame"),
         Init::Points if !has_points => return lacks("points"),
         Init::Hull if !has_foreground => return lacks("foreground masks"),
         asked => (asked, "asked for"),
@@ -115,8 +115,13 @@ pub fn initialise(capture: &Capture, config: &Config, progress: &mut dyn FnMut(u
     };
     let few = |n: usize| config.init == Init::Auto && n < ENOUGH;
     match from {
-        Init::Flow | Init::Concat => {
-            let (splats, counts) = flow::from_frames(capture, config, from == Init::Flow, progress)?;
+        Init::Flow | Init::AnyView | Init::Concat => {
+            let rule = match from {
+                Init::Concat => flow::Rule::All,
+                Init::AnyView => flow::Rule::AnyView,
+                _ => flow::Rule::TwoViews,
+            };
+            let (splats, counts) = flow::from_frames(capture, config, rule, progress)?;
             if few(splats.len()) {
                 return pictures(has_foreground, FEW, progress);
             }
