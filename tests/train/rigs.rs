@@ -5,9 +5,9 @@ use ivv::scene::capture::{Capture, TRAINING_RADIUS, camera_center};
 use ivv::synth::{Options, Preset, Rig, write_capture};
 use ivv::train::{Config, from_points};
 
-/// The capture of a rig, as it is written.
-fn capture(rig: Rig) -> Capture {
-    let folder = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("train-rigs-{}", rig.name()));
+/// The capture of a rig, as it is written to a folder of the test's own.
+fn capture(test: &str, rig: Rig) -> Capture {
+    let folder = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("train-rigs-{test}-{}", rig.name()));
     let options = Options { rig, frames: 2, samples: 1, ..Preset::Small.options(5) };
     write_capture(&folder, &options, 2, &mut |_, _| {}).unwrap();
     Capture::open(&folder).unwrap()
@@ -40,7 +40,7 @@ fn first(capture: &Capture) -> (Capture, Splats, Vec<f64>) {
 #[test]
 fn a_small_rig_is_measured_by_what_it_sees_and_one_around_its_scene_by_its_lenses() {
     for rig in Rig::ALL {
-        let capture = capture(rig);
+        let capture = capture("extent", rig);
         let extent = capture.extent();
         let lenses = reach_of_lenses(&capture, extent.center);
         let mut far: Vec<f64> = capture.points.iter().map(|point| distance(point.position, extent.center)).collect();
@@ -60,7 +60,7 @@ fn a_small_rig_is_measured_by_what_it_sees_and_one_around_its_scene_by_its_lense
 
 #[test]
 fn first_gaussians_far_from_a_small_rig_are_as_wide_as_their_neighbours_are_far() {
-    let (_, splats, spacings) = first(&capture(Rig::Outward));
+    let (_, splats, spacings) = first(&capture("far", Rig::Outward));
     let mut parts: Vec<f64> =
         splats.scale.iter().zip(&spacings).map(|(scale, spacing)| f64::from(scale[0]).exp() / spacing).collect();
     parts.sort_unstable_by(f64::total_cmp);
@@ -70,7 +70,7 @@ fn first_gaussians_far_from_a_small_rig_are_as_wide_as_their_neighbours_are_far(
 
 #[test]
 fn first_gaussians_of_an_inward_rig_are_at_most_a_tenth_of_the_extent() {
-    let (capture, splats, spacings) = first(&capture(Rig::Inward));
+    let (capture, splats, spacings) = first(&capture("inward", Rig::Inward));
     let mut n_limited = 0;
     for (i, (scale, spacing)) in splats.scale.iter().zip(&spacings).enumerate() {
         let limit = 0.1 * capture.extent().radius;
