@@ -54,7 +54,7 @@ fn cost(numbers: f64, evidence: &Evidence, price: f64) -> f64 {
 /// The log-likelihood that the pictures lose by a step along which their information and slope are given, of a Gaussian of which
 /// `seen` was seen.
 fn loss(information: f64, slope: f64, seen: &Seen, evidence: &Evidence) -> f64 {
-    seen.scale * (slope + 0.5 * seen.caution() * information) / evidence.variance.max(f64::MIN_POSITIVE)
+    seen.scale * (slope + 0.5 * information) / evidence.variance.max(f64::MIN_POSITIVE)
 }
 
 /// Fates of all Gaussians at the highest price of a number, `price` at most, at which the pictures lose no more than `margin` dB
@@ -100,13 +100,14 @@ pub fn fates(splats: &Splats, evidence: &Evidence, frame_times: &[f64], price: f
     let of = |i: usize| {
         let (information, slope, seen) = (&evidence.information[i], &evidence.slope[i], &evidence.seen[i]);
         let is_dynamic = i >= splats.n_static;
-        let part = |of: fn(&Response) -> f64| loss(of(information), of(slope), seen, evidence);
+        let caution = seen.caution();
+        let part = |of: fn(&Response) -> f64| loss(caution * of(information), of(slope), seen, evidence);
         // What is not a number stays.
         let pays = |loss: f64, numbers: f64| loss.is_nan() || loss >= cost(numbers, evidence, price);
         let (mut degree, mut color, mut lost) = (splats.degree_of(i), [0.0; 3], 0.0);
         while degree > 0 {
             let numbers = (3 * (2 * degree + 1)) as f64;
-            let band = loss(information.bands[degree - 1], slope.bands[degree - 1], seen, evidence);
+            let band = loss(caution * information.bands[degree - 1], slope.bands[degree - 1], seen, evidence);
             if !seen.tells_band(degree) || pays(band, numbers) {
                 break;
             }
@@ -122,7 +123,8 @@ pub fn fates(splats: &Splats, evidence: &Evidence, frame_times: &[f64], price: f
         let tells_motion = seen.tells_motion(frame_times.len());
         let time = if is_dynamic {
             let always = frame_times.iter().all(|time| splats.weight_at(i, *time) >= LEAST_WEIGHT);
-            let rest = part(|r| r.rest);
+            // Without caution: what comes to rest wrongly begins to move again at the next review.
+            let rest = loss(information.rest, slope.rest, seen, evidence);
             if tells_motion && always && !pays(rest, MOTION_NUMBERS) {
                 lost += rest.max(0.0);
                 InTime::ComesToRest
