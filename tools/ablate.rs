@@ -4,9 +4,10 @@ use crate::files::{make_folder, read_json, write_json};
 use crate::screen::{out, say};
 use crate::settings::SettingArgs;
 use anyhow::Context;
+use clap::builder::PossibleValuesParser;
 use ivv::scene::capture::{Capture, camera_center};
 use ivv::scene::write_atomic;
-use ivv::train::{ArmResult, Config, Measure, STUDIES, Study, StudyResult};
+use ivv::train::{Arm, ArmResult, Base, Config, Measure, STUDIES, Study, StudyResult, initialise};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -22,9 +23,16 @@ pub struct Args {
     /// Seeds. Every setting runs once with each.
     #[arg(long, value_delimiter = ',', default_value = "1,2,3")]
     seeds: Vec<u64>,
-    /// Studies, separated by commas: initialisation, offsets, supervision, required.
+    /// Studies, separated by commas: initialisation, offsets, supervision, perceptual (needs --lpips-weights), required.
     #[arg(long, value_delimiter = ',', default_value = "initialisation,offsets,supervision")]
     studies: Vec<String>,
+    /// The settings that each study starts from, separated by commas. given: those of --config and --set, LPIPS measured only.
+    /// paper: these with the paper's weights and rates, LPIPS in the loss where there are weights.
+    #[arg(long, value_delimiter = ',', default_value = "given,paper", value_parser = PossibleValuesParser::new(Base::ALL.map(Base::name)))]
+    bases: Vec<String>,
+    /// Weights of LPIPS, as tools/lpips_weights.py makes them; without them LPIPS is not measured.
+    #[arg(long)]
+    lpips_weights: Option<PathBuf>,
     /// The test camera to call peripheral. By default the one farthest from the middle of all.
     #[arg(long)]
     peripheral: Option<String>,
@@ -35,46 +43,47 @@ pub struct Args {
     device: Option<String>,
 }
 
+/// A study from one base, and what its arms may have.
+struct Plan {
+    study: &'static Study,
+    base: Base,
+    /// Gaussians, where all arms have the same budget.
+    budget: Option<usize>,
+}
+
 pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
-    let config = args.settings.resolve()?;
-    anyhow::ensure!(!args.seeds.is_empty(), "--seeds needs at least one seed");
-    let studies = args.studies.iter().map(|name| {
-        let known = STUDIES.iter().find(|study| study.name == name);
-        known.with_context(|| {
-            format!("--studies {name}: unknown study; choose from initialisation, offsets, supervision, required")
-        })
-    });
-    let studies: Vec<&Study> = studies.collect::<Result<_, _>>()?;
+    let mut config = args.settings.resolve()?;
+    anyhow::ensure!(!args.seeds.is_empty(), "--seeds names none");
+    if let Some(weights) = &args.lpips_weights {
+        anyhow::ensure!(weights.is_file(), "--lpips-weights {}: there is no such file", weights.display());
+        config.loss.lpips_weights = Some(std::path::absolute(weights)?);
+    }
     let capture = Capture::open(&args.capture)?;
     let peripheral = match &args.peripheral {
         Some(name) => name.clone(),
         None => peripheral(&capture).context("the capture has no test camera")?,
     };
+    let plans = plans(args, &capture, &config)?;
     make_folder(&args.output.join("runs"))?;
-    let mut runs: Vec<(&str, u64, Config)> = Vec::new();
-    for &seed in &args.seeds {
-        for arm in studies.iter().flat_map(|study| study.arms) {
-            if runs.iter().all(|(key, of, _)| (*key, *of) != (arm.key, seed)) {
-                let mut own = Config { seed, ..config.clone() };
-                (arm.change)(&mut own);
-                runs.push((arm.key, seed, own));
-            }
-        }
-    }
+    let runs = runs(args, &plans, &config);
     for (index, (key, seed, own)) in runs.iter().enumerate() {
         say!("run {} of {}: {key}, seed {seed}", index + 1, runs.len());
         train(args, &folder(args, key, *seed), own)?;
     }
     let mut text = format!("# Ablations on `{}`\n", args.capture.display());
     let mut all = Vec::new();
-    for study in studies {
-        let result = collect(args, study, &peripheral)?;
+    for Plan { study, base, budget } in plans {
+        let result = StudyResult { budget, ..collect(args, study, base, &peripheral)? };
         text += &format!("\n{}", result.markdown());
-        let file = args.output.join(format!("{}.svg", study.name));
+        let name = if base == Base::Given { study.name.to_owned() } else { format!("{}-paper", study.name) };
+        let file = args.output.join(format!("{name}.svg"));
         write_atomic(&file, |to| to.write_all(result.svg().as_bytes()))?;
         let measures: Vec<&str> = study.measures.iter().map(|measure| measure.title()).collect();
         let differences: Vec<_> = (0..result.arms.len()).map(|index| result.difference(index)).collect();
-        all.push(json!({ "study": study.name, "measures": measures, "seeds": args.seeds, "arms": result.arms, "differences": differences }));
+        all.push(json!({
+            "study": study.name, "base": base, "max_gaussians": budget, "lpips_trunk": result.trunk, "measures": measures,
+            "seeds": args.seeds, "arms": result.arms, "differences": differences,
+        }));
     }
     write_atomic(&args.output.join("ablation.md"), |to| to.write_all(text.as_bytes()))?;
     let all = json!({ "capture": args.capture, "peripheral_camera": peripheral, "settings": config, "studies": all });
@@ -85,6 +94,61 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         out!("{text}\n{}", args.output.join("ablation.md").display());
     }
     Ok(())
+}
+
+/// The studies that are asked for, from each base.
+fn plans(args: &Args, capture: &Capture, config: &Config) -> anyhow::Result<Vec<Plan>> {
+    let mut plans = Vec::new();
+    for name in &args.studies {
+        let known = STUDIES.iter().find(|study| study.name == name);
+        let names: Vec<&str> = STUDIES.iter().map(|study| study.name).collect();
+        let study =
+            known.with_context(|| format!("--studies {name}: unknown study; choose from {}", names.join(", ")))?;
+        if study.name == "perceptual" && config.loss.lpips_weights.is_none() {
+            anyhow::bail!("--studies perceptual: needs the weights of LPIPS, give them with --lpips-weights");
+        }
+        let budget = if study.equal_budgets { Some(2 * largest_start(capture, study, config)?) } else { None };
+        if let Some(budget) = budget {
+            say!("{name}: each arm may have {budget} Gaussians, twice as many as the largest start");
+        }
+        let bases = Base::ALL.into_iter().filter(|base| args.bases.iter().any(|name| name == base.name()));
+        // What is in the loss is no arm of settings that have it already.
+        let bases = bases.filter(|base| study.name != "perceptual" || *base == Base::Given);
+        plans.extend(bases.map(|base| Plan { study, base, budget }));
+    }
+    Ok(plans)
+}
+
+/// The most Gaussians that an arm of `study` begins with.
+fn largest_start(capture: &Capture, study: &Study, config: &Config) -> anyhow::Result<usize> {
+    let capture = capture.clone().transformed(&capture.normalisation());
+    let start = |arm: &Arm| {
+        let mut own = config.clone();
+        (arm.change)(&mut own);
+        Ok(initialise(&capture, &own, &mut |_, _| {})?.splats.len())
+    };
+    let starts: Vec<usize> = study.arms.iter().map(start).collect::<ivv::Result<_>>()?;
+    Ok(starts.into_iter().max().unwrap_or(0))
+}
+
+/// Key, seed and settings of every run; arms of equal settings share theirs.
+fn runs(args: &Args, plans: &[Plan], config: &Config) -> Vec<(String, u64, Config)> {
+    let mut runs: Vec<(String, u64, Config)> = Vec::new();
+    for &seed in &args.seeds {
+        for Plan { study, base, budget } in plans {
+            for arm in study.arms {
+                let key = base.key(arm);
+                if runs.iter().all(|(other, of, _)| (other, *of) != (&key, seed)) {
+                    let mut own = Config { seed, ..config.clone() };
+                    base.apply(&mut own);
+                    (arm.change)(&mut own);
+                    own.max_gaussians = budget.unwrap_or(own.max_gaussians);
+                    runs.push((key, seed, own));
+                }
+            }
+        }
+    }
+    runs
 }
 
 fn folder(args: &Args, key: &str, seed: u64) -> PathBuf {
@@ -130,22 +194,23 @@ fn train(args: &Args, folder: &Path, config: &Config) -> anyhow::Result<()> {
 }
 
 /// The numbers of all runs of a study.
-fn collect<'a>(args: &Args, study: &'a Study, peripheral: &str) -> anyhow::Result<StudyResult<'a>> {
-    let mut arms = Vec::new();
+fn collect<'a>(args: &Args, study: &'a Study, base: Base, peripheral: &str) -> anyhow::Result<StudyResult<'a>> {
+    let (mut arms, mut trunk) = (Vec::new(), None);
     for arm in study.arms {
         let mut values = vec![Vec::new(); study.measures.len()];
         for &seed in &args.seeds {
-            let folder = folder(args, arm.key, seed);
+            let folder = folder(args, &base.key(arm), seed);
             let remedy = "remove the folder and run again";
             let eval: Value = read_json(&folder.join("eval.json"), remedy)?;
             let train: Value = read_json(&folder.join("train.json"), remedy)?;
+            trunk = eval["lpips_trunk"].as_str().map(str::to_owned).or(trunk);
             for (values, measure) in values.iter_mut().zip(study.measures) {
                 values.extend(value(*measure, &eval, &train, peripheral));
             }
         }
         arms.push(ArmResult { name: arm.name.to_owned(), values });
     }
-    Ok(StudyResult { study, arms })
+    Ok(StudyResult { study, base, budget: None, trunk, arms })
 }
 
 /// A measure of one run; none where its capture does not allow it.
@@ -162,6 +227,8 @@ fn value(measure: Measure, eval: &Value, train: &Value, peripheral: &str) -> Opt
         Measure::PsnrInnerWorst => {
             scores(eval, "psnr", |camera| camera != peripheral)?.into_iter().min_by(f64::total_cmp)
         }
+        Measure::Lpips => eval["lpips"].as_f64(),
+        Measure::Seconds => train["seconds_stepping"].as_f64(),
         Measure::SceneBytes => eval["bytes"].as_f64(),
         Measure::StepTime => train["seconds_per_step"].as_f64().map(|seconds| 1e3 * seconds),
         Measure::OffsetError => train["offset_error"].as_f64(),

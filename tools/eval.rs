@@ -79,6 +79,7 @@ impl Scorer<'_> {
         let evaluation = evaluate(&mut renderer, &mut meter, &sight, &frames, step, write)?;
         let Some(evaluation) = evaluation else { return Ok((None, Vec::new())) };
         let mut scores = SceneScores::new(scene, splats, &self.gpu.caps().name, evaluation);
+        scores.lpips_trunk = meter.trunk().map(|trunk| trunk.to_string());
         scores.mean_at_fitted_offsets = self.at_offsets(fits, &mut renderer, &mut meter, &frames, step)?;
         write_json(&output.join("eval.json"), &scores)?;
         let mut examples = Vec::new();
@@ -187,21 +188,23 @@ fn print(scores: &SceneScores) {
     let Evaluation { views, mean, .. } = &scores.evaluation;
     let width = views.iter().map(|v| v.view.chars().count()).fold(4, usize::max);
     out!(
-        "{:<width$} {:>9} {:>9} {:>10} {:>9} {:>8} {:>8}",
+        "{:<width$} {:>9} {:>9} {:>10} {:>9} {:>8} {:>8} {:>8}",
         "view",
         "PSNR, dB",
         "aligned",
         "foreground",
         "covisible",
         "SSIM",
+        "LPIPS",
         "L1"
     );
     let fitted = scores.mean_at_fitted_offsets.as_ref().map(|scores| ("mean at fitted time offsets", scores));
     for (view, s) in views.iter().map(|v| (v.view.as_str(), &v.scores)).chain([("mean", mean)]).chain(fitted) {
         let [foreground, covisible] =
             [s.psnr_foreground, s.psnr_covisible].map(|psnr| psnr.map_or("-".to_owned(), |psnr| format!("{psnr:.3}")));
+        let lpips = s.lpips.map_or("-".to_owned(), |lpips| format!("{lpips:.4}"));
         out!(
-            "{view:<width$} {:>9.3} {:>9.3} {foreground:>10} {covisible:>9} {:>8.4} {:>8.5}",
+            "{view:<width$} {:>9.3} {:>9.3} {foreground:>10} {covisible:>9} {:>8.4} {lpips:>8} {:>8.5}",
             s.psnr,
             s.psnr_aligned,
             s.ssim,
@@ -210,6 +213,10 @@ fn print(scores: &SceneScores) {
     }
     for (name, definition) in &scores.metrics {
         out!("{name}: {definition}");
+    }
+    match &scores.lpips_trunk {
+        Some(trunk) => out!("LPIPS compares features of {trunk}"),
+        None => out!("LPIPS is not measured: the run has no weights for it (`--set loss.lpips_weights=FILE`)"),
     }
     out!("of {METRICS_OF}");
     out!(

@@ -16,6 +16,11 @@ pub fn told(review: &Review) -> String {
     }
     if review.noise > 0.0 {
         let [one, two, three] = lost_bands;
+        let Review { pictures, budget, unseen, left, .. } = review;
+        lines.push(format!(
+            "step {step}: looked at {pictures} training images of {budget} allowed; {left} Gaussians are in too few of them and \
+             stay as they are, {unseen} of these are in none"
+        ));
         lines.push(format!(
             "step {step}: {before} Gaussians, {after} required: {removed} removed, {merged} merged; {came_to_rest} came to \
              rest, {began_to_move} began to move; bands 1 / 2 / 3 dropped of {one} / {two} / {three}, since each was worth \

@@ -38,8 +38,9 @@ pub struct Args {
     /// says.
     #[arg(long, value_parser = PossibleValuesParser::new(["none", "priors", "all"]))]
     noise: Option<String>,
-    /// Which way the cameras face. By default as the preset says.
-    #[arg(long, value_parser = PossibleValuesParser::new(["inward", "outward"]))]
+    /// Where the cameras stand. inward: on an arc, looking at the middle of a room. outward: on a hemisphere 0.5 m wide, looking
+    /// out, with a scene 1 to 8 m away. moving: as outward, and the hemisphere moves. By default as the preset says.
+    #[arg(long, value_parser = PossibleValuesParser::new(Rig::ALL.map(Rig::name)))]
     rig: Option<String>,
     /// Cameras in all, instead of the preset's.
     #[arg(long)]
@@ -90,10 +91,8 @@ fn options(args: &Args) -> anyhow::Result<Options> {
         Some(_) => options.noise = Noise::All,
         None => {}
     }
-    match args.rig.as_deref() {
-        Some("inward") => options.rig = Rig::Inward,
-        Some(_) => options.rig = Rig::Outward,
-        None => {}
+    if let Some(rig) = Rig::ALL.into_iter().find(|rig| args.rig.as_deref() == Some(rig.name())) {
+        options.rig = rig;
     }
     options.cameras = args.cameras.unwrap_or(options.cameras);
     options.frames = args.frames.unwrap_or(options.frames);

@@ -22,7 +22,7 @@ pub struct Response {
     pub whole: f64,
     /// Per unit of colour, the three channels together.
     pub color: f64,
-    /// Pictures that see it.
+    /// Pictures that see it, once for each strip that they are rendered in.
     pub seen: f64,
     /// Of a static Gaussian, per unit of velocity (scene units per clip), of a relative opacity that grows evenly with time,
     /// and of one that is larger at both ends than in the middle.
@@ -112,6 +112,16 @@ impl Fisher {
             rec.pass_variant(kernel_of(motion.is_some(), group.degree()), args, push, Grid::Threads(group.n));
         }
         rec.group(None);
+    }
+
+    /// Pictures, strip by strip, that see each Gaussian, in the scene's order.
+    pub fn seen(&self, gpu: &Gpu, scene: &SceneBuffers) -> Result<Vec<f32>> {
+        let mut all = Vec::with_capacity(scene.n as usize);
+        for (group, sums) in scene.groups.iter().zip(&self.sums) {
+            let sums = gpu.read(sums)?;
+            all.extend((0..group.n as usize).map(|i| sums[super::scene::plane_of(i, PLANES, 1)][3]));
+        }
+        Ok(all)
     }
 
     /// The sums in the scene's order.

@@ -201,6 +201,14 @@ impl Renderer {
         Ok(())
     }
 
+    /// Of every Gaussian, in the scene's order, how often a picture of `census` showed it so far; once for each of its strips.
+    ///
+    /// # Errors
+    /// [`Error::DeviceLost`].
+    pub fn seen(&self, census: &Census) -> Result<Vec<f32>> {
+        census.information.seen(&self.gpu, &self.scene)
+    }
+
     /// What `census` has counted of every Gaussian, in the scene's order: information, and slope of half the squared error.
     ///
     /// # Errors

@@ -29,6 +29,7 @@ pub(super) struct Picture {
 pub(super) fn picture(world: &World, options: &Options, index: usize, camera: &Camera, frame: u32) -> Picture {
     let time = f64::from(frame) + camera.time_offset;
     let (now, next) = (world.at(time), world.at(time + 1.0));
+    let (camera, then) = (&camera.at(time), camera.at(time + 1.0));
     let mut noise = Random::new(options.seed, Stream::Sensor, index, frame);
     let n = camera.width as usize * camera.height as usize;
     let mut picture = Picture {
@@ -45,7 +46,7 @@ pub(super) fn picture(world: &World, options: &Options, index: usize, camera: &C
         // The room is closed: every ray meets something, at worst its shell.
         let hit = now.hit(camera.center, direction);
         picture.depth.push(hit.as_ref().map_or(0.0, |hit| hit.t));
-        picture.flow.push(hit.as_ref().map_or(DVec2::ZERO, |hit| flow(&now, &next, camera, hit)));
+        picture.flow.push(hit.as_ref().map_or(DVec2::ZERO, |hit| flow(&now, &next, (camera, &then), hit)));
         picture.body.push(hit.as_ref().map_or(0, |hit| hit.body));
         let (color, dynamic) = pixel(&now, camera, corner, options.samples);
         let seen = if camera.is_hooded(column, row) { HOOD } else { transformed(camera, color) };
@@ -59,8 +60,9 @@ pub(super) fn picture(world: &World, options: &Options, index: usize, camera: &C
 
 /// Whether the surface at each pixel's centre of the `index`-th camera is seen by a training camera at the same time.
 pub(super) fn covisible(world: &World, cameras: &[Camera], index: usize, frame: u32) -> Vec<bool> {
+    let now = world.at(f64::from(frame) + cameras[index].time_offset);
+    let cameras: Vec<Camera> = cameras.iter().map(|camera| camera.of_frame(frame)).collect();
     let camera = &cameras[index];
-    let now = world.at(f64::from(frame) + camera.time_offset);
     let seen = |column: u32, row: u32| {
         let direction = camera.ray(DVec2::new(f64::from(column), f64::from(row)) + 0.5);
         let point = now.hit(camera.center, direction).map(|hit| hit.at);
@@ -91,14 +93,16 @@ fn pixel(now: &Snapshot, camera: &Camera, corner: DVec2, samples: u32) -> (DVec3
     (sum / f64::from(samples * samples), dynamic)
 }
 
-fn flow(now: &Snapshot, next: &Snapshot, camera: &Camera, hit: &Hit) -> DVec2 {
+/// The way of a surface point in the picture from one frame to the next, by its own motion and by that of the camera, which is
+/// given at both.
+fn flow(now: &Snapshot, next: &Snapshot, (camera, then): (&Camera, &Camera), hit: &Hit) -> DVec2 {
     let moved = &next.placed[hit.body];
-    if !moved.body.dynamic {
+    if !moved.body.dynamic && camera.center == then.center {
         return DVec2::ZERO;
     }
     // Both ends are projected, so that a body that happens to rest has no flow from rounding.
     let here = camera.project(now.placed[hit.body].world(hit.local));
-    let there = camera.project(moved.world(hit.local));
+    let there = then.project(moved.world(hit.local));
     here.zip(there).map_or(DVec2::ZERO, |(here, there)| there.0 - here.0)
 }
 

@@ -24,13 +24,22 @@ struct Observation {
     point: usize,
 }
 
+/// An image of the model: one for each camera, of a camera that moves one for each frame.
+struct Image {
+    camera: usize,
+    frame: u32,
+    /// The camera where it is then.
+    posed: Camera,
+}
+
 /// What the files tell, in the order they tell it. Cameras and images count from 1, as COLMAP's do.
 struct Model<'a> {
     cameras: &'a [Camera],
+    images: Vec<Image>,
     points: &'a [Point],
-    /// By camera.
+    /// By image.
     observations: Vec<Vec<Observation>>,
-    /// By point: (camera, index among the camera's observations).
+    /// By point: (image, index among the image's observations).
     tracks: Vec<Vec<(usize, usize)>>,
     /// By point: mean distance between observations and projections, pixels.
     errors: Vec<f64>,
@@ -61,33 +70,43 @@ fn id(index: usize) -> u32 {
     index as u32 + 1
 }
 
-fn image_name(camera: &Camera) -> String {
-    format!("{}/{REFERENCE_FRAME:05}.png", camera.name)
+impl Image {
+    fn name(&self) -> String {
+        format!("{}/{:05}.png", self.posed.name, self.frame)
+    }
 }
 
 impl<'a> Model<'a> {
     fn new(options: &Options, cameras: &'a [Camera], points: &'a [Point]) -> Self {
         let mut random = Random::new(options.seed, Stream::Observations, 0, REFERENCE_FRAME);
         let spread = if options.noise == Noise::None { 0.0 } else { OBSERVATION_NOISE };
-        let mut observations: Vec<Vec<Observation>> = cameras.iter().map(|_| Vec::new()).collect();
+        let frames = |camera: &Camera| camera.way.map_or(REFERENCE_FRAME..REFERENCE_FRAME + 1, |frames| 0..frames);
+        let of_camera = |(index, camera): (usize, &'a Camera)| {
+            let image = move |frame: u32| Image { camera: index, frame, posed: camera.of_frame(frame) };
+            frames(camera).map(image)
+        };
+        let images: Vec<Image> = cameras.iter().enumerate().flat_map(of_camera).collect();
+        let reference: Vec<usize> = (0..images.len()).filter(|i| images[*i].frame == REFERENCE_FRAME).collect();
+        let mut observations: Vec<Vec<Observation>> = images.iter().map(|_| Vec::new()).collect();
         let (mut tracks, mut errors) = (Vec::new(), Vec::new());
         for (point, seen) in points.iter().enumerate() {
             let (mut track, mut error) = (Vec::new(), 0.0);
             for &index in &seen.seen_by {
-                let camera = &cameras[index];
+                let image = reference[index];
+                let camera = &images[image].posed;
                 let step = DVec2::new(random.normal(), random.normal()) * spread;
                 // A point is noted only for cameras that it projects into.
                 let Some((exact, _)) = camera.project(seen.position) else { continue };
                 let size = DVec2::new(f64::from(camera.width), f64::from(camera.height));
                 let at = (exact + step).clamp(DVec2::ZERO, size);
-                track.push((index, observations[index].len()));
-                observations[index].push(Observation { at, point });
+                track.push((image, observations[image].len()));
+                observations[image].push(Observation { at, point });
                 error += (at - exact).length();
             }
             errors.push(error / track.len() as f64);
             tracks.push(track);
         }
-        Model { cameras, points, observations, tracks, errors }
+        Model { cameras, images, points, observations, tracks, errors }
     }
 
     fn cameras_bin(&self) -> Vec<u8> {
@@ -100,10 +119,11 @@ impl<'a> Model<'a> {
     }
 
     fn images_bin(&self) -> Vec<u8> {
-        let mut to = Packed::count(self.cameras.len());
-        for (index, camera) in self.cameras.iter().enumerate() {
+        let mut to = Packed::count(self.images.len());
+        for (index, image) in self.images.iter().enumerate() {
+            let camera = &image.posed;
             to.u32(id(index)).f64s(&quaternion(&camera.rotation)).f64s(&camera.translation().to_array());
-            to.u32(id(index)).0.extend(image_name(camera).bytes().chain([0]));
+            to.u32(id(image.camera)).0.extend(image.name().bytes().chain([0]));
             to.u64(self.observations[index].len() as u64);
             for seen in &self.observations[index] {
                 to.f64s(&seen.at.to_array()).u64(u64::from(id(seen.point)));
@@ -117,8 +137,8 @@ impl<'a> Model<'a> {
         for (index, point) in self.points.iter().enumerate() {
             to.u64(u64::from(id(index))).f64s(&point.position.to_array()).0.extend(point.rgb);
             to.f64s(&[self.errors[index]]).u64(self.tracks[index].len() as u64);
-            for &(camera, observation) in &self.tracks[index] {
-                to.u32(id(camera)).u32(observation as u32);
+            for &(image, observation) in &self.tracks[index] {
+                to.u32(id(image)).u32(observation as u32);
             }
         }
         to.0
@@ -138,10 +158,11 @@ impl<'a> Model<'a> {
     fn images_txt(&self) -> String {
         let mut text =
             String::from("# IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME\n# X, Y, POINT3D_ID, ...\n");
-        for (index, camera) in self.cameras.iter().enumerate() {
-            let ([w, x, y, z], t) = (quaternion(&camera.rotation), camera.translation());
-            let name = image_name(camera);
-            let _ = writeln!(text, "{0} {w} {x} {y} {z} {1} {2} {3} {0} {name}", id(index), t.x, t.y, t.z);
+        for (index, image) in self.images.iter().enumerate() {
+            let ([w, x, y, z], t) = (quaternion(&image.posed.rotation), image.posed.translation());
+            let ([x_t, y_t, z_t], name) = (t.to_array(), image.name());
+            let (own, camera) = (id(index), id(image.camera));
+            let _ = writeln!(text, "{own} {w} {x} {y} {z} {x_t} {y_t} {z_t} {camera} {name}");
             let seen = self.observations[index].iter();
             let seen: Vec<_> = seen.map(|o| format!("{} {} {}", o.at.x, o.at.y, id(o.point))).collect();
             let _ = writeln!(text, "{}", seen.join(" "));
@@ -154,8 +175,8 @@ impl<'a> Model<'a> {
         for (index, point) in self.points.iter().enumerate() {
             let ([x, y, z], [r, g, b]) = (point.position.to_array(), point.rgb);
             let _ = write!(text, "{} {x} {y} {z} {r} {g} {b} {}", id(index), self.errors[index]);
-            for &(camera, observation) in &self.tracks[index] {
-                let _ = write!(text, " {} {observation}", id(camera));
+            for &(image, observation) in &self.tracks[index] {
+                let _ = write!(text, " {} {observation}", id(image));
             }
             text.push('\n');
         }

@@ -13,7 +13,8 @@
 //! truth/source.wav                        the voice without delay at a distance of one
 //! ```
 //!
-//! Pictures, flow and depth of frame f are of the camera's own time, f + its offset; points are of the true time f. Flow
+//! A camera of a moving rig has an image, and with it a pose, for each frame; its flow is by its own motion too. Pictures, flow
+//! and depth of frame f are of the camera's own time, f + its offset; points are of the true time f. Flow
 //! is that of the surface point, also where it is hidden or gone in the next frame, and exists for all frames but the
 //! last in `flow/`, for all in `truth/`. `depth/` holds inverse depth up to a scale and a shift of its own per picture.
 //! The microphone of a camera is at its lens and runs by its clock. Keypoints are in MMPose's format, 133 per person.

@@ -8,8 +8,10 @@ use serde::Serialize;
 pub enum Rig {
     /// On an arc of 110 degrees along the near side of the room, in two heights, looking at its middle.
     Inward,
-    /// On a ring of radius 0.35 near the middle of the room, looking outward all around.
+    /// On a hemisphere 0.5 m wide, looking outward, in a larger room: what there is to see is 1 to 8 m away.
     Outward,
+    /// As `Outward`, and the hemisphere moves on a path and turns.
+    Moving,
 }
 
 /// What is disturbed by noise.
@@ -121,6 +123,20 @@ impl Preset {
                 let (width, height, samples) = (480, 360, 2);
                 Options { cameras: 20, test_cameras: 3, width, height, frames: 60, samples, points: 4000, ..small }
             }
+        }
+    }
+}
+
+impl Rig {
+    /// Every rig.
+    pub const ALL: [Rig; 3] = [Rig::Inward, Rig::Outward, Rig::Moving];
+
+    /// Its name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Rig::Inward => "inward",
+            Rig::Outward => "outward",
+            Rig::Moving => "moving",
         }
     }
 }

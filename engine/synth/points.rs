@@ -30,6 +30,7 @@ pub(super) struct Point {
 /// The points of a frame, at the frame's true time. Test cameras take no part.
 pub(super) fn points(world: &World, options: &Options, cameras: &[Camera], frame: u32) -> Vec<Point> {
     let now = world.at(f64::from(frame));
+    let cameras: Vec<Camera> = cameras.iter().map(|camera| camera.of_frame(frame)).collect();
     let mut random = Random::new(options.seed, Stream::Points, 0, frame);
     let training: Vec<usize> = (0..cameras.len()).filter(|&index| !cameras[index].is_test).collect();
     let noisy = options.noise != Noise::None;

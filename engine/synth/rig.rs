@@ -1,6 +1,6 @@
 //! Cameras: where they stand, which are held out, how far their clocks and colours are off.
 
-use super::math::{Random, Stream, sin_cos};
+use super::math::{Random, Stream, rotation, sin_cos};
 use super::options::{Options, Rig};
 use glam::{DMat3, DVec2, DVec3};
 use std::f64::consts::PI;
@@ -10,13 +10,21 @@ const TARGET: DVec3 = DVec3::new(0.05, 0.35, 0.4);
 const RADIUS: f64 = 3.1;
 /// Half of the arc that they stand on, radians.
 const HALF_ARC: f64 = 55.0 / 180.0 * PI;
-/// Middle of an outward rig, and its radius.
+/// Middle of the hemisphere of an outward rig, and its radius.
 const MIDDLE: DVec3 = DVec3::new(-0.1, -0.25, -1.5);
-const RING: f64 = 0.35;
+const HEMISPHERE: f64 = 0.25;
+/// Azimuth from one camera of the hemisphere to the next, radians: the golden angle spreads them evenly.
+const GOLDEN_ANGLE: f64 = 2.399_963_229_728_653;
+/// Cosine of the angle between the hemisphere's axis and the cameras at its rim.
+const RIM: f64 = 0.1;
+/// How far a moving rig goes over the clip, metres, how far it bobs, and by how much it turns, radians.
+const WAY: DVec3 = DVec3::new(0.8, 0.0, 0.2);
+const BOB: f64 = 0.05;
+const TURN: f64 = 0.4;
 /// Largest time offset before the mean is taken out, frames.
 const MAX_OFFSET: f64 = 1.0;
 
-/// A pinhole camera at rest.
+/// A pinhole camera, which rests or moves with its rig.
 #[derive(Clone, Debug)]
 pub(super) struct Camera {
     pub name: String,
@@ -27,10 +35,12 @@ pub(super) struct Camera {
     pub focal: DVec2,
     /// Principal point, pixels; pixel (0, 0) has its centre at (0.5, 0.5).
     pub principal: DVec2,
-    /// World to camera (x right, y down, z forward).
+    /// World to camera (x right, y down, z forward); of a moving camera in the middle of the clip.
     pub rotation: DMat3,
-    /// Of the lens, world.
+    /// Of the lens, world; of a moving camera in the middle of the clip.
     pub center: DVec3,
+    /// Frames of the clip in which its rig goes its way; none of a camera at rest.
+    pub way: Option<u32>,
     /// Its pictures of frame f are of time f + this; frames.
     pub time_offset: f64,
     /// Rows of the affine transform from true colours to the picture's.
@@ -40,6 +50,31 @@ pub(super) struct Camera {
 }
 
 impl Camera {
+    /// Where it is at a time, frames; a camera at rest is itself.
+    pub fn at(&self, time: f64) -> Camera {
+        let Some(frames) = self.way else { return self.clone() };
+        let (turn, shift) = path(time, frames);
+        Camera {
+            rotation: self.rotation * turn.transpose(),
+            center: moved(self.center, turn, shift),
+            way: None,
+            ..self.clone()
+        }
+    }
+
+    /// Where its lens is at a time, frames.
+    pub fn center_at(&self, time: f64) -> DVec3 {
+        self.way.map_or(self.center, |frames| {
+            let (turn, shift) = path(time, frames);
+            moved(self.center, turn, shift)
+        })
+    }
+
+    /// Where it is when it takes the picture of a frame.
+    pub fn of_frame(&self, frame: u32) -> Camera {
+        self.at(f64::from(frame) + self.time_offset)
+    }
+
     /// The ray through a point of the picture: direction in the world with depth 1, so that `t` along it is depth.
     pub fn ray(&self, at: DVec2) -> DVec3 {
         let slope = (at - self.principal) / self.focal;
@@ -68,6 +103,17 @@ impl Camera {
         let y = (f64::from(row) + 0.5) / f64::from(self.height);
         self.hood && x + (1.0 - y) < 0.28
     }
+}
+
+/// How a moving rig is turned about its middle at a time, and how far it is from there.
+fn path(time: f64, frames: u32) -> (DMat3, DVec3) {
+    let u = time / f64::from(frames);
+    let (swing, _) = sin_cos(2.0 * PI * u);
+    (rotation(DVec3::Y, TURN * (u - 0.5)), WAY * (u - 0.5) + DVec3::Y * (BOB * swing))
+}
+
+fn moved(center: DVec3, turn: DMat3, shift: DVec3) -> DVec3 {
+    MIDDLE + turn * (center - MIDDLE) + shift
 }
 
 /// The cameras in the order of their names.
@@ -106,17 +152,19 @@ fn camera(options: &Options, index: u32, random: &mut Random) -> Camera {
             let center = DVec3::new(TARGET.x + RADIUS * sin, height, TARGET.z - RADIUS * cos);
             (center, TARGET + DVec3::new(jitter(0.1), jitter(0.05), 0.0), 1.22)
         }
-        Rig::Outward => {
-            // The middle of the row looks where most happens.
-            let turn = f64::from(index) - f64::from(options.cameras / 2);
-            let (sin, cos) = sin_cos(2.0 * PI * turn / f64::from(options.cameras) + jitter(0.05));
-            let way = DVec3::new(sin, 0.0, cos);
-            let center = MIDDLE + way * RING + DVec3::Y * (if high { -0.12 } else { 0.12 } + jitter(0.03));
-            (center, center + way + DVec3::Y * (0.15 + jitter(0.04)), 1.75)
+        Rig::Outward | Rig::Moving => {
+            // From the pole, which looks where most happens, to the rim.
+            let z = 1.0 - (f64::from(index) + 0.5) / f64::from(options.cameras) * (1.0 - RIM);
+            let (sin, cos) = sin_cos(GOLDEN_ANGLE * f64::from(index) + jitter(0.05));
+            let way = DVec3::new(cos, sin, 0.0) * (1.0 - z * z).sqrt() + DVec3::Z * z;
+            let center = MIDDLE + way * HEMISPHERE;
+            (center, center + way + DVec3::new(jitter(0.04), jitter(0.04), 0.0), 2.0)
         }
     };
     let forward = (target - center).normalize();
-    let right = DVec3::Y.cross(forward).normalize();
+    // Near the vertical there is no right of its own.
+    let up = if forward.y.abs() < 0.95 { DVec3::Y } else { DVec3::Z };
+    let right = up.cross(forward).normalize();
     let down = forward.cross(right);
     let (width, height) = (f64::from(options.width), f64::from(options.height));
     // `field` is the width of what is seen at depth 1.
@@ -130,6 +178,7 @@ fn camera(options: &Options, index: u32, random: &mut Random) -> Camera {
         principal: DVec2::new(width * (0.5 + jitter(0.01)), height * (0.5 + jitter(0.01))),
         rotation: DMat3::from_cols(right, down, forward).transpose(),
         center,
+        way: (options.rig == Rig::Moving).then_some(options.frames),
         time_offset: 0.0,
         color: [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]],
         hood: false,

@@ -1,20 +1,23 @@
 //! The furniture of the room and what moves in it. World: x right, y down, z away from the inward rig, metres.
 
 use super::math::{Random, Stream};
+use super::options::Rig;
 use super::shape::Shape;
 use super::texture::Texture;
 use super::world::{Body, Jitter, Motion, World};
 use glam::DVec3;
 
-/// Half sides of the room, which is centred on the origin.
-pub(super) const HALF: DVec3 = DVec3::new(3.2, 1.4, 3.0);
-const FLOOR: f64 = HALF.y;
+/// Half sides of the room, which is centred on the origin: around an inward rig, and around one that looks outward.
+const HALF: DVec3 = DVec3::new(3.2, FLOOR, 3.0);
+const WIDE_HALF: DVec3 = DVec3::new(4.4, FLOOR, 4.9);
+const FLOOR: f64 = 1.4;
 /// Radius of the speaker's head.
 pub(super) const HEAD: f64 = 0.17;
 
-/// The room of a seed, for a clip of `frames`.
-pub(super) fn room(seed: u64, frames: u32) -> World {
-    let mut builder = Builder { bodies: Vec::new(), jitter: Jitter(Random::new(seed, Stream::World, 0, 0)) };
+/// The room of a seed around a rig, for a clip of `frames`.
+pub(super) fn room(seed: u64, frames: u32, rig: Rig) -> World {
+    let half = if rig == Rig::Inward { HALF } else { WIDE_HALF };
+    let mut builder = Builder { bodies: Vec::new(), jitter: Jitter(Random::new(seed, Stream::World, 0, 0)), half };
     builder.shell();
     builder.furniture();
     builder.small_things();
@@ -26,6 +29,7 @@ pub(super) fn room(seed: u64, frames: u32) -> World {
 struct Builder {
     bodies: Vec<Body>,
     jitter: Jitter,
+    half: DVec3,
 }
 
 impl Builder {
@@ -50,7 +54,7 @@ impl Builder {
         let floor = Texture::Planks(jitter.tint(0.66, 0.46, 0.3), jitter.tint(0.45, 0.29, 0.18), 0.24);
         let bricks = Texture::Bricks(jitter.tint(0.68, 0.36, 0.28), DVec3::splat(0.75), 0.42);
         let paper = Texture::Wallpaper(jitter.tint(0.86, 0.82, 0.68), jitter.tint(0.35, 0.45, 0.6), 0.4);
-        let shell = self.add("room", Shape::Room(HALF), plain, Motion::rest(DVec3::ZERO));
+        let shell = self.add("room", Shape::Room(self.half), plain, Motion::rest(DVec3::ZERO));
         shell.textures = [plain, clouds, ceiling, floor, bricks, paper];
     }
 
@@ -71,6 +75,9 @@ impl Builder {
 
         let shift = self.jitter.step(0.06);
         let cloth = Texture::Clouds(self.jitter.tint(0.25, 0.42, 0.4), self.jitter.tint(0.5, 0.65, 0.55), 0.18);
+        // What stands at the far wall stands there in every room.
+        let wall = DVec3::Z * (self.half.z - HALF.z);
+        let shift = shift + wall;
         let parts: [(&str, [f64; 3], [f64; 3]); 4] = [
             ("sofa seat", [0.85, 0.2, 0.42], [-1.75, FLOOR - 0.2, 2.35]),
             ("sofa back", [0.85, 0.42, 0.12], [-1.75, FLOOR - 0.42, 2.8]),
@@ -86,7 +93,7 @@ impl Builder {
 
         let side = Texture::Plain(DVec3::new(0.4, 0.27, 0.17));
         let turn = self.jitter.0.uniform(-0.1, 0.1);
-        let shelf = self.block("shelf", [0.6, 0.85, 0.2], side, DVec3::new(2.2, FLOOR - 0.85, 2.75));
+        let shelf = self.block("shelf", [0.6, 0.85, 0.2], side, DVec3::new(2.2, FLOOR - 0.85, 2.75) + wall);
         shelf.textures[4] = Texture::Books(0.07);
         shelf.motion.angle = turn;
     }
@@ -96,9 +103,9 @@ impl Builder {
         let rug = Texture::Checker(self.jitter.tint(0.7, 0.25, 0.25), self.jitter.tint(0.88, 0.8, 0.65), 0.3);
         self.block("rug", [1.35, 0.006, 0.75], rug, DVec3::new(-0.2, FLOOR - 0.006, -0.45) + shift);
         let art = Texture::Clouds(self.jitter.tint(0.15, 0.3, 0.7), self.jitter.tint(0.95, 0.8, 0.3), 0.22);
-        self.block("picture", [0.02, 0.38, 0.55], art, DVec3::new(-HALF.x + 0.02, -0.35, 0.7));
+        self.block("picture", [0.02, 0.38, 0.55], art, DVec3::new(-self.half.x + 0.02, -0.35, 0.7));
         let art = Texture::Checker(self.jitter.tint(0.15, 0.15, 0.2), self.jitter.tint(0.9, 0.35, 0.25), 0.16);
-        self.block("picture", [0.5, 0.36, 0.02], art, DVec3::new(0.3, -0.45, HALF.z - 0.02));
+        self.block("picture", [0.5, 0.36, 0.02], art, DVec3::new(0.3, -0.45, self.half.z - 0.02));
         let pouf = Texture::Octants(self.jitter.tint(0.85, 0.55, 0.25), self.jitter.tint(0.35, 0.25, 0.45));
         let at = DVec3::new(-1.35, FLOOR - 0.3, 0.75) + shift;
         let pouf = self.add("pouf", Shape::Sphere(0.3), pouf, Motion::rest(at));

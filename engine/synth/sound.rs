@@ -73,7 +73,7 @@ pub(super) fn recording(world: &World, options: &Options, camera: &Camera) -> Ve
         let mut distance = 0.0;
         // The mouth moves far slower than sound: each turn gains at least two digits.
         for _ in 0..5 {
-            distance = (mouth(world, said * fps) - camera.center).length();
+            distance = (mouth(world, said * fps) - camera.center_at(heard * fps)).length();
             said = heard - distance / SPEED_OF_SOUND;
         }
         GAIN * voice.at(said) / distance
@@ -107,6 +107,7 @@ pub(super) fn keypoints(world: &World, options: &Options, index: usize, camera: 
 fn detect(world: &World, options: &Options, index: usize, camera: &Camera, frame: u32) -> Vec<Instance> {
     let mut random = Random::new(options.seed, Stream::Keypoints, index, frame);
     let now = world.at(f64::from(frame) + camera.time_offset);
+    let camera = &camera.of_frame(frame);
     let head = &now.placed[world.head];
     if !camera.project(head.position).is_some_and(|(at, _)| camera.holds(at)) {
         return Vec::new();

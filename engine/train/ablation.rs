@@ -1,6 +1,6 @@
 //! The paper's ablations: which settings are compared, by what, and how sure the differences are.
 
-use super::config::{Config, Init};
+use super::config::{Config, Init, LearningRates, Pace, Rate};
 use super::report_plot::escape;
 use crate::words::count;
 use std::fmt::Write;
@@ -27,6 +27,10 @@ pub enum Measure {
     PsnrInner,
     /// The lowest PSNR of one of those views, dB.
     PsnrInnerWorst,
+    /// Mean LPIPS of the test views, where the runs have weights for it.
+    Lpips,
+    /// Seconds of stepping, reviews included; of a machine that was left alone.
+    Seconds,
     /// Bytes of the numbers of the scene, see [`crate::scene::Summary::parameter_bytes`].
     SceneBytes,
     /// Milliseconds a step, reviews included; of a machine that was left alone.
@@ -48,6 +52,8 @@ impl Measure {
             Measure::PsnrPeripheralCovisible => "peripheral PSNR where co-visible, dB",
             Measure::PsnrInner => "PSNR of the other test cameras, dB",
             Measure::PsnrInnerWorst => "of their worst view, dB",
+            Measure::Lpips => "LPIPS",
+            Measure::Seconds => "seconds",
             Measure::SceneBytes => "bytes",
             Measure::StepTime => "ms a step",
             Measure::OffsetError => "error of the offsets, frames",
@@ -56,7 +62,8 @@ impl Measure {
 
     fn decimals(self) -> usize {
         match self {
-            Measure::FirstGaussians | Measure::LastGaussians | Measure::SceneBytes => 0,
+            Measure::FirstGaussians | Measure::LastGaussians | Measure::SceneBytes | Measure::Seconds => 0,
+            Measure::Lpips => 4,
             Measure::StepTime => 1,
             Measure::OffsetError => 3,
             _ => 2,
@@ -86,13 +93,79 @@ pub struct Study {
     pub arms: &'static [Arm],
     /// By what; differences are of the last.
     pub measures: &'static [Measure],
+    /// Arms begin with different numbers of Gaussians: each may have twice as many as the one that begins with most, so that none
+    /// is kept from growing.
+    pub equal_budgets: bool,
+}
+
+/// The settings that the arms of a study change.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Base {
+    /// Those that are given; LPIPS is measured and no part of the loss.
+    Given,
+    /// Those that are given, with the weights and rates of the paper: LPIPS in the loss where there are weights for it.
+    Paper,
+}
+
+impl Base {
+    /// Both.
+    pub const ALL: [Base; 2] = [Base::Given, Base::Paper];
+
+    /// On the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Base::Given => "given",
+            Base::Paper => "paper",
+        }
+    }
+
+    /// Changes `config` to it.
+    pub fn apply(self, config: &mut Config) {
+        config.loss.lpips = 0.0;
+        if self == Base::Paper {
+            let loss = &mut config.loss;
+            (loss.depth, loss.flow, loss.offset, loss.lpips) = (1.0, 1.0, 1e-4, LPIPS_WEIGHT);
+            config.lr = paper_rates();
+        }
+    }
+
+    /// The key of an arm's runs.
+    pub fn key(self, arm: &Arm) -> String {
+        match self {
+            Base::Given => arm.key.to_owned(),
+            Base::Paper => format!("paper-{}", arm.key),
+        }
+    }
+}
+
+/// The paper's weight of LPIPS.
+const LPIPS_WEIGHT: f64 = 0.1;
+
+/// The paper's rates: of velocities, times and tau its own, of all else those of 3DGS (Kerbl et al. 2023). It names none of
+/// offsets and grids, which keep the defaults.
+fn paper_rates() -> LearningRates {
+    let constant = |rate: f64| Rate { start: rate, end: rate };
+    LearningRates {
+        pace: Pace { steps: 0, ..Pace::default() },
+        position: Rate { start: 1.6e-4, end: 1.6e-6 },
+        sh0: constant(2.5e-3),
+        sh_rest: constant(1.25e-4),
+        opacity: constant(2.5e-2),
+        scale: constant(5e-3),
+        rotation: constant(1e-3),
+        velocity: constant(2e-3),
+        t_center: constant(1e-5),
+        t_scale: constant(3e-2),
+        ..LearningRates::default()
+    }
 }
 
 /// The full method's runs.
 const FULL: &str = "full";
 
 /// The studies of the paper.
-pub const STUDIES: [Study; 4] = [
+pub const STUDIES: [Study; 5] = [
     Study {
         name: "initialisation",
         title: "Initialisation",
@@ -101,32 +174,53 @@ pub const STUDIES: [Study; 4] = [
                 name: "points of all frames",
                 key: "concatenated",
                 change: |config| config.init = Init::Concat,
-                paper: &["2.48 M", "4.52 M", "33.13"],
+                paper: &["2.48 M", "4.52 M", "", "", "", "", "33.13"],
             },
-            Arm { name: "flow-guided", key: FULL, change: |_| (), paper: &["0.29 M", "2.50 M", "33.51"] },
+            Arm {
+                name: "flow-guided, any view",
+                key: "any-view",
+                change: |config| config.init = Init::AnyView,
+                paper: &["0.29 M", "2.50 M", "", "", "", "", "33.51"],
+            },
+            Arm {
+                name: "flow-guided, two views",
+                key: "flow-guided",
+                change: |config| config.init = Init::Flow,
+                paper: &[],
+            },
         ],
-        measures: &[Measure::FirstGaussians, Measure::LastGaussians, Measure::Psnr, Measure::PsnrCovisible],
+        measures: &[
+            Measure::FirstGaussians,
+            Measure::LastGaussians,
+            Measure::SceneBytes,
+            Measure::Seconds,
+            Measure::Lpips,
+            Measure::PsnrCovisible,
+            Measure::Psnr,
+        ],
+        equal_budgets: true,
     },
     Study {
         name: "offsets",
         title: "Time offsets of the cameras",
         arms: &[
-            Arm { name: "none", key: "no-offsets", change: |config| config.offsets = false, paper: &["", "30.59"] },
+            Arm { name: "none", key: "no-offsets", change: |config| config.offsets = false, paper: &["", "", "30.59"] },
             Arm {
                 name: "lambda 0",
                 key: "offsets-free",
                 change: |config| config.loss.offset = 0.0,
-                paper: &["", "29.93"],
+                paper: &["", "", "29.93"],
             },
             Arm {
                 name: "lambda 1e-2",
                 key: "offsets-stiff",
                 change: |config| config.loss.offset = 1e-2,
-                paper: &["", "30.50"],
+                paper: &["", "", "30.50"],
             },
-            Arm { name: "lambda 1e-4", key: FULL, change: |_| (), paper: &["", "30.94"] },
+            Arm { name: "lambda 1e-4", key: FULL, change: |_| (), paper: &["", "", "30.94"] },
         ],
-        measures: &[Measure::OffsetError, Measure::PsnrForeground],
+        measures: &[Measure::OffsetError, Measure::Lpips, Measure::PsnrForeground],
+        equal_budgets: false,
     },
     Study {
         name: "supervision",
@@ -136,13 +230,34 @@ pub const STUDIES: [Study; 4] = [
                 name: "neither",
                 key: "unsupervised",
                 change: |config| (config.loss.depth, config.loss.flow) = (0.0, 0.0),
-                paper: &["", "24.43"],
+                paper: &["", "", "24.43"],
             },
-            Arm { name: "flow", key: "flow-only", change: |config| config.loss.depth = 0.0, paper: &["", "30.03"] },
-            Arm { name: "depth", key: "depth-only", change: |config| config.loss.flow = 0.0, paper: &["", "30.45"] },
-            Arm { name: "both", key: FULL, change: |_| (), paper: &["", "30.98"] },
+            Arm { name: "flow", key: "flow-only", change: |config| config.loss.depth = 0.0, paper: &["", "", "30.03"] },
+            Arm {
+                name: "depth",
+                key: "depth-only",
+                change: |config| config.loss.flow = 0.0,
+                paper: &["", "", "30.45"],
+            },
+            Arm { name: "both", key: FULL, change: |_| (), paper: &["", "", "30.98"] },
         ],
-        measures: &[Measure::PsnrInner, Measure::PsnrPeripheral, Measure::PsnrPeripheralCovisible],
+        measures: &[Measure::Lpips, Measure::PsnrInner, Measure::PsnrPeripheral, Measure::PsnrPeripheralCovisible],
+        equal_budgets: false,
+    },
+    Study {
+        name: "perceptual",
+        title: "LPIPS in the loss",
+        arms: &[
+            Arm { name: "measured only", key: FULL, change: |_| (), paper: &[] },
+            Arm {
+                name: "in the loss",
+                key: "lpips-loss",
+                change: |config| config.loss.lpips = LPIPS_WEIGHT,
+                paper: &[],
+            },
+        ],
+        measures: &[Measure::LastGaussians, Measure::SceneBytes, Measure::Seconds, Measure::Psnr, Measure::Lpips],
+        equal_budgets: false,
     },
     Study {
         name: "required",
@@ -172,10 +287,12 @@ pub const STUDIES: [Study; 4] = [
             Measure::LastGaussians,
             Measure::SceneBytes,
             Measure::StepTime,
+            Measure::Lpips,
             Measure::PsnrPeripheral,
             Measure::PsnrInnerWorst,
             Measure::PsnrInner,
         ],
+        equal_budgets: false,
     },
 ];
 
@@ -222,6 +339,12 @@ pub struct ArmResult {
 pub struct StudyResult<'a> {
     /// What was compared.
     pub study: &'a Study,
+    /// The settings that its arms changed.
+    pub base: Base,
+    /// The Gaussians that each arm might have, where all have the same budget.
+    pub budget: Option<usize>,
+    /// The trunk of LPIPS, where there were weights.
+    pub trunk: Option<String>,
     /// By arm.
     pub arms: Vec<ArmResult>,
 }
@@ -239,11 +362,13 @@ impl StudyResult<'_> {
         let Study { title, measures, arms, .. } = self.study;
         let n_seeds = self.arms.iter().flat_map(|arm| &arm.values).map(Vec::len).max().unwrap_or(0);
         let heads: Vec<&str> = measures.iter().map(|measure| measure.title()).collect();
+        let of = if self.base == Base::Paper { ", the paper's weights and rates" } else { "" };
         let mut text = format!(
-            "### {title}\n\n| | {} | difference |\n|---|{}---|\n",
+            "### {title}{of}\n\n| | {} | difference |\n|---|{}---|\n",
             heads.join(" | "),
             "---|".repeat(heads.len())
         );
+        let decimals = measures.last().map_or(2, |measure| measure.decimals().max(2));
         for (index, (arm, result)) in arms.iter().zip(&self.arms).enumerate() {
             let _ = write!(text, "| {} |", arm.name);
             for (k, measure) in measures.iter().enumerate() {
@@ -255,8 +380,8 @@ impl StudyResult<'_> {
             }
             let difference = self.difference(index).filter(|_| index > 0);
             let difference = difference.map_or(String::new(), |d| match d.half_width {
-                Some(half) => format!("{:+.2} +- {half:.2}", d.mean),
-                None => format!("{:+.2}", d.mean),
+                Some(half) => format!("{:+.decimals$} +- {half:.decimals$}", d.mean),
+                None => format!("{:+.decimals$}", d.mean),
             });
             let _ = writeln!(text, " {difference} |");
         }
@@ -266,6 +391,12 @@ impl StudyResult<'_> {
              paired by seed, with its 95 % interval.",
             count(n_seeds, "seed")
         );
+        if let Some(budget) = self.budget {
+            let _ = writeln!(text, "Each arm may have {budget} Gaussians, twice as many as the largest start.");
+        }
+        if let (Some(trunk), true) = (&self.trunk, measures.contains(&Measure::Lpips)) {
+            let _ = writeln!(text, "LPIPS is by {trunk}; the paper's is by AlexNet.");
+        }
         text
     }
 
@@ -307,11 +438,13 @@ impl StudyResult<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::train::Loss;
 
     fn result(values: [[f64; 3]; 4]) -> StudyResult<'static> {
         let arms = values.iter().zip(STUDIES[1].arms);
-        let arms = arms.map(|(v, arm)| ArmResult { name: arm.name.to_owned(), values: vec![vec![0.1; 3], v.to_vec()] });
-        StudyResult { study: &STUDIES[1], arms: arms.collect() }
+        let values = |v: &[f64; 3]| vec![vec![0.1; 3], Vec::new(), v.to_vec()];
+        let arms = arms.map(|(v, arm)| ArmResult { name: arm.name.to_owned(), values: values(v) });
+        StudyResult { study: &STUDIES[1], base: Base::Given, budget: None, trunk: None, arms: arms.collect() }
     }
 
     #[test]
@@ -341,9 +474,48 @@ mod tests {
     #[test]
     fn every_arm_changes_the_settings_or_is_the_full_method() {
         for arm in STUDIES.iter().flat_map(|study| study.arms) {
-            let mut config = Config::default();
+            let mut base = Config::default();
+            Base::Given.apply(&mut base);
+            let mut config = base.clone();
             (arm.change)(&mut config);
-            assert_eq!(config == Config::default(), arm.key == FULL, "{}", arm.name);
+            assert_eq!(config == base, arm.key == FULL, "{}", arm.name);
+        }
+    }
+
+    #[test]
+    fn runs_are_shared_by_arms_of_equal_settings_and_budget_alone() {
+        // What begins with different numbers of Gaussians has a budget of its own, so it shares no run with other studies.
+        for study in &STUDIES {
+            assert_eq!(study.equal_budgets, study.name == "initialisation");
+            for arm in study.arms.iter().filter(|_| study.equal_budgets) {
+                let others = STUDIES.iter().filter(|other| other.name != study.name).flat_map(|other| other.arms);
+                assert!(others.into_iter().all(|other| other.key != arm.key), "{}", arm.key);
+            }
+        }
+        let keys: Vec<String> = Base::ALL.iter().map(|base| base.key(&STUDIES[0].arms[0])).collect();
+        assert_eq!(keys, ["concatenated", "paper-concatenated"]);
+    }
+
+    #[test]
+    fn the_papers_weights_and_rates_are_its_own_whatever_is_given() {
+        let mut config = Config::default();
+        (config.loss.flow, config.loss.depth, config.loss.lpips) = (0.1, 0.3, 0.0);
+        config.lr.position = Rate { start: 1.0, end: 0.5 };
+        Base::Paper.apply(&mut config);
+        let Loss { depth, flow, offset, lpips, .. } = config.loss;
+        assert_eq!((depth, flow, offset, lpips), (1.0, 1.0, 1e-4, 0.1));
+        let LearningRates { position, velocity, t_center, t_scale, .. } = config.lr;
+        assert_eq!((position.start, position.end), (1.6e-4, 1.6e-6));
+        assert_eq!((velocity.start, t_center.start, t_scale.start), (2e-3, 1e-5, 3e-2));
+    }
+
+    #[test]
+    fn the_table_says_the_budget_of_all_arms_and_whose_features_lpips_compares() {
+        let mut found = result([[10.0, 11.0, 12.0], [11.0; 3], [12.0; 3], [13.0; 3]]);
+        (found.base, found.budget, found.trunk) = (Base::Paper, Some(48_000), Some("SqueezeNet 1.1".to_owned()));
+        let table = found.markdown();
+        for part in ["the paper's weights and rates", "48000 Gaussians", "LPIPS is by SqueezeNet 1.1"] {
+            assert!(table.contains(part), "{part} is not in {table}");
         }
     }
 }

@@ -29,7 +29,8 @@ pub struct Config {
     pub init_opacity: f64,
     /// Tau of Gaussians from hulls, in times between two hulls.
     pub init_tau: f64,
-    /// `flow`: a point moves if the flow at it exceeds this in two views, or its only one; pixels per frame.
+    /// `flow`: a point moves if the flow at it exceeds this in two views, or its only one; `any_view`: in any view; pixels per
+    /// frame.
     pub init_flow_threshold: f64,
     /// `flow` and `concat`: tau of points that belong to their frame, in frames.
     pub init_point_tau: f64,
@@ -75,8 +76,10 @@ pub struct Required {
     pub first: f64,
     /// Last review, as a fraction of the run.
     pub last: f64,
-    /// Training images that a review looks at.
+    /// Training images that a review looks at, at most: it chooses them so that Gaussians are seen, and ends when enough are.
     pub images: usize,
+    /// Share of the Gaussians that may have been seen in too few of these images to be judged; they stay as they are.
+    pub unseen: f64,
     /// What a number must be worth at most, in units of half the logarithm of the number of observations (Schwarz 1978).
     pub price: f64,
     /// PSNR of the training images that the reviews together may cost at the moment when they happen, dB; the price is lowered
@@ -89,7 +92,16 @@ pub struct Required {
 
 impl Default for Required {
     fn default() -> Self {
-        Required { reviews: 0, first: 0.6, last: 0.8, images: 24, price: 1.0, margin: 0.05, grids_at: 0.3 }
+        Required {
+            reviews: 0,
+            first: 0.6,
+            last: 0.8,
+            images: 128,
+            unseen: 0.02,
+            price: 1.0,
+            margin: 0.05,
+            grids_at: 0.3,
+        }
     }
 }
 
@@ -192,6 +204,9 @@ pub enum Init {
     /// What stands still from the points of the reference frame, what moves from those of every frame, told apart by the
     /// flow (SPEC 5).
     Flow,
+    /// As `Flow`, but a point moves if the flow at it exceeds the threshold in any view that saw it: the paper's rule.
+    #[serde(rename = "any_view")]
+    AnyView,
     /// The points of every frame, each visible around its time.
     Concat,
     /// The capture's points.
@@ -210,6 +225,7 @@ impl Init {
         match self {
             Init::Auto => "auto",
             Init::Flow => "flow",
+            Init::AnyView => "any_view",
             Init::Concat => "concat",
             Init::Points => "points",
             Init::Hull => "hull",
@@ -359,7 +375,10 @@ impl Config {
         if lpips_every == 0 {
             return Err("loss.lpips_every is 0: LPIPS is due in every n-th step, n at least 1".to_owned());
         }
-        let Required { first, last, images, price, margin, grids_at, .. } = self.required;
+        let Required { first, last, images, unseen, price, margin, grids_at, .. } = self.required;
+        if !(0.0..=1.0).contains(&unseen) {
+            return Err(format!("required.unseen is {unseen}: it is a share, from 0 to 1"));
+        }
         if !(0.0..=last).contains(&first) || last >= 1.0 || !(0.0..1.0).contains(&grids_at) {
             return Err(format!(
                 "required.first is {first}, last {last}, grids_at {grids_at}: fractions of the run, in order"

@@ -6,7 +6,7 @@ use crate::error::{Error, Result};
 use crate::gpu::{Gpu, Recording};
 use crate::scene::capture::{Capture, Picture};
 use crate::scene::{Frame, Splats, View};
-use crate::stage::{Compared, Lpips, Outputs, Photometric, Renderer, Structure};
+use crate::stage::{Compared, Lpips, Outputs, Photometric, Renderer, Structure, Trunk};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -161,6 +161,8 @@ pub struct SceneScores {
     pub metrics: BTreeMap<&'static str, &'static str>,
     /// What they are scores of.
     pub metrics_of: &'static str,
+    /// The trunk whose features LPIPS compares; none where there were no weights.
+    pub lpips_trunk: Option<String>,
     /// The scores.
     #[serde(flatten)]
     pub evaluation: Evaluation,
@@ -184,6 +186,7 @@ impl SceneScores {
             rounded_to_8_bits: false,
             metrics: METRICS.into(),
             metrics_of: METRICS_OF,
+            lpips_trunk: None,
             evaluation,
             mean_at_fitted_offsets: None,
         }
@@ -295,6 +298,11 @@ impl Meter {
         let weights = config.loss.lpips_weights.as_ref();
         let lpips = weights.map(|weights| Lpips::load(&gpu, weights)).transpose()?;
         Ok(Meter { gpu, lpips })
+    }
+
+    /// The trunk of LPIPS, where there are weights for it.
+    pub fn trunk(&self) -> Option<Trunk> {
+        self.lpips.as_ref().map(Lpips::trunk)
     }
 
     /// Scores of `frame` against `picture`, of the same size, but for those of masks.

@@ -26,7 +26,7 @@ mod setup;
 mod trade;
 mod trainer;
 
-pub use ablation::{Arm, ArmResult, Estimate, Measure, STUDIES, Study, StudyResult};
+pub use ablation::{Arm, ArmResult, Base, Estimate, Measure, STUDIES, Study, StudyResult};
 pub use align::ColorMap;
 pub use checkpoint::{CameraState, Checkpoint};
 pub use config::{
@@ -47,7 +47,8 @@ pub use random::{Random, permutation};
 pub use report::{Example, Report};
 pub(crate) use report_plot::escape;
 pub use require::{
-    Due, Evidence, Fate, GridCheck, InTime, Review, affordable, carry_out, fates, merge_resting, review, review_due,
+    Due, Evidence, Fate, GridCheck, InTime, Review, Seen, affordable, carry_out, fates, merge_resting, review,
+    review_due,
 };
 pub use run::{CaptureSummary, Run};
 pub use schedule::rates;

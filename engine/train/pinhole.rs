@@ -44,6 +44,14 @@ impl Pinhole {
         Some((place, [by(0), by(1)]))
     }
 
+    /// Whether the ball of a radius around a point reaches into the image, by its outline's size in the middle.
+    pub fn holds(&self, world: DVec3, radius: f64) -> bool {
+        self.project(world).is_some_and(|(at, depth)| {
+            let (reach, size) = (self.focal * radius / depth, DVec2::new(self.width.into(), self.height.into()));
+            at.cmpge(-reach).all() && at.cmplt(size + reach).all()
+        })
+    }
+
     /// Index of the pixel at a place of the image, row by row.
     pub fn pixel(&self, place: DVec2) -> Option<usize> {
         let [width, height] = [self.width, self.height].map(f64::from);

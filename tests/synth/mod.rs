@@ -5,6 +5,7 @@ mod disturbances;
 mod geometry;
 mod model;
 mod priors;
+mod rigs;
 mod sound;
 
 use std::collections::BTreeMap;

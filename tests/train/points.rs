@@ -266,3 +266,15 @@ fn few_points_are_taken_only_where_they_are_asked_for() {
     let says = format!("the {} points that were found are not used: fewer than 200", asked.splats.len());
     assert!(auto.because.contains(&says) && auto.because.contains("--set init=flow"), "{auto}");
 }
+
+#[test]
+fn by_the_papers_rule_one_view_of_many_is_enough() {
+    let Made { capture, .. } = made();
+    let [two, any] = [Init::Flow, Init::AnyView].map(|init| first(capture, &config(init)).0);
+    assert_eq!((any.from, Init::AnyView.name()), (Init::AnyView, "any_view"));
+    assert_eq!(serde_json::from_str::<Init>("\"any_view\"").unwrap(), Init::AnyView);
+    let [two, any] = [two, any].map(|initial| initial.counts.unwrap());
+    println!("two views: {two}; any view: {any}");
+    assert_eq!(any.before, two.before);
+    assert!(any.n_dynamic > two.n_dynamic && any.n_static <= two.n_static, "{any:?} {two:?}");
+}

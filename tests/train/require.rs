@@ -7,17 +7,17 @@ use ivv::Constants;
 use ivv::scene::capture::{Capture, Shot};
 use ivv::scene::{Motion, Splats, View};
 use ivv::stage::{Outputs, Renderer, Response};
-use ivv::train::{Config, Due, Evidence, Required, Review, Setup, Trainer, merge_resting, psnr, review};
+use ivv::train::{Config, Due, Evidence, Required, Review, Seen, Setup, Trainer, merge_resting, psnr, review};
 use std::path::PathBuf;
 use std::sync::OnceLock;
 
 /// So that noise is not clamped.
-const BACKGROUND: [f32; 3] = [0.4; 3];
+pub const BACKGROUND: [f32; 3] = [0.4; 3];
 
 /// A capture whose pictures show Gaussians; its folder goes with it.
-struct Shown {
+pub struct Shown {
     folder: PathBuf,
-    capture: Capture,
+    pub capture: Capture,
 }
 
 impl Drop for Shown {
@@ -26,14 +26,24 @@ impl Drop for Shown {
     }
 }
 
+/// The cameras and points of a capture of eight frames.
+pub fn cameras() -> Capture {
+    static CAMERAS: OnceLock<Capture> = OnceLock::new();
+    CAMERAS.get_or_init(|| Tiny::of_frames("require-cameras", 8).capture.clone()).clone()
+}
+
 /// The cameras and points of a capture of eight frames, with pictures that show `truth`, a little noisy.
 fn capture_of(name: &str, truth: impl Fn(&Capture) -> Splats) -> (Shown, Splats) {
-    static CAMERAS: OnceLock<Capture> = OnceLock::new();
-    let mut capture = CAMERAS.get_or_init(|| Tiny::of_frames("require-cameras", 8).capture.clone()).clone();
+    let capture = cameras();
+    let truth = truth(&capture);
+    (shown(name, capture, &truth), truth)
+}
+
+/// `capture` with pictures that show `truth`, a little noisy.
+pub fn shown(name: &str, mut capture: Capture, truth: &Splats) -> Shown {
     let folder = std::env::temp_dir().join(format!("ivv-train-{name}-{}", std::process::id()));
     std::fs::create_dir_all(&folder).unwrap();
-    let truth = truth(&capture);
-    let mut renderer = Renderer::new(gpu().clone(), &truth, Constants::default()).unwrap();
+    let mut renderer = Renderer::new(gpu().clone(), truth, Constants::default()).unwrap();
     let mut random = Random::new(5);
     for (camera, frame) in [capture.training_frames(), capture.test_frames()].concat() {
         let view = View { background: BACKGROUND, ..capture.view(camera, frame).unwrap() };
@@ -45,12 +55,12 @@ fn capture_of(name: &str, truth: impl Fn(&Capture) -> Splats) -> (Shown, Splats)
         let shot = capture.cameras[camera].shots.iter_mut().find(|shot| shot.frame == frame).unwrap();
         *shot = Shot { frame, image, ..Shot::default() };
     }
-    (Shown { folder, capture }, truth)
+    Shown { folder, capture }
 }
 
 /// Gaussians where the capture's points are, far enough from each other to be told apart: every fourth moves if
 /// there is a speed, scene units per clip; every third has a first band.
-fn known(capture: &Capture, speed: f32) -> Splats {
+pub fn known(capture: &Capture, speed: f32) -> Splats {
     let mut random = Random::new(11);
     let mut chosen: Vec<[f64; 3]> = Vec::new();
     for point in &capture.points {
@@ -93,7 +103,7 @@ fn everything(truth: &Splats) -> Splats {
     all
 }
 
-fn config() -> Config {
+pub fn config() -> Config {
     let loss = ivv::train::Loss { depth: 0.0, flow: 0.0, ..Default::default() };
     let density = ivv::train::Density { stop: 0.0, ..Default::default() };
     let required = Required { reviews: 1, images: 40, ..Required::default() };
@@ -269,9 +279,12 @@ fn chain(colors: [f32; 5]) -> (Splats, Evidence) {
         information: vec![seen; n],
         slope: vec![Response::default(); n],
         variance: 1e-3,
-        scale: 1.0,
+        seen: vec![
+            Seen { pictures: 9, telling: 24.0, lenses: 4, frames: 5, by_all: true, is_hidden: false, scale: 1.0 };
+            n
+        ],
         n_values: 1e6,
-        times: vec![0.0, 0.5],
+        pictures: 2,
     };
     (splats, evidence)
 }

@@ -241,38 +241,44 @@ fn an_ablation_trains_each_setting_once_and_tables_what_came_of_it() {
     let tiny = Tiny::new("ablate");
     let (capture, output) = (tiny.folder.to_str().unwrap(), tiny.folder.join("ablation"));
     let to = output.to_str().unwrap();
-    let arguments = [
-        "ablate",
-        capture,
-        "-o",
-        to,
-        "--studies",
-        "initialisation",
-        "--seeds",
-        "3",
-        "--steps",
-        "8",
-        "--sh-degree",
-        "0",
-    ];
+    let mut arguments = vec!["ablate", capture, "-o", to, "--studies", "initialisation", "--seeds", "3"];
+    arguments.extend(["--steps", "8", "--sh-degree", "0", "--max-gaussians", "300"]);
     let told = works(&arguments);
     let found = json(&output.join("ablation.json"));
-    assert_eq!(found["studies"][0]["arms"].as_array().unwrap().len(), 2);
-    let first: Vec<f64> = found["studies"][0]["arms"]
-        .as_array()
-        .unwrap()
-        .iter()
-        .map(|arm| arm["values"][0][0].as_f64().unwrap())
-        .collect();
-    assert!(first[1] > 0.0 && first[1] < 0.7 * first[0], "{first:?} Gaussians at first");
+    // From the settings that are given, and from the paper's.
+    assert_eq!(found["studies"].as_array().unwrap().len(), 2);
+    for (study, key) in found["studies"].as_array().unwrap().iter().zip(["", "paper-"]) {
+        let arms = study["arms"].as_array().unwrap();
+        let first: Vec<f64> = arms.iter().map(|arm| arm["values"][0][0].as_f64().unwrap()).collect();
+        let [all, any_view, two_views] = first[..] else { panic!("{first:?}") };
+        assert!(two_views > 0.0 && two_views <= any_view && any_view < 0.8 * all, "{first:?} Gaussians at first");
+        // All arms may grow alike: to twice what the largest begins with, whatever --max-gaussians says.
+        assert_eq!(study["max_gaussians"].as_f64().unwrap(), 2.0 * all);
+        for arm in ["concatenated", "any-view", "flow-guided"] {
+            let config = json(&output.join(format!("runs/{key}{arm}-3/config.json")));
+            assert_eq!(config["max_gaussians"].as_f64().unwrap(), 2.0 * all, "{arm}");
+        }
+        let own = json(&output.join(format!("runs/{key}flow-guided-3/config.json")));
+        assert_eq!(own["loss"]["lpips"].as_f64().unwrap(), if key.is_empty() { 0.0 } else { 0.1 });
+        for measure in ["bytes", "seconds", "LPIPS", "PSNR, dB"] {
+            assert!(study["measures"].as_array().unwrap().iter().any(|title| title == measure), "no {measure}");
+        }
+    }
     let table = std::fs::read_to_string(output.join("ablation.md")).unwrap();
-    assert!(told.contains(&table) && table.contains("| flow-guided |") && table.contains("(33.51)"), "{table}");
-    assert!(std::fs::read_to_string(output.join("initialisation.svg")).unwrap().matches("<circle").count() == 2);
-    let scores = output.join("runs/full-3/eval.json");
+    for part in
+        ["| flow-guided, any view |", "(33.51)", "the paper's weights and rates", "twice as many as the largest"]
+    {
+        assert!(table.contains(part), "{part} is not in {table}");
+    }
+    assert!(told.contains(&table));
+    assert!(std::fs::read_to_string(output.join("initialisation.svg")).unwrap().matches("<circle").count() == 3);
+    let scores = output.join("runs/flow-guided-3/eval.json");
     let before = std::fs::metadata(&scores).unwrap().modified().unwrap();
     works(&arguments);
     assert_eq!(std::fs::metadata(&scores).unwrap().modified().unwrap(), before, "a run was made again");
     assert!(fails(&["ablate", capture, "-o", to, "--studies", "colour"], 2).contains("--studies colour"));
+    let told = fails(&["ablate", capture, "-o", to, "--studies", "perceptual"], 2);
+    assert!(told.contains("--lpips-weights"), "{told}");
 }
 
 #[test]

@@ -311,6 +311,16 @@ pub(super) fn view(camera: &Camera, frame: u32, n_frames: u32, pose: &Pose, back
     }
 }
 
+/// How many times the reach of the lenses the points may be away, in the median, for the lenses to be the measure; and from how
+/// many times on that distance is.
+const MEASURED_BY: [f64; 2] = [3.0, 4.0];
+
+/// The line from `radius` where the median distance is the first of [`MEASURED_BY`] to that distance where it is the second.
+fn steep(median: f64, radius: f64) -> f64 {
+    let [from, to] = MEASURED_BY;
+    radius + (to - 1.0) / (to - from) * (median - from * radius)
+}
+
 /// See [`Capture::extent`].
 pub(super) fn extent(cameras: &[Camera], points: &[Point]) -> Extent {
     let all_test = cameras.iter().all(|camera| camera.is_test);
@@ -322,12 +332,16 @@ pub(super) fn extent(cameras: &[Camera], points: &[Point]) -> Extent {
     let distance = |p: &[f64; 3]| (0..3).map(|k| (p[k] - center[k]).powi(2)).sum::<f64>().sqrt();
     let radius = 1.1 * centers.iter().map(distance).fold(0.0, f64::max);
     let size = center.iter().fold(1.0_f64, |size, c| size.max(c.abs()));
-    if radius > 1e-9 * size {
-        return Extent { center, radius };
-    }
     let mut distances: Vec<f64> = points.iter().map(|point| distance(&point.position)).filter(|d| *d > 0.0).collect();
     distances.sort_unstable_by(f64::total_cmp);
-    Extent { center, radius: distances.get(distances.len() / 2).copied().unwrap_or(1.0) }
+    let median = distances.get(distances.len() / 2).copied();
+    let radius = match median {
+        // The scene of a rig that is small beside it is not measured by the rig.
+        Some(median) if radius > 1e-9 * size => radius.max(median.min(steep(median, radius))),
+        None if radius > 1e-9 * size => radius,
+        _ => median.unwrap_or(1.0),
+    };
+    Extent { center, radius }
 }
 
 /// Where a camera is, world: - R^T t.

@@ -198,8 +198,10 @@ pub struct Point {
 pub struct Extent {
     /// Mean of the training cameras' centres, world.
     pub center: [f64; 3],
-    /// 1.1 times the largest distance of a training camera from `center`, scene units (3DGS's scene extent). When the
-    /// cameras coincide: the median distance of the points, or 1 when there are none.
+    /// 1.1 times the largest distance of a training camera from `center`, scene units (3DGS's scene extent). Where the points are
+    /// more than three times as far from there in the median, it goes over to that median distance, which it is from four times
+    /// on: around a small rig that looks outward the scene is as large as it is far. When the cameras coincide: that distance
+    /// too, or 1 when there are no points.
     pub radius: f64,
 }
 

@@ -4,7 +4,7 @@
 //! Frames are read one after another, and of each frame one camera's flow a thread: nothing but the result grows with the
 //! clip.
 
-use super::points::{Found, OPACITY, push, spacings};
+use super::points::{Found, OPACITY, Reach, push, spacings};
 use crate::error::Result;
 use crate::parallel::in_parallel;
 use crate::scene::capture::{Capture, FramePoint};
@@ -61,16 +61,29 @@ impl fmt::Display for PointCounts {
     }
 }
 
-/// Gaussians from the points of the frames: as SPEC 5 says if `by_flow`, else one for each point of every frame.
+/// Which points belong to their frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Rule {
+    /// Those that two clear views see move, or the only one: one of many is often wrong.
+    TwoViews,
+    /// Those that any view sees move (the paper).
+    AnyView,
+    /// All.
+    All,
+}
+
+/// Gaussians from the points of the frames: static ones from the reference frame, and from every frame those that move as `rule`
+/// says.
 /// `progress` is called as (frames done, frames in all).
 pub(super) fn from_frames(
     capture: &Capture,
     config: &Config,
-    by_flow: bool,
+    rule: Rule,
     progress: &mut dyn FnMut(usize, usize),
 ) -> Result<(Splats, PointCounts)> {
     let threads = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
-    let (radius, dt) = (capture.extent().radius, 1.0 / f64::from(capture.n_frames));
+    let (reach, dt) = (Reach::new(capture), 1.0 / f64::from(capture.n_frames));
+    let by_flow = rule != Rule::All;
     let mut counts = PointCounts::default();
     let mut still = Splats::new(config.sh_degree);
     let mut moving = Splats::new(config.sh_degree);
@@ -79,7 +92,7 @@ pub(super) fn from_frames(
         let color = |point: &FramePoint| point.color.map(|c| f32::from(c) / 255.0);
         let found: Vec<Found> =
             points.iter().map(|point| Found { position: point.position, color: color(point) }).collect();
-        let sizes = spacings(&found, radius);
+        let sizes = spacings(&found, &reach);
         let sights =
             if by_flow { sights(capture, &points, frame, config.init_flow_threshold, threads)? } else { Vec::new() };
         counts.before += points.len();
@@ -92,7 +105,7 @@ pub(super) fn from_frames(
                 t_center,
                 t_scale: tau.ln() as f32,
             };
-            let is_dynamic = !by_flow || moves(sights, config.init_flow_threshold);
+            let is_dynamic = !by_flow || moves(sights, config.init_flow_threshold, rule);
             if is_dynamic && capture.n_frames > 1 {
                 let way = movement(DVec3::from_array(found.position), sights, config.init_flow_threshold);
                 let motion = motion((way / dt).to_array(), config.init_point_tau * dt);
@@ -128,9 +141,12 @@ struct Sight {
 
 /// Whether a point moves by more than `threshold` pixels (SPEC 5), as two views show, or the one there is: one of many is
 /// often wrong, where its clock is off and something else has moved before the point. Views that are not clear are asked
-/// only where none is.
-fn moves(sights: &[Sight], threshold: f64) -> bool {
+/// only where none is. By the paper's rule any view is enough.
+fn moves(sights: &[Sight], threshold: f64, rule: Rule) -> bool {
     let moving = |sight: &&Sight| sight.moved > threshold;
+    if rule == Rule::AnyView {
+        return sights.iter().any(|sight| moving(&sight));
+    }
     match sights.iter().filter(|sight| sight.is_clear).count() {
         0 => sights.iter().any(|sight| moving(&sight)),
         n_clear => sights.iter().filter(|sight| sight.is_clear).filter(moving).count() >= n_clear.min(2),

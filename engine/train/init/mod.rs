@@ -25,7 +25,7 @@ use crate::scene::{Motion, Splats};
 use crate::train::config::{Config, Init};
 use eye::{Eye, Seen};
 use lens::Lenses;
-use points::Found;
+use points::{Found, Reach};
 use std::fmt;
 
 /// Longest side of the pictures that silhouettes are taken from, pixels.
@@ -69,7 +69,7 @@ impl fmt::Display for Initial {
         let Initial { splats, from, because, n_hulls, counts } = self;
         let (n_static, n_dynamic) = (splats.n_static, splats.len() - splats.n_static);
         let source = match from {
-            Init::Flow => "the points and the flow of every frame",
+            Init::Flow | Init::AnyView => "the points and the flow of every frame",
             Init::Concat => "the points of every frame",
             Init::Auto | Init::Points => "the capture's points",
             Init::Hull => "visual hulls and surfaces on which the images agree",
@@ -93,7 +93,7 @@ impl fmt::Display for Initial {
 /// [`Error::Data`] when the capture has not what `config.init` asks for, or when an image does not decode.
 pub fn initialise(capture: &Capture, config: &Config, progress: &mut dyn FnMut(usize, usize)) -> Result<Initial> {
     let lacks = |what: &str| {
-        let remedy = "set it to one of auto, flow, concat, points, hull, frustum and random";
+        let remedy = "set it to one of auto, flow, any_view, concat, points, hull, frustum and random";
         Err(Error::data(&capture.path, "setting `init`", format!("the capture has no {what}"), remedy))
     };
     let (has_points, has_foreground) = (!capture.points.is_empty(), has_foreground(capture));
@@ -103,8 +103,8 @@ pub fn initialise(capture: &Capture, config: &Config, progress: &mut dyn FnMut(u
         Init::Auto if has_points => (Init::Points, "the capture has points"),
         Init::Auto if has_foreground => (Init::Hull, "no points, but foreground masks"),
         Init::Auto => (Init::Frustum, "no points, no foreground masks"),
-        Init::Flow if !has_flow => return lacks("optical flow"),
-        Init::Flow | Init::Concat if !has_frame_points => return lacks("points of every frame"),
+        Init::Flow | Init::AnyView if !has_flow => return lacks("optical flow"),
+        Init::Flow | Init::AnyView | Init::Concat if !has_frame_points => return lacks("points of every frame"),
         Init::Points if !has_points => return lacks("points"),
         Init::Hull if !has_foreground => return lacks("foreground masks"),
         asked => (asked, "asked for"),
@@ -130,8 +130,13 @@ pub fn initialise(capture: &Capture, config: &Config, progress: &mut dyn FnMut(u
         )
     };
     match from {
-        Init::Flow | Init::Concat => {
-            let (splats, counts) = flow::from_frames(capture, config, from == Init::Flow, progress)?;
+        Init::Flow | Init::AnyView | Init::Concat => {
+            let rule = match from {
+                Init::Concat => flow::Rule::All,
+                Init::AnyView => flow::Rule::AnyView,
+                _ => flow::Rule::TwoViews,
+            };
+            let (splats, counts) = flow::from_frames(capture, config, rule, progress)?;
             if few(splats.len()) {
                 return pictures(has_foreground, unused(splats.len(), from), progress);
             }
@@ -177,7 +182,7 @@ fn from_pictures(
         n_done += 1;
         progress(n_done, n_pieces);
     };
-    let radius = capture.extent().radius;
+    let reach = Reach::new(capture);
     let lenses = Lenses::new(capture);
     let (mut still, mut moving) = (Vec::new(), Vec::new());
     for frame in frames {
@@ -206,7 +211,7 @@ fn from_pictures(
     }
     let mut splats = Splats::new(config.sh_degree);
     let mut append = |found: Vec<Found>, motion: Option<Motion>| {
-        let (found, sizes) = settled(found, &lenses, radius);
+        let (found, sizes) = settled(found, &lenses, &reach);
         points::append(&mut splats, &found, &sizes, config.init_opacity, motion);
     };
     append(still, if with_hulls { None } else { points::throughout(capture) });
@@ -248,10 +253,10 @@ fn hull_frames(capture: &Capture, cameras: &[usize]) -> Vec<u32> {
 }
 
 /// Without the lonely ones, each with the standard deviation of its Gaussian.
-fn settled(found: Vec<Found>, lenses: &Lenses, radius: f64) -> (Vec<Found>, Vec<f64>) {
-    let spacings = points::spacings(&found, radius);
+fn settled(found: Vec<Found>, lenses: &Lenses, reach: &Reach) -> (Vec<Found>, Vec<f64>) {
+    let spacings = points::spacings(&found, reach);
     // Beyond the cameras points are farther apart.
-    let scale = |found: &Found| found.position.iter().map(|x| x * x).sum::<f64>().sqrt().max(radius);
+    let scale = |found: &Found| found.position.iter().map(|x| x * x).sum::<f64>().sqrt().max(reach.radius);
     let mut relative: Vec<f64> = found.iter().zip(&spacings).map(|(found, spacing)| spacing / scale(found)).collect();
     relative.sort_by(f64::total_cmp);
     let most = LONELY * relative.get(relative.len() / 2).copied().unwrap_or(0.0);

@@ -1,6 +1,6 @@
 //! Gaussians at points: of a reconstruction, at random, or found by the other modules here.
 
-use crate::scene::capture::{Capture, Point};
+use crate::scene::capture::{Camera, Capture, Point, camera_center};
 use crate::scene::{Motion, SH_C0, Splats};
 use crate::train::config::Config;
 use crate::train::random::Random;
@@ -8,6 +8,11 @@ use std::collections::HashMap;
 
 /// Opacity to begin with (SPEC 5).
 pub(super) const OPACITY: f64 = 0.1;
+
+/// Largest standard deviation of a Gaussian from a point, in units of what measures the scene there.
+const WIDEST: f64 = 0.1;
+/// Lenses that the distance of a point is taken to, evenly chosen.
+const MOST_LENSES: usize = 512;
 
 /// Where a Gaussian begins.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -23,7 +28,7 @@ pub(super) struct Found {
 pub fn from_points(points: &[Point], capture: &Capture, config: &Config) -> Splats {
     let found = |point: &Point| Found { position: point.position, color: point.color.map(|c| f32::from(c) / 255.0) };
     let found: Vec<Found> = points.iter().map(found).collect();
-    let sizes = spacings(&found, capture.extent().radius);
+    let sizes = spacings(&found, &Reach::new(capture));
     let mut splats = Splats::new(config.sh_degree);
     append(&mut splats, &found, &sizes, OPACITY, throughout(capture));
     splats
@@ -80,8 +85,40 @@ pub fn random_points(capture: &Capture, config: &Config) -> Vec<Point> {
         .collect()
 }
 
-/// For each point the mean distance to its 3 nearest neighbours; at most a tenth of `radius`, which a lone point gets.
-pub(super) fn spacings(found: &[Found], radius: f64) -> Vec<f64> {
+/// How large Gaussians may begin.
+pub(super) struct Reach {
+    /// Of the capture's extent.
+    pub radius: f64,
+    /// Lenses of training cameras.
+    lenses: Vec<[f64; 3]>,
+}
+
+impl Reach {
+    /// That of `capture`.
+    pub fn new(capture: &Capture) -> Self {
+        let training = capture.cameras.iter().filter(|camera| !camera.is_test);
+        let poses = |camera: &Camera| -> Vec<[f64; 3]> {
+            let moves = camera.shots.iter().any(|shot| shot.world_to_camera.is_some());
+            let shots = camera.shots.iter().take(if moves { usize::MAX } else { 1 });
+            shots.map(|shot| camera_center(camera.pose(shot.frame))).collect()
+        };
+        let all: Vec<[f64; 3]> = training.flat_map(poses).collect();
+        let n = all.len().min(MOST_LENSES);
+        Reach { radius: capture.extent().radius, lenses: (0..n).map(|i| all[i * all.len() / n]).collect() }
+    }
+
+    /// The largest standard deviation at a point: a tenth of the extent, and of what the point is farther than two extents from
+    /// the nearest lens. What is far may be large, and is seen no larger.
+    fn widest(&self, at: [f64; 3]) -> f64 {
+        let square = |lens: &[f64; 3]| (0..3).map(|k| (lens[k] - at[k]).powi(2)).sum::<f64>();
+        let nearest = self.lenses.iter().map(square).fold(f64::INFINITY, f64::min).sqrt();
+        WIDEST * if nearest.is_finite() { self.radius.max(nearest - 2.0 * self.radius) } else { self.radius }
+    }
+}
+
+/// For each point the mean distance to its 3 nearest neighbours, at most what `reach` allows, which a lone point gets.
+pub(super) fn spacings(found: &[Found], reach: &Reach) -> Vec<f64> {
+    let radius = reach.radius;
     let points: Vec<[f64; 3]> = found.iter().map(|found| found.position).collect();
     // Cells that would hold about two points each if the points filled the ball evenly.
     let cell = (radius / (points.len() as f64 / 2.0).cbrt()).max(1e-9 * radius.max(1e-9));
@@ -96,10 +133,10 @@ pub(super) fn spacings(found: &[Found], radius: f64) -> Vec<f64> {
         .map(|(i, p)| {
             let center = key(p);
             let mut nearest = [f64::INFINITY; 3];
-            // A neighbour within reach * cell lies within `reach` cells: stop when the third is that near.
-            for reach in 1..=8i64 {
+            // A neighbour within cells * cell lies within `cells` cells: stop when the third is that near.
+            for cells in 1..=8i64 {
                 nearest = [f64::INFINITY; 3];
-                for offset in cube(reach) {
+                for offset in cube(cells) {
                     let at: [i64; 3] = std::array::from_fn(|k| center[k] + offset[k]);
                     for &j in grid.get(&at).into_iter().flatten().filter(|j| **j != i) {
                         let d = (0..3).map(|k| (points[j][k] - p[k]).powi(2)).sum::<f64>();
@@ -109,13 +146,14 @@ pub(super) fn spacings(found: &[Found], radius: f64) -> Vec<f64> {
                         }
                     }
                 }
-                if nearest[2].sqrt() <= reach as f64 * cell {
+                if nearest[2].sqrt() <= cells as f64 * cell {
                     break;
                 }
             }
             let found: Vec<f64> = nearest.iter().filter(|d| d.is_finite()).map(|d| d.sqrt()).collect();
             let mean = found.iter().sum::<f64>() / found.len().max(1) as f64;
-            if found.is_empty() { 0.1 * radius } else { mean.clamp(1e-7 * radius, 0.1 * radius) }
+            let widest = reach.widest(*p);
+            if found.is_empty() { widest } else { mean.clamp(1e-7 * radius, widest) }
         })
         .collect()
 }

@@ -4,6 +4,7 @@ use crate::scene::Splats;
 use crate::stage::Response;
 use crate::train::random::Random;
 use crate::train::require::evidence::Evidence;
+use crate::train::require::look::Seen;
 
 /// Numbers of a static Gaussian of degree 0, a quaternion's length not counted: position, rotation, scale, opacity, colour.
 const GEOMETRY_NUMBERS: f64 = 13.0;
@@ -12,8 +13,6 @@ const MOTION_NUMBERS: f64 = 5.0;
 /// Least temporal weight over the clip of a Gaussian that may come to rest: below, the pictures that do not show it say
 /// nothing about what it would do to them.
 const LEAST_WEIGHT: f64 = 0.25;
-/// Pictures within a Gaussian's time that must have been looked at before it may go.
-const LEAST_PICTURES: usize = 4;
 /// Median of chi squared with five degrees of freedom.
 const MEDIAN_OF_5: f64 = 4.351_46;
 /// Halvings of the interval in which an affordable price is sought.
@@ -52,9 +51,10 @@ fn cost(numbers: f64, evidence: &Evidence, price: f64) -> f64 {
     0.5 * price * numbers * evidence.n_values.max(2.0).ln()
 }
 
-/// The log-likelihood that the pictures lose by a step along which their information and slope are given.
-fn loss(information: f64, slope: f64, evidence: &Evidence) -> f64 {
-    evidence.scale * (slope + 0.5 * information) / evidence.variance.max(f64::MIN_POSITIVE)
+/// The log-likelihood that the pictures lose by a step along which their information and slope are given, of a Gaussian of which
+/// `seen` was seen.
+fn loss(information: f64, slope: f64, seen: &Seen, evidence: &Evidence) -> f64 {
+    seen.scale * (slope + 0.5 * information) / evidence.variance.max(f64::MIN_POSITIVE)
 }
 
 /// Fates of all Gaussians at the highest price of a number, `price` at most, at which the pictures lose no more than `margin` dB
@@ -93,21 +93,22 @@ pub fn affordable(
 }
 
 /// Fates of all Gaussians. `frame_times` are the normalised times of the training frames; `price` multiplies the cost of a
-/// number that may go, one that comes must pay in full; `key` chooses which of those that are not worth their numbers go now.
+/// number that may go, one that comes must pay in full; what too little was seen of stays as it is; `key` chooses which of those that are not worth their numbers go now.
 pub fn fates(splats: &Splats, evidence: &Evidence, frame_times: &[f64], price: f64, key: &[u64]) -> Vec<Fate> {
     let random = Random::new(key);
     let overdispersion = overdispersion(splats, evidence);
     let of = |i: usize| {
-        let (information, slope) = (&evidence.information[i], &evidence.slope[i]);
+        let (information, slope, seen) = (&evidence.information[i], &evidence.slope[i], &evidence.seen[i]);
         let is_dynamic = i >= splats.n_static;
-        let part = |of: fn(&Response) -> f64| loss(of(information), of(slope), evidence);
+        let caution = seen.caution();
+        let part = |of: fn(&Response) -> f64| loss(caution * of(information), of(slope), seen, evidence);
         // What is not a number stays.
         let pays = |loss: f64, numbers: f64| loss.is_nan() || loss >= cost(numbers, evidence, price);
         let (mut degree, mut color, mut lost) = (splats.degree_of(i), [0.0; 3], 0.0);
         while degree > 0 {
             let numbers = (3 * (2 * degree + 1)) as f64;
-            let band = loss(information.bands[degree - 1], slope.bands[degree - 1], evidence);
-            if pays(band, numbers) {
+            let band = loss(caution * information.bands[degree - 1], slope.bands[degree - 1], seen, evidence);
+            if !seen.tells_band(degree) || pays(band, numbers) {
                 break;
             }
             lost += band.max(0.0);
@@ -117,19 +118,20 @@ pub fn fates(splats: &Splats, evidence: &Evidence, frame_times: &[f64], price: f
         let numbers = GEOMETRY_NUMBERS
             + if is_dynamic { MOTION_NUMBERS } else { 0.0 }
             + (3 * ((degree + 1) * (degree + 1) - 1)) as f64;
-        let looked_at = evidence.times.iter().filter(|time| splats.weight_at(i, **time) > 0.1).count();
         // Two that hide each other must not go together: half of them go at a time.
-        let stays = pays(part(|r| r.whole), numbers) || looked_at < LEAST_PICTURES || random.bits(i as u64) & 1 == 0;
+        let stays = !seen.tells_all() || pays(part(|r| r.whole), numbers) || random.bits(i as u64) & 1 == 0;
+        let tells_motion = seen.tells_motion(frame_times.len());
         let time = if is_dynamic {
             let always = frame_times.iter().all(|time| splats.weight_at(i, *time) >= LEAST_WEIGHT);
-            let rest = part(|r| r.rest);
-            if always && !pays(rest, MOTION_NUMBERS) {
+            // Without caution: what comes to rest wrongly begins to move again at the next review.
+            let rest = loss(information.rest, slope.rest, seen, evidence);
+            if tells_motion && always && !pays(rest, MOTION_NUMBERS) {
                 lost += rest.max(0.0);
                 InTime::ComesToRest
             } else {
                 InTime::AsBefore
             }
-        } else if 0.5 * score(information, slope, evidence) / overdispersion > cost(MOTION_NUMBERS, evidence, 1.0) {
+        } else if tells_motion && 0.5 * score(i, evidence) / overdispersion > cost(MOTION_NUMBERS, evidence, 1.0) {
             let newton = |k: usize| -(slope.lacks[k] / information.lacks[k].max(f64::MIN_POSITIVE)) as f32;
             InTime::BeginsToMove(std::array::from_fn(newton))
         } else {
@@ -143,9 +145,10 @@ pub fn fates(splats: &Splats, evidence: &Evidence, frame_times: &[f64], price: f
 
 /// The score statistic of what a static Gaussian lacks (Rao 1948), chi squared with five degrees of freedom where it lacks
 /// nothing and errors are independent.
-fn score(information: &Response, slope: &Response, evidence: &Evidence) -> f64 {
+fn score(i: usize, evidence: &Evidence) -> f64 {
+    let (information, slope) = (&evidence.information[i], &evidence.slope[i]);
     let terms = slope.lacks.iter().zip(&information.lacks).filter(|(_, h)| **h > 0.0).map(|(g, h)| g * g / h);
-    evidence.scale * terms.sum::<f64>() / evidence.variance.max(f64::MIN_POSITIVE)
+    evidence.seen[i].scale * terms.sum::<f64>() / evidence.variance.max(f64::MIN_POSITIVE)
 }
 
 /// By how much scores are larger than independent errors would make them, at least 1: errors of neighbouring pixels and of
@@ -153,8 +156,8 @@ fn score(information: &Response, slope: &Response, evidence: &Evidence) -> f64 {
 /// Roeder 1999).
 fn overdispersion(splats: &Splats, evidence: &Evidence) -> f64 {
     let mut scores: Vec<f64> = (0..splats.n_static)
-        .filter(|&i| evidence.information[i].seen >= LEAST_PICTURES as f64)
-        .map(|i| score(&evidence.information[i], &evidence.slope[i], evidence))
+        .filter(|&i| evidence.seen[i].tells_something())
+        .map(|i| score(i, evidence))
         .filter(|score| score.is_finite())
         .collect();
     scores.sort_unstable_by(f64::total_cmp);

@@ -2,11 +2,12 @@
 
 use crate::error::Result;
 use crate::scene::capture::camera_center;
-use crate::scene::{Frame, View};
-use crate::stage::{Renderer, Response};
+use crate::scene::{Frame, Splats, View};
+use crate::stage::{Census, Renderer, Response};
 use crate::train::align::ColorMap;
 use crate::train::metrics::Sight;
-use crate::train::random::{Random, permutation};
+use crate::train::random::Random;
+use crate::train::require::look::{Album, Seen};
 
 /// Sums over some of the training pictures, by Gaussian.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -17,55 +18,88 @@ pub struct Evidence {
     pub slope: Vec<Response>,
     /// Of the error of a colour: what noise and the model's faults leave.
     pub variance: f64,
-    /// Training pictures per picture that was looked at.
-    pub scale: f64,
+    /// What was seen of it.
+    pub seen: Vec<Seen>,
     /// Colours of all training pictures, three to a pixel.
     pub n_values: f64,
-    /// Normalised times of the pictures that were looked at.
-    pub times: Vec<f64>,
+    /// Pictures that were looked at.
+    pub pictures: usize,
 }
 
 impl Evidence {
-    /// Looks at `n` random training pictures, at all if there are fewer; `key` chooses them and makes the random signs. Pictures of cameras that `has_grid`
-    /// names are compared after the affine map of colours that fits them best.
+    /// Looks at training pictures of `splats`, which `renderer` shows: at `most` at most, until all but `share` of the Gaussians
+    /// have been seen enough. `key` chooses between pictures that show as much and makes the random signs. Pictures of cameras
+    /// that `has_grid` names are compared after the affine map of colours that fits them best.
     ///
     /// # Errors
     /// Those of the renderer and of the capture's pictures.
-    pub fn gather(renderer: &mut Renderer, sight: &Sight, has_grid: &[bool], n: usize, key: &[u64]) -> Result<Self> {
-        let training = sight.capture.training_frames();
-        let chosen = permutation(training.len(), key).into_iter().take(n.max(1)).map(|at| training[at]);
+    pub fn gather(
+        renderer: &mut Renderer,
+        splats: &Splats,
+        sight: &Sight,
+        has_grid: &[bool],
+        (most, share): (usize, f64),
+        key: &[u64],
+    ) -> Result<Self> {
         let cameras = sight.capture.cameras.iter().filter(|camera| !camera.is_test);
         let census =
             renderer.census(&cameras.map(|camera| camera_center(&camera.world_to_camera)).collect::<Vec<_>>())?;
+        let mut album = Album::new(splats, sight)?;
         let mut evidence = Evidence::default();
         let (mut squares, mut n_values) = (0.0, 0u64);
-        for (index, (camera, frame)) in chosen.enumerate() {
-            let picture = sight.capture.picture(camera, frame)?;
-            let view = sight.view(camera, frame)?;
-            let random = Random::new(&[key, &[index as u64]].concat());
-            let is_mapped = has_grid.get(camera).copied().unwrap_or(false);
-            renderer.count(&census, &view, &signs(&view, &picture.pixels, random), |mut seen| {
-                if is_mapped {
-                    seen.color = ColorMap::of_view(&seen, &picture).aligned(&seen);
-                }
-                for (color, word) in seen.color.iter_mut().zip(&picture.pixels) {
-                    let [r, g, b, mask] = word.to_le_bytes();
-                    let truth = [r, g, b].map(|level| f32::from(level) / 255.0);
-                    *color = if mask == 0 { [0.0; 3] } else { std::array::from_fn(|c| color[c] - truth[c]) };
-                    squares += color.iter().map(|e| f64::from(*e).powi(2)).sum::<f64>();
-                    n_values += if mask == 0 { 0 } else { 3 };
-                }
-                seen.alpha.fill(0.0);
-                seen
-            })?;
-            evidence.times.push(view.time + view.time_offset * view.flow_dt);
+        let mut counted = vec![0.0; splats.len()];
+        loop {
+            let chosen = album.choose(share, most.saturating_sub(evidence.pictures), key)?;
+            if chosen.is_empty() {
+                break;
+            }
+            for at in chosen {
+                let (camera, frame) = album.shot(at);
+                let random = Random::new(&[key, &[evidence.pictures as u64]].concat());
+                let is_mapped = has_grid.get(camera).copied().unwrap_or(false);
+                let (own_squares, own_values) = look(renderer, &census, sight, (camera, frame), is_mapped, random)?;
+                (squares, n_values) = (squares + own_squares, n_values + own_values);
+                let before = std::mem::replace(&mut counted, renderer.seen(&census)?);
+                let shows: Vec<bool> = counted.iter().zip(before).map(|(now, before)| *now > before).collect();
+                album.look(at, &shows)?;
+                evidence.pictures += 1;
+            }
         }
         (evidence.information, evidence.slope) = renderer.counted(&census)?;
         evidence.variance = squares / n_values.max(1) as f64;
-        evidence.scale = training.len() as f64 / evidence.times.len().max(1) as f64;
-        evidence.n_values = n_values as f64 * evidence.scale;
+        evidence.n_values = n_values as f64 * album.len() as f64 / evidence.pictures.max(1) as f64;
+        evidence.seen = album.all_seen();
         Ok(evidence)
     }
+}
+
+/// Adds a training picture to `census`; returns the sum of the squared errors of its colours, and their number.
+fn look(
+    renderer: &mut Renderer,
+    census: &Census,
+    sight: &Sight,
+    (camera, frame): (usize, u32),
+    is_mapped: bool,
+    random: Random,
+) -> Result<(f64, u64)> {
+    let picture = sight.capture.picture(camera, frame)?;
+    let view = sight.view(camera, frame)?;
+    let (mut squares, mut n_values) = (0.0, 0);
+    renderer.count(census, &view, &signs(&view, &picture.pixels, random), |mut seen| {
+        if is_mapped {
+            seen.color = ColorMap::of_view(&seen, &picture).aligned(&seen);
+        }
+        for (color, word) in seen.color.iter_mut().zip(&picture.pixels) {
+            let [r, g, b, mask] = word.to_le_bytes();
+            let truth = [r, g, b].map(|level| f32::from(level) / 255.0);
+            *color = if mask == 0 { [0.0; 3] } else { std::array::from_fn(|c| color[c] - truth[c]) };
+            squares += color.iter().map(|e| f64::from(*e).powi(2)).sum::<f64>();
+            n_values += if mask == 0 { 0 } else { 3 };
+        }
+        seen.alpha.fill(0.0);
+        seen
+    })?;
+    Ok((squares, n_values))
 }
 
 /// Cotangents of the colours of `view`: a random sign each, 0 where the mask in `truth` hides the pixel.

@@ -97,25 +97,28 @@ pub fn merge_resting(splats: &mut Splats, evidence: &mut Evidence, price: f64, g
     n_merged
 }
 
-/// Whether the pictures lose less by one colour and one opacity for both than a Gaussian costs.
+/// Whether the pictures lose less by one colour and one opacity for both than a Gaussian costs, as far as both were seen.
 fn agree(splats: &Splats, evidence: &Evidence, price: f64, a: usize, b: usize) -> bool {
+    if [a, b].iter().any(|i| !evidence.seen[*i].tells_something()) {
+        return false;
+    }
     let k = splats.n_coefficients();
     let both = |of: fn(&crate::stage::Response) -> f64| {
-        let (x, y) = (of(&evidence.information[a]), of(&evidence.information[b]));
+        let [x, y] = [a, b].map(|i| evidence.seen[i].scale * evidence.seen[i].caution() * of(&evidence.information[i]));
         if x + y > 0.0 { x * y / (x + y) } else { 0.0 }
     };
     let colors = splats.sh[a * k].iter().zip(&splats.sh[b * k]);
     let color = colors.map(|(x, y)| (SH_C0 * f64::from(x - y)).powi(2)).sum::<f64>() / 3.0;
     let opacity = |i: usize| -(1.0 + (-f64::from(splats.opacity[i])).exp()).ln();
     let change = both(|r| r.color) * color + both(|r| r.whole) * (opacity(a) - opacity(b)).powi(2);
-    let loss = 0.5 * evidence.scale * change / evidence.variance.max(f64::MIN_POSITIVE);
+    let loss = 0.5 * change / evidence.variance.max(f64::MIN_POSITIVE);
     loss < 0.5 * price * NUMBERS * evidence.n_values.max(2.0).ln()
 }
 
 /// Puts the union of both into `a`: in time from the beginning of the one to the end of the other, else the mean by what the
 /// pictures know of them.
 fn unite(splats: &mut Splats, evidence: &mut Evidence, a: usize, b: usize) {
-    let (wa, wb) = (evidence.information[a].whole, evidence.information[b].whole);
+    let [wa, wb] = [a, b].map(|i| evidence.seen[i].scale * evidence.information[i].whole);
     let part = if wa + wb > 0.0 { (wb / (wa + wb)) as f32 } else { 0.5 };
     let mix = |x: f32, y: f32| x + part * (y - x);
     let (ma, mb) = (splats.motion[a - splats.n_static], splats.motion[b - splats.n_static]);
@@ -136,7 +139,7 @@ fn unite(splats: &mut Splats, evidence: &mut Evidence, a: usize, b: usize) {
     }
     let motion = &mut splats.motion[a - splats.n_static];
     (motion.velocity, motion.t_center, motion.t_scale) = ([0.0; 3], 0.5 * (begin + end), (0.5 * (end - begin)).ln());
-    let other = evidence.information[b];
+    let (other, part) = (evidence.information[b], evidence.seen[b].scale / evidence.seen[a].scale.max(1e-9));
     let own = &mut evidence.information[a];
-    (own.whole, own.color) = (own.whole + other.whole, own.color + other.color);
+    (own.whole, own.color) = (own.whole + part * other.whole, own.color + part * other.color);
 }

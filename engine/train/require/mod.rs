@@ -4,11 +4,13 @@
 mod decide;
 mod evidence;
 mod grids;
+mod look;
 mod merge;
 
 pub use decide::{Fate, InTime, affordable, fates};
 pub use evidence::Evidence;
 pub use grids::GridCheck;
+pub use look::Seen;
 pub use merge::merge_resting;
 
 use crate::error::Result;
@@ -33,6 +35,7 @@ const FEW: usize = 32;
 
 /// What a review found and did.
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(default)]
 pub struct Review {
     /// Step after which it was.
     pub step: u64,
@@ -40,6 +43,14 @@ pub struct Review {
     pub noise: f64,
     /// Price of a number, see [`Required::price`].
     pub price: f64,
+    /// Training pictures that it looked at.
+    pub pictures: usize,
+    /// As many as it was allowed to look at.
+    pub budget: usize,
+    /// Gaussians that are in none of these pictures, and may be in others.
+    pub unseen: usize,
+    /// Gaussians that were left as they are, since they are in too few of these pictures; those unseen among them.
+    pub left: usize,
     /// Gaussians before it.
     pub before: usize,
     /// Gaussians after it.
@@ -96,7 +107,8 @@ pub fn review(
     let mut checkpoint = trainer.checkpoint()?;
     let (offsets, _) = trainer.offsets()?;
     let Config { background, seed, ref required, grids, .. } = checkpoint.config;
-    let mut renderer = Renderer::new(gpu.clone(), &trainer.splats()?, constants)?;
+    let splats = trainer.splats()?;
+    let mut renderer = Renderer::new(gpu.clone(), &splats, constants)?;
     let sight = Sight { offsets: offsets.into_iter().enumerate().collect(), ..Sight::new(capture, background) };
     if due == Due::Grids {
         let n = checkpoint.params.len();
@@ -109,7 +121,8 @@ pub fn review(
     }
     let key = [seed, checkpoint.step, REVIEW];
     let has_grid = &checkpoint.cameras.has_grid;
-    let mut evidence = Evidence::gather(&mut renderer, &sight, has_grid, required.images, &key)?;
+    let budget = (required.images, required.unseen);
+    let mut evidence = Evidence::gather(&mut renderer, &splats, &sight, has_grid, budget, &key)?;
     drop(renderer);
     let n_frames = capture.n_frames.max(1);
     let times: Vec<f64> = (0..n_frames).map(|f| f64::from(f) / f64::from(n_frames)).collect();
@@ -120,7 +133,11 @@ pub fn review(
     let n_merged = merge_resting(&mut checkpoint.params, &mut evidence, price, &mut merged);
     fates.iter_mut().zip(&merged).for_each(|(fate, merged)| fate.stays &= !merged);
     let noise = evidence.variance.sqrt();
-    let report = Review { merged: n_merged, noise, price, ..tally(&checkpoint, &fates, &merged) };
+    let unseen = evidence.seen.iter().filter(|seen| seen.pictures == 0 && !seen.is_hidden).count();
+    let left = evidence.seen.iter().filter(|seen| !seen.tells_all()).count();
+    let (pictures, budget) = (evidence.pictures, required.images);
+    let found = tally(&checkpoint, &fates, &merged);
+    let report = Review { merged: n_merged, noise, price, pictures, budget, unseen, left, ..found };
     carry_out(&mut checkpoint, &fates);
     trainer.replace(&checkpoint)?;
     Ok(report)

@@ -1,0 +1,82 @@
+//! Rigs that look outward, and those that look at a scene among them: how large a scene is taken for.
+
+use ivv::scene::Splats;
+use ivv::scene::capture::{Capture, TRAINING_RADIUS, camera_center};
+use ivv::synth::{Options, Preset, Rig, write_capture};
+use ivv::train::{Config, from_points};
+
+/// The capture of a rig, as it is written to a folder of the test's own.
+fn capture(test: &str, rig: Rig) -> Capture {
+    let folder = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("train-rigs-{test}-{}", rig.name()));
+    let options = Options { rig, frames: 2, samples: 1, ..Preset::Small.options(5) };
+    write_capture(&folder, &options, 2, &mut |_, _| {}).unwrap();
+    Capture::open(&folder).unwrap()
+}
+
+fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
+    (0..3).map(|k| (a[k] - b[k]).powi(2)).sum::<f64>().sqrt()
+}
+
+/// 1.1 times the largest distance of a lens of a training camera from `center`.
+fn reach_of_lenses(capture: &Capture, center: [f64; 3]) -> f64 {
+    let training = capture.cameras.iter().filter(|camera| !camera.is_test);
+    let poses = training.flat_map(|camera| camera.shots.iter().map(|shot| camera_center(camera.pose(shot.frame))));
+    1.1 * poses.map(|lens| distance(lens, center)).fold(0.0, f64::max)
+}
+
+/// The first Gaussians from the points, and of each the mean distance to its three nearest neighbours; in the frame of training.
+fn first(capture: &Capture) -> (Capture, Splats, Vec<f64>) {
+    let capture = capture.clone().transformed(&capture.normalisation());
+    let splats = from_points(&capture.points, &capture, &Config { sh_degree: 0, ..Config::default() });
+    let spacing = |at: &ivv::scene::capture::Point| {
+        let mut all: Vec<f64> = capture.points.iter().map(|other| distance(at.position, other.position)).collect();
+        all.sort_unstable_by(f64::total_cmp);
+        all[1..4].iter().sum::<f64>() / 3.0
+    };
+    let spacings = capture.points.iter().map(spacing).collect();
+    (capture, splats, spacings)
+}
+
+#[test]
+fn a_small_rig_is_measured_by_what_it_sees_and_one_around_its_scene_by_its_lenses() {
+    for rig in Rig::ALL {
+        let capture = capture("extent", rig);
+        let extent = capture.extent();
+        let lenses = reach_of_lenses(&capture, extent.center);
+        let mut far: Vec<f64> = capture.points.iter().map(|point| distance(point.position, extent.center)).collect();
+        far.sort_unstable_by(f64::total_cmp);
+        let median = far[far.len() / 2];
+        println!("{}: lenses {lenses:.2}, median {median:.2}, extent {:.2}", rig.name(), extent.radius);
+        if rig == Rig::Inward {
+            assert!((extent.radius - lenses).abs() <= 1e-12 * lenses, "{} is not {lenses}", extent.radius);
+        } else {
+            // By its lenses it would have rates of positions for things ten times nearer than they are.
+            assert!(median > 4.0 * lenses && (extent.radius - median).abs() <= 1e-12 * median, "{}", extent.radius);
+        }
+        let normal = capture.clone().transformed(&capture.normalisation());
+        assert!((normal.extent().radius - TRAINING_RADIUS).abs() < 1e-9);
+    }
+}
+
+#[test]
+fn first_gaussians_far_from_a_small_rig_are_as_wide_as_their_neighbours_are_far() {
+    let (_, splats, spacings) = first(&capture("far", Rig::Outward));
+    let mut parts: Vec<f64> =
+        splats.scale.iter().zip(&spacings).map(|(scale, spacing)| f64::from(scale[0]).exp() / spacing).collect();
+    parts.sort_unstable_by(f64::total_cmp);
+    println!("parts of the spacing: {:.3} {:.3} {:.3}", parts[0], parts[parts.len() / 4], parts[parts.len() / 2]);
+    assert!(parts[parts.len() / 2] > 0.5, "half of them are narrower than {:.3} of that", parts[parts.len() / 2]);
+}
+
+#[test]
+fn first_gaussians_of_an_inward_rig_are_at_most_a_tenth_of_the_extent() {
+    let (capture, splats, spacings) = first(&capture("inward", Rig::Inward));
+    let mut n_limited = 0;
+    for (i, (scale, spacing)) in splats.scale.iter().zip(&spacings).enumerate() {
+        let limit = 0.1 * capture.extent().radius;
+        let expected = spacing.min(limit).ln() as f32;
+        assert!((scale[0] - expected).abs() < 1e-5, "{i}: {} is not {expected}", scale[0]);
+        n_limited += usize::from(*spacing > limit);
+    }
+    assert!(n_limited > 5, "the limit holds for {n_limited} only");
+}
