@@ -2,6 +2,7 @@
 mod capture;
 mod common;
 mod extreme;
+mod faults;
 mod grad;
 mod kernel;
 mod prepare;

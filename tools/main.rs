@@ -15,6 +15,7 @@ mod film;
 mod init;
 mod inspect;
 mod interrupt;
+mod kept;
 mod offsets;
 mod passes;
 mod prepare;

@@ -27,7 +27,7 @@ mod trainer;
 
 pub use ablation::{Arm, ArmResult, Estimate, Measure, STUDIES, Study, StudyResult};
 pub use align::ColorMap;
-pub use checkpoint::{CameraState, Checkpoint};
+pub use checkpoint::{CameraState, Checkpoint, Owed};
 pub use config::{Config, Density, FlowChoice, Init, LearningRates, Loss, Rate, Required, Resolution, Round, Strategy};
 pub use density::{density_round, noise, regularisers};
 pub use depth_fit::{DepthFit, DepthFits, DepthSummary, Unfit, fit_depths};

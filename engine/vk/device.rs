@@ -80,10 +80,13 @@ impl Instance {
         // SAFETY: plain queries.
         let (layers, extensions) = unsafe {
             (
-                entry.enumerate_instance_layer_properties().map_err(vk_error("vkEnumerateInstanceLayerProperties"))?,
+                // "Out of memory" is also what the loader answers where it can read no driver's file.
+                entry
+                    .enumerate_instance_layer_properties()
+                    .map_err(|e| no_loader(format!("vkEnumerateInstanceLayerProperties: {e:?}")))?,
                 entry
                     .enumerate_instance_extension_properties(None)
-                    .map_err(vk_error("vkEnumerateInstanceExtensionProperties"))?,
+                    .map_err(|e| no_loader(format!("vkEnumerateInstanceExtensionProperties: {e:?}")))?,
             )
         };
         let named = |name: &vk::ExtensionProperties, wanted: &CStr| name.extension_name_as_c_str() == Ok(wanted);
