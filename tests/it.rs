@@ -3,6 +3,7 @@ mod capture;
 mod common;
 mod extreme;
 mod faults;
+mod fuzz;
 mod grad;
 mod kernel;
 mod prepare;

@@ -5,9 +5,9 @@ mod colmap;
 pub mod dynamic;
 mod folder;
 pub mod model;
-mod priors;
+pub mod priors;
 mod real;
-mod transforms;
+pub mod transforms;
 
 use std::fs;
 use std::path::{Path, PathBuf};

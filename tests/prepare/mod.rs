@@ -3,7 +3,7 @@
 mod board;
 mod programs;
 mod resume;
-mod sources;
+pub mod sources;
 mod undistort;
 
 use std::path::Path;
