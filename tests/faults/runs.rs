@@ -86,7 +86,7 @@ impl Bed {
 
     /// A new one, with these settings of its trainings.
     pub fn new(name: &str, settings: &[&str]) -> Self {
-        let folder = std::env::temp_dir().join(format!("ivv-faults-{name}-{}", std::process::id()));
+        let folder = crate::common::quick_folder().join(format!("ivv-faults-{name}-{}", std::process::id()));
         let _ = std::fs::remove_dir_all(&folder);
         std::fs::create_dir_all(&folder).unwrap();
         let options =

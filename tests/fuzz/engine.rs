@@ -167,7 +167,7 @@ impl Bench {
 
 /// Runs so many cases, or cases for this format's part of IVV_FUZZ_SECONDS; or the one of IVV_FUZZ_REPLAY.
 pub fn fuzz(name: &'static str, n: u32, n_formats: usize, seeds: Vec<Seed>) {
-    let folder = std::env::temp_dir().join(format!("ivv-fuzz-{name}-{}", std::process::id()));
+    let folder = crate::common::quick_folder().join(format!("ivv-fuzz-{name}-{}", std::process::id()));
     if let Ok(text) = std::env::var("IVV_FUZZ_REPLAY") {
         let Some((_, case)) = text.split_once(':').filter(|(format, _)| *format == name) else { return };
         let case = case_of(case).expect("IVV_FUZZ_REPLAY is FORMAT:CASE, as a failure tells it");
@@ -190,15 +190,12 @@ pub fn fuzz(name: &'static str, n: u32, n_formats: usize, seeds: Vec<Seed>) {
             Ok(outcome) => break outcome,
             Err(RecvTimeoutError::Disconnected) => panic!("{name}: the thread of the cases ended"),
             Err(RecvTimeoutError::Timeout) => {
-                let current = current.lock().unwrap();
-                if let Some((begun, case)) =
-                    current.as_ref().filter(|(begun, _)| begun.elapsed().as_secs_f64() > LONGEST_S)
-                {
-                    let seconds = begun.elapsed().as_secs();
+                let is_long = |(begun, _): &(Instant, Case)| begun.elapsed().as_secs_f64() > LONGEST_S;
+                let long = current.lock().unwrap().clone().filter(is_long);
+                if let Some((_, case)) = long {
+                    let (case, folder) = (hex(&case), folder.display());
                     panic!(
-                        "{name}: no end after {seconds} s; IVV_FUZZ_REPLAY={name}:{}, files in {}",
-                        hex(case),
-                        folder.display()
+                        "{name}: no end after {LONGEST_S} s\nagain: IVV_FUZZ_REPLAY={name}:{case}\nfiles in {folder}"
                     );
                 }
             }
@@ -213,7 +210,7 @@ pub fn fuzz(name: &'static str, n: u32, n_formats: usize, seeds: Vec<Seed>) {
         ),
         Ok(Ok(Figures { executions, taken, most_bytes, longest_s })) => {
             println!(
-                "{name:<12} {executions:>9} executions, {taken:>9} read without a fault, {:>6} KiB at most, {:>5.0} ms at most",
+                "{name:<20} {executions:>9} executions, {taken:>9} read without a fault, {:>6} KiB at most, {:>5.0} ms at most",
                 most_bytes >> 10,
                 1e3 * longest_s
             );
@@ -284,6 +281,8 @@ fn a_panic_and_an_allocation_are_found_and_shrunk() {
     let message = |read: fn(&Path) -> bool| {
         let seeds = vec![Seed::of([("a.bin", vec![1u8; 40])], read)];
         let found = std::panic::catch_unwind(|| fuzz("control", 5000, 1, seeds)).expect_err("it is found");
+        let folder = crate::common::quick_folder().join(format!("ivv-fuzz-control-{}", std::process::id()));
+        std::fs::remove_dir_all(folder).unwrap();
         found.downcast_ref::<String>().expect("a message").clone()
     };
     let panics = message(|folder| {

@@ -66,8 +66,9 @@ pub fn checkpoint(parts: &Files) -> Files {
     let (mut header, body) = (parts["header"].clone(), &parts["body"]);
     if let Ok(mut value) = serde_json::from_slice::<Value>(&header) {
         let mut at = 0usize;
-        for section in value["sections"].as_array_mut().into_iter().flatten() {
-            let length = section["len"].as_u64().and_then(|n| usize::try_from(n).ok()?.checked_mul(4));
+        for section in value.get_mut("sections").and_then(Value::as_array_mut).into_iter().flatten() {
+            let length =
+                section.get("len").and_then(Value::as_u64).and_then(|n| usize::try_from(n).ok()?.checked_mul(4));
             let Some(data) = length.and_then(|n| body.get(at..at.checked_add(n)?)) else { break };
             at += data.len();
             if let Some(section) = section.as_object_mut() {

@@ -30,37 +30,37 @@ macro_rules! formats {
 }
 
 formats! {
-    ply, 900, scenes::ply();
-    compressed_ply, 900, scenes::compressed_ply();
-    spz, 900, scenes::spz();
-    spz_4, 900, scenes::spz_4();
-    splat, 1500, scenes::splat();
-    sog, 300, scenes::sog();
-    cameras, 700, scenes::cameras();
-    tensors, 900, scenes::tensors();
-    depth, 900, scenes::depth();
-    flow, 900, scenes::flow();
+    ply, 1800, scenes::ply();
+    compressed_ply, 1800, scenes::compressed_ply();
+    spz, 1800, scenes::spz();
+    spz_4, 1800, scenes::spz_4();
+    splat, 3000, scenes::splat();
+    sog, 600, scenes::sog();
+    cameras, 1400, scenes::cameras();
+    tensors, 1800, scenes::tensors();
+    depth, 1800, scenes::depth();
+    flow, 1800, scenes::flow();
     capture_folder, 60, sources::capture_folder();
-    colmap_text, 200, sources::colmap_text();
-    colmap_binary, 200, sources::colmap_binary();
-    transforms, 200, sources::transforms();
-    dynamic_3d_gaussians, 200, sources::dynamic();
+    colmap_text, 400, sources::colmap_text();
+    colmap_binary, 400, sources::colmap_binary();
+    transforms, 400, sources::transforms();
+    dynamic_3d_gaussians, 400, sources::dynamic();
     caliscope, 60, sources::caliscope();
     qualisys, 60, sources::qualisys();
     pose2sim, 60, sources::pose2sim();
     immersive, 60, sources::immersive();
     llff, 60, sources::llff();
-    rig, 200, sources::rig();
+    rig, 400, sources::rig();
     keypoints, 60, sounds::keypoints();
-    wav, 700, sounds::wav();
+    wav, 1400, sounds::wav();
     responses, 40, sounds::responses();
-    tracks, 700, sounds::tracks();
-    sound_scene, 300, sounds::sound_scene();
-    paths, 500, sounds::paths();
-    config, 300, trainings::config();
-    checkpoint, 300, trainings::checkpoint();
-    run, 300, trainings::run();
-    dispatch, 300, trainings::dispatch();
+    tracks, 1400, sounds::tracks();
+    sound_scene, 600, sounds::sound_scene();
+    paths, 1000, sounds::paths();
+    config, 600, trainings::config();
+    checkpoint, 600, trainings::checkpoint();
+    run, 600, trainings::run();
+    dispatch, 600, trainings::dispatch();
 }
 
 /// All files below `folder`, by path.
