@@ -6,7 +6,7 @@ const PROFILED: u64 = 5;
 /// How often a run is saved and scored.
 #[derive(clap::Args)]
 pub struct DueArgs {
-    /// Steps between two checkpoints; a tenth of the run without it.
+    /// Steps between two checkpoints, the most that a lost device can cost; a tenth of the run without it.
     #[arg(long)]
     checkpoint_every: Option<u64>,
     /// Steps between two evaluations of some test images; a tenth of the run without it, 0 for none.

@@ -63,7 +63,7 @@ fn a_training_without_memory_leaves_its_last_step() {
     let mut irregular = 0;
     for (call, tenths, code) in [("vkCreateBuffer", 5, -2), ("vkQueueSubmit", 4, -1), ("vkWaitSemaphores", 6, -1)] {
         // Of two waits for a submission the second, by what destroys it, is not needed.
-        let n = bed.counts()[call] * tenths / 10 | 1;
+        let n = (bed.counts()[call] * tenths / 10) | 1;
         let ended = bed.run(Verb::Train, Some(&format!("{call}:{n}:{code}")));
         assert_eq!(ended.code, Some(5), "{}", ended.told);
         let stopped = ended.stopped_after().expect("the message names the last step");

@@ -192,10 +192,17 @@ impl Bed {
                 command.args(["--steps", &STEPS.to_string(), "--checkpoint-every", &EVERY.to_string()]);
             }
             Verb::Eval => {
-                command.arg("eval").arg(at("run"));
+                // It writes into the folder of its run.
+                std::fs::create_dir_all(output).unwrap();
+                for name in ["config.json", "run.json", "scene.ply", "train.json", "train.jsonl"] {
+                    std::fs::copy(at("run").join(name), output.join(name)).unwrap();
+                }
+                command.arg("eval").arg(output);
             }
         }
-        command.arg("-o").arg(output);
+        if verb != Verb::Eval {
+            command.arg("-o").arg(output);
+        }
         if let Ok(device) = std::env::var("IVV_TEST_DEVICE") {
             command.args(["--device", &device]);
         }

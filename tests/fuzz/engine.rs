@@ -125,7 +125,7 @@ impl Bench {
         let name = names[usize::from(*part) % names.len()];
         let mut parts = parts.clone();
         if let Some(bytes) = parts.get_mut(name) {
-            *bytes = changes.iter().fold(std::mem::take(bytes), |bytes, change| changed(bytes, change));
+            *bytes = changes.iter().fold(std::mem::take(bytes), changed);
         }
         (index, build(&parts))
     }
