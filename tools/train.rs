@@ -20,6 +20,7 @@ use ivv::stage::PassReport;
 use ivv::train::{
     Checkpoint, DepthSummary, Evaluation, Kind, Log, Owed, Plan, Run, Setup, StepReport, Trainer, permutation, spread,
 };
+use std::cmp::Ordering;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -183,8 +184,7 @@ impl Session<'_> {
                 Vec::new()
             };
             let step = self.trainer.step();
-            let review = ivv::train::review_due(self.scorer.config, step, self.total).is_some();
-            let owed = Owed { review, offsets: self.due.offset_check(step), density: false };
+            let owed = self.due_after(step);
             self.owed = (step, owed);
             if owed != Owed::default() || self.due.evaluation(step) || self.due.checkpoint(step) {
                 self.trainer.finish()?;
@@ -232,7 +232,12 @@ impl Session<'_> {
             && let Ok(rescued) = self.trainer.rescue()
         {
             let (step, owed) = self.owed;
-            let owed = if step == rescued.step { owed } else { Owed::default() };
+            let owed = match rescued.step.cmp(&step) {
+                Ordering::Less => Owed::default(),
+                Ordering::Equal => owed,
+                // It ended while it was rescued.
+                Ordering::Greater => self.due_after(rescued.step),
+            };
             let owed = Owed { density: rescued.owed.density, ..owed };
             let written = Checkpoint { world, owed, ..rescued }.write(&self.checkpoints);
             if written.is_ok() {
@@ -241,6 +246,12 @@ impl Session<'_> {
             }
         }
         kept::told(error, self.trainer.ended(), &self.checkpoints, &self.args.capture, &self.args.output)
+    }
+
+    /// What is due after a step beside density control, which the trainer sees to.
+    fn due_after(&self, step: u64) -> Owed {
+        let review = ivv::train::review_due(self.scorer.config, step, self.total).is_some();
+        Owed { review, offsets: self.due.offset_check(step), density: false }
     }
 
     /// Does what is due after the last step.

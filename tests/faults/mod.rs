@@ -76,6 +76,16 @@ fn a_training_without_memory_leaves_its_last_step() {
     assert!(irregular > 0, "the regular checkpoints alone would do");
 }
 
+/// The step that could not be waited for ended all the same, and what is due after it, a look at the offsets, is not forgotten.
+#[test]
+fn what_is_due_after_a_rescued_step_is_done_after_resumption() {
+    let bed = Bed::new("owed", &["offsets=true"]);
+    let ended = bed.run(Verb::Train, Some("vkGetQueryPoolResults:4:-1"));
+    assert_eq!((ended.code, ended.checkpoint), (Some(5), ended.stopped_after()), "{}", ended.told);
+    assert_eq!(ended.checkpoint, Some(2 * runs::STEPS / 3), "the offsets are looked at after this step");
+    bed.resume_and_compare(&ended);
+}
+
 /// Memory that stays short: the checkpoint that was there is kept and named.
 #[test]
 fn a_training_that_stays_without_memory_names_what_it_has() {
