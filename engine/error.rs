@@ -31,7 +31,7 @@ pub enum Error {
     OutOfMemory {
         /// What was to be allocated or bound.
         what: String,
-        /// Bytes (or items, as `what` says) needed.
+        /// Bytes (or items, as `what` says) needed; 0 where the driver does not say.
         needed: u64,
         /// The limit that binds, in the same unit.
         limit: u64,
@@ -47,7 +47,7 @@ pub enum Error {
     },
     /// The device stopped answering.
     DeviceLost {
-        /// The last pass known to have begun.
+        /// The last pass known to have begun; empty where none was under way.
         after_pass: String,
     },
     /// A Vulkan call failed in a way that has no better name.
@@ -94,6 +94,9 @@ impl fmt::Display for Error {
                 write!(f, ": {reason}; {remedy}")
             }
             Error::NoDevice { reason, remedy } => write!(f, "no usable Vulkan device: {reason}; {remedy}"),
+            Error::OutOfMemory { what, needed: 0, remedy, .. } => {
+                write!(f, "{what} failed: the device or its driver is out of memory; {remedy}")
+            }
             Error::OutOfMemory { what, needed, limit, remedy } => {
                 write!(f, "{what} needs {needed}, the limit is {limit}; {remedy}")
             }
@@ -102,11 +105,13 @@ impl fmt::Display for Error {
                 "{call} failed: {of} is out of memory; close other programs, choose a device with more memory, or use a \
                  smaller scene or picture"
             ),
-            Error::DeviceLost { after_pass } => write!(
-                f,
-                "the device was lost; the last pass known to have begun is `{after_pass}`; \
-                 run again, with --device to choose another device if it persists"
-            ),
+            Error::DeviceLost { after_pass } => {
+                write!(f, "the device was lost; ")?;
+                if !after_pass.is_empty() {
+                    write!(f, "the last pass known to have begun is `{after_pass}`; ")?;
+                }
+                write!(f, "run again, with --device to choose another device if it persists")
+            }
             Error::Vulkan { call, reason } => write!(f, "{call} failed: {reason}"),
             Error::NonFinite { what, count } => write!(f, "{what} holds {count} values that are not finite"),
         }

@@ -2,6 +2,8 @@
 mod capture;
 mod common;
 mod extreme;
+mod faults;
+mod fuzz;
 mod grad;
 mod kernel;
 mod prepare;

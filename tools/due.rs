@@ -6,7 +6,7 @@ const PROFILED: u64 = 5;
 /// How often a run is saved and scored.
 #[derive(clap::Args)]
 pub struct DueArgs {
-    /// Steps between checkpoints. By default a tenth of the run.
+    /// Steps between checkpoints, which is the most that a lost device can cost. By default a tenth of the run.
     #[arg(long)]
     checkpoint_every: Option<u64>,
     /// Steps between evaluations of some test images; 0 for none. By default a tenth of the run.

@@ -17,6 +17,7 @@ mod film;
 mod init;
 mod inspect;
 mod interrupt;
+mod kept;
 mod line;
 mod offsets;
 mod passes;

@@ -9,7 +9,7 @@ use ivv::gpu::Gpu;
 use ivv::scene::capture::{Capture, CaptureSettings};
 use ivv::scene::{read_views, remove_temporaries};
 use ivv::settings::Constants;
-use ivv::train::{Checkpoint, Config, Run, RunLock, Trainer, near_plane};
+use ivv::train::{Checkpoint, Config, Owed, Run, RunLock, Trainer, near_plane};
 use ivv::words::count;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -111,7 +111,8 @@ impl Start {
         };
         trainer.extend(self.config.clone(), self.total)?;
         // A run that is killed before its next checkpoint still goes on to the new end.
-        Checkpoint { world: self.run.world, ..trainer.checkpoint()? }.write(&self.checkpoints)?;
+        let owed = Owed { density: false, ..checkpoint.owed };
+        Checkpoint { world: self.run.world, owed, ..trainer.checkpoint()? }.write(&self.checkpoints)?;
         write_json(&self.checkpoints.with_file_name("config.json"), &self.config)?;
         let percent = |total: u64| 100.0 * checkpoint.step as f64 / total.max(1) as f64;
         say!(

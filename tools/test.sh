@@ -2,12 +2,19 @@
 # Sets up and runs the tests. Every lane has the validation layer on, and any message fails it.
 #   tools/test.sh [ARGS]           the default device
 #   tools/test.sh --slow [ARGS]    the other lanes: subgroups of 4 and 16, one thread, no push descriptors,
-#                                  synchronisation validation, the long tests, SwiftShader, mutations
+#                                  synchronisation validation, the long tests (with faults of the device at many
+#                                  calls), SwiftShader, mutations
+#   tools/test.sh --fuzz [SECONDS] every reader on damaged files, so long for all formats together; an hour without
 # ARGS go to cargo test.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 source tools/env.sh
 
+if [ "${1:-}" = --fuzz ]; then
+    tools/setup.sh test
+    own_the_target_folder
+    exec env IVV_FUZZ_SECONDS="${2:-3600}" cargo test --locked --profile fuzz --test it -- fuzz:: --nocapture
+fi
 slow=no
 if [ "${1:-}" = --slow ]; then
     slow=yes

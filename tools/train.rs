@@ -7,6 +7,7 @@ use crate::due::{Due, DueArgs};
 use crate::eval::Scorer;
 use crate::files::write_json;
 use crate::interrupt::{Interrupted, Stop};
+use crate::kept;
 use crate::offsets;
 use crate::passes::{self, TimedPass};
 use crate::progress::Steps;
@@ -20,9 +21,10 @@ use anyhow::Context;
 use ivv::scene::capture::{FrameCache, PriorPlan};
 use ivv::stage::PassReport;
 use ivv::train::{
-    Checkpoint, DepthSummary, Evaluation, Kind, Log, Plan, Setup, StepReport, Trainer, permutation, spread,
+    Checkpoint, DepthSummary, Evaluation, Kind, Log, Owed, Plan, Setup, StepReport, Trainer, permutation, spread,
 };
 use ivv::words::count;
+use std::cmp::Ordering;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::time::Instant;
@@ -94,7 +96,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         None => Trainer::new(gpu.clone(), &splats, run.constants, config.clone(), total, setup)?,
     };
     start.extend(&mut trainer)?;
-    let before = trainer.step();
+    let (before, owed) = (trainer.step(), resumed.as_ref().map(|checkpoint| checkpoint.owed));
     if let Some(n @ 1..) = splats.len().checked_sub(trainer.n_gaussians() as usize) {
         alert!("{} left out: not finite, or too bright", count(n, "Gaussian"));
     }
@@ -129,10 +131,10 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         seconds: 0.0,
         seconds_before: log.series(Kind::Step, "seconds").last().map_or(0.0, |[_, seconds]| *seconds),
         waited: 0.0,
+        owed: (before, owed.unwrap_or_default()),
         log,
     };
-    session.train(&order, &stop)?;
-    session.finish(json)
+    session.train(&order, &stop).and_then(|()| session.finish(json)).map_err(|error| session.failed(error))
 }
 
 /// A run under way.
@@ -156,11 +158,18 @@ struct Session<'a> {
     seconds_before: f64,
     /// Seconds in which steps waited for images.
     waited: f64,
+    /// A step, and what is due after it and has not been done.
+    owed: (u64, Owed),
 }
 
 impl Session<'_> {
     /// Steps through `order`.
     fn train(&mut self, order: &[(usize, u32)], stop: &Stop) -> anyhow::Result<()> {
+        if self.trainer.step() == 0 {
+            // Whatever happens from here on, there is a checkpoint to go on from.
+            self.write_checkpoint()?;
+        }
+        self.settle()?;
         let capture = self.scorer.capture;
         let mut cache = FrameCache::new(capture, order.iter().copied(), &self.priors, self.args.cache_bytes, 2)?;
         for &(camera, frame) in order {
@@ -174,12 +183,9 @@ impl Session<'_> {
                 Vec::new()
             };
             let step = self.trainer.step();
-            let review_due = ivv::train::review_due(self.scorer.config, step, self.total);
-            if review_due.is_some()
-                || self.due.evaluation(step)
-                || self.due.checkpoint(step)
-                || self.due.offset_check(step)
-            {
+            let owed = self.due_after(step);
+            self.owed = (step, owed);
+            if owed != Owed::default() || self.due.evaluation(step) || self.due.checkpoint(step) {
                 self.trainer.finish()?;
             }
             self.seconds += begun.elapsed().as_secs_f64();
@@ -189,19 +195,11 @@ impl Session<'_> {
                 self.log.push(Kind::Profile, &profiled(&self.scorer, report, &times))?;
             }
             reports.iter().try_for_each(|report| self.note(report))?;
-
-            if let Some(due) = review_due {
-                self.review(due)?;
-            }
-            if self.due.offset_check(step) {
-                offsets::freeze(&mut self.trainer, &self.scorer)?;
-            }
+            self.settle()?;
             let is_stopped = stop.is_asked();
             let best = if is_stopped { None } else { self.evaluate(step)? };
             if self.due.checkpoint(step) || best.is_some() || is_stopped {
-                let world = self.scorer.run.world;
-                Checkpoint { world, ..self.trainer.checkpoint()? }.write(&self.checkpoints)?;
-                self.log.write()?;
+                self.write_checkpoint()?;
             }
             if let Some(psnr) = best {
                 Checkpoint::keep_best(&self.checkpoints, step, psnr)?;
@@ -210,6 +208,63 @@ impl Session<'_> {
                 return Err(Interrupted("a checkpoint was written; continue with --resume").into());
             }
         }
+        Ok(())
+    }
+
+    fn write_checkpoint(&mut self) -> ivv::Result<()> {
+        let world = self.scorer.run.world;
+        Checkpoint { world, ..self.trainer.checkpoint()? }.write(&self.checkpoints)?;
+        self.log.write()
+    }
+
+    /// Keeps what can be kept of a run that `error` ends, and adds to the error what that is and how to go on: the last step
+    /// where the device still answers, the newest checkpoint otherwise.
+    fn failed(&mut self, error: anyhow::Error) -> anyhow::Error {
+        if error.downcast_ref::<Interrupted>().is_some() {
+            return error;
+        }
+        let world = self.scorer.run.world;
+        let is_lost = matches!(error.downcast_ref(), Some(ivv::Error::DeviceLost { .. }));
+        let is_done = self.trainer.ended() == self.total;
+        if !is_lost
+            && !is_done
+            && let Ok(rescued) = self.trainer.rescue()
+        {
+            let (step, owed) = self.owed;
+            let owed = match rescued.step.cmp(&step) {
+                Ordering::Less => Owed::default(),
+                Ordering::Equal => owed,
+                // It ended while it was rescued.
+                Ordering::Greater => self.due_after(rescued.step),
+            };
+            let owed = Owed { density: rescued.owed.density, ..owed };
+            let written = Checkpoint { world, owed, ..rescued }.write(&self.checkpoints);
+            if written.is_ok() {
+                // The lines of the log are not needed to go on.
+                let _ = self.log.write();
+            }
+        }
+        kept::told(error, self.trainer.ended(), &self.checkpoints, &self.args.output)
+    }
+
+    /// What is due after a step beside density control, which the trainer sees to.
+    fn due_after(&self, step: u64) -> Owed {
+        let review = ivv::train::review_due(self.scorer.config, step, self.total).is_some();
+        Owed { review, offsets: self.due.offset_check(step), density: false }
+    }
+
+    /// Does what is due after the last step.
+    fn settle(&mut self) -> anyhow::Result<()> {
+        let (step, owed) = self.owed;
+        let due = ivv::train::review_due(self.scorer.config, step, self.total);
+        if let (true, Some(due)) = (owed.review, due) {
+            self.review(due)?;
+        }
+        self.owed.1.review = false;
+        if owed.offsets {
+            offsets::freeze(&mut self.trainer, &self.scorer)?;
+        }
+        self.owed.1.offsets = false;
         Ok(())
     }
 
@@ -254,7 +309,7 @@ impl Session<'_> {
     }
 
     /// Writes the scene, the totals, all scores and the report.
-    fn finish(mut self, json: bool) -> anyhow::Result<()> {
+    fn finish(&mut self, json: bool) -> anyhow::Result<()> {
         let (output, trainer) = (&self.args.output, &mut self.trainer);
         let world = self.scorer.run.world;
         let scene = output.join("scene.ply");

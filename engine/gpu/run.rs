@@ -33,15 +33,26 @@ pub struct PassTime {
 }
 
 /// A recording that the device works on. Dropping it waits.
-pub struct Running(crate::vk::Submission);
+pub struct Running {
+    submission: crate::vk::Submission,
+    /// Of its passes, where they are timed.
+    labels: Vec<String>,
+}
 
 impl Running {
-    /// Waits for its end.
+    /// Waits for its end and returns the time of each pass; none where they are not timed or the device has no timestamps.
+    /// Where that fails with anything but a lost device, the work goes on, and it can be waited for again.
     ///
     /// # Errors
     /// [`Error::DeviceLost`] with the last pass that began.
-    pub fn wait(self) -> Result<()> {
-        self.0.wait().map(drop)
+    pub fn wait(&self) -> Result<Vec<PassTime>> {
+        let done = self.submission.wait()?;
+        let timed = |(label, [begin_ns, end]): (&String, [f64; 2])| PassTime {
+            label: label.clone(),
+            begin_ns,
+            ns: end - begin_ns,
+        };
+        Ok(self.labels.iter().zip(done.pass_ns).map(timed).collect())
     }
 }
 
@@ -184,22 +195,23 @@ impl Gpu {
 
     /// Hands `recording` to the device and does not wait; it begins when all that was handed over before has ended.
     pub fn start(&self, recording: &Recording) -> Result<Running> {
-        self.submit(recording, false).map(Running)
+        Ok(Running { submission: self.submit(recording, false)?, labels: Vec::new() })
+    }
+
+    /// As [`Gpu::start`], with the time of each pass taken.
+    pub fn start_timed(&self, recording: &Recording) -> Result<Running> {
+        let labels = recording.passes().iter().map(|pass| pass.label.clone()).collect();
+        Ok(Running { submission: self.submit(recording, true)?, labels })
     }
 
     /// Runs `recording` and waits for its end.
     pub fn run(&self, recording: &Recording) -> Result<()> {
-        self.start(recording)?.wait()
+        self.start(recording)?.wait().map(drop)
     }
 
     /// Runs `recording`, waits, and returns the time of each pass; none where the device has no timestamps.
     pub fn run_timed(&self, recording: &Recording) -> Result<Vec<PassTime>> {
-        let done = self.submit(recording, true)?.wait()?;
-        let labels = recording.passes().iter().map(|pass| pass.label.clone());
-        Ok(labels
-            .zip(done.pass_ns)
-            .map(|(label, [begin_ns, end])| PassTime { label, begin_ns, ns: end - begin_ns })
-            .collect())
+        self.start_timed(recording)?.wait()
     }
 
     fn submit(&self, recording: &Recording, timestamps: bool) -> Result<crate::vk::Submission> {

@@ -40,6 +40,19 @@ pub struct Checkpoint {
     pub state: Vec<[f32; 4]>,
     /// What is learnt of the cameras.
     pub cameras: CameraState,
+    /// What was due after the step and has not been done: the run failed there.
+    pub owed: Owed,
+}
+
+/// What is due after a step and has not been done.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+pub struct Owed {
+    /// The round of density control.
+    pub density: bool,
+    /// The review of what the scene requires.
+    pub review: bool,
+    /// The look at which cameras' time offsets the pictures tell.
+    pub offsets: bool,
 }
 
 /// The cameras' own parameters.
@@ -71,6 +84,8 @@ struct Header {
     learns_offset: Vec<bool>,
     grid_steps: Vec<u64>,
     has_grid: Vec<bool>,
+    #[serde(default)]
+    owed: Owed,
     sections: Vec<Section>,
 }
 
@@ -161,6 +176,7 @@ impl Checkpoint {
             learns_offset: self.cameras.learns_offset.clone(),
             grid_steps: self.cameras.grid_steps.clone(),
             has_grid: self.cameras.has_grid.clone(),
+            owed: self.owed,
             sections: sections.iter().map(told).collect(),
         };
         write_atomic(&file, |to| {
@@ -292,7 +308,7 @@ impl Checkpoint {
             return Err(fault("sections", "are of different numbers of Gaussians".to_owned()));
         }
         let clocks: Vec<[f32; 4]> = take("clocks")?.as_chunks().0.to_vec();
-        let Header { step, total, config, world, origin, learns_offset, grid_steps, has_grid, .. } = header;
+        let Header { step, total, config, world, origin, learns_offset, grid_steps, has_grid, owed, .. } = header;
         let mut grids = Vec::new();
         for index in 0..grid_steps.len() {
             let mut part = |part: &str| take(&format!("grid{index}.{part}"));
@@ -306,7 +322,7 @@ impl Checkpoint {
             return Err(fault("sections", "are of different numbers of cameras".to_owned()));
         }
         let cameras = CameraState { clocks, learns_offset, grids, grid_steps, has_grid };
-        Ok(Checkpoint { step, total, config, world, origin, params, first, second, state, cameras })
+        Ok(Checkpoint { step, total, config, world, origin, params, first, second, state, cameras, owed })
     }
 
     /// The newest checkpoint of `folder` that can be read, with a warning for each newer one that cannot; none when there

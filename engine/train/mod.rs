@@ -28,7 +28,7 @@ mod trainer;
 
 pub use ablation::{Arm, ArmResult, Base, Estimate, Measure, STUDIES, Study, StudyResult};
 pub use align::ColorMap;
-pub use checkpoint::{CameraState, Checkpoint};
+pub use checkpoint::{CameraState, Checkpoint, Owed};
 pub use config::{
     Config, Density, FlowChoice, Init, LearningRates, Loss, Pace, Rate, Required, Resolution, Round, Strategy,
 };

@@ -316,15 +316,17 @@ impl Objective {
     pub fn freeze(&mut self, gpu: &Gpu, freeze: &[bool]) -> Result<()> {
         let Some(clocks) = &self.clocks else { return Ok(()) };
         let mut state = gpu.read(&clocks.state)?;
-        for ((clock, learns), freeze) in state.iter_mut().zip(&mut self.learns_offset).zip(freeze) {
+        let mut learns_offset = self.learns_offset.clone();
+        for ((clock, learns), freeze) in state.iter_mut().zip(&mut learns_offset).zip(freeze) {
             if *learns && *freeze {
                 (*clock, *learns) = ([0.0; 4], false);
             }
         }
-        let free = || self.learns_offset.iter().enumerate().filter(|(_, learns)| **learns).map(|(camera, _)| camera);
+        let free = || learns_offset.iter().enumerate().filter(|(_, learns)| **learns).map(|(camera, _)| camera);
         let mean = free().map(|k| f64::from(state[k][0])).sum::<f64>() / free().count().max(1) as f64;
         free().for_each(|k| state[k][0] = (f64::from(state[k][0]) - mean) as f32);
-        self.clocks = Some(Clocks::new(gpu, &state, &self.learns_offset)?);
+        self.clocks = Some(Clocks::new(gpu, &state, &learns_offset)?);
+        self.learns_offset = learns_offset;
         Ok(())
     }
 

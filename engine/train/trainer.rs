@@ -3,7 +3,7 @@
 //! A step is handed to the device before the one before has ended, and the host waits for none but the oldest. A step
 //! whose lists do not fit leaves a mark that stops those after it; all are then run again in order with more room.
 
-use super::checkpoint::Checkpoint;
+use super::checkpoint::{Checkpoint, Owed};
 use super::config::Config;
 use super::density::{density_round, noise, regularisers};
 use super::metrics::psnr;
@@ -17,8 +17,8 @@ use crate::scene::capture::Picture;
 use crate::scene::{Cone, Similarity, Splats, View};
 use crate::settings::Constants;
 use crate::stage::{
-    AdamMode, Counters, Counts, Lists, Moments, Optimiser, PassReport, Purpose, Room, SceneBuffers, State,
-    StepSettings, Strip, Target, Verdict, Workspace, adam_params, add_passes, lazy_sums, record_mcmc_noise,
+    AdamMode, Counters, Counts, DensityRound, Lists, Moments, Optimiser, PassReport, Purpose, Room, SceneBuffers,
+    State, StepSettings, Strip, Target, Verdict, Workspace, adam_params, add_passes, lazy_sums, record_mcmc_noise,
     view_params,
 };
 use std::collections::VecDeque;
@@ -210,14 +210,15 @@ impl Trainer {
     /// # Errors
     /// As [`Trainer::new`].
     pub fn resume(gpu: Arc<Gpu>, checkpoint: &Checkpoint, constants: Constants, setup: Setup) -> Result<Self> {
-        let Checkpoint { step, total, config, origin, params, first, second, state, cameras, .. } = checkpoint;
+        let Checkpoint { step, total, config, origin, params, first, second, state, cameras, owed, .. } = checkpoint;
         let setup = Setup { has_grid: cameras.has_grid.clone(), ..setup };
         let mut trainer = Self::begin(gpu, params, constants, config.clone(), *total, setup)?;
         trainer.objective.restore(&trainer.gpu, cameras)?;
         trainer.scene.origin = *origin;
         trainer.optimiser.moments = Moments::upload(&trainer.gpu, &trainer.scene, first, second, config.moment_bits)?;
         trainer.optimiser.state = upload_state(&trainer.gpu, &trainer.scene, state)?;
-        (trainer.step, trainer.controlled) = (*step, *step);
+        // Density control that is still due runs before the next step.
+        (trainer.step, trainer.controlled) = (*step, if owed.density { step.saturating_sub(1) } else { *step });
         Ok(trainer)
     }
 
@@ -228,6 +229,32 @@ impl Trainer {
     /// As [`Trainer::train`].
     pub fn checkpoint(&mut self) -> Result<Checkpoint> {
         self.finish()?;
+        self.snapshot()
+    }
+
+    /// After an error that left the device alive: everything after the last step that ended well, with what was due
+    /// after it and has not been done. Frees the memory of a step first, for the reading. To be used once, as the last
+    /// thing before the trainer is dropped or replaced.
+    ///
+    /// # Errors
+    /// Those of the device, which may be lost or still without memory.
+    pub fn rescue(&mut self) -> Result<Checkpoint> {
+        while let Some(step) = self.in_flight.front() {
+            step.running.wait()?;
+            let Some(Step { inputs, results, .. }) = self.in_flight.pop_front() else { break };
+            if !matches!(self.end(&inputs, &results), Ok(true)) {
+                // Those behind it have done nothing.
+                self.step = inputs.step - 1;
+                self.in_flight.clear();
+            }
+        }
+        self.work = None;
+        let owed = Owed { density: self.due_round().is_some() && self.controlled != self.step, ..Owed::default() };
+        Ok(Checkpoint { owed, ..self.snapshot()? })
+    }
+
+    /// What the device holds.
+    fn snapshot(&self) -> Result<Checkpoint> {
         let (first, second) = self.optimiser.moments.download(&self.gpu, &self.scene)?;
         Ok(Checkpoint {
             step: self.step,
@@ -240,6 +267,7 @@ impl Trainer {
             second,
             state: self.state()?,
             cameras: self.objective.state(&self.gpu)?,
+            owed: Owed::default(),
         })
     }
 
@@ -260,6 +288,11 @@ impl Trainer {
     /// Steps handed over.
     pub fn step(&self) -> u64 {
         self.step
+    }
+
+    /// Steps that are known to have ended.
+    pub fn ended(&self) -> u64 {
+        self.step - self.in_flight.len() as u64
     }
 
     /// Gaussians.
@@ -391,23 +424,32 @@ impl Trainer {
             host.push((what, begun, begun.elapsed().as_secs_f64()));
             begun = Instant::now();
         };
-        let inputs = self.inputs(camera, view, picture)?;
+        let mut inputs = self.inputs(camera, view, picture)?;
         done("stage images");
-        self.step = inputs.step - 1;
         loop {
             let (rec, results) = self.record(&inputs)?;
             done("record");
-            let times = self.gpu.run_timed(&rec)?;
+            let step = Step { inputs, running: self.gpu.start_timed(&rec)?, results };
+            self.step = step.inputs.step;
+            let times = match step.running.wait() {
+                Ok(times) => times,
+                Err(error) => {
+                    // It may have moved the scene.
+                    self.in_flight.push_back(step);
+                    return Err(error);
+                }
+            };
             done("submit and wait");
-            let is_complete = self.end(&inputs, &results)?;
+            let is_complete = self.end(&step.inputs, &step.results)?;
             done("read back");
+            inputs = step.inputs;
             if !is_complete {
                 continue;
             }
-            self.step = inputs.step;
             let n_pixels = view.width * view.height;
+            let Results { lists, n_tiles, .. } = &step.results;
             let counters = match &self.work {
-                Some(work) => Counters::read(&self.gpu, work, &self.scene, &results.lists, results.n_tiles, n_pixels)?,
+                Some(work) => Counters::read(&self.gpu, work, &self.scene, lists, *n_tiles, n_pixels)?,
                 None => Counters::default(),
             };
             let passes = add_passes(Vec::new(), &rec, &times, &counters);
@@ -422,12 +464,14 @@ impl Trainer {
     pub fn capture(&mut self, camera: usize, view: &View, picture: &Picture, kernel: &str) -> Result<Option<Dispatch>> {
         self.finish()?;
         let inputs = self.inputs(camera, view, picture)?;
-        let mut dispatch = None;
-        self.run_alone(inputs, |gpu, rec| {
-            dispatch = gpu.run_capturing(rec, kernel)?;
-            Ok(())
-        })?;
-        Ok(dispatch)
+        loop {
+            let (rec, results) = self.record(&inputs)?;
+            let dispatch = self.gpu.run_capturing(rec, kernel)?;
+            if self.end(&inputs, &results)? {
+                self.step = inputs.step;
+                return Ok(dispatch);
+            }
+        }
     }
 
     /// Waits for all steps that were handed over, and runs the density control due.
@@ -469,10 +513,12 @@ impl Trainer {
         Ok(())
     }
 
-    /// Waits for the oldest step. When its lists did not fit, it and those behind it, which have done nothing, start anew.
+    /// Waits for the oldest step. When its lists did not fit, it and those behind it, which have done nothing, start anew. One
+    /// that cannot be waited for stays: it may have moved the scene.
     fn end_oldest(&mut self) -> Result<()> {
-        let Some(Step { inputs, running, results }) = self.in_flight.pop_front() else { return Ok(()) };
-        running.wait()?;
+        let Some(step) = self.in_flight.front() else { return Ok(()) };
+        step.running.wait()?;
+        let Some(Step { inputs, results, .. }) = self.in_flight.pop_front() else { return Ok(()) };
         if self.end(&inputs, &results)? {
             return Ok(());
         }
@@ -481,30 +527,21 @@ impl Trainer {
             step.running.wait()?;
             behind.push(step.inputs);
         }
-        self.run_alone(inputs, |gpu, rec| gpu.run(&rec))?;
+        // The first one alone, until it fits.
+        self.start(inputs)?;
+        self.end_oldest()?;
         behind.into_iter().try_for_each(|inputs| self.start(inputs))
     }
 
-    /// Runs a step that no other is behind, until it fits.
-    fn run_alone(&mut self, inputs: Inputs, mut run: impl FnMut(&Gpu, Recording) -> Result<()>) -> Result<()> {
-        self.step = inputs.step - 1;
-        loop {
-            let (rec, results) = self.record(&inputs)?;
-            run(&self.gpu, rec)?;
-            if self.end(&inputs, &results)? {
-                self.step = inputs.step;
-                return Ok(());
-            }
-        }
-    }
-
-    /// Reads what a step that has ended left. `false` when it moved nothing and needs the room that is there now.
+    /// Reads what a step that has ended left. `false` when it moved nothing and needs the room that is there now: it is then
+    /// no longer counted.
     fn end(&mut self, inputs: &Inputs, results: &Results) -> Result<bool> {
         let status: Status = self.gpu.peek(&results.status)?.first().copied().unwrap_or_default();
         let Some(work) = &self.work else { return Ok(false) };
         match work.verdict(&self.gpu, &status, self.rounds) {
             Verdict::Complete => {}
             Verdict::Replay(room, rounds) => {
+                self.step = inputs.step - 1;
                 self.gpu.write(&work.status, &[Status::default()])?;
                 (self.room, self.rounds) = (room, rounds);
                 return Ok(false);
@@ -601,26 +638,33 @@ impl Trainer {
         Ok((rec, results))
     }
 
+    /// The round of density control that is due after the step handed over last.
+    fn due_round(&self) -> Option<DensityRound> {
+        let n_frames = (1.0 / self.setup.dt).round() as u32;
+        density_round(&self.config, self.step, self.total, &self.setup.extent, self.scene.origin, n_frames)
+    }
+
     /// The density control due after the step handed over last, once.
     fn control_density(&mut self) -> Result<()> {
-        let n_frames = (1.0 / self.setup.dt).round() as u32;
-        let round = density_round(&self.config, self.step, self.total, &self.setup.extent, self.scene.origin, n_frames);
-        let (Some(round), false) = (round, self.controlled == self.step) else { return Ok(()) };
+        let (Some(round), false) = (self.due_round(), self.controlled == self.step) else { return Ok(()) };
         while !self.in_flight.is_empty() {
             self.end_oldest()?;
         }
-        self.controlled = self.step;
-        let mut rec = Recording::new();
-        if let Some(work) = self.work.take() {
-            self.optimiser.record_catch_up_all(&mut rec, &self.scene, &work.status, self.step);
+        self.work = None;
+        if self.config.adam == AdamMode::Lazy {
+            self.gpu.write(&self.optimiser.params, &[self.adam_params(self.step)])?;
+            let status = self.gpu.upload("status", &[Status::default()])?;
+            let mut rec = Recording::new();
+            self.optimiser.record_catch_up_all(&mut rec, &self.scene, &status, self.step);
+            self.gpu.run(&rec)?;
         }
-        self.gpu.run(&rec)?;
         let (moments, state) = (&self.optimiser.moments, &self.optimiser.state);
         let origin = self.scene.origin;
         let lenses: Vec<Cone> = self.setup.lenses.iter().map(|view| view.cone(origin)).collect();
         let grown = round.run(&self.gpu, &self.scene, moments, state, &lenses, &self.constants)?;
         self.scene = grown.scene;
         (self.optimiser.moments, self.optimiser.state) = (grown.moments, grown.state);
+        self.controlled = self.step;
         self.room.active = self.scene.n.max(1);
         if let Some(report) = self.reports.last_mut() {
             report.density = Some(grown.counts);

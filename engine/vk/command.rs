@@ -343,11 +343,12 @@ fn last_begun(markers: &[u8], passes: &[String]) -> String {
 }
 
 impl Submission {
-    /// Waits for the end and reads the timestamps.
+    /// Waits for the end and reads the timestamps. Where that fails with anything but a lost device, the work goes on, and
+    /// it can be waited for again.
     ///
     /// # Errors
     /// [`Error::DeviceLost`] with the name of the last pass that began.
-    pub fn wait(self) -> Result<Done> {
+    pub fn wait(&self) -> Result<Done> {
         self.0.wait()?;
         let Some(queries) = self.0.queries else { return Ok(Done { pass_ns: Vec::new() }) };
         let mut ticks = vec![0u64; 2 * self.0.passes.len()];

@@ -6,10 +6,10 @@ pub mod dynamic;
 mod folder;
 pub mod hostile;
 pub mod model;
-mod priors;
+pub mod priors;
 mod real;
 mod settings;
-mod transforms;
+pub mod transforms;
 
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -1,7 +1,7 @@
 //! Flow, depth and points of the frames: every format arrives, and every fault is told.
 
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use exr::prelude::{
     AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, LayerAttributes, SmallVec, WritableImage,
@@ -14,8 +14,8 @@ use ivv::scene::prior::{read_depth, read_flow};
 use super::model::{Model, binary};
 use super::{Folder, assert_told, png};
 
-const WIDTH: u32 = 3;
-const HEIGHT: u32 = 2;
+pub const WIDTH: u32 = 3;
+pub const HEIGHT: u32 = 2;
 /// Row by row, top first.
 const FLOW: [[f32; 2]; 6] = [[0.5, -1.25], [2.0, 0.0], [-3.0, 7.5], [0.0, 0.0], [10.0, -20.0], [1.5, 1.0]];
 const DEPTH: [f32; 6] = [1.0, 2.5, -0.25, 4.0, 0.0, 6.0];
@@ -72,9 +72,8 @@ fn kitti(valid: u16) -> Vec<u8> {
     png16(&levels.collect::<Vec<_>>(), ExtendedColorType::Rgb16)
 }
 
-#[test]
-fn flow_arrives_in_every_format() {
-    let folder = Folder::new("flow-formats");
+/// [`FLOW`] in every format.
+fn write_flows(folder: &Folder) -> [PathBuf; 7] {
     let [x, y] = [0, 1].map(|k| FLOW.iter().map(|flow| flow[k]).collect::<Vec<f32>>());
     let doubles: Vec<u8> = FLOW.as_flattened().iter().flat_map(|v| f64::from(*v).to_le_bytes()).collect();
     let halves: Vec<u8> =
@@ -90,14 +89,11 @@ fn flow_arrives_in_every_format() {
     ];
     exr(&files[5], &[("flow.X", x.clone()), ("flow.Y", y.clone()), ("body", vec![9.0; 6])]);
     exr(&files[6], &[("B", vec![9.0; 6]), ("G", y), ("R", x)]);
-    for file in &files {
-        assert_eq!(read_flow(file, WIDTH, HEIGHT).unwrap(), FLOW, "{}", file.display());
-    }
+    files
 }
 
-#[test]
-fn depth_arrives_in_every_format_row_0_at_the_top() {
-    let folder = Folder::new("depth-formats");
+/// [`DEPTH`] in every format that holds such numbers.
+fn write_depths(folder: &Folder) -> [PathBuf; 5] {
     let files = [
         folder.write("a.npy", npy("(2, 3)", "<f4", &floats(&DEPTH))),
         folder.write("a.pfm", pfm("-1.0", f32::to_le_bytes)),
@@ -107,7 +103,46 @@ fn depth_arrives_in_every_format_row_0_at_the_top() {
     ];
     exr(&files[3], &[("Z", DEPTH.to_vec()), ("A", vec![1.0; 6])]);
     exr(&files[4], &[("Y", DEPTH.to_vec())]);
-    for file in &files {
+    files
+}
+
+/// Names and bytes of flow in every format.
+pub fn flow_files(name: &str) -> Vec<(String, Vec<u8>)> {
+    let folder = Folder::new(name);
+    write_flows(&folder);
+    loaded(&folder)
+}
+
+/// Names and bytes of depth in every format.
+pub fn depth_files(name: &str) -> Vec<(String, Vec<u8>)> {
+    let folder = Folder::new(name);
+    write_depths(&folder);
+    folder.write("a.png", png16(&[1, 300, 65_535, 0, 5, 6], ExtendedColorType::L16));
+    loaded(&folder)
+}
+
+fn loaded(folder: &Folder) -> Vec<(String, Vec<u8>)> {
+    let mut all: Vec<_> = std::fs::read_dir(&folder.0)
+        .unwrap()
+        .map(|entry| entry.unwrap())
+        .map(|entry| (entry.file_name().into_string().unwrap(), std::fs::read(entry.path()).unwrap()))
+        .collect();
+    all.sort();
+    all
+}
+
+#[test]
+fn flow_arrives_in_every_format() {
+    let folder = Folder::new("flow-formats");
+    for file in &write_flows(&folder) {
+        assert_eq!(read_flow(file, WIDTH, HEIGHT).unwrap(), FLOW, "{}", file.display());
+    }
+}
+
+#[test]
+fn depth_arrives_in_every_format_row_0_at_the_top() {
+    let folder = Folder::new("depth-formats");
+    for file in &write_depths(&folder) {
         assert_eq!(read_depth(file, WIDTH, HEIGHT).unwrap(), DEPTH, "{}", file.display());
     }
     let levels = [1, 300, 65_535, 0, 5, 6];

@@ -12,12 +12,12 @@ fn frame(name: &str, x: f64) -> Value {
     json!({ "file_path": name, "transform_matrix": rows })
 }
 
-fn document(n: usize) -> Value {
+pub fn document(n: usize) -> Value {
     let frames: Vec<_> = (0..n).map(|i| frame(&format!("./images/{i:04}.png"), i as f64)).collect();
     json!({ "w": 6.0, "h": 4.0, "fl_x": 5.0, "fl_y": 5.5, "cx": 3.25, "cy": 2.0, "k1": 0.0, "frames": frames })
 }
 
-fn write(folder: &Folder, n: usize, document: &Value) {
+pub fn write(folder: &Folder, n: usize, document: &Value) {
     folder.write("transforms.json", document.to_string());
     (0..n).for_each(|i| drop(folder.write(&format!("images/{i:04}.png"), png(6, 4, i as u8))));
 }

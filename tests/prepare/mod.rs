@@ -5,7 +5,7 @@ mod hostile;
 mod pictures;
 mod programs;
 mod resume;
-mod sources;
+pub mod sources;
 mod undistort;
 
 use std::path::Path;

@@ -28,7 +28,7 @@ fn close(found: &[[f64; 4]; 4], expected: [[f64; 4]; 3]) {
     }
 }
 
-fn npy(rows: usize, values: &[f64]) -> Vec<u8> {
+pub fn npy(rows: usize, values: &[f64]) -> Vec<u8> {
     let mut header =
         format!("{{'descr': '<f8', 'fortran_order': False, 'shape': ({rows}, {}), }}", values.len() / rows);
     while (header.len() + 11) % 64 != 0 {

@@ -140,7 +140,7 @@ impl Drop for Folder {
 }
 
 /// The blend of a random scene, captured.
-fn captured() -> Dispatch {
+pub fn captured() -> Dispatch {
     let gpu = gpu();
     let mut renderer = Renderer::new(gpu.clone(), &random::scene(11, 200, 0), Constants::default()).unwrap();
     let pixels = if gpu.caps().kind == ivv::vk::DeviceKind::Cpu && gpu.caps().subgroup_size <= 32 { 8 } else { 4 };

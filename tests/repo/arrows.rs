@@ -133,14 +133,17 @@ fn no_file_climbs_out_of_its_part_with_super() {
     }
 }
 
+/// The one exception: the test layer that lets Vulkan calls fail, which nothing ships.
+const LAYER: &str = "tests/faults/layer.rs";
+
 #[test]
 fn vulkan_and_unsafe_code_stay_in_vk() {
     let mut owners = 0;
     for file in
         ["engine", "tools", "tests", "shaders-glsl"].into_iter().flat_map(sources).chain(["build.rs".to_owned()])
     {
-        // This file has to name what it looks for.
-        if file == "tests/repo/arrows.rs" {
+        // This file has to name what it looks for, and a Vulkan layer is a C interface.
+        if ["tests/repo/arrows.rs", LAYER].contains(&file.as_str()) {
             continue;
         }
         let source = without_comments(&text(&file));
@@ -148,7 +151,7 @@ fn vulkan_and_unsafe_code_stay_in_vk() {
         if file.starts_with("engine/vk/") {
             owners += usize::from(speaks);
         } else {
-            assert!(!speaks, "{file} has `ash` or `unsafe`; only engine/vk may");
+            assert!(!speaks, "{file} has `ash` or `unsafe`; only engine/vk and {LAYER} may");
         }
     }
     assert!(owners > 3, "only {owners} files of engine/vk speak Vulkan");

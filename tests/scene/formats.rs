@@ -225,7 +225,7 @@ fn a_count_that_the_file_cannot_hold_is_refused_before_it_is_believed() {
 }
 
 /// A compressed PLY of `n` Gaussians in one chunk, with spherical harmonics of degree 1.
-fn compressed(n: usize, chunk_colors: bool) -> Vec<u8> {
+pub fn compressed(n: usize, chunk_colors: bool) -> Vec<u8> {
     let ranges = [("", "x y z"), ("scale_", "x y z"), ("", "r g b")];
     let mut file = "ply\nformat binary_little_endian 1.0\nelement chunk 1\n".to_owned();
     let mut chunk: Vec<f32> = Vec::new();

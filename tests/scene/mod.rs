@@ -2,11 +2,11 @@
 
 mod demo;
 mod export;
-mod formats;
+pub mod formats;
 mod pictures;
 mod ply;
 mod points;
-mod sog;
+pub mod sog;
 mod summary;
 mod views;
 

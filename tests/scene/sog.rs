@@ -48,7 +48,7 @@ fn webp(width: u32, height: u32, pixels: &[[u8; 4]]) -> Vec<u8> {
 }
 
 /// Two Gaussians with a palette of one entry, degree 1.
-fn scene(folder: &Folder, change: impl FnOnce(String) -> String) -> PathBuf {
+pub fn scene(folder: &Folder, change: impl FnOnce(String) -> String) -> PathBuf {
     let book = |first: f32| (0..256).map(|i| (first + i as f32 * 0.25).to_string()).collect::<Vec<_>>().join(",");
     folder.write("means_l.webp", webp(2, 1, &[[255, 255, 255, 255], [0, 0, 0, 255]]));
     folder.write("means_u.webp", webp(2, 1, &[[255, 255, 255, 255], [0, 0, 128, 255]]));

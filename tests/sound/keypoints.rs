@@ -36,7 +36,7 @@ fn triples(points: &[[f64; 2]], scores: &[f64]) -> Vec<f64> {
 }
 
 /// The same detections as each program writes them.
-fn dialects(folder: &Folder) -> Vec<PathBuf> {
+pub fn dialects(folder: &Folder) -> Vec<PathBuf> {
     let frames = |first: u64| -> Vec<Value> {
         (0..N_FRAMES).map(|frame| json!({ "frame_id": frame + first, "instances": instances(frame) })).collect()
     };
@@ -72,7 +72,7 @@ fn dialects(folder: &Folder) -> Vec<PathBuf> {
     paths
 }
 
-fn read(path: &Path) -> ivv::Result<Mouths> {
+pub fn read(path: &Path) -> ivv::Result<Mouths> {
     Mouths::read(path, &LENS, &KeypointSettings::default())
 }
 

@@ -5,11 +5,11 @@ mod convolution;
 mod gain;
 mod geometry;
 mod hrtf;
-mod keypoints;
+pub mod keypoints;
 mod localize;
 mod motion;
 mod output;
-mod path;
+pub mod path;
 mod real;
 mod rigs;
 mod sets;
@@ -75,12 +75,12 @@ fn sample(t: f64, p: DVec3) -> SourceSample {
 }
 
 /// A source through places at times.
-fn track(id: &str, way: &[(f64, DVec3)]) -> SourceTrack {
+pub fn track(id: &str, way: &[(f64, DVec3)]) -> SourceTrack {
     SourceTrack { id: id.into(), samples: way.iter().map(|(t, p)| sample(*t, *p)).collect(), fps: 30.0 }
 }
 
 /// z is up, the microphone is at the origin and looks along y; a unit is a metre.
-fn scene(source: SourceTrack) -> SoundScene {
+pub fn scene(source: SourceTrack) -> SoundScene {
     SoundScene {
         metres_per_unit: Some(1.0),
         up: DVec3::Z,

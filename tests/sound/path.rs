@@ -40,7 +40,7 @@ fn assert_heads(found: &HeadPath, what: &str) {
     }
 }
 
-fn tum(convention: Convention) -> String {
+pub fn tum(convention: Convention) -> String {
     let line = |head: &Pose| {
         let q = DQuat::from_mat3(&camera_to_world(head, convention));
         format!("{} {} {} {} {} {} {} {}\n", head.t, head.p.x, head.p.y, head.p.z, q.x, q.y, q.z, q.w)
@@ -48,7 +48,7 @@ fn tum(convention: Convention) -> String {
     format!("# timestamp tx ty tz qx qy qz qw\n{}", heads().iter().map(line).collect::<String>())
 }
 
-fn nerfstudio(is_flat: bool) -> String {
+pub fn nerfstudio(is_flat: bool) -> String {
     let camera = |head: &Pose| {
         let m = camera_to_world(head, Convention::OpenGl);
         let row = |k: usize| [m.x_axis[k], m.y_axis[k], m.z_axis[k], head.p[k]];
@@ -60,7 +60,7 @@ fn nerfstudio(is_flat: bool) -> String {
     serde_json::json!({ "camera_type": "perspective", "fps": 2.0, "seconds": 1.0, "render_width": 96, "render_height": 64, "camera_path": path }).to_string()
 }
 
-fn csv() -> String {
+pub fn csv() -> String {
     let line = |h: &Pose| format!("{},{},{},{},{},{},{},{}\n", h.q.w, h.q.x, h.q.y, h.q.z, h.t, h.p.x, h.p.y, h.p.z);
     format!("qw,qx,qy,qz,t,x,y,z\n{}", heads().iter().map(line).collect::<String>())
 }

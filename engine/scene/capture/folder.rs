@@ -208,8 +208,15 @@ fn frame_points(
             faults.add(file, format!("camera {id}"), reason, remedy);
         }
     }
+    // As for images: a clip of millions of frames is a fault of its number, told once.
+    let n_files = n_files(&folder);
+    let n_listed = n_frames.min(n_files.saturating_add(MAX_MISSING));
+    if n_listed < n_frames {
+        let reason = format!("has {n_files} files, the clip has {n_frames} frames");
+        faults.add(&folder, "", reason, format!("add the points, or correct `frames` in {FILE}"));
+    }
     let points = FramePoints { folder, cameras };
-    let (there, absent): (Vec<u32>, Vec<u32>) = (0..n_frames).partition(|frame| points.has(*frame));
+    let (there, absent): (Vec<u32>, Vec<u32>) = (0..n_listed).partition(|frame| points.has(*frame));
     if let Some(first) = absent.first() {
         let more = absent.len() - 1;
         let reason =
@@ -221,6 +228,11 @@ fn frame_points(
         faults.take(points.check(frame));
     }
     Some(points)
+}
+
+/// Files of a folder; none where there is no folder.
+fn n_files(folder: &Path) -> u32 {
+    std::fs::read_dir(folder).map_or(0, |files| u32::try_from(files.count()).unwrap_or(u32::MAX))
 }
 
 /// Where estimates from the images are: `<folder>/<camera>/<frame:05>.<extension>`.
@@ -296,7 +308,7 @@ fn cameras(
         let poses = Poses { file, name: &name, posed: &posed };
         let Some((lens, moving)) = poses.check(n_frames, faults) else { continue };
         let folder = path.join("images").join(&name);
-        let n_files = std::fs::read_dir(&folder).map_or(0, |files| u32::try_from(files.count()).unwrap_or(u32::MAX));
+        let n_files = n_files(&folder);
         let n_listed = n_frames.min(n_files.saturating_add(MAX_MISSING));
         if n_listed < n_frames {
             let reason = format!("has {n_files} files, the clip has {n_frames} frames");

@@ -1,0 +1,144 @@
+//! What `ivv` does when Vulkan calls fail or the device is lost: the layer of `layer.rs` makes one call fail in each run.
+//!
+//! Every run must end with 4 or 5 and a message, or with 0 and the result of an undisturbed run; never by a signal, a panic
+//! or a time-out, never with a partial result. A training must leave a checkpoint, and go on from it to the same bits.
+
+mod runs;
+mod sweep;
+
+pub use crate::common::device::is_slow_lane;
+use runs::{Bed, Ended, Verb};
+use std::collections::BTreeMap;
+
+/// Results of a sweep, by call: how many faults, and how the runs ended.
+#[derive(Default)]
+struct Figures(BTreeMap<String, BTreeMap<i32, usize>>);
+
+impl Figures {
+    fn count(&mut self, call: &str, code: i32) {
+        *self.0.entry(call.to_owned()).or_default().entry(code).or_default() += 1;
+    }
+
+    fn faults(&self) -> usize {
+        self.0.values().flat_map(BTreeMap::values).sum()
+    }
+
+    /// A line for each call.
+    fn print(&self, verb: &str) {
+        println!("{verb}: {} faults", self.faults());
+        for (call, codes) in &self.0 {
+            let codes: Vec<String> = codes.iter().map(|(code, n)| format!("{n} x exit {code}")).collect();
+            println!("  {call}: {}", codes.join(", "));
+        }
+    }
+}
+
+#[test]
+fn rendering_survives_faults_of_the_device() {
+    let bed = Bed::shared();
+    sweep::sweep(&bed, Verb::Render, sweep::few, 1).print("render");
+}
+
+#[test]
+fn training_survives_faults_of_the_device_and_goes_on() {
+    let bed = Bed::shared();
+    sweep::sweep(&bed, Verb::Train, sweep::few, 5).print("train");
+}
+
+#[test]
+fn all_verbs_survive_faults_at_many_calls() {
+    if !is_slow_lane() {
+        return;
+    }
+    let bed = Bed::new("wide", &["offsets=true"]);
+    for (verb, name) in [(Verb::Render, "render"), (Verb::Train, "train"), (Verb::Eval, "eval")] {
+        sweep::sweep(&bed, verb, sweep::many, 1).print(name);
+    }
+}
+
+/// Where memory runs out in the middle of a training, the device can still be read: nothing is lost.
+#[test]
+fn a_training_without_memory_leaves_its_last_step() {
+    let bed = Bed::shared();
+    let mut irregular = 0;
+    for (call, tenths, code) in [("vkCreateBuffer", 5, -2), ("vkQueueSubmit", 4, -1), ("vkWaitSemaphores", 6, -1)] {
+        // Of two waits for a submission the second, by what destroys it, is not needed.
+        let n = (bed.counts()[call] * tenths / 10) | 1;
+        let ended = bed.run(Verb::Train, Some(&format!("{call}:{n}:{code}")));
+        assert_eq!(ended.code, Some(5), "{}", ended.told);
+        let stopped = ended.stopped_after().expect("the message names the last step");
+        let left = ended.checkpoint.expect("a checkpoint is left");
+        assert_eq!(left, stopped, "{call}: {}", ended.told);
+        assert!(left > 0 && left < runs::STEPS, "{call}: {}", ended.told);
+        irregular += usize::from(!left.is_multiple_of(runs::EVERY));
+        bed.resume_and_compare(&ended);
+    }
+    assert!(irregular > 0, "the regular checkpoints alone would do");
+}
+
+/// The step that could not be waited for ended all the same, and what is due after it, a look at the offsets, is not forgotten.
+#[test]
+fn what_is_due_after_a_rescued_step_is_done_after_resumption() {
+    let bed = Bed::new("owed", &["offsets=true"]);
+    let ended = bed.run(Verb::Train, Some("vkGetQueryPoolResults:4:-1"));
+    assert_eq!((ended.code, ended.checkpoint), (Some(5), ended.stopped_after()), "{}", ended.told);
+    assert_eq!(ended.checkpoint, Some(2 * runs::STEPS / 3), "the offsets are looked at after this step");
+    bed.resume_and_compare(&ended);
+}
+
+/// Memory that stays short: the checkpoint that was there is kept and named.
+#[test]
+fn a_training_that_stays_without_memory_names_what_it_has() {
+    let bed = Bed::shared();
+    let n = bed.counts()["vkCreateBuffer"] * 6 / 10;
+    let ended = bed.run(Verb::Train, Some(&format!("vkCreateBuffer:{n}+:-2")));
+    assert_eq!(ended.code, Some(5), "{}", ended.told);
+    let (stopped, left) = (ended.stopped_after().unwrap(), ended.checkpoint.unwrap());
+    assert!(stopped - left <= runs::EVERY && left.is_multiple_of(runs::EVERY), "{}", ended.told);
+    bed.resume_and_compare(&ended);
+}
+
+#[test]
+fn a_training_that_loses_its_device_has_a_checkpoint_no_older_than_the_interval() {
+    let bed = Bed::shared();
+    for part in [3, 5, 7] {
+        let n = bed.counts()["vkWaitSemaphores"] * part / 10;
+        let ended = bed.run(Verb::Train, Some(&format!("vkWaitSemaphores:{n}:-4")));
+        assert_eq!(ended.code, Some(4), "{}", ended.told);
+        assert!(ended.told.contains("the device was lost"), "{}", ended.told);
+        let (stopped, left) = (ended.stopped_after().unwrap(), ended.checkpoint.unwrap());
+        assert!((left..=left + runs::EVERY).contains(&stopped), "{}", ended.told);
+        assert!(ended.told.contains(&format!("{left:08}.ckpt")), "it is named: {}", ended.told);
+        assert!(ended.told.contains("--resume"), "{}", ended.told);
+        bed.resume_and_compare(&ended);
+    }
+}
+
+/// What the loader answers to a list of drivers that it cannot read is "out of memory".
+#[test]
+fn a_driver_file_that_is_no_json_is_no_device() {
+    let file = std::env::temp_dir().join(format!("ivv-faults-driver-{}.json", std::process::id()));
+    std::fs::write(&file, "no json").unwrap();
+    let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_ivv"));
+    command.arg("devices").env("VK_DRIVER_FILES", &file).env("VK_ICD_FILENAMES", &file);
+    let output = command.output().unwrap();
+    let told = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(4), "{told}");
+    assert!(told.contains("no usable Vulkan device") && told.contains("driver"), "{told}");
+    std::fs::remove_file(file).unwrap();
+}
+
+/// The sweep notices what it is there to notice.
+#[test]
+fn a_crash_a_hang_and_a_fault_that_never_comes_are_caught() {
+    let bed = Bed::shared();
+    let caught = |fault: &str| {
+        let ended = bed.run_within(Verb::Render, Some(fault), 3.0);
+        sweep::judge(&ended).expect_err(fault)
+    };
+    assert!(caught("vkQueueSubmit:2:abort").contains("signal"));
+    assert!(caught("vkQueueSubmit:2:skip").contains("did not end"));
+    assert!(caught("vkQueueSubmit:1000000:-1").contains("was not reached"));
+    let panicked = Ended { code: Some(101), ..bed.run(Verb::Render, Some("vkQueueSubmit:2:-1")) };
+    assert!(sweep::judge(&panicked).unwrap_err().contains("101"));
+}

@@ -1,0 +1,124 @@
+//! Scenes, cameras, tensors and priors.
+
+use super::engine::Seed;
+use super::{file, mend};
+use crate::capture::priors;
+use crate::common::random;
+use crate::scene::{Folder, formats};
+use ivv::scene::prior::{read_depth, read_flow};
+use ivv::scene::{
+    Splats, View, read_scene, read_tensors, read_views, write_ply, write_splat, write_spz, write_tensors, write_views,
+};
+use std::path::Path;
+
+fn scene(sh_degree: u32) -> Splats {
+    random::scene(3, 6, sh_degree)
+}
+
+/// As other projects' formats hold them.
+fn still(sh_degree: u32) -> Splats {
+    let scene = scene(sh_degree);
+    Splats { n_static: scene.len(), motion: Vec::new(), ..scene }
+}
+
+/// Whether it was read; what was read must be whole.
+fn whole(outcome: ivv::Result<Splats>) -> bool {
+    outcome.is_ok_and(|splats| {
+        splats.check().unwrap();
+        let _ = splats.summary();
+        true
+    })
+}
+
+pub fn ply() -> Vec<Seed> {
+    let read = |folder: &Path| whole(read_scene(&folder.join("a.ply")));
+    [0, 2].map(|degree| Seed::of([("a.ply", file("a.ply", |path| write_ply(path, &scene(degree))))], read)).into()
+}
+
+pub fn compressed_ply() -> Vec<Seed> {
+    let read = |folder: &Path| whole(read_scene(&folder.join("a.compressed.ply")));
+    [true, false].map(|colors| Seed::of([("a.compressed.ply", formats::compressed(3, colors))], read)).into()
+}
+
+/// The bytes of an SPZ of this version, two Gaussians of degree 1, before they are compressed: header and attributes.
+fn raw_spz(version: u32) -> (Vec<u8>, Vec<Vec<u8>>) {
+    let mut header = b"NGSP".to_vec();
+    header.extend(version.to_le_bytes());
+    header.extend(2_u32.to_le_bytes());
+    header.extend([1, 12, 0, if version == 4 { 6 } else { 0 }]);
+    if version == 4 {
+        header.extend(32_u32.to_le_bytes());
+        header.resize(32, 0);
+    }
+    let rotation = if version == 2 { 3 } else { 4 };
+    let streams = [9, 1, 3, 3, rotation, 9].map(|n: u8| (0..2 * n).map(|i| i.wrapping_mul(37)).collect());
+    (header, streams.into())
+}
+
+pub fn spz() -> Vec<Seed> {
+    let read = |folder: &Path| whole(read_scene(&folder.join("a.spz")));
+    let seed = |version| {
+        let (header, streams) = raw_spz(version);
+        Seed { build: mend::gzip, ..Seed::of([("a.spz", [header, streams.concat()].concat())], read) }
+    };
+    let as_it_is = |bytes: Vec<u8>| Seed::of([("a.spz", bytes)], read);
+    let written = file("a.spz", |path| write_spz(path, &still(1)));
+    vec![seed(2), seed(3), as_it_is(written)]
+}
+
+pub fn spz_4() -> Vec<Seed> {
+    let (header, streams) = raw_spz(4);
+    let named = streams.into_iter().enumerate().map(|(i, stream)| (i.to_string(), stream));
+    let parts = named.chain([("header".to_owned(), header)]);
+    let read = |folder: &Path| whole(read_scene(&folder.join("scene.spz")));
+    vec![Seed { build: mend::spz4, ..Seed::of(parts, read) }]
+}
+
+pub fn splat() -> Vec<Seed> {
+    let bytes = file("a.splat", |path| write_splat(path, &still(0)));
+    vec![Seed::of([("a.splat", bytes)], |folder| whole(read_scene(&folder.join("a.splat"))))]
+}
+
+pub fn sog() -> Vec<Seed> {
+    let folder = Folder::new("fuzz-sog");
+    let meta = crate::scene::sog::scene(&folder, |text| text);
+    let files = super::files_of(meta.parent().unwrap());
+    let read = |folder: &Path| whole(read_scene(&folder.join("meta.json")));
+    let seed = Seed::of(files, read);
+    // The text as often as all pictures.
+    vec![seed.clone(), Seed { only: vec!["meta.json"], ..seed }]
+}
+
+pub fn cameras() -> Vec<Seed> {
+    let views = [random::view(), View { name: "b".to_owned(), ..random::view() }];
+    let bytes = file("cameras.json", |path| write_views(path, &views));
+    vec![Seed::of([("cameras.json", bytes)], |folder| {
+        read_views(&folder.join("cameras.json")).is_ok_and(|views| {
+            views.iter().for_each(|view| assert!(!view.cone([0.0; 3]).reach.is_sign_negative()));
+            true
+        })
+    })]
+}
+
+pub fn tensors() -> Vec<Seed> {
+    let values: Vec<f32> = (0..12).map(|i| i as f32).collect();
+    let all: [(&str, &[usize], &[f32]); 2] = [("a", &[3, 4], &values), ("b", &[2, 1], &values[..2])];
+    let bytes = file("a.safetensors", |path| write_tensors(path, &all));
+    vec![Seed::of([("a.safetensors", bytes)], |folder| read_tensors(&folder.join("a.safetensors")).is_ok())]
+}
+
+/// Every file of a folder by `read`; whether any was read.
+fn any(folder: &Path, read: impl Fn(&Path) -> bool) -> bool {
+    let all = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+    all.filter(|path| read(path)).count() > 0
+}
+
+pub fn depth() -> Vec<Seed> {
+    let read = |folder: &Path| any(folder, |path| read_depth(path, priors::WIDTH, priors::HEIGHT).is_ok());
+    priors::depth_files("fuzz-depth").into_iter().map(|file| Seed::of([file], read)).collect()
+}
+
+pub fn flow() -> Vec<Seed> {
+    let read = |folder: &Path| any(folder, |path| read_flow(path, priors::WIDTH, priors::HEIGHT).is_ok());
+    priors::flow_files("fuzz-flow").into_iter().map(|file| Seed::of([file], read)).collect()
+}

@@ -1,0 +1,82 @@
+//! What runs read: settings, checkpoints, run folders, captured dispatches.
+
+use super::engine::Seed;
+use super::{file, mend};
+use crate::capture::Folder;
+use crate::common::{device::gpu, random};
+use ivv::Constants;
+use ivv::profile::{read_dispatch, write_dispatch};
+use ivv::scene::Similarity;
+use ivv::scene::capture::Capture;
+use ivv::train::{CameraState, Checkpoint, Config, Kind, Log, Owed, PRESETS, Preset, Run};
+use std::path::Path;
+
+pub fn config() -> Vec<Seed> {
+    let config = serde_json::to_string_pretty(&Config::default()).unwrap();
+    let read_config = |folder: &Path| {
+        let text = std::fs::read_to_string(folder.join("config.json")).unwrap_or_default();
+        serde_json::from_str::<Config>(&text).is_ok_and(|config| config.check().is_ok())
+    };
+    let read_preset = |folder: &Path| {
+        let path = folder.join("preset.json");
+        let text = std::fs::read(&path).unwrap();
+        Preset::parse(&path, "mine", &String::from_utf8_lossy(&text)).is_ok()
+    };
+    let (_, preset) = PRESETS[PRESETS.len() - 1];
+    vec![Seed::of([("config.json", config)], read_config), Seed::of([("preset.json", preset)], read_preset)]
+}
+
+pub fn checkpoint() -> Vec<Seed> {
+    let params = random::scene(3, 6, 1);
+    let cameras = CameraState { clocks: vec![[0.5; 4]; 2], learns_offset: vec![true, false], ..CameraState::default() };
+    let checkpoint = Checkpoint {
+        step: 7,
+        total: 20,
+        config: Config::default(),
+        world: Similarity::default(),
+        origin: [0.0; 3],
+        first: params.clone(),
+        second: params.clone(),
+        state: vec![[1.0; 4]; params.len()],
+        params,
+        cameras,
+        owed: Owed::default(),
+    };
+    let folder = Folder::new("fuzz-checkpoint");
+    checkpoint.write(&folder.0).unwrap();
+    let bytes = std::fs::read(Checkpoint::file(&folder.0, 7)).unwrap();
+    let n = bytes[8..16].iter().rev().fold(0usize, |n, byte| n << 8 | usize::from(*byte));
+    let (header, body) = bytes[24..].split_at(n);
+    let read = |folder: &Path| Checkpoint::read(&folder.join("a.ckpt")).is_ok();
+    let seed = Seed { build: mend::checkpoint, ..Seed::of([("header", header), ("body", body)], read) };
+    // With and without what guards it.
+    vec![seed, Seed::of([("a.ckpt", bytes)], read)]
+}
+
+pub fn run() -> Vec<Seed> {
+    let folder = Folder::new("fuzz-run");
+    crate::capture::dynamic::write(&folder, 2);
+    let capture = Capture::open(&folder.0).unwrap();
+    let written = Folder::new("fuzz-run-written");
+    Run::new(&capture, Constants::default()).unwrap().write(&written.0).unwrap();
+    let mut log = Log::open(&written.0, 0);
+    for step in [1, 2] {
+        log.push(Kind::Step, &serde_json::json!({ "step": step, "loss": 0.5, "seconds": 0.25 })).unwrap();
+    }
+    log.write().unwrap();
+    let read = |folder: &Path| {
+        let log = Log::open(folder, u64::MAX);
+        let _ = log.series(Kind::Step, "loss");
+        Run::read(folder).is_ok_and(|run| {
+            let _ = run.open_capture(None);
+            true
+        })
+    };
+    vec![Seed::of(super::files_of(&written.0), read)]
+}
+
+pub fn dispatch() -> Vec<Seed> {
+    let dispatch = crate::profile::captured();
+    let bytes = file("a.dispatch", |path| write_dispatch(path, &dispatch, &gpu()));
+    vec![Seed::of([("a.dispatch", bytes)], |folder| read_dispatch(&folder.join("a.dispatch")).is_ok())]
+}
