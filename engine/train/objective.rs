@@ -252,7 +252,7 @@ impl Objective {
         let at = ClockStep {
             camera: camera as u32,
             dt: self.dt,
-            rate: self.config.lr.offset.at(done),
+            rate: self.config.lr.offset.at(done) * self.config.lr.pace.at(done, total),
             regulariser: self.config.loss.offset,
             step,
         };

@@ -16,7 +16,8 @@ pub fn rates(config: &Config, step: u64, total: u64, extent: f64) -> Rates {
         _ => 0.0,
     });
     Rates {
-        position: pace * lr.position.at(done) * extent,
+        // That of positions falls by itself.
+        position: lr.pace.at(0.0, total) * lr.position.at(done) * extent,
         opacity: pace * lr.opacity.at(done),
         rotation: pace * lr.rotation.at(done),
         scale: pace * lr.scale.at(done),

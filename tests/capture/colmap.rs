@@ -240,7 +240,7 @@ fn check_prints_every_fault_and_exits_with_3() {
     };
     let (code, text) = check(false);
     assert_eq!(code, 0, "{text}");
-    assert!(text.contains("cameras: 3, 1 of them for testing") && text.contains("points:  2"), "{text}");
+    assert!(text.contains("cameras: 3, of which 1 for testing") && text.contains("points:  2"), "{text}");
     folder.write("images/a.png", b"");
     folder.write("images/b.png", b"GIF89a");
     let (code, text) = check(false);

@@ -77,7 +77,7 @@ fn faults_of_one_kind_are_told_together_and_nothing_is_counted_that_could_not_be
     let (code, told) = ivv(&["check", path]);
     assert_eq!(code, Some(3));
     assert_eq!(told.lines().filter(|line| line.starts_with("fault:")).count(), 1, "{told}");
-    assert!(told.contains("the same: ") && told.contains("b.png; ") && told.contains("c d.png"), "{told}");
+    assert!(told.contains("3 times: ") && told.contains("b.png, ") && told.contains("c d.png"), "{told}");
     let nothing = Folder::new("grouped-nothing");
     let (code, told) = ivv(&["check", nothing.0.to_str().unwrap()]);
     assert!(code == Some(3) && told.contains("fault:") && !told.contains("cameras: 0"), "{told}");

@@ -58,7 +58,8 @@ fn a_killed_run_goes_on_where_it_stopped() {
     }
     std::fs::write(out.join("images/1/.00002.png.77-0.tmp"), b"half").unwrap();
     // Until then it is no capture, though COLMAP's files are there.
-    let says = ["is a capture that `ivv prepare` has not finished; give the command that began it once more"];
+    let says =
+        ["is a capture that `ivv prepare` has not finished; run the same `ivv prepare` command again to continue it"];
     assert_told(&check_capture(&out, &CaptureSettings::default()), &says);
     let of_half = PrepareSettings { source: out.clone(), output: folder.0.join("of half"), ..settings.clone() };
     assert_told(&run(&of_half).unwrap().0.report, &says);

@@ -1,6 +1,6 @@
 //! What a run may be traded for: presets, and the settings that only training has.
 
-use super::{Tiny, bits, train};
+use super::{Tiny, bits, steady, train};
 use crate::common::device::gpu;
 use ivv::scene::capture::{Picture, PriorPlan, prior_word};
 use ivv::scene::{Splats, View};
@@ -53,7 +53,7 @@ fn every_preset_learns_and_is_another_run() {
 #[test]
 fn moments_in_16_bits_train_as_well_as_in_32_and_to_other_bits() {
     let tiny = Tiny::new("moments");
-    let config = |moment_bits| Config { sh_degree: 1, moment_bits, ..Config::default() };
+    let config = |moment_bits| Config { sh_degree: 1, moment_bits, ..steady() };
     let begin = from_points(&tiny.capture.points, &tiny.capture, &config(32));
     let [half, again, whole] = [16, 16, 32].map(|bits| train(&tiny.capture, &config(bits), &begin, 80).0);
     assert_eq!(bits(&half), bits(&again), "two runs");

@@ -1,7 +1,7 @@
 //! Nothing of a test camera reaches training: a capture without them, their files deleted, trains to the same bits.
 
 use super::Tiny;
-use super::run::works;
+use super::run::{json, works};
 use std::fs;
 use std::path::Path;
 
@@ -82,7 +82,12 @@ fn a_capture_without_its_test_cameras_trains_to_the_same_bits() {
             "--set",
             "required.reviews=2",
         ]);
-        let [scene, offsets] = ["scene.ply", "offsets.json"].map(|name| fs::read(run.join(name)).unwrap());
+        let scene = fs::read(run.join("scene.ply")).unwrap();
+        let mut offsets = json(&run.join("offsets.json"));
+        // The bare capture does not know it.
+        offsets.as_array_mut().unwrap().iter_mut().for_each(|row| {
+            row.as_object_mut().unwrap().remove("truth");
+        });
         fs::remove_dir_all(run).unwrap();
         (scene, offsets)
     };
@@ -90,7 +95,7 @@ fn a_capture_without_its_test_cameras_trains_to_the_same_bits() {
         let (with, without) = (scene(&tiny.folder, init, 0), scene(&bare, init, 1));
         assert!(with.0.len() > 10_000, "{init}");
         assert!(with.0 == without.0, "init={init}: the Gaussians know of the test cameras");
-        assert_eq!(String::from_utf8_lossy(&with.1), String::from_utf8_lossy(&without.1), "init={init}: clocks");
+        assert_eq!(with.1, without.1, "init={init}: clocks");
     }
     fs::remove_dir_all(bare).unwrap();
 }

@@ -23,8 +23,8 @@ use ivv::scene::{Motion, Splats};
 use ivv::stage::{AdamMode, Outputs, Renderer};
 use ivv::synth::{Options, Preset, write_capture};
 use ivv::train::{
-    Checkpoint, Config, LearningRates, Meter, Rate, Scores, Setup, Trainer, from_points, permutation, random_points,
-    rates,
+    Checkpoint, Config, LearningRates, Meter, Pace, Rate, Scores, Setup, Trainer, from_points, permutation,
+    random_points, rates,
 };
 use std::path::PathBuf;
 
@@ -32,6 +32,12 @@ use std::path::PathBuf;
 struct Tiny {
     folder: PathBuf,
     capture: Capture,
+}
+
+/// Defaults with the rates of a long run: what is tested of so short a one must not be drowned in its haste.
+fn steady() -> Config {
+    let lr = LearningRates { pace: Pace { steps: 0, ..Pace::default() }, ..LearningRates::default() };
+    Config { lr, ..Config::default() }
 }
 
 /// Scores of a view without masks and LPIPS.
@@ -133,7 +139,7 @@ fn two_runs_of_the_same_command_give_the_same_bits_and_another_seed_does_not() {
 #[test]
 fn gaussians_never_exceed_the_budget() {
     let tiny = Tiny::new("budget");
-    let config = Config { sh_degree: 0, max_gaussians: 230, ..Config::default() };
+    let config = Config { sh_degree: 0, max_gaussians: 230, ..steady() };
     let begin = from_points(&tiny.capture.points[..200], &tiny.capture, &config);
     let (end, ..) = train(&tiny.capture, &config, &begin, 80);
     assert!(end.len() > 200 && end.len() <= 230, "{} Gaussians", end.len());
@@ -167,8 +173,20 @@ fn a_static_clip_trains_static_gaussians_without_temporal_parameters() {
 #[test]
 fn rates_decay_exponentially_and_bands_join_one_by_one() {
     let config = Config::default();
-    let (begin, end) = (rates(&config, 1, 1000, 2.0), rates(&config, 1001, 1000, 2.0));
-    assert!((begin.position - 3.2e-4).abs() < 1e-12 && (end.position - 3.2e-6).abs() < 1e-12);
+    let ends = |total: u64| (rates(&config, 1, total, 2.0), rates(&config, total + 1, total, 2.0));
+    // 3DGS's in a run of its length and in longer ones; larger in shorter ones, most of all at their begin.
+    for total in [30_000, 300_000] {
+        let (begin, end) = ends(total);
+        assert!((begin.position - 3.2e-4).abs() < 1e-12 && (end.position - 3.2e-6).abs() < 1e-12);
+        assert_eq!([begin.scale, end.scale, begin.opacity, end.sh[0]], [5e-3, 5e-3, 2.5e-2, 2.5e-3]);
+    }
+    let (begin, end) = ends(1000);
+    let pace = config.lr.pace;
+    let [start, slow] = [30f64.powf(pace.start), 30f64.powf(pace.end)];
+    assert!(start > slow && slow > 1.5);
+    assert!((begin.position - 3.2e-4 * start).abs() < 1e-9 && (end.position - 3.2e-6 * start).abs() < 1e-9);
+    assert!((begin.rotation - 1e-3 * start).abs() < 1e-9 && (end.opacity - 2.5e-2 * slow).abs() < 1e-9);
+    assert!(ends(1).0.scale <= 5e-3 * pace.most);
     let active = |step| rates(&config, step, 1000, 1.0).sh.iter().filter(|rate| **rate > 0.0).count();
     assert_eq!([active(1), active(34), active(35), active(68), active(102), active(1000)], [1, 1, 2, 3, 4, 4]);
 }

@@ -208,17 +208,12 @@ fn frame_points(
             faults.add(file, format!("camera {id}"), reason, remedy);
         }
     }
-    // As for images: a clip of millions of frames is a fault of its number, told once.
-    let n_files = n_files(&folder);
-    let n_listed = n_frames.min(n_files.saturating_add(MAX_MISSING));
-    if n_listed < n_frames {
-        let reason = format!("has {n_files} files, the clip has {n_frames} frames");
-        faults.add(&folder, "", reason, format!("add the points, or correct `frames` in {FILE}"));
-    }
     let points = FramePoints { folder, cameras };
+    // In a clip of millions of frames whose files are not there, those that are missing are counted and not looked for.
+    let n_listed = n_frames.min(n_files(&points.folder).saturating_add(MAX_MISSING));
     let (there, absent): (Vec<u32>, Vec<u32>) = (0..n_listed).partition(|frame| points.has(*frame));
     if let Some(first) = absent.first() {
-        let more = absent.len() - 1;
+        let more = n_frames as usize - there.len() - 1;
         let reason =
             if more > 0 { format!("is missing, as are those of {more} more frames") } else { "is missing".into() };
         let remedy = format!("triangulate every frame, or set points = false in {FILE}");
