@@ -24,7 +24,7 @@ measure() {
     local name=$1
     shift
     "$ivv" trade "$out/small" -o "$out/$name" --steps 400 --max-gaussians 6000 --set density.growth=0.5 \
-        --set lr.position.start=4.8e-4 --set lr.position.end=4.8e-6 --set lr.offset=3e-3 --set loss.flow=0.1 \
+        --set lr.pace.steps=0 --set lr.position.start=4.8e-4 --set lr.position.end=4.8e-6 --set lr.offset=3e-3 --set loss.flow=0.1 \
         --set grids=false --test-cameras cam05 "$@"
     mkdir -p "$record"
     for kind in md json svg; do cp "$out/$name/trade.$kind" "$record/$name.$kind"; done

@@ -431,7 +431,7 @@ pub struct Pace {
 
 impl Default for Pace {
     fn default() -> Self {
-        Pace { steps: 30_000, start: 0.5, end: 0.3, most: 16.0 }
+        Pace { steps: 30_000, start: 0.55, end: 0.3, most: 16.0 }
     }
 }
 
