@@ -3,9 +3,10 @@
 use crate::device::DeviceArgs;
 use crate::files::{make_folder, read_json, write_json};
 use crate::screen::out;
+use crate::shown;
 use ivv::gpu::Gpu;
 use ivv::scene::capture::Capture;
-use ivv::scene::{Frame, Splats, read_scene};
+use ivv::scene::{Frame, Splats};
 use ivv::stage::{Outputs, Renderer};
 use ivv::train::{
     Config, Evaluation, Example, Log, METRICS_OF, Meter, OffsetFit, Report, Run, SceneScores, Scores, Setup, Sight,
@@ -24,7 +25,8 @@ const EXAMPLES: usize = 8;
 /// Options of `ivv eval`.
 #[derive(clap::Args)]
 pub struct Args {
-    /// The folder of a run of `ivv train`.
+    /// The folder of a run of `ivv train`. Where it has not ended, its newest checkpoint is scored, into
+    /// RUN/eval/step-STEP.
     run: PathBuf,
     /// Another scene to score; its scores go to RUN/eval/NAME.
     #[arg(long)]
@@ -151,23 +153,19 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let run = Run::read(&args.run)?;
     let config: Config = read_json(&args.run.join("config.json"), "give the folder of a run of `ivv train`")?;
     let capture = run.open_capture(args.capture.as_deref())?;
-    let own_scene = args.run.join("scene.ply");
-    if args.scene.is_none() && !own_scene.is_file() {
-        let remedy = "end the run with `ivv train --resume`, or give a scene with --scene";
-        return Err(ivv::Error::data(&own_scene, "", "not there yet: the run has not ended", remedy).into());
-    }
-    let scene = args.scene.as_ref().unwrap_or(&own_scene);
-    let splats = run.world.splats(&read_scene(scene)?.by_degree());
-    let output = match args.scene.as_ref().and_then(|scene| scene.file_stem()) {
-        Some(name) => args.run.join("eval").join(name),
-        None => args.run.clone(),
+    let shown = shown::open(args.scene.as_ref().unwrap_or(&args.run))?;
+    let splats = run.world.splats(&shown.splats.by_degree());
+    let output = match (args.scene.as_ref().and_then(|scene| scene.file_stem()), shown.unfinished) {
+        (Some(name), _) => args.run.join("eval").join(name),
+        (None, Some(step)) => args.run.join("eval").join(format!("step-{step:08}")),
+        (None, None) => args.run.clone(),
     };
     make_folder(&output)?;
     let gpu = args.device.open()?;
     let scorer = Scorer { gpu: &gpu, capture: &capture, run: &run, config: &config };
-    let step = totals(&args.run)["steps"].as_u64().unwrap_or(0);
+    let step = shown.unfinished.or(totals(&args.run)["steps"].as_u64()).unwrap_or(0);
     let fits = if args.fit_offsets { scorer.fitted_offsets(&splats)? } else { BTreeMap::new() };
-    let (scores, examples) = scorer.all(&splats, scene, &fits, step, &output)?;
+    let (scores, examples) = scorer.all(&splats, &shown.file, &fits, step, &output)?;
     let Some(scores) = scores else {
         let remedy = "train again with --test-cameras";
         return Err(
