@@ -42,7 +42,7 @@ impl Orbit {
         }
         // By n, the eigenvalues lie between 0 and 1 and have the sum 2: the least one is about the determinant.
         let spread = (system * (1.0 / lenses.len().max(1) as f64)).determinant();
-        if !(spread > LEAST_SPREAD) {
+        if spread.is_nan() || spread <= LEAST_SPREAD {
             return None;
         }
         let middle = system.inverse() * right;

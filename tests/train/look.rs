@@ -4,7 +4,7 @@ use super::Tiny;
 use super::run::{fails, ivv, json, works};
 use ivv::scene::capture::Capture;
 use ivv::scene::{View, read_views, write_views};
-use ivv::train::Run;
+use ivv::train::{Run, spread};
 use serde_json::Value;
 use std::path::Path;
 
@@ -60,7 +60,7 @@ fn a_run_is_rendered_from_its_own_cameras_as_it_was_scored() {
     let unscaled = ["render", text(&run), "--camera", &test, "--frames", &frames, "-o", text(&raw), "--near", "2.9"];
     works(&unscaled);
     let file = format!("{}.png", name(&tiny.capture, camera, frame));
-    assert_eq!(pictures(&far), [file.clone()], "one camera from its last frame on");
+    assert_eq!(pictures(&far), std::slice::from_ref(&file), "one camera from its last frame on");
     let scored = run.join("renders").join(&test).join(format!("{frame:05}.png"));
     let [same, without, unscaled] = [&all, &far, &raw].map(|folder| difference(&folder.join(&file), &scored));
     let told = format!("{same} levels by itself, {without} without its near plane, {unscaled} with one not scaled");
@@ -217,4 +217,54 @@ fn stills_are_shown_at_the_time_that_is_asked_for_within_the_clip() {
     let told = fails(&["render", text(&scene), "--cameras", text(&late), "-o", text(&at("x"))], 3);
     assert!(told.contains("late.json") && told.contains("found 1.5"), "{told}");
     works(&["render", text(&scene), "--cameras", text(&late), "-o", text(&at("x")), "--time", "1"]);
+}
+
+#[test]
+fn a_run_under_way_shows_test_views_and_its_report() {
+    let tiny = Tiny::new("progress");
+    let run = tiny.folder.join("run");
+    let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_ivv"));
+    command.args(["train", text(&tiny.folder), "-o", text(&run), "--steps", "100000", "--sh-degree", "0"]);
+    command.args(["--eval-at", "3", "--eval-every", "0", "--eval-images", "5", "--checkpoint-every", "2", "--quiet"]);
+    if let Ok(device) = std::env::var("IVV_TEST_DEVICE") {
+        command.args(["--device", &device]);
+    }
+    let mut child = command.spawn().unwrap();
+    let report = run.join("report.html");
+    let begun = std::time::Instant::now();
+    while !report.is_file() && child.try_wait().unwrap().is_none() && begun.elapsed().as_secs() < 240 {
+        std::thread::sleep(std::time::Duration::from_millis(20));
+    }
+    child.kill().unwrap();
+    child.wait().unwrap();
+    let page = std::fs::read_to_string(&report).unwrap();
+    assert!(
+        page.contains("run, step 3 of 100000") && page.matches("<img").count() >= 9,
+        "three views, three pictures each"
+    );
+
+    let strip = image::open(run.join("renders/progress/00000003.png")).unwrap().to_rgb8();
+    let shown = spread(&spread(&tiny.capture.test_frames(), 5), 3);
+    let (mut left, mut error) = (0, 0.0);
+    for (camera, frame) in shown {
+        let truth = image::open(&tiny.capture.cameras[camera].shot(frame).unwrap().image).unwrap().to_rgb8();
+        let (width, height) = truth.dimensions();
+        assert_eq!(strip.height(), 2 * height);
+        for (x, y, pixel) in truth.enumerate_pixels() {
+            assert_eq!(strip.get_pixel(left + x, y), pixel, "the truth is above");
+            let rendered = strip.get_pixel(left + x, height + y);
+            error += (0..3).map(|c| f64::from(rendered[c].abs_diff(pixel[c]))).sum::<f64>() / 3.0;
+        }
+        left += width;
+        assert!(left <= strip.width());
+    }
+    assert_eq!(left, strip.width());
+    let error = error / f64::from(left * strip.height() / 2);
+    assert!(error > 1.0 && error < 100.0, "the rendering is below: {error} levels");
+
+    let output = ivv(&["inspect", text(&run)]);
+    let told = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.success() && told.contains("of 100000"), "{told}");
+    works(&["train", text(&tiny.folder), "-o", text(&run), "--steps", "1", "--sh-degree", "0", "--overwrite"]);
+    assert_eq!(pictures(&run.join("renders/progress")), [""; 0], "pictures of the run before are gone");
 }

@@ -227,7 +227,7 @@ fn a_path_that_outlasts_the_clip_shows_its_last_moment_and_says_so() {
     let scene = concat!(env!("CARGO_MANIFEST_DIR"), "/assets/demo/scene.ply");
     let at = |name: &str| folder.0.join(name).to_str().unwrap().to_owned();
     let film = |from: &str, to: &str, output: &str| {
-        folder.write("path.txt", &format!("{from} 0 0 -4 0 0 0 1\n{to} 0 0 -4 0 0 0 1\n"));
+        folder.write("path.txt", format!("{from} 0 0 -4 0 0 0 1\n{to} 0 0 -4 0 0 0 1\n"));
         let (path, output) = (at("path.txt"), at(output));
         let video = ["--path", &path, "--size", "32x24", "--fps", "5", "-o", &output];
         let done = ivv(&[&["render", scene, "--capture", &capture][..], &video].concat());
@@ -261,7 +261,7 @@ fn an_orbit_shows_what_cameras_look_at_from_all_sides() {
         })
     };
     let views =
-        |views: &[serde_json::Value]| folder.write("cameras.json", &serde_json::json!({ "views": views }).to_string());
+        |views: &[serde_json::Value]| folder.write("cameras.json", serde_json::json!({ "views": views }).to_string());
     let cameras = views(&[view("a", 3.0, -3.0), view("b", 0.0, -4.0), view("c", -3.0, -3.0)]);
     let (cameras, output) = (cameras.to_str().unwrap(), at("orbit.y4m"));
     let orbit = ["render", &scene, "--cameras", cameras, "--orbit", "2", "--fps", "4", "-o", &output];
