@@ -3,13 +3,14 @@
 use crate::device::DeviceArgs;
 use crate::files::{make_folder, read_json, write_json};
 use crate::screen::out;
+use crate::shown;
 use ivv::gpu::Gpu;
 use ivv::scene::capture::Capture;
-use ivv::scene::{Frame, Splats, read_scene};
+use ivv::scene::{Frame, Splats};
 use ivv::stage::{Outputs, Renderer};
 use ivv::train::{
     Config, Evaluation, Example, Log, METRICS_OF, Meter, OffsetFit, Report, Run, SceneScores, Scores, Setup, Sight,
-    evaluate, fit_offset, offset_pictures,
+    ViewScores, evaluate, fit_offset, offset_pictures, spread, strip,
 };
 use ivv::words::count;
 use std::collections::BTreeMap;
@@ -20,11 +21,14 @@ use std::sync::Arc;
 const FIT_ITERATIONS: usize = 4;
 /// Test views that a report shows at most.
 const EXAMPLES: usize = 8;
+/// Test views that an evaluation during the run shows.
+const SHOWN: usize = 3;
 
 /// Options of `ivv eval`.
 #[derive(clap::Args)]
 pub struct Args {
-    /// The folder of a run of `ivv train`.
+    /// The folder of a run of `ivv train`. Where it has not ended, its newest checkpoint is scored, into
+    /// RUN/eval/step-STEP.
     run: PathBuf,
     /// Another scene to score; its scores go to RUN/eval/NAME.
     #[arg(long)]
@@ -48,12 +52,49 @@ pub struct Scorer<'a> {
 }
 
 impl Scorer<'_> {
-    /// Scores `splats` on `frames`; none when there is no frame.
-    pub fn some(&self, splats: &Splats, frames: &[(usize, u32)], step: u64) -> ivv::Result<Option<Evaluation>> {
+    /// Scores `splats` on `frames`, and shows a few of them; none when there is no frame.
+    pub fn some(
+        &self,
+        splats: &Splats,
+        frames: &[(usize, u32)],
+        step: u64,
+    ) -> ivv::Result<Option<(Evaluation, Vec<Example>)>> {
         let mut renderer = Renderer::new(self.gpu.clone(), splats, self.run.constants)?;
         let mut meter = Meter::new(self.gpu.clone(), self.config)?;
         let sight = Sight::new(self.capture, self.config.background);
-        evaluate(&mut renderer, &mut meter, &sight, frames, step, |_, _, _| Ok(()))
+        let (shown, mut renders) = (spread(frames, SHOWN), Vec::new());
+        let evaluation = evaluate(&mut renderer, &mut meter, &sight, frames, step, |camera, frame, rendered| {
+            if shown.contains(&(camera, frame)) {
+                renders.push(rendered.clone());
+            }
+            Ok(())
+        })?;
+        let Some(evaluation) = evaluation else { return Ok(None) };
+        let scored = frames.iter().zip(&evaluation.views).filter(|(frame, _)| shown.contains(frame));
+        let example = |((&(camera, frame), scored), render): ((&(usize, u32), &ViewScores), Frame)| {
+            let truth = self.capture.picture(camera, frame)?;
+            Ok(Example { view: scored.view.clone(), why: "", scores: scored.scores, truth, render })
+        };
+        let examples = scored.zip(renders).map(example).collect::<ivv::Result<Vec<Example>>>()?;
+        Ok(Some((evaluation, examples)))
+    }
+
+    /// Writes what an evaluation during the run shows: a strip of `examples`, truth above rendering, and the report so far.
+    pub fn progress(
+        &self,
+        (splats, evaluation, examples): (&Splats, Evaluation, &[Example]),
+        (step, total): (u64, u64),
+        log: &Log,
+        output: &Path,
+    ) -> ivv::Result<()> {
+        let folder = output.join("renders").join("progress");
+        make_folder(&folder)?;
+        strip(examples).write_png(&folder.join(format!("{step:08}.png")))?;
+        let scores = SceneScores::new(&output.join("checkpoints"), splats, &self.gpu.caps().name, evaluation);
+        let name = format!("{}, step {step} of {total}", name_of(output));
+        let Scorer { run, config, .. } = self;
+        let (scores, totals) = (Some(&scores), &serde_json::Value::Null);
+        Report { name: &name, run, config, totals, log, scores, examples }.write(&output.join("report.html"))
     }
 
     /// Scores `splats`, which `scene` holds, on all test views, and once more at the time offsets `fits` by camera where there
@@ -131,8 +172,7 @@ impl Scorer<'_> {
         run_folder: &Path,
         output: &Path,
     ) -> ivv::Result<PathBuf> {
-        let path = std::path::absolute(output).unwrap_or_else(|_| output.to_owned());
-        let name = path.file_name().map_or("run".into(), |name| name.to_string_lossy());
+        let name = name_of(output);
         let totals = totals(run_folder);
         let log = Log::open(run_folder, u64::MAX);
         let Scorer { run, config, .. } = self;
@@ -140,6 +180,12 @@ impl Scorer<'_> {
         Report { name: &name, run, config, totals: &totals, log: &log, scores, examples }.write(&file)?;
         Ok(file)
     }
+}
+
+/// What the report calls the run in `output`.
+fn name_of(output: &Path) -> String {
+    let path = std::path::absolute(output).unwrap_or_else(|_| output.to_owned());
+    path.file_name().map_or("run".into(), |name| name.to_string_lossy()).into_owned()
 }
 
 /// `train.json` of a run; null where it is absent: a run that was copied without it still has scores.
@@ -151,23 +197,19 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let run = Run::read(&args.run)?;
     let config: Config = read_json(&args.run.join("config.json"), "give the folder of a run of `ivv train`")?;
     let capture = run.open_capture(args.capture.as_deref())?;
-    let own_scene = args.run.join("scene.ply");
-    if args.scene.is_none() && !own_scene.is_file() {
-        let remedy = "end the run with `ivv train --resume`, or give a scene with --scene";
-        return Err(ivv::Error::data(&own_scene, "", "not there yet: the run has not ended", remedy).into());
-    }
-    let scene = args.scene.as_ref().unwrap_or(&own_scene);
-    let splats = run.world.splats(&read_scene(scene)?.by_degree());
-    let output = match args.scene.as_ref().and_then(|scene| scene.file_stem()) {
-        Some(name) => args.run.join("eval").join(name),
-        None => args.run.clone(),
+    let shown = shown::open(args.scene.as_ref().unwrap_or(&args.run))?;
+    let splats = run.world.splats(&shown.splats.by_degree());
+    let output = match (args.scene.as_ref().and_then(|scene| scene.file_stem()), shown.unfinished) {
+        (Some(name), _) => args.run.join("eval").join(name),
+        (None, Some(step)) => args.run.join("eval").join(format!("step-{step:08}")),
+        (None, None) => args.run.clone(),
     };
     make_folder(&output)?;
     let gpu = args.device.open()?;
     let scorer = Scorer { gpu: &gpu, capture: &capture, run: &run, config: &config };
-    let step = totals(&args.run)["steps"].as_u64().unwrap_or(0);
+    let step = shown.unfinished.or(totals(&args.run)["steps"].as_u64()).unwrap_or(0);
     let fits = if args.fit_offsets { scorer.fitted_offsets(&splats)? } else { BTreeMap::new() };
-    let (scores, examples) = scorer.all(&splats, scene, &fits, step, &output)?;
+    let (scores, examples) = scorer.all(&splats, &shown.file, &fits, step, &output)?;
     let Some(scores) = scores else {
         let remedy = "train again with --test-cameras";
         return Err(

@@ -1,13 +1,15 @@
 //! `ivv export`.
 
 use crate::screen::out;
-use ivv::scene::{Splats, read_scene, write_ply, write_splat, write_spz};
+use crate::shown;
+use crate::views::clip_time;
+use ivv::scene::{Splats, write_ply, write_splat, write_spz};
 use std::path::{Path, PathBuf};
 
 /// Options of `ivv export`.
 #[derive(clap::Args)]
 pub struct Args {
-    /// A run folder (its scene.ply is taken) or a scene file.
+    /// A scene file, or the folder of a run: its scene.ply, or the newest checkpoint where it has not ended.
     scene: PathBuf,
     /// The file to write.
     #[arg(short, long)]
@@ -17,7 +19,7 @@ pub struct Args {
     #[arg(long)]
     format: Option<Format>,
     /// The scene at this normalised time, 0 to 1, as static Gaussians that every viewer shows.
-    #[arg(long)]
+    #[arg(long, value_parser = clip_time, allow_negative_numbers = true)]
     time: Option<f64>,
     /// With --time: leaves out Gaussians less opaque than this.
     #[arg(long, requires = "time", default_value_t = ivv::Constants::default().alpha_min)]
@@ -36,11 +38,9 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         Some(format) => format,
         None => by_ending(&args.output)?,
     };
-    let source = if args.scene.join("run.json").is_file() { args.scene.join("scene.ply") } else { args.scene.clone() };
-    let mut splats = read_scene(&source)?;
+    let mut splats = shown::open(&args.scene)?.splats;
     let n_read = splats.len();
     if let Some(time) = args.time {
-        anyhow::ensure!(time.is_finite(), "--time must be a finite number");
         anyhow::ensure!((0.0..=1.0).contains(&args.min_opacity), "--min-opacity must lie between 0 and 1");
         splats = splats.at(time, args.min_opacity);
     }

@@ -1,20 +1,20 @@
-//! `ivv render --path`: a video of the way of a head, with what it hears.
+//! `ivv render --path` and `--orbit`: a video of the way of a head, with what it hears, or around a scene.
 
 use crate::device::DeviceArgs;
 use crate::files::make_folder;
 use crate::interrupt::{Interrupted, Stop};
 use crate::progress::Progress;
 use crate::render::check_finite;
-use crate::screen::out;
+use crate::screen::{alert, out};
+use crate::shown::Shown;
 use crate::synth::size;
 use anyhow::Context;
 use ivv::Constants;
-use ivv::scene::{FlowModel, View, read_scene};
+use ivv::scene::{FlowModel, Orbit, View};
 use ivv::sound::hrtf::HrtfSet;
 use ivv::sound::path::{Convention, HeadPath, read_path};
-use ivv::sound::pose::Pose;
+use ivv::sound::pose::{Pose, PoseTrack};
 use ivv::sound::render::{RenderConfig, Rendered, render};
-use ivv::sound::rig::Rig;
 use ivv::sound::scene_file::SoundScene;
 use ivv::sound::wav::{Depth, write};
 use ivv::stage::{Outputs, Renderer};
@@ -36,23 +36,23 @@ const FOV: f64 = 50.0;
 pub struct PathArgs {
     /// Camera (head) path for a video: TUM, CSV (t,x,y,z,qx,qy,qz,qw), or the JSON of nerfstudio or nerfview. Times are
     /// seconds of the clip; positions are in the scene's frame.
-    #[arg(long)]
+    #[arg(long, group = "film")]
     path: Option<PathBuf>,
+    /// Makes a video of so many seconds that circles once about what the views look at, upright as they are on average, as
+    /// far away and as high as they are in the median. A dynamic scene plays once meanwhile, unless --time is given.
+    #[arg(long, group = "film", value_name = "SECONDS")]
+    orbit: Option<f64>,
     /// The axes of the path's poses. By default the head's in a CSV, OpenGL's in a JSON, OpenCV's in a TUM file.
     #[arg(long, requires = "path")]
     path_convention: Option<Axes>,
-    /// The capture that the scene was trained on. Its frame rate and length map seconds to scene time. A dynamic scene needs
-    /// it.
-    #[arg(long, requires = "path")]
-    capture: Option<PathBuf>,
     /// Frames per second. By default the path's, else the capture's, else 30.
-    #[arg(long, requires = "path")]
+    #[arg(long, requires = "film")]
     fps: Option<f64>,
-    /// WIDTHxHEIGHT in pixels. By default the path's, else 640x360.
-    #[arg(long, requires = "path", value_parser = size)]
+    /// WIDTHxHEIGHT in pixels. By default the path's, else 640x360; with --orbit that of the first view.
+    #[arg(long, requires = "film", value_parser = size)]
     size: Option<(u32, u32)>,
-    /// Vertical field of view, degrees. By default the path's, else 50.
-    #[arg(long, requires = "path")]
+    /// Vertical field of view, degrees. By default the path's, else 50; with --orbit that of the first view.
+    #[arg(long, requires = "film")]
     fov: Option<f64>,
     /// Sound to hear along the path: the scene.json of `ivv sound localize`.
     #[arg(long, requires = "path")]
@@ -88,8 +88,19 @@ impl From<Axes> for Convention {
     }
 }
 
+/// When a frame shows a dynamic scene.
+#[derive(Clone, Copy)]
+enum Times {
+    /// At the seconds of the path.
+    Path,
+    /// From one normalised time to another while the video lasts.
+    Span(f64, f64),
+    /// Always at this normalised time.
+    Fixed(f64),
+}
+
 /// What a video shows, from when to when.
-struct Film {
+pub struct Film {
     path: HeadPath,
     fps: f64,
     size: (u32, u32),
@@ -97,37 +108,66 @@ struct Film {
     focal: f64,
     /// Frames of the capture per second, and how many.
     clip: Option<(f64, u32)>,
+    times: Times,
+    background: [f32; 3],
     n_frames: usize,
 }
 
 impl Film {
-    fn new(args: &PathArgs, path: &Path) -> anyhow::Result<Film> {
-        let path = read_path(path, args.path_convention.map(Convention::from))?;
-        let clip = args.capture.as_ref().map(|capture| Rig::open(capture)).transpose()?;
-        let clip = clip.map(|rig| (rig.fps, rig.n_frames));
-        let camera = path.camera;
-        let fps = args.fps.or(camera.map(|camera| camera.fps)).or(clip.map(|clip| clip.0)).unwrap_or(FPS);
-        anyhow::ensure!(fps.is_finite() && fps > 0.0, "--fps must be positive");
-        let size = args.size.or(camera.map(|camera| (camera.width, camera.height))).unwrap_or(SIZE);
-        let fov = args.fov.or(camera.map(|camera| camera.fov)).unwrap_or(FOV);
-        anyhow::ensure!(fov > 0.0 && fov < 180.0, "--fov must lie between 0 and 180");
-        let focal = 0.5 * f64::from(size.1) / (0.5 * fov.to_radians()).tan();
+    /// Along the path in the file `path`, through `clip` or at `time`.
+    pub fn along(args: &PathArgs, path: &Path, clip: Option<(f64, u32)>, time: Option<f64>) -> anyhow::Result<Film> {
+        let head = read_path(path, args.path_convention.map(Convention::from))?;
+        let times = time.map_or(Times::Path, Times::Fixed);
+        let fps = args.fps.or(head.camera.map(|camera| camera.fps)).or(clip.map(|clip| clip.0)).unwrap_or(FPS);
         // A head that stays sees the whole clip.
-        let seconds = match (path.track.poses(), clip) {
-            ([_], Some((fps, n_frames))) => f64::from(n_frames - 1) / fps,
+        let seconds = match (head.track.poses(), clip) {
+            ([_], Some((fps, n_frames))) => f64::from(n_frames.saturating_sub(1)) / fps,
             (poses, _) => poses[poses.len() - 1].t - poses[0].t,
         };
-        let n_frames = seconds * fps + 1.0;
-        if n_frames > MOST_FRAMES {
-            let reason = format!(
-                "the video would have {n_frames:.0} frames ({seconds} s at {fps} a second); at most {MOST_FRAMES} are \
-                 rendered, a day at 60 a second"
-            );
+        let n_frames = n_frames(seconds, fps).map_err(|reason| {
             let remedy = "give a shorter path, check that its times are in seconds, or give a lower --fps";
-            return Err(ivv::Error::data(&args.path.clone().unwrap_or_default(), "", reason, remedy).into());
-        }
-        let n_frames = (n_frames + 1e-6) as usize;
-        Ok(Film { path, fps, size, focal, clip, n_frames })
+            ivv::Error::data(path, "", reason, remedy)
+        })?;
+        let size = head.camera.map_or(SIZE, |camera| (camera.width, camera.height));
+        let fov = head.camera.map_or(FOV, |camera| camera.fov);
+        Film { path: head, fps, size, focal: 0.0, clip, times, background: [0.0; 3], n_frames }.seen(args, fov)
+    }
+
+    /// Once around what `views` look at, in `seconds`, through the time that they cover or at `time`.
+    pub fn around(args: &PathArgs, seconds: f64, views: &[View], time: Option<f64>) -> anyhow::Result<Film> {
+        anyhow::ensure!(
+            seconds.is_finite() && seconds > 0.0,
+            "--orbit: expected a positive number of seconds, found {seconds}"
+        );
+        let orbit = Orbit::new(views).context(
+            "--orbit: expected at least two views that look at one place, found none there; give a path with --path",
+        )?;
+        let [first, last] =
+            [f64::min, f64::max].map(|pick| views.iter().map(|view| view.time).reduce(pick).unwrap_or(0.0));
+        let times = time.map_or(Times::Span(first, last), Times::Fixed);
+        let fps = args.fps.unwrap_or(FPS);
+        // The last frame comes one before the first again.
+        let n_frames = n_frames(seconds, fps).map_err(|reason| anyhow::anyhow!("--orbit: {reason}"))?.max(3) - 1;
+        let pose = |index: usize| {
+            let p = orbit.at(index as f64 / n_frames as f64);
+            Pose { t: index as f64 / fps, p, q: Pose::looking(orbit.middle - p, orbit.up) }
+        };
+        let path = HeadPath { track: PoseTrack::new((0..n_frames).map(pose).collect())?, camera: None };
+        let view = &views[0];
+        // Encoders want both sides even.
+        let size = (view.width.max(2) & !1, view.height.max(2) & !1);
+        let fov = 2.0 * (0.5 * f64::from(view.height) / view.fy).atan().to_degrees();
+        let background = view.background;
+        Film { path, fps, size, focal: 0.0, clip: None, times, background, n_frames }.seen(args, fov)
+    }
+
+    /// In the size and with the field of view that are asked for, else with `fov` degrees.
+    fn seen(self, args: &PathArgs, fov: f64) -> anyhow::Result<Film> {
+        let (size, fov) = (args.size.unwrap_or(self.size), args.fov.unwrap_or(fov));
+        anyhow::ensure!(self.fps.is_finite() && self.fps > 0.0, "--fps must be positive");
+        anyhow::ensure!(fov > 0.0 && fov < 180.0, "--fov must lie between 0 and 180");
+        let focal = 0.5 * f64::from(size.1) / (0.5 * fov.to_radians()).tan();
+        Ok(Film { size, focal, ..self })
     }
 
     /// When the first frame is, seconds of the clip.
@@ -135,10 +175,47 @@ impl Film {
         self.path.track.poses()[0].t
     }
 
+    /// The normalised time of a frame, and whether the clip has it. Nothing is known of a scene before its first picture and
+    /// after its last: those times are held there.
+    fn time(&self, frame: usize) -> (f64, bool) {
+        match self.times {
+            Times::Fixed(time) => (time, true),
+            Times::Span(first, last) => {
+                let done = frame as f64 / self.n_frames.saturating_sub(1).max(1) as f64;
+                (first + done * (last - first), true)
+            }
+            Times::Path => self.clip.map_or((0.0, true), |(fps, n_frames)| {
+                let at = (self.start() + frame as f64 / self.fps) * fps;
+                let last = f64::from(n_frames.saturating_sub(1));
+                (at.clamp(0.0, last) / f64::from(n_frames.max(1)), (-1e-6..=last + 1e-6).contains(&at))
+            }),
+        }
+    }
+
+    /// Warns of frames that lie outside of the clip; refuses a film of nothing else.
+    fn within_clip(&self) -> anyhow::Result<()> {
+        let n_outside = (0..self.n_frames).filter(|frame| !self.time(*frame).1).count();
+        let (fps, n_frames) = self.clip.unwrap_or((FPS, 1));
+        let seconds = f64::from(n_frames.saturating_sub(1)) / fps;
+        anyhow::ensure!(
+            n_outside < self.n_frames,
+            "expected a path within the clip, which lasts from 0 to {seconds:.3} s, found none of its times there; check that \
+             they are in seconds of the clip, or give --time"
+        );
+        if n_outside > 0 {
+            alert!(
+                "{n_outside} of {} lie outside of the clip, which lasts from 0 to {seconds:.3} s; they show its first or last \
+                 moment",
+                count(self.n_frames, "frame")
+            );
+        }
+        Ok(())
+    }
+
     fn view(&self, frame: usize) -> View {
         let pose: Pose = self.path.track.at(self.start() + frame as f64 / self.fps);
         let (width, height) = self.size;
-        let time = self.clip.map_or(0.0, |(fps, n_frames)| pose.t * fps / f64::from(n_frames));
+        let time = self.time(frame).0;
         View {
             name: format!("{frame:05}"),
             width,
@@ -151,7 +228,7 @@ impl Film {
             time,
             time_offset: 0.0,
             flow_dt: self.clip.map_or(1.0, |(_, n_frames)| 1.0 / f64::from(n_frames)),
-            background: [0.0; 3],
+            background: self.background,
             flow_model: FlowModel::Velocity,
             next_world_to_camera: None,
         }
@@ -168,33 +245,52 @@ impl Film {
 }
 
 impl PathArgs {
-    /// The path, where a video is asked for.
+    /// The path of a video, where one is asked for.
     pub fn path(&self) -> Option<&Path> {
         self.path.as_deref()
     }
+
+    /// Seconds of a circle, where one is asked for.
+    pub fn orbit(&self) -> Option<f64> {
+        self.orbit
+    }
 }
 
-/// Renders the video to `output`.
-pub fn run(
-    args: &PathArgs,
-    path: &Path,
-    scene: &Path,
-    output: &Path,
-    device: &DeviceArgs,
-    constants: Constants,
-    json: bool,
-) -> anyhow::Result<()> {
-    let stop = Stop::listen()?;
-    let film = Film::new(args, path)?;
-    let splats = read_scene(scene)?.by_degree();
+/// Frames of a video that lasts from one to the other end of `seconds`; else why that is none.
+fn n_frames(seconds: f64, fps: f64) -> Result<usize, String> {
+    let n_frames = seconds * fps + 1.0;
+    if n_frames > MOST_FRAMES {
+        return Err(format!(
+            "the video would have {n_frames:.0} frames ({seconds} s at {fps} a second); at most {MOST_FRAMES} are rendered, a \
+             day at 60 a second"
+        ));
+    }
+    Ok((n_frames + 1e-6) as usize)
+}
+
+/// Where and how a film is rendered.
+pub struct Studio<'a> {
+    pub output: &'a Path,
+    pub device: &'a DeviceArgs,
+    pub constants: Constants,
+    pub stop: &'a Stop,
+}
+
+/// Renders `film` of the scene `shown`.
+pub fn run(film: &Film, args: &PathArgs, shown: Shown, studio: &Studio, json: bool) -> anyhow::Result<()> {
+    let Studio { output, device, constants, stop } = *studio;
+    let splats = shown.splats.by_degree();
     let is_still = splats.motion.is_empty();
     anyhow::ensure!(
-        is_still || film.clip.is_some(),
-        "{} is dynamic; pass --capture to map seconds of the path to scene time",
-        scene.display()
+        is_still || film.clip.is_some() || !matches!(film.times, Times::Path),
+        "{} is dynamic; pass --capture to map seconds of the path to scene time, or --time",
+        shown.file.display()
     );
+    if !is_still {
+        film.within_clip()?;
+    }
     make_folder(output.parent().context("-o must name a video file")?)?;
-    let (sound, report) = sound(args, &film, output)?;
+    let (sound, report) = sound(args, film, output)?;
     let gpu = device.open()?;
     let mut renderer = Renderer::new(gpu, &splats, constants)?;
     drop(splats);

@@ -2,7 +2,8 @@
 
 use crate::require;
 use crate::screen::out;
-use ivv::scene::{Quantiles, read_scene};
+use crate::shown::{self, Shown};
+use ivv::scene::Quantiles;
 use ivv::train::Review;
 use ivv::words::count;
 use serde_json::Value;
@@ -11,15 +12,20 @@ use std::path::{Path, PathBuf};
 /// Options of `ivv inspect`.
 #[derive(clap::Args)]
 pub struct Args {
-    /// A scene file: 3DGS or compressed PLY, .splat, .spz, or the folder or meta.json of a SOG; or the folder of a run.
+    /// A scene file: 3DGS or compressed PLY, .splat, .spz, or the folder or meta.json of a SOG; or the folder of a run: its
+    /// scene.ply, or the newest checkpoint where it has not ended.
     scene: PathBuf,
 }
 
 pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
-    let (scene, reviews) = scene_and_reviews(&args.scene);
-    let summary = read_scene(&scene)?.by_degree().summary();
+    let Shown { file: scene, splats, unfinished } = shown::open(&args.scene)?;
+    let reviews = reviews(&scene);
+    let summary = splats.by_degree().summary();
     if json {
         let mut value = serde_json::to_value(&summary)?;
+        if let Some(step) = unfinished {
+            value["checkpoint_step"] = step.into();
+        }
         value["reviews"] = serde_json::to_value(&reviews)?;
         out!("{}", serde_json::to_string_pretty(&value)?);
         return Ok(());
@@ -67,11 +73,10 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// The scene file of `path`, which may be a run's folder, and what the reviews of its run said; none of another file.
-fn scene_and_reviews(path: &Path) -> (PathBuf, Vec<Review>) {
-    let scene = if path.join("train.json").is_file() { path.join("scene.ply") } else { path.to_owned() };
+/// What the reviews of the run said that `scene` is of; none of another file.
+fn reviews(scene: &Path) -> Vec<Review> {
     let totals = scene.with_file_name("train.json");
     let totals: Value =
         ivv::scene::read_file(&totals).ok().and_then(|text| serde_json::from_slice(&text).ok()).unwrap_or_default();
-    (scene, serde_json::from_value(totals["reviews"].clone()).unwrap_or_default())
+    serde_json::from_value(totals["reviews"].clone()).unwrap_or_default()
 }

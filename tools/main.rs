@@ -2,6 +2,7 @@
 
 mod ablate;
 mod begin;
+mod cameras;
 mod capture;
 mod check;
 mod demo;
@@ -29,12 +30,14 @@ mod replay;
 mod require;
 mod screen;
 mod settings;
+mod shown;
 mod sound;
 mod start;
 mod synth;
 mod totals;
 mod trade;
 mod train;
+mod views;
 mod vjp;
 #[cfg(feature = "shaders")]
 mod watch;
@@ -72,8 +75,11 @@ enum Verb {
     Check(check::Args),
     /// Shows what a scene holds: static and dynamic Gaussians, SH degree, bytes, extent.
     Inspect(inspect::Args),
-    /// Renders views of a scene, one file per view and format, named after the view; or a video along a path, with sound.
+    /// Renders views of a run or a scene, one file per view and format, named after the view; or a video along a path, with
+    /// sound, or around the scene.
     Render(render::Args),
+    /// Writes the views of a capture as a cameras file.
+    Cameras(cameras::Args),
     /// Sound: finds speakers, and renders what is heard along a path.
     Sound(sound::Args),
     /// Writes the first Gaussians of a capture from the points of its frames.
@@ -126,6 +132,7 @@ fn run(cli: &Cli) -> anyhow::Result<()> {
         Verb::Check(args) => check::run(args, cli.json),
         Verb::Inspect(args) => inspect::run(args, cli.json),
         Verb::Render(args) => render::run(args, cli.json),
+        Verb::Cameras(args) => cameras::run(args, cli.json),
         Verb::Sound(args) => sound::run(args, cli.json),
         Verb::Init(args) => init::run(args, cli.json),
         Verb::Train(args) => train::run(args, cli.json),

@@ -2,14 +2,18 @@
 
 use crate::device::DeviceArgs;
 use crate::files::make_folder;
-use crate::film::{self, PathArgs};
+use crate::film::{self, Film, PathArgs, Studio};
 use crate::interrupt::{Interrupted, Stop};
 use crate::passes::{self, TimedPass};
 use crate::progress::Progress;
 use crate::screen::{alert, out};
+use crate::shown::{self, Shown, is_run};
+use crate::views::{ViewArgs, clip_time};
 use anyhow::Context;
-use ivv::scene::{Frame, View, read_scene, read_views};
+use ivv::scene::{Frame, View};
+use ivv::sound::rig::Rig;
 use ivv::stage::{FrameReport, Outputs, Renderer};
+use ivv::train::Run;
 use ivv::words::count;
 use ivv::{Constants, Knobs, TileBound};
 use std::path::{Path, PathBuf};
@@ -18,20 +22,33 @@ use std::time::Instant;
 /// Options of `ivv render`.
 #[derive(clap::Args)]
 pub struct Args {
-    /// A scene file: 3DGS or compressed PLY, .splat, .spz, or the folder or meta.json of a SOG.
-    #[arg(long)]
-    scene: PathBuf,
-    /// A cameras file (JSON).
-    #[arg(long, required_unless_present = "path", conflicts_with = "path")]
+    /// The folder of a run, which gives its scene, the views of its capture and its rendering constants; or a scene file: 3DGS
+    /// or compressed PLY, .splat, .spz, or the folder or meta.json of a SOG. Of a run that has not ended, its newest checkpoint.
+    #[arg(value_name = "RUN|SCENE", required_unless_present = "scene", conflicts_with = "scene")]
+    source: Option<PathBuf>,
+    /// The same as RUN|SCENE.
+    #[arg(long, value_name = "RUN|SCENE")]
+    scene: Option<PathBuf>,
+    /// Views to render: a cameras file (JSON, as of `ivv cameras`), a transforms.json, or a capture, as a COLMAP project.
+    #[arg(long, conflicts_with_all = ["path", "capture"])]
     cameras: Option<PathBuf>,
-    /// The folder for the pictures; with --path the video: .mp4, .mov or .mkv (by ffmpeg), or .y4m.
+    /// The capture of the scene: its views are rendered. Of a run, where its capture is now. With --path its frame rate and
+    /// length map seconds to scene time, which a dynamic scene needs.
+    #[arg(long)]
+    capture: Option<PathBuf>,
+    #[command(flatten)]
+    views: ViewArgs,
+    /// Shows a dynamic scene at this normalised time, 0 to 1, from every view. A camera that rests is rendered once.
+    #[arg(long, value_parser = clip_time, allow_negative_numbers = true)]
+    time: Option<f64>,
+    /// The folder for the pictures; with --path or --orbit the video: .mp4, .mov or .mkv (by ffmpeg), or .y4m.
     #[arg(short, long)]
     output: PathBuf,
     /// What to write: png (colour), exr (all outputs as named channels), safetensors (all outputs).
-    #[arg(long, value_delimiter = ',', default_value = "png", conflicts_with = "path")]
+    #[arg(long, value_delimiter = ',', default_value = "png", conflicts_with = "film")]
     format: Vec<Format>,
     /// Print the time of every pass, its share, and its speed against a model of lavapipe.
-    #[arg(long, conflicts_with = "path")]
+    #[arg(long, conflicts_with = "film")]
     profile: bool,
     #[command(flatten)]
     film: PathArgs,
@@ -185,15 +202,66 @@ struct ViewReport {
     frame: FrameReport,
 }
 
-pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
-    if let Some(path) = args.film.path() {
-        let constants = args.knobs.on(args.constants.checked()?)?;
-        return film::run(&args.film, path, &args.scene, &args.output, &args.device, constants, json);
+impl Args {
+    /// Frames per second of the clip that the scene is of, and how many, where something says.
+    fn clip(&self, run: Option<&Run>) -> ivv::Result<Option<(f64, u32)>> {
+        match (run, &self.capture) {
+            (Some(run), _) => Ok(Some((run.held.fps, run.held.frames))),
+            (None, Some(capture)) => Rig::open(capture).map(|rig| Some((rig.fps, rig.n_frames))),
+            (None, None) => Ok(None),
+        }
     }
-    let constants = args.knobs.on(args.constants.checked()?)?;
+
+    /// The views that are asked for.
+    fn views(&self, source: &Path) -> anyhow::Result<Vec<View>> {
+        let mut views = match (&self.cameras, &self.capture) {
+            (Some(cameras), _) => self.views.of_cameras(cameras, self.time)?,
+            (None, capture) if is_run(source) => self.views.of_run(source, capture.as_deref(), self.time)?,
+            (None, Some(capture)) => self.views.of_capture(capture, self.time)?,
+            (None, None) => anyhow::bail!(
+                "{} is a scene without cameras; give --capture or --cameras, or --path for a video, or the folder of its run",
+                source.display()
+            ),
+        };
+        if let Some(time) = self.time {
+            views.iter_mut().for_each(|view| (view.time, view.time_offset) = (time, 0.0));
+        }
+        Ok(views)
+    }
+}
+
+/// Refuses views of a dynamic scene at times that nothing was seen at.
+fn within_clip(cameras: &Path, shown: &Shown, views: &[View]) -> ivv::Result<()> {
+    let outside = |view: &&View| !shown.splats.motion.is_empty() && !(0.0..=1.0).contains(&view.time);
+    views.iter().find(outside).map_or(Ok(()), |view| {
+        let reason = format!("expected a time within the clip, 0 to 1, found {}", view.time);
+        let remedy = "correct `time` of this view, or give --time for all views";
+        Err(ivv::Error::data(cameras, format!("view `{}`", view.name.escape_debug()), reason, remedy))
+    })
+}
+
+pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
+    let source = args.source.as_deref().or(args.scene.as_deref()).context("give the folder of a run or a scene")?;
+    let run = if is_run(source) { Some(Run::read(source)?) } else { None };
+    let of_scene = run.as_ref().map_or_else(Constants::default, Run::constants_of_capture);
+    let constants = args.knobs.on(args.constants.checked_over(of_scene)?)?;
     let stop = Stop::listen()?;
-    let views = read_views(args.cameras.as_deref().context("give --cameras or --path")?)?;
-    let splats = read_scene(&args.scene)?.by_degree();
+    let film = match args.film.path() {
+        Some(path) => Some(Film::along(&args.film, path, args.clip(run.as_ref())?, args.time)?),
+        None => None,
+    };
+    let views = if film.is_some() { Vec::new() } else { args.views(source)? };
+    let film = match args.film.orbit() {
+        Some(seconds) => Some(Film::around(&args.film, seconds, &views, args.time)?),
+        None => film,
+    };
+    let shown = shown::open(source)?;
+    if let Some(film) = film {
+        let studio = Studio { output: &args.output, device: &args.device, constants, stop: &stop };
+        return film::run(&film, &args.film, shown, &studio, json);
+    }
+    within_clip(args.cameras.as_deref().unwrap_or(source), &shown, &views)?;
+    let splats = shown.splats.by_degree();
     make_folder(&args.output)?;
     let gpu = args.device.open()?;
     let mut renderer = Renderer::new(gpu.clone(), &splats, constants)?;

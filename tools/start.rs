@@ -58,6 +58,7 @@ impl Start {
         if args.overwrite {
             Checkpoint::remove_all(&checkpoints)?;
             RESULTS.iter().try_for_each(|name| remove(&args.output.join(name)))?;
+            remove_pictures(&args.output.join("renders").join("progress"))?;
         }
         write_json(&args.output.join("config.json"), &config)?;
         run.write(&args.output)?;
@@ -142,6 +143,12 @@ fn locked(folder: &Path) -> ivv::Result<RunLock> {
     let parts = [("", 0), ("checkpoints", 0), ("renders", 1)].map(|(name, depth)| (folder.join(name), depth));
     parts.iter().filter(|(part, _)| part.is_dir()).try_for_each(|(part, depth)| remove_temporaries(part, *depth))?;
     Ok(lock)
+}
+
+/// Removes the pictures in `folder`, which need not be there.
+fn remove_pictures(folder: &Path) -> ivv::Result<()> {
+    let files = std::fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
+    files.filter(|file| file.extension().is_some_and(|ending| ending == "png")).try_for_each(|file| remove(&file))
 }
 
 fn remove(file: &Path) -> ivv::Result<()> {

@@ -300,10 +300,13 @@ impl Session<'_> {
         if !self.due.evaluation(step) {
             return Ok(None);
         }
-        let scored = self.scorer.some(&self.trainer.splats()?, &self.some_test, step)?;
-        let Some(Evaluation { mean, views, .. }) = &scored else { return Ok(None) };
+        let splats = self.trainer.splats()?;
+        let Some((scored, examples)) = self.scorer.some(&splats, &self.some_test, step)? else { return Ok(None) };
+        let Evaluation { mean, views, .. } = &scored;
+        let mean = *mean;
         self.progress.scored(step, mean.psnr, mean.ssim, views.len());
         self.log.push(Kind::Evaluation, &scored)?;
+        self.scorer.progress((&splats, scored, &examples), (step, self.total), &self.log, &self.args.output)?;
         let best = Checkpoint::best(&self.checkpoints)?;
         Ok(best.is_none_or(|(_, psnr)| mean.psnr > psnr).then_some(mean.psnr))
     }

@@ -325,6 +325,16 @@ impl Checkpoint {
         Ok(Checkpoint { step, total, config, world, origin, params, first, second, state, cameras, owed })
     }
 
+    /// The Gaussians in the capture's own frame, numbered in the file's order. Under lazy Adam those that were out of view lately
+    /// lag: the steps that are owed to them are caught up with only on a device, by [`super::Trainer::splats`].
+    pub fn splats(&self) -> Splats {
+        let mut splats = self.params.clone();
+        for position in &mut splats.position {
+            *position = std::array::from_fn(|k| (f64::from(position[k]) + self.origin[k]) as f32);
+        }
+        self.world.inverse().splats(&splats)
+    }
+
     /// The newest checkpoint of `folder` that can be read, with a warning for each newer one that cannot; none when there
     /// is no file.
     ///

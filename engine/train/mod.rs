@@ -45,6 +45,7 @@ pub use plan::{BoundBy, Class, INTERSECTIONS_PER_GAUSSIAN, Limits, Need, Plan, W
 pub use preset::{PRESETS, Preset, PresetId, merge};
 pub use random::{Random, permutation};
 pub use report::{Example, Report};
+pub use report_picture::strip;
 pub(crate) use report_plot::escape;
 pub use require::{
     Due, Evidence, Fate, GridCheck, InTime, Review, Seen, affordable, carry_out, fates, merge_resting, review,

@@ -92,6 +92,12 @@ impl Run {
         })
     }
 
+    /// Rendering constants in the capture's own frame, which is that of scene.ply; [`Run::constants`] are of the frame of
+    /// training.
+    pub fn constants_of_capture(&self) -> Constants {
+        Constants { near: (f64::from(self.constants.near) / self.world.scale) as f32, ..self.constants }
+    }
+
     /// `run.json` of `folder`.
     pub fn file(folder: &Path) -> PathBuf {
         folder.join("run.json")

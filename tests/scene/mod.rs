@@ -3,6 +3,7 @@
 mod demo;
 mod export;
 pub mod formats;
+mod orbit;
 mod pictures;
 mod ply;
 mod points;

@@ -4,6 +4,7 @@ mod density;
 mod init;
 mod knobs;
 mod leak;
+mod look;
 mod plan;
 mod points;
 mod report;

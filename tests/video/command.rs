@@ -202,3 +202,110 @@ fn the_file_of_a_driver_that_is_no_json_is_no_lack_of_memory() {
     assert_eq!(output.status.code(), Some(4), "{told}");
     assert!(told.contains("the file of a driver may be damaged") && !told.contains("limit is 0"), "{told}");
 }
+
+/// The pictures of a .y4m of `width` x `height` pixels in three full planes.
+fn y4m(file: &Path, width: usize, height: usize) -> Vec<Vec<u8>> {
+    let film = std::fs::read(file).unwrap();
+    let header = film.iter().position(|byte| *byte == b'\n').unwrap() + 1;
+    film[header..].chunks(6 + 3 * width * height).map(|frame| frame[6..].to_vec()).collect()
+}
+
+/// A clip of 30 frames at 30 a second, as long as its cameras are small.
+fn small_capture(folder: &Folder) -> String {
+    let tiny = Preset::Tiny.options(1);
+    let tiny =
+        Options { cameras: 3, test_cameras: 0, width: 16, height: 16, frames: 30, samples: 1, points: 8, ..tiny };
+    let capture = folder.0.join("capture");
+    write_capture(&capture, &tiny, 2, &mut |_, _| {}).unwrap();
+    capture.to_str().unwrap().to_owned()
+}
+
+#[test]
+fn a_path_that_outlasts_the_clip_shows_its_last_moment_and_says_so() {
+    let folder = Folder::new("film-late");
+    let capture = small_capture(&folder);
+    let scene = concat!(env!("CARGO_MANIFEST_DIR"), "/assets/demo/scene.ply");
+    let at = |name: &str| folder.0.join(name).to_str().unwrap().to_owned();
+    let film = |from: &str, to: &str, output: &str| {
+        folder.write("path.txt", format!("{from} 0 0 -4 0 0 0 1\n{to} 0 0 -4 0 0 0 1\n"));
+        let (path, output) = (at("path.txt"), at(output));
+        let video = ["--path", &path, "--size", "32x24", "--fps", "5", "-o", &output];
+        let done = ivv(&[&["render", scene, "--capture", &capture][..], &video].concat());
+        (done.status.code(), String::from_utf8_lossy(&done.stderr).into_owned())
+    };
+    let (code, told) = film("-0.4", "2", "late.y4m");
+    assert!(code == Some(0) && told.matches("lie outside of the clip").count() == 1, "{told}");
+    // At -0.4, -0.2, 1, 1.2 to 2 s of a clip whose last frame is at 29 / 30 s.
+    assert!(told.contains("8 of 13 frames") && told.contains("0.967 s"), "{told}");
+    let frames = y4m(Path::new(&at("late.y4m")), 32, 24);
+    assert_eq!(frames.len(), 13);
+    assert!(frames[0] == frames[2] && frames[2] != frames[6] && frames[6] != frames[7]);
+    assert!(frames[7..].iter().all(|frame| *frame == frames[7]), "the last moment stays");
+    let (code, told) = film("0", "0.8", "within.y4m");
+    assert!(code == Some(0) && !told.contains("outside"), "{told}");
+    let (code, told) = film("1000", "1002", "seconds.y4m");
+    assert!(code == Some(2) && told.contains("in seconds of the clip"), "{told}");
+    assert!(!folder.0.join("seconds.y4m").exists());
+}
+
+#[test]
+fn an_orbit_shows_what_cameras_look_at_from_all_sides() {
+    let folder = Folder::new("film-orbit");
+    let scene = still_scene(&folder);
+    let at = |name: &str| folder.0.join(name).to_str().unwrap().to_owned();
+    let view = |name: &str, x: f64, z: f64| {
+        let p = DVec3::new(x, -1.0, z);
+        let pose = Pose { t: 0.0, p, q: Pose::looking(-p, DVec3::NEG_Y) }.world_to_camera();
+        serde_json::json!({
+            "name": name, "width": 33, "height": 24, "fx": 30.0, "fy": 30.0, "cx": 16.5, "cy": 12.0, "world_to_camera": pose,
+        })
+    };
+    let views =
+        |views: &[serde_json::Value]| folder.write("cameras.json", serde_json::json!({ "views": views }).to_string());
+    let cameras = views(&[view("a", 3.0, -3.0), view("b", 0.0, -4.0), view("c", -3.0, -3.0)]);
+    let (cameras, output) = (cameras.to_str().unwrap(), at("orbit.y4m"));
+    let orbit = ["render", &scene, "--cameras", cameras, "--orbit", "2", "--fps", "4", "-o", &output];
+    let done = ivv(&orbit);
+    assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+    let frames = y4m(Path::new(&output), 32, 24);
+    assert_eq!(frames.len(), 8, "two seconds, with no frame twice");
+    for (index, frame) in frames.iter().enumerate() {
+        let bright: u32 = (8..16).flat_map(|y| &frame[y * 32 + 10..y * 32 + 22]).map(|v| u32::from(*v)).sum();
+        let edge: u32 = frame[..32].iter().map(|v| u32::from(*v)).sum();
+        assert!(bright / 96 > edge / 32 + 20, "frame {index}: {bright} in the middle, {edge} at the edge");
+        assert!(index == 0 || *frame != frames[index - 1], "frame {index} is the one before");
+    }
+    let bad = |more: &[&str]| {
+        let done = ivv(&[&["render", &scene, "--cameras", cameras, "-o", &output][..], more].concat());
+        assert_eq!(done.status.code(), Some(2), "{more:?}");
+        String::from_utf8_lossy(&done.stderr).into_owned()
+    };
+    for seconds in ["0", "-1", "nan", "inf"] {
+        assert!(bad(&[&format!("--orbit={seconds}")]).contains("positive number of seconds"), "{seconds}");
+    }
+    assert!(bad(&["--orbit", "1e9"]).contains("at most"));
+    assert!(bad(&["--orbit", "1", "--format", "exr"]).contains("--format"));
+    assert!(bad(&["--fov", "50"]).contains("--orbit"));
+    views(&[view("a", 3.0, -3.0)]);
+    let done = ivv(&orbit);
+    let told = String::from_utf8_lossy(&done.stderr).into_owned();
+    assert!(done.status.code() == Some(2) && told.contains("at least two views"), "{told}");
+}
+
+#[test]
+fn an_orbit_of_a_clip_plays_it_once_or_stands_still() {
+    let folder = Folder::new("film-orbit-clip");
+    let capture = small_capture(&folder);
+    let scene = concat!(env!("CARGO_MANIFEST_DIR"), "/assets/demo/scene.ply");
+    let orbit = |more: &[&str]| {
+        let output = folder.0.join("orbit.y4m");
+        let film = ["--orbit", "1", "--fps", "3", "--size", "32x24", "-o", output.to_str().unwrap()];
+        let done = ivv(&[&["render", scene, "--capture", &capture][..], &film, more].concat());
+        assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+        y4m(&output, 32, 24)
+    };
+    let (played, begin, end) = (orbit(&[]), orbit(&["--time", "0"]), orbit(&["--time", &(29.0 / 30.0).to_string()]));
+    assert_eq!([played.len(), begin.len(), end.len()], [3; 3]);
+    assert!(played[0] == begin[0] && played[2] == end[2], "from the first frame to the last");
+    assert!(played[2] != begin[2], "it moves");
+}

@@ -1,0 +1,76 @@
+//! A circle about what cameras look at, for a video of a scene that has no path of its own.
+
+use glam::{DMat3, DVec3};
+
+use super::View;
+use super::capture::camera_center;
+
+/// Least eigenvalue of the axes' system, by its largest, at which the point that is nearest to them is well defined: axes that
+/// differ by a few degrees.
+const LEAST_SPREAD: f64 = 1e-3;
+
+/// A circle about the middle of what cameras look at.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Orbit {
+    /// What is looked at, world.
+    pub middle: DVec3,
+    /// Upwards, of length 1.
+    pub up: DVec3,
+    /// From the middle to where the circle begins, at right angles to `up`, of length 1.
+    pub ahead: DVec3,
+    /// Of the circle, scene units.
+    pub radius: f64,
+    /// Of the circle above the middle, along `up`; scene units.
+    pub height: f64,
+}
+
+impl Orbit {
+    /// The circle of `views`: about the point nearest to all of their optical axes, upright as they are on average, as far from
+    /// there as their lenses in the median and as high. It begins beside the first view. None where the views do not look at
+    /// one place: fewer than two, side by side in parallel, or most of them away from it.
+    pub fn new(views: &[View]) -> Option<Orbit> {
+        let axis = |view: &View, row: usize| DVec3::from_slice(&view.world_to_camera[row][..3]).normalize_or_zero();
+        let lenses: Vec<(DVec3, DVec3)> =
+            views.iter().map(|view| (camera_center(&view.world_to_camera).into(), axis(view, 2))).collect();
+        let mut system = DMat3::ZERO;
+        let mut right = DVec3::ZERO;
+        for (lens, forward) in &lenses {
+            let across =
+                DMat3::IDENTITY - DMat3::from_cols(forward.x * *forward, forward.y * *forward, forward.z * *forward);
+            system += across;
+            right += across * *lens;
+        }
+        // By n, the eigenvalues lie between 0 and 1 and have the sum 2: the least one is about the determinant.
+        let spread = (system * (1.0 / lenses.len().max(1) as f64)).determinant();
+        if spread.is_nan() || spread <= LEAST_SPREAD {
+            return None;
+        }
+        let middle = system.inverse() * right;
+        let n_towards = lenses.iter().filter(|(lens, forward)| forward.dot(middle - lens) > 0.0).count();
+        let up = views.iter().map(|view| -axis(view, 1)).sum::<DVec3>().try_normalize()?;
+        if 2 * n_towards <= lenses.len() || !middle.is_finite() {
+            return None;
+        }
+        let distance = median(lenses.iter().map(|(lens, _)| lens.distance(middle)));
+        let height = median(lenses.iter().map(|(lens, _)| up.dot(lens - middle)));
+        // Of cameras that hang overhead the circle still goes around.
+        let radius = (distance * distance - height * height).max(0.01 * distance * distance).sqrt();
+        let first = lenses[0].0 - middle;
+        let ahead = first.reject_from_normalized(up).try_normalize().unwrap_or_else(|| up.any_orthonormal_vector());
+        (radius.is_finite() && radius > 0.0).then_some(Orbit { middle, up, ahead, radius, height })
+    }
+
+    /// Where the circle is after `turn` turns, world.
+    pub fn at(&self, turn: f64) -> DVec3 {
+        let (sin, cos) = (std::f64::consts::TAU * turn).sin_cos();
+        let around = cos * self.ahead + sin * self.up.cross(self.ahead);
+        self.middle + self.radius * around + self.height * self.up
+    }
+}
+
+/// The value in the middle of at least one.
+fn median(values: impl Iterator<Item = f64>) -> f64 {
+    let mut values: Vec<f64> = values.collect();
+    values.sort_unstable_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
+}
