@@ -76,12 +76,13 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         kernel_named(kernel)
             .with_context(|| format!("--capture {kernel}: see shaders-glsl/README.md for the kernels"))?;
     }
+    let config = args.settings.resolve()?;
     make_folder(output)?;
     let gpu = args.device.open()?;
     if args.cameras.is_some() || subject.is_file() {
         return scene(args, subject, output, &gpu, json);
     }
-    training(args, subject, output, &gpu, json)
+    training(args, config, subject, output, &gpu, json)
 }
 
 /// What was measured, to be written.
@@ -171,14 +172,21 @@ struct Training {
     seed: u64,
 }
 
-fn training(args: &Args, subject: &Path, output: &Path, gpu: &Arc<Gpu>, json: bool) -> anyhow::Result<()> {
+fn training(
+    args: &Args,
+    config: Config,
+    subject: &Path,
+    output: &Path,
+    gpu: &Arc<Gpu>,
+    json: bool,
+) -> anyhow::Result<()> {
     // The device alone, before its memory fills.
     let peaks = if args.capture.is_none() { Some(Peaks::measure(gpu)?) } else { None };
     let is_run = Run::file(subject).is_file();
     let warm_up = if is_run { 2 } else { args.warm_up };
     let steps = warm_up + 2 * args.samples;
     let Training { capture, priors, mut trainer, seed } =
-        if is_run { resumed(args, subject, gpu, steps)? } else { begun(args, subject, gpu, steps)? };
+        if is_run { resumed(args, subject, gpu, steps)? } else { begun(config, subject, gpu, steps)? };
     let frames = capture.training_frames();
     anyhow::ensure!(!frames.is_empty(), "{}: no training image; see `ivv check`", subject.display());
     let order: Vec<(usize, u32)> = (0..steps.div_ceil(frames.len() as u64))
@@ -237,8 +245,7 @@ fn resumed(args: &Args, run_folder: &Path, gpu: &Arc<Gpu>, steps: u64) -> anyhow
 }
 
 /// A capture's first Gaussians, for a run of at least `steps`.
-fn begun(args: &Args, folder: &Path, gpu: &Arc<Gpu>, steps: u64) -> anyhow::Result<Training> {
-    let config: Config = args.settings.resolve()?;
+fn begun(config: Config, folder: &Path, gpu: &Arc<Gpu>, steps: u64) -> anyhow::Result<Training> {
     let capture = Capture::open(folder)?;
     let world = capture.normalisation();
     let capture = capture.transformed(&world);
