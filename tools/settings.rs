@@ -26,7 +26,7 @@ pub struct SettingArgs {
     /// times.
     #[arg(long = "set")]
     set: Vec<String>,
-    /// Most Gaussians.
+    /// Most Gaussians, those that the run begins with among them.
     #[arg(long)]
     max_gaussians: Option<usize>,
     /// Seed of the image order, the first Gaussians and density control.

@@ -1,10 +1,11 @@
 //! Every setting is known, has a meaning, and is refused outside its range with what was found and expected.
 
+use super::Tiny;
+use super::run::{fails, ivv};
 use ivv::train::{Config, PRESETS, Preset, Range, SETTINGS, check_settings, merge};
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
 use std::path::Path;
-use std::process::Command;
 
 fn defaults() -> Value {
     serde_json::to_value(Config::default()).unwrap()
@@ -20,12 +21,6 @@ fn with(name: &str, text: &str) -> Value {
     let mut all = defaults();
     merge(&mut all, &patch(name, text));
     all
-}
-
-fn ivv(arguments: &[&str]) -> (Option<i32>, String, String) {
-    let output = Command::new(env!("CARGO_BIN_EXE_ivv")).args(arguments).output().unwrap();
-    let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
-    (output.status.code(), text(output.stdout), text(output.stderr))
 }
 
 /// The names of all values, where a rate is one.
@@ -134,14 +129,34 @@ fn what_set_cannot_take_is_told_before_the_capture_is_opened() {
         (&long, "there is no setting a."),
         ("density", "expected KEY=VALUE"),
     ] {
-        let (code, _, fault) = ivv(&["train", "/no/capture", "-o", "/no/run", "--device", "none", "--set", set]);
-        assert!(code == Some(2) && fault.contains(told), "{set}: {code:?} {fault}");
+        let fault = fails(&["train", "/no/capture", "-o", "/no/run", "--set", set], 2);
+        assert!(fault.contains(told), "{set}: {fault}");
     }
-    let (_, _, fault) = ivv(&["train", "/no/capture", "-o", "/no/run", "--sh-degree", "7"]);
+    let fault = fails(&["train", "/no/capture", "-o", "/no/run", "--sh-degree", "7"], 2);
     assert!(fault.contains("sh_degree is 7; expected a whole number from 0 to 3"), "{fault}");
     let misspelt = Preset::parse(Path::new("my.json"), "my", r#"{"about": "", "settings": {"init_opacty": 0.5}}"#);
     assert!(misspelt.unwrap_err().to_string().contains("did you mean init_opacity?"));
     for (name, text) in PRESETS {
         Preset::parse(Path::new(name), name, text).unwrap();
+    }
+}
+
+#[test]
+fn a_run_from_more_points_than_it_may_have_gaussians_keeps_to_them() {
+    let tiny = Tiny::new("most");
+    assert!(tiny.capture.points.len() > 100);
+    let run = tiny.folder.join("run");
+    for init in ["flow", "concat", "points", "frustum", "random"] {
+        let init = format!("init={init}");
+        let train = ["train", tiny.folder.to_str().unwrap(), "-o", run.to_str().unwrap(), "--overwrite"];
+        let settings = ["--steps", "30", "--max-gaussians", "10", "--eval-every", "0", "--set", &init];
+        let output = ivv(&[&train[..], &settings].concat());
+        let told = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.success(), "{init}: {told}");
+        assert!(told.contains("evenly chosen from ") && told.contains("to keep max_gaussians"), "{init}: {told}");
+        let log = std::fs::read_to_string(run.join("train.jsonl")).unwrap();
+        let lines = log.lines().map(|line| serde_json::from_str::<Value>(line).unwrap());
+        let counts: Vec<u64> = lines.filter_map(|line| line["gaussians"].as_u64()).collect();
+        assert!(counts.len() > 20 && counts.iter().all(|n| (1..=10).contains(n)), "{init}: {counts:?}");
     }
 }
