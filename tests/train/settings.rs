@@ -1,7 +1,7 @@
 //! Every setting is known, has a meaning, and is refused outside its range with what was found and expected.
 
 use super::Tiny;
-use super::run::{fails, ivv};
+use super::run::{fails, ivv, works};
 use ivv::train::{Config, PRESETS, Preset, Range, SETTINGS, check_settings, merge};
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
@@ -159,4 +159,22 @@ fn a_run_from_more_points_than_it_may_have_gaussians_keeps_to_them() {
         let counts: Vec<u64> = lines.filter_map(|line| line["gaussians"].as_u64()).collect();
         assert!(counts.len() > 20 && counts.iter().all(|n| (1..=10).contains(n)), "{init}: {counts:?}");
     }
+}
+
+#[test]
+fn settings_are_listed_with_default_unit_range_meaning_and_presets() {
+    let all: Vec<Value> = serde_json::from_str(&works(&["settings", "--json"])).unwrap();
+    assert_eq!(all.len(), SETTINGS.len());
+    let moments = all.iter().find(|line| line["name"] == "moment_bits").unwrap();
+    assert_eq!(moments["presets"], json!({ "balanced": 16, "fast": 16 }));
+    assert_eq!((&moments["default"], &moments["unit"]), (&json!(32), &json!("bits")));
+    assert_eq!(moments["range"], "16 or 32");
+    let text = works(&["settings", "density"]);
+    let listed = SETTINGS.iter().filter(|setting| setting.name.starts_with("density."));
+    assert!(listed.clone().all(|setting| text.contains(&format!("{} = ", setting.name))), "{text}");
+    assert!(text.contains("density.split_above = 0.01 (scene extents)\n"), "{text}");
+    assert!(text.contains("    Expected: a number above 0.\n") && !text.contains("lr."), "{text}");
+    assert_eq!(text.lines().last().unwrap().split(' ').next().unwrap(), listed.count().to_string());
+    assert!(works(&["settings", "frame.t_cut"]).contains("    Presets: fast 0.001, preview 0.01.\n"));
+    assert!(fails(&["settings", "densty.growth"], 2).contains("did you mean density.growth?"));
 }
