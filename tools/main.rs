@@ -18,6 +18,7 @@ mod init;
 mod inspect;
 mod interrupt;
 mod kept;
+mod kernels;
 mod line;
 mod list_settings;
 mod manual;
