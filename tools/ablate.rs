@@ -125,6 +125,7 @@ fn largest_start(capture: &Capture, study: &Study, config: &Config) -> anyhow::R
     let start = |arm: &Arm| {
         let mut own = config.clone();
         (arm.change)(&mut own);
+        own.max_gaussians = usize::MAX;
         Ok(initialise(&capture, &own, &mut |_, _| {})?.splats.len())
     };
     let starts: Vec<usize> = study.arms.iter().map(start).collect::<ivv::Result<_>>()?;

@@ -19,7 +19,10 @@ mod init;
 mod inspect;
 mod interrupt;
 mod kept;
+mod kernels;
 mod line;
+mod list_settings;
+mod manual;
 mod offsets;
 mod passes;
 mod prepare;
@@ -96,6 +99,8 @@ enum Verb {
     Profile(profile::Args),
     /// Measures what settings and presets cost and bring: speed, accuracy, bytes, over several seeds.
     Trade(trade::Args),
+    /// Lists the settings of a training run: default, unit, range, meaning, and the presets that change each.
+    Settings(list_settings::Args),
     /// Writes a scene in another format, or as it looks at one time.
     Export(export::Args),
     /// Gradients of sum(cotangent * output) of a view, by parameter group.
@@ -104,6 +109,10 @@ enum Verb {
     Demo(demo::Args),
     /// Writes a synthetic capture of a room with moving things, with its ground truth.
     Synth(synth::Args),
+    /// Writes what a shell needs to complete commands and options, on standard output.
+    Completions(manual::CompletionArgs),
+    /// Writes manual pages.
+    Man(manual::ManArgs),
 }
 
 fn main() -> ExitCode {
@@ -141,9 +150,15 @@ fn run(cli: &Cli) -> anyhow::Result<()> {
         Verb::Extremes(args) => extremes::run(args, cli.json),
         Verb::Profile(args) => profile::run(args, cli.json),
         Verb::Trade(args) => trade::run(args, cli.json),
+        Verb::Settings(args) => list_settings::run(args, cli.json),
         Verb::Export(args) => export::run(args, cli.json),
         Verb::Vjp(args) => vjp::run(args),
         Verb::Demo(args) => demo::run(args),
         Verb::Synth(args) => synth::run(args, cli.json),
+        Verb::Completions(args) => {
+            manual::completions(args);
+            Ok(())
+        }
+        Verb::Man(args) => manual::man(args, cli.json),
     }
 }

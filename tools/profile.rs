@@ -3,6 +3,7 @@
 use crate::begin;
 use crate::device::DeviceArgs;
 use crate::files::{make_folder, write_json};
+use crate::kernels;
 use crate::passes::cpu_threads;
 use crate::progress::Progress;
 use crate::replay::{self, ReplayArgs};
@@ -10,7 +11,7 @@ use crate::screen::out;
 use crate::settings::SettingArgs;
 use anyhow::Context;
 use ivv::Constants;
-use ivv::gpu::{Dispatch, Gpu, kernel_named};
+use ivv::gpu::{Dispatch, Gpu};
 use ivv::profile::{Moment, Overhead, Peaks, Profile, Sample, trace, write_dispatch};
 use ivv::scene::capture::{Capture, FrameCache, PriorPlan};
 use ivv::scene::{read_scene, read_views, write_atomic};
@@ -30,10 +31,10 @@ const LINES: usize = 10;
 pub struct Args {
     /// A run of `ivv train` (its newest checkpoint; the folder stays as it is), a capture (trained a little first), or,
     /// with --cameras, a scene.
-    #[arg(required_unless_present_any = ["replay", "disassemble"])]
+    #[arg(required_unless_present_any = ["replay", "disassemble", "list"])]
     subject: Option<PathBuf>,
     /// Where profile.json, profile.md, profile.html, roofline.svg and trace.json go.
-    #[arg(short, long, required_unless_present_any = ["replay", "disassemble"])]
+    #[arg(short, long, required_unless_present_any = ["replay", "disassemble", "list"])]
     output: Option<PathBuf>,
     /// Cameras to render a scene from: a cameras file.
     #[arg(long)]
@@ -48,8 +49,11 @@ pub struct Args {
     #[arg(long)]
     capture: Option<String>,
     /// Prints this kernel's SPIR-V and how often it has which instruction.
-    #[arg(long, conflicts_with_all = ["subject", "replay"])]
+    #[arg(long, conflicts_with_all = ["subject", "replay", "list"])]
     disassemble: Option<String>,
+    /// Prints each shader with its kernels, which are variants of each other.
+    #[arg(long, conflicts_with = "subject")]
+    list: bool,
     #[command(flatten)]
     replay: ReplayArgs,
     /// The capture of a run, if it has moved since.
@@ -62,6 +66,9 @@ pub struct Args {
 }
 
 pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
+    if args.list {
+        return kernels::list(json);
+    }
     if let Some(kernel) = &args.disassemble {
         return replay::disassemble(kernel, json);
     }
@@ -73,15 +80,15 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         anyhow::bail!("give -o, the folder for the results")
     };
     if let Some(kernel) = &args.capture {
-        kernel_named(kernel)
-            .with_context(|| format!("--capture {kernel}: see shaders-glsl/README.md for the kernels"))?;
+        kernels::named("--capture", kernel)?;
     }
+    let config = args.settings.resolve()?;
     make_folder(output)?;
     let gpu = args.device.open()?;
     if args.cameras.is_some() || subject.is_file() {
         return scene(args, subject, output, &gpu, json);
     }
-    training(args, subject, output, &gpu, json)
+    training(args, config, subject, output, &gpu, json)
 }
 
 /// What was measured, to be written.
@@ -121,9 +128,8 @@ impl Measured {
 }
 
 fn written(dispatch: Option<Dispatch>, kernel: &str, output: &Path, gpu: &Gpu) -> anyhow::Result<()> {
-    let dispatch = dispatch.with_context(|| {
-        format!("no pass here runs the kernel `{kernel}`; profile.md of the same run lists those that run")
-    })?;
+    let dispatch =
+        dispatch.with_context(|| format!("no pass here runs the kernel {kernel}{}", kernels::like(kernel)))?;
     let file = output.join(format!("{kernel}.dispatch"));
     write_dispatch(&file, &dispatch, gpu)?;
     out!("{}", file.display());
@@ -171,14 +177,21 @@ struct Training {
     seed: u64,
 }
 
-fn training(args: &Args, subject: &Path, output: &Path, gpu: &Arc<Gpu>, json: bool) -> anyhow::Result<()> {
+fn training(
+    args: &Args,
+    config: Config,
+    subject: &Path,
+    output: &Path,
+    gpu: &Arc<Gpu>,
+    json: bool,
+) -> anyhow::Result<()> {
     // The device alone, before its memory fills.
     let peaks = if args.capture.is_none() { Some(Peaks::measure(gpu)?) } else { None };
     let is_run = Run::file(subject).is_file();
     let warm_up = if is_run { 2 } else { args.warm_up };
     let steps = warm_up + 2 * args.samples;
     let Training { capture, priors, mut trainer, seed } =
-        if is_run { resumed(args, subject, gpu, steps)? } else { begun(args, subject, gpu, steps)? };
+        if is_run { resumed(args, subject, gpu, steps)? } else { begun(config, subject, gpu, steps)? };
     let frames = capture.training_frames();
     anyhow::ensure!(!frames.is_empty(), "{}: no training image; see `ivv check`", subject.display());
     let order: Vec<(usize, u32)> = (0..steps.div_ceil(frames.len() as u64))
@@ -237,8 +250,7 @@ fn resumed(args: &Args, run_folder: &Path, gpu: &Arc<Gpu>, steps: u64) -> anyhow
 }
 
 /// A capture's first Gaussians, for a run of at least `steps`.
-fn begun(args: &Args, folder: &Path, gpu: &Arc<Gpu>, steps: u64) -> anyhow::Result<Training> {
-    let config: Config = args.settings.resolve()?;
+fn begun(config: Config, folder: &Path, gpu: &Arc<Gpu>, steps: u64) -> anyhow::Result<Training> {
     let capture = Capture::open(folder)?;
     let world = capture.normalisation();
     let capture = capture.transformed(&world);

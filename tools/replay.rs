@@ -1,8 +1,9 @@
 //! `ivv profile --replay` and `--disassemble`: single kernels.
 
+use crate::kernels;
 use crate::screen::out;
 use anyhow::Context;
-use ivv::gpu::{Gpu, KernelInfo, kernel_named};
+use ivv::gpu::{Gpu, KernelInfo};
 use ivv::profile::{Replay, Replayed, read_dispatch};
 use ivv::words::count;
 use rspirv::binary::Disassemble;
@@ -13,7 +14,7 @@ use std::path::{Path, PathBuf};
 #[derive(clap::Args)]
 pub struct ReplayArgs {
     /// Runs a captured dispatch again and again.
-    #[arg(long, conflicts_with_all = ["subject", "capture", "cameras"])]
+    #[arg(long, conflicts_with_all = ["subject", "capture", "cameras", "list"])]
     replay: Option<PathBuf>,
     /// Kernels to run beside the captured one, separated by commas: variants of its shader.
     #[arg(long, value_delimiter = ',', requires = "replay")]
@@ -36,12 +37,11 @@ impl ReplayArgs {
 
 pub fn run(args: &ReplayArgs, gpu: &Gpu, json: bool) -> anyhow::Result<()> {
     let (dispatch, captured) = read_dispatch(args.file().context("--replay names no file")?)?;
-    let mut kernels = vec![captured];
+    let mut variants = vec![captured];
     for name in &args.variant {
-        let kernel = kernel_named(name)
-            .with_context(|| format!("--variant {name}: unknown kernel; see shaders-glsl/README.md"))?;
-        if kernels.iter().all(|other| other.name != kernel.name) {
-            kernels.push(kernel);
+        let kernel = kernels::named("--variant", name)?;
+        if variants.iter().all(|other| other.name != kernel.name) {
+            variants.push(kernel);
         }
     }
     let replay = Replay::new(gpu, &dispatch)?;
@@ -54,7 +54,7 @@ pub fn run(args: &ReplayArgs, gpu: &Gpu, json: bool) -> anyhow::Result<()> {
         }
         Ok(())
     };
-    show(&kernels)?;
+    show(&variants)?;
     #[cfg(feature = "shaders")]
     if args.watch {
         crate::watch::watch(captured, |edited| show(&[captured, edited]))?;
@@ -91,8 +91,7 @@ fn print(lines: &[Replayed], n: u32) {
 
 /// Prints a kernel's SPIR-V, and how often it has which instruction.
 pub fn disassemble(name: &str, json: bool) -> anyhow::Result<()> {
-    let kernel: &KernelInfo = kernel_named(name)
-        .with_context(|| format!("--disassemble {name}: unknown kernel; see shaders-glsl/README.md"))?;
+    let kernel = kernels::named("--disassemble", name)?;
     let module = rspirv::dr::load_bytes(kernel.spirv).map_err(|e| anyhow::anyhow!("{name}: {e}"))?;
     let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
     for instruction in module.all_inst_iter() {

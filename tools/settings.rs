@@ -2,7 +2,7 @@
 
 use crate::files::read_json;
 use anyhow::Context;
-use ivv::train::{Config, Preset, merge};
+use ivv::train::{Config, Preset, check_name, check_settings, merge};
 use serde_json::{Value, json};
 use std::path::PathBuf;
 
@@ -22,11 +22,11 @@ pub struct SettingArgs {
     /// A JSON file of settings, such as an earlier run's config.json. It overrides the preset.
     #[arg(long)]
     config: Option<PathBuf>,
-    /// One setting, KEY=VALUE, for example density.strategy=mcmc or lr.scale=1e-2. It overrides the file; may be given several
-    /// times.
+    /// One setting, KEY=VALUE, for example density.strategy=mcmc or lr.scale=1e-2; `ivv settings` lists all. It overrides the
+    /// file; may be given several times.
     #[arg(long = "set")]
     set: Vec<String>,
-    /// Most Gaussians.
+    /// Most Gaussians, those that the run begins with among them.
     #[arg(long)]
     max_gaussians: Option<usize>,
     /// Seed of the image order, the first Gaussians and density control.
@@ -42,10 +42,15 @@ pub fn patch(set: &str) -> anyhow::Result<Value> {
     let (key, text) = set.split_once('=').context("expected KEY=VALUE")?;
     let pointer = format!("/{}", key.replace('.', "/"));
     let mut all = serde_json::to_value(Config::default())?;
-    all.pointer_mut(&pointer).context("unknown setting; config.json of a run lists all")?;
+    if all.pointer(&pointer).is_none() {
+        check_name(key).map_err(anyhow::Error::msg)?;
+    }
     // JSON, or a bare word.
     let value = serde_json::from_str(text).unwrap_or_else(|_| text.into());
-    Ok(key.rsplit('.').fold(value, |inner, key| json!({ key: inner })))
+    let patch = key.rsplit('.').fold(value, |inner, key| json!({ key: inner }));
+    merge(&mut all, &patch);
+    check_settings(&all).map_err(anyhow::Error::msg)?;
+    Ok(patch)
 }
 
 /// The settings in which `asked` differs from `has`, with their values.
@@ -95,9 +100,11 @@ impl SettingArgs {
         }
         if let Some(file) = &self.config {
             let remedy = "start from the config.json of a run";
-            // As settings first: what is wrong is then a fault of the file.
+            let settings: Value = read_json(file, remedy)?;
+            check_settings(&settings).map_err(|fault| ivv::Error::data(file, "", fault, remedy))?;
+            // As settings too: what is wrong is then a fault of the file.
             read_json::<Config>(file, remedy)?;
-            merge(&mut value, &read_json(file, remedy)?);
+            merge(&mut value, &settings);
         }
         for set in &self.set {
             let patch = patch(set).with_context(|| format!("--set {set}"))?;
@@ -110,8 +117,6 @@ impl SettingArgs {
         config.seed = self.seed.unwrap_or(config.seed);
         config.sh_degree = self.sh_degree.unwrap_or(config.sh_degree);
         config.check().map_err(|fault| anyhow::anyhow!("settings: {fault}"))?;
-        anyhow::ensure!(config.sh_degree <= 3, "--sh-degree is 0 to 3");
-        anyhow::ensure!(config.epochs > 0 || config.steps > 0, "--epochs or --steps must be positive");
         Ok(config)
     }
 }

@@ -22,6 +22,8 @@ mod report_plot;
 mod require;
 mod run;
 mod schedule;
+mod setting_table;
+mod settings_check;
 mod setup;
 mod trade;
 mod trainer;
@@ -53,6 +55,8 @@ pub use require::{
 };
 pub use run::{CaptureSummary, Run};
 pub use schedule::rates;
+pub use setting_table::SETTINGS;
+pub use settings_check::{Range, Setting, check_name, check_settings};
 pub use setup::{Setup, near_plane};
 pub use trade::{
     Circumstances, Comparison, KNOB_SETTINGS, KernelError, Kind as TradeKind, Spread, Trade, TradeArm, TradeRun,

@@ -1,6 +1,7 @@
 //! Presets: named settings of a run, as data.
 
 use super::config::Config;
+use super::settings_check::check_settings;
 use crate::error::{Error, Result};
 use crate::scene::read_text;
 use serde_json::Value;
@@ -78,6 +79,7 @@ impl Preset {
         if !settings.is_object() {
             return Err(fault("its settings are no object".to_owned()));
         }
+        check_settings(&settings).map_err(fault)?;
         let config: Config = serde_json::from_value(settings.clone()).map_err(|e| fault(e.to_string()))?;
         config.check().map_err(fault)?;
         let digest = Sha256::digest(text.as_bytes());

@@ -8,7 +8,9 @@ use std::process::{Command, Output};
 fn ivv(arguments: &[&str]) -> Output {
     let mut command = Command::new(env!("CARGO_BIN_EXE_ivv"));
     command.args(arguments);
-    if let (Ok(device), false) = (std::env::var("IVV_TEST_DEVICE"), arguments.contains(&"--disassemble")) {
+    if let (Ok(device), false) =
+        (std::env::var("IVV_TEST_DEVICE"), arguments.iter().any(|a| ["--disassemble", "--list"].contains(a)))
+    {
         command.args(["--device", &device]);
     }
     command.output().unwrap()
@@ -67,6 +69,24 @@ fn a_scene_is_profiled_into_tables_a_page_and_a_trace_and_its_kernels_are_captur
 
     let wrong = ivv(&[&of_scene[..], &["--capture", "no_kernel"]].concat());
     assert!(!wrong.status.success() && String::from_utf8_lossy(&wrong.stderr).contains("no_kernel"));
+    // A kernel of training, which no view runs, and a misspelt one.
+    for (name, told) in [
+        ("blend_fwd_train_p8", "no pass here runs the kernel blend_fwd_train_p8; did you mean blend_fwd_train_p4 or"),
+        ("blend_fwd_colour_p8", "there is no such kernel; did you mean blend_fwd_color_p8"),
+    ] {
+        let wrong = ivv(&[&of_scene[..], &["--capture", name]].concat());
+        let fault = String::from_utf8_lossy(&wrong.stderr);
+        assert!(!wrong.status.success() && fault.contains(told), "{fault}");
+    }
+}
+
+#[test]
+fn kernels_are_listed_by_shader() {
+    let text = works(&["profile", "--list"]);
+    assert!(text.lines().any(|line| line.contains(" blend_fwd_train_color_p4, blend_fwd_train_color_p8")), "{text}");
+    let shaders: Value = serde_json::from_str(&works(&["profile", "--list", "--json"])).unwrap();
+    let kernels = shaders.as_array().unwrap().iter().flat_map(|shader| shader["kernels"].as_array().unwrap());
+    assert_eq!(kernels.count(), ivv::gpu::table::KERNELS.len());
 }
 
 #[test]

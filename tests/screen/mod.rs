@@ -1,6 +1,7 @@
 //! What `ivv` writes where nobody reads it, where there is no room, and on terminals.
 
 mod lost;
+mod manual;
 #[cfg(unix)]
 mod terminal;
 mod width;

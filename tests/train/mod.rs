@@ -14,6 +14,7 @@ mod resume;
 mod rigs;
 mod run;
 mod scores;
+mod settings;
 mod terms;
 mod worlds;
 

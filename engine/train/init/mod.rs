@@ -62,11 +62,13 @@ pub struct Initial {
     pub n_hulls: usize,
     /// What became of the points of the frames, where they were taken.
     pub counts: Option<PointCounts>,
+    /// Gaussians that there were, if those are more than [`Config::max_gaussians`].
+    pub thinned_from: Option<usize>,
 }
 
 impl fmt::Display for Initial {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Initial { splats, from, because, n_hulls, counts } = self;
+        let Initial { splats, from, because, n_hulls, counts, thinned_from } = self;
         let (n_static, n_dynamic) = (splats.n_static, splats.len() - splats.n_static);
         let source = match from {
             Init::Flow | Init::AnyView => "the points and the flow of every frame",
@@ -81,17 +83,33 @@ impl fmt::Display for Initial {
         if *n_hulls > 0 {
             write!(f, ", hulls of {n_hulls} frames")?;
         }
-        counts.map_or(Ok(()), |counts| write!(f, "; {counts}"))
+        if let Some(counts) = counts {
+            write!(f, "; {counts}")?;
+        }
+        thinned_from.map_or(Ok(()), |all| write!(f, "; evenly chosen from {all} to keep max_gaussians"))
     }
 }
 
 /// Makes the first Gaussians of `capture`, which is in the frame of training, as `config.init` says; with [`Init::Auto`] from
-/// the pictures where the points are few. Where nothing is found they are at random places. `progress` is called as (pieces
-/// done, pieces in all).
+/// the pictures where the points are few. Where nothing is found they are at random places. Of more than
+/// [`Config::max_gaussians`] that many are kept, evenly chosen. `progress` is called as (pieces done, pieces in all).
 ///
 /// # Errors
 /// [`Error::Data`] when the capture has not what `config.init` asks for, or when an image does not decode.
 pub fn initialise(capture: &Capture, config: &Config, progress: &mut dyn FnMut(usize, usize)) -> Result<Initial> {
+    let mut initial = all(capture, config, progress)?;
+    let n = initial.splats.len();
+    if n > config.max_gaussians {
+        let keep: Vec<usize> = (0..config.max_gaussians).map(|i| i * n / config.max_gaussians).collect();
+        initial.splats = initial.splats.in_order(&keep);
+        initial.splats.source_row = (0..initial.splats.len() as u32).collect();
+        initial.thinned_from = Some(n);
+    }
+    Ok(initial)
+}
+
+/// As [`initialise`], however many there are.
+fn all(capture: &Capture, config: &Config, progress: &mut dyn FnMut(usize, usize)) -> Result<Initial> {
     let lacks = |what: &str| {
         let remedy = "set it to one of auto, flow, any_view, concat, points, hull, frustum and random";
         Err(Error::data(&capture.path, "setting `init`", format!("the capture has no {what}"), remedy))
@@ -110,7 +128,14 @@ pub fn initialise(capture: &Capture, config: &Config, progress: &mut dyn FnMut(u
         asked => (asked, "asked for"),
     };
     let at = |points: &[Point], from: Init, because: String| {
-        Ok(Initial { splats: from_points(points, capture, config), from, because, n_hulls: 0, counts: None })
+        Ok(Initial {
+            splats: from_points(points, capture, config),
+            from,
+            because,
+            n_hulls: 0,
+            counts: None,
+            thinned_from: None,
+        })
     };
     let pictures = |with_hulls: bool, because: String, progress: &mut dyn FnMut(usize, usize)| {
         let (splats, n_hulls) = from_pictures(capture, config, with_hulls, progress)?;
@@ -119,7 +144,7 @@ pub fn initialise(capture: &Capture, config: &Config, progress: &mut dyn FnMut(u
             return at(&random_points(capture, config), Init::Random, because);
         }
         let from = if with_hulls { Init::Hull } else { Init::Frustum };
-        Ok(Initial { splats, from, because, n_hulls, counts: None })
+        Ok(Initial { splats, from, because, n_hulls, counts: None, thinned_from: None })
     };
     let few = |n: usize| config.init == Init::Auto && n < ENOUGH;
     // What becomes of points that are there and not used is said.
@@ -143,7 +168,14 @@ pub fn initialise(capture: &Capture, config: &Config, progress: &mut dyn FnMut(u
             if splats.is_empty() {
                 return at(&random_points(capture, config), Init::Random, "no frame has a point".to_owned());
             }
-            Ok(Initial { splats, from, because: because.to_owned(), n_hulls: 0, counts: Some(counts) })
+            Ok(Initial {
+                splats,
+                from,
+                because: because.to_owned(),
+                n_hulls: 0,
+                counts: Some(counts),
+                thinned_from: None,
+            })
         }
         Init::Points if few(capture.points.len()) => {
             pictures(has_foreground, unused(capture.points.len(), from), progress)

@@ -1,0 +1,39 @@
+//! Kernels by name: `ivv profile --list`, and what a wrong name is told.
+
+use crate::screen::out;
+use ivv::gpu::table::KERNELS;
+use ivv::gpu::{KernelInfo, kernel_named};
+use ivv::words::nearest;
+
+/// The kernel that an option names.
+pub fn named(option: &str, name: &str) -> anyhow::Result<&'static KernelInfo> {
+    let told = || anyhow::anyhow!("{option} {name}: there is no such kernel{}", like(name));
+    kernel_named(name).ok_or_else(told)
+}
+
+/// What to try in the place of `name`, as the end of a message.
+pub fn like(name: &str) -> String {
+    let near = nearest(name, KERNELS.iter().map(|spec| spec.name).filter(|known| *known != name));
+    let meant = if near.is_empty() { String::new() } else { format!("; did you mean {}?", near.join(" or ")) };
+    format!("{meant} (`ivv profile --list` lists all)")
+}
+
+/// Prints each shader with the kernels that are made of it.
+pub fn list(json: bool) -> anyhow::Result<()> {
+    let mut shaders: Vec<(&str, Vec<&str>)> = Vec::new();
+    for spec in KERNELS {
+        match shaders.iter_mut().find(|(file, _)| *file == spec.file) {
+            Some((_, names)) => names.push(spec.name),
+            None => shaders.push((spec.file, vec![spec.name])),
+        }
+    }
+    if json {
+        let line = |(file, names): &(&str, Vec<&str>)| serde_json::json!({ "shader": file, "kernels": names });
+        out!("{}", serde_json::to_string_pretty(&shaders.iter().map(line).collect::<Vec<_>>())?);
+        return Ok(());
+    }
+    for (file, names) in shaders {
+        out!("{file}: {}", names.join(", "));
+    }
+    Ok(())
+}

@@ -1,0 +1,55 @@
+//! `ivv settings`.
+
+use crate::screen::out;
+use anyhow::bail;
+use ivv::train::{PRESETS, Preset, SETTINGS, Setting, check_name};
+use ivv::words::count;
+use serde_json::{Value, json};
+
+/// Options of `ivv settings`.
+#[derive(clap::Args)]
+pub struct Args {
+    /// Only the settings whose names begin with this, such as density or lr.scale.
+    name: Option<String>,
+}
+
+pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
+    let prefix = args.name.as_deref().unwrap_or_default();
+    let listed: Vec<&Setting> = SETTINGS.iter().filter(|setting| setting.name.starts_with(prefix)).collect();
+    if listed.is_empty() {
+        match check_name(prefix) {
+            // An end of a rate.
+            Ok(()) => bail!("{prefix} is a part of {}", prefix.rsplit_once('.').map_or(prefix, |(name, _)| name)),
+            Err(fault) => bail!("{fault}"),
+        }
+    }
+    let presets = PRESETS.map(|(name, _)| Preset::find(name)).into_iter().collect::<ivv::Result<Vec<_>>>()?;
+    let changes = |setting: &Setting| -> Vec<(String, Value)> {
+        let own = |preset: &Preset| Some((preset.id.name.clone(), setting.of(&preset.settings)?.clone()));
+        presets.iter().filter_map(own).collect()
+    };
+    if json {
+        let line = |setting: &&Setting| {
+            let changes: serde_json::Map<String, Value> = changes(setting).into_iter().collect();
+            json!({
+                "name": setting.name, "default": setting.default_value(), "unit": setting.unit,
+                "range": setting.range.to_string(), "meaning": setting.meaning, "presets": changes,
+            })
+        };
+        let all: Vec<Value> = listed.iter().map(line).collect();
+        out!("{}", serde_json::to_string_pretty(&all)?);
+        return Ok(());
+    }
+    for setting in &listed {
+        let unit = if setting.unit.is_empty() { String::new() } else { format!(" ({})", setting.unit) };
+        out!("{} = {}{unit}", setting.name, setting.default_value());
+        out!("    {}", setting.meaning);
+        out!("    Expected: {}.", setting.range);
+        let changes: Vec<String> = changes(setting).iter().map(|(preset, value)| format!("{preset} {value}")).collect();
+        if !changes.is_empty() {
+            out!("    Presets: {}.", changes.join(", "));
+        }
+    }
+    out!("{}; change one with `--set NAME=VALUE`", count(listed.len(), "setting"));
+    Ok(())
+}
