@@ -212,6 +212,17 @@ impl Args {
         }
     }
 
+    /// The video that is asked for; none where views are.
+    fn film(&self, source: &Path, run: Option<&Run>) -> anyhow::Result<Option<Film>> {
+        let Some(path) = self.film.path() else {
+            let orbit = |seconds| Film::around(&self.film, seconds, &self.views(source)?, self.time);
+            return self.film.orbit().map(orbit).transpose();
+        };
+        let remedy = "leave them out, or use --orbit";
+        anyhow::ensure!(!self.views.choose(), "--camera and --frames choose views, and --path has its own; {remedy}");
+        Ok(Some(Film::along(&self.film, path, self.clip(run)?, self.time)?))
+    }
+
     /// The views that are asked for.
     fn views(&self, source: &Path) -> anyhow::Result<Vec<View>> {
         let mut views = match (&self.cameras, &self.capture) {
@@ -246,20 +257,12 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let of_scene = run.as_ref().map_or_else(Constants::default, Run::constants_of_capture);
     let constants = args.knobs.on(args.constants.checked_over(of_scene)?)?;
     let stop = Stop::listen()?;
-    let film = match args.film.path() {
-        Some(path) => Some(Film::along(&args.film, path, args.clip(run.as_ref())?, args.time)?),
-        None => None,
-    };
-    let views = if film.is_some() { Vec::new() } else { args.views(source)? };
-    let film = match args.film.orbit() {
-        Some(seconds) => Some(Film::around(&args.film, seconds, &views, args.time)?),
-        None => film,
-    };
-    let shown = shown::open(source)?;
-    if let Some(film) = film {
+    if let Some(film) = args.film(source, run.as_ref())? {
         let studio = Studio { output: &args.output, device: &args.device, constants, stop: &stop };
-        return film::run(&film, &args.film, shown, &studio, json);
+        return film::run(&film, &args.film, shown::open(source)?, &studio, json);
     }
+    let views = args.views(source)?;
+    let shown = shown::open(source)?;
     within_clip(args.cameras.as_deref().unwrap_or(source), &shown, &views)?;
     let splats = shown.splats.by_degree();
     make_folder(&args.output)?;
@@ -315,20 +318,25 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         });
         out!("{}", serde_json::to_string_pretty(&report)?);
     } else if let Some(passes) = &profile {
-        let mean = |f: fn(&FrameReport) -> u64| {
-            reports.iter().map(|r| f(&r.frame)).sum::<u64>() as f64 / reports.len().max(1) as f64
-        };
-        out!(
-            "per view: {:.0} active, {:.0} visible, {:.0} intersections, {:.0} tiles",
-            mean(|f| f.active),
-            mean(|f| f.visible),
-            mean(|f| f.intersections),
-            mean(|f| f.tiles)
-        );
+        print_counts(&reports);
         passes::print(passes, "view");
         out!("peak of device buffers: {:.1} MiB", peak_bytes as f64 / f64::from(1 << 20));
     }
     Ok(())
+}
+
+/// Prints what the views had to do, on average.
+fn print_counts(reports: &[ViewReport]) {
+    let mean = |f: fn(&FrameReport) -> u64| {
+        reports.iter().map(|r| f(&r.frame)).sum::<u64>() as f64 / reports.len().max(1) as f64
+    };
+    out!(
+        "per view: {:.0} active, {:.0} visible, {:.0} intersections, {:.0} tiles",
+        mean(|f| f.active),
+        mean(|f| f.visible),
+        mean(|f| f.intersections),
+        mean(|f| f.tiles)
+    );
 }
 
 /// A picture with a value that is not finite is an error, not a picture.

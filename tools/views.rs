@@ -44,7 +44,7 @@ pub fn clip_time(text: &str) -> Result<f64, String> {
 
 impl ViewArgs {
     /// Whether they choose.
-    fn choose(&self) -> bool {
+    pub fn choose(&self) -> bool {
         !self.names.is_empty() || self.frames.is_some()
     }
 

@@ -243,6 +243,10 @@ fn a_path_that_outlasts_the_clip_shows_its_last_moment_and_says_so() {
     assert!(frames[7..].iter().all(|frame| *frame == frames[7]), "the last moment stays");
     let (code, told) = film("0", "0.8", "within.y4m");
     assert!(code == Some(0) && !told.contains("outside"), "{told}");
+    let path = at("path.txt");
+    let both = ivv(&["render", scene, "--capture", &capture, "--path", &path, "--frames", "1", "-o", "x.y4m"]);
+    let told = String::from_utf8_lossy(&both.stderr).into_owned();
+    assert!(both.status.code() == Some(2) && told.contains("--frames choose views"), "{told}");
     let (code, told) = film("1000", "1002", "seconds.y4m");
     assert!(code == Some(2) && told.contains("in seconds of the clip"), "{told}");
     assert!(!folder.0.join("seconds.y4m").exists());
