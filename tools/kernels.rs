@@ -11,10 +11,17 @@ pub fn named(option: &str, name: &str) -> anyhow::Result<&'static KernelInfo> {
     kernel_named(name).ok_or_else(told)
 }
 
-/// What to try in the place of `name`, as the end of a message.
+/// What to try in the place of `name`, as the end of a message: the other kernels of its shader, or the nearest names.
 pub fn like(name: &str) -> String {
-    let near = nearest(name, KERNELS.iter().map(|spec| spec.name).filter(|known| *known != name));
-    let meant = if near.is_empty() { String::new() } else { format!("; did you mean {}?", near.join(" or ")) };
+    let shader = KERNELS.iter().find(|spec| spec.name == name).map(|spec| spec.file);
+    let others = KERNELS.iter().filter(|spec| Some(spec.file) == shader && spec.name != name);
+    let others: Vec<&str> = others.map(|spec| spec.name).collect();
+    let near = nearest(name, KERNELS.iter().map(|spec| spec.name));
+    let meant = match shader {
+        Some(shader) if !others.is_empty() => format!("; others of {shader} are {}", others.join(", ")),
+        None if !near.is_empty() => format!("; did you mean {}?", near.join(" or ")),
+        _ => String::new(),
+    };
     format!("{meant} (`ivv profile --list` lists all)")
 }
 

@@ -71,7 +71,10 @@ fn a_scene_is_profiled_into_tables_a_page_and_a_trace_and_its_kernels_are_captur
     assert!(!wrong.status.success() && String::from_utf8_lossy(&wrong.stderr).contains("no_kernel"));
     // A kernel of training, which no view runs, and a misspelt one.
     for (name, told) in [
-        ("blend_fwd_train_p8", "no pass here runs the kernel blend_fwd_train_p8; did you mean blend_fwd_train_p4 or"),
+        (
+            "blend_fwd_train_p8",
+            "no pass here runs the kernel blend_fwd_train_p8; others of blend/blend_fwd.comp are blend_fwd_p4, ",
+        ),
         ("blend_fwd_colour_p8", "there is no such kernel; did you mean blend_fwd_color_p8"),
     ] {
         let wrong = ivv(&[&of_scene[..], &["--capture", name]].concat());

@@ -65,3 +65,18 @@ fn a_scene_is_made_rendered_and_measured() {
     assert_eq!(code, 2);
     fs::remove_dir_all(folder).unwrap();
 }
+
+#[test]
+fn a_bench_without_a_scene_takes_the_built_in_one_and_a_scene_needs_its_truth() {
+    let bench = |arguments: &[&str]| {
+        let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_ivv"));
+        let output = command.args(["sound", "bench"]).args(arguments).output().unwrap();
+        (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
+    };
+    for built_in in [&["--hrtf", "/no/such.sofa"][..], &["--built-in", "--hrtf", "/no/such.sofa"]] {
+        let (code, told) = bench(built_in);
+        assert!(code == Some(3) && told.contains("/no/such.sofa"), "{code:?} {told}");
+    }
+    let (code, told) = bench(&["scene.json"]);
+    assert!(code == Some(2) && told.contains("--truth"), "{code:?} {told}");
+}

@@ -19,12 +19,13 @@ const SECONDS: f64 = 4.0;
 /// Options of `ivv sound bench`.
 #[derive(clap::Args)]
 pub struct Args {
-    /// The scene.json to measure, with --truth; or give --built-in.
+    /// The scene.json to measure, with --truth; without one the built-in scene is measured.
+    #[arg(requires = "truth")]
     scene: Option<PathBuf>,
     /// The folder of `ivv sound synth` that tells the truth of the scene.
-    #[arg(long, requires = "scene", required_unless_present = "built_in")]
+    #[arg(long, requires = "scene")]
     truth: Option<PathBuf>,
-    /// Measure the built-in scene.
+    /// Measure the built-in scene, as without a scene.json.
     #[arg(long, conflicts_with_all = ["scene", "truth"])]
     built_in: bool,
     /// The ears, which must be those of the truth.
