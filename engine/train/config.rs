@@ -338,7 +338,9 @@ pub struct Pace {
     pub steps: u64,
     /// A run of n steps begins with (steps / n)^start times the rates.
     pub start: f64,
-    /// It ends with (steps / n)^end times the rates.
+    /// Steps from which on a run ends with the rates as they are: it has had the time to settle.
+    pub settled: u64,
+    /// A shorter one ends with (settled / n)^end times the rates.
     pub end: f64,
     /// They are never more than this many times what is written.
     pub most: f64,
@@ -346,16 +348,19 @@ pub struct Pace {
 
 impl Default for Pace {
     fn default() -> Self {
-        Pace { steps: 30_000, start: 0.55, end: 0.3, most: 16.0 }
+        Pace { steps: 30_000, start: 0.55, settled: 3000, end: 0.6, most: 16.0 }
     }
 }
 
 impl Pace {
     /// What the rates are multiplied by when `done`, from 0 to 1, of a run of `total` steps is done; at least 1.
     pub fn at(&self, done: f64, total: u64) -> f64 {
-        let shorter = (self.steps as f64 / total.max(1) as f64).max(1.0);
-        let [start, end] = [self.start, self.end].map(|power| shorter.powf(power).min(self.most));
-        Rate { start, end }.at(done)
+        let times = |steps: u64, power: f64| {
+            let shorter = (steps as f64 / total.max(1) as f64).max(1.0);
+            shorter.powf(power).min(self.most)
+        };
+        let settled = self.settled.min(self.steps);
+        Rate { start: times(self.steps, self.start), end: times(settled, self.end) }.at(done)
     }
 }
 

@@ -119,7 +119,13 @@ pub const SETTINGS: &[Setting] = &[
         "Length of the run that the learning rates are given for; 0 uses the same rates in every run.",
     ),
     s("lr.pace.start", "", FRACTION, "A run of n steps begins with (lr.pace.steps / n)^start times the rates."),
-    s("lr.pace.end", "", FRACTION, "It ends with (lr.pace.steps / n)^end times the rates."),
+    s(
+        "lr.pace.settled",
+        "steps",
+        Range::Whole(0, u64::MAX),
+        "Steps from which on a run ends with the rates as they are.",
+    ),
+    s("lr.pace.end", "", FRACTION, "A shorter run ends with (lr.pace.settled / n)^end times the rates."),
     s(
         "lr.pace.most",
         "",

@@ -184,7 +184,7 @@ fn rates_decay_exponentially_and_bands_join_one_by_one() {
     }
     let (begin, end) = ends(1000);
     let pace = config.lr.pace;
-    let [start, slow] = [30f64.powf(pace.start), 30f64.powf(pace.end)];
+    let [start, slow] = [30f64.powf(pace.start), 3f64.powf(pace.end)];
     assert!(start > slow && slow > 1.5);
     assert!((begin.position - 3.2e-4 * start).abs() < 1e-9 && (end.position - 3.2e-6 * start).abs() < 1e-9);
     assert!((begin.rotation - 1e-3 * start).abs() < 1e-9 && (end.opacity - 2.5e-2 * slow).abs() < 1e-9);
