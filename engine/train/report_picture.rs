@@ -60,7 +60,7 @@ fn reduced(pixels: &[[f32; 3]], [width, height]: [u32; 2]) -> (Vec<[f32; 3]>, [u
     ((0..h).flat_map(|y| (0..w).map(move |x| (y, x))).map(mean).collect(), [w, h])
 }
 
-/// The views of `examples` side by side, truth above rendering, each at most [`MAX_WIDTH`] pixels wide.
+/// The views of `examples` side by side, truth above rendering, each at most `MAX_WIDTH` pixels wide.
 pub fn strip(examples: &[Example]) -> Frame {
     let mut pairs = Vec::new();
     for Example { truth, render, .. } in examples {
