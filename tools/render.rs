@@ -113,8 +113,9 @@ pub struct ConstantArgs {
     t_min: Option<f32>,
     #[arg(long, help = help("Variance added to the projected covariance, square pixels", Constants::default().blur))]
     blur: Option<f32>,
-    #[arg(long, help = help("Gaussians up to this far before the camera are dropped, scene units; `train`: units of a frame in which the rig's \
-        radius is 3, and a fifteenth of that or half the depth of the nearest points is the default", Constants::default().near))]
+    /// Gaussians up to this far before the camera are dropped, scene units. By default that of the run, else 0.01. `ivv train`
+    /// measures it in a frame where the rig's extent is 3, and takes 0.375 or, if less, half the depth of the nearest points.
+    #[arg(long)]
     near: Option<f32>,
 }
 

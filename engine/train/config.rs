@@ -270,9 +270,9 @@ pub struct Density {
     pub prune_opacity: f32,
     /// `adc`: standard deviation, in units of the extent, above which a Gaussian is removed.
     pub prune_scale: f32,
-    /// Standard deviation, as a part of its depth before a lens of any camera that sees it, above which a Gaussian is removed
-    /// (`adc`) or relocated (`mcmc`); beside the cone that the lens sees, twice the distance to it counts as depth. What stands before a lens that no training picture is taken through, one kept for testing, is
-    /// seen by the others from the side or not at all, and would veil that picture.
+    /// Standard deviation, as a part of its depth before the lens of a training camera or of a view that `--viewpoints` names,
+    /// above which a Gaussian is removed (`adc`) or relocated (`mcmc`): it would veil what is seen from there. Beside the cone
+    /// that the lens sees, twice the distance to it counts as depth.
     pub prune_veil: f32,
     /// `adc`: steps between two resets of the opacities.
     pub reset_every: u64,

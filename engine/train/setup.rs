@@ -80,9 +80,9 @@ impl Setup {
 }
 
 /// The near plane of a run on `capture`, which is in the frame of training: an eighth of the rig's radius, but at most half the
-/// depth of the nearest points that its training cameras see. Cameras stand at walls and in frames of other cameras' pictures,
-/// and so does who looks at the scene from among them: what others rightly see there, from the side, would hide the whole
-/// picture. Before a training camera, what lies nearer than anything it can see is a floater.
+/// depth of the nearest points that its training cameras see. A camera may stand at a wall. The wall, which other cameras rightly
+/// see, would then fill its whole picture, and that of a viewer who stands there. Whatever lies nearer to a training camera than
+/// all that it can see is a floater.
 pub fn near_plane(capture: &Capture) -> f32 {
     let views = lenses(capture);
     let each = capture.points.len().div_ceil(MOST_POINTS).max(1);

@@ -36,7 +36,7 @@ struct Tiny {
     capture: Capture,
 }
 
-/// Defaults with the rates of a long run: what is tested of so short a one must not be drowned in its haste.
+/// Defaults with the rates of a long run, for tests of a few steps that must not depend on how fast short runs learn.
 fn steady() -> Config {
     let lr = LearningRates { pace: Pace { steps: 0, ..Pace::default() }, ..LearningRates::default() };
     Config { lr, ..Config::default() }

@@ -5,9 +5,9 @@ use crate::common::device::gpu;
 use crate::common::frames::{render, render_with, rms};
 use crate::common::random::{scene, view};
 use ivv::Constants;
-use ivv::scene::capture::{Capture, TRAINING_RADIUS};
+use ivv::scene::capture::{Camera, Capture, Point, TRAINING_RADIUS, camera_center};
 use ivv::scene::{Frame, Similarity, Splats};
-use ivv::train::{Config, Setup, Trainer, from_points};
+use ivv::train::{Config, Setup, Trainer, from_points, near_plane};
 
 /// Least PSNR against the same thing in its own units at the origin, dB.
 const LEAST_PSNR: f64 = 80.0;
@@ -35,6 +35,28 @@ fn train(capture: Capture) -> (Splats, Capture, Similarity) {
 fn seen(splats: &Splats, capture: &Capture, constants: Constants) -> Frame {
     let (camera, _) = capture.test_frames()[0];
     render_with(splats, &capture.view(camera, 1).unwrap(), constants).0
+}
+
+#[test]
+fn the_near_plane_is_an_eighth_of_the_extent_or_half_the_depth_of_the_nearest_points() {
+    let tiny = Tiny::new("near");
+    let capture = tiny.capture.clone();
+    let mut capture = capture.transformed(&tiny.capture.normalisation());
+    let before = |camera: &Camera, depth: f64| {
+        let center = camera_center(&camera.world_to_camera);
+        let position = std::array::from_fn(|k| center[k] + depth * camera.world_to_camera[2][k]);
+        Point { position, color: [0; 3], n_views: 1 }
+    };
+    let points = |capture: &Capture, is_test: bool, depth: f64| {
+        capture.cameras.iter().filter(|c| c.is_test == is_test).map(|camera| before(camera, depth)).collect()
+    };
+    capture.points = Vec::new();
+    assert_eq!(near_plane(&capture), 0.375);
+    capture.points = points(&capture, false, 0.2);
+    assert!((near_plane(&capture) - 0.1).abs() < 1e-6);
+    // What stands just before a test camera does not count, unless a training camera sees it as near.
+    capture.points = points(&capture, true, 0.2);
+    assert!(capture.points.len() > 1 && near_plane(&capture) > 0.3);
 }
 
 #[test]
