@@ -5,6 +5,8 @@ mod begin;
 mod cameras;
 mod capture;
 mod check;
+mod compare;
+mod date;
 mod demo;
 mod device;
 mod devices;
@@ -99,6 +101,8 @@ enum Verb {
     Profile(profile::Args),
     /// Measures what settings and presets cost and bring: speed, accuracy, bytes, over several seeds.
     Trade(trade::Args),
+    /// Tabulates finished runs side by side, means over their seeds; may add them to a history of measurements.
+    Compare(compare::Args),
     /// Lists the settings of a training run: default, unit, range, meaning, and the presets that change each.
     Settings(list_settings::Args),
     /// Writes a scene in another format, or as it looks at one time.
@@ -150,6 +154,7 @@ fn run(cli: &Cli) -> anyhow::Result<()> {
         Verb::Extremes(args) => extremes::run(args, cli.json),
         Verb::Profile(args) => profile::run(args, cli.json),
         Verb::Trade(args) => trade::run(args, cli.json),
+        Verb::Compare(args) => compare::run(args, cli.json),
         Verb::Settings(args) => list_settings::run(args, cli.json),
         Verb::Export(args) => export::run(args, cli.json),
         Verb::Vjp(args) => vjp::run(args),

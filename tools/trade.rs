@@ -1,6 +1,7 @@
 //! `ivv trade`: what settings and presets cost and buy, on a capture.
 
 use crate::begin;
+use crate::date::today;
 use crate::device::DeviceArgs;
 use crate::files::{make_folder, read_json, write_json};
 use crate::offsets;
@@ -24,7 +25,7 @@ use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::time::{Instant, SystemTime, UNIX_EPOCH};
+use std::time::Instant;
 
 /// Steps of the short runs before the first measured one, in which kernels are compiled; density control is in it.
 const WARM_UP: u64 = 16;
@@ -396,39 +397,4 @@ fn hash(splats: &Splats) -> String {
         hasher.update(bytemuck::cast_slice::<f32, u8>(values));
     }
     format!("{:x}", hasher.finalize())
-}
-
-/// Year-month-day, UTC.
-fn today() -> String {
-    let seconds = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
-    date(seconds / 86_400)
-}
-
-/// The date that many days after 1970-01-01.
-fn date(days: u64) -> String {
-    // Years from March on, in eras of 400: Howard Hinnant, "chrono-compatible low-level date algorithms", 2013.
-    let z = days + 719_468;
-    let (era, day) = (z / 146_097, z % 146_097);
-    let year = (day - day / 1460 + day / 36_524 - day / 146_096) / 365;
-    let of_year = day - (365 * year + year / 4 - year / 100);
-    let month = (5 * of_year + 2) / 153;
-    let (day, month) = (of_year - (153 * month + 2) / 5 + 1, if month < 10 { month + 3 } else { month - 9 });
-    format!("{}-{month:02}-{day:02}", era * 400 + year + u64::from(month <= 2))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::date;
-
-    #[test]
-    fn days_are_dates() {
-        let known = [
-            (0, "1970-01-01"),
-            (11_016, "2000-02-29"),
-            (19_782, "2024-02-29"),
-            (19_783, "2024-03-01"),
-            (20_778, "2026-11-21"),
-        ];
-        known.into_iter().for_each(|(days, told)| assert_eq!(date(days), told));
-    }
 }

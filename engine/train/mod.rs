@@ -3,6 +3,8 @@
 mod ablation;
 mod align;
 mod checkpoint;
+mod compare;
+mod compare_plot;
 mod config;
 mod density;
 mod depth_fit;
@@ -31,6 +33,7 @@ mod trainer;
 pub use ablation::{Arm, ArmResult, Base, Estimate, Measure, STUDIES, Study, StudyResult};
 pub use align::ColorMap;
 pub use checkpoint::{CameraState, Checkpoint, Owed};
+pub use compare::{Entry, History, RunGroup, RunResult, RunTable};
 pub use config::{
     Config, Density, FlowChoice, Init, LearningRates, Loss, Pace, Rate, Required, Resolution, Round, Strategy,
 };

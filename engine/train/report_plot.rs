@@ -188,19 +188,20 @@ fn thinned(points: &[[f64; 2]]) -> Vec<[f64; 2]> {
 }
 
 /// The smallest of 1, 2 or 5 times a power of ten that is not below `least`.
-fn round_step(least: f64) -> f64 {
+pub(super) fn round_step(least: f64) -> f64 {
     let power = 10f64.powf(least.log10().floor());
     [1.0, 2.0, 5.0].into_iter().map(|m| m * power).find(|step| *step >= 0.999_999 * least).unwrap_or(10.0 * power)
 }
 
-fn ticks([first, last]: [f64; 2], step: f64) -> impl Iterator<Item = f64> {
+/// The multiples of `step` from the first to the last.
+pub(super) fn ticks([first, last]: [f64; 2], step: f64) -> impl Iterator<Item = f64> {
     let begin = (first / step).ceil();
     let n = ((last / step + 1e-6).floor() - begin) as i64;
     (0..=n).map(move |k| (begin + k as f64) * step)
 }
 
 /// A tick's number with as many digits as `step` asks for.
-fn number(value: f64, step: f64) -> String {
+pub(super) fn number(value: f64, step: f64) -> String {
     for (unit, suffix) in [(1e6, "M"), (1e3, "k")] {
         if step >= unit / 10.0 && value.abs() >= unit {
             let decimals = usize::from(step < unit);

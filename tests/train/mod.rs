@@ -1,5 +1,6 @@
 //! Training as a whole, on a synthetic capture of its own making.
 
+mod compare;
 mod density;
 mod init;
 mod knobs;
