@@ -44,6 +44,8 @@ pub struct Options {
     pub height: u32,
     /// Frames of the clip, 1 to 9999.
     pub frames: u32,
+    /// Frames at the beginning in which nothing moves, 0 to `frames`; what moves does so later then.
+    pub still_frames: u32,
     /// Frames per second, 1 to 1000.
     pub fps: u32,
     /// Rays per pixel and axis, 1 to 8; a pixel is the mean of their square.
@@ -105,6 +107,7 @@ impl Preset {
             width: 128,
             height: 96,
             frames: 12,
+            still_frames: 0,
             fps: 30,
             samples: 3,
             points: 600,
@@ -150,6 +153,7 @@ impl Options {
             ("width", self.width, 16, 8192),
             ("height", self.height, 16, 8192),
             ("frames", self.frames, 1, 9999),
+            ("still_frames", self.still_frames, 0, self.frames),
             ("fps", self.fps, 1, 1000),
             ("samples", self.samples, 1, 8),
             ("points", self.points, 0, 1_000_000),

@@ -1,7 +1,7 @@
 //! The furniture of the room and what moves in it. World: x right, y down, z away from the inward rig, metres.
 
 use super::math::{Random, Stream};
-use super::options::Rig;
+use super::options::{Options, Rig};
 use super::shape::Shape;
 use super::texture::Texture;
 use super::world::{Body, Jitter, Motion, World};
@@ -14,8 +14,9 @@ const FLOOR: f64 = 1.4;
 /// Radius of the speaker's head.
 pub(super) const HEAD: f64 = 0.17;
 
-/// The room of a seed around a rig, for a clip of `frames`.
-pub(super) fn room(seed: u64, frames: u32, rig: Rig) -> World {
+/// The room of a seed around a rig, for a clip of so many frames.
+pub(super) fn room(options: &Options) -> World {
+    let Options { seed, rig, frames, still_frames: still, .. } = *options;
     let half = if rig == Rig::Inward { HALF } else { WIDE_HALF };
     let mut builder = Builder { bodies: Vec::new(), jitter: Jitter(Random::new(seed, Stream::World, 0, 0)), half };
     builder.shell();
@@ -23,7 +24,7 @@ pub(super) fn room(seed: u64, frames: u32, rig: Rig) -> World {
     builder.small_things();
     builder.moving_things();
     let head = builder.speaker();
-    World { bodies: builder.bodies, frames, head }
+    World { bodies: builder.bodies, frames, still, head }
 }
 
 struct Builder {

@@ -56,7 +56,7 @@ pub(super) fn truth(world: &World, options: &Options, cameras: &[Camera], outlie
 /// Name, shape (a capsule's segment is along its y axis), whether it moves, when it exists and, of a moving one, its 3 x 4 pose (body to world) at each frame and one more.
 fn describe(world: &World, body: &Body) -> Value {
     let pose = |frame: u32| {
-        let (rotation, at) = body.motion.pose(world.clip_time(f64::from(frame)));
+        let (rotation, at) = body.motion.pose(world.moving_time(f64::from(frame)));
         let row = |axis: usize| [rotation.x_axis[axis], rotation.y_axis[axis], rotation.z_axis[axis], at[axis]];
         [row(0), row(1), row(2)]
     };

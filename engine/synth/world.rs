@@ -64,6 +64,8 @@ pub(super) struct Body {
 pub(super) struct World {
     pub bodies: Vec<Body>,
     pub frames: u32,
+    /// Frames at the beginning in which nothing moves.
+    pub still: u32,
     /// Index of the body whose mouth is the sound source.
     pub head: usize,
 }
@@ -74,12 +76,17 @@ impl World {
         frame / f64::from(self.frames)
     }
 
+    /// The time to which movements have come at a frame's time: 0 as long as everything stands still.
+    pub fn moving_time(&self, frame: f64) -> f64 {
+        self.clip_time((frame - f64::from(self.still)).max(if self.still > 0 { 0.0 } else { f64::NEG_INFINITY }))
+    }
+
     /// The world at a time in frames. A body has a pose at any time, also outside its life.
     pub fn at(&self, frame: f64) -> Snapshot<'_> {
-        let u = self.clip_time(frame);
+        let (u, moved) = (self.clip_time(frame), self.moving_time(frame));
         let place = |body| {
             let body: &Body = body;
-            let (to_world, position) = body.motion.pose(u);
+            let (to_world, position) = body.motion.pose(moved);
             let alive = (body.life.0..body.life.1).contains(&u);
             Placed { body, to_world, to_body: to_world.transpose(), position, bound: body.shape.bound(), alive }
         };

@@ -90,7 +90,7 @@ pub fn write_capture(
     }
     prepare(folder)?;
     files::json(&folder.join(MARKER), &json!({ "made_by": "ivv synth", "options": options }))?;
-    let (world, cameras) = (room(options.seed, options.frames, options.rig), rig(options));
+    let (world, cameras) = (room(options), rig(options));
     let capture = Capture { folder, options, world, cameras };
     capture.make_folders()?;
     let jobs = capture.jobs();

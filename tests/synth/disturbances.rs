@@ -101,3 +101,22 @@ fn sensors_are_noisy_and_hoods_are_masked() {
     assert!((0.0095..0.0108).contains(&spread), "noise of {spread} of the range");
     assert!((40..400).contains(&n_hidden), "{n_hidden} pixels are hidden");
 }
+
+#[test]
+fn things_that_stand_still_first_do_later_what_they_would_have_done() {
+    let usual = make("late-usual", &Options { frames: 4, ..few() }, 2);
+    let late = make("late", &Options { frames: 4, still_frames: 2, ..few() }, 2);
+    let [usual, bodies] = [&usual, &late].map(|folder| bodies(folder));
+    let mut moved = 0;
+    for (usual, late) in usual.iter().zip(&bodies).filter(|(usual, _)| usual.dynamic) {
+        for frame in 0..=2 {
+            assert_eq!(late.pose(frame), usual.pose(0), "{} at {frame}", late.name);
+        }
+        assert_eq!(late.pose(4), usual.pose(2), "{}", late.name);
+        moved += usize::from(late.pose(3) != late.pose(2));
+    }
+    assert!(moved > 3, "{moved} bodies move at last");
+    // Where nothing moves yet, the flow is none.
+    let flow = |frame: u32| exr(&late.join(format!("truth/exact/cam00/{frame:05}.exr")))["flow.X"].clone();
+    assert!((0..2).all(|frame| flow(frame).iter().all(|x| *x == 0.0)) && flow(2).iter().any(|x| x.abs() > 0.1));
+}
