@@ -12,7 +12,7 @@ use crate::settings::SettingArgs;
 use anyhow::Context;
 use ivv::Constants;
 use ivv::gpu::{Dispatch, Gpu};
-use ivv::profile::{Moment, Overhead, Peaks, Profile, Sample, trace, write_dispatch};
+use ivv::profile::{Comparison, Moment, Overhead, Peaks, Profile, Recorded, Sample, trace, write_dispatch};
 use ivv::scene::capture::{Capture, FrameCache, PriorPlan};
 use ivv::scene::{read_scene, read_views, write_atomic};
 use ivv::stage::{Outputs, Renderer};
@@ -31,10 +31,10 @@ const LINES: usize = 10;
 pub struct Args {
     /// A run of `ivv train` (its newest checkpoint; the folder stays as it is), a capture (trained a little first), or,
     /// with --cameras, a scene.
-    #[arg(required_unless_present_any = ["replay", "disassemble", "list"])]
+    #[arg(required_unless_present_any = ["replay", "disassemble", "list", "compare"])]
     subject: Option<PathBuf>,
     /// Where profile.json, profile.md, profile.html, roofline.svg and trace.json go.
-    #[arg(short, long, required_unless_present_any = ["replay", "disassemble", "list"])]
+    #[arg(short, long, required_unless_present_any = ["replay", "disassemble", "list", "compare"])]
     output: Option<PathBuf>,
     /// Cameras to render a scene from: a cameras file.
     #[arg(long)]
@@ -54,6 +54,9 @@ pub struct Args {
     /// Prints each shader with its kernels, which are variants of each other.
     #[arg(long, conflicts_with = "subject")]
     list: bool,
+    /// Compares two profiles, pass by pass: each a profile.json, or the folder that holds it. Needs no device.
+    #[arg(long, num_args = 2, value_names = ["A", "B"], conflicts_with_all = ["subject", "output", "replay", "disassemble", "list"])]
+    compare: Vec<PathBuf>,
     #[command(flatten)]
     replay: ReplayArgs,
     /// The capture of a run, if it has moved since.
@@ -72,6 +75,9 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     if let Some(kernel) = &args.disassemble {
         return replay::disassemble(kernel, json);
     }
+    if let [a, b] = args.compare.as_slice() {
+        return compare(a, b, json);
+    }
     if args.replay.file().is_some() {
         let gpu = args.device.open()?;
         return replay::run(&args.replay, &gpu, json);
@@ -89,6 +95,16 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         return scene(args, subject, output, &gpu, json);
     }
     training(args, config, subject, output, &gpu, json)
+}
+
+fn compare(a: &Path, b: &Path, json: bool) -> anyhow::Result<()> {
+    let compared = Comparison::new((a, &Recorded::read(a)?), (b, &Recorded::read(b)?));
+    if json {
+        out!("{}", serde_json::to_string_pretty(&compared)?);
+    } else {
+        out!("{}", compared.terminal().trim_end());
+    }
+    Ok(())
 }
 
 /// What was measured, to be written.
