@@ -21,7 +21,7 @@ use anyhow::Context;
 use ivv::scene::capture::{FrameCache, PriorPlan};
 use ivv::stage::PassReport;
 use ivv::train::{
-    Checkpoint, DepthSummary, Evaluation, Kind, Log, Owed, Plan, Setup, StepReport, Trainer, permutation, spread,
+    Checkpoint, DepthSummary, Evaluation, Fall, Kind, Log, Owed, Plan, Setup, StepReport, Trainer, permutation, spread,
 };
 use ivv::words::count;
 use std::cmp::Ordering;
@@ -306,9 +306,17 @@ impl Session<'_> {
         let mean = *mean;
         self.progress.scored(step, mean.psnr, mean.ssim, views.len());
         self.log.push(Kind::Evaluation, &scored)?;
+        self.warn_of_a_fall()?;
         self.scorer.progress((&splats, scored, &examples), (step, self.total), &self.log, &self.args.output)?;
         let best = Checkpoint::best(&self.checkpoints)?;
         Ok(best.is_none_or(|(_, psnr)| mean.psnr > psnr).then_some(mean.psnr))
+    }
+
+    /// Warns, after an evaluation, when the scores have begun to fall.
+    fn warn_of_a_fall(&mut self) -> ivv::Result<()> {
+        let Some(fall) = Fall::of_log(&self.log, self.scorer.config, self.total) else { return Ok(()) };
+        alert!("warning: {fall}");
+        self.log.push(Kind::Fall, &fall)
     }
 
     /// Writes the scene, the totals, all scores and the report.
@@ -345,6 +353,7 @@ impl Session<'_> {
             let some: Vec<(&str, u32)> = some.collect();
             if let Some(some) = scores.evaluation.of(|camera, frame| some.contains(&(camera, frame))) {
                 self.log.push(Kind::Evaluation, &some)?;
+                self.warn_of_a_fall()?;
                 Checkpoint::keep_best(&self.checkpoints, some.step, some.mean.psnr)?;
             }
         }

@@ -1,6 +1,7 @@
 //! Training as a whole, on a synthetic capture of its own making.
 
 mod density;
+mod fall;
 mod init;
 mod knobs;
 mod leak;
