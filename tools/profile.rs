@@ -23,8 +23,6 @@ use std::time::Instant;
 
 /// Bytes of decoded images kept ahead.
 const CACHE_BYTES: u64 = 256 << 20;
-/// Lines of progress where standard error is no terminal.
-const LINES: usize = 10;
 
 /// Options of `ivv profile`.
 #[derive(clap::Args)]
@@ -163,13 +161,13 @@ fn scene(args: &Args, subject: &Path, output: &Path, gpu: &Arc<Gpu>, json: bool)
         return written(renderer.capture(first, Outputs::Color, kernel)?, kernel, output, gpu);
     };
     let mut measured = Measured::new("view");
-    let mut progress = Progress::new("profile", LINES);
+    let mut progress = Progress::new("profile", args.samples as usize);
     // Kernels are compiled at their first dispatch, and lists grow to their size.
     for view in views.iter().cycle().take((args.warm_up as usize).clamp(1, views.len())) {
         renderer.render(view, Outputs::Color)?;
     }
     let start = Instant::now();
-    for (index, view) in views.iter().cycle().take(args.samples as usize).enumerate() {
+    for view in views.iter().cycle().take(args.samples as usize) {
         let begun = Instant::now();
         renderer.render(view, Outputs::Color)?;
         measured.plain.push(1e3 * begun.elapsed().as_secs_f64());
@@ -180,7 +178,7 @@ fn scene(args: &Args, subject: &Path, output: &Path, gpu: &Arc<Gpu>, json: bool)
         let begin = (begun - start).as_secs_f64();
         measured.moments.push(Moment { name: view.name.clone(), begin, seconds, passes: report.times });
         measured.samples.push(Sample { passes: report.passes, counters: report.counters });
-        progress.reach(index + 1, args.samples as usize, "views");
+        progress.step("views");
     }
     measured.write(gpu, peaks, subject, output, json)
 }
@@ -216,7 +214,7 @@ fn training(
         .collect();
     let mut cache = FrameCache::new(&capture, order.iter().copied(), &priors, CACHE_BYTES, 2)?;
     let mut measured = Measured::new("step");
-    let mut progress = Progress::new("profile", LINES);
+    let mut progress = Progress::new("profile", steps as usize);
     let start = Instant::now();
     for (index, &(camera, frame)) in order.iter().enumerate() {
         let picture = cache.next_picture().context("the order of images ended early")??;
@@ -245,7 +243,7 @@ fn training(
                 measured.samples.push(Sample { passes: step.passes, counters: step.counters });
             }
         }
-        progress.reach(index + 1, steps as usize, "steps");
+        progress.step("steps");
     }
     measured.write(gpu, peaks.unwrap_or_default(), subject, output, json)
 }

@@ -10,7 +10,7 @@ use crate::interrupt::{Interrupted, Stop};
 use crate::kept;
 use crate::offsets;
 use crate::passes::{self, TimedPass};
-use crate::progress::Steps;
+use crate::progress::{Progress, Steps};
 use crate::render::ConstantArgs;
 use crate::require;
 use crate::screen::{alert, out, say};
@@ -126,7 +126,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         checkpoints: checkpoints.clone(),
         some_test: spread(&test, args.due.eval_images),
         due: Due::new(&args.due, total),
-        progress: Steps::new(total, before),
+        progress: Steps::new(total, before, test.len()),
         start: begun,
         seconds: 0.0,
         seconds_before: log.series(Kind::Step, "seconds").last().map_or(0.0, |[_, seconds]| *seconds),
@@ -272,7 +272,9 @@ impl Session<'_> {
     fn review(&mut self, due: ivv::train::Due) -> anyhow::Result<()> {
         let Scorer { gpu, capture, run, .. } = self.scorer;
         let begun = Instant::now();
-        let review = ivv::train::review(&mut self.trainer, gpu, capture, run.constants, due)?;
+        let mut progress = Progress::passing("review of what is required", 0);
+        let mut looked = |done, total| progress.reach(done, total, "pictures");
+        let review = ivv::train::review(&mut self.trainer, gpu, capture, run.constants, due, &mut looked)?;
         self.seconds += begun.elapsed().as_secs_f64();
         let told = require::told(&review);
         if !told.is_empty() {
@@ -284,7 +286,7 @@ impl Session<'_> {
 
     /// Shows what a step did, and logs it where that is due or density control followed.
     fn note(&mut self, report: &StepReport) -> anyhow::Result<()> {
-        self.progress.show(report, self.seconds);
+        self.progress.show(report);
         let is_due = self.due.checkpoint(report.step) || report.step.is_multiple_of(self.args.log_every);
         if is_due || report.density.is_some() {
             let mut line = serde_json::to_value(report)?;
@@ -300,11 +302,12 @@ impl Session<'_> {
         if !self.due.evaluation(step) {
             return Ok(None);
         }
+        let begun = Instant::now();
         let splats = self.trainer.splats()?;
         let Some((scored, examples)) = self.scorer.some(&splats, &self.some_test, step)? else { return Ok(None) };
         let Evaluation { mean, views, .. } = &scored;
         let mean = *mean;
-        self.progress.scored(step, mean.psnr, mean.ssim, views.len());
+        self.progress.scored(step, mean.psnr, mean.ssim, views.len(), begun.elapsed().as_secs_f64());
         self.log.push(Kind::Evaluation, &scored)?;
         self.warn_of_a_fall()?;
         self.scorer.progress((&splats, scored, &examples), (step, self.total), &self.log, &self.args.output)?;
