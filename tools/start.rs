@@ -6,12 +6,11 @@ use crate::train::Args;
 use anyhow::{Context, bail, ensure};
 use ivv::Error;
 use ivv::gpu::Gpu;
-use ivv::scene::capture::{Capture, CaptureSettings};
+use ivv::scene::capture::Capture;
 use ivv::scene::{read_views, remove_temporaries};
 use ivv::settings::Constants;
 use ivv::train::{Checkpoint, Config, Owed, Run, RunLock, Trainer, near_plane};
 use ivv::words::count;
-use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -196,16 +195,7 @@ fn settings_of_a_run_without_checkpoint(folder: &Path, file: &Path) -> ivv::Resu
 /// Whether the flags ask for nothing but what the run has.
 fn agrees(args: &Args, config: &Config, run: &Run) -> anyhow::Result<()> {
     let mut differ = args.settings.contradictions(config)?;
-    let names = |cameras: &[String]| cameras.iter().cloned().collect::<BTreeSet<_>>();
-    let read = args.read.settings();
-    if let Some(asked) = read.test_cameras.as_ref().filter(|asked| names(asked) != names(&run.test_cameras)) {
-        let (asked, has) = (asked.join(","), run.test_cameras.join(","));
-        differ.push(format!("--test-cameras: the run has {has}, asked for is {asked}"));
-    }
-    let of = |settings: &CaptureSettings| CaptureSettings { test_cameras: None, ..settings.clone() };
-    if of(&read) != of(&CaptureSettings::default()) && of(&read) != of(&run.capture_settings) {
-        differ.push("the options of how the capture is read: run.json has those of the run".to_owned());
-    }
+    differ.extend(args.read.differ_from(run));
     differ.extend(args.constants.contradictions(&run.constants));
     if differ.is_empty() {
         return Ok(());
