@@ -59,7 +59,8 @@ pub struct Args {
     /// of a run of that length, which may raise the rates and lower the scores for a while.
     #[arg(long)]
     pub resume: bool,
-    /// Replaces the run in the run folder.
+    /// Replaces the run in the run folder, with all that `ivv` wrote there for it. It stays until capture and settings are
+    /// known to be good and the first Gaussians are there.
     #[arg(long, conflicts_with = "resume")]
     pub overwrite: bool,
     #[command(flatten)]
@@ -95,6 +96,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         Some(checkpoint) => Trainer::resume(gpu.clone(), checkpoint, run.constants, setup)?,
         None => Trainer::new(gpu.clone(), &splats, run.constants, config.clone(), total, setup)?,
     };
+    start.replace(&args.output)?;
     start.extend(&mut trainer)?;
     let (before, owed) = (trainer.step(), resumed.as_ref().map(|checkpoint| checkpoint.owed));
     if let Some(n @ 1..) = splats.len().checked_sub(trainer.n_gaussians() as usize) {

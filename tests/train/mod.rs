@@ -6,6 +6,7 @@ mod init;
 mod knobs;
 mod leak;
 mod look;
+mod overwrite;
 mod plan;
 mod points;
 mod report;
