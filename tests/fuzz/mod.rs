@@ -45,11 +45,14 @@ formats! {
     colmap_binary, 400, sources::colmap_binary();
     transforms, 400, sources::transforms();
     dynamic_3d_gaussians, 400, sources::dynamic();
+    jpeg, 400, sources::jpeg();
+    npz, 400, sources::npz();
     caliscope, 60, sources::caliscope();
     qualisys, 60, sources::qualisys();
     pose2sim, 60, sources::pose2sim();
     immersive, 60, sources::immersive();
     llff, 60, sources::llff();
+    colmap_rig, 60, sources::colmap_rig();
     rig, 400, sources::rig();
     keypoints, 60, sounds::keypoints();
     wav, 1400, sounds::wav();
