@@ -8,6 +8,7 @@ mod change;
 mod engine;
 mod mend;
 mod scenes;
+mod sofa;
 mod sounds;
 mod sources;
 mod trainings;
@@ -57,6 +58,7 @@ formats! {
     keypoints, 60, sounds::keypoints();
     wav, 1400, sounds::wav();
     responses, 40, sounds::responses();
+    sofa, 400, sofa::sofa();
     tracks, 1400, sounds::tracks();
     sound_scene, 600, sounds::sound_scene();
     paths, 1000, sounds::paths();
