@@ -315,5 +315,5 @@ fn a_run_under_way_shows_test_views_and_its_report() {
     let told = String::from_utf8_lossy(&output.stderr).into_owned();
     assert!(output.status.success() && told.contains("of 100000"), "{told}");
     works(&["train", text(&tiny.folder), "-o", text(&run), "--steps", "1", "--sh-degree", "0", "--overwrite"]);
-    assert_eq!(pictures(&run.join("renders/progress")), [""; 0], "pictures of the run before are gone");
+    assert!(!run.join("renders/progress").exists(), "pictures of the run before are gone");
 }
