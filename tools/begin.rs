@@ -11,8 +11,6 @@ use ivv::train::{
 use ivv::vk::{Caps, DeviceKind};
 use std::path::Path;
 
-/// Lines of progress where standard error is no terminal.
-const STEPS: usize = 10;
 /// Threads that read depth priors.
 const THREADS: usize = 2;
 
@@ -25,7 +23,7 @@ pub fn first_gaussians(capture: &Capture, config: &Config) -> ivv::Result<Splats
 
 /// The first Gaussians in the frame of training, with a line of progress.
 pub fn begin(capture: &Capture, config: &Config) -> ivv::Result<Initial> {
-    let mut progress = Progress::new("initialisation", STEPS);
+    let mut progress = Progress::new("initialisation", 0);
     initialise(capture, config, &mut |done, total| progress.reach(done, total, "frames, pictures or depths"))
 }
 
@@ -36,7 +34,7 @@ pub fn priors(capture: &Capture, config: &Config, setup: &Setup) -> ivv::Result<
     if !(has_depth && config.loss.depth > 0.0) {
         return Ok((plan, None));
     }
-    let mut progress = Progress::new("depth priors", STEPS);
+    let mut progress = Progress::new("depth priors", 0);
     let space = config.loss.depth_space;
     let fits = fit_depths(capture, space, THREADS, &mut |done, total| progress.reach(done, total, "frames"))?;
     let usable = fits.iter().filter_map(|(image, fit)| Some((image, fit.ok()?)));

@@ -1,7 +1,10 @@
-//! How the verbs that read a capture are told to read it: one set of options for `check`, `prepare` and `train`.
+//! How the verbs that read a capture are told to read it: one set of options for `check`, `prepare`,
+//! `train`, `render` and `cameras`.
 
 use ivv::prepare::recognise;
 use ivv::scene::capture::{Alpha, Capture, CaptureSettings, Fault, Report, check_capture};
+use ivv::train::Run;
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 /// How a capture is read.
@@ -62,6 +65,29 @@ impl CaptureArgs {
             alpha: self.alpha,
             ..CaptureSettings::default()
         }
+    }
+}
+
+impl CaptureArgs {
+    /// Whether no option asks for anything.
+    pub fn are_default(&self) -> bool {
+        self.settings() == CaptureSettings::default()
+    }
+
+    /// What the options ask for that `run` does not have.
+    pub fn differ_from(&self, run: &Run) -> Vec<String> {
+        let asked = self.settings();
+        let names = |cameras: &[String]| cameras.iter().cloned().collect::<BTreeSet<_>>();
+        let mut differ = Vec::new();
+        if let Some(asked) = asked.test_cameras.as_ref().filter(|asked| names(asked) != names(&run.test_cameras)) {
+            let (asked, has) = (asked.join(","), run.test_cameras.join(","));
+            differ.push(format!("--test-cameras: the run has {has}, asked for is {asked}"));
+        }
+        let of = |settings: &CaptureSettings| CaptureSettings { test_cameras: None, ..settings.clone() };
+        if of(&asked) != of(&CaptureSettings::default()) && of(&asked) != of(&run.capture_settings) {
+            differ.push("the options of how the capture is read: run.json has those of the run".to_owned());
+        }
+        differ
     }
 }
 

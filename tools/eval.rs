@@ -2,6 +2,7 @@
 
 use crate::device::DeviceArgs;
 use crate::files::{make_folder, read_json, write_json};
+use crate::progress::Progress;
 use crate::screen::out;
 use crate::shown;
 use ivv::gpu::Gpu;
@@ -63,10 +64,12 @@ impl Scorer<'_> {
         let mut meter = Meter::new(self.gpu.clone(), self.config)?;
         let sight = Sight::new(self.capture, self.config.background);
         let (shown, mut renders) = (spread(frames, SHOWN), Vec::new());
+        let mut progress = Progress::passing("evaluation", frames.len());
         let evaluation = evaluate(&mut renderer, &mut meter, &sight, frames, step, |camera, frame, rendered| {
             if shown.contains(&(camera, frame)) {
                 renders.push(rendered.clone());
             }
+            progress.step(&self.told(camera, frame));
             Ok(())
         })?;
         let Some(evaluation) = evaluation else { return Ok(None) };
@@ -110,10 +113,13 @@ impl Scorer<'_> {
     ) -> ivv::Result<(Option<SceneScores>, Vec<Example>)> {
         let mut renderer = Renderer::new(self.gpu.clone(), splats, self.run.constants)?;
         let frames = self.capture.test_frames();
+        let mut progress = Progress::new("evaluation", frames.len());
         let write = |camera: usize, frame: u32, rendered: &Frame| {
             let folder = output.join("renders").join(&self.capture.cameras[camera].name);
             make_folder(&folder)?;
-            rendered.write_png(&folder.join(format!("{frame:05}.png")))
+            rendered.write_png(&folder.join(format!("{frame:05}.png")))?;
+            progress.step(&self.told(camera, frame));
+            Ok(())
         };
         let sight = Sight::new(self.capture, self.config.background);
         let mut meter = Meter::new(self.gpu.clone(), self.config)?;
@@ -124,11 +130,14 @@ impl Scorer<'_> {
         scores.mean_at_fitted_offsets = self.at_offsets(fits, &mut renderer, &mut meter, &frames, step)?;
         write_json(&output.join("eval.json"), &scores)?;
         let mut examples = Vec::new();
-        for (index, why) in scores.evaluation.examples(EXAMPLES) {
+        let chosen = scores.evaluation.examples(EXAMPLES);
+        let mut progress = Progress::new("views of the report", chosen.len());
+        for (index, why) in chosen {
             let ((camera, frame), scored) = (frames[index], &scores.evaluation.views[index]);
             let view = sight.view(camera, frame)?;
             let (render, _) = renderer.render(&view, Outputs::Color)?;
             let truth = self.capture.picture(camera, frame)?;
+            progress.step(&view.name);
             examples.push(Example { view: view.name, why, scores: scored.scores, truth, render });
         }
         Ok((Some(scores), examples))
@@ -140,11 +149,23 @@ impl Scorer<'_> {
         let mut renderer = Renderer::new((*gpu).clone(), splats, run.constants)?;
         let learns = Setup::new(capture, config).learns_offset.contains(&true);
         let cameras = capture.cameras.iter().enumerate().filter(|(_, camera)| learns && camera.is_test);
-        let fit = |(index, _)| {
+        let cameras: Vec<usize> = cameras.map(|(index, _)| index).collect();
+        if cameras.is_empty() {
+            return Ok(BTreeMap::new());
+        }
+        let mut progress = Progress::new("time offsets of test cameras", cameras.len());
+        let fit = |index: usize| {
             let pictures = offset_pictures(capture, config.background, index)?;
-            Ok((index, fit_offset(&mut renderer, &pictures, 0.0, FIT_ITERATIONS)?))
+            let fit = fit_offset(&mut renderer, &pictures, 0.0, FIT_ITERATIONS)?;
+            progress.step(&capture.cameras[index].name);
+            Ok((index, fit))
         };
-        cameras.map(fit).collect()
+        cameras.into_iter().map(fit).collect()
+    }
+
+    /// An image, as progress tells of it.
+    fn told(&self, camera: usize, frame: u32) -> String {
+        format!("{} frame {frame}", self.capture.cameras[camera].name)
     }
 
     fn at_offsets(
@@ -160,7 +181,11 @@ impl Scorer<'_> {
         }
         let offsets = fits.iter().map(|(camera, fit)| (*camera, fit.offset)).collect();
         let sight = Sight { offsets, ..Sight::new(self.capture, self.config.background) };
-        let scored = evaluate(renderer, meter, &sight, frames, step, |_, _, _| Ok(()))?;
+        let mut progress = Progress::new("evaluation at fitted offsets", frames.len());
+        let scored = evaluate(renderer, meter, &sight, frames, step, |camera, frame, _| {
+            progress.step(&self.told(camera, frame));
+            Ok(())
+        })?;
         Ok(scored.map(|evaluation| evaluation.mean))
     }
 
@@ -177,7 +202,9 @@ impl Scorer<'_> {
         let log = Log::open(run_folder, u64::MAX);
         let Scorer { run, config, .. } = self;
         let file = output.join("report.html");
+        let mut progress = Progress::new("report", 1);
         Report { name: &name, run, config, totals: &totals, log: &log, scores, examples }.write(&file)?;
+        progress.step("report.html");
         Ok(file)
     }
 }

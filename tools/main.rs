@@ -31,6 +31,7 @@ mod prepare;
 mod profile;
 mod progress;
 mod render;
+mod replace;
 mod replay;
 mod require;
 mod screen;

@@ -2,6 +2,7 @@
 
 use crate::eval::Scorer;
 use crate::files::write_json;
+use crate::progress::Progress;
 use crate::screen::{alert, out};
 use ivv::scene::capture::{Camera, Capture};
 use ivv::stage::Renderer;
@@ -48,12 +49,15 @@ fn learnt(trainer: &mut Trainer, scorer: &Scorer) -> ivv::Result<BTreeMap<usize,
     }
     let Scorer { gpu, capture, run, config } = scorer;
     let mut renderer = Renderer::new((*gpu).clone(), &trainer.splats()?, run.constants)?;
-    let cameras = (0..offsets.len()).filter(|camera| learns[*camera]);
+    let cameras: Vec<usize> = (0..offsets.len()).filter(|camera| learns[*camera]).collect();
+    let mut progress = Progress::passing("errors of time offsets", cameras.len());
     let fit = |camera: usize| {
         let pictures = offset_pictures(capture, config.background, camera)?;
-        Ok((camera, fit_offset(&mut renderer, &pictures, offsets[camera], 0)?))
+        let fit = fit_offset(&mut renderer, &pictures, offsets[camera], 0)?;
+        progress.step(&capture.cameras[camera].name);
+        Ok((camera, fit))
     };
-    cameras.map(fit).collect()
+    cameras.into_iter().map(fit).collect()
 }
 
 /// Freezes the time offsets that the pictures do not tell, and names their cameras.

@@ -12,7 +12,7 @@ use crate::settings::SettingArgs;
 use anyhow::Context;
 use ivv::Constants;
 use ivv::gpu::{Dispatch, Gpu};
-use ivv::profile::{Moment, Overhead, Peaks, Profile, Sample, trace, write_dispatch};
+use ivv::profile::{Comparison, Moment, Overhead, Peaks, Profile, Recorded, Sample, trace, write_dispatch};
 use ivv::scene::capture::{Capture, FrameCache, PriorPlan};
 use ivv::scene::{read_scene, read_views, write_atomic};
 use ivv::stage::{Outputs, Renderer};
@@ -23,18 +23,16 @@ use std::time::Instant;
 
 /// Bytes of decoded images kept ahead.
 const CACHE_BYTES: u64 = 256 << 20;
-/// Lines of progress where standard error is no terminal.
-const LINES: usize = 10;
 
 /// Options of `ivv profile`.
 #[derive(clap::Args)]
 pub struct Args {
     /// A run of `ivv train` (its newest checkpoint; the folder stays as it is), a capture (trained a little first), or,
     /// with --cameras, a scene.
-    #[arg(required_unless_present_any = ["replay", "disassemble", "list"])]
+    #[arg(required_unless_present_any = ["replay", "disassemble", "list", "compare"])]
     subject: Option<PathBuf>,
     /// Where profile.json, profile.md, profile.html, roofline.svg and trace.json go.
-    #[arg(short, long, required_unless_present_any = ["replay", "disassemble", "list"])]
+    #[arg(short, long, required_unless_present_any = ["replay", "disassemble", "list", "compare"])]
     output: Option<PathBuf>,
     /// Cameras to render a scene from: a cameras file.
     #[arg(long)]
@@ -54,6 +52,9 @@ pub struct Args {
     /// Prints each shader with its kernels, which are variants of each other.
     #[arg(long, conflicts_with = "subject")]
     list: bool,
+    /// Compares two profiles, pass by pass: each a profile.json, or the folder that holds it. Needs no device.
+    #[arg(long, num_args = 2, value_names = ["A", "B"], conflicts_with_all = ["subject", "output", "replay", "disassemble", "list"])]
+    compare: Vec<PathBuf>,
     #[command(flatten)]
     replay: ReplayArgs,
     /// The capture of a run, if it has moved since.
@@ -72,6 +73,9 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     if let Some(kernel) = &args.disassemble {
         return replay::disassemble(kernel, json);
     }
+    if let [a, b] = args.compare.as_slice() {
+        return compare(a, b, json);
+    }
     if args.replay.file().is_some() {
         let gpu = args.device.open()?;
         return replay::run(&args.replay, &gpu, json);
@@ -89,6 +93,16 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         return scene(args, subject, output, &gpu, json);
     }
     training(args, config, subject, output, &gpu, json)
+}
+
+fn compare(a: &Path, b: &Path, json: bool) -> anyhow::Result<()> {
+    let compared = Comparison::new((a, &Recorded::read(a)?), (b, &Recorded::read(b)?));
+    if json {
+        out!("{}", serde_json::to_string_pretty(&compared)?);
+    } else {
+        out!("{}", compared.terminal().trim_end());
+    }
+    Ok(())
 }
 
 /// What was measured, to be written.
@@ -147,13 +161,13 @@ fn scene(args: &Args, subject: &Path, output: &Path, gpu: &Arc<Gpu>, json: bool)
         return written(renderer.capture(first, Outputs::Color, kernel)?, kernel, output, gpu);
     };
     let mut measured = Measured::new("view");
-    let mut progress = Progress::new("profile", LINES);
+    let mut progress = Progress::new("profile", args.samples as usize);
     // Kernels are compiled at their first dispatch, and lists grow to their size.
     for view in views.iter().cycle().take((args.warm_up as usize).clamp(1, views.len())) {
         renderer.render(view, Outputs::Color)?;
     }
     let start = Instant::now();
-    for (index, view) in views.iter().cycle().take(args.samples as usize).enumerate() {
+    for view in views.iter().cycle().take(args.samples as usize) {
         let begun = Instant::now();
         renderer.render(view, Outputs::Color)?;
         measured.plain.push(1e3 * begun.elapsed().as_secs_f64());
@@ -164,7 +178,7 @@ fn scene(args: &Args, subject: &Path, output: &Path, gpu: &Arc<Gpu>, json: bool)
         let begin = (begun - start).as_secs_f64();
         measured.moments.push(Moment { name: view.name.clone(), begin, seconds, passes: report.times });
         measured.samples.push(Sample { passes: report.passes, counters: report.counters });
-        progress.reach(index + 1, args.samples as usize, "views");
+        progress.step("views");
     }
     measured.write(gpu, peaks, subject, output, json)
 }
@@ -200,7 +214,7 @@ fn training(
         .collect();
     let mut cache = FrameCache::new(&capture, order.iter().copied(), &priors, CACHE_BYTES, 2)?;
     let mut measured = Measured::new("step");
-    let mut progress = Progress::new("profile", LINES);
+    let mut progress = Progress::new("profile", steps as usize);
     let start = Instant::now();
     for (index, &(camera, frame)) in order.iter().enumerate() {
         let picture = cache.next_picture().context("the order of images ended early")??;
@@ -229,7 +243,7 @@ fn training(
                 measured.samples.push(Sample { passes: step.passes, counters: step.counters });
             }
         }
-        progress.reach(index + 1, steps as usize, "steps");
+        progress.step("steps");
     }
     measured.write(gpu, peaks.unwrap_or_default(), subject, output, json)
 }

@@ -7,18 +7,24 @@ use std::time::{Duration, Instant};
 
 /// Between two lines on a terminal.
 const QUICK: Duration = Duration::from_millis(200);
+/// Work of this length has a line everywhere.
+const LONG: Duration = Duration::from_secs(2);
 /// Between two lines elsewhere, at least; longer and longer in a long run.
 const SLOW: Duration = Duration::from_secs(5);
+/// Seconds of stepping from which a rate is believed.
+const LEAST_RATED: f64 = 0.2;
 
 /// When lines of progress are due.
 struct Pace {
     start: Instant,
     last: Option<Instant>,
+    /// Whether the bar gives way to another one that goes on after it.
+    passes: bool,
 }
 
 impl Pace {
     fn new() -> Self {
-        Pace { start: Instant::now(), last: None }
+        Pace { start: Instant::now(), last: None, passes: false }
     }
 
     /// Whether it is time for a line. Elsewhere than on a terminal that is after a twentieth of the time so far, which makes
@@ -28,17 +34,32 @@ impl Pace {
         match self.last {
             None if screen::is_terminal() => true,
             _ if screen::is_terminal() => since >= QUICK,
-            _ => since >= SLOW.max(self.start.elapsed() / 20),
+            None => since >= LONG,
+            Some(_) => since >= SLOW.max(self.start.elapsed() / 20),
+        }
+    }
+
+    /// Whether the end of the work has a line: short work has none but on a terminal.
+    fn ends_with_a_line(&self) -> bool {
+        screen::is_terminal() || self.last.is_some() || self.start.elapsed() >= LONG
+    }
+
+    /// Shows on a terminal that the work begins.
+    fn begin(&mut self, done: u64, total: u64, text: &str) {
+        if screen::is_terminal() {
+            self.show(done, total, text);
         }
     }
 
     /// Shows that `done` of `total` is done.
     fn show(&mut self, done: u64, total: u64, text: &str) {
         self.last = Some(Instant::now());
-        if screen::is_terminal() {
-            screen::bar(done, total, text);
-        } else {
+        if !screen::is_terminal() {
             screen::message(text);
+        } else if self.passes {
+            screen::passing_bar(done, total, text);
+        } else {
+            screen::bar(done, total, text);
         }
     }
 }
@@ -46,7 +67,9 @@ impl Pace {
 impl Drop for Pace {
     /// Work that ends early leaves its last line.
     fn drop(&mut self) {
-        screen::leave_bar();
+        if !self.passes {
+            screen::leave_bar();
+        }
     }
 }
 
@@ -59,15 +82,26 @@ pub struct Progress {
 }
 
 impl Progress {
-    /// `total` pieces called `what`.
+    /// `total` pieces called `what`; 0 where the first call of [`Progress::reach`] tells.
     pub fn new(what: &'static str, total: usize) -> Self {
-        Progress { what, total, done: 0, pace: Pace::new() }
+        Self::begun(what, total, Pace::new())
     }
 
-    /// One more piece is done; `note` says something about it. Work that is soon done has no line but on a terminal.
+    /// The same in the middle of a training: its bar gives way to that of the steps.
+    pub fn passing(what: &'static str, total: usize) -> Self {
+        Self::begun(what, total, Pace { passes: true, ..Pace::new() })
+    }
+
+    fn begun(what: &'static str, total: usize, mut pace: Pace) -> Self {
+        let text = if total > 0 { format!("{what} 0/{total}") } else { what.to_owned() };
+        pace.begin(0, total.max(1) as u64, &text);
+        Progress { what, total, done: 0, pace }
+    }
+
+    /// One more piece is done; `note` says something about it.
     pub fn step(&mut self, note: &str) {
         self.done += 1;
-        let is_last = self.done == self.total && (screen::is_terminal() || self.pace.last.is_some());
+        let is_last = self.done == self.total && self.pace.ends_with_a_line();
         if !is_last && !self.pace.is_due() {
             return;
         }
@@ -78,59 +112,66 @@ impl Progress {
         self.pace.show(self.done as u64, self.total as u64, &line);
     }
 
-    /// `done` of `total` things called `things` are done: so many pieces of this progress as that makes. It begins anew with
-    /// the first of other things.
+    /// `done` of `total` things called `things` are done. The clock begins anew with the first of other things.
     pub fn reach(&mut self, done: usize, total: usize, things: &str) {
-        if done == 1 && self.done == self.total {
-            self.done = 0;
-            self.pace = Pace::new();
+        if done <= self.done {
+            self.pace.start = Instant::now();
         }
-        while self.done < self.total && (self.done + 1) * total <= done * self.total {
-            self.step(&format!("{done} of {total} {things}"));
-        }
+        (self.done, self.total) = (done.saturating_sub(1), total);
+        self.step(things);
     }
 }
 
 /// Progress of a training run.
 pub struct Steps {
     total: u64,
-    /// Steps done before this process.
-    before: u64,
     psnr: Option<f64>,
+    /// The first step of this process, which compiles the kernels, and when it was done.
+    first: Option<(u64, Instant)>,
+    /// Images that are scored after the last step, and the seconds that one of them takes, once that is known.
+    images: usize,
+    seconds_of_an_image: f64,
     pace: Pace,
 }
 
 impl Steps {
-    /// A run of `total` steps of which `before` were done by an earlier process.
-    pub fn new(total: u64, before: u64) -> Self {
-        Steps { total, before, psnr: None, pace: Pace::new() }
+    /// A run of `total` steps of which `before` were done by an earlier process; it ends with the scores of `images`.
+    pub fn new(total: u64, before: u64, images: usize) -> Self {
+        let mut pace = Pace::new();
+        if before < total {
+            pace.begin(before, total, &format!("step {before}/{total}, compiling the kernels"));
+        }
+        Steps { total, psnr: None, first: None, images, seconds_of_an_image: 0.0, pace }
     }
 
-    /// After a step, `seconds` of stepping into this process, if a line is due.
-    pub fn show(&mut self, report: &StepReport, seconds: f64) {
+    /// After a step, if a line is due. Rate and time left are those of the clock, with all that is done between the steps;
+    /// the time left has the scores at the end, once an image was scored.
+    pub fn show(&mut self, report: &StepReport) {
+        let (first, since) = *self.first.get_or_insert_with(|| (report.step, Instant::now()));
         if report.step != self.total && !self.pace.is_due() {
             return;
         }
-        let rate = report.step.saturating_sub(self.before) as f64 / seconds.max(1e-9);
-        let left = self.total.saturating_sub(report.step) as f64 / rate.max(1e-9);
+        let seconds = since.elapsed().as_secs_f64();
+        let pace = if report.step > first && seconds >= LEAST_RATED {
+            let rate = (report.step - first) as f64 / seconds;
+            let left = self.total.saturating_sub(report.step) as f64 / rate;
+            let left = left + self.images as f64 * self.seconds_of_an_image;
+            format!("{rate:.1} it/s, {} left, ", clock(left))
+        } else {
+            String::new()
+        };
         let psnr = self.psnr.map_or(String::new(), |psnr| format!("test {psnr:.2} dB, "));
         let line = format!(
-            "step {}/{}, {rate:.1} it/s, {} left, loss {:.4}, {:.2} dB, {psnr}{} Gaussians, {} live, {} intersections",
-            report.step,
-            self.total,
-            clock(left),
-            report.loss,
-            report.psnr,
-            report.gaussians,
-            report.active,
-            report.intersections
+            "step {}/{}, {pace}loss {:.4}, {:.2} dB, {psnr}{} Gaussians, {} live, {} intersections",
+            report.step, self.total, report.loss, report.psnr, report.gaussians, report.active, report.intersections
         );
         self.pace.show(report.step, self.total, &line);
     }
 
-    /// After an evaluation.
-    pub fn scored(&mut self, step: u64, psnr: f64, ssim: f64, n_views: usize) {
+    /// After an evaluation that took `seconds`.
+    pub fn scored(&mut self, step: u64, psnr: f64, ssim: f64, n_views: usize, seconds: f64) {
         self.psnr = Some(psnr);
+        self.seconds_of_an_image = seconds / n_views.max(1) as f64;
         let images = count(n_views, "test image");
         screen::message(&format!("after {}: PSNR {psnr:.2} dB, SSIM {ssim:.4} on {images}", count(step, "step")));
     }
@@ -149,22 +190,32 @@ fn clock(seconds: f64) -> String {
 /// Progress of work in stages of many pieces.
 pub struct Pieces {
     stage: &'static str,
+    /// What was done when the stage was first heard of, and when that was.
+    first: (usize, Instant),
     pace: Pace,
 }
 
 impl Pieces {
     /// Nothing is done yet.
     pub fn new() -> Self {
-        Pieces { stage: "", pace: Pace::new() }
+        Pieces { stage: "", first: (0, Instant::now()), pace: Pace::new() }
     }
 
     /// After a piece, if a line is due; the first and the last of a stage always are.
     pub fn show(&mut self, progress: &ivv::prepare::Progress) {
         let ivv::prepare::Progress { stage, done, total, piece } = *progress;
         let begins = stage != self.stage;
-        self.stage = stage;
+        if begins {
+            (self.stage, self.first) = (stage, (done, Instant::now()));
+        }
         if begins || done == total || self.pace.is_due() {
-            self.pace.show(done as u64, total as u64, &format!("{stage} {done}/{total}: {piece}"));
+            let (before, since) = self.first;
+            let left = (done > before && done < total).then(|| {
+                let each = since.elapsed().as_secs_f64() / (done - before) as f64;
+                format!(", {} left", clock(each * (total - done) as f64))
+            });
+            let line = format!("{stage} {done}/{total}{}: {piece}", left.unwrap_or_default());
+            self.pace.show(done as u64, total as u64, &line);
         }
     }
 }

@@ -208,7 +208,9 @@ impl Args {
     fn clip(&self, run: Option<&Run>) -> ivv::Result<Option<(f64, u32)>> {
         match (run, &self.capture) {
             (Some(run), _) => Ok(Some((run.held.fps, run.held.frames))),
-            (None, Some(capture)) => Rig::open(capture).map(|rig| Some((rig.fps, rig.n_frames))),
+            (None, Some(capture)) => {
+                Rig::open_with(capture, &self.views.settings()).map(|rig| Some((rig.fps, rig.n_frames)))
+            }
             (None, None) => Ok(None),
         }
     }
@@ -221,6 +223,11 @@ impl Args {
         };
         let remedy = "leave them out, or use --orbit";
         anyhow::ensure!(!self.views.choose(), "--camera and --frames choose views, and --path has its own; {remedy}");
+        match run {
+            Some(run) => self.views.agree_with(run)?,
+            None if self.capture.is_none() => self.views.need_no_capture("--capture is not given")?,
+            None => {}
+        }
         Ok(Some(Film::along(&self.film, path, self.clip(run)?, self.time)?))
     }
 

@@ -101,19 +101,22 @@ pub fn warning(text: &str) {
 
 /// A line of progress that the next one replaces, a bar before it; on a terminal alone. The last one stays.
 pub fn bar(done: u64, total: u64, text: &str) {
+    passing_bar(done, total, text);
+    if done >= total {
+        leave_bar();
+    }
+}
+
+/// A line of progress as [`bar`] writes it; the next one replaces the last one too.
+pub fn passing_bar(done: u64, total: u64, text: &str) {
     let mut screen = screen();
     if screen.is_quiet {
         return;
     }
     let columns = terminal_size::terminal_size_of(io::stderr()).map_or(80, |(width, _)| usize::from(width.0));
     let bar = line::fit(done, total, text, columns);
-    if done < total {
-        put(&format!("{CLEAR}{bar}"));
-        screen.bar = Some(bar);
-    } else {
-        put(&format!("{CLEAR}{bar}\n"));
-        screen.bar = None;
-    }
+    put(&format!("{CLEAR}{bar}"));
+    screen.bar = Some(bar);
 }
 
 /// Leaves the bar as it is, with the cursor behind it.

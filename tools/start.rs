@@ -1,22 +1,19 @@
 //! How `ivv train` begins: anew, from the newest checkpoint of a run, or from a run that was killed before its first.
 
 use crate::files::{make_folder, read_json, write_json};
+use crate::replace::{holds_a_run, remove_run};
 use crate::screen::say;
 use crate::train::Args;
 use anyhow::{Context, bail, ensure};
 use ivv::Error;
 use ivv::gpu::Gpu;
-use ivv::scene::capture::{Capture, CaptureSettings};
+use ivv::scene::capture::Capture;
 use ivv::scene::{read_views, remove_temporaries};
 use ivv::settings::Constants;
 use ivv::train::{Checkpoint, Config, Owed, Run, RunLock, Trainer, near_plane};
 use ivv::words::count;
-use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-
-/// Results of a run, which another one in its folder would replace.
-const RESULTS: [&str; 6] = ["scene.ply", "train.json", "train.jsonl", "offsets.json", "eval.json", "report.html"];
 
 /// A run that is about to begin or go on. Its folder is locked as long as this lives.
 pub struct Start {
@@ -30,6 +27,8 @@ pub struct Start {
     pub checkpoints: PathBuf,
     /// Where the run goes on from.
     pub resumed: Option<Checkpoint>,
+    /// Whether the folder holds another run until [`Start::replace`].
+    replaces: bool,
 }
 
 impl Start {
@@ -49,20 +48,32 @@ impl Start {
         let total = config.total(n_training(&capture)?);
         make_folder(&args.output)?;
         let (lock, checkpoints) = (locked(&args.output)?, args.output.join("checkpoints"));
-        let holds_a_run = Checkpoint::any_in(&checkpoints)? || args.output.join("scene.ply").exists();
-        if holds_a_run && !args.overwrite {
+        let replaces = holds_a_run(&args.output)?;
+        if replaces && !args.overwrite {
             let remedy = "continue it with --resume, replace it with --overwrite, or choose another folder with -o";
             return Err(Error::data(&args.output, "", "already holds a run", remedy).into());
         }
         let gpu = args.device.open()?;
-        if args.overwrite {
-            Checkpoint::remove_all(&checkpoints)?;
-            RESULTS.iter().try_for_each(|name| remove(&args.output.join(name)))?;
-            remove_pictures(&args.output.join("renders").join("progress"))?;
+        let start = Start { _lock: lock, gpu, run, capture, config, total, checkpoints, resumed: None, replaces };
+        if !replaces {
+            start.write_settings(&args.output)?;
         }
-        write_json(&args.output.join("config.json"), &config)?;
-        run.write(&args.output)?;
-        Ok(Start { _lock: lock, gpu, run, capture, config, total, checkpoints, resumed: None })
+        Ok(start)
+    }
+
+    /// Removes the run in `folder` that this one replaces, if there is one. To be called once nothing can be wrong with the
+    /// capture and the settings.
+    pub fn replace(&self, folder: &Path) -> ivv::Result<()> {
+        if !self.replaces {
+            return Ok(());
+        }
+        remove_run(folder, &self.run)?;
+        self.write_settings(folder)
+    }
+
+    fn write_settings(&self, folder: &Path) -> ivv::Result<()> {
+        write_json(&folder.join("config.json"), &self.config)?;
+        self.run.write(folder)
     }
 
     fn resumed(args: &Args) -> anyhow::Result<Self> {
@@ -102,7 +113,7 @@ impl Start {
         if (is_extended && checkpoint.is_none()) || read_json::<Config>(&file, "").is_err() {
             write_json(&file, &config)?;
         }
-        Ok(Start { _lock: lock, gpu, run, capture, config, total, checkpoints, resumed: checkpoint })
+        Ok(Start { _lock: lock, gpu, run, capture, config, total, checkpoints, resumed: checkpoint, replaces: false })
     }
 
     /// Makes `trainer`, which goes on from [`Start::resumed`], go on for as long as is asked, and keeps that.
@@ -145,21 +156,6 @@ fn locked(folder: &Path) -> ivv::Result<RunLock> {
     Ok(lock)
 }
 
-/// Removes the pictures in `folder`, which need not be there.
-fn remove_pictures(folder: &Path) -> ivv::Result<()> {
-    let files = std::fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
-    files.filter(|file| file.extension().is_some_and(|ending| ending == "png")).try_for_each(|file| remove(&file))
-}
-
-fn remove(file: &Path) -> ivv::Result<()> {
-    match std::fs::remove_file(file) {
-        Err(e) if e.kind() != std::io::ErrorKind::NotFound => {
-            Err(Error::data(file, "", format!("cannot be removed: {e}"), "check its permissions"))
-        }
-        _ => Ok(()),
-    }
-}
-
 /// Whether `folder` is one of a run; else what is there.
 fn is_run(folder: &Path) -> ivv::Result<()> {
     let fault = |reason: String| Err(Error::data(folder, "", reason, "give the folder of the run to --resume with -o"));
@@ -196,16 +192,7 @@ fn settings_of_a_run_without_checkpoint(folder: &Path, file: &Path) -> ivv::Resu
 /// Whether the flags ask for nothing but what the run has.
 fn agrees(args: &Args, config: &Config, run: &Run) -> anyhow::Result<()> {
     let mut differ = args.settings.contradictions(config)?;
-    let names = |cameras: &[String]| cameras.iter().cloned().collect::<BTreeSet<_>>();
-    let read = args.read.settings();
-    if let Some(asked) = read.test_cameras.as_ref().filter(|asked| names(asked) != names(&run.test_cameras)) {
-        let (asked, has) = (asked.join(","), run.test_cameras.join(","));
-        differ.push(format!("--test-cameras: the run has {has}, asked for is {asked}"));
-    }
-    let of = |settings: &CaptureSettings| CaptureSettings { test_cameras: None, ..settings.clone() };
-    if of(&read) != of(&CaptureSettings::default()) && of(&read) != of(&run.capture_settings) {
-        differ.push("the options of how the capture is read: run.json has those of the run".to_owned());
-    }
+    differ.extend(args.read.differ_from(run));
     differ.extend(args.constants.contradictions(&run.constants));
     if differ.is_empty() {
         return Ok(());

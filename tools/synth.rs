@@ -8,9 +8,6 @@ use ivv::synth::{Noise, Options, Preset, Rig, write_capture};
 use ivv::words::count;
 use std::path::PathBuf;
 
-/// Lines of progress.
-const STEPS: usize = 10;
-
 /// Options of `ivv synth`.
 #[derive(clap::Args)]
 pub struct Args {
@@ -58,7 +55,7 @@ pub struct Args {
 
 pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let options = options(args)?;
-    let mut progress = Progress::new("synth", STEPS);
+    let mut progress = Progress::new("synth", 0);
     let threads = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
     let summary = write_capture(&args.output, &options, threads, &mut |done, total| {
         progress.reach(done, total, "pictures, point clouds and recordings");

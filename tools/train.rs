@@ -10,7 +10,7 @@ use crate::interrupt::{Interrupted, Stop};
 use crate::kept;
 use crate::offsets;
 use crate::passes::{self, TimedPass};
-use crate::progress::Steps;
+use crate::progress::{Progress, Steps};
 use crate::render::ConstantArgs;
 use crate::require;
 use crate::screen::{alert, out, say};
@@ -21,7 +21,7 @@ use anyhow::Context;
 use ivv::scene::capture::{FrameCache, PriorPlan};
 use ivv::stage::PassReport;
 use ivv::train::{
-    Checkpoint, DepthSummary, Evaluation, Kind, Log, Owed, Plan, Setup, StepReport, Trainer, permutation, spread,
+    Checkpoint, DepthSummary, Evaluation, Fall, Kind, Log, Owed, Plan, Setup, StepReport, Trainer, permutation, spread,
 };
 use ivv::words::count;
 use std::cmp::Ordering;
@@ -59,7 +59,8 @@ pub struct Args {
     /// of a run of that length, which may raise the rates and lower the scores for a while.
     #[arg(long)]
     pub resume: bool,
-    /// Replaces the run in the run folder.
+    /// Replaces the run in the run folder, with all that `ivv` wrote there for it. It stays until capture and settings are
+    /// known to be good and the first Gaussians are there.
     #[arg(long, conflicts_with = "resume")]
     pub overwrite: bool,
     #[command(flatten)]
@@ -95,6 +96,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         Some(checkpoint) => Trainer::resume(gpu.clone(), checkpoint, run.constants, setup)?,
         None => Trainer::new(gpu.clone(), &splats, run.constants, config.clone(), total, setup)?,
     };
+    start.replace(&args.output)?;
     start.extend(&mut trainer)?;
     let (before, owed) = (trainer.step(), resumed.as_ref().map(|checkpoint| checkpoint.owed));
     if let Some(n @ 1..) = splats.len().checked_sub(trainer.n_gaussians() as usize) {
@@ -126,7 +128,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         checkpoints: checkpoints.clone(),
         some_test: spread(&test, args.due.eval_images),
         due: Due::new(&args.due, total),
-        progress: Steps::new(total, before),
+        progress: Steps::new(total, before, test.len()),
         start: begun,
         seconds: 0.0,
         seconds_before: log.series(Kind::Step, "seconds").last().map_or(0.0, |[_, seconds]| *seconds),
@@ -272,7 +274,9 @@ impl Session<'_> {
     fn review(&mut self, due: ivv::train::Due) -> anyhow::Result<()> {
         let Scorer { gpu, capture, run, .. } = self.scorer;
         let begun = Instant::now();
-        let review = ivv::train::review(&mut self.trainer, gpu, capture, run.constants, due)?;
+        let mut progress = Progress::passing("review of what is required", 0);
+        let mut looked = |done, total| progress.reach(done, total, "pictures");
+        let review = ivv::train::review(&mut self.trainer, gpu, capture, run.constants, due, &mut looked)?;
         self.seconds += begun.elapsed().as_secs_f64();
         let told = require::told(&review);
         if !told.is_empty() {
@@ -284,7 +288,7 @@ impl Session<'_> {
 
     /// Shows what a step did, and logs it where that is due or density control followed.
     fn note(&mut self, report: &StepReport) -> anyhow::Result<()> {
-        self.progress.show(report, self.seconds);
+        self.progress.show(report);
         let is_due = self.due.checkpoint(report.step) || report.step.is_multiple_of(self.args.log_every);
         if is_due || report.density.is_some() {
             let mut line = serde_json::to_value(report)?;
@@ -300,15 +304,24 @@ impl Session<'_> {
         if !self.due.evaluation(step) {
             return Ok(None);
         }
+        let begun = Instant::now();
         let splats = self.trainer.splats()?;
         let Some((scored, examples)) = self.scorer.some(&splats, &self.some_test, step)? else { return Ok(None) };
         let Evaluation { mean, views, .. } = &scored;
         let mean = *mean;
-        self.progress.scored(step, mean.psnr, mean.ssim, views.len());
+        self.progress.scored(step, mean.psnr, mean.ssim, views.len(), begun.elapsed().as_secs_f64());
         self.log.push(Kind::Evaluation, &scored)?;
+        self.warn_of_a_fall()?;
         self.scorer.progress((&splats, scored, &examples), (step, self.total), &self.log, &self.args.output)?;
         let best = Checkpoint::best(&self.checkpoints)?;
         Ok(best.is_none_or(|(_, psnr)| mean.psnr > psnr).then_some(mean.psnr))
+    }
+
+    /// Warns, after an evaluation, when the scores have begun to fall.
+    fn warn_of_a_fall(&mut self) -> ivv::Result<()> {
+        let Some(fall) = Fall::of_log(&self.log, self.scorer.config, self.total) else { return Ok(()) };
+        alert!("warning: {fall}");
+        self.log.push(Kind::Fall, &fall)
     }
 
     /// Writes the scene, the totals, all scores and the report.
@@ -345,6 +358,7 @@ impl Session<'_> {
             let some: Vec<(&str, u32)> = some.collect();
             if let Some(some) = scores.evaluation.of(|camera, frame| some.contains(&(camera, frame))) {
                 self.log.push(Kind::Evaluation, &some)?;
+                self.warn_of_a_fall()?;
                 Checkpoint::keep_best(&self.checkpoints, some.step, some.mean.psnr)?;
             }
         }

@@ -1,6 +1,6 @@
 //! Views that a verb is asked for: those of a capture, of a run's capture, or of a cameras file.
 
-use crate::capture;
+use crate::capture::{self, CaptureArgs};
 use crate::files::read_json;
 use anyhow::{bail, ensure};
 use ivv::scene::capture::{Capture, CaptureSettings};
@@ -11,6 +11,8 @@ use std::path::Path;
 
 /// Which views of a capture.
 #[derive(clap::Args)]
+// `--frames` chooses here.
+#[command(mut_arg("max_frames", |of_capture| of_capture.visible_alias(None)))]
 pub struct ViewArgs {
     /// Takes only this camera of the capture; can be given several times.
     #[arg(long = "camera", value_name = "NAME")]
@@ -18,6 +20,8 @@ pub struct ViewArgs {
     /// Takes only the frames from A up to, but not including, B, counted from 0. `A:`, `:B` and one number work too.
     #[arg(long, value_name = "A:B", value_parser = frames)]
     frames: Option<Range<u32>>,
+    #[command(flatten)]
+    read: CaptureArgs,
 }
 
 fn frames(text: &str) -> Result<Range<u32>, String> {
@@ -46,6 +50,32 @@ impl ViewArgs {
     /// Whether they choose.
     pub fn choose(&self) -> bool {
         !self.names.is_empty() || self.frames.is_some()
+    }
+
+    /// How a capture is read.
+    pub fn settings(&self) -> CaptureSettings {
+        // Which of them would be test cameras does not matter here; a capture of one image has its view too.
+        CaptureSettings { test_every: 0, ..self.read.settings() }
+    }
+
+    /// Refuses options of how a capture is read that are not those of `run`, which is read as it was for the training.
+    pub fn agree_with(&self, run: &Run) -> anyhow::Result<()> {
+        let differ = self.read.differ_from(run);
+        ensure!(
+            differ.is_empty(),
+            "the capture of a run is read as for its training, but {}; leave these out",
+            differ.join("; ")
+        );
+        Ok(())
+    }
+
+    /// Refuses options of how a capture is read where none is.
+    pub fn need_no_capture(&self, instead: &str) -> anyhow::Result<()> {
+        ensure!(
+            self.read.are_default(),
+            "--images, --max-frames and the like say how a capture is read, but {instead}; leave them out"
+        );
+        Ok(())
     }
 
     /// A view of each image of `capture` that is asked for, camera by camera. At a given `time` a camera that rests is
@@ -82,6 +112,7 @@ impl ViewArgs {
     /// The views of the capture of the run in `folder`, over the run's background; the capture may have `moved_to`.
     pub fn of_run(&self, folder: &Path, moved_to: Option<&Path>, time: Option<f64>) -> anyhow::Result<Vec<View>> {
         let run = Run::read(folder)?;
+        self.agree_with(&run)?;
         let config: Config = read_json(&folder.join("config.json"), "give the folder of a run of `ivv train`")?;
         let capture = run.open_capture(moved_to)?.transformed(&run.world.inverse());
         let views = self.of(&capture, time)?;
@@ -90,8 +121,7 @@ impl ViewArgs {
 
     /// The views of a capture.
     pub fn of_capture(&self, path: &Path, time: Option<f64>) -> anyhow::Result<Vec<View>> {
-        // Which of them would be test cameras does not matter here; a capture of one image has its view too.
-        self.of(&capture::open(path, &CaptureSettings { test_every: 0, ..CaptureSettings::default() })?, time)
+        self.of(&capture::open(path, &self.settings())?, time)
     }
 
     /// The views of `path`: a cameras file, a transforms.json or the folder of a capture.
@@ -110,6 +140,7 @@ impl ViewArgs {
             "--camera and --frames choose from a capture; {} is a cameras file, whose views are all taken",
             path.display()
         );
+        self.need_no_capture(&format!("{} is a cameras file", path.display()))?;
         Ok(read_views(path)?)
     }
 }

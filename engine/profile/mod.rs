@@ -2,6 +2,7 @@
 //! run again on what they really worked on.
 
 mod capture;
+mod compare;
 mod limit;
 mod page;
 mod probe;
@@ -11,6 +12,7 @@ mod statistics;
 mod trace;
 
 pub use capture::{read_dispatch, write_dispatch};
+pub use compare::{Compared, Comparison, Other, Recorded, Verdict};
 pub use limit::{Bound, Peaks};
 pub use probe::{Prepared, Probe, dispatch_ns, dispatches};
 pub use replay::{Difference, Replay, Replayed};
@@ -36,6 +38,8 @@ pub struct Sample {
 pub struct Line {
     /// Stage and kernel.
     pub label: String,
+    /// Samples that have it.
+    pub samples: usize,
     /// Passes of a sample.
     pub dispatches: f64,
     /// Median of the samples' times, milliseconds.
@@ -192,6 +196,7 @@ impl Line {
         let unit_limit_ms = threads.filter(|_| is_kernel).map(|threads| unit_ns(threads) / 1e6);
         Line {
             label: label.to_owned(),
+            samples: passes.len(),
             dispatches,
             median_ms,
             p95_ms: quantile(&ms, 0.95),
@@ -216,6 +221,7 @@ impl Line {
         lines.iter().for_each(|line| cost.add(&line.cost, 1.0));
         Line {
             label: sample.to_owned(),
+            samples: ms.len(),
             dispatches: lines.iter().map(|line| line.dispatches).sum(),
             median_ms,
             p95_ms: quantile(ms, 0.95),

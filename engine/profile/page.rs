@@ -7,10 +7,10 @@ use crate::train::escape;
 use std::fmt::Write;
 
 /// A table: its title, its heads, its rows; the first column is text.
-struct Table {
-    title: String,
-    heads: Vec<&'static str>,
-    rows: Vec<Vec<String>>,
+pub(super) struct Table {
+    pub title: String,
+    pub heads: Vec<&'static str>,
+    pub rows: Vec<Vec<String>>,
 }
 
 /// The tables, with the passes of `lines`.
@@ -145,14 +145,19 @@ pub(super) fn markdown(profile: &Profile) -> String {
 }
 
 pub(super) fn terminal(profile: &Profile) -> String {
+    plain(&tables(profile, &profile.by_time()))
+}
+
+/// Tables for a terminal.
+pub(super) fn plain(tables: &[Table]) -> String {
     let mut text = String::new();
-    for Table { title, heads, rows } in tables(profile, &profile.by_time()) {
-        let heads: Vec<String> = heads.into_iter().map(str::to_owned).collect();
+    for Table { title, heads, rows } in tables {
+        let heads: Vec<String> = heads.iter().map(|head| (*head).to_owned()).collect();
         let width =
             |column: usize| rows.iter().chain([&heads]).map(|row| row[column].chars().count()).max().unwrap_or(0);
         let widths: Vec<usize> = (0..heads.len()).map(width).collect();
         let _ = writeln!(text, "{title}");
-        for row in [&heads].into_iter().chain(&rows) {
+        for row in [&heads].into_iter().chain(rows) {
             let cells = row.iter().zip(&widths).enumerate().map(|(column, (cell, width))| {
                 if column == 0 { format!("{cell:<width$}") } else { format!("  {cell:>width$}") }
             });

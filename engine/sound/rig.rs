@@ -90,8 +90,16 @@ impl Rig {
     /// # Errors
     /// [`Error::Data`] with the first fault.
     pub fn open(path: &Path) -> Result<Rig> {
+        Self::open_with(path, &CaptureSettings::default())
+    }
+
+    /// Reads the calibration of a capture as `settings` say.
+    ///
+    /// # Errors
+    /// As [`Rig::open`].
+    pub fn open_with(path: &Path, settings: &CaptureSettings) -> Result<Rig> {
         let mut faults = Faults::default();
-        let described = describe(path, &CaptureSettings::default(), &mut faults);
+        let described = describe(path, settings, &mut faults);
         if let Some(error) = faults.first() {
             return Err(error);
         }
@@ -121,7 +129,8 @@ impl Rig {
             RigCamera::new(&camera.name, draft.lens(camera), &poses)
         };
         let cameras = draft.cameras.iter().filter_map(camera).collect();
-        Ok(Rig { cameras, fps: draft.fps, n_frames: draft.n_frames })
+        let n_frames = draft.n_frames.min(settings.max_frames.unwrap_or(u32::MAX));
+        Ok(Rig { cameras, fps: draft.fps, n_frames })
     }
 
     /// Up: the mean of the cameras' upper sides at the beginning; minus y where they have none in common.

@@ -18,6 +18,14 @@ use crate::scene::read_file;
 /// Sets are far smaller: SADIE II's largest has 36 MB.
 const MAX_BYTES: u64 = 1 << 30;
 
+/// Types of HDF5 may hold types, and the parser calls itself for each without a limit. A file that could hold so many is read
+/// on the stack of its thread; one that could hold up to [`DEEPEST`], on a larger one; any other is refused. A level takes up
+/// to 10 kB without optimisation. Real files have some fifty places that look like such a type, and more where numbers do.
+const SHALLOW: usize = 100;
+const DEEPEST: usize = 20_000;
+/// Bytes of the larger stack.
+const STACK: usize = 256 << 20;
+
 /// Reads the responses of a SOFA file.
 ///
 /// # Errors
@@ -37,10 +45,34 @@ pub fn read(path: &Path) -> Result<Measured> {
     }
     let bytes = read_file(path).map_err(|e| fault("", format!("cannot be read: {e}")))?;
     // The parser has checked arithmetic and indexing only, so a damaged file can make it panic; that ends here.
-    let file = catch_unwind(AssertUnwindSafe(|| File::read(&bytes)))
-        .unwrap_or_else(|_| Err(("".into(), "its HDF5 structure is damaged".into())))
-        .map_err(|(place, reason)| fault(&place, reason))?;
+    let read = || {
+        catch_unwind(AssertUnwindSafe(|| File::read(&bytes)))
+            .unwrap_or_else(|_| Err(("".into(), "its HDF5 structure is damaged".into())))
+    };
+    let file = match places_of_nested_types(&bytes) {
+        n if n <= SHALLOW => read(),
+        n if n <= DEEPEST => on_a_large_stack(read),
+        n => Err((String::new(), format!("its HDF5 types may be nested {n} times, more than {DEEPEST}"))),
+    };
+    let file = file.map_err(|(place, reason)| fault(&place, reason))?;
     file.measured(format!("{:x}", Sha256::digest(&bytes))).map_err(|(place, reason)| fault(place, reason))
+}
+
+/// How many places of a file look like a type that holds types: of class 6 or 9 in version 1 or 3, smaller than 64 bytes. The
+/// parser goes no deeper.
+fn places_of_nested_types(bytes: &[u8]) -> usize {
+    let is_one = |place: &&[u8]| matches!(place, [0x16 | 0x19 | 0x36 | 0x39, _, _, _, 0..64, 0, 0, 0]);
+    bytes.windows(8).filter(is_one).count()
+}
+
+fn on_a_large_stack(
+    read: impl FnOnce() -> std::result::Result<File, (String, String)> + Send,
+) -> std::result::Result<File, (String, String)> {
+    let cannot = |reason: String| Err((String::new(), reason));
+    std::thread::scope(|scope| match std::thread::Builder::new().stack_size(STACK).spawn_scoped(scope, read) {
+        Ok(thread) => thread.join().unwrap_or_else(|_| cannot("its HDF5 structure is damaged".to_owned())),
+        Err(fault) => cannot(format!("no memory for the depth of its HDF5 types: {fault}")),
+    })
 }
 
 /// What is needed of a file, not yet believed.

@@ -16,6 +16,8 @@ pub enum Kind {
     Profile,
     /// What a review found that the scene requires: a [`super::Review`].
     Review,
+    /// A fall of the test images' scores that was warned of: a [`super::Fall`].
+    Fall,
 }
 
 impl Kind {
@@ -25,6 +27,7 @@ impl Kind {
             Kind::Evaluation => "evaluation",
             Kind::Profile => "profile",
             Kind::Review => "review",
+            Kind::Fall => "fall",
         }
     }
 }

@@ -8,6 +8,7 @@ mod compare_plot;
 mod config;
 mod density;
 mod depth_fit;
+mod fall;
 mod init;
 mod lock;
 mod log;
@@ -39,6 +40,7 @@ pub use config::{
 };
 pub use density::{density_round, noise, regularisers};
 pub use depth_fit::{DepthFit, DepthFits, DepthSummary, Unfit, fit_depths};
+pub use fall::Fall;
 pub use init::{Initial, PointCounts, from_points, initialise, random_points};
 pub use lock::RunLock;
 pub use log::{Kind, Log};

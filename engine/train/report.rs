@@ -1,6 +1,7 @@
 //! The report of a run: one HTML file that needs nothing else, neither files nor network nor scripts.
 
 use super::config::Config;
+use super::fall::Fall;
 use super::log::{Kind, Log};
 use super::metrics::{METRICS_OF, SceneScores, Scores};
 use super::report_picture::{GAIN, RAMP, triple};
@@ -100,6 +101,11 @@ impl Report<'_> {
         )?;
         if self.config.loss.lpips > 0.0 && self.config.loss.lpips_weights.is_none() {
             writeln!(page, "<p class=\"note\">LPIPS was off: the run had no weights for it.</p>")?;
+        }
+        for line in self.log.lines(Kind::Fall) {
+            if let Ok(fall) = serde_json::from_value::<Fall>(line.clone()) {
+                writeln!(page, "<p class=\"warning\">Warning: {}.</p>", escape(&fall.to_string()))?;
+            }
         }
         let mut tiles = Vec::new();
         match self.scores {

@@ -42,7 +42,7 @@ pub fn wav() -> Vec<Seed> {
     vec![seed(Depth::Int24), seed(Depth::Float32)]
 }
 
-/// A folder of impulse responses by their names. Of SOFA files there is no writer, hence no seed.
+/// A folder of impulse responses by their names.
 pub fn responses() -> Vec<Seed> {
     let folder = Folder::new("fuzz-responses");
     folder.write("LICENSE", "Free of all\nterms");

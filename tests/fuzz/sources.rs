@@ -1,9 +1,11 @@
 //! Captures, and the recordings that `ivv prepare` makes captures of.
 
 use super::engine::{Files, Seed};
-use super::files_of;
+use super::{files_of, mend};
 use crate::capture::{Folder, dynamic, model, png, told, transforms as documents};
 use glam::DVec2;
+use image::ExtendedColorType;
+use image::codecs::jpeg::JpegEncoder;
 use ivv::prepare::{PrepareSettings, Triangulate, prepare};
 use ivv::scene::capture::{Capture, CaptureSettings, check_capture};
 use ivv::sound::rig::Rig;
@@ -74,6 +76,37 @@ pub fn dynamic() -> Vec<Seed> {
     let folder = Folder::new("fuzz-dynamic");
     dynamic::write(&folder, 2);
     vec![Seed { only: vec!["train_meta", "test_meta"], ..Seed::of(files_of(&folder.0), capture) }]
+}
+
+/// A capture whose image is a JPEG: in colour and grey, of whole blocks and of parts of them.
+pub fn jpeg() -> Vec<Seed> {
+    let seed = |width: u32, height: u32, color: ExtendedColorType| {
+        let folder = Folder::new("fuzz-jpeg");
+        let n = width * height * u32::from(color.bits_per_pixel()) / 8;
+        let levels: Vec<u8> = (0..n).map(|i| (i * i / 7) as u8).collect();
+        let mut file = Vec::new();
+        JpegEncoder::new_with_quality(&mut file, 80).encode(&levels, width, height, color).unwrap();
+        dynamic::write_sized(&folder, width, height, &file);
+        Seed { only: vec!["ims"], ..Seed::of(files_of(&folder.0), capture) }
+    };
+    vec![
+        seed(16, 16, ExtendedColorType::Rgb8),
+        seed(21, 9, ExtendedColorType::Rgb8),
+        seed(9, 17, ExtendedColorType::L8),
+    ]
+}
+
+/// Points of NumPy's: the array, packed anew after each change, and the archive itself.
+pub fn npz() -> Vec<Seed> {
+    let folder = Folder::new("fuzz-npz");
+    dynamic::write(&folder, 1);
+    let row = |at: f64| [at, 2.0, 3.0, 0.5, 0.0, 1.0, 1.0];
+    let array = crate::prepare::sources::npy(2, &[row(1.0), row(-4.0)].concat());
+    let mut parts = files_of(&folder.0);
+    parts.insert("init_pt_cld.npz/data.npy".to_owned(), array);
+    let seed = Seed { only: vec!["init_pt_cld"], build: mend::npz, ..Seed::of(parts, capture) };
+    let archive = Seed { build: mend::pictures, parts: mend::npz(&seed.parts), ..seed.clone() };
+    vec![seed, archive]
 }
 
 /// Prepares `source` into a folder beside it.
@@ -168,6 +201,29 @@ pub fn llff() -> Vec<Seed> {
     let mut seeds = source("poses_bounds.npy", array, ["cam00", "cam01"]);
     seeds.iter_mut().for_each(|seed| seed.only = vec!["source/poses_bounds.npy"]);
     seeds
+}
+
+/// COLMAP's calibration of one camera that stands and one that moves, binary and text, beside their image sequences.
+pub fn colmap_rig() -> Vec<Seed> {
+    let still = [1.0, 0.0, 0.0, 0.0];
+    let model = model::Model {
+        cameras: vec![(4, 4, "OPENCV", 16, 12, vec![12.0, 12.5, 8.0, 6.0, -0.05, 0.01, 1e-3, 0.0])],
+        images: vec![
+            (1, still, [0.0, 0.0, 1.0], 4, "left/000010.jpg", vec![]),
+            (2, still, [0.0, 1.0, 1.0], 4, "rig/00001.jpg", vec![]),
+            (3, still, [0.0, 2.0, 1.0], 4, "rig/00002.jpg", vec![]),
+        ],
+        points: vec![(7, [0.125, 0.5, 3.0], [255, 0, 17], 0.5, vec![(1, 0), (2, 0)])],
+    };
+    let seed = |ending: &str, files: [Vec<u8>; 3]| {
+        let files =
+            model::STEMS.iter().zip(files).map(|(stem, bytes)| (format!("source/sparse/0/{stem}.{ending}"), bytes));
+        let at = |camera: &'static str| {
+            (0..2u8).map(move |frame| (format!("source/{camera}/{frame}.png"), png(16, 12, frame)))
+        };
+        Seed { only: vec!["source/sparse"], ..Seed::of(files.chain(at("left")).chain(at("rig")), prepared) }
+    };
+    vec![seed("bin", model::binary(&model)), seed("txt", model::text(&model).map(String::into_bytes))]
 }
 
 pub fn rig() -> Vec<Seed> {

@@ -1,6 +1,7 @@
 //! Profiles: statistics, limits, traces, and dispatches that are captured and run again.
 
 mod command;
+mod compare;
 
 use crate::common::device::gpu;
 use crate::common::random;

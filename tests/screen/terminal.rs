@@ -64,3 +64,35 @@ fn the_bar_fits_the_terminal_and_messages_do_not_touch_it() {
         assert!(last_bar.starts_with('█') && !last_bar.contains('░'), "{last_bar}");
     }
 }
+
+#[test]
+fn every_stage_of_a_training_shows_its_name_and_how_far_it_is() {
+    let folder = Folder::new("stages");
+    let (capture, run) = (folder.capture(), folder.path("run"));
+    let train = ["train", &capture, "-o", &run, "--steps", "12", "--eval-every", "6", "--eval-images", "2"];
+    let settings = ["--set", "required.reviews=1", "--set", "offsets=true", "--fit-offsets"];
+    let told = on_terminal(ivv(&[&train[..], &settings].concat()), 200);
+    let shown: Vec<&str> = told.split(['\r', '\n']).filter_map(|line| line.strip_prefix("\x1b[2K")).collect();
+    // The tiny capture has two test cameras and four others, of two frames here.
+    for stage in [
+        "initialisation",
+        "step 0/12, compiling the kernels",
+        "evaluation 0/2",
+        "evaluation 2/2, 0:00 left, ",
+        "review of what is required",
+        "time offsets of test cameras 0/2",
+        "time offsets of test cameras 2/2, 0:00 left, ",
+        "errors of time offsets 4/4, 0:00 left, ",
+        "evaluation 0/4",
+        "evaluation 4/4, 0:00 left, ",
+        "evaluation at fitted offsets 4/4, 0:00 left, ",
+        "views of the report 4/4, 0:00 left, ",
+        "report 1/1, 0:00 left, report.html",
+    ] {
+        assert!(shown.iter().any(|line| line.contains(stage)), "{stage}: {shown:#?}");
+    }
+    // An evaluation on the way leaves its scores, no bar.
+    let lines = lines(&told);
+    assert!(!lines.iter().any(|line| line.contains("evaluation 2/2")), "{lines:#?}");
+    assert!(lines.iter().any(|line| line.starts_with("after 6 steps: PSNR")), "{lines:#?}");
+}

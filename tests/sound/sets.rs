@@ -282,6 +282,24 @@ fn t17_a_cut_sofa_file_is_refused() {
     fs::remove_dir_all(folder).unwrap();
 }
 
+/// Lists of lists of lists: the parser of HDF5 calls itself for each.
+#[test]
+fn t17_a_sofa_file_of_deeply_nested_types_is_refused() {
+    let file = std::env::temp_dir().join(format!("ivv-nested-{}.sofa", std::process::id()));
+    for (n, told) in [(5000, "it is no HDF5 file that can be read"), (100_000, "may be nested")] {
+        // The superblock, whose root follows it: an object with one message, a type.
+        let header = [b"OHDR\x02\x02".as_slice(), &1000u32.to_le_bytes(), &[3], &900u16.to_le_bytes(), &[0]].concat();
+        let types = [0x39, 0, 0, 0, 4, 0, 0, 0].repeat(n);
+        let length = (48 + header.len() + types.len()) as u64;
+        let addresses = [[0; 8], [0xff; 8], length.to_le_bytes(), 48u64.to_le_bytes()].concat();
+        let start = [b"\x89HDF\r\n\x1a\n\x02\x08\x08\x00".as_slice(), &addresses, &[0; 4]].concat();
+        fs::write(&file, [start, header, types].concat()).unwrap();
+        let error = HrtfSet::open(&file).err().expect("it is no set of responses");
+        assert!(matches!(error, Error::Data { .. }) && error.to_string().contains(told), "{error}");
+    }
+    fs::remove_file(file).unwrap();
+}
+
 #[test]
 fn a_folder_of_wav_files_is_read_by_their_names() {
     let folder = std::env::temp_dir().join(format!("ivv-sadie-{}", std::process::id()));

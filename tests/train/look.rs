@@ -2,8 +2,9 @@
 
 use super::Tiny;
 use super::run::{fails, ivv, json, works};
-use ivv::scene::capture::Capture;
+use ivv::scene::capture::{Capture, CaptureSettings};
 use ivv::scene::{View, read_views, write_views};
+use ivv::sound::rig::Rig;
 use ivv::train::{Run, spread};
 use serde_json::Value;
 use std::path::Path;
@@ -148,6 +149,54 @@ fn the_cameras_of_a_capture_are_written_and_read_as_its_views() {
 }
 
 #[test]
+fn a_capture_is_read_for_its_views_as_for_its_training() {
+    let tiny = Tiny::new("read");
+    let (capture, file) = (text(&tiny.folder), tiny.folder.join("out.json"));
+    works(&["cameras", capture, "-o", text(&file), "--max-frames", "2", "--frames", "1:", "--test-every", "3"]);
+    let views: Vec<View> = (0..tiny.capture.cameras.len()).map(|c| tiny.capture.view(c, 1).unwrap()).collect();
+    let names = |views: &[View]| views.iter().map(|view| view.name.clone()).collect::<Vec<_>>();
+    assert_eq!(names(&read_views(&file).unwrap()), names(&views), "frame 1 of two");
+    let settings = CaptureSettings { max_frames: Some(2), ..CaptureSettings::default() };
+    assert_eq!(Rig::open_with(&tiny.folder, &settings).unwrap().n_frames, 2);
+
+    // Of three images one is missing, and they are a half of the calibration's 6 x 4.
+    let folder = crate::capture::Folder::new("views");
+    crate::capture::model::write(&folder, &crate::capture::model::sample());
+    for name in ["a.png", "c d.png"] {
+        folder.write(&format!("pictures_2/{name}"), crate::capture::png(3, 2, 90));
+    }
+    let (scene, out) = (folder.0.join("scene.ply"), folder.0.join("out"));
+    ivv::scene::write_ply(&scene, &ivv::scene::demo().0).unwrap();
+    let options = ["--images", "pictures", "--downscale", "2", "--skip-missing"];
+    works(&[&["cameras", text(&folder.0), "-o", text(&file)], &options[..]].concat());
+    let sizes: Vec<_> = read_views(&file).unwrap().iter().map(|view| (view.width, view.height)).collect();
+    assert_eq!(sizes, [(3, 2), (3, 2)]);
+    for of in ["--capture", "--cameras"] {
+        works(&[&["render", text(&scene), of, text(&folder.0), "-o", text(&out)], &options[..]].concat());
+        let sizes =
+            pictures(&out).iter().map(|name| image::image_dimensions(out.join(name)).unwrap()).collect::<Vec<_>>();
+        assert_eq!(sizes, [(3, 2), (3, 2)], "{of}");
+        std::fs::remove_dir_all(&out).unwrap();
+    }
+    assert!(fails(&["cameras", text(&folder.0), "-o", text(&file)], 3).contains("images"), "needs the options");
+
+    // A cameras file is not read as a capture, and a run is read as for its training.
+    let told = fails(&["render", text(&scene), "--cameras", text(&file), "-o", text(&out), "--rescale"], 2);
+    assert!(told.contains("is a cameras file; leave them out"), "{told}");
+    let run = short_run(&tiny);
+    works(&[
+        "cameras",
+        text(&run),
+        "-o",
+        text(&file),
+        "--test-cameras",
+        &Run::read(&run).unwrap().test_cameras.join(","),
+    ]);
+    let told = fails(&["cameras", text(&run), "-o", text(&file), "--max-frames", "2"], 2);
+    assert!(told.contains("run.json has those of the run"), "{told}");
+}
+
+#[test]
 fn captures_and_transforms_are_cameras_of_a_scene() {
     let tiny = Tiny::new("rendered");
     let (splats, _) = ivv::scene::demo();
@@ -266,5 +315,5 @@ fn a_run_under_way_shows_test_views_and_its_report() {
     let told = String::from_utf8_lossy(&output.stderr).into_owned();
     assert!(output.status.success() && told.contains("of 100000"), "{told}");
     works(&["train", text(&tiny.folder), "-o", text(&run), "--steps", "1", "--sh-degree", "0", "--overwrite"]);
-    assert_eq!(pictures(&run.join("renders/progress")), [""; 0], "pictures of the run before are gone");
+    assert!(!run.join("renders/progress").exists(), "pictures of the run before are gone");
 }

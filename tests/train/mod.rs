@@ -2,10 +2,12 @@
 
 mod compare;
 mod density;
+mod fall;
 mod init;
 mod knobs;
 mod leak;
 mod look;
+mod overwrite;
 mod plan;
 mod points;
 mod report;

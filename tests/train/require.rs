@@ -117,7 +117,7 @@ fn reviewed(capture: &Capture, begin: &Splats, steps: u64) -> (Review, Trainer) 
     let mut trainer =
         Trainer::new(gpu().clone(), begin, Constants::default(), config.clone(), 2 * steps, setup).unwrap();
     super::drive(&mut trainer, capture, config.seed, steps);
-    let review = review(&mut trainer, &gpu(), capture, Constants::default(), Due::Gaussians).unwrap();
+    let review = review(&mut trainer, &gpu(), capture, Constants::default(), Due::Gaussians, &mut |_, _| {}).unwrap();
     (review, trainer)
 }
 
@@ -166,10 +166,11 @@ fn a_scene_that_stands_still_ends_without_a_dynamic_gaussian_and_without_a_grid(
     let (tiny, truth) = capture_of("require-still", |capture| known(capture, 0.0));
     let (first, mut trainer) = reviewed(&tiny.capture, &everything(&truth), 40);
     super::drive(&mut trainer, &tiny.capture, config().seed, 60);
-    let again = review(&mut trainer, &gpu(), &tiny.capture, Constants::default(), Due::Gaussians).unwrap();
+    let again =
+        review(&mut trainer, &gpu(), &tiny.capture, Constants::default(), Due::Gaussians, &mut |_, _| {}).unwrap();
     let splats = trainer.splats().unwrap();
     assert!(splats.len() + 2 >= truth.len() && splats.motion.is_empty(), "{first:?} {again:?}");
-    let grids = review(&mut trainer, &gpu(), &tiny.capture, Constants::default(), Due::Grids).unwrap();
+    let grids = review(&mut trainer, &gpu(), &tiny.capture, Constants::default(), Due::Grids, &mut |_, _| {}).unwrap();
     assert!(grids.grids.len() == 4 && grids.grids.iter().all(|check| !check.is_needed), "{grids:?}");
     // Nothing moves, so no picture tells any offset.
     let mut renderer = Renderer::new(gpu().clone(), &splats, Constants::default()).unwrap();
@@ -193,7 +194,7 @@ fn one_camera_of_another_exposure_gets_the_only_grid() {
     assert!(setup.has_grid.is_empty(), "grids come when they are needed");
     let mut trainer = Trainer::new(gpu().clone(), &truth, Constants::default(), config.clone(), 100, setup).unwrap();
     super::drive(&mut trainer, &tiny.capture, config.seed, 8);
-    let found = review(&mut trainer, &gpu(), &tiny.capture, Constants::default(), Due::Grids).unwrap();
+    let found = review(&mut trainer, &gpu(), &tiny.capture, Constants::default(), Due::Grids, &mut |_, _| {}).unwrap();
     let name = &tiny.capture.cameras[odd].name;
     let needing: Vec<&String> = found.grids.iter().filter(|check| check.is_needed).map(|check| &check.camera).collect();
     assert_eq!(needing, [name], "{found:?}");

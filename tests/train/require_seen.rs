@@ -31,7 +31,7 @@ fn reviewed(capture: &Capture, begin: &Splats, images: usize) -> (Review, Splats
     let config = Config { required, ..config() };
     let setup = Setup::new(capture, &config);
     let mut trainer = Trainer::new(gpu().clone(), begin, Constants::default(), config.clone(), 1000, setup).unwrap();
-    let review = review(&mut trainer, &gpu(), capture, Constants::default(), Due::Gaussians).unwrap();
+    let review = review(&mut trainer, &gpu(), capture, Constants::default(), Due::Gaussians, &mut |_, _| {}).unwrap();
     let splats = trainer.splats().unwrap();
     assert_eq!((review.before, review.after), (begin.len(), splats.len()));
     (review, splats)

@@ -29,7 +29,8 @@ pub struct Evidence {
 impl Evidence {
     /// Looks at training pictures of `splats`, which `renderer` shows: at `most` at most, until all but `share` of the Gaussians
     /// have been seen enough. `key` chooses between pictures that show as much and makes the random signs. Pictures of cameras
-    /// that `has_grid` names are compared after the affine map of colours that fits them best.
+    /// that `has_grid` names are compared after the affine map of colours that fits them best. `progress` is called as (pictures
+    /// looked at, pictures chosen so far).
     ///
     /// # Errors
     /// Those of the renderer and of the capture's pictures.
@@ -40,6 +41,7 @@ impl Evidence {
         has_grid: &[bool],
         (most, share): (usize, f64),
         key: &[u64],
+        progress: &mut dyn FnMut(usize, usize),
     ) -> Result<Self> {
         let cameras = sight.capture.cameras.iter().filter(|camera| !camera.is_test);
         let census =
@@ -53,6 +55,7 @@ impl Evidence {
             if chosen.is_empty() {
                 break;
             }
+            let total = evidence.pictures + chosen.len();
             for at in chosen {
                 let (camera, frame) = album.shot(at);
                 let random = Random::new(&[key, &[evidence.pictures as u64]].concat());
@@ -63,6 +66,7 @@ impl Evidence {
                 let shows: Vec<bool> = counted.iter().zip(before).map(|(now, before)| *now > before).collect();
                 album.look(at, &shows)?;
                 evidence.pictures += 1;
+                progress(evidence.pictures, total);
             }
         }
         (evidence.information, evidence.slope) = renderer.counted(&census)?;

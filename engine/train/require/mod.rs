@@ -93,7 +93,7 @@ pub fn review_due(config: &Config, step: u64, total: u64) -> Option<Due> {
 }
 
 /// Reviews the cameras and the Gaussians of `trainer`, which is trained on `capture`, and lets it go on with what the pictures
-/// require.
+/// require. `progress` is called as (pictures looked at, pictures chosen so far).
 ///
 /// # Errors
 /// Those of the device and of the capture's pictures.
@@ -103,6 +103,7 @@ pub fn review(
     capture: &Capture,
     constants: Constants,
     due: Due,
+    progress: &mut dyn FnMut(usize, usize),
 ) -> Result<Review> {
     let mut checkpoint = trainer.checkpoint()?;
     let (offsets, _) = trainer.offsets()?;
@@ -122,7 +123,7 @@ pub fn review(
     let key = [seed, checkpoint.step, REVIEW];
     let has_grid = &checkpoint.cameras.has_grid;
     let budget = (required.images, required.unseen);
-    let mut evidence = Evidence::gather(&mut renderer, &splats, &sight, has_grid, budget, &key)?;
+    let mut evidence = Evidence::gather(&mut renderer, &splats, &sight, has_grid, budget, &key, progress)?;
     drop(renderer);
     let n_frames = capture.n_frames.max(1);
     let times: Vec<f64> = (0..n_frames).map(|f| f64::from(f) / f64::from(n_frames)).collect();

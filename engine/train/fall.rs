@@ -1,0 +1,83 @@
+//! Whether the scores of the test images fall while a run goes on.
+
+use super::config::{Config, Strategy};
+use super::log::{Kind, Log};
+use serde_json::Value;
+
+/// What the mean PSNR must be below the best to count as a fall, dB: an eighth more squared error. A run that went well, on
+/// photographs and scored every ten steps, dipped by 0.4 dB at most; one that went astray fell by 0.6.
+const MARGIN: f64 = 0.5;
+/// Part of the steps between two resets of the opacities in which a dip is expected.
+const RECOVERY: f64 = 1.0 / 3.0;
+
+/// A fall of the test images' mean PSNR below the best so far.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct Fall {
+    /// Steps done.
+    pub step: u64,
+    /// Mean PSNR after them, dB.
+    pub psnr: f64,
+    /// The step of the best evaluation.
+    pub best_step: u64,
+    /// Its mean PSNR, dB.
+    pub best_psnr: f64,
+}
+
+impl Fall {
+    /// The fall that begins with the last of `scores`: (steps done, mean PSNR in dB) of all evaluations so far, of the same
+    /// images, in order. None where the score is near the best, where the fall was told at an earlier evaluation and the
+    /// scores have not recovered since, and after a reset of the opacities in a run of `total` steps.
+    pub fn of(scores: &[(u64, f64)], config: &Config, total: u64) -> Option<Self> {
+        let (mut best, mut begun, mut last) = ((0, f64::NEG_INFINITY), false, None);
+        // A score that is no number tells nothing.
+        for &(step, psnr) in scores.iter().filter(|(_, psnr)| !psnr.is_nan()) {
+            last = None;
+            if psnr > best.1 {
+                best = (step, psnr);
+            }
+            if psnr >= best.1 - MARGIN {
+                begun = false;
+            } else if !begun && !recovers(config, step, total) {
+                begun = true;
+                last = Some(Fall { step, psnr, best_step: best.0, best_psnr: best.1 });
+            }
+        }
+        last
+    }
+
+    /// The same from the evaluations of a run's log, as far as they are of the images of the last one.
+    pub fn of_log(log: &Log, config: &Config, total: u64) -> Option<Self> {
+        let names = |line: &Value| -> Vec<Value> {
+            line["views"].as_array().into_iter().flatten().map(|view| view["view"].clone()).collect()
+        };
+        let images = names(log.lines(Kind::Evaluation).last()?);
+        let same = log.lines(Kind::Evaluation).filter(|line| names(line) == images);
+        let scores: Vec<(u64, f64)> =
+            same.filter_map(|line| Some((line["step"].as_u64()?, line["psnr"].as_f64()?))).collect();
+        Self::of(&scores, config, total)
+    }
+}
+
+impl std::fmt::Display for Fall {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Fall { step, psnr, best_step, best_psnr } = self;
+        write!(
+            f,
+            "the PSNR of the test images fell: {best_psnr:.2} dB after step {best_step}, {psnr:.2} dB after step {step}. \
+             Either the scene fits the training images at the cost of other views, or the learning rates are too high. If it \
+             does not recover, train with fewer steps (--steps), fewer Gaussians (--max-gaussians) or more training images. \
+             The folder `checkpoints` keeps the best"
+        )
+    }
+}
+
+/// Whether `step` of `total` follows so soon on a reset of the opacities that the scene has not recovered.
+fn recovers(config: &Config, step: u64, total: u64) -> bool {
+    let density = &config.density;
+    let every = density.reset_every;
+    let reset = step - step.checked_rem(every).unwrap_or(step);
+    density.strategy == Strategy::Adc
+        && reset > 0
+        && (reset as f64) < density.stop * total as f64
+        && (step - reset) as f64 <= RECOVERY * every as f64
+}
