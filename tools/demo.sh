@@ -17,10 +17,7 @@ cargo build --release --locked
 ivv=$CARGO_TARGET_DIR/release/ivv
 # Eight cameras whose clocks and colours differ, with priors of depth and flow; two more are held out.
 "$ivv" synth -o "$out/capture" --preset hard
-# A short run of few images: more growth a round than the default, up to a number that a CPU renders quickly. The weights
-# of flow and of the grids' variation: engine/TRAINING.md.
-"$ivv" train "$out/capture" -o "$out/run" --overwrite --epochs 30 \
-    --set density.growth=0.5 --max-gaussians 10000 --set loss.flow=0.1 --set lr.grid=5e-4 --set loss.grid_variation=1000
+"$ivv" train "$out/capture" -o "$out/run" --overwrite
 cat <<EOT
 
 The report, for any browser: $out/run/report.html

@@ -44,7 +44,7 @@ measure() {
 }
 
 "$ivv" synth -o "$out/synthetic" --preset hard
-measure demo "$out/synthetic" --epochs 30 --max-gaussians 10000
+measure demo "$out/synthetic"
 measure fox "$data/fox_quarter" --steps 500
 measure flame_steak "$data/n3v_flame_steak_frame0" --images derived_images_4 --test-cameras cam00 --steps 500
 measure basketball "$data/panoptic_basketball_dev" --test-cameras 0,10,15,30 --steps 600

@@ -60,6 +60,7 @@ pub fn totals(
         "scene_bytes": summary.parameter_bytes,
         "peak_bytes": gpu.device().memory().1,
         "host_peak_bytes": host_peak_bytes(),
+        "cpu_seconds": cpu_seconds(),
         "bytes_by_buffer": bytes_by_buffer,
         "profile": {
             "steps": steps,
@@ -80,4 +81,16 @@ fn host_peak_bytes() -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
     Some(1024 * line.trim().strip_suffix(" kB")?.parse::<u64>().ok()?)
+}
+
+/// Time of the processors that this process took so far, all its threads together, a software driver's included; `None` where
+/// the system does not tell (not Linux). Unlike seconds it hardly depends on what else runs on the machine.
+fn cpu_seconds() -> Option<f64> {
+    // Linux counts in hundredths of a second here, whatever its own clock does.
+    const TICKS: f64 = 100.0;
+    let stat = std::fs::read_to_string("/proc/self/stat").ok()?;
+    // The name of the program stands in brackets and may hold anything; user and system time are the 12th and 13th behind it.
+    let fields: Vec<&str> = stat.rsplit_once(')')?.1.split_whitespace().collect();
+    let ticks = |index: usize| fields.get(index)?.parse::<f64>().ok();
+    Some((ticks(11)? + ticks(12)?) / TICKS)
 }

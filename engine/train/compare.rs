@@ -44,6 +44,8 @@ pub struct RunResult {
     /// From the start of the process to the last step, first Gaussians and shaders included. Of a run that was resumed, those of
     /// its last process.
     pub seconds: f64,
+    /// The same of all processors together, where the system told.
+    pub cpu_seconds: Option<f64>,
     /// Name of the device.
     pub device: String,
     /// Name and version of its driver.
@@ -59,6 +61,7 @@ struct Totals {
     gaussians: u64,
     scene_bytes: u64,
     seconds: f64,
+    cpu_seconds: Option<f64>,
     device: Device,
     revision: Option<String>,
 }
@@ -118,6 +121,7 @@ impl RunResult {
             gaussians: totals.gaussians,
             bytes: totals.scene_bytes,
             seconds: totals.seconds,
+            cpu_seconds: totals.cpu_seconds,
             device: totals.device.name,
             driver: totals.device.driver,
             revision: totals.revision,
@@ -201,7 +205,7 @@ pub struct RunGroup {
 /// What is tabulated and drawn: name in JSON, heading, digits, and how to get it.
 type Score = (&'static str, &'static str, usize, fn(&RunResult) -> Option<f64>);
 
-const SCORES: [Score; 8] = [
+const SCORES: [Score; 9] = [
     ("psnr", "PSNR, dB", 2, |run| Some(run.psnr)),
     ("psnr_aligned", "aligned", 2, |run| Some(run.psnr_aligned)),
     ("worst_psnr", "worst camera", 2, |run| Some(run.worst_psnr)),
@@ -210,9 +214,12 @@ const SCORES: [Score; 8] = [
     ("gaussians", "Gaussians", 0, |run| Some(run.gaussians as f64)),
     ("megabytes", "MB", 2, |run| Some(run.bytes as f64 / 1e6)),
     ("seconds", "seconds", 1, |run| Some(run.seconds)),
+    ("cpu_seconds", "of processors", 1, |run| run.cpu_seconds),
 ];
-/// Those of [`SCORES`] that are drawn: name, and whether less is better.
+/// Those of [`SCORES`] that are drawn: name and title.
 const DRAWN: [(&str, &str); 3] = [("psnr", "PSNR, dB"), ("ssim", "SSIM"), ("lpips", "LPIPS (less is better)")];
+/// What a history shows besides.
+const TIMES: [(&str, &str); 2] = [("seconds", "seconds"), ("cpu_seconds", "seconds of processors")];
 
 /// Runs by their groups.
 #[derive(Clone, Debug, PartialEq)]
@@ -284,7 +291,7 @@ impl RunTable {
         text
     }
 
-    /// The groups as a picture: a row a capture; scores against steps and against seconds, a line for each kind of settings, bars
+    /// The groups as a picture: a row a capture; scores against steps, seconds and seconds of processors, a line for each kind of settings, bars
     /// from the least to the most.
     pub fn svg(&self) -> String {
         let groups = &self.0;
@@ -300,11 +307,11 @@ impl RunTable {
         for capture in captures {
             let mut row = Vec::new();
             for (name, title) in DRAWN {
-                for (axis, is_time) in [("steps", false), ("seconds", true)] {
+                for axis in ["steps", "seconds", "cpu_seconds"] {
                     let line = |(colour, kind): (usize, &&str)| {
                         let own = groups.iter().filter(|group| group.capture == capture && group.settings == *kind);
                         let point = |group: &RunGroup| {
-                            let x = if is_time { group.scores.get("seconds")?[0] } else { group.steps as f64 };
+                            let x = if axis == "steps" { group.steps as f64 } else { group.scores.get(axis)?[0] };
                             group.scores.get(name).map(|score| (x, *score))
                         };
                         Line { colour, points: own.filter_map(point).collect() }
@@ -312,7 +319,8 @@ impl RunTable {
                     let lines: Vec<Line> = kinds.iter().enumerate().map(line).collect();
                     if lines.iter().any(|line| !line.points.is_empty()) {
                         let title = format!("{capture}: {title}");
-                        row.push(Panel { title, axis: axis.to_owned(), is_log: true, names: Vec::new(), lines });
+                        let axis = axis.replace("cpu_seconds", "seconds of processors");
+                        row.push(Panel { title, axis, is_log: true, names: Vec::new(), lines });
                     }
                 }
             }
@@ -357,7 +365,7 @@ impl History {
                 let title = format!("{capture}, {steps} steps: {title}");
                 Panel { title, axis: "measurement".to_owned(), is_log: false, names: names.clone(), lines: vec![line] }
             };
-            let drawn = DRAWN.into_iter().chain([("seconds", "seconds")]).map(panel);
+            let drawn = DRAWN.into_iter().chain(TIMES).map(panel);
             drawn.filter(|panel| panel.lines.iter().any(|line| !line.points.is_empty())).collect()
         };
         Chart { rows: kinds.into_iter().map(row).collect(), legend: Vec::new() }.svg()
@@ -384,6 +392,7 @@ mod tests {
             gaussians: 1000,
             bytes: 236_000,
             seconds: steps as f64 / 10.0,
+            cpu_seconds: None,
             device: "a device".to_owned(),
             driver: "1.0".to_owned(),
             revision: Some("abc".to_owned()),
@@ -427,7 +436,9 @@ mod tests {
         let text = table.markdown();
         assert!(text.contains("| fox | defaults | 100 | 1 2 | 23.50 (23.00 to 24.00) |"), "{text}");
         assert!(
-            text.contains("| fox | `lr.scale=1` | 100 | 1 | 20.00 | 21.00 | 18.00 a<b | 0.9000 | - | 1000 |"),
+            text.contains(
+                "| fox | `lr.scale=1` | 100 | 1 | 20.00 | 21.00 | 18.00 a<b | 0.9000 | - | 1000 | 0.24 | 10.0 | - |"
+            ),
             "{text}"
         );
         let svg = table.svg();

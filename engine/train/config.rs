@@ -180,7 +180,7 @@ impl Default for Loss {
             depth: 1.0,
             depth_space: DepthSpace::Inverse,
             depth_detach_alpha: false,
-            flow: 1.0,
+            flow: 0.1,
             flow_model: FlowChoice::Auto,
             offset: 1e-4,
             grid_variation: 10.0,
@@ -264,11 +264,13 @@ pub struct Density {
     /// `adc`: a round adds at most this fraction of the Gaussians, those that are pulled hardest: in short runs, far
     /// from convergence, almost all are.
     pub growth: f64,
+    /// `adc`: a round may add this many even where they are more than that fraction: a capture may begin with few points.
+    pub growth_least: u64,
     /// `adc`: standard deviation, in units of the extent, above which a Gaussian is split and below which it is cloned.
     pub split_above: f32,
     /// Opacity, the largest over the training times, below which a Gaussian is removed (`adc`) or relocated (`mcmc`).
     pub prune_opacity: f32,
-    /// `adc`: standard deviation, in units of the extent, above which a Gaussian is removed.
+    /// `adc`: standard deviation, in units of the extent, above which a Gaussian is removed as long as others are added.
     pub prune_scale: f32,
     /// Standard deviation, as a part of its depth before the lens of a training camera or of a view that `--viewpoints` names,
     /// above which a Gaussian is removed (`adc`) or relocated (`mcmc`): it would veil what is seen from there. Beside the cone
@@ -457,6 +459,7 @@ impl Default for Density {
             every: 100,
             gradient: 2e-4,
             growth: 0.15,
+            growth_least: 1000,
             split_above: 0.01,
             prune_opacity: 0.005,
             prune_scale: 0.5,

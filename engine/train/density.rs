@@ -11,12 +11,12 @@ use crate::stage::{Choice, DensityRound, StepSettings};
 const ROUND: u64 = 1;
 const NOISE: u64 = 2;
 
-/// The round of density control that is due after step `step` (from 1) of `total`; `None` where none is. `origin` is that
-/// of the scene on the device.
+/// The round of density control of `n` Gaussians that is due after step `step` (from 1) of `total`; `None` where none is.
+/// `origin` is that of the scene on the device.
 pub fn density_round(
     config: &Config,
-    step: u64,
-    total: u64,
+    (step, total): (u64, u64),
+    n: u32,
     extent: &Extent,
     origin: [f64; 3],
     n_frames: u32,
@@ -34,7 +34,15 @@ pub fn density_round(
     let pulled = |prune_scale| Choice::Pulled { gradient, split_above: split_above * radius, prune_scale };
     let grows = due == Some(Round::Growth);
     let (choice, growth) = match density.strategy {
-        Strategy::Adc => (pulled(density.prune_scale * radius), density.growth),
+        // What goes for its size while none are added leaves a hole: walls are large.
+        Strategy::Adc => {
+            // None grows twice in a round.
+            let at_least = (density.growth_least as f64 / f64::from(n.max(1))).min(1.0);
+            (
+                pulled(if grows || resets { density.prune_scale * radius } else { f32::MAX }),
+                density.growth.max(at_least),
+            )
+        }
         Strategy::Mcmc if grows => (Choice::Drawn, density.mcmc_growth),
         // Drawn copies need steps to come apart: late in the run the dead only go.
         Strategy::Mcmc => (pulled(f32::MAX), 0.0),

@@ -20,8 +20,7 @@ pub fn rates(config: &Config, step: u64, total: u64, extent: f64) -> Rates {
         position: lr.pace.at(0.0, total) * lr.position.at(done) * extent,
         opacity: pace * lr.opacity.at(done),
         rotation: pace * lr.rotation.at(done),
-        // Those that grow too fast are pruned for their size before the images can tell.
-        scale: pace.sqrt() * lr.scale.at(done),
+        scale: pace * lr.scale.at(done),
         t_scale: lr.t_scale.at(done),
         velocity: lr.velocity.at(done),
         t_center: lr.t_center.at(done),

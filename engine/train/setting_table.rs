@@ -166,6 +166,12 @@ pub const SETTINGS: &[Setting] = &[
     ),
     s("density.growth", "of the Gaussians", FRACTION, "adc: share of the Gaussians that one round may add."),
     s(
+        "density.growth_least",
+        "Gaussians",
+        Range::Whole(0, u64::MAX),
+        "adc: Gaussians that one round may add, however few there are.",
+    ),
+    s(
         "density.split_above",
         "scene extents",
         POSITIVE,
@@ -177,7 +183,12 @@ pub const SETTINGS: &[Setting] = &[
         Range::Number(Bound::Included(0.0), Bound::Excluded(1.0)),
         "Gaussians that are never more opaque than this are removed (adc) or moved elsewhere (mcmc).",
     ),
-    s("density.prune_scale", "scene extents", POSITIVE, "adc: Gaussians larger than this are removed."),
+    s(
+        "density.prune_scale",
+        "scene extents",
+        POSITIVE,
+        "adc: Gaussians larger than this are removed while others are added.",
+    ),
     s(
         "density.prune_veil",
         "depths",

@@ -641,7 +641,8 @@ impl Trainer {
     /// The round of density control that is due after the step handed over last.
     fn due_round(&self) -> Option<DensityRound> {
         let n_frames = (1.0 / self.setup.dt).round() as u32;
-        density_round(&self.config, self.step, self.total, &self.setup.extent, self.scene.origin, n_frames)
+        let SceneBuffers { n, origin, .. } = self.scene;
+        density_round(&self.config, (self.step, self.total), n, &self.setup.extent, origin, n_frames)
     }
 
     /// The density control due after the step handed over last, once.

@@ -14,7 +14,7 @@ use ivv::train::{
 #[test]
 fn the_settings_of_density_control_make_its_rounds() {
     let extent = Extent { center: [100.0, 2.0, 3.0], radius: 4.0 };
-    let round = |config: &Config, step| density_round(config, step, 10_000, &extent, [90.0, 0.0, 0.0], 7);
+    let round = |config: &Config, step| density_round(config, (step, 10_000), 9000, &extent, [90.0, 0.0, 0.0], 7);
     let adc = Config::default();
     assert_eq!(round(&adc, 550), None);
     let first = round(&adc, 600).unwrap();
@@ -35,7 +35,12 @@ fn the_settings_of_density_control_make_its_rounds() {
     // After half of the run rounds remove, with either strategy, to its end; without density control there are none.
     let (late, last) = (round(&adc, 5100).unwrap(), round(&adc, 10_000).unwrap());
     assert_eq!((round(&adc, 5000).unwrap().growth, late.growth, last.growth), (0.15, 0.0, 0.0));
-    assert_eq!((late.choice, late.prune_veil, late.opacity_ceiling), (first.choice, 0.33, f32::MAX));
+    assert_eq!((late.prune_veil, late.opacity_ceiling), (0.33, f32::MAX));
+    // What is large goes as long as others are added: a wall would be left with a hole.
+    assert_eq!(late.choice, Choice::Pulled { gradient: 2e-4, split_above: 0.04, prune_scale: f32::MAX });
+    // Few Gaussians may more than double.
+    let few = |n| density_round(&adc, (600, 10_000), n, &extent, [90.0, 0.0, 0.0], 7).unwrap().growth;
+    assert_eq!([few(500), few(4000), few(7000)], [1.0, 0.25, 0.15]);
     let late = round(&mcmc, 5100).unwrap();
     assert!(matches!(late.choice, Choice::Pulled { prune_scale: f32::MAX, .. }) && late.growth == 0.0);
     let never = Config { density: Density { stop: 0.0, ..Density::default() }, ..Config::default() };
