@@ -6,6 +6,9 @@ use std::collections::HashMap;
 use std::fs;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
+use std::sync::Arc;
+use std::sync::mpsc::{RecvTimeoutError, channel};
+use std::time::Duration;
 
 use glam::DVec3;
 use sha2::{Digest, Sha256};
@@ -18,13 +21,15 @@ use crate::scene::read_file;
 /// Sets are far smaller: SADIE II's largest has 36 MB.
 const MAX_BYTES: u64 = 1 << 30;
 
-/// Types of HDF5 may hold types, and the parser calls itself for each without a limit. A file that could hold so many is read
-/// on the stack of its thread; one that could hold up to [`DEEPEST`], on a larger one; any other is refused. A level takes up
-/// to 10 kB without optimisation. Real files have some fifty places that look like such a type, and more where numbers do.
-const SHALLOW: usize = 100;
+/// Types of HDF5 may hold types, and the parser calls itself for each without a limit. A file that could hold so many is
+/// read, on a stack that is large enough for them; any other is refused. A level takes up to 10 kB without optimisation. Real
+/// files have some fifty places that look like such a type, and more where numbers do.
 const DEEPEST: usize = 20_000;
-/// Bytes of the larger stack.
+/// Bytes of that stack.
 const STACK: usize = 256 << 20;
+/// Parts of a file may refer to parts, each of them several times, and the parser follows every reference: what takes longer
+/// than this, and another second for each million bytes, is given up.
+const LIMIT: Duration = Duration::from_secs(20);
 
 /// Reads the responses of a SOFA file.
 ///
@@ -43,19 +48,13 @@ pub fn read(path: &Path) -> Result<Measured> {
     if bytes > MAX_BYTES {
         return Err(fault("", format!("it has {bytes} bytes, more than {MAX_BYTES}")));
     }
-    let bytes = read_file(path).map_err(|e| fault("", format!("cannot be read: {e}")))?;
-    // The parser has checked arithmetic and indexing only, so a damaged file can make it panic; that ends here.
-    let read = || {
-        catch_unwind(AssertUnwindSafe(|| File::read(&bytes)))
-            .unwrap_or_else(|_| Err(("".into(), "its HDF5 structure is damaged".into())))
-    };
+    let bytes = Arc::new(read_file(path).map_err(|e| fault("", format!("cannot be read: {e}")))?);
     let file = match places_of_nested_types(&bytes) {
-        n if n <= SHALLOW => read(),
-        n if n <= DEEPEST => on_a_large_stack(read),
+        n if n <= DEEPEST => in_time(bytes.clone(), LIMIT + Duration::from_secs(bytes.len() as u64 / 1_000_000)),
         n => Err((String::new(), format!("its HDF5 types may be nested {n} times, more than {DEEPEST}"))),
     };
     let file = file.map_err(|(place, reason)| fault(&place, reason))?;
-    file.measured(format!("{:x}", Sha256::digest(&bytes))).map_err(|(place, reason)| fault(place, reason))
+    file.measured(format!("{:x}", Sha256::digest(bytes.as_slice()))).map_err(|(place, reason)| fault(place, reason))
 }
 
 /// How many places of a file look like a type that holds types: of class 6 or 9 in version 1 or 3, smaller than 64 bytes. The
@@ -65,13 +64,24 @@ fn places_of_nested_types(bytes: &[u8]) -> usize {
     bytes.windows(8).filter(is_one).count()
 }
 
-fn on_a_large_stack(
-    read: impl FnOnce() -> std::result::Result<File, (String, String)> + Send,
-) -> std::result::Result<File, (String, String)> {
+/// Reads on a thread with a large stack. One that takes longer than `limit` is left behind: nothing can end it but the process.
+fn in_time(bytes: Arc<Vec<u8>>, limit: Duration) -> std::result::Result<File, (String, String)> {
     let cannot = |reason: String| Err((String::new(), reason));
-    std::thread::scope(|scope| match std::thread::Builder::new().stack_size(STACK).spawn_scoped(scope, read) {
-        Ok(thread) => thread.join().unwrap_or_else(|_| cannot("its HDF5 structure is damaged".to_owned())),
-        Err(fault) => cannot(format!("no memory for the depth of its HDF5 types: {fault}")),
+    let (send, receive) = channel();
+    let read = move || {
+        // The parser has checked arithmetic and indexing only, so a damaged file can make it panic; that ends here.
+        let file = catch_unwind(AssertUnwindSafe(|| File::read(&bytes)));
+        // Nobody listens any more where it took too long.
+        let _ = send.send(file.unwrap_or_else(|_| Err(("".into(), "its HDF5 structure is damaged".into()))));
+    };
+    if let Err(fault) = std::thread::Builder::new().name("sofa".to_owned()).stack_size(STACK).spawn(read) {
+        return cannot(format!("no memory for the depth of its HDF5 types: {fault}"));
+    }
+    receive.recv_timeout(limit).unwrap_or_else(|fault| match fault {
+        RecvTimeoutError::Timeout => {
+            cannot(format!("could not be read within {} s: its parts may refer to one another", limit.as_secs()))
+        }
+        RecvTimeoutError::Disconnected => cannot("its HDF5 structure is damaged".to_owned()),
     })
 }
 
@@ -191,4 +201,37 @@ fn array(hdf: &ParsedHdf<'_>, name: &str) -> std::result::Result<Option<Array>, 
         values: values.ok_or("its values are not floats of 32 or 64 bits")?,
         attributes: attributes(&object),
     }))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// An object whose header goes on in another block, four times, and that again, twenty deep: some 10^12 blocks to read.
+    fn endless() -> Vec<u8> {
+        const DEEP: u64 = 20;
+        const REFERENCES: usize = 4;
+        // A block: its mark, its references as messages of 16 bytes behind a head of 4, a checksum.
+        const BLOCK: u64 = 4 + 20 * REFERENCES as u64 + 4;
+        let references = |to: u64, kind: u8| {
+            let message = [[kind, 16, 0, 0].as_slice(), &to.to_le_bytes(), &BLOCK.to_le_bytes()].concat();
+            message.repeat(REFERENCES)
+        };
+        let first = 48 + 10 + 20 * REFERENCES as u64 + 4;
+        let header =
+            [b"OHDR\x02\x02".as_slice(), &(20 * REFERENCES as u32).to_le_bytes(), &references(first, 16), &[0; 4]];
+        // The last has messages that say nothing.
+        let next = |at: u64| references(first + at * BLOCK, if at < DEEP { 16 } else { 0 });
+        let blocks: Vec<u8> = (1..=DEEP).flat_map(|at| [b"OCHK".as_slice(), &next(at), &[0; 4]].concat()).collect();
+        let length = first + blocks.len() as u64;
+        let addresses = [[0; 8], [0xff; 8], length.to_le_bytes(), 48u64.to_le_bytes()].concat();
+        let start = [b"\x89HDF\r\n\x1a\n\x02\x08\x08\x00".as_slice(), &addresses, &[0; 4]].concat();
+        [start, header.concat(), blocks].concat()
+    }
+
+    #[test]
+    fn a_file_that_takes_for_ever_is_given_up() {
+        let told = in_time(Arc::new(endless()), Duration::from_secs(1)).err();
+        assert!(told.as_ref().is_some_and(|(_, reason)| reason.contains("within 1 s")), "{told:?}");
+    }
 }
