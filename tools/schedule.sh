@@ -49,7 +49,7 @@ export -f one
 list() {
     local seed steps
     for seed in 42 43 44; do
-        for steps in 100 200 500 1000 2000; do
+        for steps in 100 200 400 800 1600; do
             printf '%s\n' "$data/fox_quarter fox-new $steps $seed" "$data/fox_quarter fox-old $steps $seed --set lr.pace.steps=0"
             for name in flame_steak basketball synthetic; do
                 printf '%s\n' "$out/$name $name-new $steps $seed" "$out/$name $name-old $steps $seed --set lr.pace.steps=0"
