@@ -263,23 +263,13 @@ pub const STUDIES: [Study; 5] = [
         name: "required",
         title: "Only what the scene requires",
         arms: &[
-            Arm {
-                name: "everything modelled",
-                key: "everything",
-                change: |config| config.init_static_tau = LONG_TAU,
-                paper: &[],
-            },
-            Arm {
-                name: "reviewed",
-                key: "reviewed",
-                change: |config| (config.init_static_tau, config.required.reviews) = (LONG_TAU, REVIEWS),
-                paper: &[],
-            },
-            Arm { name: "told apart by flow", key: FULL, change: |_| (), paper: &[] },
+            Arm { name: "everything modelled", key: FULL, change: |_| (), paper: &[] },
+            Arm { name: "reviewed", key: "reviewed", change: |config| config.required.reviews = REVIEWS, paper: &[] },
+            Arm { name: "told apart by flow", key: "flow", change: |config| config.init_static_tau = 0.0, paper: &[] },
             Arm {
                 name: "told apart by flow, reviewed",
                 key: "flow-reviewed",
-                change: |config| config.required.reviews = REVIEWS,
+                change: |config| (config.init_static_tau, config.required.reviews) = (0.0, REVIEWS),
                 paper: &[],
             },
         ],
@@ -296,8 +286,6 @@ pub const STUDIES: [Study; 5] = [
     },
 ];
 
-/// Tau of points that stand still where everything is modelled, clips.
-const LONG_TAU: f64 = 10.0;
 /// Reviews of what the scene requires.
 const REVIEWS: u32 = 2;
 

@@ -1,6 +1,6 @@
 //! Finished runs side by side: what each came to, over its seeds, and how that changes from one time of measuring to the next.
 
-use super::compare_plot::{Chart, Line, Panel};
+use super::compare_plot::{Chart, Line, Panel, Row};
 use super::config::Config;
 use super::preset::{Preset, merge};
 use super::run::Run;
@@ -318,13 +318,13 @@ impl RunTable {
                     };
                     let lines: Vec<Line> = kinds.iter().enumerate().map(line).collect();
                     if lines.iter().any(|line| !line.points.is_empty()) {
-                        let title = format!("{capture}: {title}");
+                        let title = title.to_owned();
                         let axis = axis.replace("cpu_seconds", "seconds of processors");
                         row.push(Panel { title, axis, is_log: true, names: Vec::new(), lines });
                     }
                 }
             }
-            rows.push(row);
+            rows.push(Row { heading: capture.to_owned(), panels: row });
         }
         Chart { rows, legend: kinds.into_iter().map(str::to_owned).collect() }.svg()
     }
@@ -362,11 +362,13 @@ impl History {
                     own.scores.get(name).map(|score| ((index + 1) as f64, *score))
                 };
                 let line = Line { colour: 0, points: measured.iter().enumerate().filter_map(point).collect() };
-                let title = format!("{capture}, {steps} steps: {title}");
+                let title = title.to_owned();
                 Panel { title, axis: "measurement".to_owned(), is_log: false, names: names.clone(), lines: vec![line] }
             };
             let drawn = DRAWN.into_iter().chain(TIMES).map(panel);
-            drawn.filter(|panel| panel.lines.iter().any(|line| !line.points.is_empty())).collect()
+            let panels = drawn.filter(|panel| panel.lines.iter().any(|line| !line.points.is_empty())).collect();
+            let heading = format!("{capture}, {steps} steps, {settings}");
+            Row { heading, panels }
         };
         Chart { rows: kinds.into_iter().map(row).collect(), legend: Vec::new() }.svg()
     }
@@ -444,7 +446,13 @@ mod tests {
         let svg = table.svg();
         // Two scores, as nobody has LPIPS, against steps and seconds, three points each.
         assert_eq!((svg.matches("<circle").count(), svg.matches("<polyline").count()), (12, 8));
-        assert!(svg.contains("fox: SSIM") && !svg.contains("LPIPS") && !svg.contains("NaN"), "{svg}");
+        assert!(
+            svg.contains(">fox</text>")
+                && svg.contains(">SSIM</text>")
+                && !svg.contains("LPIPS")
+                && !svg.contains("NaN"),
+            "{svg}"
+        );
     }
 
     #[test]
@@ -455,7 +463,7 @@ mod tests {
         };
         let history = History(vec![entry("2026-11-23", 29.0), entry("2026-11-24", 30.0)]);
         let svg = history.svg();
-        assert!(svg.contains("fox, 100 steps: PSNR, dB") && svg.contains("2026-11-24 abc: 30.0000"), "{svg}");
+        assert!(svg.contains("fox, 100 steps, defaults") && svg.contains("2026-11-24 abc: 30.0000"), "{svg}");
         // PSNR, SSIM and seconds of two lengths, two points each.
         assert_eq!((svg.matches("<circle").count(), svg.contains("NaN")), (12, false));
         assert!(!History::default().svg().contains("NaN"));

@@ -5,16 +5,24 @@ use std::fmt::Write;
 
 /// A panel with its margins, and the part of it that lies within the axes (left, top, right, bottom).
 const SIZE: [f64; 2] = [250.0, 190.0];
-const PLOT: [f64; 4] = [46.0, 26.0, 240.0, 150.0];
-/// Height of a line of the legend.
+const PLOT: [f64; 4] = [56.0, 24.0, 240.0, 148.0];
+/// Height of a line of the legend, and of what stands above a row.
 const LEGEND: f64 = 18.0;
+const HEADING: f64 = 24.0;
 const COLOURS: [&str; 8] = ["#2a78c2", "#c9822b", "#2e9e6b", "#b3453f", "#7a5bb0", "#8a8a2a", "#3aa6b0", "#b0508f"];
 
 /// Panels in rows below a legend.
 pub(super) struct Chart {
-    pub rows: Vec<Vec<Panel>>,
+    pub rows: Vec<Row>,
     /// What the colours mean, from the first on; may be empty.
     pub legend: Vec<String>,
+}
+
+/// Panels side by side.
+pub(super) struct Row {
+    /// What they all show.
+    pub heading: String,
+    pub panels: Vec<Panel>,
 }
 
 /// A plot.
@@ -38,12 +46,12 @@ pub(super) struct Line {
 
 impl Chart {
     pub fn svg(&self) -> String {
-        let columns = self.rows.iter().map(Vec::len).max().unwrap_or(0).max(1);
+        let columns = self.rows.iter().map(|row| row.panels.len()).max().unwrap_or(0).max(1);
         let top = 8.0 + LEGEND * self.legend.len() as f64;
-        let (w, h) = (SIZE[0] * columns as f64, top + SIZE[1] * self.rows.len() as f64);
+        let (w, h) = (SIZE[0] * columns as f64, top + (HEADING + SIZE[1]) * self.rows.len() as f64);
         let mut svg = format!(
             "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {w} {h}\" width=\"{w}\" height=\"{h}\">\n\
-             <style>text {{ font: 11px sans-serif; fill: #555 }} .t {{ font-weight: bold }} .g {{ stroke: #8884 }} \
+             <style>text {{ font: 11px sans-serif; fill: #555 }} .t {{ font-weight: bold }} .h {{ font-size: 14px }} .g {{ stroke: #8884 }} \
              polyline {{ fill: none; stroke-width: 2 }}</style>\n"
         );
         for (index, name) in self.legend.iter().enumerate() {
@@ -57,8 +65,10 @@ impl Chart {
             );
         }
         for (y, row) in self.rows.iter().enumerate() {
-            for (x, panel) in row.iter().enumerate() {
-                let at = [SIZE[0] * x as f64, top + SIZE[1] * y as f64];
+            let y = top + (HEADING + SIZE[1]) * y as f64;
+            let _ = writeln!(svg, "<text class=\"h\" x=\"10\" y=\"{}\">{}</text>", y + 16.0, escape(&row.heading));
+            for (x, panel) in row.panels.iter().enumerate() {
+                let at = [SIZE[0] * x as f64, y + HEADING];
                 let _ = write!(svg, "<g transform=\"translate({} {})\">\n{}</g>\n", at[0], at[1], panel.svg());
             }
         }
@@ -77,11 +87,14 @@ impl Panel {
         let points = || self.lines.iter().flat_map(|line| &line.points);
         let span = |values: &mut dyn Iterator<Item = f64>, least: f64| {
             let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
-            let pad = 0.06 * (high - low).max(least);
-            (low - pad, high + pad)
+            let middle = low.midpoint(high);
+            let half = 0.56 * (high - low).max(least);
+            (middle - half, middle + half)
         };
         let (x0, x1) = span(&mut points().map(|(x, _)| place(*x)), 0.1);
-        let (y0, y1) = span(&mut points().flat_map(|(_, y)| *y), 0.01);
+        // Changes of less than a hundredth look as small as they are.
+        let largest = points().map(|(_, y)| y[0].abs()).fold(1e-3, f64::max);
+        let (y0, y1) = span(&mut points().flat_map(|(_, y)| *y), 0.02 * largest);
         let x = |value: f64| left + (place(value) - x0) / (x1 - x0) * (right - left);
         let y = |value: f64| bottom - (value - y0) / (y1 - y0) * (bottom - top);
         let mut svg = format!("<text class=\"t\" x=\"{left}\" y=\"16\">{}</text>\n", escape(&self.title));

@@ -34,7 +34,8 @@ pub struct Config {
     pub init_flow_threshold: f64,
     /// `flow` and `concat`: tau of points that belong to their frame, in frames.
     pub init_point_tau: f64,
-    /// `flow`: tau of points that stand still, in clips; 0 makes them static Gaussians, which never move or fade.
+    /// `flow`: tau of points that stand still, in clips: what stands still at first may move later. 0 makes them static Gaussians,
+    /// which never move or fade.
     pub init_static_tau: f64,
     /// Colour behind the scene.
     pub background: [f32; 3],
@@ -431,7 +432,7 @@ impl Default for Config {
             init_tau: 0.7,
             init_flow_threshold: 0.1,
             init_point_tau: 2.0,
-            init_static_tau: 0.0,
+            init_static_tau: 10.0,
             background: [0.0; 3],
             loss: Loss::default(),
             offsets: true,

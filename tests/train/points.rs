@@ -52,8 +52,9 @@ fn first(capture: &Capture, config: &Config) -> (Initial, Splats) {
     (initial.clone(), world.inverse().splats(&initial.splats))
 }
 
+/// With what stands still as static Gaussians, so that it can be told apart.
 fn config(init: Init) -> Config {
-    Config { init, sh_degree: 0, ..Config::default() }
+    Config { init, sh_degree: 0, init_static_tau: 0.0, ..Config::default() }
 }
 
 /// What is true of a point.
@@ -232,7 +233,8 @@ fn thresholds_and_tau_are_as_set_and_what_a_capture_lacks_is_told() {
     let counts = none.counts.unwrap();
     assert_eq!((counts.n_static, counts.n_dynamic), (600, 0));
     assert_eq!((none.splats.n_static, none.splats.motion.len()), (600, 0));
-    let (paper, _) = first(capture, &Config { init_static_tau: 10.0, init_point_tau: 1.0, ..config(Init::Flow) });
+    let usual = Config::default().init_static_tau;
+    let (paper, _) = first(capture, &Config { init_static_tau: usual, init_point_tau: 1.0, ..config(Init::Flow) });
     let counts = paper.counts.unwrap();
     assert_eq!((paper.splats.n_static, paper.splats.motion.len()), (0, counts.after()));
     let taus: Vec<f32> = paper.splats.motion.iter().map(|motion| motion.t_scale.exp()).collect();
