@@ -23,6 +23,7 @@ use crate::parallel::in_parallel;
 use crate::scene::capture::{Capture, Point};
 use crate::scene::{Motion, Splats};
 use crate::train::config::{Config, Init};
+use crate::words::count;
 use eye::{Eye, Seen};
 use lens::Lenses;
 use points::{Found, Reach};
@@ -81,7 +82,7 @@ impl fmt::Display for Initial {
         let dynamic = if n_dynamic > 0 { format!(" and {n_dynamic} dynamic") } else { String::new() };
         write!(f, "{n_static} static{dynamic} Gaussians from {source} (init={}: {because})", from.name())?;
         if *n_hulls > 0 {
-            write!(f, ", hulls of {n_hulls} frames")?;
+            write!(f, ", hulls of {}", count(*n_hulls, "frame"))?;
         }
         if let Some(counts) = counts {
             write!(f, "; {counts}")?;
