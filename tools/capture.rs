@@ -66,9 +66,7 @@ impl CaptureArgs {
             ..CaptureSettings::default()
         }
     }
-}
 
-impl CaptureArgs {
     /// Whether no option asks for anything.
     pub fn are_default(&self) -> bool {
         self.settings() == CaptureSettings::default()

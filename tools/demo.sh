@@ -11,10 +11,7 @@ cd "$(dirname "${BASH_SOURCE[0]}")/.."
 [ $# -gt 0 ] || out=$PWD/out
 source tools/env.sh
 
-tools/setup.sh run
-own_the_target_folder
-cargo build --release --locked
-ivv=$CARGO_TARGET_DIR/release/ivv
+build_ivv
 # Eight cameras whose clocks and colours differ, with priors of depth and flow; two more are held out.
 "$ivv" synth -o "$out/capture" --preset hard
 "$ivv" train "$out/capture" -o "$out/run" --overwrite

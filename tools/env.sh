@@ -18,3 +18,26 @@ own_the_target_folder() {
     fi
     mkdir -p "$CARGO_TARGET_DIR" && printf '%s' "$PWD" >"$stamp"
 }
+
+# Sets up and builds what runs; $ivv is the program then.
+build_ivv() {
+    tools/setup.sh run
+    own_the_target_folder
+    cargo build --release --locked
+    ivv=$CARGO_TARGET_DIR/release/ivv
+}
+
+# For scripts that measure. $data is where real captures and the weights of LPIPS are, if they are there. $lpips are the options
+# of `ivv train` with which LPIPS is measured and no part of the loss; its weights are written into FOLDER.
+#   find_data FOLDER
+find_data() {
+    data=$(realpath -m "${IVV_DATA:-../shared/data}")
+    lpips=()
+    if [ ! -d "$data/lpips" ]; then
+        echo "left out: LPIPS; $data/lpips is not there"
+        return
+    fi
+    python3 tools/lpips_weights.py "$data/lpips/squeeze.backbone.pth" "$data/lpips/lpips/weights/v0.1/squeeze.pth" \
+        "$1/lpips.safetensors"
+    lpips=(--set loss.lpips=0 --set "loss.lpips_weights=$1/lpips.safetensors")
+}

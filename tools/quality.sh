@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Trains a small fixed set of captures with default settings and adds the scores to a history, with a plot: some 12 minutes.
+# Trains a small fixed set of captures with default settings and adds the scores to a history, with a plot: some 9 minutes.
 #   tools/quality.sh [HISTORY]     default: assets/quality/history.json; the runs go to out/quality
 # Real captures and the weights of LPIPS are looked for in $IVV_DATA (default: ../shared/data); what is not there is left out,
 # and the history then has no point for it.
@@ -11,23 +11,10 @@ fi
 history=$(realpath -m "${1:-$(dirname "${BASH_SOURCE[0]}")/../assets/quality/history.json}")
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 source tools/env.sh
-tools/setup.sh run
-own_the_target_folder
-cargo build --release --locked
-ivv=$CARGO_TARGET_DIR/release/ivv
-data=$(realpath -m "${IVV_DATA:-../shared/data}")
+build_ivv
 out=out/quality
 mkdir -p "$out" "$(dirname "$history")"
-
-lpips=()
-if [ -d "$data/lpips" ]; then
-    python3 tools/lpips_weights.py "$data/lpips/squeeze.backbone.pth" "$data"/lpips/lpips/weights/v0.1/squeeze.pth \
-        "$out/lpips.safetensors"
-    # Measured, and no part of the loss.
-    lpips=(--set loss.lpips=0 --set "loss.lpips_weights=$out/lpips.safetensors")
-else
-    echo "left out: LPIPS; $data/lpips is not there"
-fi
+find_data "$out"
 
 runs=()
 # measure NAME CAPTURE OPTION...

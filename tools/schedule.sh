@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Measures assets/schedule anew: how good runs of different lengths are, with learning rates that follow the length of the run
-# and with the same rates in every run. Five lengths, three seeds, four captures: some three hours on two cores. Runs that are
-# there are not repeated.
+# and with the same rates in every run. Five lengths, three seeds, four captures: some two hours on two cores that do nothing
+# else. Runs that are there are not repeated. $IVV_JOBS says how many are made at a time (default: 2).
 #   tools/schedule.sh [FOLDER]     default: assets/schedule; the runs go to out/schedule
 # Real captures and the weights of LPIPS are looked for in $IVV_DATA (default: ../shared/data); what is not there is left out.
 set -euo pipefail
@@ -12,21 +12,13 @@ fi
 record=$(realpath -m "${1:-$(dirname "${BASH_SOURCE[0]}")/../assets/schedule}")
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 source tools/env.sh
-tools/setup.sh run
-own_the_target_folder
-cargo build --release --locked
-export ivv=$CARGO_TARGET_DIR/release/ivv
-data=$(realpath -m "${IVV_DATA:-../shared/data}")
-export out=out/schedule
+build_ivv
+out=out/schedule
 mkdir -p "$out"
-export lpips=
-if [ -d "$data/lpips" ]; then
-    python3 tools/lpips_weights.py "$data/lpips/squeeze.backbone.pth" "$data/lpips/lpips/weights/v0.1/squeeze.pth" \
-        "$out/lpips.safetensors"
-    # Measured, and no part of the loss.
-    lpips="--set loss.lpips=0 --set loss.lpips_weights=$out/lpips.safetensors"
-fi
-# Pictures of half the size, so that the whole takes an evening.
+find_data "$out"
+lpips_words=${lpips[*]}
+export ivv out lpips_words
+# Pictures of half the size: those of the full size would take four times as long.
 [ -d "$out/synthetic" ] || "$ivv" synth -o "$out/synthetic" --preset hard
 [ ! -d "$data/n3v_flame_steak_frame0" ] || [ -f "$out/flame_steak/capture.toml" ] ||
     "$ivv" prepare "$data/n3v_flame_steak_frame0" -o "$out/flame_steak" --images derived_images_4 --scale 0.5 --test-cameras cam00
@@ -41,8 +33,8 @@ one() {
     [ ! -f "$run/eval.json" ] || return 0
     # Two runs at a time, each in its calling thread, are sooner done than one after the other on two threads.
     # shellcheck disable=SC2086 # the options are words
-    LP_NUM_THREADS=${LP_NUM_THREADS:-0} "$ivv" train "$capture" -o "$run" --overwrite --quiet --eval-every 0 --steps "$steps" --seed "$seed" \
-        $lpips "$@" >/dev/null
+    LP_NUM_THREADS=${LP_NUM_THREADS:-0} "$ivv" train "$capture" -o "$run" --overwrite --quiet --eval-every 0 \
+        --steps "$steps" --seed "$seed" $lpips_words "$@" >/dev/null
     echo "done: $run"
 }
 export -f one

@@ -22,6 +22,8 @@ pub struct ProfiledStep {
 pub struct Seconds {
     /// Since this process began.
     pub seconds: f64,
+    /// The same of all processors together; see [`cpu_seconds`].
+    pub cpu_seconds: Option<f64>,
     /// In steps and density control, over all processes of the run.
     pub seconds_stepping: f64,
     /// The same over the number of steps.
@@ -60,7 +62,6 @@ pub fn totals(
         "scene_bytes": summary.parameter_bytes,
         "peak_bytes": gpu.device().memory().1,
         "host_peak_bytes": host_peak_bytes(),
-        "cpu_seconds": cpu_seconds(),
         "bytes_by_buffer": bytes_by_buffer,
         "profile": {
             "steps": steps,
@@ -85,7 +86,7 @@ fn host_peak_bytes() -> Option<u64> {
 
 /// Time of the processors that this process took so far, all its threads together, a software driver's included; `None` where
 /// the system does not tell (not Linux). Unlike seconds it hardly depends on what else runs on the machine.
-fn cpu_seconds() -> Option<f64> {
+pub fn cpu_seconds() -> Option<f64> {
     // Linux counts in hundredths of a second here, whatever its own clock does.
     const TICKS: f64 = 100.0;
     let stat = std::fs::read_to_string("/proc/self/stat").ok()?;

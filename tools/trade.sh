@@ -10,10 +10,7 @@ cd "$(dirname "${BASH_SOURCE[0]}")/.."
 record=${1:-assets/trade}
 [ $# -eq 0 ] || shift
 source tools/env.sh
-tools/setup.sh run
-own_the_target_folder
-cargo build --release --locked
-ivv=$CARGO_TARGET_DIR/release/ivv
+build_ivv
 # Pictures this small are soonest done in the calling thread: lavapipe takes 11 us for a dispatch there and 70 us to wake another.
 export LP_NUM_THREADS=${LP_NUM_THREADS:-0}
 out=out/trade

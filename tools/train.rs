@@ -16,7 +16,7 @@ use crate::require;
 use crate::screen::{alert, out, say};
 use crate::settings::SettingArgs;
 use crate::start::Start;
-use crate::totals::{ProfiledStep, Seconds, totals};
+use crate::totals::{ProfiledStep, Seconds, cpu_seconds, totals};
 use anyhow::Context;
 use ivv::scene::capture::{FrameCache, PriorPlan};
 use ivv::stage::PassReport;
@@ -335,6 +335,7 @@ impl Session<'_> {
         let seconds_stepping = self.seconds_before + self.seconds;
         let seconds = Seconds {
             seconds: self.start.elapsed().as_secs_f64(),
+            cpu_seconds: cpu_seconds(),
             seconds_stepping,
             seconds_per_step: seconds_stepping / trainer.step().max(1) as f64,
             waited_for_images_s: self.waited,

@@ -14,7 +14,7 @@ const FLOOR: f64 = 1.4;
 /// Radius of the speaker's head.
 pub(super) const HEAD: f64 = 0.17;
 
-/// The room of a seed around a rig, for a clip of so many frames.
+/// The room of a capture, around its rig.
 pub(super) fn room(options: &Options) -> World {
     let Options { seed, rig, frames, still_frames: still, .. } = *options;
     let half = if rig == Rig::Inward { HALF } else { WIDE_HALF };

@@ -78,15 +78,17 @@ impl World {
 
     /// The time to which movements have come at a frame's time: 0 as long as everything stands still.
     pub fn moving_time(&self, frame: f64) -> f64 {
-        self.clip_time((frame - f64::from(self.still)).max(if self.still > 0 { 0.0 } else { f64::NEG_INFINITY }))
+        // Without such frames a clock that runs ahead shows what was before the clip.
+        let moving = frame - f64::from(self.still);
+        self.clip_time(if self.still > 0 { moving.max(0.0) } else { moving })
     }
 
     /// The world at a time in frames. A body has a pose at any time, also outside its life.
     pub fn at(&self, frame: f64) -> Snapshot<'_> {
-        let (u, moved) = (self.clip_time(frame), self.moving_time(frame));
+        let (u, moving) = (self.clip_time(frame), self.moving_time(frame));
         let place = |body| {
             let body: &Body = body;
-            let (to_world, position) = body.motion.pose(moved);
+            let (to_world, position) = body.motion.pose(moving);
             let alive = (body.life.0..body.life.1).contains(&u);
             Placed { body, to_world, to_body: to_world.transpose(), position, bound: body.shape.bound(), alive }
         };

@@ -11,8 +11,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 use std::path::Path;
 
-/// Settings that do not tell two kinds of run apart: they have columns of their own.
-const IN_COLUMNS: [&str; 4] = ["seed", "steps", "epochs", "preset"];
+/// Settings that are not listed: they have columns of their own, or the preset stands before all others.
+const TOLD_APART: [&str; 4] = ["seed", "steps", "epochs", "preset"];
 
 /// What a finished run came to.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -41,8 +41,8 @@ pub struct RunResult {
     pub gaussians: u64,
     /// Bytes of their parameters.
     pub bytes: u64,
-    /// From the start of the process to the last step, first Gaussians and shaders included. Of a run that was resumed, those of
-    /// its last process.
+    /// From the start of the process until its scene is written, before it is scored; the first Gaussians and the compilation of
+    /// kernels included. Of a run that was resumed, those of its last process.
     pub seconds: f64,
     /// The same of all processors together, where the system told.
     pub cpu_seconds: Option<f64>,
@@ -167,7 +167,7 @@ fn list(name: &str, base: &Value, own: &Value, told: &mut Vec<String>) {
         (Value::Object(base), Value::Object(own)) => {
             for (key, value) in own {
                 let full = if name.is_empty() { key.clone() } else { format!("{name}.{key}") };
-                if !IN_COLUMNS.contains(&full.as_str()) {
+                if !TOLD_APART.contains(&full.as_str()) {
                     list(&full, base.get(key).unwrap_or(&Value::Null), value, told);
                 }
             }
@@ -225,31 +225,6 @@ const TIMES: [(&str, &str); 2] = [("seconds", "seconds"), ("cpu_seconds", "secon
 #[derive(Clone, Debug, PartialEq)]
 pub struct RunTable(pub Vec<RunGroup>);
 
-fn grouped(runs: &[RunResult]) -> Vec<RunGroup> {
-    let mut groups: BTreeMap<(&str, bool, &str, u64), Vec<RunResult>> = BTreeMap::new();
-    for run in runs {
-        let key = (run.capture.as_str(), run.settings != "defaults", run.settings.as_str(), run.steps);
-        groups.entry(key).or_default().push(run.clone());
-    }
-    let group = |((capture, _, settings, steps), mut runs): ((&str, bool, &str, u64), Vec<RunResult>)| {
-        runs.sort_by_key(|run| run.seed);
-        let scores = SCORES.iter().filter_map(|(name, .., of)| {
-            let values: Vec<f64> = runs.iter().filter_map(of).collect();
-            let ends = values.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[l, h], v| [l.min(*v), h.max(*v)]);
-            (!values.is_empty()).then(|| (*name, [mean(&values), ends[0], ends[1]]))
-        });
-        RunGroup {
-            capture: capture.to_owned(),
-            settings: settings.to_owned(),
-            steps,
-            seeds: runs.iter().map(|run| run.seed).collect(),
-            scores: scores.collect(),
-            runs,
-        }
-    };
-    groups.into_iter().map(group).collect()
-}
-
 fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len().max(1) as f64
 }
@@ -257,7 +232,28 @@ fn mean(values: &[f64]) -> f64 {
 impl RunTable {
     /// Groups `runs`, ordered by capture, settings (defaults first) and steps.
     pub fn new(runs: &[RunResult]) -> Self {
-        RunTable(grouped(runs))
+        let mut groups: BTreeMap<(&str, bool, &str, u64), Vec<RunResult>> = BTreeMap::new();
+        for run in runs {
+            let key = (run.capture.as_str(), run.settings != "defaults", run.settings.as_str(), run.steps);
+            groups.entry(key).or_default().push(run.clone());
+        }
+        let group = |((capture, _, settings, steps), mut runs): ((&str, bool, &str, u64), Vec<RunResult>)| {
+            runs.sort_by_key(|run| run.seed);
+            let scores = SCORES.iter().filter_map(|(name, .., of)| {
+                let values: Vec<f64> = runs.iter().filter_map(of).collect();
+                let ends = values.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[l, h], v| [l.min(*v), h.max(*v)]);
+                (!values.is_empty()).then(|| (*name, [mean(&values), ends[0], ends[1]]))
+            });
+            RunGroup {
+                capture: capture.to_owned(),
+                settings: settings.to_owned(),
+                steps,
+                seeds: runs.iter().map(|run| run.seed).collect(),
+                scores: scores.collect(),
+                runs,
+            }
+        };
+        RunTable(groups.into_iter().map(group).collect())
     }
 
     /// The groups as a table of Markdown: means over the seeds, with the least and the most in brackets.
@@ -291,17 +287,13 @@ impl RunTable {
         text
     }
 
-    /// The groups as a picture: a row a capture; scores against steps, seconds and seconds of processors, a line for each kind of settings, bars
-    /// from the least to the most.
+    /// The groups as a picture: a row a capture; scores against steps, seconds and seconds of processors; a line for each kind
+    /// of settings, bars from the least to the most.
     pub fn svg(&self) -> String {
         let groups = &self.0;
         let captures: BTreeSet<&str> = groups.iter().map(|group| group.capture.as_str()).collect();
-        let mut kinds: Vec<&str> = Vec::new();
-        groups.iter().for_each(|group| {
-            if !kinds.contains(&group.settings.as_str()) {
-                kinds.push(&group.settings);
-            }
-        });
+        let kinds: BTreeSet<&str> = groups.iter().map(|group| group.settings.as_str()).collect();
+        let mut kinds: Vec<&str> = kinds.into_iter().collect();
         kinds.sort_by_key(|kind| *kind != "defaults");
         let mut rows = Vec::new();
         for capture in captures {
@@ -350,7 +342,7 @@ impl History {
         let revision = |entry: &Entry| entry.runs.iter().find_map(|run| run.revision.clone()).unwrap_or_default();
         let names: Vec<String> =
             entries.iter().map(|e| format!("{} {}", e.date, revision(e)).trim().to_owned()).collect();
-        let measured: Vec<Vec<RunGroup>> = entries.iter().map(|entry| grouped(&entry.runs)).collect();
+        let measured: Vec<Vec<RunGroup>> = entries.iter().map(|entry| RunTable::new(&entry.runs).0).collect();
         // What one row follows must be alike but for the code.
         let kinds: BTreeSet<(&str, &str, u64)> =
             measured.iter().flatten().map(|group| (&*group.capture, &*group.settings, group.steps)).collect();

@@ -34,14 +34,12 @@ pub fn density_round(
     let pulled = |prune_scale| Choice::Pulled { gradient, split_above: split_above * radius, prune_scale };
     let grows = due == Some(Round::Growth);
     let (choice, growth) = match density.strategy {
-        // What goes for its size while none are added leaves a hole: walls are large.
         Strategy::Adc => {
+            // Where no more are added, what goes for its size leaves a hole: walls are large.
+            let largest = if grows || resets { density.prune_scale * radius } else { f32::MAX };
             // None grows twice in a round.
-            let at_least = (density.growth_least as f64 / f64::from(n.max(1))).min(1.0);
-            (
-                pulled(if grows || resets { density.prune_scale * radius } else { f32::MAX }),
-                density.growth.max(at_least),
-            )
+            let least = (density.growth_least as f64 / f64::from(n.max(1))).min(1.0);
+            (pulled(largest), density.growth.max(least))
         }
         Strategy::Mcmc if grows => (Choice::Drawn, density.mcmc_growth),
         // Drawn copies need steps to come apart: late in the run the dead only go.

@@ -36,9 +36,9 @@ fn the_settings_of_density_control_make_its_rounds() {
     let (late, last) = (round(&adc, 5100).unwrap(), round(&adc, 10_000).unwrap());
     assert_eq!((round(&adc, 5000).unwrap().growth, late.growth, last.growth), (0.15, 0.0, 0.0));
     assert_eq!((late.prune_veil, late.opacity_ceiling), (0.33, f32::MAX));
-    // What is large goes as long as others are added: a wall would be left with a hole.
+    // What is large goes only as long as others are added: later a wall would be left with a hole.
     assert_eq!(late.choice, Choice::Pulled { gradient: 2e-4, split_above: 0.04, prune_scale: f32::MAX });
-    // Few Gaussians may more than double.
+    // Few Gaussians grow by more than their share, by all of them at most.
     let few = |n| density_round(&adc, (600, 10_000), n, &extent, [90.0, 0.0, 0.0], 7).unwrap().growth;
     assert_eq!([few(500), few(4000), few(7000)], [1.0, 0.25, 0.15]);
     let late = round(&mcmc, 5100).unwrap();
