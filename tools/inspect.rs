@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 /// Options of `ivv inspect`.
 #[derive(clap::Args)]
 pub struct Args {
-    /// A scene file: 3DGS or compressed PLY, .splat, .spz, or the folder or meta.json of a SOG; or the folder of a run: its
+    /// A scene file: 3DGS or compressed PLY, .splat, .spz, a .sog, or the folder or meta.json of a SOG; or the folder of a run: its
     /// scene.ply, or the newest checkpoint where it has not ended.
     scene: PathBuf,
 }

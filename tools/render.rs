@@ -23,7 +23,7 @@ use std::time::Instant;
 #[derive(clap::Args)]
 pub struct Args {
     /// The folder of a run, which gives its scene, the views of its capture and its rendering constants; or a scene file: 3DGS
-    /// or compressed PLY, .splat, .spz, or the folder or meta.json of a SOG. Of a run that has not ended, its newest checkpoint.
+    /// or compressed PLY, .splat, .spz, a .sog, or the folder or meta.json of a SOG. Of a run that has not ended, its newest checkpoint.
     #[arg(value_name = "RUN|SCENE", required_unless_present = "scene", conflicts_with = "scene")]
     source: Option<PathBuf>,
     /// The same as RUN|SCENE.

@@ -7,14 +7,14 @@ use super::compressed_ply::{is_compressed, read_compressed};
 use super::file::{cannot_read, open_file};
 use super::ply::read_vertices;
 use super::ply_rows::Rows;
-use super::sog::read_sog;
+use super::sog::{ZIP, read_sog};
 use super::splat::read_splat;
 use super::splats::Splats;
 use super::spz::{GZIP, MAGIC, read_spz};
 use crate::error::{Error, Result};
 
-const SUPPORTED: &str = "give a 3DGS PLY, a PlayCanvas compressed PLY, an SPZ (version 2 to 4), a .splat, or the folder \
-                         or meta.json of a SOG scene (version 2)";
+const SUPPORTED: &str = "give a 3DGS PLY, a PlayCanvas compressed PLY, an SPZ (version 2 to 4), a .splat, or a SOG \
+                         scene (version 2): a .sog, or its folder or meta.json";
 
 /// Reads a scene in any supported format: PLY (3DGS, compressed), SPZ and SOG by content, `.splat` by its extension.
 /// Only a 3DGS PLY can hold dynamic Gaussians.
@@ -36,6 +36,9 @@ pub fn read_scene(path: &Path) -> Result<Splats> {
             read_vertices(path, &header, rows)
         };
     }
+    if start == ZIP {
+        return read_sog(path);
+    }
     if start == MAGIC || start.starts_with(&GZIP) {
         return read_spz(path);
     }
@@ -43,7 +46,6 @@ pub fn read_scene(path: &Path) -> Result<Splats> {
     match extension.as_ref().and_then(|extension| extension.to_str()) {
         Some("splat") => read_splat(path),
         Some("json") => read_sog(path),
-        Some("sog") => Err(Error::data(path, "", "is a bundled SOG scene", "unzip it and give the folder")),
         _ => Err(Error::data(path, "", "not a recognised scene format", SUPPORTED)),
     }
 }

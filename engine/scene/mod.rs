@@ -1,5 +1,6 @@
 //! Scenes, views and pictures on the host, and the files they come from and go to (SPEC 9).
 
+mod archive;
 mod at;
 pub mod capture;
 mod compressed_ply;

@@ -1,21 +1,27 @@
-//! PlayCanvas' SOG, version 2: `meta.json` and lossless WebP images whose pixels are the Gaussians' attributes.
+//! PlayCanvas' SOG, version 2: `meta.json` and lossless WebP images whose pixels are the Gaussians' attributes, in a folder or
+//! bundled in one zip archive, a `.sog`.
 
-use std::io::Cursor;
+use std::io::{Cursor, Read};
 use std::path::Path;
 
 use image::codecs::webp::WebPDecoder;
 use image::{DynamicImage, ImageDecoder, RgbaImage};
 use serde::Deserialize;
 
+use super::archive::Archive;
 use super::decode::{complete_quaternion, logit_of_byte};
-use super::file::read_bytes;
+use super::file::{cannot_read, open_file, read_bytes};
 use super::splats::Splats;
 use crate::error::{Error, Result};
 
 /// An image may have twice as many pixels as values and this many more; a larger one is refused undecoded.
 const SLACK_PIXELS: u64 = 256 * 256;
+/// Most bytes of `meta.json`.
+const MAX_META_BYTES: u64 = 1 << 20;
 /// Palette entries of spherical harmonics in a row of their image.
 const PALETTE_COLUMNS: usize = 64;
+/// What a zip archive begins with.
+pub(super) const ZIP: &[u8] = b"PK\x03\x04";
 const REMEDY: &str = "the scene is damaged: copy or export it again";
 
 #[derive(Deserialize)]
@@ -56,15 +62,17 @@ struct Palette {
     files: [String; 2],
 }
 
-/// Reads a SOG scene of version 2 from its `meta.json`; the images lie beside it. Every Gaussian is static.
+/// Reads a SOG scene of version 2 from its `meta.json`, beside which the images lie, or from a bundle of them, a zip archive
+/// (`.sog`). Every Gaussian is static.
 ///
 /// # Errors
 /// [`Error::Data`] naming the file and the entry when one cannot be read or decoded, is not lossless, has another size
 /// than the count needs (checked before it is decoded), or holds an index that leads nowhere.
 pub fn read_sog(path: &Path) -> Result<Splats> {
-    let meta = Meta::read(path)?;
+    let files = Files::open(path)?;
+    let meta = Meta::read(&files)?;
     let n = meta.count as usize;
-    let attribute = |name: &str| Pixels::read(path, name, n as u64);
+    let attribute = |name: &str| Pixels::read(&files, name, n as u64);
     let mut splats = Splats::new(meta.rest.as_ref().map_or(0, |palette| palette.bands));
     splats.n_static = n;
     let [low, high] = &meta.means.files;
@@ -83,7 +91,7 @@ pub fn read_sog(path: &Path) -> Result<Splats> {
         splats.sh = (0..n).map(dc).collect();
         return Ok(splats);
     };
-    let entries = palette.read(path)?;
+    let entries = palette.read(&files)?;
     let labels = attribute(&palette.files[1])?;
     for i in 0..n {
         let [low, high, ..] = labels.at(i);
@@ -103,11 +111,12 @@ pub fn read_sog(path: &Path) -> Result<Splats> {
 }
 
 impl Meta {
-    fn read(path: &Path) -> Result<Self> {
+    fn read(files: &Files) -> Result<Self> {
+        let (path, text) = (files.path, files.meta()?);
         let fault = |place: &str, reason: String| Err(Error::data(path, place, reason, REMEDY));
-        let meta: Meta = serde_json::from_slice(&read_bytes(path)?).map_err(|cause| {
+        let meta: Meta = serde_json::from_slice(&text).map_err(|cause| {
             let reason = format!("is no SOG description: {cause}");
-            Error::data(path, "", reason, "give the meta.json of a SOG scene, version 2")
+            Error::data(path, "", reason, "give the meta.json or the .sog of a scene, version 2")
         })?;
         if meta.version != 2 {
             return fault("field `version`", format!("is {}, only 2 is supported", meta.version));
@@ -150,13 +159,13 @@ impl Palette {
         (self.bands as usize + 1).pow(2) - 1
     }
 
-    fn read(&self, path: &Path) -> Result<Pixels> {
+    fn read(&self, files: &Files) -> Result<Pixels> {
         let width = PALETTE_COLUMNS * self.coefficients();
         let height = (self.count as usize).div_ceil(PALETTE_COLUMNS);
-        let pixels = Pixels::read(path, &self.files[0], (width * height) as u64)?;
+        let pixels = Pixels::read(files, &self.files[0], (width * height) as u64)?;
         if pixels.0.width() as usize != width {
             let reason = format!("is {} pixels wide, {} bands need {width}", pixels.0.width(), self.bands);
-            return Err(Error::data(path, self.files[0].clone(), reason, REMEDY));
+            return Err(Error::data(files.path, self.files[0].clone(), reason, REMEDY));
         }
         Ok(pixels)
     }
@@ -172,24 +181,59 @@ fn rotation(path: &Path, file: &str, i: usize, [a, b, c, tag]: [u8; 4]) -> Resul
     Ok(complete_quaternion([a, b, c].map(entry), largest.into()).map(|v| v as f32))
 }
 
+/// Where a scene's files are.
+struct Files<'a> {
+    /// `meta.json`, or the archive.
+    path: &'a Path,
+    archive: Option<Archive>,
+}
+
+impl<'a> Files<'a> {
+    fn open(path: &'a Path) -> Result<Self> {
+        let mut start = Vec::new();
+        let read = open_file(path).and_then(|file| file.take(ZIP.len() as u64).read_to_end(&mut start));
+        read.map_err(|fault| cannot_read(path, &fault))?;
+        let archive = (start == ZIP).then(|| Archive::open(path, REMEDY)).transpose()?;
+        Ok(Files { path, archive })
+    }
+
+    fn meta(&self) -> Result<Vec<u8>> {
+        let Some(archive) = &self.archive else { return read_bytes(self.path) };
+        let text = archive.read("meta.json", MAX_META_BYTES);
+        text.map_err(|reason| Error::data(self.path, "file `meta.json`", reason, "give the .sog of a scene, version 2"))
+    }
+
+    /// The file of an image of at most `most` pixels, which takes no more bytes than they take undecoded, and its headers.
+    fn image(&self, name: &str, most: u64) -> Result<Vec<u8>> {
+        if name.is_empty() || name.contains(['/', '\\']) || name.contains("..") {
+            return Err(self.fault(name, "is not the plain name of a file beside this one".to_owned()));
+        }
+        let Some(archive) = &self.archive else { return read_bytes(&self.path.with_file_name(name)) };
+        let bytes = archive.read(name, 4 * most + SLACK_PIXELS);
+        bytes.map_err(|reason| self.fault(name, reason))
+    }
+
+    fn fault(&self, name: &str, reason: String) -> Error {
+        Error::data(self.path, format!("image `{}`", name.escape_debug()), reason, REMEDY)
+    }
+}
+
 /// A decoded image, addressed by pixel number, row by row.
 struct Pixels(RgbaImage);
 
 impl Pixels {
-    /// Decodes the image `name` beside `meta`, which must have `n` pixels or a little more.
-    fn read(meta: &Path, name: &str, n: u64) -> Result<Self> {
-        let fault = |reason: String| Error::data(meta, format!("image `{}`", name.escape_debug()), reason, REMEDY);
-        if name.is_empty() || name.contains(['/', '\\']) || name.contains("..") {
-            return Err(fault("is not the plain name of a file beside this one".to_owned()));
-        }
-        let bytes = read_bytes(&meta.with_file_name(name))?;
+    /// Decodes the image `name`, which must have `n` pixels or a little more.
+    fn read(files: &Files, name: &str, n: u64) -> Result<Self> {
+        let most = 2 * n + SLACK_PIXELS;
+        let bytes = files.image(name, most)?;
+        let fault = |reason| files.fault(name, reason);
         if bytes.get(12..16) == Some(b"VP8 ") {
             return Err(fault("is a lossy WebP, which destroys the values".to_owned()));
         }
         let decoder = WebPDecoder::new(Cursor::new(&bytes)).map_err(|cause| fault(format!("is no WebP: {cause}")))?;
         let (width, height) = decoder.dimensions();
         let pixels = u64::from(width) * u64::from(height);
-        if pixels < n || pixels > 2 * n + SLACK_PIXELS {
+        if pixels < n || pixels > most {
             return Err(fault(format!("has {width} x {height} pixels for {n} values")));
         }
         let image = DynamicImage::from_decoder(decoder).map_err(|cause| fault(format!("does not decode: {cause}")))?;

@@ -5,6 +5,7 @@ use ivv::scene::capture::{Capture, CaptureSettings, Point, check_capture};
 use serde_json::{Value, json};
 
 use super::{Case, Folder, assert_told, encode, png};
+use crate::common::zip;
 
 const IDENTITY: [[f64; 4]; 4] =
     [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 4.0], [0.0, 0.0, 0.0, 1.0]];
@@ -129,18 +130,8 @@ fn foreground_masks_are_used_only_when_asked_for() {
     assert_told(&check_capture(&folder.0, &settings), &["seg/0/000000.png: is 4 x 6"]);
 }
 
-/// A zip archive with one stored file.
 fn npz(name: &str, content: &[u8]) -> Vec<u8> {
-    let (length, name_length) = ((content.len() as u32).to_le_bytes(), (name.len() as u16).to_le_bytes());
-    let mut bytes = b"PK\x03\x04".to_vec();
-    bytes.extend([[0; 4].as_slice(), &[0; 10], &length, &length, &name_length, &[0; 2], name.as_bytes()].concat());
-    bytes.extend(content);
-    let directory = (bytes.len() as u32).to_le_bytes();
-    bytes.extend(b"PK\x01\x02");
-    bytes.extend([[0; 6].as_slice(), &[0; 10], &length, &length, &name_length, &[0; 16], name.as_bytes()].concat());
-    bytes.extend(b"PK\x05\x06");
-    bytes.extend([[0; 4].as_slice(), &[1, 0, 1, 0], &[0; 4], &directory, &[0; 2]].concat());
-    bytes
+    zip(&[(name.to_owned(), content.to_owned())])
 }
 
 fn npy(header: &str, values: &[f64]) -> Vec<u8> {

@@ -1,7 +1,9 @@
 //! Makes files of changed parts so that a reader gets past what guards them: compression, checksums, hashes.
 
 use super::engine::Files;
+use crate::common::zip;
 use serde_json::Value;
+use std::collections::BTreeMap;
 use std::io::Write;
 
 /// The parts as files; the checksums of PNG are made right.
@@ -27,33 +29,19 @@ fn png(bytes: &[u8]) -> Vec<u8> {
     bytes
 }
 
-/// The parts as [`pictures`]; one called `ARCHIVE.npz/NAME.npy` is the one file of that archive, deflated, with the sizes and
-/// checksums of what it became.
-pub fn npz(parts: &Files) -> Files {
-    let packed = |(name, bytes): (String, Vec<u8>)| match name.split_once(".npz/") {
-        Some((archive, inside)) => (format!("{archive}.npz"), zip(inside, &bytes)),
-        None => (name, bytes),
-    };
-    pictures(parts).into_iter().map(packed).collect()
-}
-
-fn zip(name: &str, content: &[u8]) -> Vec<u8> {
-    let mut encoder = flate2::write::DeflateEncoder::new(Vec::new(), flate2::Compression::fast());
-    let packed = encoder.write_all(content).and_then(|()| encoder.finish()).unwrap();
-    let mut crc = flate2::Crc::new();
-    crc.update(content);
-    let [crc, n_packed, n_content] = [crc.sum(), packed.len() as u32, content.len() as u32].map(u32::to_le_bytes);
-    // Version 2.0, no flags, deflated, no time of change.
-    let common = [[20, 0, 0, 0, 8, 0].as_slice(), &[0; 4], &crc, &n_packed, &n_content].concat();
-    let n_name = (name.len() as u16).to_le_bytes();
-    let mut file = [b"PK\x03\x04", common.as_slice(), &n_name, &[0; 2], name.as_bytes(), &packed].concat();
-    let directory = file.len() as u32;
-    file.extend([b"PK\x01\x02\x14\0", common.as_slice(), &n_name, &[0; 16], name.as_bytes()].concat());
-    let n_directory = file.len() as u32 - directory;
-    file.extend([b"PK\x05\x06", [0, 0, 0, 0, 1, 0, 1, 0].as_slice()].concat());
-    file.extend([n_directory.to_le_bytes(), directory.to_le_bytes()].concat());
-    file.extend([0; 2]);
-    file
+/// The parts as [`pictures`]; those called `ARCHIVE.npz/NAME` or `ARCHIVE.sog/NAME` as files of that archive, with the sizes and
+/// checksums of what they became.
+pub fn archives(parts: &Files) -> Files {
+    let mut files = Files::new();
+    let mut packed: BTreeMap<String, Vec<(String, Vec<u8>)>> = BTreeMap::new();
+    for (name, bytes) in pictures(parts) {
+        match [".npz/", ".sog/"].iter().find_map(|ending| name.find(ending)) {
+            Some(at) => packed.entry(name[..at + 4].to_owned()).or_default().push((name[at + 5..].to_owned(), bytes)),
+            None => drop(files.insert(name, bytes)),
+        }
+    }
+    files.extend(packed.into_iter().map(|(archive, inside)| (archive, zip(&inside))));
+    files
 }
 
 /// Each part as a gzip stream.

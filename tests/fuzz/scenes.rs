@@ -84,9 +84,13 @@ pub fn sog() -> Vec<Seed> {
     let meta = crate::scene::sog::scene(&folder, |text| text);
     let files = super::files_of(meta.parent().unwrap());
     let read = |folder: &Path| whole(read_scene(&folder.join("meta.json")));
-    let seed = Seed::of(files, read);
+    let seed = Seed::of(files.clone(), read);
+    let bundled = files.into_iter().map(|(name, bytes)| (format!("a.sog/{name}"), bytes));
+    let bundle = Seed::of(bundled, |folder| whole(read_scene(&folder.join("a.sog"))));
+    let bundle = Seed { build: mend::archives, ..bundle };
+    let archive = Seed { build: mend::pictures, parts: mend::archives(&bundle.parts), ..bundle.clone() };
     // The text as often as all pictures.
-    vec![seed.clone(), Seed { only: vec!["meta.json"], ..seed }]
+    vec![seed.clone(), Seed { only: vec!["meta.json"], ..seed }, bundle, archive]
 }
 
 pub fn cameras() -> Vec<Seed> {

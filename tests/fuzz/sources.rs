@@ -104,8 +104,8 @@ pub fn npz() -> Vec<Seed> {
     let array = crate::prepare::sources::npy(2, &[row(1.0), row(-4.0)].concat());
     let mut parts = files_of(&folder.0);
     parts.insert("init_pt_cld.npz/data.npy".to_owned(), array);
-    let seed = Seed { only: vec!["init_pt_cld"], build: mend::npz, ..Seed::of(parts, capture) };
-    let archive = Seed { build: mend::pictures, parts: mend::npz(&seed.parts), ..seed.clone() };
+    let seed = Seed { only: vec!["init_pt_cld"], build: mend::archives, ..Seed::of(parts, capture) };
+    let archive = Seed { build: mend::pictures, parts: mend::archives(&seed.parts), ..seed.clone() };
     vec![seed, archive]
 }
 

@@ -5,6 +5,8 @@ use std::path::PathBuf;
 use image::{ExtendedColorType, codecs::webp::WebPEncoder};
 use ivv::scene::{read_scene, read_sog};
 
+use crate::common::zip;
+
 use super::{Folder, fault, shared};
 
 #[test]
@@ -140,4 +142,37 @@ fn every_fault_of_a_scene_is_named() {
     // A small file that would inflate to 64 megabytes for two Gaussians.
     folder.write("sh0.webp", webp(4096, 4096, &vec![[0; 4]; 1 << 24]));
     assert!(fault(read_sog(&path), &path).contains("has 4096 x 4096 pixels for 2 values"));
+}
+
+#[test]
+fn a_bundle_is_the_same_scene_as_its_folder() {
+    let folder = Folder::new("sog-bundle");
+    let path = scene(&folder, |text| text);
+    let whole = read_sog(&path).unwrap();
+    let names = ["means_l", "means_u", "scales", "quats", "sh0", "shN_centroids", "shN_labels"];
+    let names = names.iter().map(|name| format!("{name}.webp")).chain(["meta.json".to_owned()]);
+    let mut files: Vec<(String, Vec<u8>)> =
+        names.map(|name| (name.clone(), std::fs::read(folder.file(&name)).unwrap())).collect();
+    let bundle = folder.write("scene.sog", zip(&files));
+    assert_eq!(read_scene(&bundle).unwrap(), whole);
+    // What it is shows in its first bytes.
+    assert_eq!(read_scene(&folder.write("scene", zip(&files))).unwrap(), whole);
+    for (at, name) in [(0, "means_l.webp"), (7, "meta.json")] {
+        let mut fewer = files.clone();
+        fewer.remove(at);
+        let path = folder.write("scene.sog", zip(&fewer));
+        let told = fault(read_scene(&path), &path);
+        assert!(told.contains(name) && told.contains("is not in the archive"), "{told}");
+    }
+    // A small archive of a text of 2 MiB, and an image of more bytes than its pixels can take.
+    for (at, name, bytes) in [(7, "meta.json", 2 << 20), (0, "means_l.webp", 1 << 20)] {
+        let mut larger = files.clone();
+        larger[at].1.resize(bytes, b' ');
+        let path = folder.write("scene.sog", zip(&larger));
+        let told = fault(read_scene(&path), &path);
+        assert!(told.contains(name) && told.contains("are allowed"), "{told}");
+    }
+    files[7].1 = b"{}".to_vec();
+    let path = folder.write("scene.sog", zip(&files));
+    assert!(fault(read_scene(&path), &path).contains("no SOG description"));
 }
