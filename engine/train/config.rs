@@ -459,7 +459,7 @@ impl Default for Density {
             stop: 0.5,
             every: 100,
             gradient: 2e-4,
-            growth: 0.15,
+            growth: 0.05,
             growth_least: 1000,
             split_above: 0.01,
             prune_opacity: 0.005,

@@ -5,7 +5,7 @@ use crate::common::device::gpu;
 use crate::synth::{Body, bodies};
 use glam::DVec3;
 use ivv::Constants;
-use ivv::scene::capture::{Capture, Shot};
+use ivv::scene::capture::{Capture, Point, Shot};
 use ivv::scene::{Similarity, Splats};
 use ivv::stage::{Outputs, Renderer};
 use ivv::synth::{Options, Preset, write_capture};
@@ -151,17 +151,13 @@ fn the_source_is_what_the_capture_has_or_what_is_asked_for_and_what_it_lacks_is_
     let ask = |capture: &Capture, init: Init| initialise(capture, &Config { init, ..config() }, &mut |_, _| {});
     let mut with_points = capture.clone();
     with_points.points = random_points(&capture, &config());
-    assert_eq!(ask(&with_points, Init::Auto).unwrap().from, Init::Points);
+    let joined = ask(&with_points, Init::Auto).unwrap();
+    assert!(joined.from == Init::Frustum && joined.joined, "{joined}");
     assert_eq!(ask(&with_points, Init::Random).unwrap().from, Init::Random);
-    // A hundred points are not what a scene is grown from, unless they are asked for.
-    with_points.points.truncate(100);
-    let initial = ask(&with_points, Init::Auto).unwrap();
-    assert_eq!(initial.from, Init::Frustum);
-    let says = "the 100 points that were found are not used: fewer than 200";
-    assert!(initial.because.contains(says) && initial.because.contains("--set init=points"), "{initial}");
-    assert!(initial.splats.len() > 200, "{initial}");
+    let alone = ask(&with_points, Init::Frustum).unwrap();
+    assert!(!alone.joined && alone.splats == ask(&capture, Init::Auto).unwrap().splats, "{alone}");
     let asked = ask(&with_points, Init::Points).unwrap();
-    assert!(asked.from == Init::Points && (1..=100).contains(&asked.splats.len()), "{asked}");
+    assert!(asked.from == Init::Points && (1..=3000).contains(&asked.splats.len()), "{asked}");
     for (init, says) in [(Init::Points, "has no points"), (Init::Hull, "has no foreground masks")] {
         let error = ask(&capture, init).unwrap_err();
         assert!(error.exit_code() == 3 && error.to_string().contains(says), "{error}");
@@ -178,4 +174,29 @@ fn the_source_is_what_the_capture_has_or_what_is_asked_for_and_what_it_lacks_is_
     broken.cameras[n].shots[0].image = "absent.png".into();
     let error = ask(&broken, Init::Auto).unwrap_err();
     assert!(error.to_string().contains("absent.png"), "{error}");
+}
+
+/// A hundred points on the walls: no picture is covered by them, and no surface is lost to them.
+#[test]
+fn the_points_of_a_capture_are_joined_with_the_surfaces_that_its_pictures_show() {
+    let (capture, back) = training(true);
+    let alone = first(&capture, &config());
+    let still = |initial: &Initial| initial.splats.position[..initial.splats.n_static].to_vec();
+    let swept = still(&alone);
+    // Every thirtieth surface, and as many points of what moves, most of which is there in the first frame too.
+    let (every, moving) = (swept.iter().step_by(30), &alone.splats.position[alone.splats.n_static..]);
+    let point = |at: &[f32; 3]| Point { position: at.map(f64::from), color: [255, 0, 255], n_views: 2 };
+    let mut with_points = capture.clone();
+    let n = every.len();
+    with_points.points = every.map(point).chain(moving.iter().take(n).map(point)).collect();
+    let joined = first(&with_points, &config());
+    assert!(joined.joined && joined.to_string().contains("the capture's points"), "{joined}");
+    let is_pink = |i: &usize| joined.splats.sh[i * joined.splats.n_coefficients()][1] < -1.7;
+    let pink: Vec<usize> = (0..joined.splats.len()).filter(is_pink).collect();
+    assert!(10 * pink.len() >= 8 * n && 10 * pink.len() <= 14 * n, "{} of {n} points stand still", pink.len());
+    assert!(pink.iter().all(|i| *i < joined.splats.n_static), "a point that moves stands still");
+    assert!(still(&joined).len() > 10 * n, "{joined}");
+    // No surface is guessed where points are known.
+    let off = off(&back.splats(&joined.splats), 0..joined.splats.n_static, 0, |body| !body.dynamic);
+    assert!(off[off.len() * 7 / 10] < 0.2, "{}", off[off.len() * 7 / 10]);
 }

@@ -3,8 +3,8 @@
 use super::eye::{Eye, Ground};
 use super::points::{Found, median_color};
 use super::sweep::Depths;
-use crate::scene::capture::TRAINING_RADIUS;
-use glam::Vec3;
+use crate::scene::capture::{Point, TRAINING_RADIUS};
+use glam::{DVec3, Vec3};
 use std::collections::HashMap;
 
 /// Steps of inverse depth that another camera's may be off to confirm.
@@ -12,15 +12,15 @@ const TOLERANCE: f32 = 1.5;
 /// Steps beyond which another camera sees through a point.
 const THROUGH: f32 = 3.0;
 
-/// A point and the cameras that saw it there; 0 where it is guessed.
+/// A point and the cameras that saw it there; 0 where it is guessed, `usize::MAX` where it was known before.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Agreed {
     pub found: Found,
     pub n_cameras: usize,
 }
 
-/// The points of all cameras, those that are seen first.
-pub(super) fn agree(eyes: &[Eye], depths: &[Depths]) -> Vec<Agreed> {
+/// The points of all cameras, those that are seen first, then the guesses if `guess`.
+pub(super) fn agree(eyes: &[Eye], depths: &[Depths], guess: bool) -> Vec<Agreed> {
     let mut all = Vec::new();
     let mut known: Vec<Vec<f32>> = Vec::new();
     for (i, eye) in eyes.iter().enumerate() {
@@ -29,7 +29,7 @@ pub(super) fn agree(eyes: &[Eye], depths: &[Depths]) -> Vec<Agreed> {
         known.push(inverse.map(|(found, inverse)| if found.is_some() { *inverse } else { f32::NAN }).collect());
         all.extend(confirmed.into_iter().flatten());
     }
-    for (i, eye) in eyes.iter().enumerate() {
+    for (i, eye) in eyes.iter().enumerate().filter(|_| guess) {
         let spread = spread(eye, &known[i]);
         let is_open = |pixel: &usize| eye.ground[*pixel] == Ground::Still && known[i][*pixel].is_nan();
         for pixel in (0..eye.ground.len()).filter(is_open).filter(|pixel| spread[*pixel] > 0.0) {
@@ -43,6 +43,16 @@ pub(super) fn agree(eyes: &[Eye], depths: &[Depths]) -> Vec<Agreed> {
         }
     }
     all
+}
+
+/// Those of a capture's points that stand still, by the foreground masks of most cameras that see their places.
+pub(super) fn at_rest(points: &[Point], eyes: &[Eye]) -> Vec<Found> {
+    let rests = |point: &&Point| {
+        let position = DVec3::from_array(point.position).as_vec3();
+        let grounds: Vec<Ground> = eyes.iter().filter_map(|eye| Some(eye.ground[eye.sees(position)?.0])).collect();
+        2 * grounds.iter().filter(|ground| **ground == Ground::Moving).count() <= grounds.len()
+    };
+    points.iter().filter(rests).map(Found::from).collect()
 }
 
 fn place(eye: &Eye, pixel: usize, inverse_depth: f32) -> Vec3 {

@@ -53,6 +53,24 @@ pub(super) struct Eye {
     pub ground: Vec<Ground>,
 }
 
+/// The line on which a camera sees a ray.
+pub(super) struct Trace<'a> {
+    eye: &'a Eye,
+    at: Vec3,
+    along: Vec3,
+}
+
+impl Trace<'_> {
+    /// The pixel that shows the ray's point of one over the depth `w`, above 0.
+    pub fn pixel(&self, w: f32) -> Option<usize> {
+        // The point times w, which is seen at the same place.
+        let point = self.at + self.along * w;
+        (point.z > 1e-6 * w)
+            .then(|| point.truncate() / point.z * self.eye.focal + self.eye.principal)
+            .and_then(|at| self.eye.pixel(at))
+    }
+}
+
 impl Eye {
     /// Reduces a picture by the least whole number that leaves at most `longest` pixels on each side.
     pub fn new(seen: &Seen, longest: usize) -> Self {
@@ -119,6 +137,11 @@ impl Eye {
     pub fn sees(&self, world: Vec3) -> Option<(usize, f32)> {
         let (at, depth) = self.project(world)?;
         Some((self.pixel(at)?, depth))
+    }
+
+    /// Where this camera sees the points `from + ray / w` of a ray, by w.
+    pub fn trace(&self, from: Vec3, ray: Vec3) -> Trace<'_> {
+        Trace { eye: self, at: self.rotation * ray, along: self.rotation * (from - self.center) }
     }
 
     /// World direction through the middle of a pixel, of depth 1.

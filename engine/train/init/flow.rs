@@ -4,7 +4,7 @@
 //! Frames are read one after another, and of each frame one camera's flow a thread: nothing but the result grows with the
 //! clip.
 
-use super::points::{Found, OPACITY, Reach, push, spacings};
+use super::points::{Found, OPACITY, Reach, append, push, spacings};
 use crate::error::Result;
 use crate::parallel::in_parallel;
 use crate::scene::capture::{Capture, FramePoint};
@@ -72,20 +72,45 @@ pub(super) enum Rule {
     All,
 }
 
-/// Gaussians from the points of the frames: static ones from the reference frame, and from every frame those that move as `rule`
-/// says.
-/// `progress` is called as (frames done, frames in all).
+/// What the points of all frames give.
+pub(super) struct FromFrames {
+    /// Those of the reference frame that stand still, with the standard deviations of their Gaussians.
+    pub still: (Vec<Found>, Vec<f64>),
+    /// Gaussians from those of every frame that move, as the rule says.
+    pub moving: Splats,
+    pub counts: PointCounts,
+}
+
+impl FromFrames {
+    /// Gaussians from these points alone.
+    pub fn splats(self, capture: &Capture, config: &Config) -> Splats {
+        let mut splats = Splats::new(config.sh_degree);
+        append(&mut splats, &self.still.0, &self.still.1, OPACITY, at_rest(capture, config));
+        splats.append_dynamic(self.moving);
+        splats.source_row = (0..splats.len() as u32).collect();
+        splats
+    }
+}
+
+/// How what stands still in the reference frame begins: it may move later, unless [`Config::init_static_tau`] is 0.
+pub(super) fn at_rest(capture: &Capture, config: &Config) -> Option<Motion> {
+    let t_center = f64::from(capture.reference_frame) / f64::from(capture.n_frames);
+    let tau = config.init_static_tau;
+    (tau > 0.0).then(|| Motion { velocity: [0.0; 3], t_center: t_center as f32, t_scale: tau.ln() as f32 })
+}
+
+/// Reads the points and the flow of all frames. `progress` is called as (frames done, frames in all).
 pub(super) fn from_frames(
     capture: &Capture,
     config: &Config,
     rule: Rule,
     progress: &mut dyn FnMut(usize, usize),
-) -> Result<(Splats, PointCounts)> {
+) -> Result<FromFrames> {
     let threads = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
     let (reach, dt) = (Reach::new(capture), 1.0 / f64::from(capture.n_frames));
     let by_flow = rule != Rule::All;
     let mut counts = PointCounts::default();
-    let mut still = Splats::new(config.sh_degree);
+    let mut still = (Vec::new(), Vec::new());
     let mut moving = Splats::new(config.sh_degree);
     for frame in 0..capture.n_frames {
         let points = capture.points_of(frame)?;
@@ -112,17 +137,14 @@ pub(super) fn from_frames(
                 push(&mut moving, found, size, OPACITY, Some(motion));
                 counts.with_velocity += usize::from(way != DVec3::ZERO);
             } else if frame == capture.reference_frame {
-                let tau = config.init_static_tau;
-                push(&mut still, found, size, OPACITY, (tau > 0.0).then(|| motion([0.0; 3], tau)));
-                counts.n_static += 1;
+                still.0.push(*found);
+                still.1.push(size);
             }
         }
         progress(frame as usize + 1, capture.n_frames as usize);
     }
-    counts.n_dynamic = moving.len();
-    still.append_dynamic(moving);
-    still.source_row = (0..still.len() as u32).collect();
-    Ok((still, counts))
+    (counts.n_static, counts.n_dynamic) = (still.0.len(), moving.len());
+    Ok(FromFrames { still, moving, counts })
 }
 
 /// How a camera saw a point move.

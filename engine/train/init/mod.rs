@@ -1,8 +1,8 @@
-//! Initialisation: the first Gaussians, from a capture's points or, without any, from its cameras and pictures alone.
+//! Initialisation: the first Gaussians, from a capture's points, its cameras and its pictures.
 //!
 //! - From the points of every frame: those that the flow says move, and of the others those of one frame (`flow`).
 //! - What stands still: each camera sweeps its rays for the depth at which its neighbours show the same (`sweep`); depths
-//!   that another camera confirms become points (`agree`).
+//!   that another camera confirms become points, where the capture has none (`agree`).
 //! - What moves, where foreground masks tell: the visual hull's surface at evenly spaced frames (`hull`).
 //!
 //! Colours are medians over the cameras that see a point, because each has its own exposure.
@@ -20,10 +20,11 @@ pub use points::{from_points, random_points};
 
 use crate::error::{Error, Result};
 use crate::parallel::in_parallel;
-use crate::scene::capture::{Capture, Point};
+use crate::scene::capture::Capture;
 use crate::scene::{Motion, Splats};
 use crate::train::config::{Config, Init};
 use crate::words::count;
+use agree::Agreed;
 use eye::{Eye, Seen};
 use lens::Lenses;
 use points::{Found, Reach};
@@ -39,9 +40,11 @@ const MOST_CAMERAS: usize = 32;
 const HULL_STRIDE: u32 = 2;
 /// Pixels that are decoded for hulls, but of four frames at least.
 const HULL_PIXELS: u64 = 1 << 28;
-/// Gaussians from points that are worth beginning with unless asked for. Fewer cover no picture, and by division they grow too
-/// slowly: of a room with 100 of them nothing is seen after 500 steps.
+/// Gaussians that are worth beginning with unless asked for. Fewer cover no picture, and by division they grow too slowly: of
+/// a room with 100 of them nothing is seen after 500 steps.
 const ENOUGH: usize = 200;
+/// Pixels of the training pictures of a frame for each point of a surface, at least: small pictures show no more.
+const PIXELS_PER_POINT: u64 = 16;
 /// Standard deviation of a Gaussian in units of the distance to its neighbours: they touch on a surface.
 const SIZE: f64 = 0.5;
 /// Key of the random choice among a hull's points.
@@ -55,8 +58,10 @@ const LONELY: f64 = 2.5;
 pub struct Initial {
     /// The Gaussians.
     pub splats: Splats,
-    /// Where they come from; never [`Init::Auto`].
+    /// Where those that move come from, or all of them where nothing tells; never [`Init::Auto`].
     pub from: Init,
+    /// Points and surfaces are joined, as [`Init::Auto`] does where it finds both.
+    pub joined: bool,
     /// Why.
     pub because: String,
     /// Frames whose hulls were taken.
@@ -69,18 +74,22 @@ pub struct Initial {
 
 impl fmt::Display for Initial {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Initial { splats, from, because, n_hulls, counts, thinned_from } = self;
+        let Initial { splats, from, joined, because, n_hulls, counts, thinned_from } = self;
         let (n_static, n_dynamic) = (splats.n_static, splats.len() - splats.n_static);
         let source = match from {
+            Init::Flow if *joined => "the points and the flow of every frame, and surfaces on which the images agree",
             Init::Flow | Init::AnyView => "the points and the flow of every frame",
             Init::Concat => "the points of every frame",
             Init::Auto | Init::Points => "the capture's points",
+            Init::Hull if *joined => "visual hulls, surfaces on which the images agree, and the capture's points",
+            Init::Frustum if *joined => "surfaces on which the images agree, and the capture's points",
             Init::Hull => "visual hulls and surfaces on which the images agree",
             Init::Frustum => "surfaces on which the images agree",
             Init::Random => "random points",
         };
         let dynamic = if n_dynamic > 0 { format!(" and {n_dynamic} dynamic") } else { String::new() };
-        write!(f, "{n_static} static{dynamic} Gaussians from {source} (init={}: {because})", from.name())?;
+        let init = if *joined { Init::Auto.name() } else { from.name() };
+        write!(f, "{n_static} static{dynamic} Gaussians from {source} (init={init}: {because})")?;
         if *n_hulls > 0 {
             write!(f, ", hulls of {}", count(*n_hulls, "frame"))?;
         }
@@ -91,9 +100,15 @@ impl fmt::Display for Initial {
     }
 }
 
-/// Makes the first Gaussians of `capture`, which is in the frame of training, as `config.init` says; with [`Init::Auto`] from
-/// the pictures where the points are few. Where nothing is found they are at random places. Of more than
-/// [`Config::max_gaussians`] that many are kept, evenly chosen. `progress` is called as (pieces done, pieces in all).
+impl Initial {
+    fn new(splats: Splats, from: Init, because: String) -> Self {
+        Initial { splats, from, joined: false, because, n_hulls: 0, counts: None, thinned_from: None }
+    }
+}
+
+/// Makes the first Gaussians of `capture`, which is in the frame of training, as `config.init` says. Where nothing is found they
+/// are at random places. Of more than [`Config::max_gaussians`] that many are kept, evenly chosen. `progress` is called as
+/// (pieces done, pieces in all).
 ///
 /// # Errors
 /// [`Error::Data`] when the capture has not what `config.init` asks for, or when an image does not decode.
@@ -115,76 +130,43 @@ fn all(capture: &Capture, config: &Config, progress: &mut dyn FnMut(usize, usize
         let remedy = "set it to one of auto, flow, any_view, concat, points, hull, frustum and random";
         Err(Error::data(&capture.path, "setting `init`", format!("the capture has no {what}"), remedy))
     };
-    let (has_points, has_foreground) = (!capture.points.is_empty(), has_foreground(capture));
+    let has_foreground = has_foreground(capture);
     let (has_frame_points, has_flow) = (capture.has_frame_points(), has_flow(capture));
     let (from, because) = match config.init {
         Init::Auto if has_frame_points && has_flow => (Init::Flow, "the capture has points of every frame and flow"),
-        Init::Auto if has_points => (Init::Points, "the capture has points"),
-        Init::Auto if has_foreground => (Init::Hull, "no points, but foreground masks"),
-        Init::Auto => (Init::Frustum, "no points, no foreground masks"),
+        Init::Auto if has_foreground => (Init::Hull, "the capture has foreground masks"),
+        Init::Auto => (Init::Frustum, "the capture has neither flow with points of every frame nor foreground masks"),
         Init::Flow | Init::AnyView if !has_flow => return lacks("optical flow"),
         Init::Flow | Init::AnyView | Init::Concat if !has_frame_points => return lacks("points of every frame"),
-        Init::Points if !has_points => return lacks("points"),
+        Init::Points if capture.points.is_empty() => return lacks("points"),
         Init::Hull if !has_foreground => return lacks("foreground masks"),
         asked => (asked, "asked for"),
     };
-    let at = |points: &[Point], from: Init, because: String| {
-        Ok(Initial {
-            splats: from_points(points, capture, config),
-            from,
-            because,
-            n_hulls: 0,
-            counts: None,
-            thinned_from: None,
-        })
-    };
-    let pictures = |with_hulls: bool, because: String, progress: &mut dyn FnMut(usize, usize)| {
-        let (splats, n_hulls) = from_pictures(capture, config, with_hulls, progress)?;
-        if splats.is_empty() {
-            let because = format!("{because}; no surface was found in the pictures either");
-            return at(&random_points(capture, config), Init::Random, because);
+    let because = because.to_owned();
+    let rule = match from {
+        Init::Flow => flow::Rule::TwoViews,
+        Init::AnyView => flow::Rule::AnyView,
+        Init::Concat => flow::Rule::All,
+        Init::Points => return Ok(Initial::new(from_points(&capture.points, capture, config), from, because)),
+        Init::Random => return Ok(at_random(capture, config, because)),
+        Init::Auto | Init::Hull | Init::Frustum => {
+            return from_pictures(capture, config, from, because, progress);
         }
-        let from = if with_hulls { Init::Hull } else { Init::Frustum };
-        Ok(Initial { splats, from, because, n_hulls, counts: None, thinned_from: None })
     };
-    let few = |n: usize| config.init == Init::Auto && n < ENOUGH;
-    // What becomes of points that are there and not used is said.
-    let unused = |n: usize, init: Init| {
-        let init = init.name();
-        format!(
-            "the {n} points that were found are not used: fewer than {ENOUGH} cover no picture; --set init={init} takes them"
-        )
-    };
-    match from {
-        Init::Flow | Init::AnyView | Init::Concat => {
-            let rule = match from {
-                Init::Concat => flow::Rule::All,
-                Init::AnyView => flow::Rule::AnyView,
-                _ => flow::Rule::TwoViews,
-            };
-            let (splats, counts) = flow::from_frames(capture, config, rule, progress)?;
-            if few(splats.len()) {
-                return pictures(has_foreground, unused(splats.len(), from), progress);
-            }
-            if splats.is_empty() {
-                return at(&random_points(capture, config), Init::Random, "no frame has a point".to_owned());
-            }
-            Ok(Initial {
-                splats,
-                from,
-                because: because.to_owned(),
-                n_hulls: 0,
-                counts: Some(counts),
-                thinned_from: None,
-            })
-        }
-        Init::Points if few(capture.points.len()) => {
-            pictures(has_foreground, unused(capture.points.len(), from), progress)
-        }
-        Init::Points => at(&capture.points, from, because.to_owned()),
-        Init::Random => at(&random_points(capture, config), from, because.to_owned()),
-        Init::Auto | Init::Hull | Init::Frustum => pictures(from == Init::Hull, because.to_owned(), progress),
+    if config.init == Init::Auto {
+        return from_pictures(capture, config, from, because, progress);
     }
+    let frames = flow::from_frames(capture, config, rule, progress)?;
+    let counts = Some(frames.counts);
+    let splats = frames.splats(capture, config);
+    if splats.is_empty() {
+        return Ok(at_random(capture, config, "no frame has a point".to_owned()));
+    }
+    Ok(Initial { counts, ..Initial::new(splats, from, because) })
+}
+
+fn at_random(capture: &Capture, config: &Config, because: String) -> Initial {
+    Initial::new(from_points(&random_points(capture, config), capture, config), Init::Random, because)
 }
 
 fn has_flow(capture: &Capture) -> bool {
@@ -197,28 +179,35 @@ fn has_foreground(capture: &Capture) -> bool {
     training.flat_map(|camera| &camera.shots).any(|shot| shot.foreground.is_some())
 }
 
-/// The Gaussians, and the number of hulls that were taken.
+/// From the surfaces that the pictures show and, with [`Init::Auto`], the capture's points. What moves is shown by points and flow
+/// of all frames ([`Init::Flow`]) or by hulls ([`Init::Hull`]).
 fn from_pictures(
     capture: &Capture,
     config: &Config,
-    with_hulls: bool,
+    from: Init,
+    because: String,
     progress: &mut dyn FnMut(usize, usize),
-) -> Result<(Splats, usize)> {
+) -> Result<Initial> {
     let cameras = cameras(capture);
-    let hull_frames = if with_hulls { hull_frames(capture, &cameras) } else { Vec::new() };
-    let mut frames: Vec<u32> = hull_frames.iter().copied().chain([capture.reference_frame]).collect();
-    frames.sort_unstable();
-    frames.dedup();
+    let hull_frames = if from == Init::Hull { hull_frames(capture, &cameras) } else { Vec::new() };
+    let mut all_frames: Vec<u32> = hull_frames.iter().copied().chain([capture.reference_frame]).collect();
+    all_frames.sort_unstable();
+    all_frames.dedup();
     let threads = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
-    let (mut n_done, n_pieces) = (0, (frames.len() + 1) * cameras.len());
+    let n_flow_frames = if from == Init::Flow { capture.n_frames as usize } else { 0 };
+    let (mut n_done, n_pieces) = (0, n_flow_frames + (all_frames.len() + 1) * cameras.len());
     let mut done = || {
         n_done += 1;
         progress(n_done, n_pieces);
     };
+    let frames = match from {
+        Init::Flow => Some(flow::from_frames(capture, config, flow::Rule::TwoViews, &mut |_, _| done())?),
+        _ => None,
+    };
     let reach = Reach::new(capture);
     let lenses = Lenses::new(capture);
-    let (mut still, mut moving) = (Vec::new(), Vec::new());
-    for frame in frames {
+    let (mut still, mut moving, mut n_known) = (Vec::new(), Vec::new(), 0);
+    for frame in all_frames {
         let is_reference = frame == capture.reference_frame;
         let seen = in_parallel(
             cameras.len(),
@@ -232,22 +221,40 @@ fn from_pictures(
         let eyes = |longest: usize| seen.iter().flatten().map(|seen| Eye::new(seen, longest)).collect::<Vec<_>>();
         if is_reference {
             let eyes = eyes(SWEEP_SIDE);
+            let known = match &frames {
+                Some(frames) => frames.still.0.clone(),
+                None if config.init == Init::Auto => agree::at_rest(&capture.points, &eyes),
+                None => Vec::new(),
+            };
+            n_known = known.len();
             let depths = sweep::sweep(&eyes, threads, &mut done)?;
-            let mut agreed = agree::agree(&eyes, &depths);
-            agreed.retain(|point| !lenses.are_veiled_by(&point.found));
-            still = agree::thin(&agreed, config.init_points);
+            let mut all: Vec<Agreed> = known.into_iter().map(|found| Agreed { found, n_cameras: usize::MAX }).collect();
+            all.extend(agree::agree(&eyes, &depths, n_known == 0));
+            all.retain(|point| !lenses.are_veiled_by(&point.found));
+            let most = (n_pixels(capture) / PIXELS_PER_POINT).min(config.init_points as u64) as usize;
+            still = agree::thin(&all, most.max(n_known));
         }
         if hull_frames.contains(&frame) {
             let key = [config.seed, HULL_KEY, u64::from(frame)];
             moving.push((frame, hull::surface(&eyes(HULL_SIDE), config.init_moving_points, &key)));
         }
     }
+    let n_hull = moving.iter().map(|(_, found): &(u32, Vec<Found>)| found.len()).sum::<usize>();
+    let n_flow = frames.as_ref().map_or(0, |frames| frames.moving.len());
+    if still.len() + n_hull + n_flow < ENOUGH {
+        return Ok(at_random(capture, config, format!("{because}; no surface was found in the pictures")));
+    }
     let mut splats = Splats::new(config.sh_degree);
     let mut append = |found: Vec<Found>, motion: Option<Motion>| {
         let (found, sizes) = settled(found, &lenses, &reach);
         points::append(&mut splats, &found, &sizes, config.init_opacity, motion);
     };
-    append(still, if with_hulls { None } else { points::throughout(capture) });
+    let at_rest = match from {
+        Init::Hull => None,
+        Init::Flow => flow::at_rest(capture, config),
+        _ => points::throughout(capture),
+    };
+    append(still, at_rest);
     let n_frames = f64::from(capture.n_frames);
     let tau = config.init_tau / moving.len().max(1) as f64;
     for (frame, found) in moving {
@@ -255,7 +262,19 @@ fn from_pictures(
         let motion = Motion { velocity: [0.0; 3], t_center, t_scale: tau.ln() as f32 };
         append(found, (capture.n_frames > 1).then_some(motion));
     }
-    Ok((splats, hull_frames.len()))
+    let counts = frames.as_ref().map(|frames| frames.counts);
+    if let Some(frames) = frames {
+        splats.append_dynamic(frames.moving);
+    }
+    splats.source_row = (0..splats.len() as u32).collect();
+    let joined = n_known > 0;
+    Ok(Initial { joined, counts, n_hulls: hull_frames.len(), ..Initial::new(splats, from, because) })
+}
+
+/// Pixels of all training pictures of one frame.
+fn n_pixels(capture: &Capture) -> u64 {
+    let training = capture.cameras.iter().filter(|camera| !camera.is_test);
+    training.map(|camera| u64::from(camera.width) * u64::from(camera.height)).sum()
 }
 
 /// The training cameras that take part.

@@ -23,11 +23,16 @@ pub(super) struct Found {
     pub color: [f32; 3],
 }
 
+impl From<&Point> for Found {
+    fn from(point: &Point) -> Self {
+        Found { position: point.position, color: point.color.map(|c| f32::from(c) / 255.0) }
+    }
+}
+
 /// One isotropic Gaussian per point: size from the mean distance to the 3 nearest neighbours, opacity 0.1, colour to
 /// degree 0. In a clip of several frames all are dynamic, at rest, and visible throughout.
 pub fn from_points(points: &[Point], capture: &Capture, config: &Config) -> Splats {
-    let found = |point: &Point| Found { position: point.position, color: point.color.map(|c| f32::from(c) / 255.0) };
-    let found: Vec<Found> = points.iter().map(found).collect();
+    let found: Vec<Found> = points.iter().map(Found::from).collect();
     let sizes = spacings(&found, &Reach::new(capture));
     let mut splats = Splats::new(config.sh_degree);
     append(&mut splats, &found, &sizes, OPACITY, throughout(capture));

@@ -5,7 +5,7 @@ use super::eye::{Eye, Ground};
 use crate::error::Result;
 use crate::parallel::in_parallel;
 use crate::scene::capture::TRAINING_RADIUS;
-use glam::Vec3;
+use glam::{Vec3, Vec3A};
 
 /// Neighbours that each camera is compared with.
 const NEIGHBOURS: usize = 10;
@@ -32,7 +32,7 @@ pub(super) struct Depths {
 }
 
 /// What is compared of a pixel: log-colour without the mean around, and relative to the whole picture.
-type Feature = [f32; 6];
+type Feature = [Vec3A; 2];
 
 /// The depths of what stands still, by camera. `done` is called after each of them.
 ///
@@ -86,12 +86,12 @@ fn features(eye: &Eye) -> Vec<Feature> {
         let sum = |k: usize| at(y1, x1, k) + at(y0, x0, k) - at(y0, x1, k) - at(y1, x0, k);
         std::array::from_fn(|k| (sum(k) / sum(3).max(1.0)) as f32)
     };
-    let whole = mean([0, *height], [0, *width]);
+    let whole = Vec3A::from(mean([0, *height], [0, *width]));
     let window = |at: usize, size: usize| [at.saturating_sub(WINDOW), (at + WINDOW + 1).min(size)];
     let feature = |pixel: usize| {
-        let own = color[pixel].map(log);
-        let around = mean(window(pixel / width, *height), window(pixel % width, *width));
-        std::array::from_fn(|k| if k < 3 { own[k] - around[k] } else { COLOR_WEIGHT * (own[k - 3] - whole[k - 3]) })
+        let own = Vec3A::from(color[pixel].map(log));
+        let around = Vec3A::from(mean(window(pixel / width, *height), window(pixel % width, *width)));
+        [own - around, COLOR_WEIGHT * (own - whole)]
     };
     (0..width * height).map(feature).collect()
 }
@@ -105,26 +105,29 @@ fn depths(eyes: &[Eye], features: &[Vec<Feature>], i: usize) -> Depths {
     let step = 1.0 / (baseline * eye.focal.x).max(1e-6);
     let n = eye.ground.len();
     let mut costs = vec![MOST_COST; n * DEPTHS];
+    let others: Vec<(&Eye, &Vec<Feature>)> = neighbours.iter().map(|j| (&eyes[*j], &features[*j])).collect();
     for pixel in (0..n).filter(|pixel| eye.ground[*pixel] == Ground::Still) {
         let (ray, own) = (eye.ray(pixel), &features[i][pixel]);
-        for (plane, cost) in costs[pixel * DEPTHS..][..DEPTHS].iter_mut().enumerate() {
-            let at = eye.center + ray / inverse_depth(step, plane as f32);
-            let mut differences = [MOST_COST; NEIGHBOURS];
-            let mut n_seen = 0;
-            for &j in &neighbours {
-                let there = eyes[j].sees(at).filter(|(there, _)| eyes[j].ground[*there] == Ground::Still);
-                if let Some((there, _)) = there {
-                    let difference: f32 = own.iter().zip(&features[j][there]).map(|(a, b)| (a - b).abs()).sum();
-                    differences[n_seen] = difference.min(MOST_COST);
-                    n_seen += 1;
+        let mut differences = [[MOST_COST; NEIGHBOURS]; DEPTHS];
+        let mut n_seen = [0; DEPTHS];
+        for (other, features) in &others {
+            let trace = other.trace(eye.center, ray);
+            for plane in 0..DEPTHS {
+                let Some(there) = trace.pixel(inverse_depth(step, plane as f32)) else { continue };
+                if other.ground[there] == Ground::Still {
+                    let [a, b] = &features[there];
+                    let difference = ((own[0] - *a).abs() + (own[1] - *b).abs()).element_sum();
+                    differences[plane][n_seen[plane]] = difference.min(MOST_COST);
+                    n_seen[plane] += 1;
                 }
             }
-            if n_seen >= 2 {
-                // The better half: from the others the point may be hidden.
-                differences[..n_seen].sort_unstable_by(f32::total_cmp);
-                let half = n_seen.div_ceil(2).max(2);
-                *cost = differences[..half].iter().sum::<f32>() / half as f32;
-            }
+        }
+        let planes = costs[pixel * DEPTHS..][..DEPTHS].iter_mut().zip(&mut differences).zip(n_seen);
+        for ((cost, differences), n_seen) in planes.filter(|(_, n_seen)| *n_seen >= 2) {
+            // The better half: from the others the point may be hidden.
+            differences[..n_seen].sort_unstable_by(f32::total_cmp);
+            let half = n_seen.div_ceil(2).max(2);
+            *cost = differences[..half].iter().sum::<f32>() / half as f32;
         }
     }
     let smooth = smoothed(&costs, eye.width, eye.height);
