@@ -21,7 +21,8 @@ pub struct Config {
     pub max_gaussians: usize,
     /// Where the first Gaussians come from.
     pub init: Init,
-    /// Gaussians to begin with where they do not come from points; of a hull those that stand still.
+    /// Most Gaussians from surfaces that the pictures show, or at random places; one for each 16 pixels of a frame's training
+    /// pictures at most. Where the capture has more points, as many as it has.
     pub init_points: usize,
     /// Gaussians from the hull of one frame.
     pub init_moving_points: usize,
@@ -199,8 +200,8 @@ impl Default for Loss {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Init {
-    /// `Flow` where the capture has points of every frame and flow, else `Points` where it has some; where they are few, or
-    /// there are none, `Hull` if it says what moves, else `Frustum`.
+    /// All that the capture has: what moves from points and flow of every frame (`Flow`) or, without them, from foreground
+    /// masks (`Hull`); what stands still from the surfaces that the pictures show (`Frustum`), joined with the points.
     Auto,
     /// What stands still from the points of the reference frame, what moves from those of every frame, told apart by the
     /// flow (SPEC 5).

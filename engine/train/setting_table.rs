@@ -40,7 +40,7 @@ pub const SETTINGS: &[Setting] = &[
         "init_points",
         "Gaussians",
         Range::Whole(1, MOST_POINTS),
-        "Gaussians to begin with where the capture has no points; with a hull, those that stand still.",
+        "Most Gaussians from the surfaces that the images show; as many as the capture has points where those are more.",
     ),
     s("init_moving_points", "Gaussians", Range::Whole(1, MOST_POINTS), "Gaussians from the visual hull of one frame."),
     s("init_opacity", "", BETWEEN, "Opacity of Gaussians that begin on surfaces found in the images."),

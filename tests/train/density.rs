@@ -14,12 +14,12 @@ use ivv::train::{
 #[test]
 fn the_settings_of_density_control_make_its_rounds() {
     let extent = Extent { center: [100.0, 2.0, 3.0], radius: 4.0 };
-    let round = |config: &Config, step| density_round(config, (step, 10_000), 9000, &extent, [90.0, 0.0, 0.0], 7);
+    let round = |config: &Config, step| density_round(config, (step, 10_000), 90_000, &extent, [90.0, 0.0, 0.0], 7);
     let adc = Config::default();
     assert_eq!(round(&adc, 550), None);
     let first = round(&adc, 600).unwrap();
     assert_eq!(first.choice, Choice::Pulled { gradient: 2e-4, split_above: 0.04, prune_scale: 2.0 });
-    assert_eq!((first.center, first.extent, first.n_frames, first.growth), ([10.0, 2.0, 3.0], 4.0, 7, 0.15));
+    assert_eq!((first.center, first.extent, first.n_frames, first.growth), ([10.0, 2.0, 3.0], 4.0, 7, 0.05));
     assert_ne!(first.key, round(&adc, 700).unwrap().key);
     // Opacity 0.05 from the reset on step 3000; MCMC has none.
     let ceiling = |config: &Config, step| round(config, step).unwrap().opacity_ceiling;
@@ -34,13 +34,13 @@ fn the_settings_of_density_control_make_its_rounds() {
     assert_eq!(round(&often, 6050), None);
     // After half of the run rounds remove, with either strategy, to its end; without density control there are none.
     let (late, last) = (round(&adc, 5100).unwrap(), round(&adc, 10_000).unwrap());
-    assert_eq!((round(&adc, 5000).unwrap().growth, late.growth, last.growth), (0.15, 0.0, 0.0));
+    assert_eq!((round(&adc, 5000).unwrap().growth, late.growth, last.growth), (0.05, 0.0, 0.0));
     assert_eq!((late.prune_veil, late.opacity_ceiling), (0.33, f32::MAX));
     // What is large goes only as long as others are added: later a wall would be left with a hole.
     assert_eq!(late.choice, Choice::Pulled { gradient: 2e-4, split_above: 0.04, prune_scale: f32::MAX });
     // Few Gaussians grow by more than their share, by all of them at most.
     let few = |n| density_round(&adc, (600, 10_000), n, &extent, [90.0, 0.0, 0.0], 7).unwrap().growth;
-    assert_eq!([few(500), few(4000), few(7000)], [1.0, 0.25, 0.15]);
+    assert_eq!([few(500), few(4000), few(70_000)], [1.0, 0.25, 0.05]);
     let late = round(&mcmc, 5100).unwrap();
     assert!(matches!(late.choice, Choice::Pulled { prune_scale: f32::MAX, .. }) && late.growth == 0.0);
     let never = Config { density: Density { stop: 0.0, ..Density::default() }, ..Config::default() };
