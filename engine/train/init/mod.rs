@@ -208,19 +208,18 @@ fn from_pictures(
     let lenses = Lenses::new(capture);
     let (mut still, mut moving, mut n_known) = (Vec::new(), Vec::new(), 0);
     for frame in all_frames {
-        let is_reference = frame == capture.reference_frame;
-        let seen = in_parallel(
-            cameras.len(),
-            threads,
-            |i| match shown(capture, cameras[i], frame, is_reference) {
-                Some(shown) => Seen::read(capture, cameras[i], shown).map(Some),
-                None => Ok(None),
-            },
-            |_| done(),
-        )?;
-        let eyes = |longest: usize| seen.iter().flatten().map(|seen| Eye::new(seen, longest)).collect::<Vec<_>>();
+        let (is_reference, has_hull) = (frame == capture.reference_frame, hull_frames.contains(&frame));
+        // A picture is dropped as soon as it is reduced: thirty of 8K take gigabytes.
+        let eyes_of = |i: usize| {
+            let Some(shown) = shown(capture, cameras[i], frame, is_reference) else { return Ok((None, None)) };
+            let seen = Seen::read(capture, cameras[i], shown)?;
+            let eye = |is_wanted: bool, longest: usize| is_wanted.then(|| Eye::new(&seen, longest));
+            Ok((eye(is_reference, SWEEP_SIDE), eye(has_hull, HULL_SIDE)))
+        };
+        let eyes = in_parallel(cameras.len(), threads, eyes_of, |_| done())?;
+        let (swept, carving): (Vec<Option<Eye>>, Vec<Option<Eye>>) = eyes.into_iter().unzip();
         if is_reference {
-            let eyes = eyes(SWEEP_SIDE);
+            let eyes: Vec<Eye> = swept.into_iter().flatten().collect();
             let known = match &frames {
                 Some(frames) => frames.still.0.clone(),
                 None if config.init == Init::Auto => agree::at_rest(&capture.points, &eyes),
@@ -234,9 +233,10 @@ fn from_pictures(
             let most = (n_pixels(capture) / PIXELS_PER_POINT).min(config.init_points as u64) as usize;
             still = agree::thin(&all, most.max(n_known));
         }
-        if hull_frames.contains(&frame) {
+        if has_hull {
+            let eyes: Vec<Eye> = carving.into_iter().flatten().collect();
             let key = [config.seed, HULL_KEY, u64::from(frame)];
-            moving.push((frame, hull::surface(&eyes(HULL_SIDE), config.init_moving_points, &key)));
+            moving.push((frame, hull::surface(&eyes, config.init_moving_points, &key)));
         }
     }
     let n_hull = moving.iter().map(|(_, found): &(u32, Vec<Found>)| found.len()).sum::<usize>();
