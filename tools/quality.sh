@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Trains a small fixed set of captures with default settings and adds the scores to a history, with a plot: some 9 minutes.
+# Trains a small fixed set of captures with default settings and adds the scores to a history, with a plot: some 10 minutes.
 #   tools/quality.sh [HISTORY]     default: assets/quality/history.json; the runs go to out/quality
 # Real captures and the weights of LPIPS are looked for in $IVV_DATA (default: ../shared/data); what is not there is left out,
 # and the history then has no point for it.

@@ -156,6 +156,9 @@ fn the_source_is_what_the_capture_has_or_what_is_asked_for_and_what_it_lacks_is_
     assert_eq!(ask(&with_points, Init::Random).unwrap().from, Init::Random);
     let alone = ask(&with_points, Init::Frustum).unwrap();
     assert!(!alone.joined && alone.splats == ask(&capture, Init::Auto).unwrap().splats, "{alone}");
+    // Few surfaces are still better than random places.
+    let few = first(&capture, &Config { init_points: 100, ..config() });
+    assert!(few.from == Init::Frustum && (1..=100).contains(&few.splats.len()), "{few}");
     let asked = ask(&with_points, Init::Points).unwrap();
     assert!(asked.from == Init::Points && (1..=3000).contains(&asked.splats.len()), "{asked}");
     for (init, says) in [(Init::Points, "has no points"), (Init::Hull, "has no foreground masks")] {

@@ -154,7 +154,7 @@ fn what_moves_is_told_from_what_stands_still_and_how_it_moves() {
     assert!(true_dynamic > 200 && precision > 0.8 && recall > 0.96);
     assert!(error < 0.1 * speed && without < true_dynamic / 5, "{error} {speed} {without}");
     // By default what moves is the same, and what stands still is joined with the surfaces that the pictures show.
-    let (joined, all) = first(capture, &Config { init_static_tau: 0.0, ..config(Init::Auto) });
+    let (joined, all) = first(capture, &config(Init::Auto));
     assert!((joined.from, joined.counts) == (Init::Flow, Some(counts)) && joined.joined, "{joined}");
     assert!(joined.to_string().contains("surfaces on which the images agree (init=auto"), "{joined}");
     assert!(all.n_static > 3 * counts.n_static / 2, "{joined}");

@@ -46,7 +46,7 @@ pub(super) fn agree(eyes: &[Eye], depths: &[Depths], guess: bool) -> Vec<Agreed>
 }
 
 /// Those of a capture's points that stand still, by the foreground masks of most cameras that see their places.
-pub(super) fn at_rest(points: &[Point], eyes: &[Eye]) -> Vec<Found> {
+pub(super) fn still(points: &[Point], eyes: &[Eye]) -> Vec<Found> {
     let rests = |point: &&Point| {
         let position = DVec3::from_array(point.position).as_vec3();
         let grounds: Vec<Ground> = eyes.iter().filter_map(|eye| Some(eye.ground[eye.sees(position)?.0])).collect();

@@ -85,7 +85,7 @@ impl FromFrames {
     /// Gaussians from these points alone.
     pub fn splats(self, capture: &Capture, config: &Config) -> Splats {
         let mut splats = Splats::new(config.sh_degree);
-        append(&mut splats, &self.still.0, &self.still.1, OPACITY, at_rest(capture, config));
+        append(&mut splats, &self.still.0, &self.still.1, OPACITY, motion_at_rest(capture, config));
         splats.append_dynamic(self.moving);
         splats.source_row = (0..splats.len() as u32).collect();
         splats
@@ -93,7 +93,7 @@ impl FromFrames {
 }
 
 /// How what stands still in the reference frame begins: it may move later, unless [`Config::init_static_tau`] is 0.
-pub(super) fn at_rest(capture: &Capture, config: &Config) -> Option<Motion> {
+pub(super) fn motion_at_rest(capture: &Capture, config: &Config) -> Option<Motion> {
     let t_center = f64::from(capture.reference_frame) / f64::from(capture.n_frames);
     let tau = config.init_static_tau;
     (tau > 0.0).then(|| Motion { velocity: [0.0; 3], t_center: t_center as f32, t_scale: tau.ln() as f32 })

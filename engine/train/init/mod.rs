@@ -40,8 +40,8 @@ const MOST_CAMERAS: usize = 32;
 const HULL_STRIDE: u32 = 2;
 /// Pixels that are decoded for hulls, but of four frames at least.
 const HULL_PIXELS: u64 = 1 << 28;
-/// Gaussians that are worth beginning with unless asked for. Fewer cover no picture, and by division they grow too slowly: of
-/// a room with 100 of them nothing is seen after 500 steps.
+/// Gaussians from points that are worth beginning with where the pictures show no surface. Fewer cover no picture, and by
+/// division they grow too slowly: of a room with 100 of them nothing is seen after 500 steps.
 const ENOUGH: usize = 200;
 /// Pixels of the training pictures of a frame for each point of a surface, at least: small pictures show no more.
 const PIXELS_PER_POINT: u64 = 16;
@@ -144,18 +144,14 @@ fn all(capture: &Capture, config: &Config, progress: &mut dyn FnMut(usize, usize
     };
     let because = because.to_owned();
     let rule = match from {
+        _ if config.init == Init::Auto => return from_pictures(capture, config, from, because, progress),
+        Init::Auto | Init::Hull | Init::Frustum => return from_pictures(capture, config, from, because, progress),
+        Init::Points => return Ok(Initial::new(from_points(&capture.points, capture, config), from, because)),
+        Init::Random => return Ok(at_random(capture, config, because)),
         Init::Flow => flow::Rule::TwoViews,
         Init::AnyView => flow::Rule::AnyView,
         Init::Concat => flow::Rule::All,
-        Init::Points => return Ok(Initial::new(from_points(&capture.points, capture, config), from, because)),
-        Init::Random => return Ok(at_random(capture, config, because)),
-        Init::Auto | Init::Hull | Init::Frustum => {
-            return from_pictures(capture, config, from, because, progress);
-        }
     };
-    if config.init == Init::Auto {
-        return from_pictures(capture, config, from, because, progress);
-    }
     let frames = flow::from_frames(capture, config, rule, progress)?;
     let counts = Some(frames.counts);
     let splats = frames.splats(capture, config);
@@ -206,7 +202,8 @@ fn from_pictures(
     };
     let reach = Reach::new(capture);
     let lenses = Lenses::new(capture);
-    let (mut still, mut moving, mut n_known) = (Vec::new(), Vec::new(), 0);
+    let (mut still, mut moving) = (Vec::new(), Vec::new());
+    let (mut n_known, mut n_surfaces) = (0, 0);
     for frame in all_frames {
         let (is_reference, has_hull) = (frame == capture.reference_frame, hull_frames.contains(&frame));
         // A picture is dropped as soon as it is reduced: thirty of 8K take gigabytes.
@@ -222,7 +219,7 @@ fn from_pictures(
             let eyes: Vec<Eye> = swept.into_iter().flatten().collect();
             let known = match &frames {
                 Some(frames) => frames.still.0.clone(),
-                None if config.init == Init::Auto => agree::at_rest(&capture.points, &eyes),
+                None if config.init == Init::Auto => agree::still(&capture.points, &eyes),
                 None => Vec::new(),
             };
             n_known = known.len();
@@ -230,6 +227,7 @@ fn from_pictures(
             let mut all: Vec<Agreed> = known.into_iter().map(|found| Agreed { found, n_cameras: usize::MAX }).collect();
             all.extend(agree::agree(&eyes, &depths, n_known == 0));
             all.retain(|point| !lenses.are_veiled_by(&point.found));
+            n_surfaces = all.iter().filter(|point| point.n_cameras < usize::MAX).count();
             let most = (n_pixels(capture) / PIXELS_PER_POINT).min(config.init_points as u64) as usize;
             still = agree::thin(&all, most.max(n_known));
         }
@@ -241,7 +239,7 @@ fn from_pictures(
     }
     let n_hull = moving.iter().map(|(_, found): &(u32, Vec<Found>)| found.len()).sum::<usize>();
     let n_flow = frames.as_ref().map_or(0, |frames| frames.moving.len());
-    if still.len() + n_hull + n_flow < ENOUGH {
+    if n_surfaces + n_hull == 0 && still.len() + n_flow < ENOUGH {
         return Ok(at_random(capture, config, format!("{because}; no surface was found in the pictures")));
     }
     let mut splats = Splats::new(config.sh_degree);
@@ -251,7 +249,7 @@ fn from_pictures(
     };
     let at_rest = match from {
         Init::Hull => None,
-        Init::Flow => flow::at_rest(capture, config),
+        Init::Flow => flow::motion_at_rest(capture, config),
         _ => points::throughout(capture),
     };
     append(still, at_rest);
