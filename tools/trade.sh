@@ -15,14 +15,12 @@ build_ivv
 export LP_NUM_THREADS=${LP_NUM_THREADS:-0}
 out=out/trade
 "$ivv" synth -o "$out/small" --preset small --offsets
-# measure NAME OPTION...: short runs of few images, as tools/demo.sh has them. cam05 stands among the training cameras, cam09
-# apart from them.
+# measure NAME OPTION...: short runs of few images with default settings. cam05 stands among the training cameras, cam09 apart
+# from them.
 measure() {
     local name=$1
     shift
-    "$ivv" trade "$out/small" -o "$out/$name" --steps 400 --max-gaussians 6000 --set density.growth=0.5 \
-        --set lr.pace.steps=0 --set lr.position.start=4.8e-4 --set lr.position.end=4.8e-6 --set lr.offset=3e-3 --set loss.flow=0.1 \
-        --set grids=false --test-cameras cam05 "$@"
+    "$ivv" trade "$out/small" -o "$out/$name" --steps 400 --test-cameras cam05 "$@"
     mkdir -p "$record"
     for kind in md json svg; do cp "$out/$name/trade.$kind" "$record/$name.$kind"; done
 }

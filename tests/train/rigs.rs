@@ -3,7 +3,7 @@
 use ivv::scene::Splats;
 use ivv::scene::capture::{Capture, TRAINING_RADIUS, camera_center};
 use ivv::synth::{Options, Preset, Rig, write_capture};
-use ivv::train::{Config, from_points};
+use ivv::train::{Config, from_points, initialise};
 
 /// The capture of a rig, as it is written to a folder of the test's own.
 fn capture(test: &str, rig: Rig) -> Capture {
@@ -79,4 +79,31 @@ fn first_gaussians_of_an_inward_rig_are_at_most_a_tenth_of_the_extent() {
         n_limited += usize::from(*spacing > limit);
     }
     assert!(n_limited > 5, "the limit holds for {n_limited} only");
+}
+
+#[test]
+fn first_gaussians_fill_the_pictures_of_an_outward_rig_its_plain_ceilings_too() {
+    let capture = capture("fill", Rig::Outward);
+    let capture = capture.clone().transformed(&capture.normalisation());
+    let config = Config { sh_degree: 0, ..Config::default() };
+    let splats = initialise(&capture, &config, &mut |_, _| {}).unwrap().splats;
+    for (index, camera) in capture.cameras.iter().enumerate().filter(|(_, camera)| !camera.is_test) {
+        let view = capture.view(index, 0).unwrap();
+        let mut is_filled = [[false; 8]; 6];
+        for position in &splats.position {
+            let at: [f64; 3] = std::array::from_fn(|row| {
+                let m = &view.world_to_camera[row];
+                (0..3).map(|k| m[k] * f64::from(position[k])).sum::<f64>() + m[3]
+            });
+            let (x, y) = (view.fx * at[0] / at[2] + view.cx, view.fy * at[1] / at[2] + view.cy);
+            let (column, row) = (8.0 * x / f64::from(view.width), 6.0 * y / f64::from(view.height));
+            if at[2] > 0.0 && (0.0..8.0).contains(&column) && (0.0..6.0).contains(&row) {
+                is_filled[row as usize][column as usize] = true;
+            }
+        }
+        // Nothing grows where nothing is: a picture without Gaussians stays black to the end.
+        let n_empty = is_filled.iter().flatten().filter(|is_filled| !**is_filled).count();
+        println!("{}: {n_empty} of 48 cells are empty", camera.name);
+        assert!(n_empty <= 4, "{}: {n_empty} of 48 cells have no Gaussian", camera.name);
+    }
 }

@@ -1,4 +1,4 @@
-//! Points from the depths of several cameras: what others confirm, and a guess where no one knows.
+//! Points from the depths of several cameras: what others confirm, and a guess where nothing is known far and wide.
 
 use super::eye::{Eye, Ground};
 use super::points::{Found, median_color};
@@ -12,6 +12,10 @@ const TOLERANCE: f32 = 1.5;
 /// Steps beyond which another camera sees through a point.
 const THROUGH: f32 = 3.0;
 
+/// Pixels from the nearest known depth at which a picture needs a guess. A narrower gap is grown over from its rim, and sooner
+/// than a wrong guess in it is mended; a plain wall or ceiling that fills a picture is not.
+const GAP: u32 = 16;
+
 /// A point and the cameras that saw it there; 0 where it is guessed, `usize::MAX` where it was known before.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Agreed {
@@ -19,8 +23,9 @@ pub(super) struct Agreed {
     pub n_cameras: usize,
 }
 
-/// The points of all cameras, those that are seen first, then the guesses if `guess`.
-pub(super) fn agree(eyes: &[Eye], depths: &[Depths], guess: bool) -> Vec<Agreed> {
+/// The points that cameras see, then guesses in the gaps between them and the points `before` that were known before. No guesses
+/// where nothing is known at all.
+pub(super) fn agree(eyes: &[Eye], depths: &[Depths], before: &[Found]) -> Vec<Agreed> {
     let mut all = Vec::new();
     let mut known: Vec<Vec<f32>> = Vec::new();
     for (i, eye) in eyes.iter().enumerate() {
@@ -29,11 +34,23 @@ pub(super) fn agree(eyes: &[Eye], depths: &[Depths], guess: bool) -> Vec<Agreed>
         known.push(inverse.map(|(found, inverse)| if found.is_some() { *inverse } else { f32::NAN }).collect());
         all.extend(confirmed.into_iter().flatten());
     }
-    for (i, eye) in eyes.iter().enumerate().filter(|_| guess) {
-        let spread = spread(eye, &known[i]);
-        let is_open = |pixel: &usize| eye.ground[*pixel] == Ground::Still && known[i][*pixel].is_nan();
-        for pixel in (0..eye.ground.len()).filter(is_open).filter(|pixel| spread[*pixel] > 0.0) {
-            let position = place(eye, pixel, spread[pixel]);
+    let places: Vec<Vec3> = before.iter().chain(all.iter().map(|point| &point.found)).map(place_of).collect();
+    for (eye, known) in eyes.iter().zip(&mut known) {
+        for (at, depth) in places[..before.len()].iter().filter_map(|place| eye.sees(*place)) {
+            known[at] = known[at].max(1.0 / depth);
+        }
+    }
+    for (i, eye) in eyes.iter().enumerate() {
+        let Some(distance) = middle_distance(eye, &places) else { break };
+        let near = spread(eye, &known[i]);
+        for pixel in (0..eye.ground.len()).filter(|pixel| eye.ground[*pixel] == Ground::Still) {
+            // A picture in which nothing is known at all shows something as far away as the rest.
+            let inverse = match near[pixel] {
+                Some((_, steps)) if steps < GAP => continue,
+                Some((inverse, _)) => inverse,
+                None => eye.ray(pixel).length() / distance,
+            };
+            let position = place(eye, pixel, inverse);
             let is_known =
                 |(other, known): (&Eye, &Vec<f32>)| other.sees(position).is_some_and(|(at, _)| known[at] > 0.0);
             if !eyes.iter().zip(&known).any(is_known) {
@@ -43,6 +60,17 @@ pub(super) fn agree(eyes: &[Eye], depths: &[Depths], guess: bool) -> Vec<Agreed>
         }
     }
     all
+}
+
+fn place_of(found: &Found) -> Vec3 {
+    DVec3::from_array(found.position).as_vec3()
+}
+
+/// Half of the places are nearer to a camera than this.
+fn middle_distance(eye: &Eye, places: &[Vec3]) -> Option<f32> {
+    let mut distances: Vec<f32> = places.iter().map(|place| eye.center.distance(*place)).collect();
+    let middle = distances.len() / 2;
+    (!distances.is_empty()).then(|| *distances.select_nth_unstable_by(middle, f32::total_cmp).1)
 }
 
 /// Those of a capture's points that stand still, by the foreground masks of most cameras that see their places.
@@ -87,10 +115,12 @@ fn confirm(eyes: &[Eye], depths: &[Depths], i: usize, pixel: usize) -> Option<Ag
     Some(Agreed { found: Found { position, color: median_color(colors)? }, n_cameras })
 }
 
-/// For each pixel the inverse depth of the nearest known one, along rows and columns.
-fn spread(eye: &Eye, known: &[f32]) -> Vec<f32> {
-    let mut all = known.to_vec();
-    let mut edge: Vec<usize> = (0..all.len()).filter(|pixel| all[*pixel] > 0.0).collect();
+/// For each pixel the inverse depth of the nearest known one, along rows and columns, and how many pixels away that is. `None`
+/// where nothing is known.
+fn spread(eye: &Eye, known: &[f32]) -> Vec<Option<(f32, u32)>> {
+    let mut all: Vec<Option<(f32, u32)>> =
+        known.iter().map(|inverse| (*inverse > 0.0).then_some((*inverse, 0))).collect();
+    let mut edge: Vec<usize> = (0..all.len()).filter(|pixel| all[*pixel].is_some()).collect();
     while !edge.is_empty() {
         let mut next = Vec::new();
         for pixel in edge {
@@ -102,8 +132,8 @@ fn spread(eye: &Eye, known: &[f32]) -> Vec<f32> {
                 (row + 1 < eye.height).then_some(pixel + eye.width),
             ];
             for at in beside.into_iter().flatten() {
-                if all[at].is_nan() {
-                    all[at] = all[pixel];
+                if all[at].is_none() {
+                    all[at] = all[pixel].map(|(inverse, steps)| (inverse, steps + 1));
                     next.push(at);
                 }
             }

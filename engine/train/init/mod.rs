@@ -224,8 +224,9 @@ fn from_pictures(
             };
             n_known = known.len();
             let depths = sweep::sweep(&eyes, threads, &mut done)?;
+            let found = agree::agree(&eyes, &depths, &known);
             let mut all: Vec<Agreed> = known.into_iter().map(|found| Agreed { found, n_cameras: usize::MAX }).collect();
-            all.extend(agree::agree(&eyes, &depths, n_known == 0));
+            all.extend(found);
             all.retain(|point| !lenses.are_veiled_by(&point.found));
             n_surfaces = all.iter().filter(|point| point.n_cameras < usize::MAX).count();
             let most = (n_pixels(capture) / PIXELS_PER_POINT).min(config.init_points as u64) as usize;
