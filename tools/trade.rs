@@ -17,7 +17,7 @@ use ivv::scene::{Splats, View, write_atomic};
 use ivv::stage::{Outputs, Renderer};
 use ivv::train::{
     Circumstances, Config, KNOB_SETTINGS, KernelError, Meter, Setup, Sight, Trade, TradeArm, TradeRun, Trainer,
-    evaluate, merge, permutation, spread, trade_arms,
+    evaluate, merge, permutation, review, review_due, spread, trade_arms,
 };
 use ivv::twin::render_f64;
 use serde_json::{Value, json};
@@ -258,8 +258,12 @@ impl Bench<'_> {
                 // Nobody is always first.
                 let Running { config, trainer, run } = &mut all[(place + index) % n_arms];
                 let start = Instant::now();
-                for (camera, view, picture) in &inputs {
+                for ((camera, view, picture), step) in inputs.iter().zip(index as u64 * self.args.block + 1..) {
                     trainer.train(*camera, view, picture)?;
+                    if let Some(due) = review_due(config, step, steps) {
+                        trainer.finish()?;
+                        review(trainer, &self.gpu, &self.capture, Constants::default(), due, &mut |_, _| ())?;
+                    }
                 }
                 trainer.finish()?;
                 run.block_seconds.push(start.elapsed().as_secs_f64());

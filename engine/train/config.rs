@@ -259,7 +259,7 @@ pub struct Density {
     pub first_step: u64,
     /// Last step that adds any, as a fraction of the run; 0 for no density control.
     pub stop: f64,
-    /// Steps between two rounds, at most; shorter runs have at least ten rounds.
+    /// Steps between two rounds, at most. A shorter run has ten rounds that grow, but none sooner than eight steps after another.
     pub every: u64,
     /// `adc`: mean norm of the projected centre's gradient, in half pictures, above which a Gaussian grows.
     pub gradient: f32,
@@ -485,13 +485,16 @@ pub enum Round {
     Removal,
 }
 
+/// Steps between two rounds, at least, if the settings do not say less: what a round adds must come apart to be worth its time.
+const LEAST_EVERY: u64 = 8;
+
 impl Density {
     /// The round of density control that follows step `step` (from 1) of `total`: rounds at equal steps to the end of the run,
     /// of which those after [`Density::stop`] only remove. None where the rounds that grow are none.
     pub fn due(&self, step: u64, total: u64) -> Option<Round> {
         let first = ((total as f64 * self.start) as u64).min(self.first_step);
         let last = (total as f64 * self.stop) as u64;
-        let every = self.every.min((last.saturating_sub(first) / 10).max(1)).max(1);
+        let every = self.every.min((last.saturating_sub(first) / 10).max(LEAST_EVERY)).max(1);
         let is_due = last > first && step > first && (step - first).is_multiple_of(every);
         is_due.then_some(if step <= last { Round::Growth } else { Round::Removal })
     }

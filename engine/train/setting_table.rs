@@ -156,7 +156,7 @@ pub const SETTINGS: &[Setting] = &[
         "density.every",
         "steps",
         Range::Whole(1, u64::MAX),
-        "Steps between two rounds, at most; short runs have at least ten rounds.",
+        "Steps between two rounds, at most. Short runs have ten rounds that add, but at least eight steps apart.",
     ),
     s(
         "density.gradient",

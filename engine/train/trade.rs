@@ -17,7 +17,7 @@ pub const WORST_MARGIN_DB: f64 = 0.3;
 pub const QUALITY_GAP_DB: f64 = 0.5;
 
 /// Single settings that are measured from `exact` by default: `key=value`, as `--set` takes them.
-pub const KNOB_SETTINGS: [&str; 20] = [
+pub const KNOB_SETTINGS: [&str; 21] = [
     "frame.tile_bound=rectangle",
     "frame.tile_bound=square",
     "frame.block_cull=false",
@@ -38,6 +38,7 @@ pub const KNOB_SETTINGS: [&str; 20] = [
     "accumulation=fixed_point",
     "sh_degree=1",
     "sh_degree=0",
+    "required.reviews=2",
 ];
 
 /// How settings come about that are compared with those of `exact`.

@@ -7,8 +7,8 @@ use ivv::scene::Splats;
 use ivv::scene::capture::{Capture, Extent};
 use ivv::stage::{AdamMode, Choice};
 use ivv::train::{
-    Checkpoint, Config, Density, Setup, StepReport, Strategy, Trainer, density_round, from_points, noise, permutation,
-    regularisers,
+    Checkpoint, Config, Density, Round, Setup, StepReport, Strategy, Trainer, density_round, from_points, noise,
+    permutation, regularisers,
 };
 
 #[test]
@@ -54,6 +54,21 @@ fn the_settings_of_density_control_make_its_rounds() {
     assert_eq!(noise(&adc, 1, 1000, 2.0), None);
     let weights = |config| [regularisers(config).opacity_reg, regularisers(config).scale_reg];
     assert_eq!((weights(&adc), weights(&mcmc)), ([0.0; 2], [0.01; 2]));
+}
+
+#[test]
+fn short_runs_have_ten_rounds_that_grow_but_eight_steps_between_them() {
+    let rounds = |total: u64, density: &Density| {
+        let due: Vec<u64> = (1..=total).filter(|step| density.due(*step, total) == Some(Round::Growth)).collect();
+        (due.len(), due.first().copied(), due.last().copied())
+    };
+    let default = Density::default();
+    assert_eq!(rounds(60, &default), (3, Some(14), Some(30)));
+    assert_eq!(rounds(100, &default), (5, Some(18), Some(50)));
+    assert_eq!(rounds(200, &default), (10, Some(28), Some(100)));
+    assert_eq!(rounds(1000, &default), (10, Some(140), Some(500)));
+    assert_eq!(rounds(30_000, &default), (145, Some(600), Some(15_000)));
+    assert_eq!(rounds(100, &Density { every: 2, ..default }), (20, Some(12), Some(50)));
 }
 
 fn with(strategy: Strategy) -> Config {

@@ -309,12 +309,15 @@ fn a_trade_runs_all_settings_in_turn_and_finds_the_reference_to_be_exact() {
     let (capture, output) = (tiny.folder.to_str().unwrap(), tiny.folder.join("trade"));
     let mut arguments = vec!["trade", capture, "-o", output.to_str().unwrap(), "--steps", "20", "--seeds", "3"];
     arguments.extend(["--presets", "reference", "--knob", "frame.depth_bits=16", "--without", "balanced"]);
+    arguments.extend(["--knob", "required.reviews=1"]);
     let told = works(&arguments);
     let found = json(&output.join("trade.json"));
     let names: Vec<&str> = found["arms"].as_array().unwrap().iter().map(|arm| arm["name"].as_str().unwrap()).collect();
-    assert_eq!(names[..3], ["exact", "reference", "frame.depth_bits=16"]);
+    assert_eq!(names[..4], ["exact", "reference", "frame.depth_bits=16", "required.reviews=1"]);
     assert!(names.contains(&"balanced without resolution"));
     assert_eq!(found["comparisons"][1]["verdict"], "same_bits");
+    // A review takes something from every scene of so few steps.
+    assert_ne!(found["runs"][0][0]["scene_hash"], found["runs"][0][3]["scene_hash"]);
     for run in found["runs"][0].as_array().unwrap() {
         let blocks = run["block_seconds"].as_array().unwrap();
         assert!(blocks.len() == 2 && blocks.iter().all(|seconds| seconds.as_f64().unwrap() > 0.0));
