@@ -227,9 +227,10 @@ impl Session<'_> {
         }
         let world = self.scorer.run.world;
         let is_lost = matches!(error.downcast_ref(), Some(ivv::Error::DeviceLost { .. }));
-        let is_done = self.trainer.ended() == self.total;
+        // Nothing follows the last step but scores.
+        let is_kept = self.trainer.ended() == self.total && Checkpoint::file(&self.checkpoints, self.total).exists();
         if !is_lost
-            && !is_done
+            && !is_kept
             && let Ok(rescued) = self.trainer.rescue()
         {
             let (step, owed) = self.owed;

@@ -76,6 +76,23 @@ fn a_training_without_memory_leaves_its_last_step() {
     assert!(irregular > 0, "the regular checkpoints alone would do");
 }
 
+/// Between the end of the last step and its checkpoint too.
+#[test]
+fn a_training_without_memory_at_its_end_leaves_its_last_step() {
+    let bed = Bed::shared();
+    let n_waits = bed.counts()["vkWaitSemaphores"];
+    // Every other wait, from the seventh step on; the scene is scored after some seven tenths of them.
+    let mut n_late = 0;
+    for n in (n_waits * 66 / 100..n_waits * 72 / 100).filter(|n| n % 2 == 1) {
+        let ended = bed.run(Verb::Train, Some(&format!("vkWaitSemaphores:{n}:-1")));
+        if ended.code == Some(5) && ended.stopped_after() == Some(runs::STEPS) {
+            assert_eq!(ended.checkpoint, Some(runs::STEPS), "wait {n} of {n_waits}: {}", ended.told);
+            n_late += 1;
+        }
+    }
+    assert!(n_late > 1, "{n_late} of the waits came after the last step");
+}
+
 /// The step that could not be waited for ended all the same, and what is due after it, a look at the offsets, is not forgotten.
 #[test]
 fn what_is_due_after_a_rescued_step_is_done_after_resumption() {
