@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Measures assets/trade anew, in half an hour: settings with three seeds, presets alone with twelve.
+# Measures assets/trade anew, in an hour and more of one core: settings with three seeds, presets alone with twelve.
 #   tools/trade.sh [FOLDER] [OPTION...]    default: assets/trade; options go to `ivv trade`
 set -euo pipefail
 if [[ ${1:-} == -* ]]; then
