@@ -1,9 +1,10 @@
 //! `ivv export`.
 
+use crate::export_clip::ClipArgs;
 use crate::screen::out;
 use crate::shown;
 use crate::views::clip_time;
-use ivv::scene::{Splats, write_ply, write_splat, write_spz};
+use ivv::scene::{write_ply, write_splat, write_spz};
 use std::path::{Path, PathBuf};
 
 /// Options of `ivv export`.
@@ -14,8 +15,9 @@ pub struct Args {
     /// The file to write.
     #[arg(short, long)]
     output: PathBuf,
-    /// Its format. By default from the name's ending. ply: 3DGS's, with the motion of dynamic Gaussians; spz: Niantic's,
-    /// version 3; splat: antimatter15's, without view dependence.
+    /// Its format. By default from the name's ending. ply: 3DGS's, with the motion of dynamic Gaussians; 4dgs: with the clock and
+    /// the cameras of the clip, for `ivv serve` and other players; spz: Niantic's, version 3; splat: antimatter15's, without view
+    /// dependence.
     #[arg(long)]
     format: Option<Format>,
     /// The scene at this normalised time, 0 to 1, as static Gaussians that every viewer shows.
@@ -24,11 +26,15 @@ pub struct Args {
     /// With --time: leaves out Gaussians less opaque than this.
     #[arg(long, requires = "time", default_value_t = ivv::Constants::default().alpha_min)]
     min_opacity: f32,
+    #[command(flatten)]
+    clip: ClipArgs,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 enum Format {
     Ply,
+    #[value(name = "4dgs")]
+    FourDgs,
     Spz,
     Splat,
 }
@@ -38,18 +44,18 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         Some(format) => format,
         None => by_ending(&args.output)?,
     };
-    let mut splats = shown::open(&args.scene)?.splats;
+    let mut splats = shown::open_at(&args.scene, args.time)?.splats;
     let n_read = splats.len();
     if let Some(time) = args.time {
         anyhow::ensure!((0.0..=1.0).contains(&args.min_opacity), "--min-opacity must lie between 0 and 1");
         splats = splats.at(time, args.min_opacity);
     }
-    let write: fn(&Path, &Splats) -> ivv::Result<()> = match format {
-        Format::Ply => write_ply,
-        Format::Spz => write_spz,
-        Format::Splat => write_splat,
-    };
-    write(&args.output, &splats)?;
+    match format {
+        Format::Ply => write_ply(&args.output, &splats)?,
+        Format::FourDgs => drop(args.clip.write(&args.scene, &splats, &args.output)?),
+        Format::Spz => write_spz(&args.output, &splats)?,
+        Format::Splat => write_splat(&args.output, &splats)?,
+    }
     let bytes = std::fs::metadata(&args.output).map_or(0, |m| m.len());
     if json {
         out!(
@@ -74,8 +80,14 @@ fn by_ending(file: &Path) -> ivv::Result<Format> {
     let ending = file.extension().map(|ending| ending.to_ascii_lowercase());
     match ending.as_ref().and_then(|ending| ending.to_str()) {
         Some("ply") => Ok(Format::Ply),
+        Some("4dgs") => Ok(Format::FourDgs),
         Some("spz") => Ok(Format::Spz),
         Some("splat") => Ok(Format::Splat),
-        _ => Err(ivv::Error::data(file, "", "unsupported scene format", "use .ply, .spz or .splat, or give --format")),
+        _ => Err(ivv::Error::data(
+            file,
+            "",
+            "unsupported scene format",
+            "use .ply, .4dgs, .spz or .splat, or give --format",
+        )),
     }
 }

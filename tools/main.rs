@@ -13,6 +13,7 @@ mod devices;
 mod due;
 mod eval;
 mod export;
+mod export_clip;
 mod extremes;
 mod fault;
 mod files;

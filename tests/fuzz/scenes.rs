@@ -7,7 +7,8 @@ use crate::common::random;
 use crate::scene::{Folder, formats};
 use ivv::scene::prior::{read_depth, read_flow};
 use ivv::scene::{
-    Splats, View, read_scene, read_tensors, read_views, write_ply, write_splat, write_spz, write_tensors, write_views,
+    FourDgs, Splats, View, read_scene, read_tensors, read_views, write_ply, write_splat, write_spz, write_tensors,
+    write_views,
 };
 use std::path::Path;
 
@@ -125,4 +126,46 @@ pub fn depth() -> Vec<Seed> {
 pub fn flow() -> Vec<Seed> {
     let read = |folder: &Path| any(folder, |path| read_flow(path, priors::WIDTH, priors::HEIGHT).is_ok());
     priors::flow_files("fuzz-flow").into_iter().map(|file| Seed::of([file], read)).collect()
+}
+
+/// Files whose streams are stored as they are, so that a change is one of the numbers in them; with sound, views and an index.
+pub fn four_dgs() -> Vec<Seed> {
+    let read = |folder: &Path| {
+        let file = FourDgs::read(&folder.join("a.4dgs"));
+        file.is_ok_and(|file| {
+            let _ = file.summary();
+            whole(file.at(0.5)) | whole(file.splats())
+        })
+    };
+    let seed = |sh_degree: u8| {
+        let (n, width) = (6, [0, 3, 8, 15][usize::from(sh_degree)]);
+        let spread =
+            |of: usize, by: f32| -> Vec<f32> { (0..of * n).map(|i| by * ((i * 7 % 11) as f32 - 5.0)).collect() };
+        let set = fourdgs::GaussianSet {
+            positions: spread(3, 0.1),
+            scales: (0..3 * n).map(|i| 0.01 + 0.01 * i as f32).collect(),
+            rotations: [0.5, -0.5, 0.5, 0.5].repeat(n),
+            colors: (0..4 * n).map(|i| i as f32 / 30.0).collect(),
+            motions: spread(3, 0.01),
+            mu_t: (0..n).map(|i| i as f32 / 6.0).collect(),
+            sigma_t: (0..n).map(|i| if i == 0 { f32::INFINITY } else { 0.05 * i as f32 }).collect(),
+            win_lo: vec![0.0; n],
+            win_hi: vec![1.0; n],
+            sh: (width > 0).then(|| (0..3 * width * n).map(|i| (i * 37) as u8).collect()),
+            sh_coefficients: width,
+            sh_degree,
+            ..Default::default()
+        };
+        let options = fourdgs::WriteOptions { level: 0, write_statistics: true, ..Default::default() };
+        let source = fourdgs::AudioSource {
+            codec: "wav".to_owned(),
+            duration_sec: 1.0,
+            data: vec![1, 2, 3],
+            ..Default::default()
+        };
+        let extras = fourdgs::SceneExtras { audio_sources: vec![source], ..Default::default() };
+        let bytes = fourdgs::write_to_vec(&set, 1.0, &options, &extras).unwrap();
+        Seed { build: mend::four_dgs, ..Seed::of([("a.4dgs", bytes)], read) }
+    };
+    vec![seed(0), seed(3)]
 }

@@ -3,6 +3,7 @@
 mod demo;
 mod export;
 pub mod formats;
+mod four_dgs;
 mod orbit;
 mod pictures;
 mod ply;

@@ -1,0 +1,138 @@
+//! `ivv export` to files with a clock.
+
+use crate::files::read_json;
+use crate::screen::say;
+use crate::shown::{self, is_run};
+use anyhow::{Context, ensure};
+use ivv::Constants;
+use ivv::scene::{Clock, Contents, Encoded, Precision, Splats, View, read_views};
+use ivv::train::{Config, Run};
+use ivv::words::count;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// Frames per second of a clip of which only the length is known.
+const FPS: f64 = 30.0;
+/// Part of the Gaussians whose colours may be cut to what the format holds.
+const MOST_CLAMPED: f64 = 0.01;
+
+/// Options of formats with a clock.
+#[derive(clap::Args)]
+pub struct ClipArgs {
+    /// Length of the clip, seconds, where neither a run nor the file says it.
+    #[arg(long, value_name = "S")]
+    seconds: Option<f64>,
+    /// Views to start from: a cameras file (JSON, as of `ivv cameras`). By default those of the run's training cameras.
+    #[arg(long)]
+    cameras: Option<PathBuf>,
+    /// How finely numbers are stored.
+    #[arg(long, value_enum, default_value_t = Fineness::Fine)]
+    precision: Fineness,
+    /// Also when more than 1 in 100 Gaussians have colours that the format cannot hold, which are cut to what it can.
+    #[arg(long)]
+    clamp_colors: bool,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum Fineness {
+    Fine,
+    Medium,
+    Coarse,
+}
+
+/// How a scene is rendered and seen, and when.
+struct Setting {
+    clock: Clock,
+    views: Vec<View>,
+    constants: Constants,
+}
+
+impl ClipArgs {
+    /// Writes `splats`, the scene of `source`, as a `.4dgs`, and says how many Gaussians of it.
+    pub fn write(&self, source: &Path, splats: &Splats, to: &Path) -> anyhow::Result<usize> {
+        let Setting { clock, views, constants } = self.setting(source, splats)?;
+        let encoded = Encoded::new(splats, clock);
+        self.judge(&encoded)?;
+        let background = views.first().map_or([0.0; 3], |view| view.background);
+        let numbers = [
+            ("alpha_max", f64::from(constants.alpha_max)),
+            ("alpha_min", f64::from(constants.alpha_min)),
+            ("blur", f64::from(constants.blur)),
+            ("near", f64::from(constants.near)),
+            ("t_min", f64::from(constants.t_min)),
+        ];
+        let mut own: BTreeMap<String, String> =
+            numbers.map(|(name, value)| (name.to_owned(), value.to_string())).into();
+        own.insert("background".to_owned(), background.map(|part| part.to_string()).join(" "));
+        let precision = match self.precision {
+            Fineness::Fine => Precision::Fine,
+            Fineness::Medium => Precision::Medium,
+            Fineness::Coarse => Precision::Coarse,
+        };
+        encoded.write(to, &Contents { clock, views: &views, own, precision })?;
+        Ok(encoded.len())
+    }
+
+    fn judge(&self, encoded: &Encoded) -> anyhow::Result<()> {
+        let (colors, harmonics) = (encoded.n_clamped_colors, encoded.n_clamped_harmonics);
+        let part = colors.max(harmonics) as f64 / encoded.len().max(1) as f64;
+        ensure!(
+            part <= MOST_CLAMPED || self.clamp_colors,
+            "expected colours that a .4dgs holds, found {} of {} with a base colour beyond 0 to 1 and {harmonics} with \
+             coefficients beyond -4 to 4; export as PLY, or give --clamp-colors",
+            colors,
+            count(encoded.len(), "Gaussian")
+        );
+        if colors + harmonics > 0 {
+            say!(
+                "cut to what the format holds: base colours of {}, higher harmonics of {harmonics}",
+                count(colors, "Gaussian")
+            );
+        }
+        Ok(())
+    }
+
+    fn setting(&self, source: &Path, splats: &Splats) -> anyhow::Result<Setting> {
+        let given = self.cameras.as_deref().map(read_views).transpose()?;
+        if is_run(source) {
+            ensure!(self.seconds.is_none(), "--seconds: the run knows how long its clip is; leave it out");
+            let run = Run::read(source)?;
+            let views = given.map_or_else(|| of_training_cameras(source, &run), Ok)?;
+            let clock = Clock { fps: run.held.fps, frames: run.held.frames };
+            return Ok(Setting { clock, views, constants: run.constants_of_capture() });
+        }
+        let clock = match (self.seconds, shown::clock(source)?) {
+            (Some(seconds), _) => {
+                ensure!(seconds.is_finite() && seconds > 0.0, "--seconds: expected a positive number, found {seconds}");
+                let frames = (seconds * FPS).round().clamp(1.0, f64::from(u32::MAX));
+                Clock { fps: frames / seconds, frames: frames as u32 }
+            }
+            (None, Some(clock)) => clock,
+            // Nothing changes in it, so it may be as short as one frame.
+            (None, None) if splats.motion.is_empty() => Clock { fps: 1.0, frames: 1 },
+            (None, None) => Err(anyhow::anyhow!("give --seconds, or the folder of the run instead of its scene.ply"))
+                .with_context(|| format!("{} does not say how long its clip is", source.display()))?,
+        };
+        Ok(Setting { clock, views: given.unwrap_or_default(), constants: Constants::default() })
+    }
+}
+
+/// The first view of each training camera of the run in `folder`; none where its capture is gone, which is said.
+fn of_training_cameras(folder: &Path, run: &Run) -> anyhow::Result<Vec<View>> {
+    if !run.capture.exists() {
+        let gone = run.capture.display();
+        say!(
+            "no views to start from: the run's capture, {gone}, is not there any more; --cameras takes a cameras file"
+        );
+        return Ok(Vec::new());
+    }
+    let config: Config = read_json(&folder.join("config.json"), "give the folder of a run of `ivv train`")?;
+    let capture = run.open_capture(None)?.transformed(&run.world.inverse());
+    let mut views = Vec::new();
+    for (index, camera) in capture.cameras.iter().enumerate().filter(|(_, camera)| !camera.is_test) {
+        if let Some(shot) = camera.shots.first() {
+            views.push(View { background: config.background, ..capture.view(index, shot.frame)? });
+        }
+    }
+    Ok(views)
+}
