@@ -4,7 +4,7 @@ use crate::export_clip::ClipArgs;
 use crate::screen::out;
 use crate::shown;
 use crate::views::clip_time;
-use ivv::scene::{write_ply, write_splat, write_spz};
+use ivv::scene::{SpzVersion, write_ftgs, write_glb, write_ply, write_splat, write_splatv, write_spz};
 use std::path::{Path, PathBuf};
 
 /// Options of `ivv export`.
@@ -16,8 +16,9 @@ pub struct Args {
     #[arg(short, long)]
     output: PathBuf,
     /// Its format. By default from the name's ending. ply: 3DGS's, with the motion of dynamic Gaussians; 4dgs: with the clock and
-    /// the cameras of the clip, for `ivv serve` and other players; spz: Niantic's, version 3; splat: antimatter15's, without view
-    /// dependence.
+    /// the cameras of the clip, for players; ftgs: FreeTimeGS's PLY (.ftgs.ply); splatv: antimatter15's of dynamic scenes, without
+    /// view dependence. Of one moment: spz: Niantic's, version 3; spz4: version 4; glb: glTF with KHR_gaussian_splatting; splat:
+    /// antimatter15's, without view dependence.
     #[arg(long)]
     format: Option<Format>,
     /// The scene at this normalised time, 0 to 1, as static Gaussians that every viewer shows.
@@ -35,7 +36,11 @@ enum Format {
     Ply,
     #[value(name = "4dgs")]
     FourDgs,
+    Ftgs,
+    Splatv,
     Spz,
+    Spz4,
+    Glb,
     Splat,
 }
 
@@ -50,11 +55,16 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         anyhow::ensure!((0.0..=1.0).contains(&args.min_opacity), "--min-opacity must lie between 0 and 1");
         splats = splats.at(time, args.min_opacity);
     }
+    let to = &args.output;
     match format {
-        Format::Ply => write_ply(&args.output, &splats)?,
-        Format::FourDgs => drop(args.clip.write(&args.scene, &splats, &args.output)?),
-        Format::Spz => write_spz(&args.output, &splats)?,
-        Format::Splat => write_splat(&args.output, &splats)?,
+        Format::Ply => write_ply(to, &splats)?,
+        Format::FourDgs => drop(args.clip.write(&args.scene, &splats, to)?),
+        Format::Ftgs => write_ftgs(to, &splats, args.clip.setting(&args.scene)?.clock)?,
+        Format::Splatv => write_splatv(to, &splats, &args.clip.setting(&args.scene)?.views)?,
+        Format::Spz => write_spz(to, &splats, SpzVersion::V3)?,
+        Format::Spz4 => write_spz(to, &splats, SpzVersion::V4)?,
+        Format::Glb => write_glb(to, &splats)?,
+        Format::Splat => write_splat(to, &splats)?,
     }
     let bytes = std::fs::metadata(&args.output).map_or(0, |m| m.len());
     if json {
@@ -77,17 +87,18 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
 }
 
 fn by_ending(file: &Path) -> ivv::Result<Format> {
-    let ending = file.extension().map(|ending| ending.to_ascii_lowercase());
-    match ending.as_ref().and_then(|ending| ending.to_str()) {
-        Some("ply") => Ok(Format::Ply),
-        Some("4dgs") => Ok(Format::FourDgs),
-        Some("spz") => Ok(Format::Spz),
-        Some("splat") => Ok(Format::Splat),
-        _ => Err(ivv::Error::data(
-            file,
-            "",
-            "unsupported scene format",
-            "use .ply, .4dgs, .spz or .splat, or give --format",
-        )),
-    }
+    let name = file.file_name().map(|name| name.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
+    let endings = [
+        (".ftgs.ply", Format::Ftgs),
+        (".ply", Format::Ply),
+        (".4dgs", Format::FourDgs),
+        (".splatv", Format::Splatv),
+        (".spz", Format::Spz),
+        (".glb", Format::Glb),
+        (".splat", Format::Splat),
+    ];
+    endings.iter().find(|(ending, _)| name.ends_with(ending)).map(|(_, format)| *format).ok_or_else(|| {
+        let remedy = "use .ply, .4dgs, .ftgs.ply, .splatv, .spz, .glb or .splat, or give --format";
+        ivv::Error::data(file, "", "unsupported scene format", remedy)
+    })
 }

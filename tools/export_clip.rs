@@ -1,9 +1,9 @@
-//! `ivv export` to files with a clock.
+//! `ivv export` to files in which time passes.
 
 use crate::files::read_json;
 use crate::screen::say;
 use crate::shown::{self, is_run};
-use anyhow::{Context, ensure};
+use anyhow::ensure;
 use ivv::Constants;
 use ivv::scene::{Clock, Contents, Encoded, Precision, Splats, View, read_views};
 use ivv::train::{Config, Run};
@@ -16,7 +16,7 @@ const FPS: f64 = 30.0;
 /// Part of the Gaussians whose colours may be cut to what the format holds.
 const MOST_CLAMPED: f64 = 0.01;
 
-/// Options of formats with a clock.
+/// Options of formats in which time passes.
 #[derive(clap::Args)]
 pub struct ClipArgs {
     /// Length of the clip, seconds, where neither a run nor the file says it.
@@ -25,7 +25,7 @@ pub struct ClipArgs {
     /// Views to start from: a cameras file (JSON, as of `ivv cameras`). By default those of the run's training cameras.
     #[arg(long)]
     cameras: Option<PathBuf>,
-    /// How finely numbers are stored.
+    /// How finely a .4dgs stores numbers.
     #[arg(long, value_enum, default_value_t = Fineness::Fine)]
     precision: Fineness,
     /// Also when more than 1 in 100 Gaussians have colours that the format cannot hold, which are cut to what it can.
@@ -41,16 +41,27 @@ enum Fineness {
 }
 
 /// How a scene is rendered and seen, and when.
-struct Setting {
-    clock: Clock,
-    views: Vec<View>,
+pub struct Setting {
+    /// The clock of the clip, where something tells it.
+    pub clock: Option<Clock>,
+    /// Views to start from.
+    pub views: Vec<View>,
     constants: Constants,
 }
 
 impl ClipArgs {
     /// Writes `splats`, the scene of `source`, as a `.4dgs`, and says how many Gaussians of it.
     pub fn write(&self, source: &Path, splats: &Splats, to: &Path) -> anyhow::Result<usize> {
-        let Setting { clock, views, constants } = self.setting(source, splats)?;
+        let Setting { clock, views, constants } = self.setting(source)?;
+        let clock = match clock {
+            Some(clock) => clock,
+            // Nothing changes in it, so it may be as short as one frame.
+            None if splats.motion.is_empty() => Clock { fps: 1.0, frames: 1 },
+            None => anyhow::bail!(
+                "{} does not say how long its clip is; give --seconds, or the folder of the run instead of its scene.ply",
+                source.display()
+            ),
+        };
         let encoded = Encoded::new(splats, clock);
         self.judge(&encoded)?;
         let background = views.first().map_or([0.0; 3], |view| view.background);
@@ -92,26 +103,23 @@ impl ClipArgs {
         Ok(())
     }
 
-    fn setting(&self, source: &Path, splats: &Splats) -> anyhow::Result<Setting> {
+    /// What is known of the scene of `source`.
+    pub fn setting(&self, source: &Path) -> anyhow::Result<Setting> {
         let given = self.cameras.as_deref().map(read_views).transpose()?;
         if is_run(source) {
             ensure!(self.seconds.is_none(), "--seconds: the run knows how long its clip is; leave it out");
             let run = Run::read(source)?;
             let views = given.map_or_else(|| of_training_cameras(source, &run), Ok)?;
-            let clock = Clock { fps: run.held.fps, frames: run.held.frames };
+            let clock = Some(Clock { fps: run.held.fps, frames: run.held.frames });
             return Ok(Setting { clock, views, constants: run.constants_of_capture() });
         }
-        let clock = match (self.seconds, shown::clock(source)?) {
-            (Some(seconds), _) => {
+        let clock = match self.seconds {
+            Some(seconds) => {
                 ensure!(seconds.is_finite() && seconds > 0.0, "--seconds: expected a positive number, found {seconds}");
                 let frames = (seconds * FPS).round().clamp(1.0, f64::from(u32::MAX));
-                Clock { fps: frames / seconds, frames: frames as u32 }
+                Some(Clock { fps: frames / seconds, frames: frames as u32 })
             }
-            (None, Some(clock)) => clock,
-            // Nothing changes in it, so it may be as short as one frame.
-            (None, None) if splats.motion.is_empty() => Clock { fps: 1.0, frames: 1 },
-            (None, None) => Err(anyhow::anyhow!("give --seconds, or the folder of the run instead of its scene.ply"))
-                .with_context(|| format!("{} does not say how long its clip is", source.display()))?,
+            None => shown::clock(source)?,
         };
         Ok(Setting { clock, views: given.unwrap_or_default(), constants: Constants::default() })
     }

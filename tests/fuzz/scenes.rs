@@ -7,8 +7,8 @@ use crate::common::random;
 use crate::scene::{Folder, formats};
 use ivv::scene::prior::{read_depth, read_flow};
 use ivv::scene::{
-    FourDgs, Splats, View, read_scene, read_tensors, read_views, write_ply, write_splat, write_spz, write_tensors,
-    write_views,
+    Clock, FourDgs, Splats, SpzVersion, View, read_scene, read_tensors, read_views, write_ftgs, write_ply, write_splat,
+    write_spz, write_tensors, write_views,
 };
 use std::path::Path;
 
@@ -33,7 +33,10 @@ fn whole(outcome: ivv::Result<Splats>) -> bool {
 
 pub fn ply() -> Vec<Seed> {
     let read = |folder: &Path| whole(read_scene(&folder.join("a.ply")));
-    [0, 2].map(|degree| Seed::of([("a.ply", file("a.ply", |path| write_ply(path, &scene(degree))))], read)).into()
+    let clock = Some(Clock { fps: 30.0, frames: 12 });
+    let own = [0, 2].map(|degree| Seed::of([("a.ply", file("a.ply", |path| write_ply(path, &scene(degree))))], read));
+    let free_time = Seed::of([("a.ply", file("a.ply", |path| write_ftgs(path, &scene(1), clock)))], read);
+    own.into_iter().chain([free_time]).collect()
 }
 
 pub fn compressed_ply() -> Vec<Seed> {
@@ -63,7 +66,7 @@ pub fn spz() -> Vec<Seed> {
         Seed { build: mend::gzip, ..Seed::of([("a.spz", [header, streams.concat()].concat())], read) }
     };
     let as_it_is = |bytes: Vec<u8>| Seed::of([("a.spz", bytes)], read);
-    let written = file("a.spz", |path| write_spz(path, &still(1)));
+    let written = file("a.spz", |path| write_spz(path, &still(1), SpzVersion::V3));
     vec![seed(2), seed(3), as_it_is(written)]
 }
 

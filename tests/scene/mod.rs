@@ -1,5 +1,6 @@
 //! Scenes, cameras and pictures: what is written is read back, and no damaged file gets past the readers.
 
+mod clips;
 mod demo;
 mod export;
 pub mod formats;
