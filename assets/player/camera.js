@@ -77,9 +77,15 @@ export function viewOf(source) {
   return { rotation, center, fx, fy, cx, cy, width, height };
 }
 
-/** The same field of view for a picture of another size: the smaller side keeps its angle. @param {View} view @param {number} width @param {number} height */
+const MOST_CROPPED = 1.35;
+
+/**
+ * The same view for a picture of another size. It shows all of it, or, where the shapes differ much, crops it a little.
+ * @param {View} view @param {number} width @param {number} height
+ */
 export function fitted(view, width, height) {
-  const zoom = Math.min(width / view.width, height / view.height) || 1;
+  const [a, b] = [width / view.width, height / view.height];
+  const zoom = Math.min(Math.max(a, b), MOST_CROPPED * Math.min(a, b)) || 1;
   const cx = width / 2 + (view.cx - view.width / 2) * zoom;
   const cy = height / 2 + (view.cy - view.height / 2) * zoom;
   return { ...view, fx: view.fx * zoom, fy: view.fy * zoom, cx, cy, width, height };

@@ -40,7 +40,7 @@ export class ChunkStore {
     this.uploads = [];
     /** @type {number[]} */
     this.wanted = [];
-    this.moments = { sum: 0, first: [0, 0, 0], second: 0 };
+    this.moments = { sum: 0, first: [0, 0, 0], second: 0, moving: 0 };
     this.uploadMs = 0;
     /** Counts changes of what is resident. */
     this.version = 0;
@@ -186,6 +186,7 @@ export class ChunkStore {
     const { moments } = reply.chunk;
     this.moments.sum += moments.sum;
     this.moments.second += moments.second;
+    this.moments.moving += moments.moving;
     this.moments.first = this.moments.first.map((sum, c) => sum + moments.first[c]);
   }
 

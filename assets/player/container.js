@@ -78,6 +78,7 @@ class Blocks {
   constructor(source) {
     this.source = source;
     this.start = 0;
+    /** @type {Uint8Array} */
     this.block = new Uint8Array(0);
   }
 
@@ -170,7 +171,7 @@ function inOrder(bands) {
  */
 async function walk(file, end, indexed) {
   const known = new Map((indexed ?? []).flatMap((entry) => [entry.chunk, ...entry.bands]).map((s) => [s.offset, s.length]));
-  const scene = /** @type {Scene} */ ({ chunks: indexed ?? [], metadata: new Map(), attachments: [], sounds: [], camera: null, frame: null });
+  const scene = /** @type {Scene} */ (/** @type {unknown} */ ({ chunks: indexed ?? [], metadata: new Map(), attachments: [], sounds: [], camera: null, frame: null }));
   const state = { scene, seen: new Set(), sources: new Map(), data: new Map(), bands: new Map() };
   let n = 0;
   for (let at = MAGIC.length; at < end; n += 1) {
@@ -408,4 +409,10 @@ export function soundPosition(source, t) {
   if (source.step) return keys[i].position;
   const u = (t - keys[i].time) / (keys[i + 1].time - keys[i].time);
   return keys[i].position.map((p, k) => p + u * (keys[i + 1].position[k] - p));
+}
+
+/** Three numbers of metadata, as "x y z". @param {Map<string, string> | undefined} entries @param {string} key */
+export function triple(entries, key) {
+  const values = (entries?.get(key) ?? '').trim().split(/\s+/).map(Number);
+  return values.length === 3 && values.every(Number.isFinite) ? values : null;
 }

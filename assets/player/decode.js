@@ -25,6 +25,7 @@ const STREAMS = [
  * @property {import('./container.js').Grid} grid
  * @property {Float64Array} windows pairs lo, hi
  * @property {number} cutoff least temporal weight
+ * @property {number} duration of the clip, seconds
  * @property {number} alphaMin least alpha that is drawn
  * @property {number} shDegree
  * @typedef {object} DecodedChunk
@@ -33,7 +34,8 @@ const STREAMS = [
  * @property {Uint32Array} look N x 4 LOOK_TEXELS: rgb as 16-bit fractions in two words, then SH bytes, coefficient by coefficient
  * @property {Float32Array} sortable N x 9
  * @property {Uint32Array} window N, index of its window
- * @property {{ sum: number, first: number[], second: number }} moments opacity-weighted sums of 1, position, squared position
+ * @property {{ sum: number, first: number[], second: number, moving: number }} moments opacity-weighted sums of 1, position, squared position;
+ *   and how many move, fade or end
  */
 
 /**
@@ -167,7 +169,7 @@ function assemble(count, streams, bands, settings) {
   const sortable = new Float32Array(count * SORT_FLOATS);
   const look = new Uint32Array(count * words);
   const k = Math.sqrt(-2 * Math.log(settings.cutoff));
-  const moments = { sum: 0, first: [0, 0, 0], second: 0 };
+  const moments = { sum: 0, first: [0, 0, 0], second: 0, moving: 0 };
   const q = [0, 0, 0, 0];
   for (let i = 0; i < count; i += 1) {
     const w = window[i];
@@ -198,6 +200,8 @@ function assemble(count, streams, bands, settings) {
     sortable[i * SORT_FLOATS + 7] = geometry[at + 11];
     sortable[i * SORT_FLOATS + 8] = liveReach(geometry[at + 3], settings);
     addMoment(moments, geometry, at);
+    const [lo, hi] = settings.windows.subarray(2 * w, 2 * w + 2);
+    if (geometry[at + 11] > 0 || geometry[at + 4] || geometry[at + 5] || geometry[at + 6] || lo > 0 || hi < settings.duration) moments.moving += 1;
   }
   bands.forEach((values, b) => packBand(new Uint8Array(look.buffer), words * 4, values, b + 1));
   return { count, geometry, look, sortable, window: new Uint32Array(window.buffer), moments };

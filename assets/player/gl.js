@@ -220,6 +220,11 @@ export class Renderer {
     return true;
   }
 
+  /** Waits until the device has drawn. */
+  finish() {
+    this.gl.readPixels(0, 0, 1, 1, this.gl.RGBA, this.gl.UNSIGNED_BYTE, new Uint8Array(4));
+  }
+
   /** What was drawn last to the canvas: RGBA rows from the top. Call it in the same task as `draw`. @param {number} width @param {number} height */
   read(width, height) {
     const { gl } = this;

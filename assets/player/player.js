@@ -1,8 +1,8 @@
 // The player without its page: a scene, its chunks, its clock, and frames of exact or of the latest order.
-import { add, depthAxis, distance, dot, fitted, lookAlong, row, scaled, unit, viewOf } from './camera.js';
+import { add, depthAxis, distance, dot, lookAlong, row, scaled, unit, viewOf } from './camera.js';
 import { ChunkStore } from './chunks.js';
 import { Clock } from './clock.js';
-import { lastMoment, openScene } from './container.js';
+import { lastMoment, openScene, triple } from './container.js';
 import { LOOK_TEXELS } from './decode.js';
 import { openContext, Renderer, rowSlotsOf } from './gl.js';
 
@@ -32,12 +32,6 @@ function setting(entries, key, standard) {
   return Number.isFinite(value) && value >= 0 ? value : standard;
 }
 
-/** Three numbers of metadata, as "x y z". @param {Map<string, string> | undefined} entries @param {string} key */
-export function triple(entries, key) {
-  const values = (entries?.get(key) ?? '').trim().split(/\s+/).map(Number);
-  return values.length === 3 && values.every(Number.isFinite) ? values : null;
-}
-
 /** Plays one scene into one canvas. */
 export class Player {
   /**
@@ -58,7 +52,6 @@ export class Player {
   constructor(canvas, source, scene, start, onFault) {
     const gl = openContext(canvas);
     if (!gl) throw new Error('This browser has no WebGL2, which the player needs.');
-    Object.assign(this, { canvas, source, scene });
     this.canvas = canvas;
     this.source = source;
     this.scene = scene;
@@ -78,35 +71,44 @@ export class Player {
     this.clock = new Clock(scene.header.duration, () => performance.now() / 1000);
     /** @type {View} */
     this.view = this.homeView();
-    this.sort = { isBusy: false, isStale: true, id: 0, drawn: -1, ms: 0, recycled: /** @type {Uint32Array | undefined} */ (undefined), key: '' };
+    this.sort = { isBusy: false, id: 0, drawn: -1, ms: 0, recycled: /** @type {Uint32Array | undefined} */ (undefined), key: '' };
     /** @type {((id: number) => void)[]} */
     this.waiting = [];
     this.drawnKey = '';
-    this.bufferedFor = 0;
     this.exact = 0;
-    this.startDevice();
+    const { decoder, sorter, renderer, store } = this.makeDevice();
+    this.decoder = decoder;
+    this.sorter = sorter;
+    this.renderer = renderer;
+    this.store = store;
   }
 
-  /** Makes what lies on the device; again after its context was lost. */
-  startDevice() {
+  /** Makes what lies on the device again, after its context was lost. */
+  restart() {
+    this.decoder.terminate();
+    this.sorter.terminate();
+    Object.assign(this.sort, { isBusy: false, drawn: -1, recycled: undefined, key: '' });
+    Object.assign(this, this.makeDevice());
+  }
+
+  /** Workers, textures, and an empty store of chunks. */
+  makeDevice() {
     const { gl, scene, look } = this;
-    this.decoder?.terminate();
-    this.sorter?.terminate();
-    this.decoder = startWorker();
-    this.sorter = startWorker();
+    const decoder = startWorker();
+    const sorter = startWorker();
     const rowSlots = rowSlotsOf(gl);
     const rowBytes = rowSlots * 16 * (4 + LOOK_TEXELS[scene.header.shDegree]);
     const all = scene.chunks.reduce((n, { count }) => n + Math.ceil(count / rowSlots), 0);
     const rows = Math.max(1, Math.min(all, Math.floor(DEVICE_BYTES / rowBytes), gl.getParameter(gl.MAX_TEXTURE_SIZE)));
-    const settings = { grid: scene.grid, windows: scene.windows, cutoff: scene.header.cutoff, alphaMin: look.alphaMin, shDegree: scene.header.shDegree };
-    for (const worker of [this.decoder, this.sorter]) {
+    const settings = { grid: scene.grid, windows: scene.windows, cutoff: scene.header.cutoff, duration: scene.header.duration, alphaMin: look.alphaMin, shDegree: scene.header.shDegree };
+    for (const worker of [decoder, sorter]) {
       worker.onerror = (event) => this.onFault(new Error(`worker: ${event.message}`));
       worker.postMessage({ type: 'setup', settings, rowSlots });
     }
-    this.sorter.onmessage = ({ data }) => this.sorted(data);
-    this.renderer = new Renderer(gl, scene.header.shDegree, look, rows);
-    this.store = new ChunkStore(this.source, scene, { decoder: this.decoder, sorter: this.sorter, rowSlots, rows }, this.onFault);
-    Object.assign(this.sort, { isBusy: false, isStale: true, drawn: -1, recycled: undefined, key: '' });
+    sorter.onmessage = ({ data }) => this.sorted(data);
+    const renderer = new Renderer(gl, scene.header.shDegree, look, rows);
+    const store = new ChunkStore(this.source, scene, { decoder, sorter, rowSlots, rows }, this.onFault);
+    return { decoder, sorter, renderer, store };
   }
 
   /** The world's up: of the metadata, of the file's frame, of the start views, or by convention. @param {number[] | null} stated */
@@ -153,6 +155,11 @@ export class Player {
     return depth > 0.05 * radius ? depth : Math.max(radius, 1e-3);
   }
 
+  /** Whether nothing changes with time, as far as is known: all chunks have been read, and nothing in them moves, fades or ends. */
+  isStill() {
+    return this.store.moments.moving === 0 && this.scene.sounds.length === 0 && this.store.slots.every(({ state }) => state === 'resident');
+  }
+
   /** Gives chunks, orders and uploads something to do. Call once a frame. @returns {boolean} whether the moment is complete */
   advance() {
     const { clock, store } = this;
@@ -176,7 +183,7 @@ export class Player {
     this.store.nextSort += 1;
     const recycled = sort.recycled;
     sort.recycled = undefined;
-    this.sorter?.postMessage({ type: 'sort', id: sort.id, t, axis, recycled }, recycled ? [recycled.buffer] : []);
+    this.sorter.postMessage({ type: 'sort', id: sort.id, t, axis, recycled }, recycled ? [recycled.buffer] : []);
   }
 
   /** @param {{ id: number, order: Uint32Array, count: number, ms: number }} reply */
@@ -208,11 +215,10 @@ export class Player {
         this.store.want(t, 0, false);
         this.store.upload(this.renderer, true);
       }
-      const drawn = () => this.sort.drawn;
-      while (this.sort.isBusy) await this.nextOrder();
+        while (this.sort.isBusy) await this.nextOrder();
       this.sort.key = '';
       this.requestSort(t, view);
-      for (const wanted = this.sort.id; drawn() < wanted; ) await this.nextOrder();
+      for (const wanted = this.sort.id; this.sort.drawn < wanted; ) await this.nextOrder();
       this.renderer.draw(view, t, { framebuffer: null, x: 0, y: 0 });
     } finally {
       this.exact -= 1;
@@ -257,6 +263,3 @@ async function readViews(source, scene) {
   }
   return start;
 }
-
-/** @param {View} view @param {number} width @param {number} height */
-export const viewFor = (view, width, height) => fitted(view, Math.max(1, Math.round(width)), Math.max(1, Math.round(height)));

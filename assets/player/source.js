@@ -55,7 +55,8 @@ export async function openUrl(url, onProgress) {
     throw new FormatError('http', `${url}: expected a Content-Range that states the file's size, found "${first.headers.get('Content-Range')}"`);
   }
   const tag = first.headers.get('ETag') ?? first.headers.get('Last-Modified');
-  return {
+  /** @type {ByteSource} */
+  const source = {
     size,
     fetched: head.length,
     async read(offset, length, signal) {
@@ -70,10 +71,11 @@ export async function openUrl(url, onProgress) {
       if (tag !== (response.headers.get('ETag') ?? response.headers.get('Last-Modified'))) {
         throw new FormatError('changed', `${url}: the file has changed on the server. Reload the page`);
       }
-      this.fetched += length;
+      source.fetched += length;
       return bytes;
     },
   };
+  return source;
 }
 
 /** @param {Response} response @param {((share: number) => void) | undefined} onProgress */

@@ -1,5 +1,5 @@
 // What the tests share: where packages lie, a static server with ranges, Chromium, pictures.
-import { createReadStream, existsSync, readFileSync, statSync, mkdtempSync, rmSync } from 'node:fs';
+import { existsSync, readFileSync, statSync, mkdtempSync, rmSync } from 'node:fs';
 import { createServer } from 'node:http';
 import { createRequire } from 'node:module';
 import { tmpdir } from 'node:os';
@@ -21,9 +21,9 @@ export const POLICY = "default-src 'self'; worker-src 'self' blob:; style-src 's
 
 /**
  * Serves the player's files, and `files` (path -> bytes or path of a file), on 127.0.0.1. `log` has each request for a 4dgs file.
- * @param {Record<string, Buffer | string>} files @param {{ ranges?: boolean, delayMs?: number }} [options]
+ * @param {Record<string, Buffer | string>} files @param {{ ranges?: boolean, delayMs?: number, policy?: string }} [options]
  */
-export async function serve(files, { ranges = true, delayMs = 0 } = {}) {
+export async function serve(files, { ranges = true, delayMs = 0, policy = POLICY } = {}) {
   const log = [];
   const server = createServer(async (request, response) => {
     const path = decodeURIComponent(new URL(request.url, 'http://x').pathname);
@@ -32,7 +32,7 @@ export async function serve(files, { ranges = true, delayMs = 0 } = {}) {
     if (body === undefined && existsSync(join(playerDir, name)) && statSync(join(playerDir, name)).isFile()) body = readFileSync(join(playerDir, name));
     if (typeof body === 'string') body = readFileSync(body);
     if (body === undefined) return response.writeHead(404).end('not found');
-    const headers = { 'Content-Type': TYPES[extname(name)] ?? 'application/octet-stream', 'Content-Security-Policy': POLICY };
+    const headers = { 'Content-Type': TYPES[extname(name)] ?? 'application/octet-stream', ...(policy ? { 'Content-Security-Policy': policy } : {}) };
     const range = ranges && /^bytes=(\d+)-(\d+)$/.exec(request.headers.range ?? '');
     if (name.endsWith('.4dgs')) {
       log.push({ range: request.headers.range ?? null });
@@ -101,4 +101,4 @@ export function safetensor(path, name) {
   return Float64Array.from({ length: (to - from) / 4 }, (_, i) => bytes.readFloatLE(8 + n + from + 4 * i));
 }
 
-export { createReadStream, require };
+export { require };
