@@ -1,10 +1,12 @@
 //! `ivv export`.
 
 use crate::export_clip::ClipArgs;
+use crate::files::make_folder;
+use crate::page;
 use crate::screen::out;
 use crate::shown;
 use crate::views::clip_time;
-use ivv::scene::{SpzVersion, write_ftgs, write_glb, write_ply, write_splat, write_splatv, write_spz};
+use ivv::scene::{SpzVersion, write_atomic, write_ftgs, write_glb, write_ply, write_splat, write_splatv, write_spz};
 use std::path::{Path, PathBuf};
 
 /// Options of `ivv export`.
@@ -12,12 +14,12 @@ use std::path::{Path, PathBuf};
 pub struct Args {
     /// A scene file, or the folder of a run: its scene.ply, or the newest checkpoint where it has not ended.
     scene: PathBuf,
-    /// The file to write.
+    /// The file to write; the folder, where its name ends in a slash.
     #[arg(short, long)]
     output: PathBuf,
     /// Its format. By default from the name's ending. ply: 3DGS's, with the motion of dynamic Gaussians; 4dgs: with the clock and
     /// the cameras of the clip, for players; ftgs: FreeTimeGS's PLY (.ftgs.ply); splatv: antimatter15's of dynamic scenes, without
-    /// view dependence. Of one moment: spz: Niantic's, version 3; spz4: version 4; glb: glTF with KHR_gaussian_splatting; splat:
+    /// view dependence; web: a folder with the player and the scene, for any host of files; page: both as one .html. Of one moment: spz: Niantic's, version 3; spz4: version 4; glb: glTF with KHR_gaussian_splatting; splat:
     /// antimatter15's, without view dependence.
     #[arg(long)]
     format: Option<Format>,
@@ -38,6 +40,8 @@ enum Format {
     FourDgs,
     Ftgs,
     Splatv,
+    Web,
+    Page,
     Spz,
     Spz4,
     Glb,
@@ -49,6 +53,18 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         Some(format) => format,
         None => by_ending(&args.output)?,
     };
+    if args.time.is_none()
+        && format.has_clip()
+        && let Some(bytes) = args.clip.as_it_is(&args.scene)?
+    {
+        let written = write_clip(format, &args.output, &bytes)?;
+        if json {
+            out!("{}", serde_json::json!({ "path": args.output, "bytes": written }));
+        } else {
+            out!("{}: the scene as it is, {written} bytes", args.output.display());
+        }
+        return Ok(());
+    }
     let mut splats = shown::open_at(&args.scene, args.time)?.splats;
     let n_read = splats.len();
     if let Some(time) = args.time {
@@ -56,9 +72,12 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         splats = splats.at(time, args.min_opacity);
     }
     let to = &args.output;
+    let mut with_clip = None;
     match format {
+        Format::FourDgs | Format::Web | Format::Page => {
+            with_clip = Some(write_clip(format, to, &args.clip.bytes(&args.scene, &splats)?)?);
+        }
         Format::Ply => write_ply(to, &splats)?,
-        Format::FourDgs => drop(args.clip.write(&args.scene, &splats, to)?),
         Format::Ftgs => write_ftgs(to, &splats, args.clip.setting(&args.scene)?.clock)?,
         Format::Splatv => write_splatv(to, &splats, &args.clip.setting(&args.scene)?.views)?,
         Format::Spz => write_spz(to, &splats, SpzVersion::V3)?,
@@ -66,7 +85,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         Format::Glb => write_glb(to, &splats)?,
         Format::Splat => write_splat(to, &splats)?,
     }
-    let bytes = std::fs::metadata(&args.output).map_or(0, |m| m.len());
+    let bytes = with_clip.unwrap_or_else(|| std::fs::metadata(to).map_or(0, |m| m.len()));
     if json {
         out!(
             "{}",
@@ -86,6 +105,27 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     Ok(())
 }
 
+impl Format {
+    /// Whether it is a `.4dgs`, alone or with the player.
+    fn has_clip(self) -> bool {
+        matches!(self, Format::FourDgs | Format::Web | Format::Page)
+    }
+}
+
+/// Writes a `.4dgs` alone, or with the player; says how many bytes.
+fn write_clip(format: Format, to: &Path, scene: &[u8]) -> anyhow::Result<u64> {
+    if format == Format::Web {
+        make_folder(to)?;
+        page::write_folder(to, scene)?;
+        let player: usize = page::PARTS.iter().map(|part| part.text.len()).sum();
+        return Ok((player + scene.len()) as u64);
+    }
+    let page = (format == Format::Page).then(|| page::single_file(scene));
+    let bytes = page.as_ref().map_or(scene, |page| page.as_bytes());
+    write_atomic(to, |to| to.write_all(bytes))?;
+    Ok(bytes.len() as u64)
+}
+
 fn by_ending(file: &Path) -> ivv::Result<Format> {
     let name = file.file_name().map(|name| name.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
     let endings = [
@@ -96,9 +136,13 @@ fn by_ending(file: &Path) -> ivv::Result<Format> {
         (".spz", Format::Spz),
         (".glb", Format::Glb),
         (".splat", Format::Splat),
+        (".html", Format::Page),
     ];
+    if file.as_os_str().as_encoded_bytes().ends_with(b"/") {
+        return Ok(Format::Web);
+    }
     endings.iter().find(|(ending, _)| name.ends_with(ending)).map(|(_, format)| *format).ok_or_else(|| {
-        let remedy = "use .ply, .4dgs, .ftgs.ply, .splatv, .spz, .glb or .splat, or give --format";
+        let remedy = "use .ply, .4dgs, .ftgs.ply, .splatv, .html, .spz, .glb or .splat, or a name that ends in a slash for a folder";
         ivv::Error::data(file, "", "unsupported scene format", remedy)
     })
 }

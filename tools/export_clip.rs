@@ -3,9 +3,9 @@
 use crate::files::read_json;
 use crate::screen::say;
 use crate::shown::{self, is_run};
-use anyhow::ensure;
+use anyhow::{Context, ensure};
 use ivv::Constants;
-use ivv::scene::{Clock, Contents, Encoded, Precision, Splats, View, read_views};
+use ivv::scene::{Clock, Contents, Encoded, FourDgs, Precision, Splats, View, read_file, read_views};
 use ivv::train::{Config, Run};
 use ivv::words::count;
 use std::collections::BTreeMap;
@@ -25,9 +25,9 @@ pub struct ClipArgs {
     /// Views to start from: a cameras file (JSON, as of `ivv cameras`). By default those of the run's training cameras.
     #[arg(long)]
     cameras: Option<PathBuf>,
-    /// How finely a .4dgs stores numbers.
-    #[arg(long, value_enum, default_value_t = Fineness::Fine)]
-    precision: Fineness,
+    /// How finely a .4dgs stores numbers [default: fine; a .4dgs stays as it is].
+    #[arg(long, value_enum)]
+    precision: Option<Fineness>,
     /// Also when more than 1 in 100 Gaussians have colours that the format cannot hold, which are cut to what it can.
     #[arg(long)]
     clamp_colors: bool,
@@ -50,8 +50,20 @@ pub struct Setting {
 }
 
 impl ClipArgs {
-    /// Writes `splats`, the scene of `source`, as a `.4dgs`, and says how many Gaussians of it.
-    pub fn write(&self, source: &Path, splats: &Splats, to: &Path) -> anyhow::Result<usize> {
+    /// The bytes of `source`, where that is a `.4dgs` of which nothing is asked to be changed.
+    ///
+    /// # Errors
+    /// Those of a damaged file, which is told here and not to whoever opens it.
+    pub fn as_it_is(&self, source: &Path) -> anyhow::Result<Option<Vec<u8>>> {
+        if !FourDgs::is(source) || self.precision.is_some() || self.cameras.is_some() || self.seconds.is_some() {
+            return Ok(None);
+        }
+        FourDgs::read(source)?;
+        read_file(source).map(Some).with_context(|| source.display().to_string())
+    }
+
+    /// The bytes of a `.4dgs` of `splats`, the scene of `source`.
+    pub fn bytes(&self, source: &Path, splats: &Splats) -> anyhow::Result<Vec<u8>> {
         let Setting { clock, views, constants } = self.setting(source)?;
         let clock = match clock {
             Some(clock) => clock,
@@ -76,12 +88,11 @@ impl ClipArgs {
             numbers.map(|(name, value)| (name.to_owned(), value.to_string())).into();
         own.insert("background".to_owned(), background.map(|part| part.to_string()).join(" "));
         let precision = match self.precision {
-            Fineness::Fine => Precision::Fine,
-            Fineness::Medium => Precision::Medium,
-            Fineness::Coarse => Precision::Coarse,
+            None | Some(Fineness::Fine) => Precision::Fine,
+            Some(Fineness::Medium) => Precision::Medium,
+            Some(Fineness::Coarse) => Precision::Coarse,
         };
-        encoded.write(to, &Contents { clock, views: &views, own, precision })?;
-        Ok(encoded.len())
+        Ok(encoded.bytes(source, &Contents { clock, views: &views, own, precision })?)
     }
 
     fn judge(&self, encoded: &Encoded) -> anyhow::Result<()> {

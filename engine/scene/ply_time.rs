@@ -136,7 +136,7 @@ impl FreeTime {
         number("opacity_floor", 0.0, "at most 1/255, since ours fade away", |floor| {
             (0.0..=1.0 / 255.0).contains(&floor)
         })?;
-        let frames = number("n_frames", 0.0, "a number of frames", |n| n >= 1.0 && n <= 1e9 && n.fract() == 0.0)?;
+        let frames = number("n_frames", 0.0, "a number of frames", |n| (1.0..=1e9).contains(&n) && n.fract() == 0.0)?;
         Ok(FreeTime {
             rate: rate(frames as u32),
             use_velocity: number("use_velocity", 1.0, "0 or 1", |n| n == 0.0 || n == 1.0)? != 0.0,

@@ -262,8 +262,8 @@ fn a_glb_is_the_scene_in_the_axes_of_gltf() {
     };
     let direction = [0.48, -0.6, 0.64];
     let [x, y, z] = direction;
-    for i in 0..20 {
-        let ours: f64 = basis(direction).iter().enumerate().map(|(c, b)| b * f64::from(splats.sh[9 * i + c][1])).sum();
+    for (i, own) in splats.sh.chunks(9).enumerate() {
+        let ours: f64 = basis(direction).iter().enumerate().map(|(c, b)| b * f64::from(own[c][1])).sum();
         let theirs: f64 = basis([x, -y, -z]).iter().enumerate().map(|(c, b)| b * all[c][i][1]).sum();
         assert!((ours - theirs).abs() < 1e-5, "{i}: {ours} and {theirs}");
     }

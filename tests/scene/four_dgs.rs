@@ -16,7 +16,7 @@ fn contents(clock: Clock, precision: Precision) -> Contents<'static> {
 
 /// The scene as it is read back from a file.
 fn there_and_back(path: &Path, splats: &Splats, clock: Clock, precision: Precision) -> Splats {
-    Encoded::new(splats, clock).write(path, &contents(clock, precision)).unwrap();
+    std::fs::write(path, Encoded::new(splats, clock).bytes(path, &contents(clock, precision)).unwrap()).unwrap();
     let read = read_scene(path).unwrap();
     read.check().unwrap();
     read
@@ -320,7 +320,7 @@ fn the_same_scene_gives_the_same_bytes_and_what_cannot_be_held_is_counted() {
     splats.position[9][1] = f32::NAN;
     let dirty = Encoded::new(&splats, clock);
     assert_eq!((dirty.len(), dirty.n_clamped_colors, dirty.n_clamped_harmonics), (9, 2, 1));
-    dirty.write(&path, &contents(clock, Precision::Fine)).unwrap();
+    std::fs::write(&path, bytes(&dirty)).unwrap();
     let read = FourDgs::read(&path).unwrap();
     assert_eq!((read.splats().unwrap().len(), read.clock()), (9, clock));
 }

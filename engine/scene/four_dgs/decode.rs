@@ -110,8 +110,7 @@ impl FourDgs {
 
     fn refuse_tracks(&self) -> Result<()> {
         let n = self.scene.objects.tracks.len();
-        let reason =
-            || format!("{} of objects move Gaussians, which is not supported", crate::words::count(n, "track"));
+        let reason = || format!("{n} of its objects move their Gaussians along tracks, which is not supported");
         if n == 0 { Ok(()) } else { Err(Error::data(&self.path, "", reason(), "save it without tracks of objects")) }
     }
 

@@ -3,7 +3,7 @@
 use super::{Clock, RECORD, VIEWS};
 use crate::error::{Error, Result};
 use crate::scene::decode::SH_C0;
-use crate::scene::{Splats, View, write_atomic};
+use crate::scene::{Splats, View};
 use fourdgs::quantization::{Profile, SH_QUANT_HI, SH_QUANT_LO};
 use fourdgs::{Attachment, GaussianSet, Metadata, SceneExtras, WriteOptions};
 use std::collections::BTreeMap;
@@ -146,16 +146,6 @@ impl Encoded {
             let remedy = "a Gaussian lies or reaches too far for the format: leave it out, or export the scene as PLY";
             Error::data(path, "", format!("cannot be stored: {fault}"), remedy)
         })
-    }
-
-    /// Writes the file, and says how many bytes.
-    ///
-    /// # Errors
-    /// As [`Encoded::bytes`], and where it cannot be written.
-    pub fn write(&self, path: &Path, contents: &Contents) -> Result<usize> {
-        let bytes = self.bytes(path, contents)?;
-        write_atomic(path, |to| to.write_all(&bytes))?;
-        Ok(bytes.len())
     }
 }
 
