@@ -1,11 +1,14 @@
 //! `ivv export` to files in which time passes.
 
+use crate::device::DeviceArgs;
 use crate::files::read_json;
+use crate::progress::Progress;
 use crate::screen::say;
 use crate::shown::{self, is_run};
 use anyhow::{Context, ensure};
 use ivv::Constants;
-use ivv::scene::{Clock, Contents, Encoded, FourDgs, Precision, Splats, View, read_file, read_views};
+use ivv::scene::{Clock, Contents, Encoded, FourDgs, Grades, Splats, View, read_file, read_views};
+use ivv::stage::{Goal, Subject, compact};
 use ivv::train::{Config, Run};
 use ivv::words::count;
 use std::collections::BTreeMap;
@@ -13,6 +16,9 @@ use std::path::{Path, PathBuf};
 
 /// Frames per second of a clip of which only the length is known.
 const FPS: f64 = 30.0;
+/// Views that files are compared in, and their longest side, pixels.
+const MOST_VIEWS: usize = 8;
+const LONGEST_SIDE: u32 = 640;
 /// Part of the Gaussians whose colours may be cut to what the format holds.
 const MOST_CLAMPED: f64 = 0.01;
 
@@ -25,19 +31,18 @@ pub struct ClipArgs {
     /// Views to start from: a cameras file (JSON, as of `ivv cameras`). By default those of the run's training cameras.
     #[arg(long)]
     cameras: Option<PathBuf>,
-    /// How finely a .4dgs stores numbers [default: fine; a .4dgs stays as it is].
-    #[arg(long, value_enum)]
-    precision: Option<Fineness>,
+    /// Stores every attribute of a .4dgs as coarsely as pictures of the scene stay so many dB from what they are. By default
+    /// places are off by 0.02 of the median standard deviation at most, colours by half a step of 255.
+    #[arg(long, value_name = "DB", conflicts_with = "target_size")]
+    min_psnr: Option<f64>,
+    /// Stores a .4dgs as well as it can be in so many megabytes (10^6 bytes).
+    #[arg(long, value_name = "MB")]
+    target_size: Option<f64>,
     /// Also when more than 1 in 100 Gaussians have colours that the format cannot hold, which are cut to what it can.
     #[arg(long)]
     clamp_colors: bool,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-enum Fineness {
-    Fine,
-    Medium,
-    Coarse,
+    #[command(flatten)]
+    device: DeviceArgs,
 }
 
 /// How a scene is rendered and seen, and when.
@@ -55,7 +60,7 @@ impl ClipArgs {
     /// # Errors
     /// Those of a damaged file, which is told here and not to whoever opens it.
     pub fn as_it_is(&self, source: &Path) -> anyhow::Result<Option<Vec<u8>>> {
-        if !FourDgs::is(source) || self.precision.is_some() || self.cameras.is_some() || self.seconds.is_some() {
+        if !FourDgs::is(source) || self.goal()?.is_some() || self.cameras.is_some() || self.seconds.is_some() {
             return Ok(None);
         }
         FourDgs::read(source)?;
@@ -87,12 +92,44 @@ impl ClipArgs {
         let mut own: BTreeMap<String, String> =
             numbers.map(|(name, value)| (name.to_owned(), value.to_string())).into();
         own.insert("background".to_owned(), background.map(|part| part.to_string()).join(" "));
-        let precision = match self.precision {
-            None | Some(Fineness::Fine) => Precision::Fine,
-            Some(Fineness::Medium) => Precision::Medium,
-            Some(Fineness::Coarse) => Precision::Coarse,
-        };
-        Ok(encoded.bytes(source, &Contents { clock, views: &views, own, precision })?)
+        let contents = Contents { clock, views: &views, own };
+        let Some(goal) = self.goal()? else { return Ok(encoded.bytes(source, &contents, Grades::default())?) };
+        let looked_at = spread(&views);
+        let subject =
+            Subject { path: source, splats, encoded: &encoded, contents: &contents, constants, views: &looked_at };
+        let mut progress = Progress::passing("files", 0);
+        let found = compact(&self.device.open()?, &subject, goal, &mut |n, most| {
+            progress.reach(n, most, "looked at");
+        })?;
+        let mut grades = found.grades;
+        let told = (0..Grades::N).map(|k| format!("{} {}", Grades::NAMES[k], grades.of(k)));
+        say!(
+            "{:.2} MB, {:.1} dB from the scene in {}, after {}; halvings of the finest grids: {}",
+            found.bytes.len() as f64 / 1e6,
+            found.psnr,
+            count(looked_at.len(), "view"),
+            count(found.n_tried, "file"),
+            told.collect::<Vec<_>>().join(", ")
+        );
+        Ok(found.bytes)
+    }
+
+    fn goal(&self) -> anyhow::Result<Option<Goal>> {
+        let is_positive = |number: f64| number.is_finite() && number > 0.0;
+        match (self.min_psnr, self.target_size) {
+            (None, None) => Ok(None),
+            (Some(db), _) => {
+                ensure!(is_positive(db), "--min-psnr: expected a positive number of dB, found {db}");
+                Ok(Some(Goal::Psnr(db)))
+            }
+            (None, Some(megabytes)) => {
+                ensure!(
+                    is_positive(megabytes),
+                    "--target-size: expected a positive number of megabytes, found {megabytes}"
+                );
+                Ok(Some(Goal::Bytes((1e6 * megabytes) as u64)))
+            }
+        }
     }
 
     fn judge(&self, encoded: &Encoded) -> anyhow::Result<()> {
@@ -154,4 +191,15 @@ fn of_training_cameras(folder: &Path, run: &Run) -> anyhow::Result<Vec<View>> {
         }
     }
     Ok(views)
+}
+
+/// Views to look from: at most some of those given, at times all over the clip.
+fn spread(views: &[View]) -> Vec<View> {
+    let n = views.len().min(MOST_VIEWS);
+    let at = |k: usize| {
+        let view = &views[k * views.len() / n];
+        let view = view.reduced(view.width.max(view.height).div_ceil(LONGEST_SIDE));
+        View { time: (k as f64 + 0.5) / n as f64, time_offset: 0.0, ..view }
+    };
+    (0..n).map(at).collect()
 }

@@ -4,19 +4,19 @@ use super::{Folder, fault, shared};
 use crate::common::device::gpu;
 use crate::common::random;
 use ivv::Constants;
-use ivv::scene::{Clock, Contents, Encoded, FourDgs, Frame, Motion, Precision, Splats, View, demo, read_scene};
-use ivv::stage::{Outputs, Renderer};
+use ivv::scene::{Clock, Contents, Encoded, FourDgs, Frame, Grades, Motion, Splats, View, demo, read_scene};
+use ivv::stage::{Goal, Outputs, Renderer, Subject, compact};
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-fn contents(clock: Clock, precision: Precision) -> Contents<'static> {
-    Contents { clock, views: &[], own: BTreeMap::new(), precision }
+fn contents(clock: Clock) -> Contents<'static> {
+    Contents { clock, views: &[], own: BTreeMap::new() }
 }
 
 /// The scene as it is read back from a file.
-fn there_and_back(path: &Path, splats: &Splats, clock: Clock, precision: Precision) -> Splats {
-    std::fs::write(path, Encoded::new(splats, clock).bytes(path, &contents(clock, precision)).unwrap()).unwrap();
+fn there_and_back(path: &Path, splats: &Splats, clock: Clock, grades: Grades) -> Splats {
+    std::fs::write(path, Encoded::new(splats, clock).bytes(path, &contents(clock), grades).unwrap()).unwrap();
     let read = read_scene(path).unwrap();
     read.check().unwrap();
     read
@@ -135,9 +135,9 @@ fn frames_of_a_file_are_those_of_the_scene_at_all_times_borders_of_chunks_too() 
     for (name, splats, clock) in
         [("demo", scene, Clock { fps: 30.0, frames: 60 }), ("long", long_scene().0, long_scene().1)]
     {
-        for (precision, least) in [(Precision::Fine, 45.0), (Precision::Medium, 38.0), (Precision::Coarse, 28.0)] {
+        for (grades, least) in [(Grades::default(), 45.0), (all(2), 27.0)] {
             let path = folder.file("a.4dgs");
-            let read = there_and_back(&path, &splats, clock, precision);
+            let read = there_and_back(&path, &splats, clock, grades);
             assert_eq!(read.len(), splats.len());
             let told = FourDgs::read(&path).unwrap().summary();
             let borders = told.chunk_intervals.iter().flatten().map(|seconds| seconds / clock.seconds());
@@ -150,8 +150,8 @@ fn frames_of_a_file_are_those_of_the_scene_at_all_times_borders_of_chunks_too() 
             let pairs = frames(&splats, &views).into_iter().zip(frames(&read, &views));
             let worst = pairs.map(|(a, b)| psnr(&a, &b)).fold(f64::INFINITY, f64::min);
             let bytes = std::fs::metadata(&path).unwrap().len();
-            println!("{name}, {precision:?}: {worst:.1} dB at the worst of {} times, {bytes} bytes", times.len());
-            assert!(worst >= least, "{name}, {precision:?}: {worst} dB");
+            println!("{name}, {grades:?}: {worst:.1} dB at the worst of {} times, {bytes} bytes", times.len());
+            assert!(worst >= least, "{name}, {grades:?}: {worst} dB");
         }
     }
 }
@@ -176,7 +176,7 @@ fn the_formats_own_python_package_reads_the_same_numbers() {
         let mut splats = random::scene(3, 100, sh_degree);
         splats.sh.iter_mut().for_each(|c| *c = c.map(|c| 0.5 * c));
         let clock = Clock { fps: 25.0, frames: 50 };
-        let read = there_and_back(&path, &splats, clock, Precision::Fine);
+        let read = there_and_back(&path, &splats, clock, Grades::default());
         let told = std::process::Command::new(&python).args(["-c", PYTHON]).arg(&path).output().unwrap();
         assert!(told.status.success(), "{}", String::from_utf8_lossy(&told.stderr));
         // Python writes infinity, which JSON has not.
@@ -229,32 +229,31 @@ fn the_formats_own_python_package_reads_the_same_numbers() {
     }
 }
 
-/// Largest errors of a precision: of places in parts of the median standard deviation, of logs of standard deviations, of
-/// colours and opacities, of sigmas.
-fn bounds(precision: Precision) -> [f64; 4] {
-    match precision {
-        Precision::Fine => [0.02, 0.005, 0.5 / 255.0, 0.005],
-        Precision::Medium => [0.05, 0.02, 1.0 / 255.0, 0.02],
-        Precision::Coarse => [0.2, 0.06, 3.0 / 255.0, 0.06],
-    }
+/// The same grade for every attribute.
+fn all(grade: u8) -> Grades {
+    let mut grades = Grades::default();
+    (0..Grades::N).for_each(|attribute| *grades.of(attribute) = grade);
+    grades
 }
 
 #[test]
-fn no_number_of_a_file_is_further_off_than_its_precision_states() {
+fn no_number_of_a_file_is_further_off_than_its_grade_states() {
     let folder = Folder::new("four-dgs-errors");
     let clock = Clock { fps: 24.0, frames: 120 };
-    for precision in [Precision::Fine, Precision::Medium, Precision::Coarse] {
+    for grade in 0..=3 {
+        let grades = all(grade);
         let mut splats = random::scene(5, 300, 2);
         splats.sh.iter_mut().for_each(|c| *c = c.map(|c| c.clamp(-1.5, 1.5)));
         // Far from the origin, where single precision is coarser than the check of the format's own writer allows.
         splats.position.iter_mut().for_each(|p| p[0] += 900.0);
         let path = folder.file("a.4dgs");
-        let read = there_and_back(&path, &splats, clock, precision);
+        let read = there_and_back(&path, &splats, clock, grades);
         assert_eq!((read.len(), read.n_static), (splats.len(), splats.n_static));
         let mut scales: Vec<f32> = splats.scale.as_flattened().iter().map(|s| s.exp()).collect();
         scales.sort_unstable_by(f32::total_cmp);
         let median = f64::from(scales[scales.len() / 2]);
-        let [place, scale, color, sigma] = bounds(precision);
+        let [place, scale, color, sigma] =
+            [0.02, 1.005_f64.ln(), 0.5 / 255.0, 1.005_f64.ln()].map(|finest| finest * f64::from(1 << grade));
         // Chunks have their own order: a Gaussian is found by its place.
         let near = |i: usize| {
             let off =
@@ -288,15 +287,15 @@ fn no_number_of_a_file_is_further_off_than_its_precision_states() {
             }
             worst.iter_mut().zip(errors).for_each(|(worst, error)| *worst = worst.max(error));
         }
-        println!("{precision:?}: {worst:?}, median {median}");
-        let rounding = 900.0 * f64::from(f32::EPSILON);
-        assert!(worst[0] > 0.0 && worst[0] <= place * median + rounding, "{precision:?}: places {}", worst[0]);
-        assert!(worst[1] > 0.0 && worst[1] <= scale * 1.001 + 1e-6, "{precision:?}: scales {}", worst[1]);
-        assert!(worst[2] > 0.0 && worst[2] <= color + 1e-6, "{precision:?}: colours {}", worst[2]);
-        assert!(worst[3] > 0.0 && worst[3] <= sigma * 1.001 + 1e-6, "{precision:?}: sigmas {}", worst[3]);
-        assert!(worst[4] > 0.0 && worst[4] <= 0.03, "{precision:?}: angles {}", worst[4]);
-        let harmonics = if precision == Precision::Coarse { 1.5 } else { 0.5 };
-        assert!(worst[5] > 0.0 && worst[5] <= harmonics * 8.0 / 255.0 + 1e-6, "{precision:?}: harmonics {}", worst[5]);
+        println!("grade {grade}: {worst:?}, median {median}");
+        let rounding = 2.0 * 900.0 * f64::from(f32::EPSILON);
+        assert!(worst[0] > 0.0 && worst[0] <= place * median + rounding, "grade {grade}: places {}", worst[0]);
+        assert!(worst[1] > 0.0 && worst[1] <= scale + 1e-5, "grade {grade}: scales {}", worst[1]);
+        assert!(worst[2] > 0.0 && worst[2] <= color + 1e-6, "grade {grade}: colours {}", worst[2]);
+        assert!(worst[3] > 0.0 && worst[3] <= sigma + 1e-5, "grade {grade}: sigmas {}", worst[3]);
+        assert!(worst[4] > 0.0 && worst[4] <= 0.003 * f64::from(1 << grade), "grade {grade}: angles {}", worst[4]);
+        let harmonics = if grade == 0 { 0.5 } else { 0.5 + 0.5 * f64::from(1 << grade) };
+        assert!(worst[5] > 0.0 && worst[5] <= harmonics * 8.0 / 255.0 + 1e-6, "grade {grade}: harmonics {}", worst[5]);
     }
 }
 
@@ -309,7 +308,7 @@ fn the_same_scene_gives_the_same_bytes_and_what_cannot_be_held_is_counted() {
     splats.sh.fill([0.2; 3]);
     let clean = Encoded::new(&splats, clock);
     assert_eq!((clean.len(), clean.n_clamped_colors, clean.n_clamped_harmonics), (10, 0, 0));
-    let bytes = |encoded: &Encoded| encoded.bytes(&path, &contents(clock, Precision::Fine)).unwrap();
+    let bytes = |encoded: &Encoded| encoded.bytes(&path, &contents(clock), Grades::default()).unwrap();
     assert_eq!(bytes(&clean), bytes(&Encoded::new(&splats, clock)));
     // Too bright; too dark with harmonics that may brighten it; too dark without, which is black all the same.
     splats.sh[0] = [3.0, 0.0, 0.0];
@@ -323,4 +322,42 @@ fn the_same_scene_gives_the_same_bytes_and_what_cannot_be_held_is_counted() {
     std::fs::write(&path, bytes(&dirty)).unwrap();
     let read = FourDgs::read(&path).unwrap();
     assert_eq!((read.splats().unwrap().len(), read.clock()), (9, clock));
+}
+
+#[test]
+fn a_file_is_as_small_as_its_pictures_allow_and_as_good_as_its_size_allows() {
+    let folder = Folder::new("four-dgs-compact");
+    let path = folder.file("a.4dgs");
+    let (splats, views) = demo();
+    let clock = Clock { fps: 30.0, frames: 60 };
+    let (encoded, contents) = (Encoded::new(&splats, clock), contents(clock));
+    let finest = encoded.bytes(&path, &contents, Grades::default()).unwrap().len() as u64;
+    let views: Vec<View> = views[..3].iter().map(|view| view.reduced(2)).collect();
+    let constants = Constants::default();
+    let subject =
+        Subject { path: &path, splats: &splats, encoded: &encoded, contents: &contents, constants, views: &views };
+    let gpu = gpu();
+    let find = |goal| compact(&gpu, &subject, goal, &mut |_, _| {});
+    let mut before = finest;
+    for db in [42.0, 36.0, 30.0] {
+        let found = find(Goal::Psnr(db)).unwrap();
+        println!("{db} dB: {} bytes of {finest}, {:.2} dB, {:?}", found.bytes.len(), found.psnr, found.grades);
+        assert!(found.psnr >= db && (found.bytes.len() as u64) < before, "{db}: {} dB", found.psnr);
+        before = found.bytes.len() as u64;
+        // What it says of its pictures is so.
+        let read = FourDgs::of_bytes(&path, &found.bytes).unwrap().splats().unwrap();
+        let pairs: Vec<(Frame, Frame)> = frames(&splats, &views).into_iter().zip(frames(&read, &views)).collect();
+        let error = pairs.iter().map(|(a, b)| 10f64.powf(-psnr(a, b) / 10.0)).sum::<f64>() / pairs.len() as f64;
+        assert!((-10.0 * error.log10() - found.psnr).abs() < 0.01, "{}", -10.0 * error.log10());
+    }
+    let found = find(Goal::Bytes(finest * 2 / 3)).unwrap();
+    println!("{} bytes of {finest}: {:.2} dB, {:?}", found.bytes.len(), found.psnr, found.grades);
+    assert!(found.bytes.len() as u64 <= finest * 2 / 3 && found.psnr > 33.0, "{} dB", found.psnr);
+    assert!(fault(find(Goal::Psnr(90.0)), &path).contains("90 dB"));
+    assert!(fault(find(Goal::Bytes(500)), &path).contains("500 bytes"));
+    // Bands that are left out are no part of the file.
+    let mut plain = Grades::default();
+    plain.bands[0] = Grades::LEFT_OUT;
+    let bytes = encoded.bytes(&path, &contents, plain).unwrap();
+    assert_eq!(FourDgs::of_bytes(&path, &bytes).unwrap().splats().unwrap().sh_degree, 0);
 }

@@ -36,8 +36,20 @@ impl FourDgs {
     /// `gaussian-birth`, of a codec other than deflate, or of more than half a gigabyte in memory.
     pub fn read(path: &Path) -> Result<Self> {
         let file = open_file(path).map_err(|fault| cannot_read(path, &fault))?;
+        Self::of(path, std::io::BufReader::new(file))
+    }
+
+    /// A file that is in memory; `path` is what its faults are told of.
+    ///
+    /// # Errors
+    /// As [`FourDgs::read`].
+    pub fn of_bytes(path: &Path, bytes: &[u8]) -> Result<Self> {
+        Self::of(path, bytes)
+    }
+
+    fn of(path: &Path, source: impl Read) -> Result<Self> {
         let whole = fourdgs::ReadOptions { recover_truncated: false, ..Default::default() };
-        let scene = fourdgs::read_from(std::io::BufReader::new(file), &whole).map_err(|fault| {
+        let scene = fourdgs::read_from(source, &whole).map_err(|fault| {
             let remedy = match &fault {
                 fault if fault.is_unsupported_feature() => {
                     "save it with the model gaussian-birth and the codec deflate"

@@ -1,5 +1,6 @@
 //! Gaussians of ours as a `.4dgs`.
 
+use super::grades::Grades;
 use super::{Clock, RECORD, VIEWS};
 use crate::error::{Error, Result};
 use crate::scene::decode::SH_C0;
@@ -18,19 +19,6 @@ const LEAST_IN_CHUNK: usize = 256;
 /// A base colour this far beyond [0, 1] shows in no picture of 8 bits.
 const HALF_STEP: f64 = 0.5 / 255.0;
 
-/// How finely the numbers are stored. Largest errors: of a place in parts of the median standard deviation, of a standard
-/// deviation in parts of itself, of colours and opacities in steps of 255.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Precision {
-    /// 0.02, 0.005, 0.5.
-    #[default]
-    Fine,
-    /// 0.05, 0.02, 1.
-    Medium,
-    /// 0.2, 0.06, 3.
-    Coarse,
-}
-
 /// What a file holds beside its Gaussians.
 #[derive(Clone, Debug)]
 pub struct Contents<'a> {
@@ -40,8 +28,6 @@ pub struct Contents<'a> {
     pub views: &'a [View],
     /// What is this project's own, by name: how the scene is rendered.
     pub own: BTreeMap<String, String>,
-    /// How finely numbers are stored.
-    pub precision: Precision,
 }
 
 /// A scene as it will be stored.
@@ -102,19 +88,16 @@ impl Encoded {
         self.set.is_empty()
     }
 
-    /// The file's bytes. The same scene and contents give the same bytes.
+    /// The file's bytes with attributes as fine as `grades` says. The same scene, contents and grades give the same bytes.
     ///
     /// # Errors
     /// [`Error::Data`] naming `path` where a number has no place on the format's grids.
-    pub fn bytes(&self, path: &Path, contents: &Contents) -> Result<Vec<u8>> {
+    pub fn bytes(&self, path: &Path, contents: &Contents, grades: Grades) -> Result<Vec<u8>> {
         let clock = contents.clock;
-        let profile = match contents.precision {
-            Precision::Fine => Profile::Fine,
-            Precision::Medium => Profile::Default,
-            Precision::Coarse => Profile::Coarse,
-        };
+        let set = grades.on(&self.set, CUTOFF);
+        let bits = grades.bits(set.sh_degree);
         let options = WriteOptions {
-            profile,
+            profile: Profile::Fine,
             cutoff: CUTOFF,
             level: 9,
             max_depth: (clock.seconds() / SHORTEST_CHUNK).max(1.0).log2().floor() as u32,
@@ -123,7 +106,8 @@ impl Encoded {
             // Its own check leaves no room for the rounding of decoded numbers to single precision, so a place half way between
             // two steps and far from the origin would be refused.
             verify: false,
-            sh_bands: self.set.sh_degree,
+            sh_bands: grades.degree(set.sh_degree),
+            sh_bit_depths: bits.iter().any(|bits| *bits < 8).then_some(bits),
             library: concat!("ivv ", env!("CARGO_PKG_VERSION")).to_owned(),
             metadata: [("color_space", "srgb-rec709-display"), ("visibility_profile", "gaussian")]
                 .map(|(key, value)| (key.to_owned(), value.to_owned()))
@@ -133,6 +117,11 @@ impl Encoded {
         let mut entries = contents.own.clone();
         entries.insert("fps".to_owned(), clock.fps.to_string());
         entries.insert("frames".to_owned(), clock.frames.to_string());
+        if grades != Grades::default() {
+            let mut all = grades;
+            let told = (0..Grades::N).map(|k| format!("{} {}", Grades::NAMES[k], all.of(k)));
+            entries.insert("grades".to_owned(), told.collect::<Vec<_>>().join(", "));
+        }
         let mut extras =
             SceneExtras { metadata: vec![Metadata { name: RECORD.to_owned(), entries }], ..SceneExtras::default() };
         if !contents.views.is_empty() {
@@ -142,7 +131,7 @@ impl Encoded {
             let media_type = "application/json".to_owned();
             extras.attachments.push(Attachment { name: VIEWS.to_owned(), media_type, data });
         }
-        fourdgs::write_to_vec(&self.set, clock.seconds(), &options, &extras).map_err(|fault| {
+        fourdgs::write_to_vec(&set, clock.seconds(), &options, &extras).map_err(|fault| {
             let remedy = "a Gaussian lies or reaches too far for the format: leave it out, or export the scene as PLY";
             Error::data(path, "", format!("cannot be stored: {fault}"), remedy)
         })

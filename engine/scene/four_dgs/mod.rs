@@ -7,10 +7,12 @@
 
 mod decode;
 mod encode;
+mod grades;
 mod summary;
 
 pub use decode::FourDgs;
-pub use encode::{Contents, Encoded, Precision};
+pub use encode::{Contents, Encoded};
+pub use grades::Grades;
 pub use summary::FourDgsSummary;
 
 use std::collections::BTreeMap;
