@@ -61,13 +61,14 @@ export async function openScene(source) {
   if (source.size < MAGIC.length + TAIL) {
     throw new FormatError('truncated', `expected at least ${MAGIC.length + TAIL} bytes, found a file of ${source.size}`);
   }
-  const tail = await file.read(source.size - TAIL, TAIL);
-  const end = source.size - MAGIC.length;
+  // One read for the footer and, mostly, the whole index.
+  const block = Math.min(source.size, READ_AHEAD);
+  const tail = (await file.read(source.size - block, block)).subarray(block - TAIL);
   checkMagic(tail.subarray(TAIL - MAGIC.length), 'end');
   const footer = new Cursor(tail, 'Footer');
   const isPlain = footer.u8() === 0x02 && footer.u64() === 20;
   const indexed = isPlain ? await readSummary(file, footer, source.size - TAIL) : null;
-  const scene = await walk(file, end, indexed);
+  const scene = await walk(file, indexed?.start ?? source.size - MAGIC.length, indexed?.chunks ?? null);
   checkScene(scene, indexed !== null);
   return scene;
 }
@@ -110,7 +111,7 @@ function checkMagic(found, where) {
 
 /**
  * The index at the end. @param {Blocks} file @param {Cursor} footer @param {number} footerStart
- * @returns {Promise<ChunkEntry[] | null>} null where the file has none
+ * @returns {Promise<{ chunks: ChunkEntry[], start: number } | null>} null where the file has none
  */
 async function readSummary(file, footer, footerStart) {
   const start = footer.u64();
@@ -133,7 +134,7 @@ async function readSummary(file, footer, footerStart) {
     const content = records.slice(records.u64());
     if (opcode === 0x08) chunks.push(readIndexEntry(new Cursor(content, 'Chunk Index'), start));
   }
-  return chunks;
+  return { chunks, start };
 }
 
 /** @param {Cursor} c @param {number} limit chunks end before this byte @returns {ChunkEntry} */

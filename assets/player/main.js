@@ -50,6 +50,7 @@ export class App {
     return {
       toggle: () => (clock.isPlaying || this.isWaiting ? this.pause() : this.play()),
       seek: (t) => this.seek(t),
+      step: (seconds) => this.seek(clock.time() + seconds),
       speed: (speed) => clock.set({ speed }),
       loop: (loop) => clock.set({ loop }),
       mute: () => this.sound?.mute(!this.sound.isMuted),

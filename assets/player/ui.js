@@ -65,6 +65,7 @@ function relabel(button, symbol, label) {
  * @typedef {object} Actions what the page can ask for
  * @property {() => void} toggle play or pause
  * @property {(t: number) => void} seek seconds
+ * @property {(seconds: number) => void} step back or on from now
  * @property {(speed: number) => void} speed
  * @property {(loops: boolean) => void} loop
  * @property {() => void} mute
@@ -116,7 +117,7 @@ export class Ui {
       const step = { ArrowLeft: -FRAME_SECONDS, ArrowRight: FRAME_SECONDS, PageDown: -1, PageUp: 1 }[event.key];
       if (step === undefined) return;
       event.preventDefault();
-      actions.seek(Number(time.value) + step);
+      actions.step(step);
     });
     element('settings-open').addEventListener('click', () => this.showSettings(element('settings').hidden === true));
     element('canvas').addEventListener('pointerdown', () => this.showSettings(false));
@@ -158,11 +159,10 @@ export class Ui {
   key(event) {
     if (event.ctrlKey || event.metaKey || event.altKey || isTyping(event)) return;
     const { actions } = this;
-    const t = Number(this.time.value);
     const onButton = event.target instanceof HTMLButtonElement || event.target instanceof HTMLInputElement;
     /** @type {Record<string, () => void>} */
     const commands = {
-      j: () => actions.seek(t - 1), l: () => actions.seek(t + 1), ',': () => actions.seek(t - FRAME_SECONDS), '.': () => actions.seek(t + FRAME_SECONDS),
+      j: () => actions.step(-1), l: () => actions.step(1), ',': () => actions.step(-FRAME_SECONDS), '.': () => actions.step(FRAME_SECONDS),
       home: () => actions.seek(0), m: () => actions.mute(), f: () => this.fullScreen(), r: () => actions.reset(), '?': () => this.showHelp(),
       v: () => this.nextView(), g: () => this.flip('mode', ['orbit', 'fly']), i: () => element('stats-on').click(), escape: () => this.showSettings(false),
     };
