@@ -42,6 +42,7 @@ export class ChunkStore {
     this.wanted = [];
     this.moments = { sum: 0, first: [0, 0, 0], second: 0, moving: 0 };
     this.uploadMs = 0;
+    this.request = '';
     /** Counts changes of what is resident. */
     this.version = 0;
     device.decoder.onmessage = ({ data }) => this.decoded(data);
@@ -62,7 +63,13 @@ export class ChunkStore {
    * @param {number} t seconds @param {number} ahead seconds @param {boolean} loops
    */
   want(t, ahead, loops) {
+    const request = `${t} ${ahead} ${loops}`;
     const now = this.needed(t);
+    if (request === this.request) {
+      this.pump(now.length);
+      return;
+    }
+    this.request = request;
     /** @param {number} t0 */
     const wait = (t0) => (t0 >= t || !loops ? t0 - t : t0 - t + this.duration);
     const later = this.slots

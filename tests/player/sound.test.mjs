@@ -9,6 +9,7 @@ import { write4dgs } from './write4dgs.mjs';
 const SKIP = browserMissing() ?? false;
 const RATE = 48000;
 const SYNC_SECONDS = 0.02;
+const STUCK_MS = 20_000;
 const EYE = { rotation: [1, 0, 0, 0, 1, 0, 0, 0, 1], center: [0, 0, 0] };
 const db = (ratio) => 20 * Math.log10(ratio);
 
@@ -84,7 +85,15 @@ test('sound in Chromium', { skip: SKIP, timeout: 300_000 }, async (t) => {
   const page = await openPage(browser.context, server.url);
   const next = random(11);
   const noise = Array.from({ length: RATE }, () => 0.3 * (2 * next() - 1));
-  const render = (options) => page.evaluate(renderOffline, { seconds: 1, rate: RATE, duration: 10, listener: EYE, mic: null, ...options });
+  /** Once in a while Chromium never resumes an offline context that was suspended: then another one is taken. */
+  const render = async (options) => {
+    for (let tries = 0; tries < 3; tries += 1) {
+      const work = page.evaluate(renderOffline, { seconds: 1, rate: RATE, duration: 10, listener: EYE, mic: null, ...structuredClone(options) });
+      const result = await Promise.race([work, new Promise((resolve) => setTimeout(resolve, STUCK_MS, null))]);
+      if (result) return result;
+    }
+    throw new Error('the offline context of this browser does not resume');
+  };
 
   await t.test('left, right, front, at two distances', async (sub) => {
     const place = async (position) => {
@@ -126,9 +135,10 @@ test('sound in Chromium', { skip: SKIP, timeout: 300_000 }, async (t) => {
     for (const c of clicks) for (let i = 0; i < 48; i += 1) samples[Math.round(c * RATE) + i] = 0.8;
     let worst = 0;
     for (const changes of [[], [{ at: 0.4, set: { time: 1 } }], [{ at: 0.3, set: { speed: 0.5 } }, { at: 1.1, set: { speed: 2 } }], [{ at: 0.45, set: { playing: false } }, { at: 0.9, set: { playing: true } }]]) {
-      const { left, course } = await render({ seconds: 4, duration, sources: [{ samples, spatial: false }], changes: structuredClone(changes) });
+      const { left, course } = await render({ seconds: 4, duration, sources: [{ samples, spatial: false }], changes });
       const heard = left.flatMap((v, i) => (Math.abs(v) > 0.3 && !left.slice(Math.max(0, i - 480), i).some((u) => Math.abs(u) > 0.3) ? [i / RATE] : []));
-      assert.ok(heard.length >= 5, `heard ${heard}`);
+      const passed = course.slice(1).reduce((n, [, s1], k) => n + clicks.filter((c) => course[k][1] < c && c <= s1).length, 0);
+      assert.ok(passed >= 5 && Math.abs(heard.length - passed) <= 1, `the clock passed ${passed} clicks, heard at ${heard}`);
       for (const at of heard) {
         // The scene time that the clock showed when the click sounded, from the nearest moments that were noted.
         const k = course.findIndex(([now]) => now > at);
