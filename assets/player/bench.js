@@ -11,7 +11,7 @@ const SWING = 0.3; // radians to either side
  * @property {number} fps mean
  * @property {Record<'p5' | 'p50' | 'p95' | 'p99', number>} frame_ms
  * @property {number} sort_ms medians
- * @property {number} upload_ms of the last chunk
+ * @property {number} upload_ms of the last slice of a chunk
  * @property {number} draw_ms of a frame until the device has finished it
  * @property {number} live mean of live Gaussians
  * @property {number} width
@@ -38,11 +38,13 @@ export async function runBench(app, rounds) {
     app.show({ ...start, rotation: product(start.rotation, transposed(spin)), center: add(pivot, apply(spin, add(start.center, pivot, -1))) });
     clock.set({ time: ((i % FRAMES_A_ROUND) / FRAMES_A_ROUND) * clock.duration, playing: false });
     const view = app.currentView();
-    await player.render(view);
+    player.exact += 1;
+    await player.order(view);
     sorts.push(player.sort.ms);
     const drawStart = performance.now();
     player.draw(view, true);
     renderer.finish();
+    player.exact -= 1;
     draws.push(performance.now() - drawStart);
     live += renderer.count / total;
     await new Promise((resolve) => requestAnimationFrame(resolve));

@@ -42,6 +42,7 @@ export class ChunkStore {
     this.wanted = [];
     this.moments = { sum: 0, first: [0, 0, 0], second: 0, moving: 0 };
     this.uploadMs = 0;
+    this.request = '';
     /** Counts changes of what is resident. */
     this.version = 0;
     device.decoder.onmessage = ({ data }) => this.decoded(data);
@@ -62,7 +63,13 @@ export class ChunkStore {
    * @param {number} t seconds @param {number} ahead seconds @param {boolean} loops
    */
   want(t, ahead, loops) {
+    const request = `${t} ${ahead} ${loops}`;
     const now = this.needed(t);
+    if (request === this.request) {
+      this.pump(now.length);
+      return;
+    }
+    this.request = request;
     /** @param {number} t0 */
     const wait = (t0) => (t0 >= t || !loops ? t0 - t : t0 - t + this.duration);
     const later = this.slots
@@ -201,7 +208,8 @@ export class ChunkStore {
   upload(renderer, all = false) {
     const { rowSlots } = this.device;
     const start = performance.now();
-    let budget = all ? Infinity : ROWS_PER_SLICE;
+    const limit = all ? 2 ** 30 : ROWS_PER_SLICE;
+    let budget = limit;
     while (budget > 0 && this.uploads.length > 0) {
       const next = this.uploads[0];
       const { rows } = this.slots[next.id];
@@ -221,8 +229,8 @@ export class ChunkStore {
       this.device.sorter.postMessage({ type: 'load', id: next.id, chunk }, [sortable.buffer, window.buffer]);
       slot.state = 'resident';
       this.version += 1;
-      this.uploadMs = performance.now() - start;
     }
+    if (budget < limit) this.uploadMs = performance.now() - start;
   }
 
   /** Tries chunks again that could not be fetched. */

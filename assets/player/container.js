@@ -61,13 +61,14 @@ export async function openScene(source) {
   if (source.size < MAGIC.length + TAIL) {
     throw new FormatError('truncated', `expected at least ${MAGIC.length + TAIL} bytes, found a file of ${source.size}`);
   }
-  const tail = await file.read(source.size - TAIL, TAIL);
-  const end = source.size - MAGIC.length;
+  // One read for the footer and, mostly, the whole index.
+  const block = Math.min(source.size, READ_AHEAD);
+  const tail = (await file.read(source.size - block, block)).subarray(block - TAIL);
   checkMagic(tail.subarray(TAIL - MAGIC.length), 'end');
   const footer = new Cursor(tail, 'Footer');
   const isPlain = footer.u8() === 0x02 && footer.u64() === 20;
   const indexed = isPlain ? await readSummary(file, footer, source.size - TAIL) : null;
-  const scene = await walk(file, end, indexed);
+  const scene = await walk(file, indexed?.start ?? source.size - MAGIC.length, indexed?.chunks ?? null);
   checkScene(scene, indexed !== null);
   return scene;
 }
@@ -110,7 +111,7 @@ function checkMagic(found, where) {
 
 /**
  * The index at the end. @param {Blocks} file @param {Cursor} footer @param {number} footerStart
- * @returns {Promise<ChunkEntry[] | null>} null where the file has none
+ * @returns {Promise<{ chunks: ChunkEntry[], start: number } | null>} null where the file has none
  */
 async function readSummary(file, footer, footerStart) {
   const start = footer.u64();
@@ -133,7 +134,7 @@ async function readSummary(file, footer, footerStart) {
     const content = records.slice(records.u64());
     if (opcode === 0x08) chunks.push(readIndexEntry(new Cursor(content, 'Chunk Index'), start));
   }
-  return chunks;
+  return { chunks, start };
 }
 
 /** @param {Cursor} c @param {number} limit chunks end before this byte @returns {ChunkEntry} */
@@ -172,7 +173,8 @@ function inOrder(bands) {
 async function walk(file, end, indexed) {
   const known = new Map((indexed ?? []).flatMap((entry) => [entry.chunk, ...entry.bands]).map((s) => [s.offset, s.length]));
   const scene = /** @type {Scene} */ (/** @type {unknown} */ ({ chunks: indexed ?? [], metadata: new Map(), attachments: [], sounds: [], camera: null, frame: null }));
-  const state = { scene, seen: new Set(), sources: new Map(), data: new Map(), bands: new Map() };
+  /** @type {WalkState} */
+  const state = { scene, seen: new Set(), sources: new Map(), data: new Map(), bands: new Map(), hasIndex: indexed !== null };
   let n = 0;
   for (let at = MAGIC.length; at < end; n += 1) {
     if (n > MAX_RECORDS) throw new FormatError('too-many-records', `expected at most ${MAX_RECORDS} records, found more`);
@@ -190,7 +192,7 @@ async function walk(file, end, indexed) {
     if (n === 0 && opcode !== 0x01) {
       throw new FormatError('bad-order', `expected the Header (0x1) as the first record, found 0x${opcode.toString(16)}`);
     }
-    await readRecord(file, opcode, span, state, indexed !== null);
+    await readRecord(file, opcode, span, state);
     at = span.offset + span.length;
     if (opcode === 0x02) break;
   }
@@ -201,105 +203,104 @@ async function walk(file, end, indexed) {
     }
     scene.sounds.push({ ...source, data });
   }
-  const orphan = [...state.data.keys()].find((id) => !state.sources.has(id));
-  if (orphan !== undefined) throw new FormatError('bad-sound', `sound data ${orphan}: expected a source of that number, found none`);
+  for (const id of state.data.keys()) {
+    if (!state.sources.has(id)) throw new FormatError('bad-sound', `sound data ${id}: expected a source of that number, found none`);
+  }
   return scene;
 }
 
 /**
- * @typedef {{ scene: Scene, seen: Set<number>, sources: Map<number, SoundSource>, data: Map<number, Span>, bands: Map<number, Span> }} WalkState
- * @param {Blocks} file @param {number} opcode @param {Span} span @param {WalkState} state @param {boolean} hasIndex
+ * @typedef {object} WalkState what a walk has found
+ * @property {Scene} scene
+ * @property {Set<number>} seen opcodes of records of which there may be one only
+ * @property {Map<number, SoundSource>} sources
+ * @property {Map<number, Span>} data of sources
+ * @property {Map<number, Span>} bands of the last chunk
+ * @property {boolean} hasIndex
+ * @typedef {(name: string, length?: number) => Promise<Cursor>} Open reads a record, or only so much of its beginning
  */
-async function readRecord(file, opcode, span, state, hasIndex) {
-  const { scene, seen } = state;
-  /** @param {string} name @param {number} [length] only so much of its beginning */
-  const open = async (name, length = span.length) => {
-    if (length > MAX_RECORD) throw new FormatError('too-long', `${name}: expected at most ${MAX_RECORD} bytes, found ${length}`);
-    return new Cursor(await file.read(span.offset, Math.min(length, span.length)), name);
-  };
-  if ([0x01, 0x03, 0x04].includes(opcode)) {
-    if (seen.has(opcode)) {
+
+/** Reads a record into what has been found. @param {Blocks} file @param {number} opcode @param {Span} span its content @param {WalkState} state */
+async function readRecord(file, opcode, span, state) {
+  if (opcode === 0x01 || opcode === 0x03 || opcode === 0x04) {
+    if (state.seen.has(opcode)) {
       throw new FormatError('duplicate-record', `expected one record 0x${opcode.toString(16)}, found a second at byte ${span.offset - FRAME}`);
     }
-    seen.add(opcode);
+    state.seen.add(opcode);
   }
-  switch (opcode) {
-    case 0x01:
-      scene.header = readHeader(await open('Header'));
-      break;
-    case 0x03:
-      scene.grid = readGrid(await open('Quantization'));
-      break;
-    case 0x04: {
-      const c = await open('Window Table');
-      scene.windows = Float64Array.from({ length: 2 * c.count(16, 'windows') }, () => c.f64());
-      break;
-    }
-    case 0x05:
-      if (!hasIndex) {
-        const c = await open('Chunk', 24);
-        const [t0, t1] = c.finites(2, 'interval');
-        c.u32();
-        const entry = { t0, t1, count: c.u32(), chunk: { offset: span.offset - FRAME, length: span.length + FRAME }, bands: [] };
-        scene.chunks.push(entry);
-        state.bands = new Map();
-      }
-      break;
-    case 0x07:
-      if (!hasIndex && scene.chunks.length > 0) {
-        state.bands.set((await open('SH Band', 1)).u8(), { offset: span.offset - FRAME, length: span.length + FRAME });
-        scene.chunks[scene.chunks.length - 1].bands = inOrder(state.bands);
-      }
-      break;
-    case 0x09: {
-      const c = await open('Audio', Math.min(span.length, 4096));
-      const sound = { id: 0, name: '', codec: c.string(), start: c.finite('start'), gain: 1, spatial: false, loop: false, position: [0, 0, 0] };
-      const duration = Math.max(0, (scene.header?.duration ?? 0) - sound.start);
-      const data = payload(c, span);
-      state.sources.set(0, { ...sound, duration, keys: [], step: false, data });
-      state.data.set(0, data);
-      break;
-    }
-    case 0x0a: {
-      const c = await open('Camera', 56);
-      scene.camera = { fovY: c.finite('field of view'), position: c.finites(3, 'position'), target: c.finites(3, 'target') };
-      break;
-    }
-    case 0x0b: {
-      const c = await open('Metadata');
-      scene.metadata.set(c.string(), c.map());
-      break;
-    }
-    case 0x0d: {
-      const c = await open('Attachment', Math.min(span.length, 4096));
-      scene.attachments.push({ name: c.string(), mediaType: c.string(), data: payload(c, span) });
-      break;
-    }
-    case 0x11: {
-      const source = readSoundSource(await open('Audio Source'));
-      if (state.sources.has(source.id)) throw new FormatError('bad-sound', `expected one sound source ${source.id}, found two`);
-      state.sources.set(source.id, source);
-      break;
-    }
-    case 0x12: {
-      const c = await open('Audio Data', 12);
-      const id = c.u32();
-      if (state.data.has(id)) throw new FormatError('bad-sound', `expected one record of sound data ${id}, found two`);
-      state.data.set(id, payload(c, span));
-      break;
-    }
-    case 0x20: {
-      const c = await open('Coordinate Frame');
-      if (c.string() !== '') break;
-      const [handedness, upAxis] = [c.u8(), c.u8()];
-      c.take(2);
-      const metresPerUnit = c.finite('metres per unit');
-      if (!scene.frame) scene.frame = { handedness, upAxis, metresPerUnit };
-      break;
-    }
-    default: // Records that this reader does not know are stepped over, as the format asks.
-  }
+  // Records that this reader does not know are stepped over, as the format asks.
+  await READERS[opcode]?.(state, span, async (name, length = span.length) => {
+    if (length > MAX_RECORD) throw new FormatError('too-long', `${name}: expected at most ${MAX_RECORD} bytes, found ${length}`);
+    return new Cursor(await file.read(span.offset, Math.min(length, span.length)), name);
+  });
 }
+
+/** By opcode. @type {Record<number, (state: WalkState, span: Span, open: Open) => Promise<void>>} */
+const READERS = {
+  async 0x01({ scene }, _, open) {
+    scene.header = readHeader(await open('Header'));
+  },
+  async 0x03({ scene }, _, open) {
+    scene.grid = readGrid(await open('Quantization'));
+  },
+  async 0x04({ scene }, _, open) {
+    const c = await open('Window Table');
+    scene.windows = Float64Array.from({ length: 2 * c.count(16, 'windows') }, () => c.f64());
+  },
+  async 0x05(state, span, open) {
+    if (state.hasIndex) return;
+    const c = await open('Chunk', 24);
+    const [t0, t1] = c.finites(2, 'interval');
+    c.u32();
+    state.scene.chunks.push({ t0, t1, count: c.u32(), chunk: whole(span), bands: [] });
+    state.bands = new Map();
+  },
+  async 0x07({ scene, bands, hasIndex }, span, open) {
+    if (hasIndex || scene.chunks.length === 0) return;
+    bands.set((await open('SH Band', 1)).u8(), whole(span));
+    scene.chunks[scene.chunks.length - 1].bands = inOrder(bands);
+  },
+  async 0x09({ scene, sources, data }, span, open) {
+    const c = await open('Audio', 4096);
+    const sound = { id: 0, name: '', codec: c.string(), start: c.finite('start'), gain: 1, spatial: false, loop: false, position: [0, 0, 0], keys: [], step: false };
+    const bytes = payload(c, span);
+    data.set(0, bytes);
+    sources.set(0, { ...sound, duration: Math.max(0, (scene.header?.duration ?? 0) - sound.start), data: bytes });
+  },
+  async 0x0a({ scene }, _, open) {
+    const c = await open('Camera', 56);
+    scene.camera = { fovY: c.finite('field of view'), position: c.finites(3, 'position'), target: c.finites(3, 'target') };
+  },
+  async 0x0b({ scene }, _, open) {
+    const c = await open('Metadata');
+    scene.metadata.set(c.string(), c.map());
+  },
+  async 0x0d({ scene }, span, open) {
+    const c = await open('Attachment', 4096);
+    scene.attachments.push({ name: c.string(), mediaType: c.string(), data: payload(c, span) });
+  },
+  async 0x11({ sources }, _, open) {
+    const source = readSoundSource(await open('Audio Source'));
+    if (sources.has(source.id)) throw new FormatError('bad-sound', `expected one sound source ${source.id}, found two`);
+    sources.set(source.id, source);
+  },
+  async 0x12({ data }, span, open) {
+    const c = await open('Audio Data', 12);
+    const id = c.u32();
+    if (data.has(id)) throw new FormatError('bad-sound', `expected one record of sound data ${id}, found two`);
+    data.set(id, payload(c, span));
+  },
+  async 0x20({ scene }, _, open) {
+    const c = await open('Coordinate Frame');
+    if (c.string() !== '') return;
+    const [handedness, upAxis] = [c.u8(), c.u8()];
+    c.take(2);
+    scene.frame ??= { handedness, upAxis, metresPerUnit: c.finite('metres per unit') };
+  },
+};
+
+/** The record of a content. @param {Span} span @returns {Span} */
+const whole = ({ offset, length }) => ({ offset: offset - FRAME, length: length + FRAME });
 
 /** Where the bytes of a record lie that end it. @param {Cursor} c its beginning @param {Span} span @returns {Span} */
 function payload(c, span) {

@@ -1,10 +1,7 @@
-// The renderer: projection by transform feedback, blending into half floats back to front, then the screen.
+// The renderer: quads back to front, blended into half floats, then the screen.
 import { GEOMETRY_FLOATS, LOOK_TEXELS } from './decode.js';
-import {
-  emptySource, projectSource, screenFragmentSource, screenVertexSource, splatFragmentSource, splatVertexSource, SPLAT_VARYINGS,
-} from './shaders.js';
+import { ORDER_WIDTH, screenFragmentSource, screenVertexSource, splatFragmentSource, splatVertexSource } from './shaders.js';
 
-const SPLAT_BYTES = 48;
 const GEOMETRY_TEXELS = GEOMETRY_FLOATS / 4;
 
 /**
@@ -34,16 +31,14 @@ export class Renderer {
     const float = gl.getExtension('EXT_color_buffer_float') ?? gl.getExtension('EXT_color_buffer_half_float');
     this.pictureFormat = float ? gl.RGBA16F : gl.RGBA8;
     this.timer = gl.getExtension('EXT_disjoint_timer_query_webgl2');
-    this.project = link(gl, projectSource(shDegree, this.lookTexels), emptySource, SPLAT_VARYINGS);
-    this.splat = link(gl, splatVertexSource, splatFragmentSource);
+    this.splat = link(gl, splatVertexSource(shDegree, this.lookTexels), splatFragmentSource);
     this.screen = link(gl, screenVertexSource, screenFragmentSource);
     this.geometry = this.texture(gl.RGBA32F, this.rowSlots * GEOMETRY_TEXELS, rows);
     this.looks = this.texture(gl.RGBA32UI, this.rowSlots * this.lookTexels, rows);
-    this.orders = [gl.createBuffer(), gl.createBuffer()];
-    this.splats = gl.createBuffer();
-    this.feedback = gl.createTransformFeedback();
-    this.slotArrays = this.orders.map((buffer) => this.slotArray(buffer));
-    this.splatArray = this.quadArray();
+    /** Two orders: one is drawn while the other is written. @type {{ texture: WebGLTexture | null, rows: number }[]} */
+    this.orders = [{ texture: null, rows: 0 }, { texture: null, rows: 0 }];
+    this.corners = gl.createBuffer();
+    this.quads = gl.createVertexArray();
     this.capacity = 0;
     this.current = 0;
     this.count = 0;
@@ -64,30 +59,16 @@ export class Renderer {
     return texture;
   }
 
-  /** @param {WebGLBuffer} buffer */
-  slotArray(buffer) {
+  /** Makes room for the corners of so many quads: two triangles of four vertices each. @param {number} count */
+  reserve(count) {
     const { gl } = this;
-    const array = gl.createVertexArray();
-    gl.bindVertexArray(array);
-    gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
-    gl.enableVertexAttribArray(0);
-    gl.vertexAttribIPointer(0, 1, gl.UNSIGNED_INT, 0, 0);
+    this.capacity = Math.ceil(count * 1.25);
+    const corners = new Uint32Array(this.capacity * 6);
+    for (let i = 0; i < this.capacity; i += 1) corners.set([4 * i, 4 * i + 1, 4 * i + 2, 4 * i + 2, 4 * i + 1, 4 * i + 3], 6 * i);
+    gl.bindVertexArray(this.quads);
+    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, this.corners);
+    gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, corners, gl.STATIC_DRAW);
     gl.bindVertexArray(null);
-    return array;
-  }
-
-  quadArray() {
-    const { gl } = this;
-    const array = gl.createVertexArray();
-    gl.bindVertexArray(array);
-    gl.bindBuffer(gl.ARRAY_BUFFER, this.splats);
-    for (let i = 0; i < 3; i += 1) {
-      gl.enableVertexAttribArray(i);
-      gl.vertexAttribPointer(i, 4, gl.FLOAT, false, SPLAT_BYTES, 16 * i);
-      gl.vertexAttribDivisor(i, 1);
-    }
-    gl.bindVertexArray(null);
-    return array;
   }
 
   /**
@@ -111,73 +92,64 @@ export class Renderer {
     }
   }
 
-  /** The slots to draw, farthest first; the buffer that is being drawn from is left alone. @param {Uint32Array} order @param {number} count */
+  /** The slots to draw, farthest first, in an array that fills whole rows. @param {Uint32Array} order @param {number} count */
   setOrder(order, count) {
     const { gl } = this;
     this.current = 1 - this.current;
     this.count = count;
-    gl.bindBuffer(gl.ARRAY_BUFFER, this.orders[this.current]);
-    gl.bufferData(gl.ARRAY_BUFFER, order.subarray(0, count), gl.STREAM_DRAW);
-    if (count > this.capacity) {
-      this.capacity = Math.ceil(count * 1.25);
-      gl.bindBuffer(gl.ARRAY_BUFFER, this.splats);
-      gl.bufferData(gl.ARRAY_BUFFER, this.capacity * SPLAT_BYTES, gl.STREAM_COPY);
+    if (count === 0) return;
+    if (count > this.capacity) this.reserve(count);
+    const target = this.orders[this.current];
+    const rows = Math.ceil(count / ORDER_WIDTH);
+    if (rows > target.rows) {
+      gl.deleteTexture(target.texture);
+      target.rows = Math.ceil(rows * 1.25);
+      target.texture = this.texture(gl.R32UI, ORDER_WIDTH, target.rows);
     }
-    gl.bindBuffer(gl.ARRAY_BUFFER, null);
+    gl.bindTexture(gl.TEXTURE_2D, target.texture);
+    gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, ORDER_WIDTH, rows, gl.RED_INTEGER, gl.UNSIGNED_INT, order.subarray(0, rows * ORDER_WIDTH));
   }
 
   /** Draws the order of the last `setOrder` at time `t`. @param {import('./camera.js').View} view @param {number} t seconds @param {Target} target */
   draw(view, t, target) {
     const { gl } = this;
     const timed = this.startTimer();
-    this.projectSplats(view, t);
     this.resize(view.width, view.height);
     gl.bindFramebuffer(gl.FRAMEBUFFER, this.picture.framebuffer);
     gl.viewport(0, 0, view.width, view.height);
     gl.clearColor(0, 0, 0, 0);
     gl.clear(gl.COLOR_BUFFER_BIT);
-    gl.useProgram(this.splat.program);
-    gl.uniform2f(this.splat.at('size'), view.width, view.height);
-    gl.uniform2f(this.splat.at('alpha_range'), this.look.alphaMin, this.look.alphaMax);
-    gl.enable(gl.BLEND);
-    gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
-    gl.bindVertexArray(this.splatArray);
-    gl.drawArraysInstanced(gl.TRIANGLE_STRIP, 0, 4, this.count);
-    gl.disable(gl.BLEND);
+    if (this.count > 0) this.drawSplats(view, t);
     this.show(view, target);
     if (timed) gl.endQuery(/** @type {any} */ (this.timer).TIME_ELAPSED_EXT);
   }
 
   /** @param {import('./camera.js').View} view @param {number} t */
-  projectSplats(view, t) {
-    const { gl, project, look } = this;
+  drawSplats(view, t) {
+    const { gl, splat, look } = this;
     const margin = 0.15; // 0.3 of half the picture
     const { fx, fy, cx, cy, width, height } = view;
-    gl.useProgram(project.program);
-    gl.uniform1i(project.at('geometry'), 0);
-    gl.uniform1i(project.at('look'), 1);
-    gl.uniform1i(project.at('row_slots'), this.rowSlots);
-    gl.uniformMatrix3fv(project.at('rotation'), true, view.rotation);
-    gl.uniform3fv(project.at('center'), view.center);
-    gl.uniform4f(project.at('intrinsics'), fx, fy, cx, cy);
-    const [mx, my] = [(margin * width) / fx, (margin * height) / fy];
-    gl.uniform4f(project.at('clamp_uv'), -cx / fx - mx, -cy / fy - my, (width - cx) / fx + mx, (height - cy) / fy + my);
-    gl.uniform4f(project.at('constants'), look.blur, look.alphaMin, look.near, t);
-    gl.activeTexture(gl.TEXTURE1);
-    gl.bindTexture(gl.TEXTURE_2D, this.looks);
+    gl.useProgram(splat.program);
+    [this.geometry, this.looks, this.orders[this.current].texture].forEach((texture, unit) => {
+      gl.activeTexture(gl.TEXTURE0 + unit);
+      gl.bindTexture(gl.TEXTURE_2D, texture);
+      gl.uniform1i(splat.at(['geometry', 'look', 'order'][unit]), unit);
+    });
     gl.activeTexture(gl.TEXTURE0);
-    gl.bindTexture(gl.TEXTURE_2D, this.geometry);
-    if (this.count === 0) return;
-    gl.bindVertexArray(this.slotArrays[this.current]);
-    gl.bindTransformFeedback(gl.TRANSFORM_FEEDBACK, this.feedback);
-    gl.bindBufferBase(gl.TRANSFORM_FEEDBACK_BUFFER, 0, this.splats);
-    gl.enable(gl.RASTERIZER_DISCARD);
-    gl.beginTransformFeedback(gl.POINTS);
-    gl.drawArrays(gl.POINTS, 0, this.count);
-    gl.endTransformFeedback();
-    gl.disable(gl.RASTERIZER_DISCARD);
-    gl.bindBufferBase(gl.TRANSFORM_FEEDBACK_BUFFER, 0, null);
-    gl.bindTransformFeedback(gl.TRANSFORM_FEEDBACK, null);
+    gl.uniform1i(splat.at('row_slots'), this.rowSlots);
+    gl.uniformMatrix3fv(splat.at('rotation'), true, view.rotation);
+    gl.uniform3fv(splat.at('center'), view.center);
+    gl.uniform4f(splat.at('intrinsics'), fx, fy, cx, cy);
+    const [mx, my] = [(margin * width) / fx, (margin * height) / fy];
+    gl.uniform4f(splat.at('clamp_uv'), -cx / fx - mx, -cy / fy - my, (width - cx) / fx + mx, (height - cy) / fy + my);
+    gl.uniform4f(splat.at('constants'), look.blur, look.alphaMin, look.near, t);
+    gl.uniform2f(splat.at('size'), width, height);
+    gl.uniform2f(splat.at('alpha_range'), look.alphaMin, look.alphaMax);
+    gl.enable(gl.BLEND);
+    gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
+    gl.bindVertexArray(this.quads);
+    gl.drawElements(gl.TRIANGLES, 6 * this.count, gl.UNSIGNED_INT, 0);
+    gl.disable(gl.BLEND);
   }
 
   /** Puts the picture over the background. @param {import('./camera.js').View} view @param {Target} target */
@@ -204,7 +176,6 @@ export class Renderer {
     gl.bindFramebuffer(gl.FRAMEBUFFER, picture.framebuffer);
     gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, picture.texture, 0);
     [picture.width, picture.height] = [width, height];
-    gl.bindTexture(gl.TEXTURE_2D, this.geometry);
   }
 
   /** Times one draw at a time on the device. Returns whether a query runs. */
@@ -239,8 +210,8 @@ export class Renderer {
 
 /** @typedef {{ program: WebGLProgram, at: (name: string) => WebGLUniformLocation | null }} Program */
 
-/** @param {WebGL2RenderingContext} gl @param {string} vertex @param {string} fragment @param {string[]} [captured] @returns {Program} */
-function link(gl, vertex, fragment, captured) {
+/** @param {WebGL2RenderingContext} gl @param {string} vertex @param {string} fragment @returns {Program} */
+function link(gl, vertex, fragment) {
   const program = gl.createProgram();
   /** @type {[number, string][]} */
   const sources = [[gl.VERTEX_SHADER, vertex], [gl.FRAGMENT_SHADER, fragment]];
@@ -253,7 +224,6 @@ function link(gl, vertex, fragment, captured) {
       throw new Error(`shader: ${gl.getShaderInfoLog(shader)}`);
     }
   }
-  if (captured) gl.transformFeedbackVaryings(program, captured, gl.INTERLEAVED_ATTRIBS);
   gl.linkProgram(program);
   if (!gl.getProgramParameter(program, gl.LINK_STATUS) && !gl.isContextLost()) throw new Error(`shaders: ${gl.getProgramInfoLog(program)}`);
   /** @type {Map<string, WebGLUniformLocation | null>} */

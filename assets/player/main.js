@@ -50,6 +50,7 @@ export class App {
     return {
       toggle: () => (clock.isPlaying || this.isWaiting ? this.pause() : this.play()),
       seek: (t) => this.seek(t),
+      step: (seconds) => this.seek(clock.time() + seconds),
       speed: (speed) => clock.set({ speed }),
       loop: (loop) => clock.set({ loop }),
       mute: () => this.sound?.mute(!this.sound.isMuted),
@@ -181,6 +182,8 @@ async function open() {
   });
   const app = new App(player, canvas);
   surviveContextLoss(app);
+  document.title = player.scene.header.attributes.get('title') ?? document.title;
+  document.addEventListener('visibilitychange', () => { if (document.hidden && !app.xr.session) app.pause(); });
   requestAnimationFrame(app.frame);
   while (!app.hasStarted && !firstFault) await new Promise((resolve) => setTimeout(resolve, 10));
   if (firstFault) throw firstFault;
@@ -204,7 +207,10 @@ const app = open();
 const ivv = {
   ready: app.then((opened) => { ivv.app = opened; }),
   /** @param {number} t seconds */
-  seek: (t) => current().seek(t),
+  seek(t) {
+    if (!Number.isFinite(t)) throw new TypeError(`seek: expected seconds, found ${t}`);
+    current().seek(t);
+  },
   /** @param {any} source */
   setView(source) {
     const view = viewOf(source);

@@ -208,21 +208,26 @@ export class Player {
   async render(view) {
     this.exact += 1;
     try {
-      const t = this.clock.time();
-      this.store.want(t, 0, false);
-      while (!this.store.isReady(t)) {
-        await nextTask();
-        this.store.want(t, 0, false);
-        this.store.upload(this.renderer, true);
-      }
-        while (this.sort.isBusy) await this.nextOrder();
-      this.sort.key = '';
-      this.requestSort(t, view);
-      for (const wanted = this.sort.id; this.sort.drawn < wanted; ) await this.nextOrder();
-      this.renderer.draw(view, t, { framebuffer: null, x: 0, y: 0 });
+      await this.order(view);
+      this.draw(view, true);
     } finally {
       this.exact -= 1;
     }
+  }
+
+  /** Waits for the Gaussians of the moment and for an order of exactly this view. @param {View} view */
+  async order(view) {
+    const t = this.clock.time();
+    this.store.want(t, 0, false);
+    while (!this.store.isReady(t)) {
+      await nextTask();
+      this.store.want(t, 0, false);
+      this.store.upload(this.renderer, true);
+    }
+    while (this.sort.isBusy) await this.nextOrder();
+    this.sort.key = '';
+    this.requestSort(t, view);
+    for (const wanted = this.sort.id; this.sort.drawn < wanted; ) await this.nextOrder();
   }
 
   /** @returns {Promise<number>} */

@@ -1,19 +1,20 @@
 // GLSL: projection of a Gaussian (as the engine's SPEC 3 has it), the blending of its quad, and the last pass to the screen.
 
-/** Varyings that the projection captures, interleaved, four floats each. */
-export const SPLAT_VARYINGS = ['splat_axes', 'splat_center', 'splat_color'];
+/** Texels of a row of the texture that holds the order of drawing. */
+export const ORDER_WIDTH = 2048;
 
 /**
- * One vertex is one Gaussian in the order of drawing; its projection is captured by transform feedback.
+ * Four vertices are one Gaussian, in the order of drawing. Instances would be fewer words, but devices are slow at small ones.
  * @param {number} shDegree @param {number} lookTexels
  */
-export const projectSource = (shDegree, lookTexels) => `#version 300 es
+export const splatVertexSource = (shDegree, lookTexels) => `#version 300 es
 precision highp float;
 precision highp int;
 precision highp sampler2D;
 precision highp usampler2D;
 #define SH_DEGREE ${shDegree}
 #define LOOK_TEXELS ${lookTexels}
+uniform usampler2D order;
 uniform sampler2D geometry;
 uniform usampler2D look;
 uniform int row_slots;
@@ -22,10 +23,9 @@ uniform vec3 center;        // of the camera, world
 uniform vec4 intrinsics;    // fx, fy, cx, cy
 uniform vec4 clamp_uv;      // least x, y, largest x, y of the Jacobian's x/z and y/z
 uniform vec4 constants;     // blur, alpha_min, near, time
-layout(location = 0) in uint slot;
-out vec4 splat_axes;        // columns of the Cholesky factor times the reach, pixels
-out vec4 splat_center;      // pixels; reach in standard deviations; opacity
-out vec4 splat_color;
+uniform vec2 size;          // of the picture, pixels
+out vec2 w;                 // place within the Gaussian, standard deviations
+flat out vec4 color;        // rgb, opacity
 
 // Coefficient k of the SH bytes, which begin at byte 8: -4 + byte * 8 / 255.
 vec3 coefficient(uint words[4 * LOOK_TEXELS], const int k) {
@@ -70,7 +70,8 @@ mat3 rotation_of(vec4 q) {
 }
 
 void main() {
-  int id = int(slot);
+  int place_in_order = gl_VertexID >> 2;
+  int id = int(texelFetch(order, ivec2(place_in_order % ${ORDER_WIDTH}, place_in_order / ${ORDER_WIDTH}), 0).r);
   ivec2 at = ivec2(id % row_slots, id / row_slots);
   ivec2 texel = ivec2(4 * at.x, at.y);
   vec4 place = texelFetch(geometry, texel, 0);
@@ -81,10 +82,9 @@ void main() {
   float opacity = place.w * exp(-age * age);
   vec3 world = place.xyz + dt * motion.xyz - center;
   vec3 p = rotation * world;
-  splat_axes = vec4(0.0);
-  splat_center = vec4(0.0);
-  splat_color = vec4(0.0);
-  gl_Position = vec4(0.0);
+  w = vec2(0.0);
+  color = vec4(0.0);
+  gl_Position = vec4(2.0, 2.0, 2.0, 1.0);
   if (!(opacity >= constants.y) || !(p.z > constants.z)) return;
 
   vec2 uv = p.xy / p.z;
@@ -105,30 +105,11 @@ void main() {
   vec4 axes = reach * vec4(sd_x, dot(r0, r1) / sd_x, 0.0, sqrt(det) / sd_x);
   vec2 xy = intrinsics.xy * uv + intrinsics.zw;
   if (!(dot(abs(axes), vec4(1.0)) + abs(xy.x) + abs(xy.y) < 1e9)) return;
-  splat_axes = axes;
-  splat_center = vec4(xy, reach, opacity);
-  splat_color = vec4(color_of(ivec2(LOOK_TEXELS * at.x, at.y), normalize(world)), 0.0);
-}`;
-
-/** Discards all fragments: the projection runs for what it captures only. */
-export const emptySource = `#version 300 es
-precision mediump float;
-void main() {}`;
-
-export const splatVertexSource = `#version 300 es
-precision highp float;
-layout(location = 0) in vec4 splat_axes;
-layout(location = 1) in vec4 splat_center;
-layout(location = 2) in vec4 splat_color;
-uniform vec2 size;
-out vec2 w;
-flat out vec4 color;
-void main() {
-  vec2 corner = vec2(gl_VertexID & 1, gl_VertexID >> 1) * 2.0 - 1.0;
-  vec2 xy = splat_center.xy + corner.x * splat_axes.xy + corner.y * splat_axes.zw;
-  w = corner * splat_center.z;
-  color = vec4(splat_color.rgb, splat_center.w);
-  gl_Position = splat_center.w > 0.0 ? vec4(2.0 * xy.x / size.x - 1.0, 1.0 - 2.0 * xy.y / size.y, 0.0, 1.0) : vec4(2.0, 2.0, 2.0, 1.0);
+  vec2 corner = vec2(gl_VertexID & 1, (gl_VertexID >> 1) & 1) * 2.0 - 1.0;
+  xy += corner.x * axes.xy + corner.y * axes.zw;
+  w = corner * reach;
+  color = vec4(color_of(ivec2(LOOK_TEXELS * at.x, at.y), normalize(world)), opacity);
+  gl_Position = vec4(2.0 * xy.x / size.x - 1.0, 1.0 - 2.0 * xy.y / size.y, 0.0, 1.0);
 }`;
 
 export const splatFragmentSource = `#version 300 es

@@ -1,5 +1,6 @@
 // The live Gaussians of a moment in the order in which they are drawn. Runs in a worker, or under node.
 import { SORT_FLOATS } from './decode.js';
+import { ORDER_WIDTH } from './shaders.js';
 
 const DIGIT = 11;
 const BINS = 1 << DIGIT;
@@ -31,14 +32,14 @@ export class Sorter {
    * Slots of the Gaussians that live at `t`, the farthest along `axis` first.
    * @param {number} t seconds @param {number[]} axis forward axis of the view, world, and its offset: depth = axis . centre + offset
    * @param {Uint32Array} [out] is reused where it is large enough
-   * @returns {{ order: Uint32Array, count: number }}
+   * @returns {{ order: Uint32Array, count: number }} the order fills whole rows of its texture
    */
   sort(t, axis, out = new Uint32Array(0)) {
     const alive = [...this.chunks.values()].filter((chunk) => chunk.t0 <= t && t < chunk.t1);
     this.reserve(alive.reduce((n, chunk) => n + chunk.window.length, 0));
     let count = 0;
     for (const chunk of alive) count = this.gather(chunk, t, axis, count);
-    const order = out.length >= count ? out : new Uint32Array(Math.ceil(count * 1.25));
+    const order = out.length >= count ? out : new Uint32Array(Math.ceil((count * 1.25) / ORDER_WIDTH) * ORDER_WIDTH);
     return { order: this.radix(count, order), count };
   }
 

@@ -29,7 +29,7 @@ export function showFault(error) {
       ? ['This file cannot be played', `Export the scene again, or fetch the file anew. (${fault.code})`]
       : ['This browser cannot show the scene', 'The player needs WebGL2: a current browser with graphics acceleration turned on.'];
   element('fault-title').textContent = title;
-  element('fault-text').textContent = fault.message;
+  element('fault-text').textContent = `${fault.message.charAt(0).toUpperCase()}${fault.message.slice(1)}`;
   element('fault-hint').textContent = hint;
   element('fault').hidden = false;
   document.body.dataset.state = 'fault';
@@ -65,6 +65,7 @@ function relabel(button, symbol, label) {
  * @typedef {object} Actions what the page can ask for
  * @property {() => void} toggle play or pause
  * @property {(t: number) => void} seek seconds
+ * @property {(seconds: number) => void} step back or on from now
  * @property {(speed: number) => void} speed
  * @property {(loops: boolean) => void} loop
  * @property {() => void} mute
@@ -85,6 +86,7 @@ export class Ui {
     this.time.max = String(scene.duration);
     this.isScrubbing = false;
     this.idle = 0;
+    this.loaded = '';
     element('mute').hidden = !scene.hasSound;
     this.bindBar();
     this.bindSettings();
@@ -116,7 +118,7 @@ export class Ui {
       const step = { ArrowLeft: -FRAME_SECONDS, ArrowRight: FRAME_SECONDS, PageDown: -1, PageUp: 1 }[event.key];
       if (step === undefined) return;
       event.preventDefault();
-      actions.seek(Number(time.value) + step);
+      actions.step(step);
     });
     element('settings-open').addEventListener('click', () => this.showSettings(element('settings').hidden === true));
     element('canvas').addEventListener('pointerdown', () => this.showSettings(false));
@@ -158,13 +160,12 @@ export class Ui {
   key(event) {
     if (event.ctrlKey || event.metaKey || event.altKey || isTyping(event)) return;
     const { actions } = this;
-    const t = Number(this.time.value);
     const onButton = event.target instanceof HTMLButtonElement || event.target instanceof HTMLInputElement;
     /** @type {Record<string, () => void>} */
     const commands = {
-      j: () => actions.seek(t - 1), l: () => actions.seek(t + 1), ',': () => actions.seek(t - FRAME_SECONDS), '.': () => actions.seek(t + FRAME_SECONDS),
+      j: () => actions.step(-1), l: () => actions.step(1), ',': () => actions.step(-FRAME_SECONDS), '.': () => actions.step(FRAME_SECONDS),
       home: () => actions.seek(0), m: () => actions.mute(), f: () => this.fullScreen(), r: () => actions.reset(), '?': () => this.showHelp(),
-      v: () => this.nextView(), g: () => this.flip('mode', ['orbit', 'fly']), i: () => element('stats-on').click(), escape: () => this.showSettings(false),
+      v: () => this.flip('views', this.scene.views.map((_, i) => String(i))), g: () => this.flip('mode', ['orbit', 'fly']), i: () => element('stats-on').click(), escape: () => this.showSettings(false),
     };
     if (!onButton) commands[' '] = () => actions.toggle();
     const command = commands[event.key.toLowerCase()];
@@ -173,13 +174,9 @@ export class Ui {
     command();
   }
 
-  nextView() {
-    const { length } = this.scene.views;
-    if (length > 0) this.flip('views', this.scene.views.map((_, i) => String(i)));
-  }
-
   /** Takes the next choice of a list. @param {string} id @param {string[]} values */
   flip(id, values) {
+    if (values.length === 0) return;
     const select = /** @type {HTMLSelectElement} */ (element(id));
     select.value = values[(values.indexOf(select.value) + 1) % values.length];
     select.dispatchEvent(new Event('change'));
@@ -210,7 +207,9 @@ export class Ui {
     }
     if (!this.isScrubbing) this.time.value = String(time);
     this.time.style.setProperty('--at', `${(100 * time) / (duration || 1)}%`);
-    this.time.style.setProperty('--loaded', bands(buffered, duration));
+    const loaded = bands(buffered, duration);
+    if (loaded !== this.loaded) this.time.style.setProperty('--loaded', loaded);
+    this.loaded = loaded;
   }
 
   /** @param {ReturnType<import('./player.js').Player['stats']> & { fps: number }} stats */

@@ -105,7 +105,7 @@ export class XrShow {
     app.step(place.pose(pose.transform), now);
     this.eyes = pose.views.flatMap((view) => {
       const port = layer.getViewport(view);
-      if (!port) return [];
+      if (!port?.width) return [];
       const { width, height, x, y } = port;
       return [{ ...place.pose(view.transform), ...pinholeOf(view.projectionMatrix, width, height), x, y }];
     });

@@ -39,6 +39,7 @@ export async function serve(files, { ranges = true, delayMs = 0, policy = POLICY
       if (delayMs) await new Promise((resolve) => setTimeout(resolve, delayMs));
     }
     if (!range) return response.writeHead(200, { ...headers, 'Content-Length': body.length }).end(body);
+    if (Number(range[1]) >= body.length) return response.writeHead(416, headers).end();
     const part = body.subarray(Number(range[1]), Number(range[2]) + 1);
     headers['Content-Range'] = `bytes ${range[1]}-${Number(range[1]) + part.length - 1}/${body.length}`;
     response.writeHead(206, { ...headers, 'Content-Length': part.length }).end(part);

@@ -71,33 +71,30 @@ function engineOf(ply, shots, duration, background) {
 
 test('pictures agree with the formulas and the engine', { skip: SKIP, timeout: 300_000 }, async (t) => {
   const browser = await launch();
-  try {
-    await t.test('demo scene, eight views, each at its time', async (sub) => {
-      const duration = 2;
-      const ply = readFileSync(join(demo, 'scene.ply'));
-      const { views } = JSON.parse(readFileSync(join(demo, 'cameras.json')));
-      const background = views[0].background;
-      const bytes = write4dgs(readPly(ply, duration), { duration, ivv: { background: background.join(' ') }, views: { views } });
-      await compare(sub, browser.context, bytes, ply, views.map((view) => [smaller(view, 160), view.time * duration]), duration, background);
-    });
-    await t.test('moving Gaussians of degree 3, chunk borders and the end of the clip', async (sub) => {
-      const duration = 2;
-      const g = randomGaussians(2500, 3);
-      const times = [0, 0.31, 0.5, 0.999, 1, 1.5, 1.77, 2 * (1 - 2 ** -30)];
-      const shots = times.map((time, i) => [lookAt([2.5 * Math.sin(i), -0.6 + 0.2 * i, 3 - 2.5 * Math.cos(i)], [0, 0, 3]), time]);
-      await compare(sub, browser.context, write4dgs(g, { duration }), writePly(g, duration), shots, duration, [0, 0, 0]);
-    });
-    await t.test('a static scene of degree 3, near and wide', async (sub) => {
-      const g = randomGaussians(3000, 3, 5);
-      g.sigma.fill(Infinity);
-      g.velocity = g.velocity.map(() => [0, 0, 0]);
-      const next = random(3);
-      const shots = [0, 1, 2].map(() => [lookAt([next() - 0.5, next() - 0.5, 2.2 + next()], [next(), next() - 0.5, 4], 160, 120, 70), 0]);
-      await compare(sub, browser.context, write4dgs(g, { duration: 0.5, ivv: { background: '0.2 0.3 0.4' } }), writePly(g, 0), shots, 0.5, [0.2, 0.3, 0.4]);
-    });
-  } finally {
-    await browser.close();
-  }
+  t.after(() => browser.close());
+  await t.test('demo scene, eight views, each at its time', async (sub) => {
+    const duration = 2;
+    const ply = readFileSync(join(demo, 'scene.ply'));
+    const { views } = JSON.parse(readFileSync(join(demo, 'cameras.json')));
+    const background = views[0].background;
+    const bytes = write4dgs(readPly(ply, duration), { duration, ivv: { background: background.join(' ') }, views: { views } });
+    await compare(sub, browser.context, bytes, ply, views.map((view) => [smaller(view, 160), view.time * duration]), duration, background);
+  });
+  await t.test('moving Gaussians of degree 3, chunk borders and the end of the clip', async (sub) => {
+    const duration = 2;
+    const g = randomGaussians(2500, 3);
+    const times = [0, 0.31, 0.5, 0.999, 1, 1.5, 1.77, 2 * (1 - 2 ** -30)];
+    const shots = times.map((time, i) => [lookAt([2.5 * Math.sin(i), -0.6 + 0.2 * i, 3 - 2.5 * Math.cos(i)], [0, 0, 3]), time]);
+    await compare(sub, browser.context, write4dgs(g, { duration }), writePly(g, duration), shots, duration, [0, 0, 0]);
+  });
+  await t.test('a static scene of degree 3, near and wide', async (sub) => {
+    const g = randomGaussians(3000, 3, 5);
+    g.sigma.fill(Infinity);
+    g.velocity = g.velocity.map(() => [0, 0, 0]);
+    const next = random(3);
+    const shots = [0, 1, 2].map(() => [lookAt([next() - 0.5, next() - 0.5, 2.2 + next()], [next(), next() - 0.5, 4], 160, 120, 70), 0]);
+    await compare(sub, browser.context, write4dgs(g, { duration: 0.5, ivv: { background: '0.2 0.3 0.4' } }), writePly(g, 0), shots, 0.5, [0.2, 0.3, 0.4]);
+  });
 });
 
 /** @param {import('node:test').TestContext} sub */

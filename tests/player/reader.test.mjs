@@ -3,6 +3,7 @@ import assert from 'node:assert/strict';
 import { existsSync, readdirSync, readFileSync } from 'node:fs';
 import { basename, join } from 'node:path';
 import test from 'node:test';
+import { fileURLToPath } from 'node:url';
 import { crc32, FormatError } from '../../assets/player/bytes.js';
 import { soundPosition } from '../../assets/player/container.js';
 import { SH_COEFFICIENTS } from '../../assets/player/decode.js';
@@ -11,7 +12,7 @@ import { base64Bytes, memorySource } from '../../assets/player/source.js';
 import { decodeAll, random, randomGaussians, tone } from './scenes.mjs';
 import { MAGIC, write4dgs } from './write4dgs.mjs';
 
-const FIXTURES = process.env.IVV_4DGS_FIXTURES ?? '/work/shared/data/4dgs_fixtures';
+const FIXTURES = process.env.IVV_4DGS_FIXTURES ?? fileURLToPath(new URL('../../../shared/data/4dgs_fixtures', import.meta.url));
 const SKIP = existsSync(FIXTURES) ? false : `${FIXTURES} is not there`;
 const list = (folder) => (SKIP ? [] : readdirSync(join(FIXTURES, folder)).filter((name) => name.endsWith('.4dgs')).map((name) => join(FIXTURES, folder, name)));
 const jsonOf = (path) => path.replace(/4dgs$/, 'json');

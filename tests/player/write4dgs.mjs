@@ -36,7 +36,8 @@ function stream(id, values, channels, count) {
 /** @param {Gaussians} g @param {{ duration: number, parts?: number, cutoff?: number, ivv?: object, metadata?: object, views?: object, sounds?: object[], index?: boolean }} options */
 export function write4dgs(g, { duration, parts = 4, cutoff = 1 / 255, ivv, metadata = {}, views, sounds = [], index = true }) {
   const k = Math.sqrt(-2 * Math.log(cutoff));
-  const origin = [0, 1, 2].map((c) => (g.count ? Math.min(...g.position.map((p) => p[c])) : 0));
+  const bound = (pick, c) => g.position.reduce((best, p) => pick(best, p[c]), g.position[0]?.[c] ?? 0);
+  const origin = [0, 1, 2].map((c) => bound(Math.min, c));
   const all = [...Array(g.count).keys()];
   const bins = (values, step) => values.map((v) => Math.round(v / step));
   const q = all.map((i) => {
@@ -64,11 +65,14 @@ export function write4dgs(g, { duration, parts = 4, cutoff = 1 / 255, ivv, metad
     return lo === hi ? lo : -1;
   };
   const members = new Map();
-  for (const i of all) members.set(part(i), [...(members.get(part(i)) ?? []), i]);
+  for (const i of all) {
+    if (!members.has(part(i))) members.set(part(i), []);
+    members.get(part(i)).push(i);
+  }
   const out = [MAGIC];
   let at = MAGIC.length;
   const emit = (bytes) => { out.push(bytes); at += bytes.length; return { offset: at - bytes.length, length: bytes.length }; };
-  const box = [0, 1].flatMap((far) => [0, 1, 2].map((c) => (g.count ? Math[far ? 'max' : 'min'](...g.position.map((p) => p[c])) : 0)));
+  const box = [Math.min, Math.max].flatMap((pick) => [0, 1, 2].map((c) => bound(pick, c)));
   emit(record(0x01, string(''), string('ivv test'), f64(duration), u64(g.count), f64(cutoff), string('gaussian-birth'), f64(...box), u8(g.shDegree), u8(sounds.length ? 1 : 0), map({})));
   const steps = f64(...origin, STEP.position, STEP.scale, STEP.rotation, STEP.rgb, STEP.alpha, STEP.motion, STEP.time, STEP.sigma);
   emit(record(0x03, string('uniform-v1'), steps, u8(1), map({})));
