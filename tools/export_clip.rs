@@ -20,7 +20,7 @@ const FPS: f64 = 30.0;
 const MOST_VIEWS: usize = 8;
 const LONGEST_SIDE: u32 = 640;
 /// Part of the Gaussians whose colours may be cut to what the format holds.
-const MOST_CLAMPED: f64 = 0.01;
+const MOST_CLAMPED: f64 = 0.1;
 
 /// Options of formats in which time passes.
 #[derive(clap::Args)]
@@ -38,7 +38,7 @@ pub struct ClipArgs {
     /// Stores a .4dgs as well as it can be in so many megabytes (10^6 bytes).
     #[arg(long, value_name = "MB")]
     target_size: Option<f64>,
-    /// Also when more than 1 in 100 Gaussians have colours that the format cannot hold, which are cut to what it can.
+    /// Also when more than 1 in 10 Gaussians have colours that the format cannot hold, which are cut to what it can.
     #[arg(long)]
     clamp_colors: bool,
     #[command(flatten)]
