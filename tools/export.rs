@@ -142,7 +142,8 @@ fn by_ending(file: &Path) -> ivv::Result<Format> {
         return Ok(Format::Web);
     }
     endings.iter().find(|(ending, _)| name.ends_with(ending)).map(|(_, format)| *format).ok_or_else(|| {
-        let remedy = "use .ply, .4dgs, .ftgs.ply, .splatv, .html, .spz, .glb or .splat, or a name that ends in a slash for a folder";
+        let remedy = "use .ply, .4dgs, .ftgs.ply, .splatv, .html, .spz, .glb or .splat, a name that ends in a slash for a folder, or \
+                      --format";
         ivv::Error::data(file, "", "unsupported scene format", remedy)
     })
 }
