@@ -12,6 +12,7 @@ mod render;
 mod repo;
 mod scene;
 mod screen;
+mod serve;
 mod sound;
 mod synth;
 mod train;

@@ -3,7 +3,7 @@
 use crate::require;
 use crate::screen::out;
 use crate::shown::{self, Shown};
-use ivv::scene::Quantiles;
+use ivv::scene::{FourDgs, Quantiles, Summary};
 use ivv::train::Review;
 use ivv::words::count;
 use serde_json::Value;
@@ -12,12 +12,15 @@ use std::path::{Path, PathBuf};
 /// Options of `ivv inspect`.
 #[derive(clap::Args)]
 pub struct Args {
-    /// A scene file: 3DGS or compressed PLY, .splat, .spz, a .sog, or the folder or meta.json of a SOG; or the folder of a run: its
+    /// A scene file: 3DGS or compressed PLY, .4dgs, .splat, .spz, a .sog, or the folder or meta.json of a SOG; or the folder of a run: its
     /// scene.ply, or the newest checkpoint where it has not ended.
     scene: PathBuf,
 }
 
 pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
+    if FourDgs::is(&args.scene) {
+        return clip(&args.scene, json);
+    }
     let Shown { file: scene, splats, unfinished } = shown::open(&args.scene)?;
     let reviews = reviews(&scene);
     let summary = splats.by_degree().summary();
@@ -30,6 +33,46 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         out!("{}", serde_json::to_string_pretty(&value)?);
         return Ok(());
     }
+    print(&scene, &summary);
+    for review in &reviews {
+        out!("{}", require::told(review));
+    }
+    Ok(())
+}
+
+/// A file with a clock. What it says is told also where its Gaussians are none of ours at all times.
+fn clip(scene: &Path, json: bool) -> anyhow::Result<()> {
+    let file = FourDgs::read(scene)?;
+    let told = file.summary();
+    let summary = file.splats().map(|splats| splats.by_degree().summary());
+    if json {
+        let mut value = summary.as_ref().map_or_else(|_| Ok(serde_json::json!({})), serde_json::to_value)?;
+        value["fourdgs"] = serde_json::to_value(&told)?;
+        out!("{}", serde_json::to_string_pretty(&value)?);
+        return Ok(());
+    }
+    match &summary {
+        Ok(summary) => print(scene, summary),
+        Err(fault) => {
+            out!("{}: {} Gaussians, SH degree {}", scene.display(), told.gaussian_count, told.sh_degree);
+            out!("at one moment: {fault}");
+        }
+    }
+    out!(
+        "clip:          {:.3} s in {}, by {}; temporal factors from {:.4}",
+        told.duration_sec,
+        count(told.chunk_intervals.len(), "chunk"),
+        told.library,
+        told.cutoff
+    );
+    for source in &told.audio_sources {
+        let kind = if source.spatial { "from a place" } else { "from everywhere" };
+        out!("sound:         `{}`, {:.3} s of {}, {kind}", source.name, source.duration_sec, source.codec);
+    }
+    Ok(())
+}
+
+fn print(scene: &Path, summary: &Summary) {
     let mib = |bytes: u64| bytes as f64 / f64::from(1 << 20);
     out!(
         "{}: {}, {} static and {} dynamic, SH degree {}",
@@ -67,10 +110,6 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     if summary.n_non_finite > 0 {
         out!("not finite:    {}, never drawn", count(summary.n_non_finite, "Gaussian"));
     }
-    for review in &reviews {
-        out!("{}", require::told(review));
-    }
-    Ok(())
 }
 
 /// What the reviews of the run said that `scene` is of; none of another file.

@@ -13,6 +13,7 @@ mod devices;
 mod due;
 mod eval;
 mod export;
+mod export_clip;
 mod extremes;
 mod fault;
 mod files;
@@ -26,6 +27,7 @@ mod line;
 mod list_settings;
 mod manual;
 mod offsets;
+mod page;
 mod passes;
 mod prepare;
 mod profile;
@@ -35,6 +37,7 @@ mod replace;
 mod replay;
 mod require;
 mod screen;
+mod serve;
 mod settings;
 mod shown;
 mod sound;
@@ -108,6 +111,8 @@ enum Verb {
     Settings(list_settings::Args),
     /// Writes a scene in another format, or as it looks at one time.
     Export(export::Args),
+    /// Serves a scene with the browser player on this machine.
+    Serve(serve::Args),
     /// Gradients of sum(cotangent * output) of a view, by parameter group.
     Vjp(vjp::Args),
     /// Writes the scene that the project ships in assets/demo.
@@ -158,6 +163,7 @@ fn run(cli: &Cli) -> anyhow::Result<()> {
         Verb::Compare(args) => compare::run(args, cli.json),
         Verb::Settings(args) => list_settings::run(args, cli.json),
         Verb::Export(args) => export::run(args, cli.json),
+        Verb::Serve(args) => serve::run(args, cli.json),
         Verb::Vjp(args) => vjp::run(args),
         Verb::Demo(args) => demo::run(args),
         Verb::Synth(args) => synth::run(args, cli.json),

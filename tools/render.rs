@@ -23,7 +23,7 @@ use std::time::Instant;
 #[derive(clap::Args)]
 pub struct Args {
     /// The folder of a run, which gives its scene, the views of its capture and its rendering constants; or a scene file: 3DGS
-    /// or compressed PLY, .splat, .spz, a .sog, or the folder or meta.json of a SOG. Of a run that has not ended, its newest checkpoint.
+    /// or compressed PLY, .4dgs, .splat, .spz, a .sog, or the folder or meta.json of a SOG. Of a run that has not ended, its newest checkpoint.
     #[arg(value_name = "RUN|SCENE", required_unless_present = "scene", conflicts_with = "scene")]
     source: Option<PathBuf>,
     /// The same as RUN|SCENE.
@@ -205,13 +205,13 @@ struct ViewReport {
 
 impl Args {
     /// Frames per second of the clip that the scene is of, and how many, where something says.
-    fn clip(&self, run: Option<&Run>) -> ivv::Result<Option<(f64, u32)>> {
+    fn clip(&self, source: &Path, run: Option<&Run>) -> ivv::Result<Option<(f64, u32)>> {
         match (run, &self.capture) {
             (Some(run), _) => Ok(Some((run.held.fps, run.held.frames))),
             (None, Some(capture)) => {
                 Rig::open_with(capture, &self.views.settings()).map(|rig| Some((rig.fps, rig.n_frames)))
             }
-            (None, None) => Ok(None),
+            (None, None) => Ok(shown::clock(source)?.map(|clock| (clock.fps, clock.frames))),
         }
     }
 
@@ -228,7 +228,7 @@ impl Args {
             None if self.capture.is_none() => self.views.need_no_capture("--capture is not given")?,
             None => {}
         }
-        Ok(Some(Film::along(&self.film, path, self.clip(run)?, self.time)?))
+        Ok(Some(Film::along(&self.film, path, self.clip(source, run)?, self.time)?))
     }
 
     /// The views that are asked for.
@@ -267,10 +267,10 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let stop = Stop::listen()?;
     if let Some(film) = args.film(source, run.as_ref())? {
         let studio = Studio { output: &args.output, device: &args.device, constants, stop: &stop };
-        return film::run(&film, &args.film, shown::open(source)?, &studio, json);
+        return film::run(&film, &args.film, shown::open_at(source, args.time)?, &studio, json);
     }
     let views = args.views(source)?;
-    let shown = shown::open(source)?;
+    let shown = shown::open_at(source, args.time)?;
     within_clip(args.cameras.as_deref().unwrap_or(source), &shown, &views)?;
     let splats = shown.splats.by_degree();
     make_folder(&args.output)?;

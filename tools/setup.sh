@@ -1,10 +1,11 @@
 #!/usr/bin/env bash
 # Installs what a fresh Debian 12 lacks, and nothing that is there already.
-#   tools/setup.sh [run] [test] [shaders] [prepare]      default: run
+#   tools/setup.sh [run] [test] [shaders] [prepare] [player]      default: run
 #     run      the Vulkan loader, Mesa's drivers (lavapipe among them), a linker, a Rust toolchain
 #     test     run, and the validation layer, spirv-val, rustfmt, clippy
 #     shaders  run, and what shaderc's C++ needs to build (only for `cargo build --features shaders`)
 #     prepare  run, and the programs that `ivv prepare` calls: ffmpeg, COLMAP, OpenCV for Python
+#     player   run, and what the tests of the browser player need: Chromium, node, packages of npm, the .4dgs package for Python
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 export PATH="${CARGO_HOME:-$HOME/.cargo}/bin:$PATH"
@@ -99,16 +100,34 @@ install_components() {
         fail network "rustup component add ${missing[*]}" "check the network, then run this again"
 }
 
+# Below the cache folder, where `tools/test.sh --player` and the tests of .4dgs look.
+install_player_packages() {
+    local folder=${XDG_CACHE_HOME:-$HOME/.cache}/ivv/player
+    mkdir -p "$folder"
+    cp tests/player/package.json tests/player/package-lock.json "$folder/"
+    npm ci --prefix "$folder" --no-audit --no-fund --silent ||
+        fail network "npm ci" "check the network, then run this again"
+    [ -x "$folder/python/bin/python" ] || python3 -m venv "$folder/python"
+    "$folder/python/bin/python" -m pip install --quiet "fourdgs==0.6.0" ||
+        fail network "pip install fourdgs" "check the network, then run this again"
+}
+
 packages=(libvulkan1 mesa-vulkan-drivers gcc libc6-dev)
 components=no
+player=no
 for part in "${@:-run}"; do
     case $part in
     run) ;;
     test) packages+=(vulkan-validationlayers spirv-tools) components=yes ;;
     shaders) packages+=(cmake g++ python3 make git) ;;
     prepare) packages+=(ffmpeg colmap python3-opencv) ;;
+    player)
+        packages+=(chromium python3-venv)
+        command -v node >/dev/null || packages+=(nodejs npm)
+        player=yes
+        ;;
     *)
-        echo "usage: tools/setup.sh [run] [test] [shaders] [prepare]" >&2
+        echo "usage: tools/setup.sh [run] [test] [shaders] [prepare] [player]" >&2
         exit 2
         ;;
     esac
@@ -116,4 +135,5 @@ done
 install_packages "${packages[@]}"
 install_rust
 [ $components = no ] || install_components
+[ $player = no ] || install_player_packages
 say "ready (${*:-run})"

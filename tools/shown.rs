@@ -2,7 +2,7 @@
 
 use crate::screen::say;
 use ivv::Error;
-use ivv::scene::{Splats, read_scene};
+use ivv::scene::{Clock, FourDgs, Splats, read_scene};
 use ivv::train::{Checkpoint, Run};
 use std::path::{Path, PathBuf};
 
@@ -21,6 +21,26 @@ pub fn is_run(path: &Path) -> bool {
     Run::file(path).is_file()
 }
 
+/// The clock of the scene file `path`, where it has one.
+///
+/// # Errors
+/// Those of the file.
+pub fn clock(path: &Path) -> ivv::Result<Option<Clock>> {
+    if FourDgs::is(path) { FourDgs::read(path).map(|file| Some(file.clock())) } else { Ok(None) }
+}
+
+/// As [`open`], for one normalised time if there is one: a `.4dgs` can hold what only one moment of it can be shown of.
+pub fn open_at(path: &Path, time: Option<f64>) -> ivv::Result<Shown> {
+    match time {
+        Some(time) if FourDgs::is(path) => {
+            let file = FourDgs::read(path)?;
+            let splats = file.splats().or_else(|_| file.at(time))?;
+            Ok(Shown { splats, file: path.to_owned(), unfinished: None })
+        }
+        _ => open(path),
+    }
+}
+
 /// Reads the scene of `path`; of a run without scene.ply its newest checkpoint, and says of which step that is.
 ///
 /// # Errors
@@ -36,6 +56,10 @@ pub fn open(path: &Path) -> ivv::Result<Shown> {
     if path.is_dir() && !path.join("meta.json").is_file() {
         let reason = "expected a run (run.json) or a SOG scene (meta.json), found neither";
         return Err(Error::data(path, "", reason, "give the folder of a run of `ivv train`, or a scene file"));
+    }
+    if FourDgs::is(path) {
+        let file = FourDgs::read(path)?;
+        return Ok(Shown { splats: file.splats()?, file: path.to_owned(), unfinished: None });
     }
     Ok(Shown { splats: read_scene(path)?, file: path.to_owned(), unfinished: None })
 }

@@ -4,6 +4,7 @@
 #   tools/test.sh --slow [ARGS]    the other lanes: subgroups of 4 and 16, one thread, no push descriptors,
 #                                  synchronisation validation, the long tests (with faults of the device at many
 #                                  calls), SwiftShader, mutations
+#   tools/test.sh --player         the browser player in Chromium: files, pictures against the engine's, page, sound, headset
 #   tools/test.sh --fuzz [SECONDS] every reader on damaged files, so long for all formats together; an hour without
 # ARGS go to cargo test.
 set -euo pipefail
@@ -14,6 +15,12 @@ if [ "${1:-}" = --fuzz ]; then
     tools/setup.sh test
     own_the_target_folder
     exec env IVV_FUZZ_SECONDS="${2:-3600}" cargo test --locked --profile fuzz --test it -- fuzz:: --nocapture
+fi
+if [ "${1:-}" = --player ]; then
+    tools/setup.sh player
+    build_ivv
+    IVV=$ivv IVV_NODE_MODULES=$cache/player/node_modules exec \
+        node --test --test-concurrency=1 tests/player/*.test.mjs
 fi
 slow=no
 if [ "${1:-}" = --slow ]; then

@@ -5,6 +5,7 @@ use std::path::Path;
 
 use super::compressed_ply::{is_compressed, read_compressed};
 use super::file::{cannot_read, open_file};
+use super::four_dgs::{self, FourDgs};
 use super::ply::read_vertices;
 use super::ply_rows::Rows;
 use super::sog::{ZIP, read_sog};
@@ -13,11 +14,11 @@ use super::splats::Splats;
 use super::spz::{GZIP, MAGIC, read_spz};
 use crate::error::{Error, Result};
 
-const SUPPORTED: &str = "give a 3DGS PLY, a PlayCanvas compressed PLY, an SPZ (version 2 to 4), a .splat, or a SOG \
-                         scene (version 2): a .sog, or its folder or meta.json";
+const SUPPORTED: &str = "give a 3DGS PLY, a PlayCanvas compressed PLY, a .4dgs, an SPZ (version 2 to 4), a .splat, or a \
+                         SOG scene (version 2): a .sog, or its folder or meta.json";
 
-/// Reads a scene in any supported format: PLY (3DGS, compressed), SPZ and SOG by content, `.splat` by its extension.
-/// Only a 3DGS PLY can hold dynamic Gaussians.
+/// Reads a scene in any supported format: PLY (3DGS, compressed), `.4dgs`, SPZ and SOG by content, `.splat` by its extension.
+/// Only a 3DGS PLY and a `.4dgs` can hold dynamic Gaussians.
 ///
 /// # Errors
 /// [`Error::Data`] of the format's reader; for another format, one that lists what is supported.
@@ -35,6 +36,9 @@ pub fn read_scene(path: &Path) -> Result<Splats> {
         } else {
             read_vertices(path, &header, rows)
         };
+    }
+    if start == four_dgs::MAGIC {
+        return FourDgs::read(path)?.splats();
     }
     if start == ZIP {
         return read_sog(path);

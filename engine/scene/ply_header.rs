@@ -87,6 +87,8 @@ impl Element {
 pub(super) struct Header {
     pub encoding: Encoding,
     pub elements: Vec<Element>,
+    /// What the `comment` lines say, single spaces between words; those that are not UTF-8 are left out.
+    pub comments: Vec<String>,
     /// Bytes up to and including the line break after `end_header`.
     pub size: u64,
 }
@@ -105,11 +107,13 @@ impl Header {
         }
         let mut encoding = None;
         let mut elements: Vec<Element> = Vec::new();
+        let mut comments = Vec::new();
         loop {
             let words = lines.next()?;
             let words: Vec<&str> = words.iter().map(String::as_str).collect();
             match words[..] {
-                ["comment" | "obj_info", ..] | [] => {}
+                ["comment", ref said @ ..] => comments.push(said.join(" ")),
+                ["obj_info", ..] | [] => {}
                 ["format", name, "1.0"] if encoding.is_none() => encoding = Some(lines.encoding(name)?),
                 ["element", name, count] => elements.push(lines.element(&elements, name, count)?),
                 ["property", "list", length, scalar, name] => {
@@ -132,7 +136,7 @@ impl Header {
                 return Err(Error::data(path, place, "is declared twice", "export the file again"));
             }
         }
-        Ok(Header { encoding, elements, size })
+        Ok(Header { encoding, elements, comments, size })
     }
 }
 

@@ -18,7 +18,7 @@ pub(super) const MAGIC: [u8; 4] = *b"NGSP";
 /// First bytes of a gzip stream.
 pub(super) const GZIP: [u8; 2] = [0x1f, 0x8b];
 const HEADER_BYTES: usize = 16;
-const HEADER_BYTES_V4: usize = 32;
+pub(super) const HEADER_BYTES_V4: usize = 32;
 /// Trained with opacity compensation; it does not change how the file is read.
 const FLAG_ANTIALIASED: u8 = 1;
 /// Vendor records are present; one of Adobe's changes the range of the spherical harmonics.

@@ -3,6 +3,8 @@
 use super::report::Example;
 use crate::scene::Frame;
 use crate::scene::capture::Picture;
+use base64::Engine as _;
+use base64::engine::general_purpose::STANDARD as BASE64;
 use image::{ExtendedColorType, ImageEncoder, ImageError, codecs::png::PngEncoder};
 
 /// Longest row of a picture in the report, pixels; larger pictures are averaged over squares.
@@ -43,7 +45,7 @@ fn url(pixels: &[[f32; 3]], size: [u32; 2]) -> Result<String, ImageError> {
     let bytes: Vec<u8> = pixels.iter().flatten().map(|c| c.round() as u8).collect();
     let mut png = Vec::new();
     PngEncoder::new(&mut png).write_image(&bytes, w, h, ExtendedColorType::Rgb8)?;
-    Ok(format!("data:image/png;base64,{}", base64(&png)))
+    Ok(format!("data:image/png;base64,{}", BASE64.encode(&png)))
 }
 
 /// Means over squares of pixels, so that the picture is at most [`MAX_WIDTH`] pixels wide; and its size.
@@ -90,30 +92,4 @@ pub fn strip(examples: &[Example]) -> Frame {
 fn levels(word: u32) -> [f32; 3] {
     let [r, g, b, _] = word.to_le_bytes();
     [r, g, b].map(f32::from)
-}
-
-/// RFC 4648.
-fn base64(bytes: &[u8]) -> String {
-    const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-    let mut text = String::with_capacity(bytes.len().div_ceil(3) * 4);
-    for part in bytes.chunks(3) {
-        let word = part.iter().fold(0u32, |word, byte| word << 8 | u32::from(*byte)) << (8 * (3 - part.len()));
-        for digit in 0..4 {
-            let is_filled = digit <= part.len();
-            text.push(if is_filled { DIGITS[(word >> (18 - 6 * digit) & 63) as usize] as char } else { '=' });
-        }
-    }
-    text
-}
-
-#[cfg(test)]
-mod tests {
-    use super::base64;
-
-    #[test]
-    fn base64_is_that_of_rfc_4648() {
-        for (bytes, text) in [("", ""), ("f", "Zg=="), ("fo", "Zm8="), ("foo", "Zm9v"), ("foobar", "Zm9vYmFy")] {
-            assert_eq!(base64(bytes.as_bytes()), text);
-        }
-    }
 }

@@ -30,4 +30,19 @@ pub fn quick_folder() -> std::path::PathBuf {
     if memory.is_dir() { memory } else { std::env::temp_dir() }
 }
 
+/// A Python that has `module`: `python3`, or that of `tools/setup.sh player`. None with a notice where neither has it.
+pub fn python_with(module: &str) -> Option<std::path::PathBuf> {
+    let home = || std::env::var_os("HOME").map(|home| std::path::PathBuf::from(home).join(".cache"));
+    let cache = std::env::var_os("XDG_CACHE_HOME").map(std::path::PathBuf::from).or_else(home);
+    let own = cache.map(|cache| cache.join("ivv/player/python/bin/python"));
+    let found = [Some("python3".into()), own].into_iter().flatten().find(|python| {
+        let output = std::process::Command::new(python).args(["-c", &format!("import {module}")]).output();
+        output.is_ok_and(|output| output.status.success())
+    });
+    if found.is_none() {
+        eprintln!("skipped: no python3 has the package {module}; tools/setup.sh player installs it");
+    }
+    found
+}
+
 pub use ivv::extremes::{one, random};

@@ -73,6 +73,57 @@ pub fn spz4(parts: &Files) -> Files {
     [("scene.spz".to_owned(), file)].into()
 }
 
+/// The parts as `.4dgs` with the checksums of their streams, which are stored and not compressed, and of their index made right.
+pub fn four_dgs(parts: &Files) -> Files {
+    parts.iter().map(|(name, bytes)| (name.clone(), four_dgs_of(bytes))).collect()
+}
+
+fn four_dgs_of(bytes: &[u8]) -> Vec<u8> {
+    let mut bytes = bytes.to_vec();
+    let number = |bytes: &[u8], at: usize, n: usize| {
+        let word = bytes.get(at..at + n)?.iter().rev().fold(0usize, |word, byte| word << 8 | usize::from(*byte));
+        Some(word).filter(|word| *word <= 1 << 30)
+    };
+    let mut at = 8;
+    while let Some(length) = number(&bytes, at + 1, 8) {
+        let (opcode, content) = (bytes[at], at + 9);
+        match opcode {
+            // A chunk: interval, level, count, name of the codec of it all, size, then its streams.
+            5 => {
+                let streams = number(&bytes, content + 24, 4).map(|name| content + 28 + name + 16);
+                mend_streams(&mut bytes, streams.unwrap_or(usize::MAX), content.saturating_add(length));
+            }
+            7 => mend_streams(&mut bytes, content + 1, content.saturating_add(length)),
+            2 => {
+                let start = number(&bytes, content, 8).unwrap_or(at);
+                let mut crc = flate2::Crc::new();
+                crc.update(bytes.get(start..at).unwrap_or_default());
+                bytes.iter_mut().skip(content + 16).zip(crc.sum().to_le_bytes()).for_each(|(byte, new)| *byte = new);
+            }
+            _ => {}
+        }
+        at = content.saturating_add(length);
+    }
+    bytes
+}
+
+/// Makes the checksums right of streams that lie end to end: a header of 17 bytes, then zlib of stored blocks.
+fn mend_streams(bytes: &mut [u8], mut at: usize, end: usize) {
+    while let Some(length) = at.checked_add(17).filter(|start| *start < end).and_then(|_| bytes.get(at + 9..at + 17)) {
+        let length = length.iter().rev().fold(0usize, |word, byte| (word << 8 | usize::from(*byte)) & 0xffff_ffff);
+        let (from, to) = (at + 17, (at + 17).saturating_add(length));
+        let Some(stream) = bytes.get_mut(from..to).filter(|stream| stream.len() > 11) else { return };
+        // One block: two bytes of zlib, five of the block.
+        let (body, sum) = stream.split_at_mut(length - 4);
+        let (a, b) = body[7..].iter().fold((1u32, 0u32), |(a, b), byte| {
+            let a = (a + u32::from(*byte)) % 65_521;
+            (a, (b + a) % 65_521)
+        });
+        sum.copy_from_slice(&(b << 16 | a).to_be_bytes());
+        at = to;
+    }
+}
+
 /// FNV-1a over 32-bit words, as checkpoints have it.
 fn hash(words: impl Iterator<Item = u32>) -> u64 {
     words.fold(0xcbf2_9ce4_8422_2325, |h, word| (h ^ u64::from(word)).wrapping_mul(0x0100_0000_01b3))

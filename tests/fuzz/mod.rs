@@ -37,6 +37,7 @@ formats! {
     spz_4, 1800, scenes::spz_4();
     splat, 3000, scenes::splat();
     sog, 600, scenes::sog();
+    four_dgs, 600, scenes::four_dgs();
     cameras, 1400, scenes::cameras();
     tensors, 1800, scenes::tensors();
     depth, 1800, scenes::depth();

@@ -7,7 +7,8 @@ use crate::common::random;
 use crate::scene::{Folder, formats};
 use ivv::scene::prior::{read_depth, read_flow};
 use ivv::scene::{
-    Splats, View, read_scene, read_tensors, read_views, write_ply, write_splat, write_spz, write_tensors, write_views,
+    Clock, FourDgs, Splats, SpzVersion, View, read_scene, read_tensors, read_views, write_ftgs, write_ply, write_splat,
+    write_spz, write_tensors, write_views,
 };
 use std::path::Path;
 
@@ -32,7 +33,10 @@ fn whole(outcome: ivv::Result<Splats>) -> bool {
 
 pub fn ply() -> Vec<Seed> {
     let read = |folder: &Path| whole(read_scene(&folder.join("a.ply")));
-    [0, 2].map(|degree| Seed::of([("a.ply", file("a.ply", |path| write_ply(path, &scene(degree))))], read)).into()
+    let clock = Some(Clock { fps: 30.0, frames: 12 });
+    let own = [0, 2].map(|degree| Seed::of([("a.ply", file("a.ply", |path| write_ply(path, &scene(degree))))], read));
+    let free_time = Seed::of([("a.ply", file("a.ply", |path| write_ftgs(path, &scene(1), clock)))], read);
+    own.into_iter().chain([free_time]).collect()
 }
 
 pub fn compressed_ply() -> Vec<Seed> {
@@ -62,7 +66,7 @@ pub fn spz() -> Vec<Seed> {
         Seed { build: mend::gzip, ..Seed::of([("a.spz", [header, streams.concat()].concat())], read) }
     };
     let as_it_is = |bytes: Vec<u8>| Seed::of([("a.spz", bytes)], read);
-    let written = file("a.spz", |path| write_spz(path, &still(1)));
+    let written = file("a.spz", |path| write_spz(path, &still(1), SpzVersion::V3));
     vec![seed(2), seed(3), as_it_is(written)]
 }
 
@@ -125,4 +129,46 @@ pub fn depth() -> Vec<Seed> {
 pub fn flow() -> Vec<Seed> {
     let read = |folder: &Path| any(folder, |path| read_flow(path, priors::WIDTH, priors::HEIGHT).is_ok());
     priors::flow_files("fuzz-flow").into_iter().map(|file| Seed::of([file], read)).collect()
+}
+
+/// Files whose streams are stored as they are, so that a change is one of the numbers in them; with sound, views and an index.
+pub fn four_dgs() -> Vec<Seed> {
+    let read = |folder: &Path| {
+        let file = FourDgs::read(&folder.join("a.4dgs"));
+        file.is_ok_and(|file| {
+            let _ = file.summary();
+            whole(file.at(0.5)) | whole(file.splats())
+        })
+    };
+    let seed = |sh_degree: u8| {
+        let (n, width) = (6, [0, 3, 8, 15][usize::from(sh_degree)]);
+        let spread =
+            |of: usize, by: f32| -> Vec<f32> { (0..of * n).map(|i| by * ((i * 7 % 11) as f32 - 5.0)).collect() };
+        let set = fourdgs::GaussianSet {
+            positions: spread(3, 0.1),
+            scales: (0..3 * n).map(|i| 0.01 + 0.01 * i as f32).collect(),
+            rotations: [0.5, -0.5, 0.5, 0.5].repeat(n),
+            colors: (0..4 * n).map(|i| i as f32 / 30.0).collect(),
+            motions: spread(3, 0.01),
+            mu_t: (0..n).map(|i| i as f32 / 6.0).collect(),
+            sigma_t: (0..n).map(|i| if i == 0 { f32::INFINITY } else { 0.05 * i as f32 }).collect(),
+            win_lo: vec![0.0; n],
+            win_hi: vec![1.0; n],
+            sh: (width > 0).then(|| (0..3 * width * n).map(|i| (i * 37) as u8).collect()),
+            sh_coefficients: width,
+            sh_degree,
+            ..Default::default()
+        };
+        let options = fourdgs::WriteOptions { level: 0, write_statistics: true, ..Default::default() };
+        let source = fourdgs::AudioSource {
+            codec: "wav".to_owned(),
+            duration_sec: 1.0,
+            data: vec![1, 2, 3],
+            ..Default::default()
+        };
+        let extras = fourdgs::SceneExtras { audio_sources: vec![source], ..Default::default() };
+        let bytes = fourdgs::write_to_vec(&set, 1.0, &options, &extras).unwrap();
+        Seed { build: mend::four_dgs, ..Seed::of([("a.4dgs", bytes)], read) }
+    };
+    vec![seed(0), seed(3)]
 }

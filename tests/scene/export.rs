@@ -4,8 +4,9 @@ use super::{Folder, fault, sample};
 use crate::common::device::gpu;
 use crate::common::random;
 use ivv::Constants;
-use ivv::scene::{Motion, Splats, read_ply, read_scene, write_ply, write_splat, write_spz};
+use ivv::scene::{Motion, Splats, SpzVersion, read_ply, read_scene, write_ply, write_splat, write_spz};
 use ivv::stage::{Outputs, Renderer};
+use std::path::Path;
 
 /// Static Gaussians of degree `sh_degree` with harmonics that SPZ can hold, rows in another order than the arrays.
 fn exportable(sh_degree: u32, n: usize) -> Splats {
@@ -58,10 +59,10 @@ fn errors(splats: &Splats, read: &Splats) -> Errors {
 #[test]
 fn an_spz_holds_every_degree_within_the_errors_it_states() {
     let folder = Folder::new("write-spz");
-    for sh_degree in 0..=3 {
+    for (sh_degree, version) in (0..=3).flat_map(|degree| [(degree, SpzVersion::V3), (degree, SpzVersion::V4)]) {
         let splats = exportable(sh_degree, 200);
         let path = folder.file("a.spz");
-        write_spz(&path, &splats).unwrap();
+        write_spz(&path, &splats, version).unwrap();
         let read = read_scene(&path).unwrap();
         assert_eq!(read.sh_degree, sh_degree);
         let e = errors(&splats, &read);
@@ -73,7 +74,7 @@ fn an_spz_holds_every_degree_within_the_errors_it_states() {
         assert!(e.dc > 0.0 && e.dc <= 1.0 / 76.5 + 1e-6, "dc {}", e.dc);
         assert!(e.rest <= 1.0 / 256.0 + 1e-6 && (e.rest > 0.0) == (sh_degree > 0), "rest {}", e.rest);
         let again = folder.file("b.spz");
-        write_spz(&again, &read).unwrap();
+        write_spz(&again, &read, version).unwrap();
         assert_eq!(read_scene(&again).unwrap().position, read.position, "what was read is written without loss");
     }
 }
@@ -99,7 +100,11 @@ fn a_splat_file_holds_degree_0_within_the_errors_it_states() {
 fn what_a_format_cannot_hold_is_refused_or_left_out() {
     let folder = Folder::new("write-refused");
     let dynamic = sample(1, 3, 2);
-    for (name, write) in [("a.spz", write_spz as fn(&_, &_) -> _), ("a.splat", write_splat)] {
+    for (name, write) in [
+        ("a.spz", (|path, splats| write_spz(path, splats, SpzVersion::V3)) as fn(&Path, &Splats) -> ivv::Result<()>),
+        ("b.spz", |path, splats| write_spz(path, splats, SpzVersion::V4)),
+        ("a.splat", write_splat),
+    ] {
         let path = folder.file(name);
         assert!(fault(write(&path, &dynamic), &path).contains("2 dynamic Gaussians"));
         assert!(!path.exists());
@@ -111,9 +116,9 @@ fn what_a_format_cannot_hold_is_refused_or_left_out() {
     let mut far = exportable(0, 2);
     far.position[0][2] = 9e6;
     let path = folder.file("far.spz");
-    assert!(fault(write_spz(&path, &far), &path).contains("9000000"));
+    assert!(fault(write_spz(&path, &far, SpzVersion::V3), &path).contains("9000000"));
     far.position[0][2] = 8e6;
-    write_spz(&path, &far).unwrap();
+    write_spz(&path, &far, SpzVersion::V3).unwrap();
     assert!(read_scene(&path).unwrap().position.iter().any(|p| p[2] == 8e6));
 }
 

@@ -1,8 +1,10 @@
 //! Scenes, cameras and pictures: what is written is read back, and no damaged file gets past the readers.
 
+mod clips;
 mod demo;
 mod export;
 pub mod formats;
+mod four_dgs;
 mod orbit;
 mod pictures;
 mod ply;

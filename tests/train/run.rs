@@ -231,6 +231,22 @@ fn a_run_and_a_scene_are_exported_in_every_format() {
         assert_eq!((read.len(), read.n_static), (still.len(), still.len()), "{name}");
     }
     assert_eq!(read_ply(Path::new(&file("a.ply"))).unwrap(), still);
+    for name in ["a.glb", "a.html"] {
+        let scene = run.join("scene.ply");
+        works(&["export", scene.to_str().unwrap(), "-o", &file(name), "--time", "0.25", "--min-opacity", "0.5"]);
+        assert!(std::fs::metadata(file(name)).unwrap().len() > 50_000, "{name}");
+    }
+    for name in ["a.4dgs", "a.ftgs.ply"] {
+        let scene = run.join("scene.ply");
+        let told = works(&["export", scene.to_str().unwrap(), "-o", &file(name), "--seconds", "2"]);
+        assert!(told.contains(&format!("{0} of {0}", splats.len())), "{told}");
+        let read = read_scene(Path::new(&file(name))).unwrap();
+        assert_eq!((read.len(), read.n_static), (splats.len(), splats.n_static), "{name}");
+    }
+    let told = works(&["inspect", &file("a.4dgs"), "--json"]);
+    let told: serde_json::Value = serde_json::from_str(&told).unwrap();
+    assert_eq!((&told["fourdgs"]["gaussianCount"], &told["fourdgs"]["durationSec"]), (&"5269".into(), &2.0.into()));
+    assert_eq!(told["n"], 5269);
     let told = fails(&["export", run.to_str().unwrap(), "-o", &file("b.spz")], 3);
     assert!(told.contains("dynamic") && told.contains("--time"), "{told}");
     assert!(fails(&["export", run.to_str().unwrap(), "-o", &file("b.obj")], 3).contains("--format"));

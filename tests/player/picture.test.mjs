@@ -1,0 +1,116 @@
+// Pictures of the page in Chromium against the formulas in float64, and against `ivv render` where $IVV names the program.
+import assert from 'node:assert/strict';
+import { execFileSync } from 'node:child_process';
+import { mkdtempSync, readFileSync, rmSync, writeFileSync } from 'node:fs';
+import { tmpdir } from 'node:os';
+import { join } from 'node:path';
+import test from 'node:test';
+import { fileURLToPath } from 'node:url';
+import { browserMissing, launch, openPage, psnr, rgbOf, safetensor, serve } from './harness.mjs';
+import { decodeAll, random, randomGaussians, renderTruth } from './scenes.mjs';
+import { readPly, write4dgs, writePly } from './write4dgs.mjs';
+
+const SKIP = browserMissing() ?? false;
+const demo = fileURLToPath(new URL('../../assets/demo/', import.meta.url));
+const GOAL_DB = 40;
+
+/** The same view in a picture of another width. */
+function smaller(view, width) {
+  const k = width / view.width;
+  return { ...view, width, height: Math.round(view.height * k), fx: view.fx * k, fy: view.fy * k, cx: view.cx * k, cy: view.cy * k };
+}
+
+/** A camera at `center` that looks at `target`; image y is down. */
+export function lookAt(center, target, width = 160, height = 120, f = 140) {
+  const unit = (v) => v.map((x) => x / Math.hypot(...v));
+  const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+  const z = unit(target.map((v, c) => v - center[c]));
+  const x = unit(cross(z, [0, -1, 0]));
+  const rows = [x, cross(z, x), z];
+  return { world_to_camera: rows.map((r) => [...r, -r.reduce((s, v, c) => s + v * center[c], 0)]), fx: f, fy: f * 1.03, cx: width / 2 + 3, cy: height / 2 - 2, width, height };
+}
+
+/** The page's pictures of a file, rgb in 0 to 1, for each [view, seconds]. */
+async function picturesOf(context, bytes, shots) {
+  const server = await serve({ 'scene.4dgs': bytes });
+  const page = await openPage(context, server.url);
+  try {
+    await page.evaluate(() => window.ivv.ready);
+    const pictures = [];
+    for (const [view, t] of shots) {
+      const pixels = await page.evaluate(async ([v, s]) => {
+        window.ivv.seek(s);
+        window.ivv.setView(v);
+        await window.ivv.render();
+        return Array.from(window.ivv.pixels());
+      }, [view, t]);
+      pictures.push(rgbOf(pixels));
+    }
+    assert.deepEqual(page.faults, []);
+    return pictures;
+  } finally {
+    await page.close();
+    await server.close();
+  }
+}
+
+/** What `ivv render` makes of a PLY, or null where there is no program. @param {[any, number][]} shots with seconds */
+function engineOf(ply, shots, duration, background) {
+  if (!process.env.IVV) return null;
+  const folder = mkdtempSync(join(tmpdir(), 'ivv-player-'));
+  try {
+    writeFileSync(join(folder, 'scene.ply'), ply);
+    const views = shots.map(([v, t], i) => ({ ...v, name: `s${i}`, time: t / duration, time_offset: 0, flow_dt: 0.1, background, world_to_camera: [...v.world_to_camera.slice(0, 3), [0, 0, 0, 1]] }));
+    writeFileSync(join(folder, 'cameras.json'), JSON.stringify({ views }));
+    execFileSync(process.env.IVV, ['render', '--scene', join(folder, 'scene.ply'), '--cameras', join(folder, 'cameras.json'), '-o', folder, '--format', 'safetensors', '-q']);
+    return views.map(({ name }) => safetensor(join(folder, `${name}.safetensors`), 'color').map((v) => Math.min(1, Math.max(0, v))));
+  } finally {
+    rmSync(folder, { recursive: true });
+  }
+}
+
+test('pictures agree with the formulas and the engine', { skip: SKIP, timeout: 300_000 }, async (t) => {
+  const browser = await launch();
+  t.after(() => browser.close());
+  await t.test('demo scene, eight views, each at its time', async (sub) => {
+    const duration = 2;
+    const ply = readFileSync(join(demo, 'scene.ply'));
+    const { views } = JSON.parse(readFileSync(join(demo, 'cameras.json')));
+    const background = views[0].background;
+    const bytes = write4dgs(readPly(ply, duration), { duration, ivv: { background: background.join(' ') }, views: { views } });
+    await compare(sub, browser.context, bytes, ply, views.map((view) => [smaller(view, 160), view.time * duration]), duration, background);
+  });
+  await t.test('moving Gaussians of degree 3, chunk borders and the end of the clip', async (sub) => {
+    const duration = 2;
+    const g = randomGaussians(2500, 3);
+    const times = [0, 0.31, 0.5, 0.999, 1, 1.5, 1.77, 2 * (1 - 2 ** -30)];
+    const shots = times.map((time, i) => [lookAt([2.5 * Math.sin(i), -0.6 + 0.2 * i, 3 - 2.5 * Math.cos(i)], [0, 0, 3]), time]);
+    await compare(sub, browser.context, write4dgs(g, { duration }), writePly(g, duration), shots, duration, [0, 0, 0]);
+  });
+  await t.test('a static scene of degree 3, near and wide', async (sub) => {
+    const g = randomGaussians(3000, 3, 5);
+    g.sigma.fill(Infinity);
+    g.velocity = g.velocity.map(() => [0, 0, 0]);
+    const next = random(3);
+    const shots = [0, 1, 2].map(() => [lookAt([next() - 0.5, next() - 0.5, 2.2 + next()], [next(), next() - 0.5, 4], 160, 120, 70), 0]);
+    await compare(sub, browser.context, write4dgs(g, { duration: 0.5, ivv: { background: '0.2 0.3 0.4' } }), writePly(g, 0), shots, 0.5, [0.2, 0.3, 0.4]);
+  });
+});
+
+/** @param {import('node:test').TestContext} sub */
+async function compare(sub, context, bytes, ply, shots, duration, background) {
+  const { gaussians } = await decodeAll(bytes);
+  const pictures = await picturesOf(context, bytes, shots);
+  const engine = engineOf(ply, shots, duration, background);
+  const rows = pictures.map((picture, i) => ({
+    truth: psnr(picture, renderTruth(gaussians, shots[i][0], shots[i][1], { background })),
+    noCut: psnr(picture, renderTruth(gaussians, shots[i][0], shots[i][1], { background, tMin: 0 })),
+    engine: engine && psnr(picture, engine[i]),
+  }));
+  for (const [i, { truth, noCut, engine: e }] of rows.entries()) {
+    sub.diagnostic(`t ${shots[i][1].toFixed(3)}: ${truth.toFixed(1)} dB to the formulas, ${noCut.toFixed(1)} without t_min, ${e ? e.toFixed(1) : 'no'} dB to the engine`);
+  }
+  assert.ok(rows.every(({ truth, engine: e }) => truth >= GOAL_DB && (e === null || e >= GOAL_DB)), JSON.stringify(rows));
+  const varied = pictures[0].some((v) => Math.abs(v - pictures[0][0]) > 0.1);
+  assert.ok(varied, 'the picture is empty');
+}

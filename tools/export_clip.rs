@@ -1,0 +1,205 @@
+//! `ivv export` to files in which time passes.
+
+use crate::device::DeviceArgs;
+use crate::files::read_json;
+use crate::progress::Progress;
+use crate::screen::say;
+use crate::shown::{self, is_run};
+use anyhow::{Context, ensure};
+use ivv::Constants;
+use ivv::scene::{Clock, Contents, Encoded, FourDgs, Grades, Splats, View, read_file, read_views};
+use ivv::stage::{Goal, Subject, compact};
+use ivv::train::{Config, Run};
+use ivv::words::count;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// Frames per second of a clip of which only the length is known.
+const FPS: f64 = 30.0;
+/// Views that files are compared in, and their longest side, pixels.
+const MOST_VIEWS: usize = 8;
+const LONGEST_SIDE: u32 = 640;
+/// Part of the Gaussians whose colours may be cut to what the format holds.
+const MOST_CLAMPED: f64 = 0.1;
+
+/// Options of formats in which time passes.
+#[derive(clap::Args)]
+pub struct ClipArgs {
+    /// Length of the clip, seconds, where neither a run nor the file says it.
+    #[arg(long, value_name = "S")]
+    seconds: Option<f64>,
+    /// Views to start from: a cameras file (JSON, as of `ivv cameras`). By default those of the run's training cameras.
+    #[arg(long)]
+    cameras: Option<PathBuf>,
+    /// Stores every attribute of a .4dgs as coarsely as pictures of the scene stay so many dB from what they are. By default
+    /// places are off by 0.02 of the median standard deviation at most, colours by half a step of 255.
+    #[arg(long, value_name = "DB", conflicts_with = "target_size")]
+    min_psnr: Option<f64>,
+    /// Stores a .4dgs as well as it can be in so many megabytes (10^6 bytes).
+    #[arg(long, value_name = "MB")]
+    target_size: Option<f64>,
+    /// Also when more than 1 in 10 Gaussians have colours that the format cannot hold, which are cut to what it can.
+    #[arg(long)]
+    clamp_colors: bool,
+    #[command(flatten)]
+    device: DeviceArgs,
+}
+
+/// How a scene is rendered and seen, and when.
+pub struct Setting {
+    /// The clock of the clip, where something tells it.
+    pub clock: Option<Clock>,
+    /// Views to start from.
+    pub views: Vec<View>,
+    constants: Constants,
+}
+
+impl ClipArgs {
+    /// The bytes of `source`, where that is a `.4dgs` of which nothing is asked to be changed.
+    ///
+    /// # Errors
+    /// Those of a damaged file, which is told here and not to whoever opens it.
+    pub fn as_it_is(&self, source: &Path) -> anyhow::Result<Option<Vec<u8>>> {
+        if !FourDgs::is(source) || self.goal()?.is_some() || self.cameras.is_some() || self.seconds.is_some() {
+            return Ok(None);
+        }
+        FourDgs::read(source)?;
+        read_file(source).map(Some).with_context(|| source.display().to_string())
+    }
+
+    /// The bytes of a `.4dgs` of `splats`, the scene of `source`.
+    pub fn bytes(&self, source: &Path, splats: &Splats) -> anyhow::Result<Vec<u8>> {
+        let Setting { clock, views, constants } = self.setting(source)?;
+        let clock = match clock {
+            Some(clock) => clock,
+            // Nothing changes in it, so it may be as short as one frame.
+            None if splats.motion.is_empty() => Clock { fps: 1.0, frames: 1 },
+            None => anyhow::bail!(
+                "{} does not say how long its clip is; give --seconds, or the folder of the run instead of its scene.ply",
+                source.display()
+            ),
+        };
+        let encoded = Encoded::new(splats, clock);
+        self.judge(&encoded)?;
+        let background = views.first().map_or([0.0; 3], |view| view.background);
+        let numbers = [
+            ("alpha_max", f64::from(constants.alpha_max)),
+            ("alpha_min", f64::from(constants.alpha_min)),
+            ("blur", f64::from(constants.blur)),
+            ("near", f64::from(constants.near)),
+            ("t_min", f64::from(constants.t_min)),
+        ];
+        let mut own: BTreeMap<String, String> =
+            numbers.map(|(name, value)| (name.to_owned(), value.to_string())).into();
+        own.insert("background".to_owned(), background.map(|part| part.to_string()).join(" "));
+        let contents = Contents { clock, views: &views, own };
+        let Some(goal) = self.goal()? else { return Ok(encoded.bytes(source, &contents, Grades::default())?) };
+        let looked_at = spread(&views);
+        let subject =
+            Subject { path: source, splats, encoded: &encoded, contents: &contents, constants, views: &looked_at };
+        let mut progress = Progress::passing("files", 0);
+        let found = compact(&self.device.open()?, &subject, goal, &mut |n, most| {
+            progress.reach(n, most, "looked at");
+        })?;
+        let mut grades = found.grades;
+        let told = (0..Grades::N).map(|k| format!("{} {}", Grades::NAMES[k], grades.of(k)));
+        say!(
+            "{:.2} MB, {:.1} dB from the scene in {}, after {}; halvings of the finest grids: {}",
+            found.bytes.len() as f64 / 1e6,
+            found.psnr,
+            count(looked_at.len(), "view"),
+            count(found.n_tried, "file"),
+            told.collect::<Vec<_>>().join(", ")
+        );
+        Ok(found.bytes)
+    }
+
+    fn goal(&self) -> anyhow::Result<Option<Goal>> {
+        let is_positive = |number: f64| number.is_finite() && number > 0.0;
+        match (self.min_psnr, self.target_size) {
+            (None, None) => Ok(None),
+            (Some(db), _) => {
+                ensure!(is_positive(db), "--min-psnr: expected a positive number of dB, found {db}");
+                Ok(Some(Goal::Psnr(db)))
+            }
+            (None, Some(megabytes)) => {
+                ensure!(
+                    is_positive(megabytes),
+                    "--target-size: expected a positive number of megabytes, found {megabytes}"
+                );
+                Ok(Some(Goal::Bytes((1e6 * megabytes) as u64)))
+            }
+        }
+    }
+
+    fn judge(&self, encoded: &Encoded) -> anyhow::Result<()> {
+        let (colors, harmonics) = (encoded.n_clamped_colors, encoded.n_clamped_harmonics);
+        let part = colors.max(harmonics) as f64 / encoded.len().max(1) as f64;
+        ensure!(
+            part <= MOST_CLAMPED || self.clamp_colors,
+            "expected colours that a .4dgs holds, found {} of {} with a base colour beyond 0 to 1 and {harmonics} with \
+             coefficients beyond -4 to 4; export as PLY, or give --clamp-colors",
+            colors,
+            count(encoded.len(), "Gaussian")
+        );
+        if colors + harmonics > 0 {
+            say!(
+                "cut to what the format holds: base colours of {}, higher harmonics of {harmonics}",
+                count(colors, "Gaussian")
+            );
+        }
+        Ok(())
+    }
+
+    /// What is known of the scene of `source`.
+    pub fn setting(&self, source: &Path) -> anyhow::Result<Setting> {
+        let given = self.cameras.as_deref().map(read_views).transpose()?;
+        if is_run(source) {
+            ensure!(self.seconds.is_none(), "--seconds: the run knows how long its clip is; leave it out");
+            let run = Run::read(source)?;
+            let views = given.map_or_else(|| of_training_cameras(source, &run), Ok)?;
+            let clock = Some(Clock { fps: run.held.fps, frames: run.held.frames });
+            return Ok(Setting { clock, views, constants: run.constants_of_capture() });
+        }
+        let clock = match self.seconds {
+            Some(seconds) => {
+                ensure!(seconds.is_finite() && seconds > 0.0, "--seconds: expected a positive number, found {seconds}");
+                let frames = (seconds * FPS).round().clamp(1.0, f64::from(u32::MAX));
+                Some(Clock { fps: frames / seconds, frames: frames as u32 })
+            }
+            None => shown::clock(source)?,
+        };
+        Ok(Setting { clock, views: given.unwrap_or_default(), constants: Constants::default() })
+    }
+}
+
+/// The first view of each training camera of the run in `folder`; none where its capture is gone, which is said.
+fn of_training_cameras(folder: &Path, run: &Run) -> anyhow::Result<Vec<View>> {
+    if !run.capture.exists() {
+        let gone = run.capture.display();
+        say!(
+            "no views to start from: the run's capture, {gone}, is not there any more; --cameras takes a cameras file"
+        );
+        return Ok(Vec::new());
+    }
+    let config: Config = read_json(&folder.join("config.json"), "give the folder of a run of `ivv train`")?;
+    let capture = run.open_capture(None)?.transformed(&run.world.inverse());
+    let mut views = Vec::new();
+    for (index, camera) in capture.cameras.iter().enumerate().filter(|(_, camera)| !camera.is_test) {
+        if let Some(shot) = camera.shots.first() {
+            views.push(View { background: config.background, ..capture.view(index, shot.frame)? });
+        }
+    }
+    Ok(views)
+}
+
+/// Views to look from: at most some of those given, at times all over the clip.
+fn spread(views: &[View]) -> Vec<View> {
+    let n = views.len().min(MOST_VIEWS);
+    let at = |k: usize| {
+        let view = &views[k * views.len() / n];
+        let view = view.reduced(view.width.max(view.height).div_ceil(LONGEST_SIDE));
+        View { time: (k as f64 + 0.5) / n as f64, time_offset: 0.0, ..view }
+    };
+    (0..n).map(at).collect()
+}

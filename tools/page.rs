@@ -1,0 +1,143 @@
+//! The browser player with a scene: as a folder for any host of files, or as one HTML file.
+
+use base64::Engine as _;
+use base64::engine::general_purpose::STANDARD as BASE64;
+use ivv::scene::write_atomic;
+use sha2::{Digest, Sha256};
+use std::path::Path;
+
+/// A file of the player.
+pub struct Part {
+    /// Its name, beside the others.
+    pub name: &'static str,
+    /// What it is, for a browser.
+    pub media_type: &'static str,
+    /// What it holds.
+    pub text: &'static str,
+}
+
+const JAVASCRIPT: &str = "text/javascript; charset=utf-8";
+
+/// Files of `assets/player`: name and kind.
+macro_rules! parts {
+    ($($name:literal, $media_type:expr;)+) => {
+        &[$(Part {
+            name: $name,
+            media_type: $media_type,
+            text: include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/assets/player/", $name)),
+        }),+]
+    };
+}
+
+/// All files of the player.
+pub const PARTS: &[Part] = parts! {
+    "index.html", "text/html; charset=utf-8";
+    "style.css", "text/css; charset=utf-8";
+    "icon.svg", "image/svg+xml";
+    "bench.js", JAVASCRIPT;
+    "bytes.js", JAVASCRIPT;
+    "camera.js", JAVASCRIPT;
+    "chunks.js", JAVASCRIPT;
+    "clock.js", JAVASCRIPT;
+    "container.js", JAVASCRIPT;
+    "controls.js", JAVASCRIPT;
+    "decode.js", JAVASCRIPT;
+    "gl.js", JAVASCRIPT;
+    "main.js", JAVASCRIPT;
+    "player.js", JAVASCRIPT;
+    "shaders.js", JAVASCRIPT;
+    "sorter.js", JAVASCRIPT;
+    "sound.js", JAVASCRIPT;
+    "source.js", JAVASCRIPT;
+    "ui.js", JAVASCRIPT;
+    "worker.js", JAVASCRIPT;
+    "xr.js", JAVASCRIPT;
+};
+
+/// Modules of the page and of its worker in the order in which they are joined: each after those that it imports.
+const PAGE: [&str; 16] = [
+    "bytes.js",
+    "source.js",
+    "container.js",
+    "decode.js",
+    "camera.js",
+    "shaders.js",
+    "gl.js",
+    "chunks.js",
+    "clock.js",
+    "player.js",
+    "controls.js",
+    "sound.js",
+    "ui.js",
+    "xr.js",
+    "bench.js",
+    "main.js",
+];
+const WORKER: [&str; 4] = ["bytes.js", "decode.js", "sorter.js", "worker.js"];
+
+/// What the folder's page may load: its own files.
+pub const POLICY: &str =
+    "default-src 'self'; worker-src 'self' blob:; style-src 'self'; connect-src 'self'; media-src 'self' blob:";
+
+/// Name of the scene beside the page.
+pub const SCENE: &str = "scene.4dgs";
+
+/// The file of this name.
+pub fn part(name: &str) -> Option<&'static Part> {
+    PARTS.iter().find(|part| part.name == name)
+}
+
+/// Writes the player and a scene into `folder`, which is there; the page last, so that it is never without the rest.
+///
+/// # Errors
+/// Those of the files.
+pub fn write_folder(folder: &Path, scene: &[u8]) -> ivv::Result<()> {
+    write_atomic(&folder.join(SCENE), |to| to.write_all(scene))?;
+    PARTS
+        .iter()
+        .rev()
+        .try_for_each(|part| write_atomic(&folder.join(part.name), |to| to.write_all(part.text.as_bytes())))
+}
+
+/// The player and a scene as one page, which opens from a disk too.
+pub fn single_file(scene: &[u8]) -> String {
+    let text = |name: &str| part(name).map_or("", |part| part.text);
+    let joined = |names: &[&str]| names.iter().map(|name| bare(text(name))).collect::<Vec<_>>().join("\n");
+    let (script, worker, style) = (joined(&PAGE), joined(&WORKER), text("style.css"));
+    let hash = |text: &str| format!("'sha256-{}'", BASE64.encode(Sha256::digest(text)));
+    let policy = format!(
+        "default-src 'none'; script-src {} blob:; style-src {}; worker-src blob:; img-src data:; media-src blob:",
+        hash(&script),
+        hash(style)
+    );
+    let charset = "<meta charset=\"utf-8\">";
+    let scene = BASE64.encode(scene);
+    [
+        (charset, format!("{charset}\n<meta http-equiv=\"Content-Security-Policy\" content=\"{policy}\">")),
+        ("href=\"icon.svg\"", format!("href=\"data:image/svg+xml;base64,{}\"", BASE64.encode(text("icon.svg")))),
+        ("<link rel=\"stylesheet\" href=\"style.css\">", format!("<style>{style}</style>")),
+        (
+            "<script type=\"module\" src=\"main.js\"></script>",
+            format!(
+                "<script type=\"text/plain\" id=\"worker\">{worker}</script>\n<script type=\"application/octet-stream;base64\" \
+                 id=\"scene\">{scene}</script>\n<script type=\"module\">{script}</script>"
+            ),
+        ),
+    ]
+    .iter()
+    .fold(text("index.html").to_owned(), |page, (from, to)| page.replacen(from, to, 1))
+}
+
+/// A module without its imports and without the word `export`, both of which stand at the beginning of a line.
+fn bare(module: &str) -> String {
+    let mut text = String::with_capacity(module.len());
+    let mut is_import = false;
+    for line in module.split_inclusive('\n') {
+        is_import |= line.starts_with("import ");
+        if !is_import {
+            text.push_str(line.strip_prefix("export ").unwrap_or(line));
+        }
+        is_import &= !line.trim_end().ends_with(';');
+    }
+    text
+}
