@@ -54,26 +54,9 @@ pub const PARTS: &[Part] = parts! {
     "xr.js", JAVASCRIPT;
 };
 
-/// Modules of the page and of its worker in the order in which they are joined: each after those that it imports.
-const PAGE: [&str; 16] = [
-    "bytes.js",
-    "source.js",
-    "container.js",
-    "decode.js",
-    "camera.js",
-    "shaders.js",
-    "gl.js",
-    "chunks.js",
-    "clock.js",
-    "player.js",
-    "controls.js",
-    "sound.js",
-    "ui.js",
-    "xr.js",
-    "bench.js",
-    "main.js",
-];
-const WORKER: [&str; 4] = ["bytes.js", "decode.js", "sorter.js", "worker.js"];
+/// The modules that the page and its worker begin with.
+const PAGE: &str = "main.js";
+const WORKER: &str = "worker.js";
 
 /// What the folder's page may load: its own files.
 pub const POLICY: &str =
@@ -102,8 +85,12 @@ pub fn write_folder(folder: &Path, scene: &[u8]) -> ivv::Result<()> {
 /// The player and a scene as one page, which opens from a disk too.
 pub fn single_file(scene: &[u8]) -> String {
     let text = |name: &str| part(name).map_or("", |part| part.text);
-    let joined = |names: &[&str]| names.iter().map(|name| bare(text(name))).collect::<Vec<_>>().join("\n");
-    let (script, worker, style) = (joined(&PAGE), joined(&WORKER), text("style.css"));
+    let joined = |name: &str| {
+        let mut modules = Vec::new();
+        with_imports(name, &mut Vec::new(), &mut modules);
+        modules.iter().map(|part| bare(part.text)).collect::<Vec<_>>().join("\n")
+    };
+    let (script, worker, style) = (joined(PAGE), joined(WORKER), text("style.css"));
     let hash = |text: &str| format!("'sha256-{}'", BASE64.encode(Sha256::digest(text)));
     let policy = format!(
         "default-src 'none'; script-src {} blob:; style-src {}; worker-src blob:; img-src data:; media-src blob:",
@@ -126,6 +113,17 @@ pub fn single_file(scene: &[u8]) -> String {
     ]
     .iter()
     .fold(text("index.html").to_owned(), |page, (from, to)| page.replacen(from, to, 1))
+}
+
+/// Appends the module `name` after all that it imports, each once.
+fn with_imports(name: &str, met: &mut Vec<&'static str>, to: &mut Vec<&'static Part>) {
+    let Some(module) = part(name).filter(|module| !met.contains(&module.name)) else { return };
+    met.push(module.name);
+    // Types in comments are named likewise, in parentheses.
+    for import in module.text.split(" from './").skip(1) {
+        with_imports(import.split('\'').next().unwrap_or_default(), met, to);
+    }
+    to.push(module);
 }
 
 /// A module without its imports and without the word `export`, both of which stand at the beginning of a line.

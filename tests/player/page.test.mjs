@@ -221,14 +221,23 @@ test('the page', { skip: SKIP, timeout: 400_000 }, async (t) => {
     const bytes = small();
     let served;
     await withPage(bytes, async (page) => { await ready(page); served = await picture(page, 0.8); });
-    writeFileSync(join(folder, 'scene.html'), singleFile(bytes));
-    const page = await openPage(context, `file://${join(folder, 'scene.html')}`);
+    const file = (name) => join(folder, name);
+    writeFileSync(file('scene.html'), singleFile(bytes));
+    const pages = ['scene.html'];
+    if (process.env.IVV) {
+      writeFileSync(file('scene.4dgs'), bytes);
+      execFileSync(process.env.IVV, ['export', file('scene.4dgs'), '-o', file('by-ivv.html')]);
+      pages.push('by-ivv.html');
+    }
     try {
-      await ready(page);
-      assert.equal(psnr(await picture(page, 0.8), served), Infinity);
-      assert.deepEqual(page.faults, []);
+      for (const name of pages) {
+        const page = await openPage(context, `file://${file(name)}`);
+        await ready(page);
+        assert.equal(psnr(await picture(page, 0.8), served), Infinity, name);
+        assert.deepEqual(page.faults, [], name);
+        await page.close();
+      }
     } finally {
-      await page.close();
       rmSync(folder, { recursive: true });
     }
   });
