@@ -14,13 +14,14 @@ use std::path::{Path, PathBuf};
 pub struct Args {
     /// A scene file, or the folder of a run: its scene.ply, or the newest checkpoint where it has not ended.
     scene: PathBuf,
-    /// The file to write; the folder, where its name ends in a slash.
+    /// The file to write; a folder for `web`, whose name ends in a slash.
     #[arg(short, long)]
     output: PathBuf,
     /// Its format. By default from the name's ending. ply: 3DGS's, with the motion of dynamic Gaussians; 4dgs: with the clock and
     /// the cameras of the clip, for players; ftgs: FreeTimeGS's PLY (.ftgs.ply); splatv: antimatter15's of dynamic scenes, without
-    /// view dependence; web: a folder with the player and the scene, for any host of files; page: both as one .html. Of one moment: spz: Niantic's, version 3; spz4: version 4; glb: glTF with KHR_gaussian_splatting; splat:
-    /// antimatter15's, without view dependence.
+    /// view dependence; web: a folder with the player and the scene, for any host of files; page: both as one .html. Of one
+    /// moment: spz: Niantic's, version 3; spz4: version 4; glb: glTF with KHR_gaussian_splatting; splat: antimatter15's, without
+    /// view dependence.
     #[arg(long)]
     format: Option<Format>,
     /// The scene at this normalised time, 0 to 1, as static Gaussians that every viewer shows.

@@ -101,15 +101,13 @@ impl ClipArgs {
         let found = compact(&self.device.open()?, &subject, goal, &mut |n, most| {
             progress.reach(n, most, "looked at");
         })?;
-        let mut grades = found.grades;
-        let told = (0..Grades::N).map(|k| format!("{} {}", Grades::NAMES[k], grades.of(k)));
         say!(
             "{:.2} MB, {:.1} dB from the scene in {}, after {}; halvings of the finest grids: {}",
             found.bytes.len() as f64 / 1e6,
             found.psnr,
             count(looked_at.len(), "view"),
             count(found.n_tried, "file"),
-            told.collect::<Vec<_>>().join(", ")
+            found.grades
         );
         Ok(found.bytes)
     }

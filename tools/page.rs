@@ -119,7 +119,7 @@ pub fn single_file(scene: &[u8]) -> String {
 fn with_imports(name: &str, met: &mut Vec<&'static str>, to: &mut Vec<&'static Part>) {
     let Some(module) = part(name).filter(|module| !met.contains(&module.name)) else { return };
     met.push(module.name);
-    // Types in comments are named likewise, in parentheses.
+    // Comments name types as `import('./x.js')`, which is not this.
     for import in module.text.split(" from './").skip(1) {
         with_imports(import.split('\'').next().unwrap_or_default(), met, to);
     }

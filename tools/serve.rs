@@ -196,9 +196,9 @@ impl Site {
         // A part of what the browser has is of no use once that is another scene.
         let is_same = asked(header::IF_RANGE).is_none_or(|tag| tag == self.tag);
         let (status, range) = match asked(header::RANGE).filter(|_| is_same).map(|range| part_of(range, length)) {
-            None | Some(Part::Whole) => (StatusCode::OK, 0..length),
-            Some(Part::Range(range)) => (StatusCode::PARTIAL_CONTENT, range),
-            Some(Part::Beyond) => {
+            None | Some(Asked::Whole) => (StatusCode::OK, 0..length),
+            Some(Asked::Range(range)) => (StatusCode::PARTIAL_CONTENT, range),
+            Some(Asked::Beyond) => {
                 let mut answer = empty(StatusCode::RANGE_NOT_SATISFIABLE);
                 let value = HeaderValue::from_str(&format!("bytes */{length}"));
                 answer.headers_mut().extend(value.ok().map(|value| (header::CONTENT_RANGE, value)));
@@ -216,7 +216,7 @@ impl Site {
 
 /// What a `Range` asks for.
 #[derive(Debug, PartialEq)]
-enum Part {
+enum Asked {
     /// Everything: it asks for nothing that is understood, or for several parts.
     Whole,
     /// These bytes, at least one.
@@ -225,9 +225,9 @@ enum Part {
     Beyond,
 }
 
-fn part_of(asked: &str, length: usize) -> Part {
+fn part_of(asked: &str, length: usize) -> Asked {
     let Some((from, to)) = asked.strip_prefix("bytes=").and_then(|range| range.split_once('-')) else {
-        return Part::Whole;
+        return Asked::Whole;
     };
     let number = |text: &str| text.parse::<usize>().ok().filter(|_| text.bytes().all(|byte| byte.is_ascii_digit()));
     let range = match (from, to) {
@@ -239,9 +239,9 @@ fn part_of(asked: &str, length: usize) -> Part {
             .map(|(from, to)| from..to.saturating_add(1).min(length)),
     };
     match range {
-        None => Part::Whole,
-        Some(range) if range.is_empty() => Part::Beyond,
-        Some(range) => Part::Range(range),
+        None => Asked::Whole,
+        Some(range) if range.is_empty() => Asked::Beyond,
+        Some(range) => Asked::Range(range),
     }
 }
 

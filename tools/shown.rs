@@ -57,10 +57,6 @@ pub fn open(path: &Path) -> ivv::Result<Shown> {
         let reason = "expected a run (run.json) or a SOG scene (meta.json), found neither";
         return Err(Error::data(path, "", reason, "give the folder of a run of `ivv train`, or a scene file"));
     }
-    if FourDgs::is(path) {
-        let file = FourDgs::read(path)?;
-        return Ok(Shown { splats: file.splats()?, file: path.to_owned(), unfinished: None });
-    }
     Ok(Shown { splats: read_scene(path)?, file: path.to_owned(), unfinished: None })
 }
 

@@ -136,6 +136,7 @@ pub fn compact(
     let order = order(&tables);
     // The losses add up only about, so the last steps are taken back, or more are taken, by what is seen.
     let (mut low, mut high) = (0, order.len());
+    let mut smallest = finest.len() as u64;
     let mut best = (finest, floor, Grades::default());
     while low < high {
         let middle = (low + high).div_ceil(2);
@@ -143,23 +144,22 @@ pub fn compact(
         order[..middle].iter().for_each(|(attribute, grade)| *grades.of(*attribute) = *grade);
         let (bytes, error) = judge.look(grades)?;
         progress(judge.n_tried, MOST_TRIED);
-        let (is_good, is_small) = match goal {
-            Goal::Psnr(db) => (error <= error_of(db), true),
-            Goal::Bytes(most) => (bytes.len() as u64 > most, bytes.len() as u64 <= most),
+        smallest = smallest.min(bytes.len() as u64);
+        // More steps are taken while the pictures allow it, or as long as the file is too large.
+        let (fulfils, goes_on) = match goal {
+            Goal::Psnr(db) => (error <= error_of(db), error <= error_of(db)),
+            Goal::Bytes(most) => (bytes.len() as u64 <= most, bytes.len() as u64 > most),
         };
-        if is_small && (matches!(goal, Goal::Bytes(_)) || is_good) {
+        if fulfils {
             best = (bytes, error, grades);
         }
-        if is_good { low = middle } else { high = middle - 1 }
+        if goes_on { low = middle } else { high = middle - 1 }
     }
     let (bytes, error, grades) = best;
     if let Goal::Bytes(most) = goal
         && bytes.len() as u64 > most
     {
-        return Err(fault(format!(
-            "expected at most {most} bytes, the smallest file that was found has {}",
-            bytes.len()
-        )));
+        return Err(fault(format!("expected at most {most} bytes, the smallest file that was found has {smallest}")));
     }
     Ok(Compact { psnr: psnr_of(error), bytes, grades, n_tried: judge.n_tried })
 }

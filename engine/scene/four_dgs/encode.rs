@@ -118,9 +118,7 @@ impl Encoded {
         entries.insert("fps".to_owned(), clock.fps.to_string());
         entries.insert("frames".to_owned(), clock.frames.to_string());
         if grades != Grades::default() {
-            let mut all = grades;
-            let told = (0..Grades::N).map(|k| format!("{} {}", Grades::NAMES[k], all.of(k)));
-            entries.insert("grades".to_owned(), told.collect::<Vec<_>>().join(", "));
+            entries.insert("grades".to_owned(), grades.to_string());
         }
         let mut extras =
             SceneExtras { metadata: vec![Metadata { name: RECORD.to_owned(), entries }], ..SceneExtras::default() };

@@ -36,7 +36,7 @@ impl Grades {
     pub const N: usize = 10;
 
     /// Names of the attributes, in order.
-    pub const NAMES: [&str; Self::N] =
+    const NAMES: [&str; Self::N] =
         ["position", "scale", "rotation", "color", "opacity", "motion", "time", "sh 1", "sh 2", "sh 3"];
 
     /// The grade of an attribute by its number.
@@ -113,6 +113,15 @@ impl Grades {
             }
         }
         set
+    }
+}
+
+/// Names and grades, separated by commas.
+impl std::fmt::Display for Grades {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let mut grades = *self;
+        let told = (0..Self::N).map(|k| format!("{} {}", Self::NAMES[k], grades.of(k)));
+        f.write_str(&told.collect::<Vec<_>>().join(", "))
     }
 }
 
