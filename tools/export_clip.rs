@@ -4,14 +4,14 @@ use crate::device::DeviceArgs;
 use crate::files::read_json;
 use crate::progress::Progress;
 use crate::screen::say;
-use crate::shown::{self, is_run};
+use crate::shown::{is_run, of_own, own};
 use anyhow::{Context, ensure};
 use ivv::Constants;
-use ivv::scene::{Clock, Contents, Encoded, FourDgs, Grades, Splats, View, read_file, read_views};
+use ivv::scene::{Clock, Contents, Encoded, FourDgs, Grades, Sounds, Splats, View, read_file, read_views};
+use ivv::sound::scene_file::SoundScene;
 use ivv::stage::{Goal, Subject, compact};
 use ivv::train::{Config, Run};
 use ivv::words::count;
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// Frames per second of a clip of which only the length is known.
@@ -38,6 +38,10 @@ pub struct ClipArgs {
     /// Stores a .4dgs as well as it can be in so many megabytes (10^6 bytes).
     #[arg(long, value_name = "MB")]
     target_size: Option<f64>,
+    /// Sound of a .4dgs: the scene.json of `ivv sound localize`, of the capture that the scene was trained on. By default that of
+    /// the scene file, if it is a .4dgs.
+    #[arg(long, value_name = "SCENE_JSON")]
+    sound: Option<PathBuf>,
     /// Also when more than 1 in 10 Gaussians have colours that the format cannot hold, which are cut to what it can.
     #[arg(long)]
     clamp_colors: bool,
@@ -51,7 +55,10 @@ pub struct Setting {
     pub clock: Option<Clock>,
     /// Views to start from.
     pub views: Vec<View>,
+    /// What is heard.
+    pub sounds: Sounds,
     constants: Constants,
+    background: [f32; 3],
 }
 
 impl ClipArgs {
@@ -60,7 +67,8 @@ impl ClipArgs {
     /// # Errors
     /// Those of a damaged file, which is told here and not to whoever opens it.
     pub fn as_it_is(&self, source: &Path) -> anyhow::Result<Option<Vec<u8>>> {
-        if !FourDgs::is(source) || self.goal()?.is_some() || self.cameras.is_some() || self.seconds.is_some() {
+        let is_changed = self.cameras.is_some() || self.seconds.is_some() || self.sound.is_some();
+        if !FourDgs::is(source) || self.goal()?.is_some() || is_changed {
             return Ok(None);
         }
         FourDgs::read(source)?;
@@ -69,7 +77,7 @@ impl ClipArgs {
 
     /// The bytes of a `.4dgs` of `splats`, the scene of `source`.
     pub fn bytes(&self, source: &Path, splats: &Splats) -> anyhow::Result<Vec<u8>> {
-        let Setting { clock, views, constants } = self.setting(source)?;
+        let Setting { clock, views, mut sounds, constants, background } = self.setting(source)?;
         let clock = match clock {
             Some(clock) => clock,
             // Nothing changes in it, so it may be as short as one frame.
@@ -81,18 +89,12 @@ impl ClipArgs {
         };
         let encoded = Encoded::new(splats, clock);
         self.judge(&encoded)?;
-        let background = views.first().map_or([0.0; 3], |view| view.background);
-        let numbers = [
-            ("alpha_max", f64::from(constants.alpha_max)),
-            ("alpha_min", f64::from(constants.alpha_min)),
-            ("blur", f64::from(constants.blur)),
-            ("near", f64::from(constants.near)),
-            ("t_min", f64::from(constants.t_min)),
-        ];
-        let mut own: BTreeMap<String, String> =
-            numbers.map(|(name, value)| (name.to_owned(), value.to_string())).into();
-        own.insert("background".to_owned(), background.map(|part| part.to_string()).join(" "));
-        let contents = Contents { clock, views: &views, own };
+        if let Some(scene) = &self.sound {
+            sounds = ivv::sound::clip::sounds(&SoundScene::read(scene)?, clock.seconds())?;
+            let bytes = sounds.n_bytes() as f64 / 1e6;
+            say!("{} of sound, {bytes:.2} MB", count(sounds.len(), "source"));
+        }
+        let contents = Contents { clock, views: &views, own: own(&constants, background), sounds: &sounds };
         let Some(goal) = self.goal()? else { return Ok(encoded.bytes(source, &contents, Grades::default())?) };
         let looked_at = spread(&views);
         let subject =
@@ -157,17 +159,28 @@ impl ClipArgs {
             let run = Run::read(source)?;
             let views = given.map_or_else(|| of_training_cameras(source, &run), Ok)?;
             let clock = Some(Clock { fps: run.held.fps, frames: run.held.frames });
-            return Ok(Setting { clock, views, constants: run.constants_of_capture() });
+            let background = views.first().map_or([0.0; 3], |view| view.background);
+            let (sounds, constants) = (Sounds::default(), run.constants_of_capture());
+            return Ok(Setting { clock, views, sounds, constants, background });
         }
+        let file = if FourDgs::is(source) { Some(FourDgs::read(source)?) } else { None };
         let clock = match self.seconds {
             Some(seconds) => {
                 ensure!(seconds.is_finite() && seconds > 0.0, "--seconds: expected a positive number, found {seconds}");
                 let frames = (seconds * FPS).round().clamp(1.0, f64::from(u32::MAX));
                 Some(Clock { fps: frames / seconds, frames: frames as u32 })
             }
-            None => shown::clock(source)?,
+            None => file.as_ref().map(FourDgs::clock),
         };
-        Ok(Setting { clock, views: given.unwrap_or_default(), constants: Constants::default() })
+        let kept = match &file {
+            Some(file) if given.is_none() => file.views()?,
+            _ => Vec::new(),
+        };
+        let views = given.unwrap_or(kept);
+        let (constants, background) = file.as_ref().and_then(FourDgs::own).map_or_else(Default::default, of_own);
+        let sounds = file.as_ref().map_or_else(Sounds::default, FourDgs::sounds);
+        let background = background.or(views.first().map(|view| view.background)).unwrap_or_default();
+        Ok(Setting { clock, views, sounds, constants, background })
     }
 }
 

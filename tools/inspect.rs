@@ -21,7 +21,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     if FourDgs::is(&args.scene) {
         return clip(&args.scene, json);
     }
-    let Shown { file: scene, splats, unfinished } = shown::open(&args.scene)?;
+    let Shown { file: scene, splats, unfinished, .. } = shown::open(&args.scene)?;
     let reviews = reviews(&scene);
     let summary = splats.by_degree().summary();
     if json {

@@ -263,14 +263,19 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let source = args.source.as_deref().or(args.scene.as_deref()).context("give the folder of a run or a scene")?;
     let run = if is_run(source) { Some(Run::read(source)?) } else { None };
     let of_scene = run.as_ref().map_or_else(Constants::default, Run::constants_of_capture);
-    let constants = args.knobs.on(args.constants.checked_over(of_scene)?)?;
+    // What is wrong with them is told before a scene is read, which may say some of them itself.
+    let constants_over = |scene: Constants| args.knobs.on(args.constants.checked_over(scene)?);
+    constants_over(of_scene)?;
     let stop = Stop::listen()?;
     if let Some(film) = args.film(source, run.as_ref())? {
+        let shown = shown::open_at(source, args.time)?;
+        let constants = constants_over(shown.constants.unwrap_or(of_scene))?;
         let studio = Studio { output: &args.output, device: &args.device, constants, stop: &stop };
-        return film::run(&film, &args.film, shown::open_at(source, args.time)?, &studio, json);
+        return film::run(&film, &args.film, shown, &studio, json);
     }
     let views = args.views(source)?;
     let shown = shown::open_at(source, args.time)?;
+    let constants = constants_over(shown.constants.unwrap_or(of_scene))?;
     within_clip(args.cameras.as_deref().unwrap_or(source), &shown, &views)?;
     let splats = shown.splats.by_degree();
     make_folder(&args.output)?;

@@ -1,9 +1,10 @@
 //! What a verb is given to look at: a scene file, the folder of a run, or that of a run that has not ended.
 
 use crate::screen::say;
-use ivv::Error;
 use ivv::scene::{Clock, FourDgs, Splats, read_scene};
 use ivv::train::{Checkpoint, Run};
+use ivv::{Constants, Error};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// A scene and where it is from.
@@ -14,6 +15,8 @@ pub struct Shown {
     pub splats: Splats,
     /// The step that it is of, where the run has not ended.
     pub unfinished: Option<u64>,
+    /// How it is rendered, where its file says that.
+    pub constants: Option<Constants>,
 }
 
 /// Whether `path` is the folder of a run.
@@ -35,7 +38,7 @@ pub fn open_at(path: &Path, time: Option<f64>) -> ivv::Result<Shown> {
         Some(time) if FourDgs::is(path) => {
             let file = FourDgs::read(path)?;
             let splats = file.splats().or_else(|_| file.at(time))?;
-            Ok(Shown { splats, file: path.to_owned(), unfinished: None })
+            Ok(of_file(path, splats, constants(&file)))
         }
         _ => open(path),
     }
@@ -48,7 +51,7 @@ pub fn open_at(path: &Path, time: Option<f64>) -> ivv::Result<Shown> {
 pub fn open(path: &Path) -> ivv::Result<Shown> {
     let scene = path.join("scene.ply");
     if scene.is_file() {
-        return Ok(Shown { splats: read_scene(&scene)?, file: scene, unfinished: None });
+        return Ok(of_file(&scene, read_scene(&scene)?, None));
     }
     if is_run(path) {
         return newest(path);
@@ -57,7 +60,19 @@ pub fn open(path: &Path) -> ivv::Result<Shown> {
         let reason = "expected a run (run.json) or a SOG scene (meta.json), found neither";
         return Err(Error::data(path, "", reason, "give the folder of a run of `ivv train`, or a scene file"));
     }
-    Ok(Shown { splats: read_scene(path)?, file: path.to_owned(), unfinished: None })
+    if FourDgs::is(path) {
+        let file = FourDgs::read(path)?;
+        return Ok(of_file(path, file.splats()?, constants(&file)));
+    }
+    Ok(of_file(path, read_scene(path)?, None))
+}
+
+fn of_file(path: &Path, splats: Splats, constants: Option<Constants>) -> Shown {
+    Shown { splats, file: path.to_owned(), unfinished: None, constants }
+}
+
+fn constants(file: &FourDgs) -> Option<Constants> {
+    file.own().map(|own| of_own(own).0)
 }
 
 /// The newest checkpoint of the run in `folder`.
@@ -70,5 +85,40 @@ fn newest(folder: &Path) -> ivv::Result<Shown> {
     let Checkpoint { step, total, .. } = checkpoint;
     say!("{}: the run has not ended; this is its newest checkpoint, of step {step} of {total}", folder.display());
     let file = Checkpoint::file(&checkpoints, step);
-    Ok(Shown { splats: checkpoint.splats(), file, unfinished: Some(step) })
+    Ok(Shown { splats: checkpoint.splats(), file, unfinished: Some(step), constants: None })
+}
+
+/// What a `.4dgs` says of how it is rendered.
+pub fn own(constants: &Constants, background: [f32; 3]) -> BTreeMap<String, String> {
+    let numbers = [
+        ("alpha_max", constants.alpha_max),
+        ("alpha_min", constants.alpha_min),
+        ("blur", constants.blur),
+        ("near", constants.near),
+        ("t_min", constants.t_min),
+    ];
+    let mut own: BTreeMap<String, String> = numbers.map(|(name, value)| (name.to_owned(), value.to_string())).into();
+    own.insert("background".to_owned(), background.map(|part| part.to_string()).join(" "));
+    own
+}
+
+/// The way back: the usual value of what is not said, or not said so that it has a meaning.
+pub fn of_own(own: &BTreeMap<String, String>) -> (Constants, Option<[f32; 3]>) {
+    let usual = Constants::default();
+    let number = |name: &str, usual: f32, is_one: &dyn Fn(f32) -> bool| {
+        own.get(name).and_then(|text| text.parse().ok()).filter(|value| is_one(*value)).unwrap_or(usual)
+    };
+    let is_part = |value: f32| value > 0.0 && value < 1.0;
+    let is_length = |value: f32| value > 0.0 && value.is_finite();
+    let constants = Constants {
+        alpha_max: number("alpha_max", usual.alpha_max, &|value| is_part(value) && value > 0.5),
+        alpha_min: number("alpha_min", usual.alpha_min, &|value| is_part(value) && value < 0.5),
+        blur: number("blur", usual.blur, &is_length),
+        near: number("near", usual.near, &is_length),
+        t_min: number("t_min", usual.t_min, &|value| value == 0.0 || is_part(value)),
+        ..usual
+    };
+    let parts = own.get("background").map(|text| text.split(' ').filter_map(|part| part.parse().ok()));
+    let background = parts.and_then(|parts| <[f32; 3]>::try_from(parts.collect::<Vec<f32>>()).ok());
+    (constants, background.filter(|parts| parts.iter().all(|part| part.is_finite())))
 }

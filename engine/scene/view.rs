@@ -103,9 +103,13 @@ struct Document {
 /// name is empty, used twice or unfit as a file name, a size is not in 1..=65536, a focal length is not positive, a
 /// number is not finite, or `world_to_camera` is no rotation and translation.
 pub fn read_views(path: &Path) -> Result<Vec<View>> {
-    let text = read_bytes(path)?;
+    parse_views(path, &read_bytes(path)?)
+}
+
+/// As [`read_views`], of a text that is in memory; `path` is what its faults are told of.
+pub(super) fn parse_views(path: &Path, text: &[u8]) -> Result<Vec<View>> {
     let remedy = "write {\"views\": [{\"name\": ..., \"width\": ..., ...}]}";
-    let parsed = serde_json::from_slice::<Document>(&text);
+    let parsed = serde_json::from_slice::<Document>(text);
     let document = parsed.map_err(|fault| Error::data(path, "", format!("not a cameras file: {fault}"), remedy))?;
     let mut views = Vec::new();
     for (index, value) in document.views.into_iter().enumerate() {

@@ -7,6 +7,7 @@ pub mod align;
 pub mod ambix;
 pub mod associate;
 pub mod bench;
+pub mod clip;
 pub mod fir;
 pub mod geometry;
 pub mod hrtf;

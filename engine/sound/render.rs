@@ -261,7 +261,7 @@ fn r_min(scene: &SoundScene, config: &RenderConfig) -> f64 {
 }
 
 /// A source beside a head: all that depends on time.
-struct Course<'a> {
+pub(super) struct Course<'a> {
     mode: Mode,
     propagation: bool,
     direction: bool,
@@ -272,13 +272,18 @@ struct Course<'a> {
     track: &'a SourceTrack,
     gain: f64,
     gates: Vec<(f64, f64)>,
-    r_min: f64,
+    pub(super) r_min: f64,
     /// Metres of a scene unit; 1 where that is unknown and not asked for.
     metres: f64,
 }
 
 impl<'a> Course<'a> {
-    fn new(scene: &'a SoundScene, source: &'a Source, head: &'a PoseTrack, config: &RenderConfig) -> Result<Self> {
+    pub(super) fn new(
+        scene: &'a SoundScene,
+        source: &'a Source,
+        head: &'a PoseTrack,
+        config: &RenderConfig,
+    ) -> Result<Self> {
         let fault =
             |place: &str, reason: &str, remedy: &str| Error::data(Path::new("sound scene"), place, reason, remedy);
         if config.mode == Mode::Physical && scene.metres_per_unit.is_none() {
@@ -306,7 +311,7 @@ impl<'a> Course<'a> {
     }
 
     /// Where the source is; where it is not known, where it was known last or next.
-    fn place(&self, t: f64) -> DVec3 {
+    pub(super) fn place(&self, t: f64) -> DVec3 {
         self.track.at(t).unwrap_or_else(|| {
             let known = self.track.samples.iter().filter(|sample| sample.flag != Flag::Inactive);
             let near = known.min_by(|a, b| (a.t - t).abs().total_cmp(&(b.t - t).abs()));
@@ -318,7 +323,7 @@ impl<'a> Course<'a> {
         bearing(self.mode, &self.plane, &self.head.at(t), self.scene.mic.pose.at(t).p, self.place(t))
     }
 
-    fn cue(&self, t: f64) -> Cue {
+    pub(super) fn cue(&self, t: f64) -> Cue {
         let bearing = self.bearing(t);
         let way = (bearing.r_l - bearing.r_m) * self.metres / SPEED_OF_SOUND;
         Cue {

@@ -91,6 +91,8 @@ pub enum Depth {
     /// 24 bit integers, rounded to the nearest, clipped at the full range.
     #[default]
     Int24,
+    /// 16 bit integers, the same.
+    Int16,
     /// 32 bit floats.
     Float32,
 }
@@ -110,9 +112,10 @@ pub fn write<const N: usize>(path: &Path, frames: &[[f32; N]], depth: Depth) -> 
     write_atomic(path, |to| to.write_all(&bytes))
 }
 
-fn encode<const N: usize>(frames: &[[f32; N]], depth: Depth) -> std::result::Result<Vec<u8>, hound::Error> {
+pub(super) fn encode<const N: usize>(frames: &[[f32; N]], depth: Depth) -> std::result::Result<Vec<u8>, hound::Error> {
     let (bits_per_sample, sample_format) = match depth {
         Depth::Int24 => (24, hound::SampleFormat::Int),
+        Depth::Int16 => (16, hound::SampleFormat::Int),
         Depth::Float32 => (32, hound::SampleFormat::Float),
     };
     let spec = hound::WavSpec { channels: N as u16, sample_rate: FS, bits_per_sample, sample_format };
@@ -120,7 +123,8 @@ fn encode<const N: usize>(frames: &[[f32; N]], depth: Depth) -> std::result::Res
     let mut writer = hound::WavWriter::new(&mut bytes, spec)?;
     for value in frames.as_flattened() {
         match depth {
-            Depth::Int24 => writer.write_sample(int24(*value))?,
+            Depth::Int24 => writer.write_sample(integer(*value, 24))?,
+            Depth::Int16 => writer.write_sample(integer(*value, 16))?,
             Depth::Float32 => writer.write_sample(*value)?,
         }
     }
@@ -128,8 +132,8 @@ fn encode<const N: usize>(frames: &[[f32; N]], depth: Depth) -> std::result::Res
     Ok(bytes.into_inner())
 }
 
-/// The nearest integer of 24 bits; the full range is 1.
-pub fn int24(value: f32) -> i32 {
-    let full = f64::from(1 << 23);
+/// The nearest integer of so many bits; the full range is 1.
+pub fn integer(value: f32, bits: u32) -> i32 {
+    let full = f64::from(1 << (bits - 1));
     (f64::from(value) * full).round().clamp(-full, full - 1.0) as i32
 }

@@ -4,14 +4,17 @@ use super::{Folder, fault, shared};
 use crate::common::device::gpu;
 use crate::common::random;
 use ivv::Constants;
-use ivv::scene::{Clock, Contents, Encoded, FourDgs, Frame, Grades, Motion, Splats, View, demo, read_scene};
+use ivv::scene::{Clock, Contents, Encoded, FourDgs, Frame, Grades, Motion, Sounds, Splats, View, demo, read_scene};
 use ivv::stage::{Goal, Outputs, Renderer, Subject, compact};
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::path::Path;
+use std::sync::LazyLock;
+
+static SILENT: LazyLock<Sounds> = LazyLock::new(Sounds::default);
 
 fn contents(clock: Clock) -> Contents<'static> {
-    Contents { clock, views: &[], own: BTreeMap::new() }
+    Contents { clock, views: &[], own: BTreeMap::new(), sounds: &SILENT }
 }
 
 /// The scene as it is read back from a file.

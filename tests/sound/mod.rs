@@ -1,5 +1,6 @@
 //! The sound field; T-numbers are those of research/sound_playback.md F.5.
 
+mod clip;
 mod command;
 mod convolution;
 mod gain;

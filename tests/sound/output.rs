@@ -9,7 +9,7 @@ use ivv::sound::geometry::Mode;
 use ivv::sound::loudness::{PEAK_LIMIT_DB, gain_db, measure};
 use ivv::sound::render::{RenderConfig, render_ambix, render_signals};
 use ivv::sound::scene_file::{SoundScene, Source};
-use ivv::sound::wav::{Channel, Depth, int24, read, read_channel, write};
+use ivv::sound::wav::{Channel, Depth, integer, read, read_channel, write};
 
 use super::{head, noise, scene, sphere, tone, track};
 
@@ -36,7 +36,7 @@ fn t39_files_hold_the_rounded_samples() {
         .map(|value| (f64::from(*value) * 8_388_608.0).round().clamp(-8_388_608.0, 8_388_607.0) as i32)
         .collect();
     assert_eq!(found, expected);
-    assert_eq!((int24(2.0), int24(-2.0)), (8_388_607, -8_388_608));
+    assert_eq!((integer(2.0, 24), integer(-2.0, 24), integer(1.0, 16)), (8_388_607, -8_388_608, 32_767));
     write(&path, &frames, Depth::Float32).unwrap();
     let back = read(&path).unwrap();
     assert!(back.channels[0].iter().zip(&frames).all(|(value, frame)| *value == frame[0]));

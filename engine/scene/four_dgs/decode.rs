@@ -1,11 +1,13 @@
 //! What a `.4dgs` says, and as Gaussians of ours.
 
-use super::{Clock, MAGIC, RECORD};
+use super::{Clock, MAGIC, RECORD, Sounds, VIEWS};
 use crate::error::{Error, Result};
 use crate::scene::decode::dc_of_color;
 use crate::scene::file::{cannot_read, open_file};
-use crate::scene::{Motion, Splats};
+use crate::scene::view::parse_views;
+use crate::scene::{Motion, Splats, View};
 use fourdgs::quantization::sh_coefficient;
+use std::collections::BTreeMap;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
@@ -71,9 +73,27 @@ impl FourDgs {
 
     /// The clock of the clip.
     pub fn clock(&self) -> Clock {
-        let own = self.scene.metadata.iter().find(|record| record.name == RECORD).map(|record| &record.entries);
         let seconds = self.scene.duration_sec;
-        if seconds > 0.0 { Clock::of_file(own, seconds) } else { Clock { fps: super::FPS, frames: 1 } }
+        if seconds > 0.0 { Clock::of_file(self.own(), seconds) } else { Clock { fps: super::FPS, frames: 1 } }
+    }
+
+    /// What is this project's own, by name: how the scene is rendered; `None` in a file of another program.
+    pub fn own(&self) -> Option<&BTreeMap<String, String>> {
+        self.scene.metadata.iter().find(|record| record.name == RECORD).map(|record| &record.entries)
+    }
+
+    /// Views to start from; none in a file of another program.
+    ///
+    /// # Errors
+    /// As [`read_views`](crate::scene::read_views).
+    pub fn views(&self) -> Result<Vec<View>> {
+        let views = self.scene.attachments.iter().find(|attachment| attachment.name == VIEWS);
+        views.map_or(Ok(Vec::new()), |views| parse_views(&self.path, &views.data))
+    }
+
+    /// What is heard.
+    pub fn sounds(&self) -> Sounds {
+        Sounds::of(&self.scene)
     }
 
     /// The Gaussians at all times. Time 0 to 1 is the file's length.

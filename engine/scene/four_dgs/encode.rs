@@ -1,7 +1,7 @@
 //! Gaussians of ours as a `.4dgs`.
 
 use super::grades::Grades;
-use super::{Clock, RECORD, VIEWS};
+use super::{Clock, RECORD, Sounds, VIEWS};
 use crate::error::{Error, Result};
 use crate::scene::decode::SH_C0;
 use crate::scene::{Splats, View};
@@ -28,6 +28,8 @@ pub struct Contents<'a> {
     pub views: &'a [View],
     /// What is this project's own, by name: how the scene is rendered.
     pub own: BTreeMap<String, String>,
+    /// What is heard.
+    pub sounds: &'a Sounds,
 }
 
 /// A scene as it will be stored.
@@ -122,6 +124,7 @@ impl Encoded {
         }
         let mut extras =
             SceneExtras { metadata: vec![Metadata { name: RECORD.to_owned(), entries }], ..SceneExtras::default() };
+        contents.sounds.put_into(&mut extras);
         if !contents.views.is_empty() {
             let data = serde_json::to_vec(&serde_json::json!({ "views": contents.views })).map_err(|fault| {
                 Error::data(path, VIEWS, fault.to_string(), "this is a fault of the program that made the views")

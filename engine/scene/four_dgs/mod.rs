@@ -8,11 +8,13 @@
 mod decode;
 mod encode;
 mod grades;
+mod sounds;
 mod summary;
 
 pub use decode::FourDgs;
 pub use encode::{Contents, Encoded};
 pub use grades::Grades;
+pub use sounds::{Sound, Sounds};
 pub use summary::FourDgsSummary;
 
 use std::collections::BTreeMap;
@@ -21,6 +23,8 @@ use std::collections::BTreeMap;
 pub(super) const MAGIC: [u8; 4] = [0x89, b'4', b'D', b'G'];
 /// Name of the metadata record that holds what is this project's own.
 const RECORD: &str = "ivv";
+/// Name of the metadata record that says how loud sources of sound are from where.
+const SOUND: &str = "ivv.sound";
 /// Name of the attachment that holds views to start from, a cameras file.
 const VIEWS: &str = "views.json";
 /// Frames per second of a file that does not say.

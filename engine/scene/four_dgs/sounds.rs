@@ -1,0 +1,83 @@
+//! Sources of sound of a clip.
+
+use super::SOUND;
+use fourdgs::{AudioSource, AudioSourceKeyframe, Metadata, SceneExtras};
+use std::collections::BTreeMap;
+
+/// A source of sound, to be stored.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sound {
+    /// Its name.
+    pub name: String,
+    /// A WAV file of one channel.
+    pub wav: Vec<u8>,
+    /// When it begins, and how long it is; seconds of the clip.
+    pub start: f64,
+    /// See `start`; positive.
+    pub seconds: f64,
+    /// Seconds of the clip, which increase, and where it is then, in the scene's frame. Between them it goes along lines, before
+    /// and after them it rests.
+    pub places: Vec<(f64, [f64; 3])>,
+}
+
+/// The sources of sound of a clip, and how loud they are from where.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Sounds {
+    sources: Vec<AudioSource>,
+    law: BTreeMap<String, String>,
+}
+
+impl Sounds {
+    /// Sources that were recorded at `mic`, in the scene's frame: from a distance r a listener hears them with the factor
+    /// `max(r_m, r_min) / max(r, r_min)`, r_m the distance of the source from `mic`; distances in units of the scene.
+    pub fn new(mic: [f64; 3], r_min: f64, sounds: Vec<Sound>) -> Self {
+        let mic = mic.map(|x| x.to_string()).join(" ");
+        let law = [("mic", mic), ("r_min", r_min.to_string())].map(|(name, value)| (name.to_owned(), value)).into();
+        let source = |(id, sound): (usize, Sound)| {
+            let key = |(time, position)| AudioSourceKeyframe { time, position, rotation: [0.0, 0.0, 0.0, 1.0] };
+            AudioSource {
+                source_id: id as u32,
+                name: sound.name,
+                codec: "wav".to_owned(),
+                start_sec: sound.start,
+                duration_sec: sound.seconds,
+                position: sound.places.first().map_or([0.0; 3], |(_, place)| *place),
+                keyframes: sound.places.into_iter().map(key).collect(),
+                data: sound.wav,
+                ..AudioSource::default()
+            }
+        };
+        Sounds { sources: sounds.into_iter().enumerate().map(source).collect(), law }
+    }
+
+    /// Those of a file.
+    pub(super) fn of(scene: &fourdgs::Scene) -> Self {
+        let law = scene.metadata.iter().find(|record| record.name == SOUND);
+        Sounds {
+            sources: scene.audio_sources.clone(),
+            law: law.map(|record| record.entries.clone()).unwrap_or_default(),
+        }
+    }
+
+    pub(super) fn put_into(&self, extras: &mut SceneExtras) {
+        extras.audio_sources.clone_from(&self.sources);
+        if !self.law.is_empty() {
+            extras.metadata.push(Metadata { name: SOUND.to_owned(), entries: self.law.clone() });
+        }
+    }
+
+    /// How many there are.
+    pub fn len(&self) -> usize {
+        self.sources.len()
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.sources.is_empty()
+    }
+
+    /// Bytes of their recordings.
+    pub fn n_bytes(&self) -> usize {
+        self.sources.iter().map(|source| source.data.len()).sum()
+    }
+}
