@@ -7,7 +7,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 /// Which device.
-#[derive(clap::Args)]
+#[derive(clap::Args, Clone, Default)]
 pub struct DeviceArgs {
     /// The device: an index or part of a name from `ivv devices`.
     #[arg(long)]

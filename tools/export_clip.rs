@@ -23,7 +23,7 @@ const LONGEST_SIDE: u32 = 640;
 const MOST_CLAMPED: f64 = 0.1;
 
 /// Options of formats in which time passes.
-#[derive(clap::Args)]
+#[derive(clap::Args, Clone, Default)]
 pub struct ClipArgs {
     /// Length of the clip, seconds, where neither a run nor the file says it.
     #[arg(long, value_name = "S")]
@@ -45,6 +45,9 @@ pub struct ClipArgs {
     /// Also when more than 1 in 10 Gaussians have colours that the format cannot hold, which are cut to what it can.
     #[arg(long)]
     clamp_colors: bool,
+    /// Whether nothing is said of what is stored, since nobody asked for this file.
+    #[arg(skip)]
+    is_silent: bool,
     #[command(flatten)]
     device: DeviceArgs,
 }
@@ -62,6 +65,11 @@ pub struct Setting {
 }
 
 impl ClipArgs {
+    /// The same for files that nobody asked for by name: nothing is said of them, and what they cannot hold is cut.
+    pub fn unasked(&self) -> Self {
+        ClipArgs { is_silent: true, clamp_colors: true, ..self.clone() }
+    }
+
     /// The bytes of `source`, where that is a `.4dgs` of which nothing is asked to be changed.
     ///
     /// # Errors
@@ -142,7 +150,7 @@ impl ClipArgs {
             colors,
             count(encoded.len(), "Gaussian")
         );
-        if colors + harmonics > 0 {
+        if colors + harmonics > 0 && !self.is_silent {
             say!(
                 "cut to what the format holds: base colours of {}, higher harmonics of {harmonics}",
                 count(colors, "Gaussian")

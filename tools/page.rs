@@ -18,19 +18,19 @@ pub struct Part {
 
 const JAVASCRIPT: &str = "text/javascript; charset=utf-8";
 
-/// Files of `assets/player`: name and kind.
+/// Files of a folder of `assets`: name and kind.
 macro_rules! parts {
-    ($($name:literal, $media_type:expr;)+) => {
+    ($folder:literal: $($name:literal, $media_type:expr;)+) => {
         &[$(Part {
             name: $name,
             media_type: $media_type,
-            text: include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/assets/player/", $name)),
+            text: include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/assets/", $folder, "/", $name)),
         }),+]
     };
 }
 
 /// All files of the player.
-pub const PARTS: &[Part] = parts! {
+pub const PARTS: &[Part] = parts! { "player":
     "index.html", "text/html; charset=utf-8";
     "style.css", "text/css; charset=utf-8";
     "icon.svg", "image/svg+xml";
@@ -54,6 +54,13 @@ pub const PARTS: &[Part] = parts! {
     "xr.js", JAVASCRIPT;
 };
 
+/// The page of a run that trains.
+pub const LIVE: &[Part] = parts! { "live":
+    "index.html", "text/html; charset=utf-8";
+    "live.css", "text/css; charset=utf-8";
+    "live.js", JAVASCRIPT;
+};
+
 /// The modules that the page and its worker begin with.
 const PAGE: &str = "main.js";
 const WORKER: &str = "worker.js";
@@ -66,7 +73,7 @@ pub const POLICY: &str =
 pub const SCENE: &str = "scene.4dgs";
 
 /// The file of this name.
-pub fn part(name: &str) -> Option<&'static Part> {
+fn part(name: &str) -> Option<&'static Part> {
     PARTS.iter().find(|part| part.name == name)
 }
 

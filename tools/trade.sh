@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Measures assets/trade anew, in an hour and more of one core: settings with three seeds, presets alone with twelve.
+# Measures assets/trade anew, in an hour of one core: settings with three seeds, presets alone with twelve.
 #   tools/trade.sh [FOLDER] [OPTION...]    default: assets/trade; options go to `ivv trade`
 set -euo pipefail
 if [[ ${1:-} == -* ]]; then
@@ -20,7 +20,7 @@ out=out/trade
 measure() {
     local name=$1
     shift
-    "$ivv" trade "$out/small" -o "$out/$name" --steps 400 --test-cameras cam05 "$@"
+    "$ivv" trade "$out/small" -o "$out/$name" --steps 240 --test-cameras cam05 "$@"
     mkdir -p "$record"
     for kind in md json svg; do cp "$out/$name/trade.$kind" "$record/$name.$kind"; done
 }

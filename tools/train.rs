@@ -14,6 +14,7 @@ use crate::progress::{Progress, Steps};
 use crate::render::ConstantArgs;
 use crate::require;
 use crate::screen::{alert, out, say};
+use crate::serve::{Beside, Said};
 use crate::settings::SettingArgs;
 use crate::start::Start;
 use crate::totals::{ProfiledStep, Seconds, cpu_seconds, totals};
@@ -27,6 +28,7 @@ use ivv::words::count;
 use std::cmp::Ordering;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
+use std::sync::PoisonError;
 use std::time::Instant;
 
 /// Options of `ivv train`.
@@ -68,6 +70,10 @@ pub struct Args {
     /// Print the mean time of every pass of a step.
     #[arg(long)]
     profile: bool,
+    /// Shows the training in a browser, at this port of this machine: its course, test views, and the scene as of the newest
+    /// checkpoint, to walk in.
+    #[arg(long, value_name = "PORT", num_args = 0..=1, default_missing_value = "8080")]
+    view: Option<u16>,
     #[command(flatten)]
     pub constants: ConstantArgs,
     #[command(flatten)]
@@ -117,6 +123,8 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         .skip(before as usize)
         .collect();
     let log = Log::open(&args.output, before);
+    let said = Said::default();
+    let _beside = args.view.map(|port| Beside::new(&args.output, port, said.clone())).transpose()?;
     let mut session = Session {
         args,
         scorer: Scorer { gpu, capture, run, config },
@@ -135,6 +143,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         waited: 0.0,
         owed: (before, owed.unwrap_or_default()),
         log,
+        said,
     };
     session.train(&order, &stop).and_then(|()| session.finish(json)).map_err(|error| session.failed(error))
 }
@@ -154,6 +163,8 @@ struct Session<'a> {
     due: Due<'a>,
     progress: Steps,
     log: Log,
+    /// What a page is told that shows the run.
+    said: Said,
     start: Instant,
     /// Of stepping, in this process and in those before it.
     seconds: f64,
@@ -295,6 +306,7 @@ impl Session<'_> {
             let mut line = serde_json::to_value(report)?;
             line["seconds"] = (self.seconds_before + self.seconds).into();
             line["waited_for_images_s"] = self.waited.into();
+            self.said.lock().unwrap_or_else(PoisonError::into_inner).clone_from(&line);
             self.log.push(Kind::Step, &line)?;
         }
         Ok(())

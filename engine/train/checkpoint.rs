@@ -206,6 +206,14 @@ impl Checkpoint {
         Ok(!list(folder)?.is_empty())
     }
 
+    /// The step of the newest checkpoint of `folder`, readable or not; none where there is none.
+    ///
+    /// # Errors
+    /// [`Error::Data`] when the folder is there and cannot be listed.
+    pub fn newest_step(folder: &Path) -> Result<Option<u64>> {
+        Ok(list(folder)?.iter().rev().find(|kept| kept.psnr.is_none()).map(|kept| kept.step))
+    }
+
     /// Removes every checkpoint of `folder`.
     ///
     /// # Errors

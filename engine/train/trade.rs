@@ -17,7 +17,7 @@ pub const WORST_MARGIN_DB: f64 = 0.3;
 pub const QUALITY_GAP_DB: f64 = 0.5;
 
 /// Single settings that are measured from `exact` by default: `key=value`, as `--set` takes them.
-pub const KNOB_SETTINGS: [&str; 21] = [
+pub const KNOB_SETTINGS: [&str; 20] = [
     "frame.tile_bound=rectangle",
     "frame.tile_bound=square",
     "frame.block_cull=false",
@@ -38,7 +38,6 @@ pub const KNOB_SETTINGS: [&str; 21] = [
     "accumulation=fixed_point",
     "sh_degree=1",
     "sh_degree=0",
-    "required.reviews=2",
 ];
 
 /// How settings come about that are compared with those of `exact`.
@@ -459,12 +458,13 @@ impl Trade {
         let front: Vec<String> =
             front.iter().map(|(speed, gain)| format!("{:.1},{:.1}", x(*speed), y(*gain))).collect();
         let _ = writeln!(body, "<polyline class=\"front\" points=\"{}\"/>", front.join(" "));
+        let mut labels: Vec<(f64, f64)> = Vec::new();
         for (arm, speed, gain) in &points {
             let (cx, cy) = (x(*speed), y(gain.mean));
-            let (class, name) = match arm.kind {
-                Kind::Preset => ("preset", escape(&arm.name)),
-                Kind::Single => ("single", String::new()),
-                Kind::Without => ("without", String::new()),
+            let class = match arm.kind {
+                Kind::Preset => "preset",
+                Kind::Single => "single",
+                Kind::Without => "without",
             };
             let bar = gain.half_width.filter(|_| arm.kind == Kind::Preset && arm.name != "exact");
             let (high, low) =
@@ -478,9 +478,16 @@ impl Trade {
                 body,
                 "<circle class=\"{class}\" cx=\"{cx:.1}\" cy=\"{cy:.1}\" r=\"5\"><title>{title}</title></circle>"
             );
-            let _ = writeln!(body, "<text class=\"{class}\" x=\"{:.1}\" y=\"{:.1}\">{name}</text>", cx + 9.0, cy - 8.0);
+            if arm.kind == Kind::Preset {
+                // Above its point, or below where another name is in the way.
+                let is_hit = |(x, y): &(f64, f64)| (x - cx).abs() < 80.0 && (y - cy).abs() < 18.0;
+                let below = if labels.iter().any(is_hit) { 20.0 } else { -8.0 };
+                labels.push((cx, cy));
+                let (at, name) = (cx + 9.0, escape(&arm.name));
+                let _ = writeln!(body, "<text class=\"{class}\" x=\"{at:.1}\" y=\"{:.1}\">{name}</text>", cy + below);
+            }
         }
-        let (w, h) = (left + width + 60.0, top + height + 48.0);
+        let (w, h) = (left + width + 80.0, top + height + 48.0);
         let (middle, bottom) = (left + width / 2.0, top + height + 40.0);
         format!(
             "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {w} {h}\" width=\"{w}\" height=\"{h}\">\n\

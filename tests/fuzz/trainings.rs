@@ -22,8 +22,8 @@ pub fn config() -> Vec<Seed> {
         let text = std::fs::read(&path).unwrap();
         Preset::parse(&path, "mine", &String::from_utf8_lossy(&text)).is_ok()
     };
-    let (_, preset) = PRESETS[PRESETS.len() - 1];
-    vec![Seed::of([("config.json", config)], read_config), Seed::of([("preset.json", preset)], read_preset)]
+    let presets = PRESETS.map(|(_, text)| Seed::of([("preset.json", text)], read_preset));
+    [Seed::of([("config.json", config)], read_config)].into_iter().chain(presets).collect()
 }
 
 pub fn checkpoint() -> Vec<Seed> {

@@ -6,6 +6,7 @@ mod fall;
 mod init;
 mod knobs;
 mod leak;
+mod live;
 mod look;
 mod overwrite;
 mod plan;

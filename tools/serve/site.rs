@@ -1,0 +1,232 @@
+//! What the server of a scene or a run answers.
+
+use super::live::{Events, Live};
+use crate::page::{LIVE, PARTS, POLICY, Part, SCENE};
+use bytes::Bytes;
+use http_body_util::{Either, Full};
+use hyper::header::{self, HeaderValue};
+use hyper::{Method, Request, Response, StatusCode};
+use sha2::{Digest, Sha256};
+use std::net::IpAddr;
+use std::ops::Range;
+use std::rc::Rc;
+
+/// The bytes of a `.4dgs` that is sent.
+#[derive(Clone)]
+pub struct Scene {
+    bytes: Bytes,
+    /// Names them.
+    tag: String,
+}
+
+impl Scene {
+    /// These bytes.
+    pub fn new(bytes: Bytes) -> Self {
+        let tag: String = Sha256::digest(&bytes)[..16].iter().map(|byte| format!("{byte:02x}")).collect();
+        Scene { bytes, tag: format!("\"{tag}\"") }
+    }
+}
+
+/// What there is to see.
+pub enum Shown {
+    /// One scene.
+    Scene(Scene),
+    /// A run that trains.
+    Run(Rc<Live>),
+}
+
+/// The server's answers.
+pub struct Site {
+    shown: Shown,
+    /// Names and addresses that a request may be for, without ports.
+    hosts: Vec<String>,
+}
+
+/// What is sent: something that is there, or what a run says as it says it.
+type Sent = Either<Full<Bytes>, Events>;
+
+impl Site {
+    /// At an address, to requests for that and for `names`.
+    pub fn new(shown: Shown, bind: IpAddr, names: &[String]) -> Self {
+        let literal = |address: IpAddr| match address {
+            IpAddr::V4(address) => address.to_string(),
+            IpAddr::V6(address) => format!("[{address}]"),
+        };
+        let own = ["localhost", "127.0.0.1", "[::1]"].map(str::to_owned).into_iter().chain([literal(bind)]);
+        let hosts = own.chain(names.iter().map(|name| name.to_ascii_lowercase())).collect();
+        Site { shown, hosts }
+    }
+
+    /// The answer to a request, whatever its body.
+    pub async fn answer<B>(&self, request: &Request<B>) -> Response<Sent> {
+        let is_head = request.method() == Method::HEAD;
+        let mut answer = match &self.shown {
+            Shown::Run(live) if request.uri().path() == "/events" && self.refused(request).is_none() && !is_head => {
+                let mut answer = Response::new(Either::Right(Events::new(live.clone())));
+                answer.headers_mut().insert(header::CONTENT_TYPE, HeaderValue::from_static("text/event-stream"));
+                answer
+            }
+            _ => self.found(request).await.map(Either::Left),
+        };
+        let headers = answer.headers_mut();
+        for (name, value) in [
+            (header::CONTENT_SECURITY_POLICY, POLICY),
+            (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
+            (header::REFERRER_POLICY, "no-referrer"),
+            (header::CACHE_CONTROL, "no-cache"),
+            (header::HeaderName::from_static("cross-origin-resource-policy"), "same-origin"),
+        ] {
+            headers.entry(name).or_insert(HeaderValue::from_static(value));
+        }
+        if is_head { answer.map(|_| Either::Left(Full::default())) } else { answer }
+    }
+
+    /// What a request is told that is not answered.
+    fn refused<B>(&self, request: &Request<B>) -> Option<Response<Full<Bytes>>> {
+        if !matches!(*request.method(), Method::GET | Method::HEAD) {
+            let mut answer = told(StatusCode::METHOD_NOT_ALLOWED, "expected GET or HEAD");
+            answer.headers_mut().insert(header::ALLOW, HeaderValue::from_static("GET, HEAD"));
+            return Some(answer);
+        }
+        // A page of another site that had its name lead here could otherwise read the scene.
+        if !self.is_ours(request) {
+            let text = "expected a request for this machine; --name allows another name";
+            return Some(told(StatusCode::MISDIRECTED_REQUEST, text));
+        }
+        None
+    }
+
+    async fn found<B>(&self, request: &Request<B>) -> Response<Full<Bytes>> {
+        if let Some(refused) = self.refused(request) {
+            return refused;
+        }
+        let path = request.uri().path().trim_start_matches('/');
+        match &self.shown {
+            Shown::Scene(scene) if path == SCENE => of_scene(scene, request),
+            Shown::Scene(_) => of_part(PARTS, path),
+            Shown::Run(live) => match path.strip_prefix("at/").and_then(|rest| rest.split_once('/')) {
+                Some((name, SCENE)) => match live.scene(name).await {
+                    Some(scene) => of_scene(&scene, request),
+                    None => told(StatusCode::NOT_FOUND, "expected one of the newest scenes, found none of this name"),
+                },
+                Some((_, rest)) => of_part(PARTS, rest),
+                None if path == "report.html" => of_report(live),
+                None if path == "icon.svg" => of_part(PARTS, path),
+                None => of_part(LIVE, path),
+            },
+        }
+    }
+
+    fn is_ours<B>(&self, request: &Request<B>) -> bool {
+        let named = request.headers().get(header::HOST).and_then(|host| host.to_str().ok());
+        let host = named.or(request.uri().authority().map(hyper::http::uri::Authority::as_str)).unwrap_or_default();
+        let name = match host.rsplit_once(':') {
+            Some((name, port)) if port.bytes().all(|byte| byte.is_ascii_digit()) => name,
+            _ => host,
+        };
+        self.hosts.iter().any(|ours| *ours == name.to_ascii_lowercase())
+    }
+}
+
+/// The scene, or the part of it that is asked for.
+fn of_scene<B>(scene: &Scene, request: &Request<B>) -> Response<Full<Bytes>> {
+    let Scene { bytes, tag } = scene;
+    let asked = |name: header::HeaderName| request.headers().get(name).and_then(|value| value.to_str().ok());
+    let length = bytes.len();
+    let tagged = |mut answer: Response<Full<Bytes>>| {
+        let headers = answer.headers_mut();
+        headers.insert(header::ACCEPT_RANGES, HeaderValue::from_static("bytes"));
+        headers.extend(HeaderValue::from_str(tag).ok().map(|tag| (header::ETAG, tag)));
+        answer
+    };
+    if asked(header::IF_NONE_MATCH).is_some_and(|tags| tags.split(',').any(|known| known.trim() == tag)) {
+        return tagged(empty(StatusCode::NOT_MODIFIED));
+    }
+    // A part of what the browser has is of no use once that is another scene.
+    let is_same = asked(header::IF_RANGE).is_none_or(|known| known == tag);
+    let (status, range) = match asked(header::RANGE).filter(|_| is_same).map(|range| part_of(range, length)) {
+        None | Some(Asked::Whole) => (StatusCode::OK, 0..length),
+        Some(Asked::Range(range)) => (StatusCode::PARTIAL_CONTENT, range),
+        Some(Asked::Beyond) => {
+            let mut answer = empty(StatusCode::RANGE_NOT_SATISFIABLE);
+            let value = HeaderValue::from_str(&format!("bytes */{length}"));
+            answer.headers_mut().extend(value.ok().map(|value| (header::CONTENT_RANGE, value)));
+            return tagged(answer);
+        }
+    };
+    let mut answer = of_bytes(status, "application/octet-stream", bytes.slice(range.clone()));
+    if status == StatusCode::PARTIAL_CONTENT {
+        let value = HeaderValue::from_str(&format!("bytes {}-{}/{length}", range.start, range.end - 1));
+        answer.headers_mut().extend(value.ok().map(|value| (header::CONTENT_RANGE, value)));
+    }
+    tagged(answer)
+}
+
+/// The report so far. It is a page of its own, without scripts.
+fn of_report(live: &Live) -> Response<Full<Bytes>> {
+    let Some(report) = live.report() else {
+        return told(StatusCode::NOT_FOUND, "expected a report, found none yet: it comes with the first evaluation");
+    };
+    let mut answer = of_bytes(StatusCode::OK, "text/html; charset=utf-8", report.into());
+    let policy = HeaderValue::from_static("default-src 'none'; style-src 'unsafe-inline'; img-src data:");
+    answer.headers_mut().insert(header::CONTENT_SECURITY_POLICY, policy);
+    answer
+}
+
+/// What a `Range` asks for.
+#[derive(Debug, PartialEq)]
+enum Asked {
+    /// Everything: it asks for nothing that is understood, or for several parts.
+    Whole,
+    /// These bytes, at least one.
+    Range(Range<usize>),
+    /// None that there are.
+    Beyond,
+}
+
+fn part_of(asked: &str, length: usize) -> Asked {
+    let Some((from, to)) = asked.strip_prefix("bytes=").and_then(|range| range.split_once('-')) else {
+        return Asked::Whole;
+    };
+    let number = |text: &str| text.parse::<usize>().ok().filter(|_| text.bytes().all(|byte| byte.is_ascii_digit()));
+    let range = match (from, to) {
+        ("", last) => number(last).map(|last| length.saturating_sub(last)..length),
+        (from, "") => number(from).map(|from| from..length),
+        (from, to) => number(from)
+            .zip(number(to))
+            .filter(|(from, to)| from <= to)
+            .map(|(from, to)| from..to.saturating_add(1).min(length)),
+    };
+    match range {
+        None => Asked::Whole,
+        Some(range) if range.is_empty() => Asked::Beyond,
+        Some(range) => Asked::Range(range),
+    }
+}
+
+/// A file of the page; its first one where none is named.
+fn of_part(parts: &'static [Part], name: &str) -> Response<Full<Bytes>> {
+    let name = if name.is_empty() { "index.html" } else { name };
+    parts.iter().find(|part| part.name == name).map_or_else(
+        || told(StatusCode::NOT_FOUND, "expected a file of the page, found none of this name"),
+        |part| of_bytes(StatusCode::OK, part.media_type, Bytes::from_static(part.text.as_bytes())),
+    )
+}
+
+fn told(status: StatusCode, text: &'static str) -> Response<Full<Bytes>> {
+    of_bytes(status, "text/plain; charset=utf-8", Bytes::from_static(text.as_bytes()))
+}
+
+fn empty(status: StatusCode) -> Response<Full<Bytes>> {
+    let mut answer = Response::new(Full::default());
+    *answer.status_mut() = status;
+    answer
+}
+
+fn of_bytes(status: StatusCode, media_type: &'static str, bytes: Bytes) -> Response<Full<Bytes>> {
+    let mut answer = empty(status);
+    let headers = answer.headers_mut();
+    headers.insert(header::CONTENT_TYPE, HeaderValue::from_static(media_type));
+    headers.insert(header::CONTENT_LENGTH, HeaderValue::from(bytes.len()));
+    answer.map(|_| Full::new(bytes))
+}
