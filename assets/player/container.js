@@ -377,6 +377,8 @@ function checkScene(scene, hasIndex) {
   }
   if (!scene.windows?.length) scene.windows = new Float64Array(2);
   let total = 0;
+  // A file can hold fewer bands than its header says, of all its Gaussians.
+  if (scene.chunks.length > 0) scene.header.shDegree = Math.min(scene.header.shDegree, scene.chunks.reduce((n, { bands }) => Math.max(n, bands.length), 0));
   for (const { t0, t1, count, chunk, bands } of scene.chunks) {
     if (!(t0 <= t1)) throw new FormatError('bad-index', `chunk at byte ${chunk.offset}: expected t0 <= t1, found ${t0} and ${t1}`);
     if (count > MAX_CHUNK_GAUSSIANS) {

@@ -364,3 +364,82 @@ fn a_file_is_as_small_as_its_pictures_allow_and_as_good_as_its_size_allows() {
     let bytes = encoded.bytes(&path, &contents, plain).unwrap();
     assert_eq!(FourDgs::of_bytes(&path, &bytes).unwrap().splats().unwrap().sh_degree, 0);
 }
+
+/// A view from `eye` to the origin.
+fn look(name: usize, eye: [f64; 3]) -> View {
+    let unit = |v: [f64; 3]| v.map(|x| x / v.iter().map(|x| x * x).sum::<f64>().sqrt());
+    let cross = |a: [f64; 3], b: [f64; 3]| {
+        std::array::from_fn(|k| a[(k + 1) % 3] * b[(k + 2) % 3] - a[(k + 2) % 3] * b[(k + 1) % 3])
+    };
+    let forward = unit(eye.map(|x| -x));
+    let right = unit(cross(forward, [0.0, -1.0, 0.0]));
+    let rows: [[f64; 3]; 3] = [right, cross(forward, right), forward];
+    let mut world_to_camera = [[0.0, 0.0, 0.0, 1.0]; 4];
+    for (to, row) in world_to_camera.iter_mut().zip(rows) {
+        *to = [row[0], row[1], row[2], -(0..3).map(|k| row[k] * eye[k]).sum::<f64>()];
+    }
+    let (_, views) = demo();
+    let (width, height, fx, fy, cx, cy) = (640, 480, 500.0, 500.0, 320.0, 240.0);
+    View { name: name.to_string(), world_to_camera, width, height, fx, fy, cx, cy, ..views[0].clone() }
+}
+
+#[test]
+fn colours_are_rounded_so_that_they_are_right_where_cameras_look() {
+    let folder = Folder::new("four-dgs-colors");
+    let path = folder.file("a.4dgs");
+    let clock = Clock { fps: 30.0, frames: 30 };
+    let mut splats = random::scene(7, 300, 3);
+    splats.position.iter_mut().for_each(|p| *p = p.map(|x| 0.4 * x.sin()));
+    for (i, coefficients) in splats.sh.chunks_exact_mut(16).enumerate() {
+        let value = |k: usize| ((i * 37 + k * 101) as f32 * 0.618).fract() - 0.5;
+        // One in four is brighter or darker than the format holds.
+        let beyond = if i % 4 == 0 { 2.4 } else { 1.2 };
+        coefficients.iter_mut().enumerate().for_each(|(k, c)| {
+            *c = [0, 1, 2].map(|channel| value(3 * k + channel) * if k == 0 { 2.0 * beyond } else { 0.4 });
+        });
+    }
+    // Cameras along an arc, as rigs have them; eyes between them, and anywhere.
+    let on_arc =
+        |degrees: f64, height: f64| [5.0 * degrees.to_radians().sin(), height, -5.0 * degrees.to_radians().cos()];
+    let cameras: Vec<[f64; 3]> = (0..14).map(|k| on_arc(-60.0 + 9.0 * f64::from(k), f64::from(k % 2))).collect();
+    let between: Vec<[f64; 3]> = (0..13).map(|k| on_arc(-55.5 + 9.0 * f64::from(k), 0.5)).collect();
+    let anywhere: Vec<[f64; 3]> =
+        (0..24).map(|k| on_arc(15.0 * f64::from(k), 4.0 * (f64::from(k) * 2.4).sin())).collect();
+    let views: Vec<View> = cameras.iter().enumerate().map(|(k, eye)| look(k, *eye)).collect();
+    let read = |views: &[View], grades: Grades| {
+        let contents = Contents { views, ..contents(clock) };
+        let bytes = Encoded::new(&splats, clock).bytes(&path, &contents, grades).unwrap();
+        FourDgs::of_bytes(&path, &bytes).unwrap().splats().unwrap()
+    };
+    // Root mean square of the error of the colours that eyes see. Files are in an order of their own, so Gaussians are found by
+    // their places.
+    let color = |splats: &Splats, i: usize, eye: &[f64; 3]| {
+        let to: [f64; 3] = std::array::from_fn(|k| f64::from(splats.position[i][k]) - eye[k]);
+        let length = to.iter().map(|x| x * x).sum::<f64>().sqrt();
+        let k = splats.n_coefficients();
+        let coefficients: Vec<[f64; 3]> = splats.sh[i * k..(i + 1) * k].iter().map(|c| c.map(f64::from)).collect();
+        ivv::twin::color(&coefficients, to.map(|x| x / length))
+    };
+    let error = |found: &Splats, eyes: &[[f64; 3]]| {
+        let (mut sum, mut n) = (0.0, 0);
+        for i in 0..splats.len() {
+            let away = |j: &usize| (0..3).map(|k| (found.position[*j][k] - splats.position[i][k]).powi(2)).sum::<f32>();
+            let j = (0..found.len()).min_by(|a, b| away(a).total_cmp(&away(b))).unwrap();
+            for eye in eyes {
+                let (a, b) = (color(&splats, i, eye), color(found, j, eye));
+                sum += (0..3).map(|k| (a[k] - b[k]).powi(2)).sum::<f64>();
+                n += 3;
+            }
+        }
+        (sum / f64::from(n)).sqrt()
+    };
+    let coarse = Grades { bands: [1, 2, Grades::LEFT_OUT], ..Grades::default() };
+    for (grades, better, worse) in [(Grades::default(), 5.0, 1.5), (coarse, 3.0, 2.0)] {
+        let (plain, fitted) = (read(&[], grades), read(&views, grades));
+        let [of_plain, of_fitted] =
+            [&plain, &fitted].map(|found| [&cameras, &between, &anywhere].map(|eyes| error(found, eyes)));
+        println!("{grades}: alone {of_plain:.4?}, for cameras {of_fitted:.4?}");
+        assert!(of_fitted[..2].iter().zip(of_plain).all(|(fitted, plain)| fitted * better < plain), "{of_fitted:?}");
+        assert!(of_fitted[2] < worse * of_plain[2], "{of_fitted:?}");
+    }
+}

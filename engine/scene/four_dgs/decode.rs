@@ -183,9 +183,10 @@ impl FourDgs {
         let n = set.sh_coefficients;
         if let Some(bytes) = &set.sh {
             let row = &bytes[3 * n * i..3 * n * (i + 1)];
-            to.sh.extend((0..n).map(|c| std::array::from_fn(|k| sh_coefficient(row[k * n + c]) as f32)));
-        } else {
-            to.sh.resize(to.len() * to.n_coefficients(), [0.0; 3]);
+            let harmonics = (0..n).map(|c| std::array::from_fn(|k| sh_coefficient(row[k * n + c]) as f32));
+            to.sh.extend(harmonics.take(to.n_coefficients() - 1));
         }
+        // A file can hold fewer bands than it says.
+        to.sh.resize(to.len() * to.n_coefficients(), [0.0; 3]);
     }
 }

@@ -1,6 +1,7 @@
 //! Gaussians of ours as a `.4dgs`.
 
 use super::grades::Grades;
+use super::harmonics::{Eyes, HALF_STEP};
 use super::{Clock, RECORD, Sounds, VIEWS};
 use crate::error::{Error, Result};
 use crate::scene::decode::SH_C0;
@@ -16,8 +17,6 @@ const CUTOFF: f64 = 1.0 / 255.0;
 /// not whole windows, so that what is told of a chunk costs little.
 const SHORTEST_CHUNK: f64 = 0.5;
 const LEAST_IN_CHUNK: usize = 256;
-/// A base colour this far beyond [0, 1] shows in no picture of 8 bits.
-const HALF_STEP: f64 = 0.5 / 255.0;
 
 /// What a file holds beside its Gaussians.
 #[derive(Clone, Debug)]
@@ -35,7 +34,10 @@ pub struct Contents<'a> {
 /// A scene as it will be stored.
 #[derive(Debug)]
 pub struct Encoded {
+    /// All but colours, which depend on where they are seen from.
     set: GaussianSet,
+    /// Coefficients of the harmonics of those that are stored, as in [`Splats::sh`].
+    sh: Vec<[f32; 3]>,
     /// Gaussians whose base colour lies beyond [0, 1] so that it shows, and is cut to that.
     pub n_clamped_colors: usize,
     /// Gaussians with a coefficient of higher harmonics beyond [-4, 4], which is cut to that.
@@ -62,11 +64,11 @@ impl Encoded {
             let is_plain = rest.iter().all(|coefficient| *coefficient == [0.0; 3]);
             let shows = |c: &f64| *c > 1.0 + HALF_STEP || (*c < -HALF_STEP && !is_plain);
             n_clamped_colors += usize::from(color.iter().any(shows));
-            set.colors.extend(color.map(|c| c.clamp(0.0, 1.0) as f32));
+            set.colors.extend([0.0; 3]);
             set.colors.push((1.0 / (1.0 + (-f64::from(splats.opacity[i])).exp())) as f32);
             let beyond = |c: &f32| !(SH_QUANT_LO..=SH_QUANT_HI).contains(&f64::from(*c));
             n_clamped_harmonics += usize::from(rest.as_flattened().iter().any(beyond));
-            (0..3).for_each(|channel| sh.extend(rest.iter().map(|coefficient| byte(coefficient[channel]))));
+            sh.extend(&splats.sh[i * k..(i + 1) * k]);
             let motion = i.checked_sub(splats.n_static).map(|dynamic| &splats.motion[dynamic]);
             set.motions.extend(motion.map_or([0.0; 3], |m| m.velocity.map(|v| (f64::from(v) / seconds) as f32)));
             set.mu_t.push(motion.map_or(0.0, |m| (f64::from(m.t_center) * seconds) as f32));
@@ -76,8 +78,7 @@ impl Encoded {
             set.win_lo.push(0.0);
             set.win_hi.push((seconds as f32).next_up());
         }
-        set.sh = (k > 1).then_some(sh);
-        Encoded { set, n_clamped_colors, n_clamped_harmonics }
+        Encoded { set, sh, n_clamped_colors, n_clamped_harmonics }
     }
 
     /// Gaussians that are stored.
@@ -90,13 +91,32 @@ impl Encoded {
         self.set.is_empty()
     }
 
-    /// The file's bytes with attributes as fine as `grades` says. The same scene, contents and grades give the same bytes.
+    /// The Gaussians with the colours that `grades` allows, as `views` see them.
+    fn colored(&self, views: &[View], grades: &Grades) -> GaussianSet {
+        let (mut set, eyes, k) = (self.set.clone(), Eyes::new(views), self.set.sh_coefficients + 1);
+        // The crate's writer tells of the bands that it is given, also of those that it leaves out.
+        set.sh_degree = grades.degree(set.sh_degree);
+        let stored = (usize::from(set.sh_degree) + 1).pow(2);
+        set.sh_coefficients = stored - 1;
+        let mut bytes = Vec::with_capacity(3 * set.sh_coefficients * set.count());
+        for (i, coefficients) in self.sh.chunks_exact(k).enumerate() {
+            let place = std::array::from_fn(|axis| f64::from(set.positions[3 * i + axis]));
+            let (base, harmonics) = eyes.round(place, coefficients, grades);
+            set.colors[4 * i..4 * i + 3].copy_from_slice(&base.map(|c| c as f32));
+            (0..3).for_each(|channel| bytes.extend(harmonics[1..stored].iter().map(|harmonic| harmonic[channel])));
+        }
+        set.sh = (stored > 1).then_some(bytes);
+        set
+    }
+
+    /// The file's bytes with attributes as fine as `grades` says. Colours are rounded so that they are right as the views of
+    /// `contents` see them. The same scene, contents and grades give the same bytes.
     ///
     /// # Errors
     /// [`Error::Data`] naming `path` where a number has no place on the format's grids.
     pub fn bytes(&self, path: &Path, contents: &Contents, grades: Grades) -> Result<Vec<u8>> {
         let clock = contents.clock;
-        let set = grades.on(&self.set, CUTOFF);
+        let set = grades.on(&self.colored(contents.views, &grades), CUTOFF);
         let bits = grades.bits(set.sh_degree);
         let options = WriteOptions {
             profile: Profile::Fine,
@@ -108,7 +128,7 @@ impl Encoded {
             // Its own check leaves no room for the rounding of decoded numbers to single precision, so a place half way between
             // two steps and far from the origin would be refused.
             verify: false,
-            sh_bands: grades.degree(set.sh_degree),
+            sh_bands: set.sh_degree,
             sh_bit_depths: bits.iter().any(|bits| *bits < 8).then_some(bits),
             library: concat!("ivv ", env!("CARGO_PKG_VERSION")).to_owned(),
             metadata: [("color_space", "srgb-rec709-display"), ("visibility_profile", "gaussian")]
@@ -137,10 +157,4 @@ impl Encoded {
             Error::data(path, "", format!("cannot be stored: {fault}"), remedy)
         })
     }
-}
-
-/// The nearest of the 256 values that a coefficient can have.
-fn byte(coefficient: f32) -> u8 {
-    let part = (f64::from(coefficient) - SH_QUANT_LO) / (SH_QUANT_HI - SH_QUANT_LO);
-    (255.0 * part).round() as u8
 }

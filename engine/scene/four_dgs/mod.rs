@@ -8,6 +8,7 @@
 mod decode;
 mod encode;
 mod grades;
+mod harmonics;
 mod sounds;
 mod summary;
 
