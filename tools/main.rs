@@ -2,6 +2,7 @@
 
 mod ablate;
 mod begin;
+mod bench;
 mod cameras;
 mod capture;
 mod check;

@@ -1,5 +1,6 @@
 //! `ivv render`.
 
+use crate::bench::Bench;
 use crate::device::DeviceArgs;
 use crate::files::make_folder;
 use crate::film::{self, Film, PathArgs, Studio};
@@ -42,14 +43,18 @@ pub struct Args {
     #[arg(long, value_parser = clip_time, allow_negative_numbers = true)]
     time: Option<f64>,
     /// The folder for the pictures; with --path or --orbit the video: .mp4, .mov or .mkv (by ffmpeg), or .y4m.
-    #[arg(short, long)]
-    output: PathBuf,
+    #[arg(short, long, required_unless_present = "bench")]
+    output: Option<PathBuf>,
     /// What to write: png (colour), exr (all outputs as named channels), safetensors (all outputs).
     #[arg(long, value_delimiter = ',', default_value = "png", conflicts_with = "film")]
     format: Vec<Format>,
     /// Print the time of every pass, its share, and its speed against a model of lavapipe.
     #[arg(long, conflicts_with = "film")]
     profile: bool,
+    /// Writes nothing: renders the views in turn for so many seconds, and tells frames per second and percentiles of their times,
+    /// of frames that stay on the device and of such that are read back.
+    #[arg(long, value_name = "SECONDS", num_args = 0..=1, default_missing_value = "5", conflicts_with_all = ["film", "profile", "output"])]
+    bench: Option<f64>,
     #[command(flatten)]
     film: PathArgs,
     #[command(flatten)]
@@ -270,7 +275,8 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     if let Some(film) = args.film(source, run.as_ref())? {
         let shown = shown::open_at(source, args.time)?;
         let constants = constants_over(shown.constants.unwrap_or(of_scene))?;
-        let studio = Studio { output: &args.output, device: &args.device, constants, stop: &stop };
+        let output = args.output.as_deref().context("give the video, -o FILE")?;
+        let studio = Studio { output, device: &args.device, constants, stop: &stop };
         return film::run(&film, &args.film, shown, &studio, json);
     }
     let views = args.views(source)?;
@@ -278,12 +284,24 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let constants = constants_over(shown.constants.unwrap_or(of_scene))?;
     within_clip(args.cameras.as_deref().unwrap_or(source), &shown, &views)?;
     let splats = shown.splats.by_degree();
-    make_folder(&args.output)?;
+    args.output.as_deref().map_or(Ok(()), make_folder)?;
     let gpu = args.device.open()?;
     let mut renderer = Renderer::new(gpu.clone(), &splats, constants)?;
     drop(splats);
 
     let outputs = if args.format.iter().all(|f| *f == Format::Png) { Outputs::Color } else { Outputs::All };
+    let Some(output) = &args.output else {
+        anyhow::ensure!(!views.is_empty(), "--bench: expected views to render, found none");
+        let seconds = args.bench.unwrap_or_default();
+        let bench = Bench::new(&mut renderer, &views, outputs, seconds, &stop)?;
+        if json {
+            let report = serde_json::json!({ "device": gpu.caps(), "constants": constants, "bench": bench });
+            out!("{}", serde_json::to_string_pretty(&report)?);
+        } else {
+            bench.print();
+        }
+        return Ok(());
+    };
     let mut progress = Progress::new("view", views.len());
     let mut reports = Vec::new();
     for view in &views {
@@ -300,7 +318,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         let seconds = start.elapsed().as_secs_f64();
         check_finite(&frame, view)?;
         for format in &args.format {
-            format.write(&frame, &args.output, view)?;
+            format.write(&frame, output, view)?;
         }
         progress.step(&format!(
             "{}, {} Gaussians, {} intersections, {:.1} ms",

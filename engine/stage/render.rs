@@ -15,6 +15,7 @@ use crate::gpu::{Dispatch, Gpu, PassTime, Recording};
 use crate::scene::{Frame, Splats, View};
 use crate::settings::Constants;
 use std::sync::Arc;
+use std::time::Instant;
 
 /// Numbers that belong to a frame.
 #[derive(Clone, Debug, Default, serde::Serialize)]
@@ -47,6 +48,9 @@ pub struct FrameReport {
     /// Seconds that the counting took, on the host; in none of the times.
     #[serde(skip)]
     pub counting_s: f64,
+    /// Seconds in which the picture was read back to the host, where it was.
+    #[serde(skip)]
+    pub read_back_s: f64,
 }
 
 /// Renders views of one scene.
@@ -99,6 +103,14 @@ impl Renderer {
     /// [`Error::DeviceLost`] with the last pass.
     pub fn render(&mut self, view: &View, outputs: Outputs) -> Result<(Frame, FrameReport)> {
         self.render_with(view, outputs, false)
+    }
+
+    /// As [`Renderer::render`], but the picture stays on the device.
+    ///
+    /// # Errors
+    /// As [`Renderer::render`].
+    pub fn draw(&mut self, view: &View, outputs: Outputs) -> Result<FrameReport> {
+        self.strips(view, outputs, None, false, |_, _, _| Ok(()))
     }
 
     /// As [`Renderer::render`], with the time of every pass in the report.
@@ -220,10 +232,14 @@ impl Renderer {
     fn render_with(&mut self, view: &View, outputs: Outputs, timed: bool) -> Result<(Frame, FrameReport)> {
         let gpu = self.gpu.clone();
         let mut frame = Frame { width: view.width, height: view.height, ..Frame::default() };
+        let mut read_back_s = 0.0;
         let report = self.strips(view, outputs, None, timed, |_, work, strip| {
-            append(&mut frame, &gpu, &work.blend, (view.width * strip.n_rows) as usize)
+            let begun = Instant::now();
+            append(&mut frame, &gpu, &work.blend, (view.width * strip.n_rows) as usize)?;
+            read_back_s += begun.elapsed().as_secs_f64();
+            Ok(())
         })?;
-        Ok((frame, report))
+        Ok((frame, FrameReport { read_back_s, ..report }))
     }
 
     /// Runs `view` strip by strip, with the backward pass of `cotangents` if there are any, and hands each finished
@@ -336,7 +352,7 @@ impl Renderer {
             }
             report.add(&status, n_tiles);
             if timed {
-                let begun = std::time::Instant::now();
+                let begun = Instant::now();
                 if let Some(work) = &self.work {
                     let counters = Counters::read(&self.gpu, work, &self.scene, &lists, n_tiles, n_pixels)?;
                     report.passes = add_passes(std::mem::take(&mut report.passes), &rec, &times, &counters);

@@ -151,7 +151,7 @@ pub struct SceneScores {
     pub sh_degree: u32,
     /// Bytes of the numbers that are modelled, see [`crate::scene::Summary::parameter_bytes`].
     pub bytes: u64,
-    /// Pictures per second on the device: colour, read back to the host, one after the other.
+    /// Pictures per second on the device: colour, one after the other, without the time in which they are read back.
     pub frames_per_second: f64,
     /// The device's name.
     pub device: String,
@@ -245,8 +245,8 @@ pub fn evaluate(
     for &(camera, frame) in frames {
         let view = sight.view(camera, frame)?;
         let begun = Instant::now();
-        let (rendered, _) = renderer.render(&view, Outputs::Color)?;
-        let render_ms = 1e3 * begun.elapsed().as_secs_f64();
+        let (rendered, report) = renderer.render(&view, Outputs::Color)?;
+        let render_ms = 1e3 * (begun.elapsed().as_secs_f64() - report.read_back_s);
         let n_bad = rendered.color.as_flattened().iter().filter(|c| !c.is_finite()).count() as u64;
         if n_bad > 0 {
             return Err(Error::NonFinite { what: format!("view `{}`", view.name), count: n_bad });

@@ -118,7 +118,7 @@ impl Report<'_> {
                 let size = format!("SH degree {}, {} bytes each", s.sh_degree, s.bytes / s.gaussians.max(1) as u64);
                 tiles.push(("Scene", format!("{:.1} MiB", mib(s.bytes as f64)), size));
                 let fps = format!("{:.1}", s.frames_per_second);
-                tiles.push(("Frames per second", fps, "colour, read back".to_owned()));
+                tiles.push(("Frames per second", fps, "colour, on the device".to_owned()));
             }
             None => tiles.push(("Test images", "none".to_owned(), "nothing was scored".to_owned())),
         }

@@ -146,7 +146,8 @@ fn vulkan_and_unsafe_code_stay_in_vk() {
         if ["tests/repo/arrows.rs", LAYER].contains(&file.as_str()) {
             continue;
         }
-        let source = without_comments(&text(&file));
+        // A word of content security policies is no code.
+        let source = without_comments(&text(&file)).replace("'unsafe-inline'", "");
         let speaks = words(&source).any(|word| word == "ash" || word == "unsafe");
         if file.starts_with("engine/vk/") {
             owners += usize::from(speaks);
