@@ -242,10 +242,17 @@ impl Args {
             (Some(cameras), _) => self.views.of_cameras(cameras, self.time)?,
             (None, capture) if is_run(source) => self.views.of_run(source, capture.as_deref(), self.time)?,
             (None, Some(capture)) => self.views.of_capture(capture, self.time)?,
-            (None, None) => anyhow::bail!(
-                "{} is a scene without cameras; give --capture or --cameras, or --path for a video, or the folder of its run",
-                source.display()
-            ),
+            (None, None) => {
+                let views = shown::views(source)?;
+                anyhow::ensure!(
+                    !views.is_empty(),
+                    "{} is a scene without cameras; give --capture or --cameras, or --path for a video, or the folder of \
+                     its run",
+                    source.display()
+                );
+                self.views.need_no_capture("the views are those of the file")?;
+                views
+            }
         };
         if let Some(time) = self.time {
             views.iter_mut().for_each(|view| (view.time, view.time_offset) = (time, 0.0));

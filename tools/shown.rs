@@ -1,7 +1,7 @@
 //! What a verb is given to look at: a scene file, the folder of a run, or that of a run that has not ended.
 
 use crate::screen::say;
-use ivv::scene::{Clock, FourDgs, Splats, read_scene};
+use ivv::scene::{Clock, FourDgs, Splats, View, read_scene};
 use ivv::train::{Checkpoint, Run};
 use ivv::{Constants, Error};
 use std::collections::BTreeMap;
@@ -30,6 +30,14 @@ pub fn is_run(path: &Path) -> bool {
 /// Those of the file.
 pub fn clock(path: &Path) -> ivv::Result<Option<Clock>> {
     if FourDgs::is(path) { FourDgs::read(path).map(|file| Some(file.clock())) } else { Ok(None) }
+}
+
+/// The views to start from of the scene file `path`; none where it has none.
+///
+/// # Errors
+/// Those of the file.
+pub fn views(path: &Path) -> ivv::Result<Vec<View>> {
+    if FourDgs::is(path) { FourDgs::read(path)?.views() } else { Ok(Vec::new()) }
 }
 
 /// As [`open`], for one normalised time if there is one: a `.4dgs` can hold what only one moment of it can be shown of.

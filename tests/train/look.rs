@@ -334,3 +334,21 @@ fn frames_per_second_are_told_of_frames_that_stay_and_of_such_that_are_read_back
     fails(&[&of_views[..], &["--bench", "-o", "out"]].concat(), 2);
     assert!(fails(&of_views, 2).contains("--output"), "pictures need a place");
 }
+
+#[test]
+fn a_file_with_views_of_its_own_is_rendered_from_them() {
+    let tiny = Tiny::new("own-views");
+    let name = |file: &str| tiny.folder.join(file).to_str().unwrap().to_owned();
+    let [scene, cameras] = ["scene.ply", "cameras.json"].map(|name| format!("assets/demo/{name}"));
+    works(&["export", &scene, "-o", &name("a.4dgs"), "--seconds", "1", "--cameras", &cameras]);
+    works(&["render", &name("a.4dgs"), "-o", &name("own")]);
+    works(&["render", &name("a.4dgs"), "-o", &name("given"), "--cameras", &cameras]);
+    let pictures = |folder: &str| {
+        let all = read_views(Path::new(&cameras)).unwrap();
+        all.iter()
+            .map(|view| std::fs::read(tiny.folder.join(folder).join(format!("{}.png", view.name))).unwrap())
+            .collect::<Vec<_>>()
+    };
+    assert_eq!(pictures("own"), pictures("given"));
+    assert!(fails(&["render", &scene, "-o", &name("none")], 2).contains("a scene without cameras"));
+}

@@ -85,7 +85,7 @@ impl<'a> Eyes<'a> {
         for (view, center) in self.views.iter().zip(&self.centers) {
             let to: [f64; 3] = std::array::from_fn(|axis| place[axis] - center[axis]);
             let length = to.iter().map(|x| x * x).sum::<f64>().sqrt();
-            if k == 1 || !(length > 0.0) || !sees(view, place) {
+            if k == 1 || length == 0.0 || !sees(view, place) {
                 continue;
             }
             let basis = basis(to.map(|x| x / length));
