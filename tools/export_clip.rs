@@ -19,8 +19,8 @@ const FPS: f64 = 30.0;
 /// Views that files are compared in, and their longest side, pixels.
 const MOST_VIEWS: usize = 8;
 const LONGEST_SIDE: u32 = 640;
-/// Part of the Gaussians whose colours may be cut to what the format holds.
-const MOST_CLAMPED: f64 = 0.1;
+/// Part of the Gaussians whose colours may be off by more than shows.
+const MOST_OFF: f64 = 0.1;
 
 /// Options of formats in which time passes.
 #[derive(clap::Args, Clone, Default)]
@@ -42,7 +42,7 @@ pub struct ClipArgs {
     /// the scene file, if it is a .4dgs.
     #[arg(long, value_name = "SCENE_JSON")]
     sound: Option<PathBuf>,
-    /// Also when more than 1 in 10 Gaussians have colours that the format cannot hold, which are cut to what it can.
+    /// Also when the colours of more than 1 in 10 Gaussians are off by more than 2 levels of 255, since the format cannot hold them.
     #[arg(long)]
     clamp_colors: bool,
     /// Whether nothing is said of what is stored, since nobody asked for this file.
@@ -96,7 +96,7 @@ impl ClipArgs {
             ),
         };
         let encoded = Encoded::new(splats, clock);
-        self.judge(&encoded)?;
+        self.judge(&encoded, &views)?;
         if let Some(scene) = &self.sound {
             sounds = ivv::sound::clip::sounds(&SoundScene::read(scene)?, clock.seconds())?;
             let bytes = sounds.n_bytes() as f64 / 1e6;
@@ -140,19 +140,18 @@ impl ClipArgs {
         }
     }
 
-    fn judge(&self, encoded: &Encoded) -> anyhow::Result<()> {
-        let (colors, harmonics) = (encoded.n_clamped_colors, encoded.n_clamped_harmonics);
-        let part = colors.max(harmonics) as f64 / encoded.len().max(1) as f64;
+    fn judge(&self, encoded: &Encoded, views: &[View]) -> anyhow::Result<()> {
+        let (colors, harmonics, off) = (encoded.n_clamped_colors, encoded.n_clamped_harmonics, encoded.n_off(views));
         ensure!(
-            part <= MOST_CLAMPED || self.clamp_colors,
-            "expected colours that a .4dgs holds, found {} of {} with a base colour beyond 0 to 1 and {harmonics} with \
-             coefficients beyond -4 to 4; export as PLY, or give --clamp-colors",
-            colors,
+            off as f64 <= MOST_OFF * encoded.len() as f64 || self.clamp_colors,
+            "expected colours that a .4dgs holds, found {off} of {} off by more than 2 levels of 255; export as PLY, or give \
+             --clamp-colors",
             count(encoded.len(), "Gaussian")
         );
         if colors + harmonics > 0 && !self.is_silent {
             say!(
-                "cut to what the format holds: base colours of {}, higher harmonics of {harmonics}",
+                "{} with a base colour beyond 0 to 1, {harmonics} with harmonics beyond -4 to 4: cut to that, and the rest of \
+                 their coefficients makes it good; {off} are off by more than 2 levels of 255",
                 count(colors, "Gaussian")
             );
         }

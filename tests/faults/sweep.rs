@@ -129,7 +129,10 @@ fn one(bed: &Bed, verb: Verb, plain: &Ended, fault: &str, is_resumed: bool) -> R
     }
     if verb == Verb::Train && code != 0 {
         if let Some(stopped) = ended.stopped_after() {
-            let Some(left) = ended.checkpoint else { return wrong("steps but no checkpoint") };
+            let Some(left) = ended.checkpoint else {
+                // Before the first checkpoint there is no step that could be lost.
+                return if stopped == 0 { Ok(code) } else { wrong("steps but no checkpoint") };
+            };
             if !(left..=left + EVERY).contains(&stopped) {
                 return wrong("and an old checkpoint");
             }

@@ -18,6 +18,9 @@ const CUTOFF: f64 = 1.0 / 255.0;
 const SHORTEST_CHUNK: f64 = 0.5;
 const LEAST_IN_CHUNK: usize = 256;
 
+/// A colour is off from here on.
+const OFF: f64 = 2.0 / 255.0;
+
 /// What a file holds beside its Gaussians.
 #[derive(Clone, Debug)]
 pub struct Contents<'a> {
@@ -91,6 +94,17 @@ impl Encoded {
         self.set.is_empty()
     }
 
+    /// Gaussians whose colour is off by more than 2 levels of 255, root mean square, as `views` see them, at the finest grades.
+    pub fn n_off(&self, views: &[View]) -> usize {
+        let (eyes, k) = (Eyes::new(views), self.set.sh_coefficients + 1);
+        let is_off = |(place, coefficients): &(&[f32], &[[f32; 3]])| {
+            let place = std::array::from_fn(|axis| f64::from(place[axis]));
+            let rounded = eyes.round(place, coefficients, &Grades::default());
+            rounded.is_seen && rounded.off > OFF
+        };
+        self.set.positions.chunks_exact(3).zip(self.sh.chunks_exact(k)).filter(is_off).count()
+    }
+
     /// The Gaussians with the colours that `grades` allows, as `views` see them.
     fn colored(&self, views: &[View], grades: &Grades) -> GaussianSet {
         let (mut set, eyes, k) = (self.set.clone(), Eyes::new(views), self.set.sh_coefficients + 1);
@@ -101,9 +115,9 @@ impl Encoded {
         let mut bytes = Vec::with_capacity(3 * set.sh_coefficients * set.count());
         for (i, coefficients) in self.sh.chunks_exact(k).enumerate() {
             let place = std::array::from_fn(|axis| f64::from(set.positions[3 * i + axis]));
-            let (base, harmonics) = eyes.round(place, coefficients, grades);
-            set.colors[4 * i..4 * i + 3].copy_from_slice(&base.map(|c| c as f32));
-            (0..3).for_each(|channel| bytes.extend(harmonics[1..stored].iter().map(|harmonic| harmonic[channel])));
+            let rounded = eyes.round(place, coefficients, grades);
+            set.colors[4 * i..4 * i + 3].copy_from_slice(&rounded.base.map(|c| c as f32));
+            (0..3).for_each(|channel| bytes.extend(rounded.bytes[1..stored].iter().map(|harmonic| harmonic[channel])));
         }
         set.sh = (stored > 1).then_some(bytes);
         set

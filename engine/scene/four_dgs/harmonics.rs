@@ -24,6 +24,19 @@ type Coefficients = [[f64; 3]; K];
 /// Lower triangle of the factor of the norm of their errors.
 type Factor = [[f64; K]; K];
 
+/// The colour of a Gaussian as it is stored.
+pub(super) struct Rounded {
+    /// From 0 to 1.
+    pub(super) base: [f64; 3],
+    /// Of the harmonics, [coefficient][channel]; that of the base colour means nothing.
+    pub(super) bytes: [[u8; 3]; K],
+    /// Root mean square over the views that see it of what a channel is off by, of the worst one; over all directions where no
+    /// view does.
+    pub(super) off: f64,
+    /// Whether a view sees it, or there is none.
+    pub(super) is_seen: bool,
+}
+
 /// Places that Gaussians are seen from.
 pub(super) struct Eyes<'a> {
     views: &'a [View],
@@ -35,19 +48,17 @@ impl<'a> Eyes<'a> {
         Eyes { views, centers: views.iter().map(center).collect() }
     }
 
-    /// Base colours from 0 to 1 and bytes of the harmonics, [coefficient][channel], that look like `k` coefficients of a Gaussian
-    /// at `place`.
-    pub(super) fn round(
-        &self,
-        place: [f64; 3],
-        coefficients: &[[f32; 3]],
-        grades: &Grades,
-    ) -> ([f64; 3], [[u8; 3]; K]) {
+    /// Base colours and harmonics on the format's grids that look like the `coefficients` of a Gaussian at `place`.
+    pub(super) fn round(&self, place: [f64; 3], coefficients: &[[f32; 3]], grades: &Grades) -> Rounded {
         let k = coefficients.len();
         let mut exact = Coefficients::default();
         exact.iter_mut().zip(coefficients).for_each(|(to, of)| *to = of.map(f64::from));
-        let norm = self.norm(place, k);
-        let (mut base, mut bytes) = ([0.0; 3], [[0; 3]; K]);
+        if coefficients[1..].iter().all(|harmonic| *harmonic == [0.0; 3]) {
+            // What is below 0 from everywhere is drawn as 0.
+            exact[0] = exact[0].map(|dc| dc.max(-0.5 / SH_C0));
+        }
+        let (norm, n_views) = self.norm(place, k);
+        let (mut base, mut bytes, mut off) = ([0.0; 3], [[0; 3]; K], 0.0);
         // Coefficients in the order of the factor; the last one is rounded first.
         let (inwards, outwards): ([usize; K], [usize; K]) =
             (std::array::from_fn(|i| i), std::array::from_fn(|i| if i + 1 < k { i + 1 } else { 0 }));
@@ -73,32 +84,42 @@ impl<'a> Eyes<'a> {
                 };
                 error[i] = found - exact[order[i]][channel];
             }
+            let of = |a: usize, b: usize| norm[order[a].max(order[b])][order[a].min(order[b])];
+            let all: f64 =
+                (0..k).flat_map(|a| (0..k).map(move |b| (a, b))).map(|(a, b)| error[a] * of(a, b) * error[b]).sum();
+            let anywhere: f64 = error.iter().map(|e| e * e).sum();
+            let of_views = all - anywhere * anywhere_of(n_views);
+            let of_one = if n_views > 0 { of_views / n_views as f64 } else { anywhere / (4.0 * PI) };
+            off = f64::max(off, of_one.max(0.0).sqrt());
         }
-        (base, bytes)
+        Rounded { base, bytes, off, is_seen: n_views > 0 || self.views.is_empty() }
     }
 
     /// The squared error of a colour, summed over the views that see `place`, as a quadratic form of the errors of `k`
-    /// coefficients.
-    fn norm(&self, place: [f64; 3], k: usize) -> Factor {
-        let mut norm = Factor::default();
-        let mut n = 0.0;
+    /// coefficients; and how many those views are.
+    fn norm(&self, place: [f64; 3], k: usize) -> (Factor, usize) {
+        let (mut norm, mut n) = (Factor::default(), 0);
         for (view, center) in self.views.iter().zip(&self.centers) {
             let to: [f64; 3] = std::array::from_fn(|axis| place[axis] - center[axis]);
             let length = to.iter().map(|x| x * x).sum::<f64>().sqrt();
-            if k == 1 || length == 0.0 || !sees(view, place) {
+            if length == 0.0 || !sees(view, place) {
                 continue;
             }
             let basis = basis(to.map(|x| x / length));
             for (i, row) in norm.iter_mut().enumerate().take(k) {
                 row.iter_mut().zip(basis).take(i + 1).for_each(|(sum, b)| *sum += basis[i] * b);
             }
-            n += 1.0;
+            n += 1;
         }
-        // The mean of the square of every basis function over the sphere is 1 / 4 pi.
-        let anywhere = ANYWHERE * f64::max(n, 1.0) / (4.0 * PI);
-        (0..K).for_each(|i| norm[i][i] += anywhere);
-        norm
+        (0..K).for_each(|i| norm[i][i] += anywhere_of(n));
+        (norm, n)
     }
+}
+
+/// Weight of the square of a coefficient's error beside `n` views. The mean of the square of every basis function over the sphere
+/// is 1 / 4 pi.
+fn anywhere_of(n: usize) -> f64 {
+    ANYWHERE * n.max(1) as f64 / (4.0 * PI)
 }
 
 /// The byte of a harmonic that is nearest to `wanted`, and what it stands for; nothing in a band that is left out.
