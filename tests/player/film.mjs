@@ -8,20 +8,21 @@ import { launch } from './harness.mjs';
 const [url, to] = process.argv.slice(2);
 const FRAMES = 48;
 const SIZE = { width: 720, height: 405 };
-const SWING = 0.35; // radians to either side
+const SWING = 0.22; // radians to either side
 
 const browser = await launch();
 const page = await browser.context.newPage();
 await page.setViewportSize(SIZE);
 await page.goto(url);
 await page.evaluate(() => window.ivv.ready);
+await page.evaluate(() => document.getElementById('start').classList.add('hidden-text'));
 const folder = mkdtempSync(join(tmpdir(), 'ivv-film-'));
 for (let i = 0; i < FRAMES; i += 1) {
   await page.evaluate(async ([part, swing]) => {
     const { add, apply, product, row, transposed, turn } = await import('./camera.js');
     const { app } = window.ivv;
-    window.start ??= { ...app.player.view, pivot: app.player.pivotDistance() };
-    const { start } = window;
+    window.filmStart ??= { ...app.player.view, pivot: app.player.pivotDistance() };
+    const start = window.filmStart;
     const pivot = add(start.center, row(start.rotation, 2), start.pivot);
     const spin = turn(app.player.up, swing * Math.sin(2 * Math.PI * part));
     app.show({ ...start, rotation: product(start.rotation, transposed(spin)), center: add(pivot, apply(spin, add(start.center, pivot, -1))) });
