@@ -433,6 +433,14 @@ fn colours_are_rounded_so_that_they_are_right_where_cameras_look() {
         }
         (sum / f64::from(n)).sqrt()
     };
+    let encoded = Encoded::new(&splats, clock);
+    let [without, with] = [&[], &views[..]].map(|views| encoded.n_off(views));
+    println!(
+        "{without} of {} are off without views, {with} with them; {} are cut",
+        encoded.len(),
+        encoded.n_clamped_colors
+    );
+    assert!(encoded.n_clamped_colors > 50 && without > 50 && with * 5 < without, "{without}, {with}");
     let coarse = Grades { bands: [1, 2, Grades::LEFT_OUT], ..Grades::default() };
     for (grades, better, worse) in [(Grades::default(), 5.0, 1.5), (coarse, 3.0, 2.0)] {
         let (plain, fitted) = (read(&[], grades), read(&views, grades));
