@@ -451,3 +451,25 @@ fn colours_are_rounded_so_that_they_are_right_where_cameras_look() {
         assert!(of_fitted[2] < worse * of_plain[2], "{of_fitted:?}");
     }
 }
+
+/// Found by an hour of damaged files.
+#[test]
+fn a_degree_that_there_is_not_is_refused_before_anything_is_made_of_it() {
+    let folder = Folder::new("four-dgs-degree");
+    let path = folder.file("a.4dgs");
+    let clock = Clock { fps: 30.0, frames: 30 };
+    for sh_degree in [0, 1] {
+        let splats = random::scene(3, 5, sh_degree);
+        let mut bytes = Encoded::new(&splats, clock).bytes(&path, &contents(clock), Grades::default()).unwrap();
+        // Magic, the header's opcode and length, flags; the writer's name; length, count, cutoff; the model's name; the box.
+        let text =
+            |bytes: &[u8], at: usize| at + 4 + u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap()) as usize;
+        let at = text(&bytes, text(&bytes, 21) + 24) + 48;
+        assert_eq!(u32::from(bytes[at]), sh_degree);
+        for degree in [4, 127, 255] {
+            bytes[at] = degree;
+            let told = fault(FourDgs::of_bytes(&path, &bytes), &path);
+            assert!(told.contains("sh_degree") && told.contains(&degree.to_string()), "{told}");
+        }
+    }
+}

@@ -68,6 +68,11 @@ impl FourDgs {
             let reason = format!("expected a length in seconds, found {}", scene.duration_sec);
             return Err(Error::data(path, "header, field duration_sec", reason, "export the file again"));
         }
+        if scene.gaussians.sh_degree > 3 || scene.header.sh_degree > 3 {
+            let found = scene.gaussians.sh_degree.max(scene.header.sh_degree);
+            let reason = format!("expected 0 to 3, found {found}");
+            return Err(Error::data(path, "header, field sh_degree", reason, "export the file again, with degree 3"));
+        }
         Ok(FourDgs { path: path.to_owned(), scene })
     }
 
