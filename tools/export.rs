@@ -4,7 +4,7 @@ use crate::export_clip::ClipArgs;
 use crate::files::make_folder;
 use crate::page;
 use crate::screen::out;
-use crate::shown;
+use crate::shown::Source;
 use crate::views::clip_time;
 use ivv::scene::{SpzVersion, write_atomic, write_ftgs, write_glb, write_ply, write_splat, write_splatv, write_spz};
 use std::path::{Path, PathBuf};
@@ -54,9 +54,10 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         Some(format) => format,
         None => by_ending(&args.output)?,
     };
+    let source = Source::open(&args.scene)?;
     if args.time.is_none()
         && format.has_clip()
-        && let Some(bytes) = args.clip.as_it_is(&args.scene)?
+        && let Some(bytes) = args.clip.as_it_is(&source)?
     {
         let written = write_clip(format, &args.output, &bytes)?;
         if json {
@@ -66,7 +67,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         }
         return Ok(());
     }
-    let mut splats = shown::open_at(&args.scene, args.time)?.splats;
+    let mut splats = source.scene(args.time)?.splats;
     let n_read = splats.len();
     if let Some(time) = args.time {
         anyhow::ensure!((0.0..=1.0).contains(&args.min_opacity), "--min-opacity must lie between 0 and 1");
@@ -76,11 +77,11 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let mut with_clip = None;
     match format {
         Format::FourDgs | Format::Web | Format::Page => {
-            with_clip = Some(write_clip(format, to, &args.clip.bytes(&args.scene, &splats)?)?);
+            with_clip = Some(write_clip(format, to, &args.clip.bytes(&source, &splats)?)?);
         }
         Format::Ply => write_ply(to, &splats)?,
-        Format::Ftgs => write_ftgs(to, &splats, args.clip.setting(&args.scene)?.clock)?,
-        Format::Splatv => write_splatv(to, &splats, &args.clip.setting(&args.scene)?.views)?,
+        Format::Ftgs => write_ftgs(to, &splats, args.clip.setting(&source)?.clock)?,
+        Format::Splatv => write_splatv(to, &splats, &args.clip.setting(&source)?.views)?,
         Format::Spz => write_spz(to, &splats, SpzVersion::V3)?,
         Format::Spz4 => write_spz(to, &splats, SpzVersion::V4)?,
         Format::Glb => write_glb(to, &splats)?,

@@ -4,7 +4,7 @@ use crate::device::DeviceArgs;
 use crate::files::read_json;
 use crate::progress::Progress;
 use crate::screen::say;
-use crate::shown::{is_run, of_own, own};
+use crate::shown::{Source, is_run, of_own, own};
 use anyhow::{Context, ensure};
 use ivv::Constants;
 use ivv::scene::{Clock, Contents, Encoded, FourDgs, Grades, Sounds, Splats, View, read_file, read_views};
@@ -73,18 +73,17 @@ impl ClipArgs {
     /// The bytes of `source`, where that is a `.4dgs` of which nothing is asked to be changed.
     ///
     /// # Errors
-    /// Those of a damaged file, which is told here and not to whoever opens it.
-    pub fn as_it_is(&self, source: &Path) -> anyhow::Result<Option<Vec<u8>>> {
+    /// Those of the file, and of options that cannot be.
+    pub fn as_it_is(&self, source: &Source) -> anyhow::Result<Option<Vec<u8>>> {
         let is_changed = self.cameras.is_some() || self.seconds.is_some() || self.sound.is_some();
-        if !FourDgs::is(source) || self.goal()?.is_some() || is_changed {
+        if source.clip.is_none() || self.goal()?.is_some() || is_changed {
             return Ok(None);
         }
-        FourDgs::read(source)?;
-        read_file(source).map(Some).with_context(|| source.display().to_string())
+        read_file(source.path).map(Some).with_context(|| source.path.display().to_string())
     }
 
     /// The bytes of a `.4dgs` of `splats`, the scene of `source`.
-    pub fn bytes(&self, source: &Path, splats: &Splats) -> anyhow::Result<Vec<u8>> {
+    pub fn bytes(&self, source: &Source, splats: &Splats) -> anyhow::Result<Vec<u8>> {
         let Setting { clock, views, mut sounds, constants, background } = self.setting(source)?;
         let clock = match clock {
             Some(clock) => clock,
@@ -92,7 +91,7 @@ impl ClipArgs {
             None if splats.motion.is_empty() => Clock { fps: 1.0, frames: 1 },
             None => anyhow::bail!(
                 "{} does not say how long its clip is; give --seconds, or the folder of the run instead of its scene.ply",
-                source.display()
+                source.path.display()
             ),
         };
         let encoded = Encoded::new(splats, clock);
@@ -103,10 +102,10 @@ impl ClipArgs {
             say!("{} of sound, {bytes:.2} MB", count(sounds.len(), "source"));
         }
         let contents = Contents { clock, views: &views, own: own(&constants, background), sounds: &sounds };
-        let Some(goal) = self.goal()? else { return Ok(encoded.bytes(source, &contents, Grades::default())?) };
+        let Some(goal) = self.goal()? else { return Ok(encoded.bytes(source.path, &contents, Grades::default())?) };
         let looked_at = spread(&views);
         let subject =
-            Subject { path: source, splats, encoded: &encoded, contents: &contents, constants, views: &looked_at };
+            Subject { path: source.path, splats, encoded: &encoded, contents: &contents, constants, views: &looked_at };
         let mut progress = Progress::passing("files", 0);
         let found = compact(&self.device.open()?, &subject, goal, &mut |n, most| {
             progress.reach(n, most, "looked at");
@@ -159,33 +158,33 @@ impl ClipArgs {
     }
 
     /// What is known of the scene of `source`.
-    pub fn setting(&self, source: &Path) -> anyhow::Result<Setting> {
+    pub fn setting(&self, source: &Source) -> anyhow::Result<Setting> {
         let given = self.cameras.as_deref().map(read_views).transpose()?;
-        if is_run(source) {
+        if is_run(source.path) {
             ensure!(self.seconds.is_none(), "--seconds: the run knows how long its clip is; leave it out");
-            let run = Run::read(source)?;
-            let views = given.map_or_else(|| of_training_cameras(source, &run), Ok)?;
+            let run = Run::read(source.path)?;
+            let views = given.map_or_else(|| of_training_cameras(source.path, &run), Ok)?;
             let clock = Some(Clock { fps: run.held.fps, frames: run.held.frames });
             let background = views.first().map_or([0.0; 3], |view| view.background);
             let (sounds, constants) = (Sounds::default(), run.constants_of_capture());
             return Ok(Setting { clock, views, sounds, constants, background });
         }
-        let file = if FourDgs::is(source) { Some(FourDgs::read(source)?) } else { None };
+        let file = source.clip.as_ref();
         let clock = match self.seconds {
             Some(seconds) => {
                 ensure!(seconds.is_finite() && seconds > 0.0, "--seconds: expected a positive number, found {seconds}");
                 let frames = (seconds * FPS).round().clamp(1.0, f64::from(u32::MAX));
                 Some(Clock { fps: frames / seconds, frames: frames as u32 })
             }
-            None => file.as_ref().map(FourDgs::clock),
+            None => file.map(FourDgs::clock),
         };
-        let kept = match &file {
+        let kept = match file {
             Some(file) if given.is_none() => file.views()?,
             _ => Vec::new(),
         };
         let views = given.unwrap_or(kept);
-        let (constants, background) = file.as_ref().and_then(FourDgs::own).map_or_else(Default::default, of_own);
-        let sounds = file.as_ref().map_or_else(Sounds::default, FourDgs::sounds);
+        let (constants, background) = file.and_then(FourDgs::own).map_or_else(Default::default, of_own);
+        let sounds = file.map_or_else(Sounds::default, FourDgs::sounds);
         let background = background.or(views.first().map(|view| view.background)).unwrap_or_default();
         Ok(Setting { clock, views, sounds, constants, background })
     }

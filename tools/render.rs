@@ -8,10 +8,10 @@ use crate::interrupt::{Interrupted, Stop};
 use crate::passes::{self, TimedPass};
 use crate::progress::Progress;
 use crate::screen::{alert, out};
-use crate::shown::{self, Shown, is_run};
+use crate::shown::{Shown, Source, is_run};
 use crate::views::{ViewArgs, clip_time};
 use anyhow::Context;
-use ivv::scene::{Frame, View};
+use ivv::scene::{FourDgs, Frame, View};
 use ivv::sound::rig::Rig;
 use ivv::stage::{FrameReport, Outputs, Renderer};
 use ivv::train::Run;
@@ -23,8 +23,9 @@ use std::time::Instant;
 /// Options of `ivv render`.
 #[derive(clap::Args)]
 pub struct Args {
-    /// The folder of a run, which gives its scene, the views of its capture and its rendering constants; or a scene file: 3DGS
-    /// or compressed PLY, .4dgs, .splat, .spz, a .sog, or the folder or meta.json of a SOG. Of a run that has not ended, its newest checkpoint.
+    /// The folder of a run, which gives its scene (if it has not ended, its newest checkpoint), the views of its capture and its
+    /// rendering constants; or a scene file: 3DGS or compressed PLY, .4dgs, .splat, .spz, a .sog, or the folder or meta.json of a
+    /// SOG.
     #[arg(value_name = "RUN|SCENE", required_unless_present = "scene", conflicts_with = "scene")]
     source: Option<PathBuf>,
     /// The same as RUN|SCENE.
@@ -210,18 +211,18 @@ struct ViewReport {
 
 impl Args {
     /// Frames per second of the clip that the scene is of, and how many, where something says.
-    fn clip(&self, source: &Path, run: Option<&Run>) -> ivv::Result<Option<(f64, u32)>> {
+    fn clip(&self, source: &Source, run: Option<&Run>) -> ivv::Result<Option<(f64, u32)>> {
         match (run, &self.capture) {
             (Some(run), _) => Ok(Some((run.held.fps, run.held.frames))),
             (None, Some(capture)) => {
                 Rig::open_with(capture, &self.views.settings()).map(|rig| Some((rig.fps, rig.n_frames)))
             }
-            (None, None) => Ok(shown::clock(source)?.map(|clock| (clock.fps, clock.frames))),
+            (None, None) => Ok(source.clip.as_ref().map(FourDgs::clock).map(|clock| (clock.fps, clock.frames))),
         }
     }
 
     /// The video that is asked for; none where views are.
-    fn film(&self, source: &Path, run: Option<&Run>) -> anyhow::Result<Option<Film>> {
+    fn film(&self, source: &Source, run: Option<&Run>) -> anyhow::Result<Option<Film>> {
         let Some(path) = self.film.path() else {
             let orbit = |seconds| Film::around(&self.film, seconds, &self.views(source)?, self.time);
             return self.film.orbit().map(orbit).transpose();
@@ -237,18 +238,18 @@ impl Args {
     }
 
     /// The views that are asked for.
-    fn views(&self, source: &Path) -> anyhow::Result<Vec<View>> {
+    fn views(&self, source: &Source) -> anyhow::Result<Vec<View>> {
         let mut views = match (&self.cameras, &self.capture) {
             (Some(cameras), _) => self.views.of_cameras(cameras, self.time)?,
-            (None, capture) if is_run(source) => self.views.of_run(source, capture.as_deref(), self.time)?,
+            (None, capture) if is_run(source.path) => self.views.of_run(source.path, capture.as_deref(), self.time)?,
             (None, Some(capture)) => self.views.of_capture(capture, self.time)?,
             (None, None) => {
-                let views = shown::views(source)?;
+                let views = source.clip.as_ref().map_or(Ok(Vec::new()), FourDgs::views)?;
                 anyhow::ensure!(
                     !views.is_empty(),
                     "{} is a scene without cameras; give --capture or --cameras, or --path for a video, or the folder of \
                      its run",
-                    source.display()
+                    source.path.display()
                 );
                 self.views.need_no_capture("the views are those of the file")?;
                 views
@@ -272,24 +273,25 @@ fn within_clip(cameras: &Path, shown: &Shown, views: &[View]) -> ivv::Result<()>
 }
 
 pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
-    let source = args.source.as_deref().or(args.scene.as_deref()).context("give the folder of a run or a scene")?;
-    let run = if is_run(source) { Some(Run::read(source)?) } else { None };
+    let path = args.source.as_deref().or(args.scene.as_deref()).context("give the folder of a run or a scene")?;
+    let run = if is_run(path) { Some(Run::read(path)?) } else { None };
     let of_scene = run.as_ref().map_or_else(Constants::default, Run::constants_of_capture);
     // What is wrong with them is told before a scene is read, which may say some of them itself.
     let constants_over = |scene: Constants| args.knobs.on(args.constants.checked_over(scene)?);
     constants_over(of_scene)?;
     let stop = Stop::listen()?;
-    if let Some(film) = args.film(source, run.as_ref())? {
-        let shown = shown::open_at(source, args.time)?;
+    let source = Source::open(path)?;
+    if let Some(film) = args.film(&source, run.as_ref())? {
+        let shown = source.scene(args.time)?;
         let constants = constants_over(shown.constants.unwrap_or(of_scene))?;
         let output = args.output.as_deref().context("give the video, -o FILE")?;
         let studio = Studio { output, device: &args.device, constants, stop: &stop };
         return film::run(&film, &args.film, shown, &studio, json);
     }
-    let views = args.views(source)?;
-    let shown = shown::open_at(source, args.time)?;
+    let views = args.views(&source)?;
+    let shown = source.scene(args.time)?;
     let constants = constants_over(shown.constants.unwrap_or(of_scene))?;
-    within_clip(args.cameras.as_deref().unwrap_or(source), &shown, &views)?;
+    within_clip(args.cameras.as_deref().unwrap_or(path), &shown, &views)?;
     let splats = shown.splats.by_degree();
     args.output.as_deref().map_or(Ok(()), make_folder)?;
     let gpu = args.device.open()?;

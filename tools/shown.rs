@@ -1,7 +1,7 @@
 //! What a verb is given to look at: a scene file, the folder of a run, or that of a run that has not ended.
 
 use crate::screen::say;
-use ivv::scene::{Clock, FourDgs, Splats, View, read_scene};
+use ivv::scene::{FourDgs, Splats, read_scene};
 use ivv::train::{Checkpoint, Run};
 use ivv::{Constants, Error};
 use std::collections::BTreeMap;
@@ -24,31 +24,36 @@ pub fn is_run(path: &Path) -> bool {
     Run::file(path).is_file()
 }
 
-/// The clock of the scene file `path`, where it has one.
-///
-/// # Errors
-/// Those of the file.
-pub fn clock(path: &Path) -> ivv::Result<Option<Clock>> {
-    if FourDgs::is(path) { FourDgs::read(path).map(|file| Some(file.clock())) } else { Ok(None) }
+/// What a verb is given, before the Gaussians of it are asked for.
+pub struct Source<'a> {
+    /// A scene file, or the folder of a run.
+    pub path: &'a Path,
+    /// Where it is a `.4dgs`: what is in it beside Gaussians is asked for first.
+    pub clip: Option<FourDgs>,
 }
 
-/// The views to start from of the scene file `path`; none where it has none.
-///
-/// # Errors
-/// Those of the file.
-pub fn views(path: &Path) -> ivv::Result<Vec<View>> {
-    if FourDgs::is(path) { FourDgs::read(path)?.views() } else { Ok(Vec::new()) }
-}
+impl<'a> Source<'a> {
+    /// Reads a `.4dgs`, and nothing of any other.
+    ///
+    /// # Errors
+    /// Those of the file.
+    pub fn open(path: &'a Path) -> ivv::Result<Self> {
+        let clip = if FourDgs::is(path) { Some(FourDgs::read(path)?) } else { None };
+        Ok(Source { path, clip })
+    }
 
-/// As [`open`], for one normalised time if there is one: a `.4dgs` can hold what only one moment of it can be shown of.
-pub fn open_at(path: &Path, time: Option<f64>) -> ivv::Result<Shown> {
-    match time {
-        Some(time) if FourDgs::is(path) => {
-            let file = FourDgs::read(path)?;
-            let splats = file.splats().or_else(|_| file.at(time))?;
-            Ok(of_file(path, splats, constants(&file)))
-        }
-        _ => open(path),
+    /// Its Gaussians: as [`open`], for one normalised time if there is one, since a `.4dgs` can hold what only one moment of it
+    /// can be shown of.
+    ///
+    /// # Errors
+    /// As [`open`].
+    pub fn scene(&self, time: Option<f64>) -> ivv::Result<Shown> {
+        let Some(clip) = &self.clip else { return of_path(self.path) };
+        let splats = match time {
+            Some(time) => clip.splats().or_else(|_| clip.at(time))?,
+            None => clip.splats()?,
+        };
+        Ok(of_file(self.path, splats, clip.own().map(|own| of_own(own).0)))
     }
 }
 
@@ -57,6 +62,11 @@ pub fn open_at(path: &Path, time: Option<f64>) -> ivv::Result<Shown> {
 /// # Errors
 /// Those of the files; [`Error::Data`] when a folder is neither a run's nor a scene, or a run has no checkpoint either.
 pub fn open(path: &Path) -> ivv::Result<Shown> {
+    Source::open(path)?.scene(None)
+}
+
+/// The scene of anything but a `.4dgs`.
+fn of_path(path: &Path) -> ivv::Result<Shown> {
     let scene = path.join("scene.ply");
     if scene.is_file() {
         return Ok(of_file(&scene, read_scene(&scene)?, None));
@@ -68,19 +78,11 @@ pub fn open(path: &Path) -> ivv::Result<Shown> {
         let reason = "expected a run (run.json) or a SOG scene (meta.json), found neither";
         return Err(Error::data(path, "", reason, "give the folder of a run of `ivv train`, or a scene file"));
     }
-    if FourDgs::is(path) {
-        let file = FourDgs::read(path)?;
-        return Ok(of_file(path, file.splats()?, constants(&file)));
-    }
     Ok(of_file(path, read_scene(path)?, None))
 }
 
 fn of_file(path: &Path, splats: Splats, constants: Option<Constants>) -> Shown {
     Shown { splats, file: path.to_owned(), unfinished: None, constants }
-}
-
-fn constants(file: &FourDgs) -> Option<Constants> {
-    file.own().map(|own| of_own(own).0)
 }
 
 /// The newest checkpoint of the run in `folder`.

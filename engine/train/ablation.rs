@@ -390,7 +390,8 @@ impl StudyResult<'_> {
 
     /// The last measure of every arm as a picture: a dot per seed and a bar at the mean.
     pub fn svg(&self) -> String {
-        let measure = self.study.measures.last().map_or("", |measure| measure.title());
+        let (measure, decimals) =
+            self.study.measures.last().map_or(("", 2), |measure| (measure.title(), measure.decimals()));
         let all = self.arms.iter().filter_map(|arm| arm.values.last()).flatten();
         let (low, high) = all.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(*x), h.max(*x)));
         let (low, high) = if high > low { (low, high) } else { (low - 0.5, low + 0.5) };
@@ -408,7 +409,8 @@ impl StudyResult<'_> {
             if let Some(Estimate { mean, .. }) = Estimate::new(values) {
                 let (at, top, bottom) = (x(mean), y - 9.0, y + 9.0);
                 let _ = writeln!(body, "<line x1=\"{at:.1}\" x2=\"{at:.1}\" y1=\"{top}\" y2=\"{bottom}\"/>");
-                let _ = writeln!(body, "<text x=\"{}\" y=\"{}\">{mean:.2}</text>", left + width + 16.0, y + 4.0);
+                let _ =
+                    writeln!(body, "<text x=\"{}\" y=\"{}\">{mean:.decimals$}</text>", left + width + 16.0, y + 4.0);
             }
         }
         let (w, h) = (left + width + 70.0, 44.0 + row * self.arms.len() as f64);

@@ -3,6 +3,7 @@
 use super::site::Scene;
 use crate::export_clip::ClipArgs;
 use crate::files::read_json;
+use crate::shown::Source;
 use bytes::Bytes;
 use hyper::body::{Body, Frame};
 use ivv::scene::{read_file, read_scene};
@@ -18,7 +19,7 @@ use std::task::{Context, Poll, ready};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 /// How often the run is looked at while someone watches, and after how many looks without news a line is sent that only finds out
-/// whether he still does.
+/// whether anyone still does.
 const LOOK: Duration = Duration::from_millis(500);
 const QUIET: u32 = 20;
 /// Scenes that are kept: that which is shown, and that which comes next.
@@ -123,7 +124,7 @@ impl Live {
         let (folder, clip, is_end) = (self.folder.clone(), self.clip.clone(), name == END);
         let made = tokio::task::spawn_blocking(move || {
             let splats = if is_end { read_scene(&file)? } else { Checkpoint::read(&file)?.splats() };
-            clip.bytes(&folder, &splats)
+            clip.bytes(&Source::open(&folder)?, &splats)
         });
         let bytes = match made.await {
             Ok(Ok(bytes)) => bytes,

@@ -8,7 +8,7 @@ pub use live::Said;
 use crate::export_clip::ClipArgs;
 use crate::interrupt::Stop;
 use crate::screen::{alert, out, say};
-use crate::shown::{self, is_run};
+use crate::shown::{Source, is_run};
 use anyhow::Context;
 use hyper::Request;
 use hyper_util::rt::{TokioIo, TokioTimer};
@@ -78,12 +78,13 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
 
 /// The `.4dgs` that is sent.
 fn scene(source: &Path, clip: &ClipArgs) -> anyhow::Result<Scene> {
-    if let Some(bytes) = clip.as_it_is(source)? {
+    let source = Source::open(source)?;
+    if let Some(bytes) = clip.as_it_is(&source)? {
         return Ok(Scene::new(bytes.into()));
     }
-    let splats = shown::open(source)?.splats;
-    say!("{}: put into a .4dgs", source.display());
-    Ok(Scene::new(clip.bytes(source, &splats)?.into()))
+    let splats = source.scene(None)?.splats;
+    say!("{}: put into a .4dgs", source.path.display());
+    Ok(Scene::new(clip.bytes(&source, &splats)?.into()))
 }
 
 /// A server of a training in this process, which ends with it.

@@ -1,7 +1,7 @@
 //! Gaussians of ours as a `.4dgs`.
 
 use super::grades::Grades;
-use super::harmonics::{Eyes, HALF_STEP};
+use super::harmonics::{HALF_STEP, Viewpoints};
 use super::{Clock, RECORD, Sounds, VIEWS};
 use crate::error::{Error, Result};
 use crate::scene::decode::SH_C0;
@@ -96,10 +96,10 @@ impl Encoded {
 
     /// Gaussians whose colour is off by more than 2 levels of 255, root mean square, as `views` see them, at the finest grades.
     pub fn n_off(&self, views: &[View]) -> usize {
-        let (eyes, k) = (Eyes::new(views), self.set.sh_coefficients + 1);
+        let (viewpoints, k) = (Viewpoints::new(views), self.set.sh_coefficients + 1);
         let is_off = |(place, coefficients): &(&[f32], &[[f32; 3]])| {
             let place = std::array::from_fn(|axis| f64::from(place[axis]));
-            let rounded = eyes.round(place, coefficients, &Grades::default());
+            let rounded = viewpoints.round(place, coefficients, &Grades::default());
             rounded.is_seen && rounded.off > OFF
         };
         self.set.positions.chunks_exact(3).zip(self.sh.chunks_exact(k)).filter(is_off).count()
@@ -107,7 +107,7 @@ impl Encoded {
 
     /// The Gaussians with the colours that `grades` allows, as `views` see them.
     fn colored(&self, views: &[View], grades: &Grades) -> GaussianSet {
-        let (mut set, eyes, k) = (self.set.clone(), Eyes::new(views), self.set.sh_coefficients + 1);
+        let (mut set, viewpoints, k) = (self.set.clone(), Viewpoints::new(views), self.set.sh_coefficients + 1);
         // The crate's writer tells of the bands that it is given, also of those that it leaves out.
         set.sh_degree = grades.degree(set.sh_degree);
         let stored = (usize::from(set.sh_degree) + 1).pow(2);
@@ -115,7 +115,7 @@ impl Encoded {
         let mut bytes = Vec::with_capacity(3 * set.sh_coefficients * set.count());
         for (i, coefficients) in self.sh.chunks_exact(k).enumerate() {
             let place = std::array::from_fn(|axis| f64::from(set.positions[3 * i + axis]));
-            let rounded = eyes.round(place, coefficients, grades);
+            let rounded = viewpoints.round(place, coefficients, grades);
             set.colors[4 * i..4 * i + 3].copy_from_slice(&rounded.base.map(|c| c as f32));
             (0..3).for_each(|channel| bytes.extend(rounded.bytes[1..stored].iter().map(|harmonic| harmonic[channel])));
         }

@@ -8,6 +8,7 @@
 
 use super::Grades;
 use crate::scene::View;
+use crate::scene::capture::camera_center;
 use crate::scene::decode::SH_C0;
 use fourdgs::quantization::{SH_QUANT_HI, SH_QUANT_LO, quantize_sh, sh_coefficient};
 use std::f64::consts::PI;
@@ -37,15 +38,15 @@ pub(super) struct Rounded {
     pub(super) is_seen: bool,
 }
 
-/// Places that Gaussians are seen from.
-pub(super) struct Eyes<'a> {
+/// Where Gaussians are seen from.
+pub(super) struct Viewpoints<'a> {
     views: &'a [View],
     centers: Vec<[f64; 3]>,
 }
 
-impl<'a> Eyes<'a> {
+impl<'a> Viewpoints<'a> {
     pub(super) fn new(views: &'a [View]) -> Self {
-        Eyes { views, centers: views.iter().map(center).collect() }
+        Viewpoints { views, centers: views.iter().map(|view| camera_center(&view.world_to_camera)).collect() }
     }
 
     /// Base colours and harmonics on the format's grids that look like the `coefficients` of a Gaussian at `place`.
@@ -145,12 +146,6 @@ fn factor(norm: &Factor, order: &[usize; K], k: usize) -> Factor {
         }
     }
     l
-}
-
-/// Where a view looks from.
-fn center(view: &View) -> [f64; 3] {
-    let m = &view.world_to_camera;
-    std::array::from_fn(|axis| -(0..3).map(|row| m[row][axis] * m[row][3]).sum::<f64>())
 }
 
 /// Whether a place is within a view's picture.
