@@ -3,14 +3,25 @@
 use crate::interrupt::Stop;
 use crate::progress::Progress;
 use crate::screen::out;
-use ivv::profile::quantile;
-use ivv::scene::View;
-use ivv::stage::{Outputs, Renderer};
+use ivv::profile::{median, quantile};
+use ivv::scene::{Splats, View};
+use ivv::stage::{Destination, Outputs, Renderer};
+use std::collections::BTreeMap;
 use std::time::Instant;
 
-/// What frames took.
+/// The distance of two eyes, by that of the middle of the scene: 6 cm at 2.4 m.
+const EYES: f64 = 1.0 / 40.0;
+/// What is measured: in JSON, and in the table.
+const KINDS: [(&str, &str); 4] = [
+    ("drawn", "stays on the device"),
+    ("read_back", "read back to the host"),
+    ("stereo", "two eyes, shared"),
+    ("two_views", "two eyes, apart"),
+];
+
+/// What frames, or pairs of them for two eyes, took.
 #[derive(serde::Serialize)]
-pub struct Rate {
+struct Rate {
     /// Of the mean time.
     frames_per_second: f64,
     /// Half of the frames took less, 95 and 99 in 100; milliseconds.
@@ -24,10 +35,9 @@ pub struct Rate {
 pub struct Bench {
     /// Frames of each kind.
     frames: usize,
-    /// Of frames that stay on the device.
-    drawn: Rate,
-    /// Of frames that are read back to the host.
-    read_back: Rate,
+    /// In the order of [`KINDS`].
+    #[serde(flatten)]
+    rates: BTreeMap<&'static str, Rate>,
 }
 
 impl Rate {
@@ -39,40 +49,76 @@ impl Rate {
 }
 
 impl Bench {
-    /// Renders `views`, at least one, in turn for so many seconds and at least once each; every other frame is read back.
+    /// Renders `views`, at least one, of `splats` in turn for so many seconds and at least once each, the kinds by turns.
     pub fn new(
         renderer: &mut Renderer,
+        splats: &Splats,
         views: &[View],
         outputs: Outputs,
         seconds: f64,
         stop: &Stop,
     ) -> ivv::Result<Self> {
+        let middle = middle(splats);
+        let eyes: Vec<[View; 2]> = views.iter().map(|view| eyes(view, middle)).collect();
         // Kernels are compiled at their first dispatch, and lists grow to their size.
-        for view in views {
-            renderer.draw(view, outputs)?;
+        for [first, second] in &eyes {
+            renderer.stereo([first, second], outputs, Destination::Device)?;
         }
-        let (mut drawn, mut read_back) = (Vec::new(), Vec::new());
+        let mut times: [Vec<f64>; KINDS.len()] = Default::default();
         let mut progress = Progress::passing("bench", views.len());
         let begun = Instant::now();
-        while drawn.len() < views.len() || (begun.elapsed().as_secs_f64() < seconds && !stop.is_asked()) {
-            let view = &views[drawn.len() % views.len()];
-            let at = Instant::now();
-            renderer.draw(view, outputs)?;
-            drawn.push(at.elapsed().as_secs_f64());
-            let at = Instant::now();
-            renderer.render(view, outputs)?;
-            read_back.push(at.elapsed().as_secs_f64());
-            progress.reach(drawn.len(), drawn.len().max(views.len()), "frames");
+        while times[0].is_empty() || (begun.elapsed().as_secs_f64() < seconds && !stop.is_asked()) {
+            for (kind, destination) in [Destination::Device, Destination::Host].into_iter().enumerate() {
+                let mut last = Instant::now();
+                renderer.stream(views.iter().cloned(), outputs, destination, |_, _, _| {
+                    times[kind].push(last.elapsed().as_secs_f64());
+                    last = Instant::now();
+                    ivv::Result::Ok(true)
+                })?;
+            }
+            for [first, second] in &eyes {
+                let last = Instant::now();
+                renderer.stereo([first, second], outputs, Destination::Device)?;
+                times[2].push(last.elapsed().as_secs_f64());
+                let last = Instant::now();
+                let pictures = [first, second].map(|eye| renderer.begin(eye, outputs, Destination::Device));
+                for picture in pictures {
+                    renderer.end(picture?)?;
+                }
+                times[3].push(last.elapsed().as_secs_f64());
+            }
+            progress.reach(times[0].len(), times[0].len(), "frames");
         }
-        Ok(Bench { frames: drawn.len(), drawn: Rate::of(&drawn), read_back: Rate::of(&read_back) })
+        let rates = KINDS.iter().zip(&times).map(|((kind, _), times)| (*kind, Rate::of(times))).collect();
+        Ok(Bench { frames: times[0].len(), rates })
     }
 
     /// Prints it as a table.
     pub fn print(&self) {
         out!("{:<22} {:>9} {:>10} {:>9} {:>9}", "", "frames/s", "median, ms", "95 %", "99 %");
-        for (name, rate) in [("stays on the device", &self.drawn), ("read back to the host", &self.read_back)] {
-            let Rate { frames_per_second, median_ms, p95_ms, p99_ms } = rate;
+        for (kind, name) in KINDS {
+            let Some(Rate { frames_per_second, median_ms, p95_ms, p99_ms }) = self.rates.get(kind) else { continue };
             out!("{name:<22} {frames_per_second:>9.1} {median_ms:>10.2} {p95_ms:>9.2} {p99_ms:>9.2}");
         }
     }
+}
+
+/// The median of the Gaussians' places, by axis.
+fn middle(splats: &Splats) -> [f64; 3] {
+    std::array::from_fn(|axis| {
+        let along: Vec<f64> = splats.position.iter().map(|p| f64::from(p[axis])).filter(|x| x.is_finite()).collect();
+        if along.is_empty() { 0.0 } else { median(&along) }
+    })
+}
+
+/// Two eyes beside each other where `view` looks from, as far apart as suits a scene with this middle.
+fn eyes(view: &View, middle: [f64; 3]) -> [View; 2] {
+    let m = &view.world_to_camera;
+    let along = |row: &[f64; 4]| row[3] + (0..3).map(|axis| row[axis] * middle[axis]).sum::<f64>();
+    let distance = m[..3].iter().map(|row| along(row).powi(2)).sum::<f64>().sqrt();
+    [0.5, -0.5].map(|side| {
+        let mut eye = view.clone();
+        eye.world_to_camera[0][3] += side * EYES * distance;
+        eye
+    })
 }

@@ -17,10 +17,11 @@ use ivv::sound::pose::{Pose, PoseTrack};
 use ivv::sound::render::{RenderConfig, Rendered, render};
 use ivv::sound::scene_file::SoundScene;
 use ivv::sound::wav::{Depth, write};
-use ivv::stage::{Outputs, Renderer};
+use ivv::stage::{Destination, Outputs, Renderer};
 use ivv::video::{Made, Video, VideoSettings};
 use ivv::words::count;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::Instant;
 
 /// Frames per second where nothing says.
@@ -292,22 +293,21 @@ pub fn run(film: &Film, args: &PathArgs, shown: Shown, studio: &Studio, json: bo
     make_folder(output.parent().context("-o must name a video file")?)?;
     let (sound, report) = sound(args, film, output)?;
     let gpu = device.open()?;
-    let mut renderer = Renderer::new(gpu, &splats, constants)?;
-    drop(splats);
+    let mut renderer = Renderer::of_clip(gpu, Arc::new(splats), constants)?;
     let settings = VideoSettings { width: film.size.0, height: film.size.1, fps: film.fps, sound };
     let mut video = Video::create(output, settings)?;
     let mut progress = Progress::new("frame", film.n_frames);
     let start = Instant::now();
-    for index in 0..film.n_frames {
+    let views = (0..film.n_frames).map(|index| film.view(index));
+    renderer.stream(views, Outputs::Color, Destination::Host, |view, frame, report| -> anyhow::Result<bool> {
         if stop.is_asked() {
             return Err(Interrupted("no video was written").into());
         }
-        let view = film.view(index);
-        let (frame, report) = renderer.render(&view, Outputs::Color)?;
-        check_finite(&frame, &view)?;
+        check_finite(&frame, view)?;
         video.push(&frame)?;
         progress.step(&format!("{}, {} Gaussians", view.name, report.gaussians));
-    }
+        Ok(true)
+    })?;
     let made = video.finish()?;
     let seconds = start.elapsed().as_secs_f64();
     if json {

@@ -30,7 +30,7 @@ row 36, the gradient of tau instead of log tau|shaders-glsl/project/project_bwd.
 row 37, 1 over tau overflows|shaders-glsl/include/temporal.glsl|s/exp(min(-t_scale, 80.0))/exp(-t_scale)/|n12
 row 39, t_center without what rounding lost|shaders-glsl/include/adam.glsl|s/residual = lost;/residual = 0.0;/|n13
 flow without the motion along the ray|shaders-glsl/project/project.comp|s/v_cam.xy - uv \* v_cam.z/v_cam.xy/|n14
-row 48, a scene that stays far from zero|engine/stage/scene.rs|s/let origin = far_origin(splats);/let origin = [0.0; 3];/|n15
+row 48, a scene that stays far from zero|engine/stage/scene.rs|s/limit, far_origin(splats))/limit, [0.0; 3])/|n15
 directions whose squares overflow|shaders-glsl/include/camera.glsl|s/const vec3 scaled = d \/ largest;/const vec3 scaled = d;/|n16
 fx taken for fy|shaders-glsl/project/project.comp|s/const vec3 a1 = f_z.y \*/const vec3 a1 = f_z.x */|n17
 pictures cut to whole tiles|shaders-glsl/cull/cull.comp|s/vec2(float(view.width),/vec2(float(view.width \/ 16u * 16u),/|n18

@@ -164,15 +164,15 @@ fn scene(args: &Args, subject: &Path, output: &Path, gpu: &Arc<Gpu>, json: bool)
     let mut progress = Progress::new("profile", args.samples as usize);
     // Kernels are compiled at their first dispatch, and lists grow to their size.
     for view in views.iter().cycle().take((args.warm_up as usize).clamp(1, views.len())) {
-        renderer.render(view, Outputs::Color)?;
+        renderer.draw(view, Outputs::Color)?;
     }
     let start = Instant::now();
     for view in views.iter().cycle().take(args.samples as usize) {
         let begun = Instant::now();
-        renderer.render(view, Outputs::Color)?;
+        renderer.draw(view, Outputs::Color)?;
         measured.plain.push(1e3 * begun.elapsed().as_secs_f64());
         let begun = Instant::now();
-        let (_, report) = renderer.profile(view, Outputs::Color)?;
+        let report = renderer.profile(view, Outputs::Color)?;
         let seconds = begun.elapsed().as_secs_f64() - report.counting_s;
         measured.timed.push(1e3 * seconds);
         let begin = (begun - start).as_secs_f64();

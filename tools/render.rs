@@ -13,11 +13,12 @@ use crate::views::{ViewArgs, clip_time};
 use anyhow::Context;
 use ivv::scene::{FourDgs, Frame, View};
 use ivv::sound::rig::Rig;
-use ivv::stage::{FrameReport, Outputs, Renderer};
+use ivv::stage::{Destination, FrameReport, Outputs, Renderer};
 use ivv::train::Run;
 use ivv::words::count;
 use ivv::{Constants, Knobs, TileBound};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::Instant;
 
 /// Options of `ivv render`.
@@ -52,8 +53,9 @@ pub struct Args {
     /// Print the time of every pass, its share, and its speed against a model of lavapipe.
     #[arg(long, conflicts_with = "film")]
     profile: bool,
-    /// Writes nothing: renders the views in turn for so many seconds, and tells frames per second and percentiles of their times,
-    /// of frames that stay on the device and of such that are read back.
+    /// Writes nothing: renders the views in turn for so many seconds, each while the host is busy with the one before, and tells
+    /// frames per second and percentiles of their times: of frames that stay on the device and of such that are read back, and
+    /// of pairs for two eyes that share culling and the sort by depth and that share nothing.
     #[arg(long, value_name = "SECONDS", num_args = 0..=1, default_missing_value = "5", conflicts_with_all = ["film", "profile", "output"])]
     bench: Option<f64>,
     #[command(flatten)]
@@ -292,17 +294,16 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let shown = source.scene(args.time)?;
     let constants = constants_over(shown.constants.unwrap_or(of_scene))?;
     within_clip(args.cameras.as_deref().unwrap_or(path), &shown, &views)?;
-    let splats = shown.splats.by_degree();
+    let splats = Arc::new(shown.splats.by_degree());
     args.output.as_deref().map_or(Ok(()), make_folder)?;
     let gpu = args.device.open()?;
-    let mut renderer = Renderer::new(gpu.clone(), &splats, constants)?;
-    drop(splats);
+    let mut renderer = Renderer::of_clip(gpu.clone(), splats.clone(), constants)?;
 
     let outputs = if args.format.iter().all(|f| *f == Format::Png) { Outputs::Color } else { Outputs::All };
     let Some(output) = &args.output else {
         anyhow::ensure!(!views.is_empty(), "--bench: expected views to render, found none");
         let seconds = args.bench.unwrap_or_default();
-        let bench = Bench::new(&mut renderer, &views, outputs, seconds, &stop)?;
+        let bench = Bench::new(&mut renderer, &splats, &views, outputs, seconds, &stop)?;
         if json {
             let report = serde_json::json!({ "device": gpu.caps(), "constants": constants, "bench": bench });
             out!("{}", serde_json::to_string_pretty(&report)?);
@@ -311,20 +312,12 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         }
         return Ok(());
     };
+    let profiled = if args.profile { profile(&mut renderer, &views, outputs, &stop)? } else { Vec::new() };
     let mut progress = Progress::new("view", views.len());
     let mut reports = Vec::new();
-    for view in &views {
-        if stop.is_asked() {
-            return Err(Interrupted("the files written so far are complete").into());
-        }
-        if args.profile && reports.is_empty() {
-            // Kernels are compiled at their first dispatch, and lists grow to their size.
-            renderer.render(view, outputs)?;
-        }
-        let start = Instant::now();
-        let (frame, report) =
-            if args.profile { renderer.profile(view, outputs)? } else { renderer.render(view, outputs)? };
-        let seconds = start.elapsed().as_secs_f64();
+    let mut begun = Instant::now();
+    renderer.stream(views.iter().cloned(), outputs, Destination::Host, |view, frame, report| {
+        let seconds = begun.elapsed().as_secs_f64();
         check_finite(&frame, view)?;
         for format in &args.format {
             format.write(&frame, output, view)?;
@@ -341,9 +334,11 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
             width: view.width,
             height: view.height,
             seconds,
-            frame: report,
+            frame: profiled.get(reports.len()).cloned().unwrap_or(report),
         });
-    }
+        begun = Instant::now();
+        if stop.is_asked() && reports.len() < views.len() { Err(interrupted()) } else { Ok(true) }
+    })?;
     let bad = reports.iter().map(|r| r.frame.bad_gaussians).max().unwrap_or(0);
     if bad > 0 {
         alert!("{} not drawn: their parameters are not finite", count(bad, "Gaussian"));
@@ -363,6 +358,20 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         out!("peak of device buffers: {:.1} MiB", peak_bytes as f64 / f64::from(1 << 20));
     }
     Ok(())
+}
+
+/// What the passes of every view take.
+fn profile(renderer: &mut Renderer, views: &[View], outputs: Outputs, stop: &Stop) -> anyhow::Result<Vec<FrameReport>> {
+    // Kernels are compiled at their first dispatch, and lists grow to their size.
+    views.first().map(|view| renderer.draw(view, outputs)).transpose()?;
+    let profiled = views
+        .iter()
+        .map(|view| if stop.is_asked() { Err(interrupted()) } else { Ok(renderer.profile(view, outputs)?) });
+    profiled.collect()
+}
+
+fn interrupted() -> anyhow::Error {
+    Interrupted("the files written so far are complete").into()
 }
 
 /// Prints what the views had to do, on average.

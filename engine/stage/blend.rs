@@ -82,6 +82,11 @@ impl Blend {
         })
     }
 
+    /// The images, in the order of their numbers.
+    pub fn images(&self) -> Vec<Buf<[f32; 4]>> {
+        [&self.image0].into_iter().chain(&self.image1).cloned().collect()
+    }
+
     /// Pixels that each lane blends.
     pub fn pixels_per_lane(&self) -> u32 {
         self.pixels_per_lane

@@ -34,6 +34,11 @@ impl Strip {
     }
 }
 
+/// The normalised time that a view shows.
+pub(super) fn moment(view: &View) -> f64 {
+    view.time + view.time_offset * view.flow_dt
+}
+
 /// Parameters of `strip` of `view` for a scene whose positions were shifted by `-origin`.
 pub fn view_params(view: &View, constants: &Constants, origin: [f64; 3], strip: Strip) -> ViewParams {
     let m = &view.world_to_camera;
@@ -70,7 +75,7 @@ pub fn view_params(view: &View, constants: &Constants, origin: [f64; 3], strip: 
         next0,
         next1,
         next2,
-        time: (view.time + view.time_offset * view.flow_dt) as f32,
+        time: moment(view) as f32,
         near: constants.near,
         blur: constants.blur,
         alpha_min: constants.alpha_min,

@@ -1,17 +1,19 @@
 //! The renderer: one frame from a view, in strips where a device's bindings are shorter than the picture, replayed with
 //! more room where it overflows.
 
-use super::backward::{Accumulation, Backward, Target};
-use super::blend::{Blend, Outputs, Purpose, SEGMENT};
+use super::backward::Accumulation;
+use super::blend::{Outputs, Purpose, SEGMENT};
 use super::counters::{Counters, PassReport, add_passes};
 use super::fisher::{Census, Fisher, Response};
 use super::gradients::Gradients;
-use super::params::{Strip, TILE, view_params};
+use super::launch::{Destination, Job, Landed, Launched};
+use super::params::{Strip, TILE, moment, view_params};
 use super::scene::SceneBuffers;
+use super::stereo::SecondEye;
+use super::window::Windows;
 use super::workspace::{Room, Verdict, Workspace, max_active};
 use crate::error::{Error, Result};
-use crate::gpu::generated::Status;
-use crate::gpu::{Dispatch, Gpu, PassTime, Recording};
+use crate::gpu::{Dispatch, Gpu, PassTime, Recording, Slice};
 use crate::scene::{Frame, Splats, View};
 use crate::settings::Constants;
 use std::sync::Arc;
@@ -20,7 +22,7 @@ use std::time::Instant;
 /// Numbers that belong to a frame.
 #[derive(Clone, Debug, Default, serde::Serialize)]
 pub struct FrameReport {
-    /// Gaussians of the scene.
+    /// Gaussians on the device: of the scene, or of a clip those that live near the view's time.
     pub gaussians: u64,
     /// In the view's time and frustum; summed over strips.
     pub active: u64,
@@ -55,11 +57,26 @@ pub struct FrameReport {
 
 /// Renders views of one scene.
 pub struct Renderer {
-    gpu: Arc<Gpu>,
-    scene: SceneBuffers,
-    constants: Constants,
-    work: Option<Workspace>,
-    room: Room,
+    pub(super) gpu: Arc<Gpu>,
+    pub(super) scene: SceneBuffers,
+    pub(super) constants: Constants,
+    pub(super) work: Option<Workspace>,
+    pub(super) room: Room,
+    /// Slices of the host's memory that were copied to and are free again.
+    pub(super) spare: Vec<Slice>,
+    /// What the second of two eyes has of its own.
+    pub(super) second: Option<SecondEye>,
+    /// Where only what lives near a view's time is on the device.
+    pub(super) windows: Option<Windows>,
+}
+
+/// A picture that the device works on, see [`Renderer::begin`].
+pub struct Picture {
+    pub(super) view: View,
+    pub(super) outputs: Outputs,
+    pub(super) destination: Destination,
+    /// None where it does not fit one strip: those follow one another.
+    pub(super) launched: Option<Launched>,
 }
 
 impl Renderer {
@@ -70,7 +87,11 @@ impl Renderer {
     pub fn new(gpu: Arc<Gpu>, splats: &Splats, constants: Constants) -> Result<Self> {
         let constants = constants.knobs.on(constants);
         let scene = SceneBuffers::upload(&gpu, splats, &constants, Purpose::Picture)?;
-        let active = scene.n.clamp(1, max_active(&gpu));
+        Ok(Self::of_scene(gpu, scene, constants, None))
+    }
+
+    pub(super) fn of_scene(gpu: Arc<Gpu>, scene: SceneBuffers, constants: Constants, windows: Option<Windows>) -> Self {
+        let active = room_for(&gpu, &scene);
         let room = Room {
             active,
             intersections: active.saturating_mul(2).max(1 << 16),
@@ -82,7 +103,7 @@ impl Renderer {
             camera: false,
             depth_bits: constants.knobs.depth_bits,
         };
-        Ok(Renderer { gpu, scene, constants, work: None, room })
+        Renderer { gpu, scene, constants, work: None, room, spare: Vec::new(), second: None, windows }
     }
 
     /// The device.
@@ -102,7 +123,8 @@ impl Renderer {
     /// [`Error::OutOfMemory`] when a single row of tiles exceeds a limit of the device, naming it;
     /// [`Error::DeviceLost`] with the last pass.
     pub fn render(&mut self, view: &View, outputs: Outputs) -> Result<(Frame, FrameReport)> {
-        self.render_with(view, outputs, false)
+        let picture = self.begin(view, outputs, Destination::Host)?;
+        self.end(picture)
     }
 
     /// As [`Renderer::render`], but the picture stays on the device.
@@ -110,15 +132,73 @@ impl Renderer {
     /// # Errors
     /// As [`Renderer::render`].
     pub fn draw(&mut self, view: &View, outputs: Outputs) -> Result<FrameReport> {
-        self.strips(view, outputs, None, false, |_, _, _| Ok(()))
+        let picture = self.begin(view, outputs, Destination::Device)?;
+        Ok(self.end(picture)?.1)
     }
 
-    /// As [`Renderer::render`], with the time of every pass in the report.
+    /// As [`Renderer::draw`], with the time of every pass in the report.
     ///
     /// # Errors
     /// As [`Renderer::render`].
-    pub fn profile(&mut self, view: &View, outputs: Outputs) -> Result<(Frame, FrameReport)> {
-        self.render_with(view, outputs, true)
+    pub fn profile(&mut self, view: &View, outputs: Outputs) -> Result<FrameReport> {
+        let job = Job { view, outputs, destination: Destination::Device, cotangents: None, timed: true };
+        self.strips(&job, None, |_, _, _| Ok(()))
+    }
+
+    /// Renders `views` one after the other, each while the host is busy with the one before: `done` has a view, its picture
+    /// (empty where it stays on the device) and report, and says whether to go on.
+    ///
+    /// # Errors
+    /// As [`Renderer::render`]; those of `done`.
+    pub fn stream<E: From<Error>>(
+        &mut self,
+        views: impl IntoIterator<Item = View>,
+        outputs: Outputs,
+        destination: Destination,
+        mut done: impl FnMut(&View, Frame, FrameReport) -> std::result::Result<bool, E>,
+    ) -> std::result::Result<(), E> {
+        let mut views = views.into_iter();
+        let mut last: Option<Picture> = None;
+        loop {
+            let next = views.next().map(|view| self.begin(&view, outputs, destination)).transpose()?;
+            if let Some(picture) = last {
+                let view = picture.view.clone();
+                let (frame, report) = self.end(picture)?;
+                if !done(&view, frame, report)? {
+                    return Ok(());
+                }
+            }
+            if next.is_none() {
+                return Ok(());
+            }
+            last = next;
+        }
+    }
+
+    /// Hands a picture to the device and does not wait for it.
+    ///
+    /// # Errors
+    /// As [`Renderer::render`].
+    pub fn begin(&mut self, view: &View, outputs: Outputs, destination: Destination) -> Result<Picture> {
+        let job = Job { view, outputs, destination, cotangents: None, timed: false };
+        let fits = self.longest_strip(view)? >= view.height;
+        let launched = if fits { Some(self.launch(&job, Strip::whole(view), 1)?) } else { None };
+        Ok(Picture { view: view.clone(), outputs, destination, launched })
+    }
+
+    /// Waits for a picture.
+    ///
+    /// # Errors
+    /// As [`Renderer::render`].
+    pub fn end(&mut self, picture: Picture) -> Result<(Frame, FrameReport)> {
+        let Picture { view, outputs, destination, launched } = picture;
+        let job = Job { view: &view, outputs, destination, cotangents: None, timed: false };
+        let mut frame = Frame { width: view.width, height: view.height, ..Frame::default() };
+        let report = self.strips(&job, launched, |_, _, landed| {
+            append(&mut frame, &landed.images);
+            Ok(())
+        })?;
+        Ok((frame, report))
     }
 
     /// As [`Renderer::render`], but gives the frame's first dispatch of a kernel, with what it worked on. The picture is of
@@ -128,7 +208,7 @@ impl Renderer {
     /// As [`Renderer::render`]; [`Error::OutOfMemory`] when one strip does not hold the picture.
     pub fn capture(&mut self, view: &View, outputs: Outputs, kernel: &str) -> Result<Option<Dispatch>> {
         // Lists grow to their size.
-        let (_, report) = self.render(view, outputs)?;
+        let report = self.draw(view, outputs)?;
         if report.strips > 1 {
             return Err(Error::OutOfMemory {
                 what: format!("view `{}` in one strip (strips)", view.name),
@@ -164,7 +244,15 @@ impl Renderer {
     pub fn vjp(&mut self, view: &View, cotangents: &Frame) -> Result<(Gradients, FrameReport)> {
         let gpu = self.gpu.clone();
         let mut gradients = Gradients::default();
-        let report = self.strips(view, Outputs::All, Some(cotangents), false, |scene, work, _| {
+        self.fill()?;
+        let job = Job {
+            view,
+            outputs: Outputs::All,
+            destination: Destination::Device,
+            cotangents: Some(cotangents),
+            timed: false,
+        };
+        let report = self.strips(&job, None, |scene, work, _| {
             let Some(backward) = &work.backward else { return Ok(()) };
             let strip = scene.download(&gpu, backward.gradients.iter())?;
             let n_bad = gpu.read(&backward.n_bad)?.first().copied().unwrap_or(0);
@@ -178,7 +266,8 @@ impl Renderer {
     ///
     /// # Errors
     /// [`Error::OutOfMemory`] naming the buffer that does not fit.
-    pub fn census(&self, cameras: &[[f64; 3]]) -> Result<Census> {
+    pub fn census(&mut self, cameras: &[[f64; 3]]) -> Result<Census> {
+        self.fill()?;
         Census::new(&self.gpu, &self.scene, cameras)
     }
 
@@ -195,7 +284,7 @@ impl Renderer {
         errors: impl FnOnce(Frame) -> Frame,
     ) -> Result<()> {
         let gpu = self.gpu.clone();
-        let time = view.time + view.time_offset * view.flow_dt;
+        let time = moment(view);
         let mut frame = Frame { width: view.width, height: view.height, ..Frame::default() };
         let add = |fisher: &Fisher, scene: &SceneBuffers, work: &Workspace| {
             let Some(backward) = &work.backward else { return Ok(()) };
@@ -203,13 +292,20 @@ impl Renderer {
             fisher.record(&mut rec, scene, &backward.gradients, time);
             gpu.run(&rec)
         };
-        self.strips(view, Outputs::Color, Some(signs), false, |scene, work, strip| {
-            append(&mut frame, &gpu, &work.blend, (view.width * strip.n_rows) as usize)?;
+        let job = Job {
+            view,
+            outputs: Outputs::Color,
+            destination: Destination::Host,
+            cotangents: Some(signs),
+            timed: false,
+        };
+        self.strips(&job, None, |scene, work, landed| {
+            append(&mut frame, &landed.images);
             add(&census.information, scene, work)
         })?;
-        self.strips(view, Outputs::Color, Some(&errors(frame)), false, |scene, work, _| {
-            add(&census.slope, scene, work)
-        })?;
+        let cotangents = errors(frame);
+        let job = Job { destination: Destination::Device, cotangents: Some(&cotangents), ..job };
+        self.strips(&job, None, |scene, work, _| add(&census.slope, scene, work))?;
         Ok(())
     }
 
@@ -229,41 +325,22 @@ impl Renderer {
         Ok((census.information.read(&self.gpu, &self.scene)?, census.slope.read(&self.gpu, &self.scene)?))
     }
 
-    fn render_with(&mut self, view: &View, outputs: Outputs, timed: bool) -> Result<(Frame, FrameReport)> {
-        let gpu = self.gpu.clone();
-        let mut frame = Frame { width: view.width, height: view.height, ..Frame::default() };
-        let mut read_back_s = 0.0;
-        let report = self.strips(view, outputs, None, timed, |_, work, strip| {
-            let begun = Instant::now();
-            append(&mut frame, &gpu, &work.blend, (view.width * strip.n_rows) as usize)?;
-            read_back_s += begun.elapsed().as_secs_f64();
-            Ok(())
-        })?;
-        Ok((frame, FrameReport { read_back_s, ..report }))
-    }
-
-    /// Runs `view` strip by strip, with the backward pass of `cotangents` if there are any, and hands each finished
-    /// strip to `done`.
+    /// Runs `job` strip by strip, of which the first may have been launched, and hands each finished strip to `done`.
     fn strips(
         &mut self,
-        view: &View,
-        outputs: Outputs,
-        cotangents: Option<&Frame>,
-        timed: bool,
-        mut done: impl FnMut(&SceneBuffers, &Workspace, Strip) -> Result<()>,
+        job: &Job,
+        mut launched: Option<Launched>,
+        mut done: impl FnMut(&SceneBuffers, &Workspace, &Landed) -> Result<()>,
     ) -> Result<FrameReport> {
-        let mut report = FrameReport {
-            gaussians: u64::from(self.scene.n),
-            bad_gaussians: u64::from(self.scene.n_bad),
-            ..FrameReport::default()
-        };
+        let view = job.view;
+        let mut report = FrameReport::default();
         let mut strip_rows = self.longest_strip(view)?;
         let mut first_row = 0;
         while first_row < view.height {
             let strip = Strip { first_row, n_rows: strip_rows.min(view.height - first_row) };
-            if self.strip(view, strip, outputs, cotangents, timed, &mut report)? {
+            if let Some(landed) = self.strip(job, strip, launched.take(), &mut report)? {
                 if let Some(work) = &self.work {
-                    done(&self.scene, work, strip)?;
+                    done(&self.scene, work, &landed)?;
                 }
                 first_row += strip.n_rows;
             } else {
@@ -275,7 +352,7 @@ impl Renderer {
     }
 
     /// The most rows, whole tiles, whose images fit a binding.
-    fn longest_strip(&self, view: &View) -> Result<u32> {
+    pub(super) fn longest_strip(&self, view: &View) -> Result<u32> {
         let row_bytes = 16 * u64::from(view.width);
         let limit = self.gpu.caps().max_binding_bytes;
         let rows = limit / row_bytes / u64::from(TILE) * u64::from(TILE);
@@ -291,58 +368,32 @@ impl Renderer {
         Ok(rows.min(whole) as u32)
     }
 
-    /// Runs one strip in the workspace; `false` when its lists do not fit a binding and those of fewer rows might.
+    /// Runs one strip in the workspace; none when its lists do not fit a binding and those of fewer rows might.
     fn strip(
         &mut self,
-        view: &View,
+        job: &Job,
         strip: Strip,
-        outputs: Outputs,
-        cotangents: Option<&Frame>,
-        timed: bool,
+        mut launched: Option<Launched>,
         report: &mut FrameReport,
-    ) -> Result<bool> {
-        let (tiles_x, tiles_y) = strip.tiles(view);
-        let n_tiles = tiles_x * tiles_y;
-        self.room.tiles = self.room.tiles.max(n_tiles);
-        self.room.pixels = self.room.pixels.max((view.width * strip.n_rows) as usize);
-        self.room.outputs = outputs;
-        self.room.purpose = if cotangents.is_some() { Purpose::Gradient } else { Purpose::Picture };
-        let limit = self.room.max_intersections(&self.gpu);
-        self.room.intersections = self.room.intersections.min(limit);
-        let params = view_params(view, &self.constants, self.scene.origin, strip);
+    ) -> Result<Option<Landed>> {
         let mut rounds = 1;
         loop {
-            let work = Workspace::fit(&mut self.work, &self.gpu, &self.scene, self.room)?;
-            self.gpu.write(&work.view, &[params])?;
-            if let (Some(cotangents), Some(backward)) = (cotangents, &work.backward) {
-                write_cotangents(&self.gpu, backward, cotangents, view, strip)?;
-            }
-            let mut rec = Recording::new();
-            let lists = work.record_forward(&mut rec, &self.scene, n_tiles, rounds, |_| ());
-            let n_pixels = view.width * strip.n_rows;
-            work.record_backward(&mut rec, &self.scene, &lists, n_tiles, n_pixels, rounds, &Target::Gradients);
-            let times = if timed {
-                self.gpu.run_timed(&rec)?
-            } else {
-                self.gpu.run(&rec)?;
-                Vec::new()
-            };
-            let status = self.gpu.read(&work.status)?.first().copied().unwrap_or_default();
-            let verdict = work.verdict(&self.gpu, &status, rounds);
-            match verdict {
+            let launched = launched.take().map_or_else(|| self.launch(job, strip, rounds), Ok)?;
+            let landed = self.land(&launched)?;
+            match landed.verdict {
                 Verdict::Complete => {}
                 Verdict::Replay(room, new_rounds) => {
                     report.replays += 1;
                     (self.room, rounds) = (room, new_rounds);
                     continue;
                 }
-                Verdict::TooMuch { .. } if tiles_y > 1 => {
+                Verdict::TooMuch { .. } if strip.n_rows > TILE => {
                     report.replays += 1;
-                    return Ok(false);
+                    return Ok(None);
                 }
                 Verdict::TooMuch { what, needed, limit } => {
                     return Err(Error::OutOfMemory {
-                        what: format!("view `{}`: {what} in one row of tiles", view.name),
+                        what: format!("view `{}`: {what} in one row of tiles", job.view.name),
                         needed: u64::from(needed),
                         limit: u64::from(limit),
                         remedy: "render a narrower picture, a smaller scene, or choose a device with longer bindings"
@@ -350,59 +401,64 @@ impl Renderer {
                     });
                 }
             }
-            report.add(&status, n_tiles);
-            if timed {
-                let begun = Instant::now();
-                if let Some(work) = &self.work {
-                    let counters = Counters::read(&self.gpu, work, &self.scene, &lists, n_tiles, n_pixels)?;
-                    report.passes = add_passes(std::mem::take(&mut report.passes), &rec, &times, &counters);
-                    report.counters.add(&counters);
-                    report.times.extend(times);
-                }
-                report.counting_s += begun.elapsed().as_secs_f64();
+            report.add(&launched, &landed);
+            if job.timed {
+                self.count_passes(&launched, &landed, report)?;
             }
-            return Ok(true);
+            self.retire(launched);
+            return Ok(Some(landed));
         }
+    }
+
+    /// Adds a strip's passes with their times, and what they had to do, to `report`.
+    fn count_passes(&self, launched: &Launched, landed: &Landed, report: &mut FrameReport) -> Result<()> {
+        let begun = Instant::now();
+        let Launched { recording, lists, extent, .. } = launched;
+        if let Some(work) = &self.work {
+            let counters = Counters::read(&self.gpu, work, &self.scene, lists, extent.n_tiles, extent.n_pixels)?;
+            report.passes = add_passes(std::mem::take(&mut report.passes), recording, &landed.times, &counters);
+            report.counters.add(&counters);
+            report.times.extend(landed.times.iter().cloned());
+        }
+        report.counting_s += begun.elapsed().as_secs_f64();
+        Ok(())
     }
 }
 
-/// Uploads the strip's rows of the cotangents.
-fn write_cotangents(gpu: &Gpu, backward: &Backward, c: &Frame, view: &View, strip: Strip) -> Result<()> {
-    let first = (view.width * strip.first_row) as usize;
-    let pixels = first..first + (view.width * strip.n_rows) as usize;
-    let image0: Vec<_> = pixels.clone().map(|p| [c.color[p][0], c.color[p][1], c.color[p][2], c.alpha[p]]).collect();
-    gpu.write(&backward.d_image0, &image0)?;
-    if let Some(d_image1) = &backward.d_image1 {
-        let image1: Vec<_> = pixels.map(|p| [c.depth[p], c.inverse_depth[p], c.flow[p][0], c.flow[p][1]]).collect();
-        gpu.write(d_image1, &image1)?;
-    }
-    Ok(())
+/// Active Gaussians that a scene can have at a time.
+pub(super) fn room_for(gpu: &Gpu, scene: &SceneBuffers) -> u32 {
+    scene.n.clamp(1, max_active(gpu))
 }
 
-/// Appends the strip's `n` pixels to the frame.
-fn append(frame: &mut Frame, gpu: &Gpu, blend: &Blend, n: usize) -> Result<()> {
-    for [r, g, b, alpha] in gpu.read(&blend.image0.range(0, n))? {
-        frame.color.push([r, g, b]);
-        frame.alpha.push(alpha);
+/// Appends a strip's images to the frame.
+pub(super) fn append(frame: &mut Frame, images: &[Vec<[f32; 4]>]) {
+    let [image0, image1] = std::array::from_fn(|at| images.get(at).map_or(&[][..], |image| image));
+    for [r, g, b, alpha] in image0 {
+        frame.color.push([*r, *g, *b]);
+        frame.alpha.push(*alpha);
     }
-    if let Some(image1) = &blend.image1 {
-        for [depth, inverse_depth, x, y] in gpu.read(&image1.range(0, n))? {
-            frame.depth.push(depth);
-            frame.inverse_depth.push(inverse_depth);
-            frame.flow.push([x, y]);
-        }
+    for [depth, inverse_depth, x, y] in image1 {
+        frame.depth.push(*depth);
+        frame.inverse_depth.push(*inverse_depth);
+        frame.flow.push([*x, *y]);
     }
-    Ok(())
 }
 
 impl FrameReport {
-    fn add(&mut self, status: &Status, n_tiles: u32) {
+    /// Adds a strip.
+    pub(super) fn add(&mut self, launched: &Launched, landed: &Landed) {
+        let status = &landed.status;
+        let (n, n_bad) = launched.n;
+        if self.strips == 0 {
+            (self.gaussians, self.bad_gaussians) = (n.into(), n_bad.into());
+        }
         self.active += u64::from(status.n_active);
         self.visible += u64::from(status.n_visible);
         self.intersections += u64::from(status.n_intersections);
-        self.tiles += u64::from(n_tiles);
+        self.tiles += u64::from(launched.extent.n_tiles);
         self.max_tile_list = self.max_tile_list.max(u64::from(status.max_tile_list));
         self.bad_gaussians += u64::from(status.n_bad);
         self.strips += 1;
+        self.read_back_s += landed.read_back_s;
     }
 }

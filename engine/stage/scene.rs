@@ -79,7 +79,17 @@ impl SceneBuffers {
     /// # Errors
     /// As [`SceneBuffers::upload`].
     pub fn upload_in_groups(gpu: &Gpu, splats: &Splats, constants: &Constants, limit: usize) -> Result<Self> {
-        let origin = far_origin(splats);
+        Self::upload_around(gpu, splats, constants, limit, far_origin(splats))
+    }
+
+    /// As [`SceneBuffers::upload_in_groups`], around an origin that is given.
+    pub(super) fn upload_around(
+        gpu: &Gpu,
+        splats: &Splats,
+        constants: &Constants,
+        limit: usize,
+        origin: [f64; 3],
+    ) -> Result<Self> {
         let degree = splats.sh_degree as usize;
         let has_halves = constants.knobs.sh_bits == 16;
         let (groups, n_flat) = cut(&counts(splats), limit, |slot| {
@@ -92,6 +102,27 @@ impl SceneBuffers {
         gpu.run(&rec)?;
         scene.n_bad = gpu.read(&n_bad)?.first().copied().unwrap_or(0);
         Ok(scene)
+    }
+
+    /// Takes all dynamic Gaussians out; of those that stay, `n_bad` are never drawn.
+    pub(super) fn clear_dynamic(&mut self, n_bad: u32) {
+        self.groups.retain(|group| group.params.motion.is_none());
+        self.n = self.groups.iter().map(|group| group.n).sum();
+        let end = |group: &Group| group.first + group.n.next_multiple_of(CULL_BLOCK);
+        self.n_flat = self.groups.last().map_or(0, end);
+        self.n_bad = n_bad;
+    }
+
+    /// Puts `dynamic`, which has no static Gaussians, behind the static ones of this scene.
+    pub(super) fn append_dynamic(&mut self, gpu: &Gpu, dynamic: SceneBuffers) -> Result<()> {
+        let (first, start) = (self.n_flat, self.n as usize);
+        let moved = |group: Group| Group { first: group.first + first, start: group.start + start, ..group };
+        self.groups.extend(dynamic.groups.into_iter().map(moved));
+        (self.n, self.n_bad) = (self.n + dynamic.n, self.n_bad + dynamic.n_bad);
+        self.n_flat += dynamic.n_flat;
+        let group_first: Vec<u32> = self.groups.iter().map(|group| group.first / CULL_BLOCK).collect();
+        self.group_first = gpu.upload("group starts", &group_first)?;
+        Ok(())
     }
 
     /// Groups with undefined contents for so many Gaussians of each bucket, for a scene like `other`.
@@ -443,7 +474,7 @@ impl Arrays {
 ///
 /// The median and the quartiles of the finite positions decide, so that a few wild Gaussians move nothing; the result
 /// is a multiple of a power of two above the scene's size, so that a few more or less do not either.
-fn far_origin(splats: &Splats) -> [f64; 3] {
+pub(super) fn far_origin(splats: &Splats) -> [f64; 3] {
     let mut axes: [Vec<f32>; 3] = Default::default();
     for p in splats.position.iter().filter(|p| p.iter().all(|x| x.is_finite())) {
         for (axis, x) in axes.iter_mut().zip(p) {

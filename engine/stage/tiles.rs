@@ -88,32 +88,32 @@ impl Tiles {
         Tiles { depth_bits, ..self }
     }
 
-    /// Appends the binning of `projected` into `n_tiles` tiles. A list of more than `longest` entries is reported as a
-    /// failure.
+    /// Appends the sort of `projected` by depth; gives the active indices, near to far.
+    pub fn record_order(&self, rec: &mut Recording, cull: &Cull, projected: &Projected) -> Buf<u32> {
+        rec.stage("depth sort");
+        let pairs = (&projected.depth_keys, &projected.identity);
+        let n_rounds = self.depth_bits / 8;
+        let grids = grids(&cull.args);
+        self.depth_sort.record(rec, &cull.n_active, &cull.n_digits, pairs, n_rounds, &grids).1
+    }
+
+    /// Appends the binning of `projected`, in the `order` of their depths, into `n_tiles` tiles. A list of more than `longest`
+    /// entries is reported as a failure.
     #[expect(clippy::too_many_arguments, reason = "each names a buffer or a size of the frame")]
     pub fn record(
         &self,
         rec: &mut Recording,
         cull: &Cull,
         projected: &Projected,
+        order: &Buf<u32>,
         view: &Buf<ViewParams>,
         status: &Buf<Status>,
         n_tiles: u32,
         longest: u32,
     ) -> Lists {
-        rec.stage("depth sort");
-        let grids = |args: &Buf<[u32; 4]>| SortGrids {
-            blocks: indirect(args, ARGS_SORT),
-            digits: indirect(args, ARGS_SORT_SCAN),
-        };
-        let pairs = (&projected.depth_keys, &projected.identity);
-        let n_rounds = self.depth_bits / 8;
-        let grids_of_active = grids(&cull.args);
-        let (_, order) = self.depth_sort.record(rec, &cull.n_active, &cull.n_digits, pairs, n_rounds, &grids_of_active);
-
         rec.stage("tiles");
         let (n_active, tile_counts, offsets) = (&cull.n_active, &projected.tile_counts, &self.offsets);
-        let (args, order) = (&cull.args, &order);
+        let args = &cull.args;
         rec.pass(
             gather::Args { count: n_active, index: order, table: tile_counts, gathered: offsets },
             (),
@@ -206,4 +206,9 @@ impl Tiles {
         );
         lists
     }
+}
+
+/// Grids of a sort of as many keys as `args` says.
+fn grids(args: &Buf<[u32; 4]>) -> SortGrids {
+    SortGrids { blocks: indirect(args, ARGS_SORT), digits: indirect(args, ARGS_SORT_SCAN) }
 }

@@ -49,6 +49,24 @@ impl Room {
         let bytes = if self.has_slots() { 8 * SLOT_PAIRS as u64 } else { 4 };
         (gpu.caps().max_binding_bytes / bytes).min(u64::from(u32::MAX - 1)) as u32
     }
+
+    /// What is to be done about a frame within this room, of `rounds` rounds, that ended with `status`.
+    pub fn verdict(&self, gpu: &Gpu, status: &Status, rounds: u32) -> Verdict {
+        let limit = self.max_intersections(gpu);
+        if status.failed & FAILED_ACTIVE != 0 {
+            let (needed, limit) = (status.n_active, status.capacity_active);
+            Verdict::TooMuch { what: "active Gaussians", needed, limit }
+        } else if status.failed & FAILED_INTERSECTIONS != 0 && status.n_intersections > limit {
+            Verdict::TooMuch { what: "intersections", needed: status.n_intersections, limit }
+        } else if status.failed & FAILED_INTERSECTIONS != 0 {
+            let roomy = (u64::from(status.n_intersections) * 5 / 4).min(u64::from(limit)) as u32;
+            Verdict::Replay(Room { intersections: roomy, ..*self }, rounds)
+        } else if status.failed & FAILED_LIST != 0 {
+            Verdict::Replay(*self, status.max_tile_list.div_ceil(SEGMENT))
+        } else {
+            Verdict::Complete
+        }
+    }
 }
 
 /// The buffers of all stages of a frame.
@@ -145,27 +163,11 @@ impl Workspace {
         self.cull.record(rec, scene, view, status);
         seen(rec);
         self.projected.record(rec, scene, &self.cull, view, status);
-        let lists = self.tiles.record(rec, &self.cull, &self.projected, view, status, n_tiles, rounds * SEGMENT);
+        let order = self.tiles.record_order(rec, &self.cull, &self.projected);
+        let Workspace { cull, projected, .. } = self;
+        let lists = self.tiles.record(rec, cull, projected, &order, view, status, n_tiles, rounds * SEGMENT);
         self.blend.record(rec, &self.tiles, &lists, &self.projected, view, n_tiles, rounds);
         lists
-    }
-
-    /// What is to be done about a frame of `rounds` rounds that ended with `status`.
-    pub fn verdict(&self, gpu: &Gpu, status: &Status, rounds: u32) -> Verdict {
-        let limit = self.room.max_intersections(gpu);
-        if status.failed & FAILED_ACTIVE != 0 {
-            let (needed, limit) = (status.n_active, status.capacity_active);
-            Verdict::TooMuch { what: "active Gaussians", needed, limit }
-        } else if status.failed & FAILED_INTERSECTIONS != 0 && status.n_intersections > limit {
-            Verdict::TooMuch { what: "intersections", needed: status.n_intersections, limit }
-        } else if status.failed & FAILED_INTERSECTIONS != 0 {
-            let roomy = (u64::from(status.n_intersections) * 5 / 4).min(u64::from(limit)) as u32;
-            Verdict::Replay(Room { intersections: roomy, ..self.room }, rounds)
-        } else if status.failed & FAILED_LIST != 0 {
-            Verdict::Replay(self.room, status.max_tile_list.div_ceil(SEGMENT))
-        } else {
-            Verdict::Complete
-        }
     }
 
     /// Appends the backward pass of the forward pass recorded just before, if the workspace has one.

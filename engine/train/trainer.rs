@@ -538,7 +538,7 @@ impl Trainer {
     fn end(&mut self, inputs: &Inputs, results: &Results) -> Result<bool> {
         let status: Status = self.gpu.peek(&results.status)?.first().copied().unwrap_or_default();
         let Some(work) = &self.work else { return Ok(false) };
-        match work.verdict(&self.gpu, &status, self.rounds) {
+        match work.room.verdict(&self.gpu, &status, self.rounds) {
             Verdict::Complete => {}
             Verdict::Replay(room, rounds) => {
                 self.step = inputs.step - 1;

@@ -115,7 +115,9 @@ impl Rig {
         let active = self.project();
         let tiles = Tiles::new(&self.gpu, active.ids.len().max(1) as u32, INTERSECTIONS, n_tiles, false).unwrap();
         let mut rec = Recording::new();
-        let lists = tiles.record(&mut rec, &self.cull, &self.projected, &self.view, &self.status, n_tiles, u32::MAX);
+        let order = tiles.record_order(&mut rec, &self.cull, &self.projected);
+        let Rig { cull, projected, view, status, .. } = self;
+        let lists = tiles.record(&mut rec, cull, projected, &order, view, status, n_tiles, u32::MAX);
         self.gpu.run(&rec).unwrap();
         let status: Status = self.gpu.read(&self.status).unwrap()[0];
         let mut entries = self.gpu.read(&lists.splat_ids).unwrap();
@@ -137,7 +139,9 @@ impl Rig {
         rec.fill(self.status.slice(), 0);
         self.cull.record(&mut rec, &self.scene, &self.view, &self.status);
         self.projected.record(&mut rec, &self.scene, &self.cull, &self.view, &self.status);
-        let lists = tiles.record(&mut rec, &self.cull, &self.projected, &self.view, &self.status, n_tiles, u32::MAX);
+        let order = tiles.record_order(&mut rec, &self.cull, &self.projected);
+        let Rig { cull, projected, view, status, .. } = self;
+        let lists = tiles.record(&mut rec, cull, projected, &order, view, status, n_tiles, u32::MAX);
         blend.record(&mut rec, &tiles, &lists, &self.projected, &self.view, n_tiles, 1);
         self.gpu.run(&rec).unwrap();
         assert_eq!(self.gpu.read(&self.status).unwrap()[0].failed, 0);

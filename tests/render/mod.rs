@@ -1,5 +1,6 @@
 //! Whole frames on the device.
 
+mod clip;
 mod golden;
 mod invariants;
 mod knobs;

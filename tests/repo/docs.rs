@@ -153,7 +153,7 @@ fn the_frame_in_architecture_md_is_the_frame_that_runs() {
     let rows = table(&text("engine/ARCHITECTURE.md"), "frame");
     let told: Vec<String> = rows.iter().flat_map(|row| quoted(&row[0])).collect();
     let mut renderer = Renderer::new(gpu.clone(), &random::scene(5, 200, 1), Constants::default()).unwrap();
-    let (_, report) = renderer.profile(&random::view(), Outputs::All).unwrap();
+    let report = renderer.profile(&random::view(), Outputs::All).unwrap();
     let ran: Vec<&str> = report.passes.iter().map(|pass| pass.label.as_str()).collect();
     let same = |told: &String, ran: &&str| match told.strip_suffix('*') {
         Some(stem) => ran.starts_with(stem),

@@ -1,0 +1,190 @@
+//! A strip of a picture on its way through the device. Its view goes there and its status comes back in the submission that
+//! renders it, its images in one behind that: the host waits for nothing before the end, and may hand over another strip meanwhile.
+
+use super::backward::{Backward, Target};
+use super::blend::{Outputs, Purpose};
+use super::params::{Strip, view_params};
+use super::render::Renderer;
+use super::tiles::Lists;
+use super::workspace::{Room, Verdict, Workspace};
+use crate::error::Result;
+use crate::gpu::generated::Status;
+use crate::gpu::{Buf, Gpu, PassTime, Recording, Running, Slice};
+use crate::scene::{Frame, View};
+use std::time::Instant;
+
+/// Slices that wait to be copied to again; two pictures on their way have three each.
+const MOST_SPARE: usize = 6;
+
+/// Where a picture goes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Destination {
+    /// It stays on the device.
+    Device,
+    /// It is read back.
+    Host,
+}
+
+/// What a strip is rendered for.
+#[derive(Clone, Copy)]
+pub(super) struct Job<'a> {
+    pub view: &'a View,
+    pub outputs: Outputs,
+    pub destination: Destination,
+    pub cotangents: Option<&'a Frame>,
+    pub timed: bool,
+}
+
+/// The size of a strip.
+#[derive(Clone, Copy)]
+pub(super) struct Extent {
+    pub n_tiles: u32,
+    pub n_pixels: u32,
+}
+
+impl Job<'_> {
+    fn purpose(&self) -> Purpose {
+        if self.cotangents.is_some() { Purpose::Gradient } else { Purpose::Picture }
+    }
+}
+
+impl Extent {
+    pub(super) fn new(view: &View, strip: Strip) -> Self {
+        let (tiles_x, tiles_y) = strip.tiles(view);
+        Extent { n_tiles: tiles_x * tiles_y, n_pixels: view.width * strip.n_rows }
+    }
+}
+
+/// A strip that the device works on.
+pub(super) struct Launched {
+    // Goes first: it waits for the device, which uses what the recording holds.
+    pub running: Running,
+    pub copies: Option<Copies>,
+    pub recording: Recording,
+    pub lists: Lists,
+    pub extent: Extent,
+    pub status: Slice,
+    pub room: Room,
+    pub rounds: u32,
+    /// Gaussians on the device, and those of them that are never drawn.
+    pub n: (u32, u32),
+}
+
+/// Images on their way to the host.
+pub(super) struct Copies {
+    // Goes first, as above.
+    running: Running,
+    _recording: Recording,
+    images: Vec<Slice>,
+}
+
+/// A strip that has ended.
+pub(super) struct Landed {
+    pub status: Status,
+    pub verdict: Verdict,
+    /// Colour and alpha; depth, inverse depth and flow; as many as are read back.
+    pub images: Vec<Vec<[f32; 4]>>,
+    /// Of each pass, where they are timed.
+    pub times: Vec<PassTime>,
+    /// Seconds from when the images were there until they were read back.
+    pub read_back_s: f64,
+}
+
+impl Renderer {
+    /// Hands `strip` to the device, to be blended in so many rounds.
+    pub(super) fn launch(&mut self, job: &Job, strip: Strip, rounds: u32) -> Result<Launched> {
+        self.enter(job.view)?;
+        let extent = Extent::new(job.view, strip);
+        self.make_room(job, &extent);
+        let view = self.gpu.stage("view", &[view_params(job.view, &self.constants, self.scene.origin, strip)])?;
+        let status = self.slice(size_of::<Status>())?;
+        let work = Workspace::fit(&mut self.work, &self.gpu, &self.scene, self.room)?;
+        if let (Some(cotangents), Some(backward)) = (job.cotangents, &work.backward) {
+            write_cotangents(&self.gpu, backward, cotangents, job.view, strip)?;
+        }
+        let mut recording = Recording::new();
+        recording.stage("view");
+        recording.copy(view, work.view.slice());
+        let lists = work.record_forward(&mut recording, &self.scene, extent.n_tiles, rounds, |_| ());
+        let Extent { n_tiles, n_pixels, .. } = extent;
+        work.record_backward(&mut recording, &self.scene, &lists, n_tiles, n_pixels, rounds, &Target::Gradients);
+        recording.stage("status");
+        recording.copy(work.status.slice(), status.clone());
+        let images = if job.destination == Destination::Host { work.blend.images() } else { Vec::new() };
+        let running = if job.timed { self.gpu.start_timed(&recording)? } else { self.gpu.start(&recording)? };
+        let copies = self.copy_back(&images, n_pixels as usize)?;
+        let n = (self.scene.n, self.scene.n_bad);
+        Ok(Launched { running, copies, recording, lists, extent, status, room: self.room, rounds, n })
+    }
+
+    /// Room for a strip of `job`.
+    pub(super) fn make_room(&mut self, job: &Job, extent: &Extent) {
+        let room = &mut self.room;
+        room.tiles = room.tiles.max(extent.n_tiles);
+        room.pixels = room.pixels.max(extent.n_pixels as usize);
+        room.outputs = job.outputs;
+        room.purpose = job.purpose();
+        room.intersections = room.intersections.min(room.max_intersections(&self.gpu));
+    }
+
+    /// Hands the copies of the first `n` pixels of `images` to the device: by themselves, so that it is known when the picture was
+    /// there.
+    pub(super) fn copy_back(&mut self, images: &[Buf<[f32; 4]>], n: usize) -> Result<Option<Copies>> {
+        if images.is_empty() {
+            return Ok(None);
+        }
+        let mut recording = Recording::new();
+        let copied = images.iter().map(|image| {
+            let to = self.slice(n * size_of::<[f32; 4]>())?;
+            recording.copy(image.range(0, n).slice(), to.clone());
+            Ok(to)
+        });
+        let images = copied.collect::<Result<_>>()?;
+        Ok(Some(Copies { running: self.gpu.start(&recording)?, images, _recording: recording }))
+    }
+
+    /// A slice of the host's memory that so many bytes are copied to: one that is free, or a new one.
+    pub(super) fn slice(&mut self, bytes: usize) -> Result<Slice> {
+        match self.spare.iter().position(|spare| spare.size() == bytes as u64) {
+            Some(found) => Ok(self.spare.swap_remove(found)),
+            None => self.gpu.readback::<u8>("picture read back", bytes),
+        }
+    }
+
+    /// Waits for a strip.
+    pub(super) fn land(&self, launched: &Launched) -> Result<Landed> {
+        let times = launched.running.wait()?;
+        let status: Status = self.gpu.peek(&launched.status)?.first().copied().unwrap_or_default();
+        let verdict = launched.room.verdict(&self.gpu, &status, launched.rounds);
+        let begun = Instant::now();
+        let images = match &launched.copies {
+            Some(copies) if verdict == Verdict::Complete => {
+                copies.running.wait()?;
+                copies.images.iter().map(|image| self.gpu.peek(image)).collect::<Result<_>>()?
+            }
+            _ => Vec::new(),
+        };
+        Ok(Landed { status, verdict, images, times, read_back_s: begun.elapsed().as_secs_f64() })
+    }
+
+    /// Frees what a strip that has landed was copied to.
+    pub(super) fn retire(&mut self, launched: Launched) {
+        let images = launched.copies.map_or_else(Vec::new, |copies| copies.images);
+        self.spare.extend(images.into_iter().chain([launched.status]));
+        let surplus = self.spare.len().saturating_sub(MOST_SPARE);
+        self.spare.drain(..surplus);
+    }
+}
+
+/// Uploads the strip's rows of the cotangents.
+fn write_cotangents(gpu: &Gpu, backward: &Backward, c: &Frame, view: &View, strip: Strip) -> Result<()> {
+    let first = (view.width * strip.first_row) as usize;
+    let pixels = first..first + (view.width * strip.n_rows) as usize;
+    let image0: Vec<_> = pixels.clone().map(|p| [c.color[p][0], c.color[p][1], c.color[p][2], c.alpha[p]]).collect();
+    gpu.write(&backward.d_image0, &image0)?;
+    if let Some(d_image1) = &backward.d_image1 {
+        let image1: Vec<_> = pixels.map(|p| [c.depth[p], c.inverse_depth[p], c.flow[p][0], c.flow[p][1]]).collect();
+        gpu.write(d_image1, &image1)?;
+    }
+    Ok(())
+}

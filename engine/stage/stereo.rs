@@ -1,0 +1,223 @@
+//! Two eyes that look the same way: they share the culling of the scene and the sort by depth.
+
+use super::blend::{Blend, Outputs, Purpose, SEGMENT};
+use super::launch::{Destination, Extent, Job, Launched};
+use super::params::{Strip, moment, view_params};
+use super::project::Projected;
+use super::render::{FrameReport, Picture, Renderer};
+use super::workspace::{Room, Workspace};
+use crate::error::Result;
+use crate::gpu::generated::{Status, ViewParams};
+use crate::gpu::{Buf, Gpu, Recording};
+use crate::scene::{Frame, View};
+use crate::settings::Constants;
+
+/// Rows of two rotations are alike within this.
+const ALIKE: f64 = 1e-9;
+/// Part by which the near plane of both eyes is nearer than it is.
+const NEARER: f64 = 1e-5;
+/// Words of a status: `failed` and `n_active`, what a picture counts, capacities.
+const STATUS_HEAD: usize = 2;
+const STATUS_TAIL: usize = 6;
+const STATUS_WORDS: usize = size_of::<Status>() / 4;
+
+/// What the second eye has of its own.
+pub(super) struct SecondEye {
+    room: Room,
+    view: Buf<ViewParams>,
+    /// The view that both are culled for.
+    union: Buf<ViewParams>,
+    status: Buf<Status>,
+    projected: Projected,
+    blend: Blend,
+}
+
+impl SecondEye {
+    fn new(gpu: &Gpu, work: &Workspace) -> Result<Self> {
+        let (room, n) = (work.room, work.room.active as usize);
+        Ok(SecondEye {
+            room,
+            view: gpu.alloc("second view", 1)?,
+            union: gpu.alloc("view of both eyes", 1)?,
+            status: gpu.alloc("second status", 1)?,
+            projected: Projected {
+                splats: work.projected.splats.clone(),
+                tile_counts: work.projected.tile_counts.clone(),
+                // The order is that of the first eye, and stays where it is.
+                depth_keys: gpu.alloc("second depth keys", n)?,
+                identity: gpu.alloc("second depth order", n)?,
+            },
+            blend: Blend::new(gpu, room.pixels, room.outputs, Purpose::Picture)?,
+        })
+    }
+}
+
+impl Renderer {
+    /// Hands the pictures of two eyes to the device and does not wait for them. Eyes of one size, at one time, that look the same
+    /// way from places beside each other share culling and the sort by depth: the first one's picture is that of
+    /// [`Renderer::begin`], the second one's too but for Gaussians whose depths differ by less than single precision tells. Others
+    /// share nothing.
+    ///
+    /// # Errors
+    /// As [`Renderer::render`].
+    pub fn begin_stereo(
+        &mut self,
+        eyes: [&View; 2],
+        outputs: Outputs,
+        destination: Destination,
+    ) -> Result<[Picture; 2]> {
+        let fits = self.longest_strip(eyes[0])? >= eyes[0].height;
+        let Some((union, back)) = union(eyes).filter(|_| fits) else {
+            let [first, second] = eyes.map(|eye| self.begin(eye, outputs, destination));
+            return Ok([first?, second?]);
+        };
+        let [job, other] = eyes.map(|view| Job { view, outputs, destination, cotangents: None, timed: false });
+        // A little nearer, for the rounding of the kernel: projection drops what is too near for good.
+        let near = (f64::from(self.constants.near) + back) * (1.0 - NEARER);
+        let launched = self.launch_stereo(&job, &other, &union, near)?;
+        let [first, second] = launched.map(Some);
+        let picture = |view: &View, launched| Picture { view: view.clone(), outputs, destination, launched };
+        Ok([picture(eyes[0], first), picture(eyes[1], second)])
+    }
+
+    /// Renders two eyes, see [`Renderer::begin_stereo`].
+    ///
+    /// # Errors
+    /// As [`Renderer::render`].
+    pub fn stereo(
+        &mut self,
+        eyes: [&View; 2],
+        outputs: Outputs,
+        destination: Destination,
+    ) -> Result<[(Frame, FrameReport); 2]> {
+        let [first, second] = self.begin_stereo(eyes, outputs, destination)?;
+        Ok([self.end(first)?, self.end(second)?])
+    }
+
+    fn launch_stereo(&mut self, job: &Job, other: &Job, union: &View, near: f64) -> Result<[Launched; 2]> {
+        self.enter(job.view)?;
+        let strip = Strip::whole(job.view);
+        let extent = Extent::new(job.view, strip);
+        self.make_room(job, &extent);
+        let params = |view: &View| view_params(view, &self.constants, self.scene.origin, strip);
+        let mut of_union = view_params(
+            union,
+            &Constants { near: near as f32, ..self.constants },
+            self.scene.origin,
+            Strip::whole(union),
+        );
+        // The wider the angle, the wider the reach: that of the widest one that an eye has.
+        let widest = [params(job.view), params(other.view)].map(|params| params.clamp_uv.map(f32::abs));
+        let [x, y] = [0, 2].map(|at| widest.iter().map(|uv| uv[at].max(uv[at + 1])).fold(0.0, f32::max));
+        of_union.clamp_uv = [x, x, y, y];
+        let views = [params(job.view), params(other.view), of_union].map(|params| self.gpu.stage("view", &[params]));
+        let [view, second_view, union] = views;
+        let statuses = [self.slice(size_of::<Status>())?, self.slice(size_of::<Status>())?];
+        let work = Workspace::fit(&mut self.work, &self.gpu, &self.scene, self.room)?;
+        let is_its_own = |second: &SecondEye| {
+            second.room == work.room && second.projected.splats.slice().overlaps(&work.projected.splats.slice())
+        };
+        let second = match self.second.take().filter(is_its_own) {
+            Some(second) => self.second.insert(second),
+            None => self.second.insert(SecondEye::new(&self.gpu, work)?),
+        };
+        let (gpu, scene, longest) = (&self.gpu, &self.scene, SEGMENT);
+        let Workspace { cull, projected, tiles, blend, status, .. } = work;
+
+        let mut first_recording = Recording::new();
+        let rec = &mut first_recording;
+        rec.stage("view");
+        rec.copy(view?, work.view.slice());
+        rec.copy(union?, second.union.slice());
+        rec.stage("cull");
+        rec.fill(status.slice(), 0);
+        cull.record(rec, scene, &second.union, status);
+        projected.record(rec, scene, cull, &work.view, status);
+        let order = tiles.record_order(rec, cull, projected);
+        let lists = tiles.record(rec, cull, projected, &order, &work.view, status, extent.n_tiles, longest);
+        blend.record(rec, tiles, &lists, projected, &work.view, extent.n_tiles, 1);
+        rec.stage("status");
+        rec.copy(status.slice(), statuses[0].clone());
+
+        let mut second_recording = Recording::new();
+        let rec = &mut second_recording;
+        rec.stage("view");
+        rec.copy(second_view?, second.view.slice());
+        // What failed for both, and how many are active; what a picture counts begins anew.
+        let words = |status: &Buf<Status>, from: usize, to: usize| status.cast::<u32>().range(from, to - from).slice();
+        for (from, to) in [(0, STATUS_HEAD), (STATUS_TAIL, STATUS_WORDS)] {
+            rec.copy(words(status, from, to), words(&second.status, from, to));
+        }
+        rec.fill(words(&second.status, STATUS_HEAD, STATUS_TAIL), 0);
+        let (view, status, projected, blend) = (&second.view, &second.status, &second.projected, &second.blend);
+        projected.record(rec, scene, cull, view, status);
+        let second_lists = tiles.record(rec, cull, projected, &order, view, status, extent.n_tiles, longest);
+        blend.record(rec, tiles, &second_lists, projected, view, extent.n_tiles, 1);
+        rec.stage("status");
+        rec.copy(status.slice(), statuses[1].clone());
+
+        let is_read = job.destination == Destination::Host;
+        let images = [&work.blend, &second.blend].map(|blend| if is_read { blend.images() } else { Vec::new() });
+        let (room, n) = (self.room, (self.scene.n, self.scene.n_bad));
+        // The first eye's images are copied before the second begins: a replay of the first would draw over what they share.
+        let running = gpu.start(&first_recording)?;
+        let [first_status, second_status] = statuses;
+        let first = Launched {
+            running,
+            copies: self.copy_back(&images[0], extent.n_pixels as usize)?,
+            recording: first_recording,
+            lists,
+            extent,
+            status: first_status,
+            room,
+            rounds: 1,
+            n,
+        };
+        let running = self.gpu.start(&second_recording)?;
+        let second = Launched {
+            running,
+            copies: self.copy_back(&images[1], extent.n_pixels as usize)?,
+            recording: second_recording,
+            lists: second_lists,
+            extent,
+            status: second_status,
+            room,
+            rounds: 1,
+            n,
+        };
+        Ok([first, second])
+    }
+}
+
+/// A view that sees all that either eye sees, from behind them, and how far behind; none where they do not look the same way
+/// from places beside each other.
+fn union(eyes: [&View; 2]) -> Option<(View, f64)> {
+    let [a, b] = eyes;
+    let alike = |x: f64, y: f64| (x - y).abs() <= ALIKE * x.abs().max(1.0);
+    let (m, other) = (&a.world_to_camera, &b.world_to_camera);
+    let same_way = (0..3).all(|row| (0..3).all(|k| alike(m[row][k], other[row][k]))) && alike(m[2][3], other[2][3]);
+    if !same_way || moment(a) != moment(b) || (a.width, a.height) != (b.width, b.height) {
+        return None;
+    }
+    // In the camera's axes, from the middle between the eyes: where each is, and the tangents of its borders.
+    let axis = |row: usize, f: fn(&View) -> f64, c: fn(&View) -> f64, size: u32| {
+        let middle = (m[row][3] + other[row][3]) / 2.0;
+        let place = [m[row][3], other[row][3]].map(|t| middle - t);
+        let low = eyes.map(|eye| -c(eye) / f(eye));
+        let high = eyes.map(|eye| (f64::from(size) - c(eye)) / f(eye));
+        let (lowest, highest) = (low[0].min(low[1]), high[0].max(high[1]));
+        let back = place.iter().map(|x| (x / highest).max(x / lowest)).fold(0.0, f64::max);
+        (lowest < 0.0 && highest > 0.0).then_some((middle, lowest, highest, back))
+    };
+    let (x, left, right, back_x) = axis(0, |v| v.fx, |v| v.cx, a.width)?;
+    let (y, top, bottom, back_y) = axis(1, |v| v.fy, |v| v.cy, a.height)?;
+    let back = back_x.max(back_y) * (1.0 + ALIKE);
+    let mut view = a.clone();
+    let pose = &mut view.world_to_camera;
+    (pose[0][3], pose[1][3], pose[2][3]) = (x, y, m[2][3] + back);
+    // Where the eyes' pixels differ, those of the larger ones, which blur farther.
+    (view.fx, view.fy) = (a.fx.min(b.fx), a.fy.min(b.fy));
+    (view.cx, view.cy) = (-left * view.fx, -top * view.fy);
+    (view.width, view.height) = (((right - left) * view.fx).ceil() as u32, ((bottom - top) * view.fy).ceil() as u32);
+    Some((view, back))
+}

@@ -1,0 +1,206 @@
+//! Clips of which only a window is on the device, pictures that follow one another without a wait, two eyes.
+
+use crate::common::device::gpu;
+use crate::common::random::{self, Random, view};
+use ivv::scene::{Frame, Motion, Splats, View};
+use ivv::stage::{Destination, FrameReport, Outputs, Renderer};
+use ivv::{Constants, Knobs};
+use std::sync::Arc;
+
+/// `n` dynamic Gaussians before [`view`] with lives of about `tau` all over the clip, behind 500 static ones.
+fn clip(n: usize, tau: f64) -> Splats {
+    let mut random = Random::new(n as u64);
+    let mut splats = Splats { n_static: 500, ..Splats::new(0) };
+    for i in 0..splats.n_static + n {
+        splats.position.push(random.vector(-1.5, 1.5));
+        splats.rotation.push(random.vector(-1.0, 1.0));
+        splats.scale.push(random.vector(-5.0, -3.5));
+        splats.opacity.push(random.uniform(-3.0, 3.0) as f32);
+        splats.sh.push(random.vector(-0.5, 1.5));
+        splats.source_row.push(i as u32);
+        if i >= splats.n_static {
+            splats.motion.push(Motion {
+                velocity: random.vector(-0.5, 0.5),
+                t_center: random.uniform(0.0, 1.0) as f32,
+                t_scale: (tau * random.uniform(0.5, 1.5)).ln() as f32,
+            });
+        }
+    }
+    splats
+}
+
+fn at(time: f64) -> View {
+    View { time, time_offset: 0.0, ..view() }
+}
+
+fn bits(frame: &Frame) -> Vec<u32> {
+    let all = frame.color.as_flattened().iter().chain(&frame.alpha).chain(&frame.depth);
+    all.chain(&frame.inverse_depth).chain(frame.flow.as_flattened()).map(|x| x.to_bits()).collect()
+}
+
+/// Renderers of all of `splats`, and of its windows.
+fn whole_and_clip(splats: &Splats, constants: Constants) -> [Renderer; 2] {
+    let whole = Renderer::new(gpu().clone(), splats, constants).unwrap();
+    [whole, Renderer::of_clip(gpu().clone(), Arc::new(splats.clone()), constants).unwrap()]
+}
+
+#[test]
+fn windows_of_a_clip_show_every_bit_of_the_whole_scene() {
+    let mut splats = clip(20_000, 0.02);
+    let mut random = Random::new(3);
+    random::poison(&mut splats, &mut random, 1e-4);
+    let [mut whole, mut windows] = whole_and_clip(&splats, Constants::default());
+    // Over borders of windows, back and forth, before and after the clip.
+    let times = [0.0, 0.031, 0.0625, 0.06251, 0.0624999, 0.5, 0.499_999_99, 1.0, 0.25, -0.3, -0.01, 1.04, 7.0];
+    for time in times {
+        let offset = View { time: time - 0.01, time_offset: 0.2, ..view() };
+        for view in [at(time), offset] {
+            let (expected, all) = whole.render(&view, Outputs::All).unwrap();
+            let (found, report) = windows.render(&view, Outputs::All).unwrap();
+            assert_eq!(bits(&found), bits(&expected), "at {time}");
+            assert_eq!((report.active, report.visible), (all.active, all.visible), "at {time}");
+            assert!(report.gaussians < all.gaussians / 3, "{} of {}", report.gaussians, all.gaussians);
+        }
+    }
+    // What is asked of the scene as a whole is of all Gaussians, and pictures stay what they are.
+    let (cotangents, _) = whole.render(&at(0.5), Outputs::All).unwrap();
+    let [expected, found] = [&mut whole, &mut windows].map(|renderer| renderer.vjp(&at(0.5), &cotangents).unwrap());
+    assert_eq!(found.0.params.opacity.len(), splats.len());
+    assert!(found.0.params.opacity.iter().zip(&expected.0.params.opacity).all(|(a, b)| a.to_bits() == b.to_bits()));
+    let [expected, found] = [whole, windows].map(|mut renderer| renderer.render(&at(0.7), Outputs::Color).unwrap().0);
+    assert_eq!(bits(&found), bits(&expected));
+}
+
+#[test]
+fn windows_follow_what_is_left_out_of_time_and_are_none_where_they_do_not_pay() {
+    let splats = clip(20_000, 0.02);
+    for temporal_cut in [0.0, 0.3] {
+        let knobs = Knobs { temporal_cut, ..Knobs::default() };
+        let [mut whole, mut windows] = whole_and_clip(&splats, knobs.on(Constants::default()));
+        let [expected, found] = [&mut whole, &mut windows].map(|r| r.render(&at(0.3), Outputs::Color).unwrap());
+        assert_eq!(bits(&found.0), bits(&expected.0));
+        assert!(found.1.gaussians < expected.1.gaussians / 3);
+    }
+    let always = Knobs { time_cull: false, ..Knobs::default() }.on(Constants::default());
+    for (splats, constants) in
+        [(splats, always), (clip(2_000, 0.02), Constants::default()), (clip(20_000, 2.0), Constants::default())]
+    {
+        let [_, mut windows] = whole_and_clip(&splats, constants);
+        let (_, report) = windows.render(&at(0.5), Outputs::Color).unwrap();
+        assert_eq!(report.gaussians, splats.len() as u64);
+    }
+}
+
+#[test]
+fn the_work_of_a_frame_does_not_grow_with_the_length_of_the_clip() {
+    // Four times the frames at equal live Gaussians: as many more, which live for a quarter of the clip's time.
+    let work = |n: usize, tau: f64| {
+        let mut renderer = Renderer::of_clip(gpu().clone(), Arc::new(clip(n, tau)), Constants::default()).unwrap();
+        let reports = (0..8).map(|k| renderer.draw(&at(0.31 + 0.05 * f64::from(k)), Outputs::Color).unwrap());
+        reports.fold([0, 0, 0], |[a, b, c], r| [a + r.gaussians, b + r.active, c + r.intersections])
+    };
+    let (short, long) = (work(20_000, 0.04), work(80_000, 0.01));
+    println!("on the device, active, intersections: {short:?}, {long:?} in a clip four times as long");
+    for (short, long) in short.into_iter().zip(long) {
+        assert!((long as f64 / short as f64 - 1.0).abs() < 0.1, "{short}, {long}");
+    }
+}
+
+#[test]
+fn pictures_that_follow_one_another_are_those_that_are_waited_for() {
+    let splats = clip(20_000, 0.02);
+    let mut views: Vec<View> = (0..12).map(|k| at(0.4 + 0.02 * f64::from(k))).collect();
+    views[4] = View { width: 41, height: 30, ..views[4].clone() };
+    views[7] = View { fx: 500.0, fy: 500.0, ..views[7].clone() };
+    let alone: Vec<(Frame, FrameReport)> = {
+        let mut renderer = Renderer::new(gpu().clone(), &splats, Constants::default()).unwrap();
+        views.iter().map(|view| renderer.render(view, Outputs::All).unwrap()).collect()
+    };
+    let [whole, windows] = whole_and_clip(&splats, Constants::default());
+    for mut renderer in [whole, windows] {
+        // There is no room: each of the first ones is rendered again while the next one is on its way.
+        renderer.limit_intersections(1);
+        let mut n = 0;
+        let stream = renderer.stream(views.clone(), Outputs::All, Destination::Host, |view, frame, report| {
+            assert_eq!((view.time, report.intersections), (views[n].time, alone[n].1.intersections));
+            assert_eq!(bits(&frame), bits(&alone[n].0), "picture {n}");
+            n += 1;
+            ivv::Result::Ok(true)
+        });
+        stream.unwrap();
+        assert_eq!(n, views.len());
+        let mut n = 0;
+        let stream = renderer.stream(views.clone(), Outputs::Color, Destination::Device, |_, frame, _| {
+            assert!(frame.color.is_empty());
+            n += 1;
+            ivv::Result::Ok(n < 3)
+        });
+        stream.unwrap();
+        assert_eq!(n, 3, "whoever has enough ends it");
+    }
+}
+
+/// `view` from so far to the right, a picture's middle moved by `shift` pixels.
+fn eye(view: &View, right: f64, shift: f64) -> View {
+    let mut eye = View { cx: view.cx + shift, ..view.clone() };
+    eye.world_to_camera[0][3] -= right;
+    eye
+}
+
+#[test]
+fn two_eyes_that_share_their_order_see_what_each_sees_alone() {
+    let worst = |a: &Frame, b: &Frame| {
+        let differences = a.color.as_flattened().iter().zip(b.color.as_flattened()).map(|(a, b)| (a - b).abs());
+        differences.fold(0.0, f32::max)
+    };
+    for seed in 0..12 {
+        let mut random = Random::new(seed);
+        // Near ones, wide ones and ones beyond the border, of all degrees.
+        let mut splats = random::scene(seed, 3000, (seed % 4) as u32);
+        splats.scale.iter_mut().step_by(7).for_each(|scale| scale.iter_mut().for_each(|s| *s += 1.5));
+        splats.position.iter_mut().for_each(|[x, _, _]| *x *= 2.5);
+        let apart = random.uniform(0.0, 0.8);
+        let shift = random.uniform(-15.0, 15.0);
+        let (left, right) = (eye(&view(), -apart / 2.0, shift), eye(&view(), apart / 2.0, -shift));
+        let mut alone = Renderer::new(gpu().clone(), &splats, Constants::default()).unwrap();
+        let mut both = Renderer::new(gpu().clone(), &splats, Constants::default()).unwrap();
+        if seed % 3 == 0 {
+            both.limit_intersections(1);
+        }
+        for outputs in [Outputs::All, Outputs::Color, Outputs::Color] {
+            let [first, second] = both.stereo([&left, &right], outputs, Destination::Host).unwrap();
+            let expected = [&left, &right].map(|eye| alone.render(eye, outputs).unwrap());
+            assert_eq!(bits(&first.0), bits(&expected[0].0), "seed {seed}: the first eye");
+            let off = worst(&second.0, &expected[1].0);
+            assert!(off < 1e-4, "seed {seed}: {off}");
+            for (found, expected) in [first, second].iter().zip(&expected) {
+                // Culled for both, a few more reach a tile's part beyond the picture's border.
+                let numbers = |r: &FrameReport| [r.active, r.visible, r.intersections].map(|n| n as f64);
+                for (found, expected) in numbers(&found.1).into_iter().zip(numbers(&expected.1)) {
+                    assert!(found >= expected && found < 1.3 * expected, "seed {seed}: {found} for {expected}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn eyes_that_cannot_share_see_what_each_sees_alone() {
+    let splats = random::scene(5, 2000, 1);
+    let mut renderer = Renderer::new(gpu().clone(), &splats, Constants::default()).unwrap();
+    let first = view();
+    let mut nearer = eye(&first, 0.1, 0.0);
+    nearer.world_to_camera[2][3] -= 0.2;
+    let mut turned = eye(&first, 0.1, 0.0);
+    let (sin, cos) = 0.1f64.sin_cos();
+    (turned.world_to_camera[0][0], turned.world_to_camera[0][2]) = (cos, sin);
+    (turned.world_to_camera[2][0], turned.world_to_camera[2][2]) = (-sin, cos);
+    for other in [nearer, turned, View { time: 0.9, ..first.clone() }, random::small_view()] {
+        let found = renderer.stereo([&first, &other], Outputs::All, Destination::Host).unwrap();
+        for (view, (frame, report)) in [&first, &other].into_iter().zip(found) {
+            let (expected, alone) = renderer.render(view, Outputs::All).unwrap();
+            assert_eq!(bits(&frame), bits(&expected));
+            assert_eq!(report.active, alone.active);
+        }
+    }
+}
