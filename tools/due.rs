@@ -49,11 +49,6 @@ impl<'a> Due<'a> {
         step != self.total && (is_periodic || self.eval_at.contains(&step))
     }
 
-    /// Time offsets that the pictures do not tell are frozen once the scene has formed, and once more.
-    pub fn offset_check(&self, step: u64) -> bool {
-        step > 0 && (step == self.total / 3 || step == 2 * self.total / 3)
-    }
-
     pub fn checkpoint(&self, step: u64) -> bool {
         step == self.total || step.is_multiple_of(self.checkpoint_every)
     }

@@ -1,6 +1,6 @@
-//! Folders and JSON files of the verbs.
+//! Folders, JSON files and scenes of the verbs.
 
-use ivv::scene::{read_file, write_atomic};
+use ivv::scene::{Similarity, Splats, read_file, write_atomic, write_ply};
 use std::path::Path;
 
 /// Makes `folder` and those above it.
@@ -19,4 +19,19 @@ pub fn read_json<T: serde::de::DeserializeOwned>(file: &Path, remedy: &str) -> i
     let fault = |reason: String| ivv::Error::data(file, "", reason, remedy);
     let text = read_file(file).map_err(|e| fault(format!("cannot be read: {e}")))?;
     serde_json::from_slice(&text).map_err(|e| fault(e.to_string()))
+}
+
+/// Writes the Gaussians of a run in the capture's own frame, and returns them; `world` led from there to the frame of
+/// training.
+pub fn write_scene(path: &Path, splats: &Splats, world: &Similarity) -> ivv::Result<Splats> {
+    if !world.is_exact_in_f32() {
+        tracing::warn!(
+            "{}: the capture lies so far from its origin that single precision rounds positions there visibly; the \
+             checkpoints and the renders are exact. Move the capture to its origin to get an exact file",
+            path.display()
+        );
+    }
+    let splats = world.inverse().splats(splats);
+    write_ply(path, &splats)?;
+    Ok(splats)
 }

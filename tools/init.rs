@@ -1,9 +1,10 @@
 //! `ivv init`.
 
-use crate::begin;
+use crate::files::write_scene;
+use crate::progress::Progress;
 use crate::screen::out;
 use ivv::scene::capture::Capture;
-use ivv::train::{Config, Init};
+use ivv::train::{Config, Init, initialise};
 use std::path::PathBuf;
 
 /// Options of `ivv init`.
@@ -38,8 +39,11 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let settings = Config { init, init_flow_threshold: args.threshold, sh_degree: 0, ..Config::default() };
     // A scene of all points is what is asked for; a run from it has a budget.
     let config = Config { max_gaussians: usize::MAX, ..settings };
-    let initial = begin::begin(&capture, &config)?;
-    begin::write_scene(&args.output, &initial.splats, &world)?;
+    let mut progress = Progress::new("initialisation", 0);
+    let initial =
+        initialise(&capture, &config, &mut |done, total| progress.reach(done, total, "frames, pictures or depths"))?;
+    drop(progress);
+    write_scene(&args.output, &initial.splats, &world)?;
     let bytes = std::fs::metadata(&args.output).map_or(0, |file| file.len());
     if json {
         let line = serde_json::json!({

@@ -1,7 +1,6 @@
 //! `ivv`: the command line. One file per verb; README.md lists the exit codes.
 
 mod ablate;
-mod begin;
 mod bench;
 mod cameras;
 mod capture;

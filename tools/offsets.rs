@@ -2,11 +2,10 @@
 
 use crate::eval::Scorer;
 use crate::files::write_json;
-use crate::progress::Progress;
-use crate::screen::{alert, out};
+use crate::progress::watch;
+use crate::screen::out;
 use ivv::scene::capture::{Camera, Capture};
-use ivv::stage::Renderer;
-use ivv::train::{Agreement, OffsetFit, Trainer, fit_offset, offset_pictures};
+use ivv::train::{Agreement, Notice, OffsetFit, Phase, Trainer, learnt_offsets};
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -41,40 +40,6 @@ pub enum How {
     Fitted,
 }
 
-/// By camera, its learnt time offset with its standard error.
-fn learnt(trainer: &mut Trainer, scorer: &Scorer) -> ivv::Result<BTreeMap<usize, OffsetFit>> {
-    let (offsets, learns) = trainer.offsets()?;
-    if !learns.contains(&true) {
-        return Ok(BTreeMap::new());
-    }
-    let Scorer { gpu, capture, run, config } = scorer;
-    let mut renderer = Renderer::new((*gpu).clone(), &trainer.splats()?, run.constants)?;
-    let cameras: Vec<usize> = (0..offsets.len()).filter(|camera| learns[*camera]).collect();
-    let mut progress = Progress::passing("errors of time offsets", cameras.len());
-    let fit = |camera: usize| {
-        let pictures = offset_pictures(capture, config.background, camera)?;
-        let fit = fit_offset(&mut renderer, &pictures, offsets[camera], 0)?;
-        progress.step(&capture.cameras[camera].name);
-        Ok((camera, fit))
-    };
-    cameras.into_iter().map(fit).collect()
-}
-
-/// Freezes the time offsets that the pictures do not tell, and names their cameras.
-pub fn freeze(trainer: &mut Trainer, scorer: &Scorer) -> ivv::Result<()> {
-    let fits = learnt(trainer, scorer)?;
-    let cameras = &scorer.capture.cameras;
-    let is_lost = |camera: usize| fits.get(&camera).is_some_and(|fit| !fit.is_identifiable());
-    let freeze: Vec<bool> = (0..cameras.len()).map(is_lost).collect();
-    let lost = cameras.iter().zip(&freeze).filter(|(_, freeze)| **freeze);
-    let names: Vec<&str> = lost.map(|(camera, _)| camera.name.as_str()).collect();
-    if !names.is_empty() {
-        alert!("could not estimate time offsets from the images; fixed at 0 for {}", names.join(", "));
-        trainer.freeze_offsets(&freeze)?;
-    }
-    Ok(())
-}
-
 /// The table of a run, with the test cameras' offsets `fitted` afterwards, written into `output`; empty where no offset was to
 /// be learnt.
 pub fn table(
@@ -87,7 +52,11 @@ pub fn table(
     if learns.is_empty() {
         return Ok(Vec::new());
     }
-    let mut fits = learnt(trainer, scorer)?;
+    let Scorer { gpu, capture, run, config } = scorer;
+    let mut looked = watch();
+    let mut fits = learnt_offsets(trainer, (gpu, capture), (run.constants, config.background), &mut |done, total| {
+        looked(Notice::Work { phase: Phase::OffsetErrors, done, total });
+    })?;
     fits.extend(fitted);
     let rows = rows(scorer.capture, &learns, &fits);
     write_json(&output.join("offsets.json"), &rows)?;

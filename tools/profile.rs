@@ -1,11 +1,10 @@
 //! `ivv profile`.
 
-use crate::begin;
 use crate::device::DeviceArgs;
 use crate::files::{make_folder, write_json};
 use crate::kernels;
 use crate::passes::cpu_threads;
-use crate::progress::Progress;
+use crate::progress::{Progress, watch};
 use crate::replay::{self, ReplayArgs};
 use crate::screen::out;
 use crate::settings::SettingArgs;
@@ -13,16 +12,13 @@ use anyhow::Context;
 use ivv::Constants;
 use ivv::gpu::{Dispatch, Gpu};
 use ivv::profile::{Comparison, Moment, Overhead, Peaks, Profile, Recorded, Sample, trace, write_dispatch};
-use ivv::scene::capture::{Capture, FrameCache, PriorPlan};
+use ivv::scene::capture::Capture;
 use ivv::scene::{read_scene, read_views, write_atomic};
 use ivv::stage::{Outputs, Renderer};
-use ivv::train::{Checkpoint, Config, Run, Setup, Trainer, permutation};
+use ivv::train::{Checkpoint, Config, Run, Session, SessionOptions};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
-
-/// Bytes of decoded images kept ahead.
-const CACHE_BYTES: u64 = 256 << 20;
 
 /// Options of `ivv profile`.
 #[derive(clap::Args)]
@@ -183,14 +179,6 @@ fn scene(args: &Args, subject: &Path, output: &Path, gpu: &Arc<Gpu>, json: bool)
     measured.write(gpu, peaks, subject, output, json)
 }
 
-/// What is trained on, by whom, and in which order.
-struct Training {
-    capture: Capture,
-    priors: PriorPlan,
-    trainer: Trainer,
-    seed: u64,
-}
-
 fn training(
     args: &Args,
     config: Config,
@@ -204,36 +192,36 @@ fn training(
     let is_run = Run::file(subject).is_file();
     let warm_up = if is_run { 2 } else { args.warm_up };
     let steps = warm_up + 2 * args.samples;
-    let Training { capture, priors, mut trainer, seed } =
-        if is_run { resumed(args, subject, gpu, steps)? } else { begun(config, subject, gpu, steps)? };
-    let frames = capture.training_frames();
-    anyhow::ensure!(!frames.is_empty(), "{}: no training image; see `ivv check`", subject.display());
-    let order: Vec<(usize, u32)> = (0..steps.div_ceil(frames.len() as u64))
-        .flat_map(|epoch| permutation(frames.len(), &[seed, epoch]).into_iter().map(|i| frames[i]))
-        .take(steps as usize)
-        .collect();
-    let mut cache = FrameCache::new(&capture, order.iter().copied(), &priors, CACHE_BYTES, 2)?;
+    let capture = if is_run {
+        Run::read(subject)?.open_capture(args.capture_at.as_deref())?
+    } else {
+        let capture = Capture::open(subject)?;
+        let world = capture.normalisation();
+        capture.transformed(&world)
+    };
+    let mut session = if is_run {
+        resumed(subject, &capture, gpu, steps)?
+    } else {
+        let total = config.total(capture.training_frames().len() as u64).max(steps);
+        let options = SessionOptions { total: Some(total), watch: watch(), ..SessionOptions::default() };
+        Session::begin(gpu.clone(), &capture, config, options)?
+    };
     let mut measured = Measured::new("step");
     let mut progress = Progress::new("profile", steps as usize);
     let start = Instant::now();
-    for (index, &(camera, frame)) in order.iter().enumerate() {
-        let picture = cache.next_picture().context("the order of images ended early")??;
-        let view = capture.view(camera, frame)?;
-        let number = (index as u64).checked_sub(warm_up);
-        match (number, &args.capture) {
-            (None, _) => trainer.train(camera, &view, &picture)?,
-            (Some(_), Some(kernel)) => {
-                return written(trainer.capture(camera, &view, &picture, kernel)?, kernel, output, gpu);
-            }
+    for step in 0..steps {
+        match (step.checked_sub(warm_up), &args.capture) {
+            (None, _) => drop(session.step()?),
+            (Some(_), Some(kernel)) => return written(session.capture(kernel)?, kernel, output, gpu),
             (Some(number), None) if number % 2 == 0 => {
-                trainer.finish()?;
-                let begun = Instant::now();
-                trainer.train(camera, &view, &picture)?;
-                trainer.finish()?;
-                measured.plain.push(1e3 * begun.elapsed().as_secs_f64());
+                session.wait()?;
+                let before = session.seconds();
+                session.step()?;
+                session.wait()?;
+                measured.plain.push(1e3 * (session.seconds() - before));
             }
             (Some(_), None) => {
-                let step = trainer.profile(camera, &view, &picture)?;
+                let Some(step) = session.profile()? else { break };
                 measured.timed.push(1e3 * step.host.iter().map(|(.., seconds)| seconds).sum::<f64>());
                 for (name, begun, seconds) in step.host {
                     let passes = if name == "submit and wait" { step.times.clone() } else { Vec::new() };
@@ -248,32 +236,13 @@ fn training(
     measured.write(gpu, peaks.unwrap_or_default(), subject, output, json)
 }
 
-/// A run as its newest checkpoint left it, with at least `steps` to go.
-fn resumed(args: &Args, run_folder: &Path, gpu: &Arc<Gpu>, steps: u64) -> anyhow::Result<Training> {
-    let run = Run::read(run_folder)?;
-    let capture = run.open_capture(args.capture_at.as_deref())?;
-    let checkpoint = Checkpoint::newest(&run_folder.join("checkpoints"))?;
+/// The run in `folder` as its newest checkpoint left it, with at least `steps` to go.
+fn resumed<'a>(folder: &Path, capture: &'a Capture, gpu: &Arc<Gpu>, steps: u64) -> anyhow::Result<Session<'a>> {
+    let checkpoint = Checkpoint::newest(&folder.join("checkpoints"))?;
     let mut checkpoint =
         checkpoint.context("the run has no checkpoint yet; train it longer, or profile its capture")?;
     checkpoint.total = checkpoint.total.max(checkpoint.step + steps);
-    let setup = Setup::new(&capture, &checkpoint.config);
-    let (priors, _) = begin::priors(&capture, &checkpoint.config, &setup)?;
-    let seed = checkpoint.config.seed;
-    let trainer = Trainer::resume(gpu.clone(), &checkpoint, run.constants, setup)?;
-    Ok(Training { capture, priors, trainer, seed })
-}
-
-/// A capture's first Gaussians, for a run of at least `steps`.
-fn begun(config: Config, folder: &Path, gpu: &Arc<Gpu>, steps: u64) -> anyhow::Result<Training> {
-    let capture = Capture::open(folder)?;
-    let world = capture.normalisation();
-    let capture = capture.transformed(&world);
-    let setup = Setup::new(&capture, &config);
-    let splats = begin::first_gaussians(&capture, &config)?;
-    let (priors, _) = begin::priors(&capture, &config, &setup)?;
-    let images = capture.training_frames().len() as u64;
-    let total = config.total(images);
-    let seed = config.seed;
-    let trainer = Trainer::new(gpu.clone(), &splats, Constants::default(), config, total.max(steps), setup)?;
-    Ok(Training { capture, priors, trainer, seed })
+    let constants = Run::read(folder)?.constants;
+    let options = SessionOptions { constants, watch: watch(), ..SessionOptions::default() };
+    Ok(Session::resume(gpu.clone(), capture, &checkpoint, options)?)
 }

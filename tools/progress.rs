@@ -1,7 +1,7 @@
 //! Progress: one line that rewrites itself on a terminal, a few plain lines otherwise; always on standard error.
 
-use crate::screen;
-use ivv::train::StepReport;
+use crate::screen::{self, say};
+use ivv::train::{Notice, Phase, StepReport, Watch};
 use ivv::words::count;
 use std::time::{Duration, Instant};
 
@@ -120,6 +120,40 @@ impl Progress {
         (self.done, self.total) = (done.saturating_sub(1), total);
         self.step(things);
     }
+}
+
+/// Shows what a session does beside its steps.
+pub fn watch() -> Watch<'static> {
+    let mut shown: Option<(Phase, Progress)> = None;
+    Box::new(move |notice| match notice {
+        Notice::Work { phase, done, total } => {
+            let (what, things) = match phase {
+                Phase::Initialisation => ("initialisation", "frames, pictures or depths"),
+                Phase::DepthPriors => ("depth priors", "frames"),
+                Phase::Review => ("review of what is required", "pictures"),
+                Phase::OffsetErrors => ("errors of time offsets", "cameras"),
+            };
+            let (_, progress) = match shown.take().filter(|(known, _)| *known == phase) {
+                Some(known) => shown.insert(known),
+                None if matches!(phase, Phase::Review | Phase::OffsetErrors) => {
+                    shown.insert((phase, Progress::passing(what, 0)))
+                }
+                None => shown.insert((phase, Progress::new(what, 0))),
+            };
+            if total > 0 {
+                progress.reach(done, total, things);
+            }
+        }
+        Notice::Initialised(initial) => {
+            shown = None;
+            say!("initialised {initial}");
+        }
+        Notice::DepthPriors(summary) => {
+            shown = None;
+            say!("{summary}");
+        }
+        Notice::Planned(plan) => say!("{plan}"),
+    })
 }
 
 /// Progress of a training run.

@@ -10,7 +10,7 @@ use ivv::gpu::Gpu;
 use ivv::scene::capture::Capture;
 use ivv::scene::{read_views, remove_temporaries};
 use ivv::settings::Constants;
-use ivv::train::{Checkpoint, Config, Owed, Run, RunLock, Trainer, near_plane};
+use ivv::train::{Checkpoint, Config, Owed, Run, RunLock, Session, near_plane};
 use ivv::words::count;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -116,15 +116,15 @@ impl Start {
         Ok(Start { _lock: lock, gpu, run, capture, config, total, checkpoints, resumed: checkpoint, replaces: false })
     }
 
-    /// Makes `trainer`, which goes on from [`Start::resumed`], go on for as long as is asked, and keeps that.
-    pub fn extend(&self, trainer: &mut Trainer) -> anyhow::Result<()> {
+    /// Makes `session`, which goes on from [`Start::resumed`], go on for as long as is asked, and keeps that.
+    pub fn extend(&self, session: &mut Session) -> anyhow::Result<()> {
         let Some(checkpoint) = self.resumed.as_ref().filter(|checkpoint| checkpoint.total != self.total) else {
             return Ok(());
         };
-        trainer.extend(self.config.clone(), self.total)?;
+        session.extend(self.config.clone(), self.total)?;
         // A run that is killed before its next checkpoint still goes on to the new end.
         let owed = Owed { density: false, ..checkpoint.owed };
-        Checkpoint { world: self.run.world, owed, ..trainer.checkpoint()? }.write(&self.checkpoints)?;
+        Checkpoint { world: self.run.world, owed, ..session.checkpoint()? }.write(&self.checkpoints)?;
         write_json(&self.checkpoints.with_file_name("config.json"), &self.config)?;
         let percent = |total: u64| 100.0 * checkpoint.step as f64 / total.max(1) as f64;
         say!(

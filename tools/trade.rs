@@ -1,23 +1,22 @@
 //! `ivv trade`: what settings and presets cost and buy, on a capture.
 
-use crate::begin;
 use crate::date::today;
 use crate::device::DeviceArgs;
 use crate::files::{make_folder, read_json, write_json};
 use crate::offsets;
-use crate::progress::Progress;
-use crate::screen::out;
+use crate::progress::{Progress, watch};
+use crate::screen::{out, say};
 use crate::settings::{SettingArgs, patch};
 use anyhow::Context;
 use ivv::Constants;
 use ivv::gpu::{Gpu, shaders_hash};
-use ivv::scene::capture::{Capture, FrameCache, Picture, PriorPlan};
+use ivv::scene::capture::{Capture, FrameCache, Picture};
 use ivv::scene::prior::read_flow;
-use ivv::scene::{Splats, View, write_atomic};
+use ivv::scene::{Splats, write_atomic};
 use ivv::stage::{Outputs, Renderer};
 use ivv::train::{
-    Circumstances, Config, KNOB_SETTINGS, KernelError, Meter, Setup, Sight, Trade, TradeArm, TradeRun, Trainer,
-    evaluate, merge, permutation, review, review_due, spread, trade_arms,
+    Circumstances, Config, KNOB_SETTINGS, KernelError, Meter, Priors, Session, SessionOptions, Sight, Trade, TradeArm,
+    TradeRun, evaluate, initialise, merge, spread, trade_arms,
 };
 use ivv::twin::render_f64;
 use serde_json::{Value, json};
@@ -173,7 +172,7 @@ struct Found {
 /// A run under way.
 struct Running<'a> {
     config: &'a Config,
-    trainer: Trainer,
+    session: Session<'a>,
     run: TradeRun,
 }
 
@@ -196,11 +195,11 @@ impl Bench<'_> {
         let mut progress = Progress::new("scored", trained.len());
         let (mut runs, mut kernel_errors) = (Vec::new(), Vec::new());
         for (index, running) in trained.into_iter().enumerate() {
-            let Running { config, mut trainer, mut run } = running;
-            let splats = trainer.splats()?;
-            run.offset_error = offsets::learnt_error(&mut trainer, &self.capture)?;
+            let Running { config, mut session, mut run } = running;
+            let splats = session.finish()?;
+            run.offset_error = offsets::learnt_error(session.trainer(), &self.capture)?;
             let before = self.live_bytes();
-            drop(trainer);
+            drop(session);
             run.device_bytes = before - self.live_bytes();
             self.score(&splats, config, &mut run)?;
             progress.step(&format!("{}, {:.2} dB", self.arms[index].0.name, run.psnr));
@@ -216,60 +215,60 @@ impl Bench<'_> {
 
     /// Trains all arms for `steps` steps, a block of each in turn.
     fn train(&self, seed: u64, steps: u64, what: &'static str) -> anyhow::Result<Vec<Running<'_>>> {
-        let frames = self.capture.training_frames();
-        let mut all = Vec::new();
+        let mut all: Vec<Running> = Vec::new();
         // What begins alike is made once.
         let mut begun: Vec<(Config, Splats)> = Vec::new();
-        let mut priors = PriorPlan::default();
-        for (index, (_, config)) in self.arms.iter().enumerate() {
-            let setup = Setup::new(&self.capture, config);
+        let mut priors: Option<Priors> = None;
+        for (_, config) in &self.arms {
             let key = Config { seed, sh_degree: config.sh_degree, init: config.init, ..Config::default() };
-            if index == 0 {
-                priors = begin::priors(&self.capture, config, &setup)?.0;
-            }
             let own = Config { seed, ..config.clone() };
-            let splats = match begun.iter().find(|(known, _)| *known == key) {
-                Some((_, splats)) => splats,
+            let first = match begun.iter().find(|(known, _)| *known == key) {
+                Some((_, splats)) => splats.clone(),
                 None => {
-                    begun.push((key, begin::first_gaussians(&self.capture, &own)?));
-                    &begun[begun.len() - 1].1
+                    let mut progress = Progress::new("initialisation", 0);
+                    let mut reach = |done, total| progress.reach(done, total, "frames, pictures or depths");
+                    let initial = initialise(&self.capture, &own, &mut reach)?;
+                    drop(progress);
+                    say!("initialised {initial}");
+                    begun.push((key, initial.splats.clone()));
+                    initial.splats
                 }
             };
-            let trainer = Trainer::new(self.gpu.clone(), splats, Constants::default(), own, steps, setup)?;
-            all.push(Running { config, trainer, run: TradeRun::default() });
+            let options = SessionOptions {
+                total: Some(steps),
+                first: Some(first),
+                priors: priors.clone(),
+                // What all arms share is told once.
+                watch: if all.is_empty() { watch() } else { Box::new(|_| ()) },
+                ..SessionOptions::default()
+            };
+            let session = Session::begin(self.gpu.clone(), &self.capture, own, options)?;
+            priors.get_or_insert_with(|| session.priors().clone());
+            all.push(Running { config, session, run: TradeRun::default() });
         }
-        let order: Vec<(usize, u32)> = (0..steps.div_ceil(frames.len() as u64))
-            .flat_map(|epoch| permutation(frames.len(), &[seed, epoch]).into_iter().map(|i| frames[i]))
-            .take(steps as usize)
-            .collect();
-        let mut cache = FrameCache::new(&self.capture, order.iter().copied(), &priors, CACHE, 1)?;
+        let order = all.first().map_or(Vec::new(), |first| first.session.order());
+        let plan = priors.unwrap_or_default().plan;
+        let mut cache = FrameCache::new(&self.capture, order.iter().copied(), &plan, CACHE, 1)?;
         let blocks: Vec<&[(usize, u32)]> = order.chunks(self.args.block as usize).collect();
         let n_arms = all.len();
         let mut progress = Progress::new(what, blocks.len());
         for (index, block) in blocks.iter().enumerate() {
-            let next = |at: &(usize, u32)| -> anyhow::Result<(usize, View, Arc<Picture>)> {
-                let picture = cache.next_picture().context("the order of images ended early")??;
-                Ok((at.0, self.capture.view(at.0, at.1)?, picture))
+            let next = |at: &(usize, u32)| -> anyhow::Result<((usize, u32), Arc<Picture>)> {
+                Ok((*at, cache.next_picture().context("the order of images ended early")??))
             };
             let inputs = block.iter().map(next).collect::<Result<Vec<_>, _>>()?;
             let done = (index + 1) as u64;
             let is_scored = done * SCORES / blocks.len() as u64 > (done - 1) * SCORES / blocks.len() as u64;
             for place in 0..n_arms {
                 // Nobody is always first.
-                let Running { config, trainer, run } = &mut all[(place + index) % n_arms];
+                let Running { config, session, run } = &mut all[(place + index) % n_arms];
                 let start = Instant::now();
-                for ((camera, view, picture), step) in inputs.iter().zip(index as u64 * self.args.block + 1..) {
-                    trainer.train(*camera, view, picture)?;
-                    if let Some(due) = review_due(config, step, steps) {
-                        trainer.finish()?;
-                        review(trainer, &self.gpu, &self.capture, Constants::default(), due, &mut |_, _| ())?;
-                    }
-                }
-                trainer.finish()?;
+                inputs.iter().try_for_each(|(at, picture)| session.step_on(*at, picture))?;
+                let splats = session.finish()?;
                 run.block_seconds.push(start.elapsed().as_secs_f64());
-                trainer.take_reports();
+                session.take_events();
                 if is_scored && steps == self.steps {
-                    let psnr = self.psnr(&trainer.splats()?, config)?;
+                    let psnr = self.psnr(&splats, config)?;
                     run.curve.push([run.block_seconds.iter().sum(), psnr]);
                 }
             }

@@ -1,16 +1,15 @@
 //! `ivv train`.
 
-use crate::begin;
 use crate::capture::CaptureArgs;
 use crate::device::DeviceArgs;
 use crate::due::{Due, DueArgs};
 use crate::eval::Scorer;
-use crate::files::write_json;
+use crate::files::{write_json, write_scene};
 use crate::interrupt::{Interrupted, Stop};
 use crate::kept;
 use crate::offsets;
 use crate::passes::{self, TimedPass};
-use crate::progress::{Progress, Steps};
+use crate::progress::{Steps, watch};
 use crate::render::ConstantArgs;
 use crate::require;
 use crate::screen::{alert, out, say};
@@ -18,14 +17,8 @@ use crate::serve::{Beside, Said};
 use crate::settings::SettingArgs;
 use crate::start::Start;
 use crate::totals::{ProfiledStep, Seconds, cpu_seconds, totals};
-use anyhow::Context;
-use ivv::scene::capture::{FrameCache, PriorPlan};
-use ivv::stage::PassReport;
-use ivv::train::{
-    Checkpoint, DepthSummary, Evaluation, Fall, Kind, Log, Owed, Plan, Setup, StepReport, Trainer, permutation, spread,
-};
+use ivv::train::{Checkpoint, Evaluation, Event, Fall, Kind, Log, Session, SessionOptions, StepReport, spread};
 use ivv::words::count;
-use std::cmp::Ordering;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::PoisonError;
@@ -85,78 +78,61 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let stop = Stop::listen()?;
     let start = Start::new(args)?;
     let Start { gpu, run, capture, config, total, checkpoints, resumed, .. } = &start;
-    let total = *total;
-    let (training, test) = (capture.training_frames(), capture.test_frames());
-    let setup = Setup::new(capture, config);
-    let splats = match resumed {
-        Some(checkpoint) => checkpoint.params.clone(),
-        None => begin::first_gaussians(capture, config)?,
-    };
     if config.loss.lpips > 0.0 && config.loss.lpips_weights.is_none() {
         say!("LPIPS is off: it needs weights, given by --set loss.lpips_weights=FILE");
     }
-    let (priors, depth_summary) = begin::priors(capture, config, &setup)?;
-    let plan = begin::plan(capture, config, &setup, &splats, gpu.caps(), args.cache_bytes);
-    say!("{plan}");
-    let mut trainer = match resumed {
-        Some(checkpoint) => Trainer::resume(gpu.clone(), checkpoint, run.constants, setup)?,
-        None => Trainer::new(gpu.clone(), &splats, run.constants, config.clone(), total, setup)?,
+    let options = SessionOptions {
+        constants: run.constants,
+        total: Some(*total),
+        cache_bytes: args.cache_bytes,
+        watch: watch(),
+        ..SessionOptions::default()
+    };
+    let mut session = match resumed {
+        Some(checkpoint) => Session::resume(gpu.clone(), capture, checkpoint, options)?,
+        None => Session::begin(gpu.clone(), capture, config.clone(), options)?,
     };
     start.replace(&args.output)?;
-    start.extend(&mut trainer)?;
-    let (before, owed) = (trainer.step(), resumed.as_ref().map(|checkpoint| checkpoint.owed));
-    if let Some(n @ 1..) = splats.len().checked_sub(trainer.n_gaussians() as usize) {
+    start.extend(&mut session)?;
+    let before = session.steps();
+    if let n @ 1.. = session.n_left_out() {
         alert!("{} left out: not finite, or too bright", count(n, "Gaussian"));
     }
-    let steps =
-        if before < total { format!("steps {} to {total}", before + 1) } else { format!("all {total} steps done") };
+    let (test, steps) = (capture.test_frames(), format!("steps {} to {total}", before + 1));
     say!(
-        "{}, {}, {}, {steps}, SH degree {}",
-        count(training.len(), "training image"),
+        "{}, {}, {}, {}, SH degree {}",
+        count(capture.training_frames().len(), "training image"),
         count(test.len(), "test image"),
-        count(trainer.n_gaussians(), "Gaussian"),
+        count(session.trainer().n_gaussians(), "Gaussian"),
+        if before < *total { steps } else { format!("all {total} steps done") },
         config.sh_degree
     );
-    let order: Vec<(usize, u32)> = (0..total.div_ceil(training.len() as u64))
-        .flat_map(|epoch| permutation(training.len(), &[config.seed, epoch]).into_iter().map(|i| training[i]))
-        .take(total as usize)
-        .skip(before as usize)
-        .collect();
     let log = Log::open(&args.output, before);
     let said = Said::default();
     let _beside = args.view.map(|port| Beside::new(&args.output, port, said.clone())).transpose()?;
-    let mut session = Session {
+    let mut training = Training {
         args,
         scorer: Scorer { gpu, capture, run, config },
-        trainer,
-        total,
-        plan,
-        priors,
-        depth_summary,
+        session,
+        total: *total,
         checkpoints: checkpoints.clone(),
         some_test: spread(&test, args.due.eval_images),
-        due: Due::new(&args.due, total),
-        progress: Steps::new(total, before, test.len()),
+        due: Due::new(&args.due, *total),
+        progress: Steps::new(*total, before, test.len()),
         start: begun,
-        seconds: 0.0,
         seconds_before: log.series(Kind::Step, "seconds").last().map_or(0.0, |[_, seconds]| *seconds),
-        waited: 0.0,
-        owed: (before, owed.unwrap_or_default()),
         log,
         said,
     };
-    session.train(&order, &stop).and_then(|()| session.finish(json)).map_err(|error| session.failed(error))
+    training.train(&stop).and_then(|()| training.finish(json)).map_err(|error| training.failed(error))
 }
 
-/// A run under way.
-struct Session<'a> {
+/// A run under way, with its folder.
+struct Training<'a> {
     args: &'a Args,
     scorer: Scorer<'a>,
-    trainer: Trainer,
+    session: Session<'a>,
     total: u64,
-    plan: Plan,
-    priors: PriorPlan,
-    depth_summary: Option<DepthSummary>,
     checkpoints: PathBuf,
     /// What is scored during the run.
     some_test: Vec<(usize, u32)>,
@@ -166,48 +142,28 @@ struct Session<'a> {
     /// What a page is told that shows the run.
     said: Said,
     start: Instant,
-    /// Of stepping, in this process and in those before it.
-    seconds: f64,
+    /// Of stepping, in processes before this one.
     seconds_before: f64,
-    /// Seconds in which steps waited for images.
-    waited: f64,
-    /// A step, and what is due after it and has not been done.
-    owed: (u64, Owed),
 }
 
-impl Session<'_> {
-    /// Steps through `order`.
-    fn train(&mut self, order: &[(usize, u32)], stop: &Stop) -> anyhow::Result<()> {
-        if self.trainer.step() == 0 {
+impl Training<'_> {
+    /// Steps to the end.
+    fn train(&mut self, stop: &Stop) -> anyhow::Result<()> {
+        if self.session.steps() == 0 {
             // Whatever happens from here on, there is a checkpoint to go on from.
             self.write_checkpoint()?;
         }
         self.settle()?;
-        let capture = self.scorer.capture;
-        let mut cache = FrameCache::new(capture, order.iter().copied(), &self.priors, self.args.cache_bytes, 2)?;
-        for &(camera, frame) in order {
-            let picture = cache.next_picture().context("the order of images ended early")??;
-            let view = self.scorer.capture.view(camera, frame)?;
-            let begun = Instant::now();
-            let times = if self.due.profile(self.trainer.step() + 1) {
-                self.trainer.profile(camera, &view, &picture)?.passes
+        while self.session.steps() < self.total {
+            if self.due.profile(self.session.steps() + 1) {
+                self.profile()?;
             } else {
-                self.trainer.train(camera, &view, &picture)?;
-                Vec::new()
-            };
-            let step = self.trainer.step();
-            let owed = self.due_after(step);
-            self.owed = (step, owed);
-            if owed != Owed::default() || self.due.evaluation(step) || self.due.checkpoint(step) {
-                self.trainer.finish()?;
+                self.session.step()?;
             }
-            self.seconds += begun.elapsed().as_secs_f64();
-            self.waited = cache.stats().waited.as_secs_f64();
-            let reports = self.trainer.take_reports();
-            if let (false, Some(report)) = (times.is_empty(), reports.last()) {
-                self.log.push(Kind::Profile, &profiled(&self.scorer, report, &times))?;
+            let step = self.session.steps();
+            if self.due.evaluation(step) || self.due.checkpoint(step) {
+                self.session.wait()?;
             }
-            reports.iter().try_for_each(|report| self.note(report))?;
             self.settle()?;
             let is_stopped = stop.is_asked();
             let best = if is_stopped { None } else { self.evaluate(step)? };
@@ -224,9 +180,19 @@ impl Session<'_> {
         Ok(())
     }
 
+    /// A step whose passes are timed.
+    fn profile(&mut self) -> anyhow::Result<()> {
+        let Some(profiled) = self.session.profile()? else { return Ok(()) };
+        let gpu = self.scorer.gpu;
+        let passes = profiled.passes.iter().map(|pass| TimedPass::new(pass, gpu.caps())).collect();
+        let line = ProfiledStep { step: self.session.steps(), passes, bytes_by_buffer: gpu.device().memory().0 };
+        self.log.push(Kind::Profile, &line)?;
+        Ok(())
+    }
+
     fn write_checkpoint(&mut self) -> ivv::Result<()> {
         let world = self.scorer.run.world;
-        Checkpoint { world, ..self.trainer.checkpoint()? }.write(&self.checkpoints)?;
+        Checkpoint { world, ..self.session.checkpoint()? }.write(&self.checkpoints)?;
         self.log.write()
     }
 
@@ -238,63 +204,45 @@ impl Session<'_> {
         }
         let world = self.scorer.run.world;
         let is_lost = matches!(error.downcast_ref(), Some(ivv::Error::DeviceLost { .. }));
+        let ended = self.session.trainer().ended();
         // Nothing follows the last step but scores.
-        let is_kept = self.trainer.ended() == self.total && Checkpoint::file(&self.checkpoints, self.total).exists();
+        let is_kept = ended == self.total && Checkpoint::file(&self.checkpoints, self.total).exists();
         if !is_lost
             && !is_kept
-            && let Ok(rescued) = self.trainer.rescue()
+            && let Ok(rescued) = self.session.rescue()
         {
-            let (step, owed) = self.owed;
-            let owed = match rescued.step.cmp(&step) {
-                Ordering::Less => Owed::default(),
-                Ordering::Equal => owed,
-                // It ended while it was rescued.
-                Ordering::Greater => self.due_after(rescued.step),
-            };
-            let owed = Owed { density: rescued.owed.density, ..owed };
-            let written = Checkpoint { world, owed, ..rescued }.write(&self.checkpoints);
+            let written = Checkpoint { world, ..rescued }.write(&self.checkpoints);
             if written.is_ok() {
                 // The lines of the log are not needed to go on.
                 let _ = self.log.write();
             }
         }
-        kept::told(error, self.trainer.ended(), &self.checkpoints, &self.args.output)
+        kept::told(error, self.session.trainer().ended(), &self.checkpoints, &self.args.output)
     }
 
-    /// What is due after a step beside density control, which the trainer sees to.
-    fn due_after(&self, step: u64) -> Owed {
-        let review = ivv::train::review_due(self.scorer.config, step, self.total).is_some();
-        Owed { review, offsets: self.due.offset_check(step), density: false }
-    }
-
-    /// Does what is due after the last step.
+    /// Does what is due after the last step, and notes what has happened.
     fn settle(&mut self) -> anyhow::Result<()> {
-        let (step, owed) = self.owed;
-        let due = ivv::train::review_due(self.scorer.config, step, self.total);
-        if let (true, Some(due)) = (owed.review, due) {
-            self.review(due)?;
-        }
-        self.owed.1.review = false;
-        if owed.offsets {
-            offsets::freeze(&mut self.trainer, &self.scorer)?;
-        }
-        self.owed.1.offsets = false;
-        Ok(())
+        self.note_events()?;
+        self.session.settle()?;
+        self.note_events()
     }
 
-    /// Looks what the scene requires, and goes on with that.
-    fn review(&mut self, due: ivv::train::Due) -> anyhow::Result<()> {
-        let Scorer { gpu, capture, run, .. } = self.scorer;
-        let begun = Instant::now();
-        let mut progress = Progress::passing("review of what is required", 0);
-        let mut looked = |done, total| progress.reach(done, total, "pictures");
-        let review = ivv::train::review(&mut self.trainer, gpu, capture, run.constants, due, &mut looked)?;
-        self.seconds += begun.elapsed().as_secs_f64();
-        let told = require::told(&review);
-        if !told.is_empty() {
-            say!("{told}");
+    fn note_events(&mut self) -> anyhow::Result<()> {
+        for event in self.session.take_events() {
+            match event {
+                Event::Step(report) => self.note(&report)?,
+                Event::Review(review) => {
+                    let told = require::told(&review);
+                    if !told.is_empty() {
+                        say!("{told}");
+                    }
+                    self.log.push(Kind::Review, &review)?;
+                }
+                Event::Frozen(cameras) => {
+                    alert!("could not estimate time offsets from the images; fixed at 0 for {}", cameras.join(", "))
+                }
+            }
         }
-        self.log.push(Kind::Review, &review)?;
         Ok(())
     }
 
@@ -304,8 +252,8 @@ impl Session<'_> {
         let is_due = self.due.checkpoint(report.step) || report.step.is_multiple_of(self.args.log_every);
         if is_due || report.density.is_some() {
             let mut line = serde_json::to_value(report)?;
-            line["seconds"] = (self.seconds_before + self.seconds).into();
-            line["waited_for_images_s"] = self.waited.into();
+            line["seconds"] = (self.seconds_before + self.session.seconds()).into();
+            line["waited_for_images_s"] = self.session.waited().into();
             self.said.lock().unwrap_or_else(PoisonError::into_inner).clone_from(&line);
             self.log.push(Kind::Step, &line)?;
         }
@@ -318,7 +266,7 @@ impl Session<'_> {
             return Ok(None);
         }
         let begun = Instant::now();
-        let splats = self.trainer.splats()?;
+        let splats = self.session.trainer().splats()?;
         let Some((scored, examples)) = self.scorer.some(&splats, &self.some_test, step)? else { return Ok(None) };
         let Evaluation { mean, views, .. } = &scored;
         let mean = *mean;
@@ -339,33 +287,33 @@ impl Session<'_> {
 
     /// Writes the scene, the totals, all scores and the report.
     fn finish(&mut self, json: bool) -> anyhow::Result<()> {
-        let (output, trainer) = (&self.args.output, &mut self.trainer);
-        let world = self.scorer.run.world;
-        let scene = output.join("scene.ply");
-        let written = begin::write_scene(&scene, &trainer.splats()?, &world)?;
+        let output = &self.args.output;
+        let splats = self.session.finish()?;
+        let (scene, world, step) = (output.join("scene.ply"), self.scorer.run.world, self.session.steps());
+        let written = write_scene(&scene, &splats, &world)?;
         // What the file holds is scored.
         let splats = world.splats(&written);
-        let seconds_stepping = self.seconds_before + self.seconds;
+        let seconds_stepping = self.seconds_before + self.session.seconds();
         let seconds = Seconds {
             seconds: self.start.elapsed().as_secs_f64(),
             cpu_seconds: cpu_seconds(),
             seconds_stepping,
-            seconds_per_step: seconds_stepping / trainer.step().max(1) as f64,
-            waited_for_images_s: self.waited,
+            seconds_per_step: seconds_stepping / step.max(1) as f64,
+            waited_for_images_s: self.session.waited(),
         };
         let fits = if self.args.due.fit_offsets { self.scorer.fitted_offsets(&splats)? } else { BTreeMap::new() };
-        let offsets = offsets::table(trainer, &self.scorer, &fits, output)?;
+        let offsets = offsets::table(self.session.trainer(), &self.scorer, &fits, output)?;
         let Scorer { gpu, run, capture, config } = self.scorer;
-        let mut totals = totals(gpu, trainer.step(), &splats, (run, config), &self.log, &seconds)?;
+        let mut totals = totals(gpu, step, &splats, (run, config), &self.log, &seconds)?;
         totals["reviews"] = self.log.lines(Kind::Review).cloned().collect();
-        totals["plan"] = serde_json::to_value(&self.plan)?;
-        totals["depth_priors"] = serde_json::to_value(&self.depth_summary)?;
+        totals["plan"] = serde_json::to_value(self.session.plan())?;
+        totals["depth_priors"] = serde_json::to_value(&self.session.priors().depth)?;
         totals["offsets"] = serde_json::to_value(&offsets)?;
         let agreement = offsets::agreement(&offsets);
         totals["offset_error"] = agreement.map(|agreement| agreement.rms_error).into();
         totals["offset_correlation"] = agreement.and_then(|agreement| agreement.correlation).into();
         write_json(&output.join("train.json"), &totals)?;
-        let (scores, examples) = self.scorer.all(&splats, &scene, &fits, trainer.step(), output)?;
+        let (scores, examples) = self.scorer.all(&splats, &scene, &fits, step, output)?;
         if let Some(scores) = &scores {
             // The last point of the curve: the same images as those before it.
             let some = self.some_test.iter().map(|(camera, frame)| (capture.cameras[*camera].name.as_str(), *frame));
@@ -397,10 +345,4 @@ impl Session<'_> {
         }
         Ok(())
     }
-}
-
-/// A line about a step whose passes were timed.
-fn profiled(scorer: &Scorer, report: &StepReport, passes: &[PassReport]) -> ProfiledStep {
-    let passes = passes.iter().map(|pass| TimedPass::new(pass, scorer.gpu.caps())).collect();
-    ProfiledStep { step: report.step, passes, bytes_by_buffer: scorer.gpu.device().memory().0 }
 }

@@ -25,6 +25,7 @@ mod report_plot;
 mod require;
 mod run;
 mod schedule;
+mod session;
 mod setting_table;
 mod settings_check;
 mod setup;
@@ -47,7 +48,7 @@ pub use log::{Kind, Log};
 pub use metrics::{
     Evaluation, METRICS, METRICS_OF, Meter, SceneScores, Scores, Sight, ViewScores, evaluate, psnr, spread,
 };
-pub use offsets::{Agreement, OffsetFit, fit_offset, offset_pictures};
+pub use offsets::{Agreement, OffsetFit, fit_offset, learnt_offsets, offset_pictures};
 pub use plan::{BoundBy, Class, INTERSECTIONS_PER_GAUSSIAN, Limits, Need, Plan, Workload};
 pub use preset::{PRESETS, Preset, PresetId, merge};
 pub use random::{Random, permutation};
@@ -60,6 +61,7 @@ pub use require::{
 };
 pub use run::{CaptureSummary, Run};
 pub use schedule::rates;
+pub use session::{Event, Notice, Phase, Priors, Session, SessionOptions, Watch, training_order};
 pub use setting_table::SETTINGS;
 pub use settings_check::{Range, Setting, check_name, check_settings};
 pub use setup::{Setup, near_plane};

@@ -1,9 +1,14 @@
 //! What pictures say of a camera's time offset, with the scene held fixed: its best value and how far it can be trusted.
 
+use super::trainer::Trainer;
 use crate::error::Result;
+use crate::gpu::Gpu;
 use crate::scene::View;
 use crate::scene::capture::{Capture, Picture};
+use crate::settings::Constants;
 use crate::stage::{OFFSET_BOUND, Outputs, Renderer};
+use std::collections::BTreeMap;
+use std::sync::Arc;
 
 /// Half the step of the differences, frames.
 const STEP: f64 = 0.1;
@@ -79,6 +84,32 @@ pub fn offset_pictures(capture: &Capture, background: [f32; 3], camera: usize) -
             Ok((view.reduced(reduction), capture.picture(camera, frame)?.reduced(reduction)))
         })
         .collect()
+}
+
+/// By camera, its learnt time offset with its standard error, with the Gaussians of `trainer` held fixed. `progress` is called as
+/// (cameras done, cameras).
+///
+/// # Errors
+/// Those of the renderer and of the capture's pictures.
+pub fn learnt_offsets(
+    trainer: &mut Trainer,
+    (gpu, capture): (&Arc<Gpu>, &Capture),
+    (constants, background): (Constants, [f32; 3]),
+    progress: &mut dyn FnMut(usize, usize),
+) -> Result<BTreeMap<usize, OffsetFit>> {
+    let (offsets, learns) = trainer.offsets()?;
+    if !learns.contains(&true) {
+        return Ok(BTreeMap::new());
+    }
+    let mut renderer = Renderer::new(gpu.clone(), &trainer.splats()?, constants)?;
+    let cameras: Vec<usize> = (0..offsets.len()).filter(|camera| learns[*camera]).collect();
+    let fit = |(done, camera): (usize, &usize)| {
+        let pictures = offset_pictures(capture, background, *camera)?;
+        let fit = fit_offset(&mut renderer, &pictures, offsets[*camera], 0)?;
+        progress(done + 1, cameras.len());
+        Ok((*camera, fit))
+    };
+    cameras.iter().enumerate().map(fit).collect()
 }
 
 /// Fits a camera's offset to `pictures` by `iterations` Gauss-Newton steps on the squared error of the colours, from `start`

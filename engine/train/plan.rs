@@ -2,7 +2,13 @@
 //!
 //! `items` is the one table of the training loop's buffers; a test holds it to what a [`super::Trainer`] allocates.
 
+use super::config::Config;
+use super::setup::Setup;
+use crate::gpu::Gpu;
+use crate::scene::Splats;
+use crate::scene::capture::Capture;
 use crate::stage::{GRID_BYTES, Grids};
+use crate::vk::DeviceKind;
 use std::fmt;
 
 /// Pairs with tiles that a Gaussian is taken to have, on average over all, in the view that has most of them: 2 to 10 are
@@ -262,6 +268,28 @@ pub struct Plan {
 }
 
 impl Plan {
+    /// What a run on `capture` needs that begins with `splats` and keeps so many bytes of decoded pictures.
+    pub fn of(capture: &Capture, config: &Config, setup: &Setup, splats: &Splats, gpu: &Gpu, cache_bytes: u64) -> Self {
+        let pixels = capture.cameras.iter().map(|camera| u64::from(camera.width) * u64::from(camera.height));
+        let work = Workload {
+            gaussians: splats.len() as u64,
+            dynamic: splats.motion.len() as u64,
+            max_gaussians: config.max_gaussians as u64,
+            intersections_per_gaussian: INTERSECTIONS_PER_GAUSSIAN,
+            pixels: pixels.max().unwrap_or(0),
+            sh_degree: config.sh_degree,
+            moment_bits: config.moment_bits,
+            cache_bytes,
+            priors: setup.has_priors,
+            offsets: !setup.learns_offset.is_empty(),
+            grids: setup.has_grid.iter().filter(|has| **has).count() as u64,
+            height: capture.cameras.iter().map(|camera| camera.height).max().unwrap_or(0),
+        };
+        let caps = gpu.caps();
+        let is_host = caps.kind == DeviceKind::Cpu;
+        Plan::new(&work, &Limits { binding_bytes: caps.max_binding_bytes, memory_bytes: caps.heap_bytes, is_host })
+    }
+
     /// Plans `work` on a device with `limits`. [`Plan::full`] has no Gaussian where a picture alone is too much.
     pub fn new(work: &Workload, limits: &Limits) -> Self {
         let binding = limits.binding_bytes as f64;

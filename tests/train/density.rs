@@ -4,11 +4,11 @@ use super::{Tiny, steady};
 use crate::common::device::gpu;
 use ivv::Constants;
 use ivv::scene::Splats;
-use ivv::scene::capture::{Capture, Extent};
+use ivv::scene::capture::{Capture, Extent, PriorPlan};
 use ivv::stage::{AdamMode, Choice};
 use ivv::train::{
     Checkpoint, Config, Density, Round, Setup, StepReport, Strategy, Trainer, density_round, from_points, noise,
-    permutation, regularisers,
+    regularisers,
 };
 
 #[test]
@@ -82,12 +82,7 @@ fn trainer(capture: &Capture, config: &Config, splats: &Splats, total: u64) -> T
 
 /// Steps `trainer` through the run's order up to step `until`.
 fn drive(trainer: &mut Trainer, capture: &Capture, seed: u64, until: u64) -> Vec<StepReport> {
-    let frames = capture.training_frames();
-    while trainer.step() < until {
-        let (epoch, at) = (trainer.step() / frames.len() as u64, trainer.step() as usize % frames.len());
-        let (camera, frame) = frames[permutation(frames.len(), &[seed, epoch])[at]];
-        trainer.train(camera, &capture.view(camera, frame).unwrap(), &capture.picture(camera, frame).unwrap()).unwrap();
-    }
+    super::drive_with(trainer, capture, seed, until, &PriorPlan::default());
     trainer.finish().unwrap();
     trainer.take_reports()
 }

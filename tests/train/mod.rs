@@ -18,6 +18,7 @@ mod resume;
 mod rigs;
 mod run;
 mod scores;
+mod session;
 mod settings;
 mod terms;
 mod worlds;
@@ -29,8 +30,8 @@ use ivv::scene::{Motion, Splats};
 use ivv::stage::{AdamMode, Outputs, Renderer};
 use ivv::synth::{Options, Preset, write_capture};
 use ivv::train::{
-    Checkpoint, Config, LearningRates, Meter, Pace, Rate, Scores, Setup, Trainer, from_points, permutation,
-    random_points, rates,
+    Checkpoint, Config, Event, LearningRates, Meter, Pace, Priors, Rate, Scores, Session, SessionOptions, Setup,
+    StepReport, Trainer, from_points, random_points, rates, training_order,
 };
 use std::path::PathBuf;
 
@@ -87,26 +88,26 @@ impl Drop for Tiny {
 
 /// Trains `steps` steps; returns the Gaussians and the mean loss of the first and the last ten steps.
 fn train(capture: &Capture, config: &Config, splats: &Splats, steps: u64) -> (Splats, f64, f64) {
-    let gpu = gpu();
-    let frames = capture.training_frames();
-    let setup = Setup::new(capture, config);
-    let mut trainer = Trainer::new(gpu.clone(), splats, Constants::default(), config.clone(), steps, setup).unwrap();
-    let mut losses = Vec::new();
-    for step in 0..steps {
-        let epoch = step / frames.len() as u64;
-        let (camera, frame) = frames[permutation(frames.len(), &[config.seed, epoch])[step as usize % frames.len()]];
-        let picture = capture.picture(camera, frame).unwrap();
-        trainer.train(camera, &capture.view(camera, frame).unwrap(), &picture).unwrap();
-    }
-    trainer.finish().unwrap();
-    let reports = trainer.take_reports();
+    let options = SessionOptions {
+        total: Some(steps),
+        first: Some(splats.clone()),
+        priors: Some(Priors::default()),
+        ..SessionOptions::default()
+    };
+    let mut session = Session::begin(gpu().clone(), capture, config.clone(), options).unwrap();
+    while session.step().unwrap() {}
+    let splats = session.finish().unwrap();
+    let reports = session.take_events().into_iter();
+    let reports: Vec<StepReport> =
+        reports.filter_map(|event| if let Event::Step(report) = event { Some(report) } else { None }).collect();
     assert!(reports.iter().map(|report| report.step).eq(1..=steps), "one report a step, in order");
+    let mut losses = Vec::new();
     for report in reports {
         assert!(report.loss.is_finite() && report.bad_gradients == 0 && report.visible > 0, "{report:?}");
         losses.push(report.loss);
     }
     let mean = |part: &[f64]| part.iter().sum::<f64>() / part.len() as f64;
-    (trainer.splats().unwrap(), mean(&losses[..10]), mean(&losses[losses.len() - 10..]))
+    (splats, mean(&losses[..10]), mean(&losses[losses.len() - 10..]))
 }
 
 /// All bits of a scene.
@@ -214,12 +215,13 @@ fn a_rate_may_be_written_as_one_number_and_must_not_change_its_sign() {
 
 /// Steps `trainer` through the run's order up to step `until`, with all priors.
 fn drive(trainer: &mut Trainer, capture: &Capture, seed: u64, until: u64) {
-    let frames = capture.training_frames();
-    while trainer.step() < until {
-        let (epoch, at) = (trainer.step() / frames.len() as u64, trainer.step() as usize % frames.len());
-        let (camera, frame) = frames[permutation(frames.len(), &[seed, epoch])[at]];
-        let depth = [((camera, frame), [1.0, 0.1])].into();
-        let picture = capture.picture_with(camera, frame, &PriorPlan { flow: true, depth }).unwrap();
+    let depth = capture.training_frames().into_iter().map(|image| (image, [1.0, 0.1])).collect();
+    drive_with(trainer, capture, seed, until, &PriorPlan { flow: true, depth });
+}
+
+fn drive_with(trainer: &mut Trainer, capture: &Capture, seed: u64, until: u64, priors: &PriorPlan) {
+    for (camera, frame) in training_order(&capture.training_frames(), seed, trainer.step(), until) {
+        let picture = capture.picture_with(camera, frame, priors).unwrap();
         trainer.train(camera, &capture.view(camera, frame).unwrap(), &picture).unwrap();
     }
 }

@@ -1,0 +1,519 @@
+//! A training run: a capture's images in their order, with what is due between steps.
+
+use super::checkpoint::{Checkpoint, Owed};
+use super::config::Config;
+use super::depth_fit::{DepthSummary, fit_depths};
+use super::init::{Initial, initialise};
+use super::offsets::learnt_offsets;
+use super::plan::Plan;
+use super::random::permutation;
+use super::require::{Due, Review, review, review_due};
+use super::setup::Setup;
+use super::trainer::{ProfiledStep, StepReport, Trainer};
+use crate::error::{Error, Result};
+use crate::gpu::{Dispatch, Gpu};
+use crate::scene::Splats;
+use crate::scene::capture::{Capture, FrameCache, Picture, PriorPlan};
+use crate::settings::Constants;
+use std::cmp::Ordering;
+use std::sync::Arc;
+use std::time::Instant;
+use std::vec::IntoIter;
+
+/// Threads that decode images ahead, and that read depth priors.
+const THREADS: usize = 2;
+
+/// A run under way.
+///
+/// ```no_run
+/// # fn main() -> ivv::Result<()> {
+/// use ivv::scene::capture::Capture;
+/// use ivv::train::{Config, Session, SessionOptions};
+///
+/// let gpu = std::sync::Arc::new(ivv::gpu::Gpu::open(&Default::default())?);
+/// let capture = Capture::open("captures/demo".as_ref())?;
+/// // Training takes place in a frame where the cameras' extent is 3.
+/// let world = capture.normalisation();
+/// let capture = capture.transformed(&world);
+/// let mut session = Session::begin(gpu, &capture, Config::default(), SessionOptions::default())?;
+/// while session.step()? {}
+/// let splats = world.inverse().splats(&session.finish()?);
+/// ivv::scene::write_ply("scene.ply".as_ref(), &splats)?;
+/// # Ok(())
+/// # }
+/// ```
+pub struct Session<'a> {
+    gpu: Arc<Gpu>,
+    capture: &'a Capture,
+    constants: Constants,
+    config: Config,
+    total: u64,
+    frames: Vec<Image>,
+    priors: Priors,
+    plan: Plan,
+    n_left_out: usize,
+    trainer: Trainer,
+    /// The images to come, in their order, decoded ahead; made for the first step that needs it.
+    images: Option<(FrameCache, IntoIter<Image>)>,
+    cache_bytes: u64,
+    /// A step, and what is due after it and has not been done.
+    owed: (u64, Owed),
+    events: Vec<Event>,
+    seconds: f64,
+    watch: Watch<'a>,
+}
+
+/// A camera and a frame.
+type Image = (usize, u32);
+
+/// Is told what a session does that takes a while.
+pub type Watch<'a> = Box<dyn FnMut(Notice) + 'a>;
+
+/// What a run begins with, where that is not what its settings say.
+pub struct SessionOptions<'a> {
+    /// How pictures are rendered.
+    pub constants: Constants,
+    /// Steps; none for as many as the settings say.
+    pub total: Option<u64>,
+    /// The first Gaussians, in the capture's frame; none for those that the settings make of the capture.
+    pub first: Option<Splats>,
+    /// The priors, as another session of the same capture read them.
+    pub priors: Option<Priors>,
+    /// Bytes of images that are decoded ahead.
+    pub cache_bytes: u64,
+    /// Is told what takes a while.
+    pub watch: Watch<'a>,
+}
+
+impl Default for SessionOptions<'_> {
+    fn default() -> Self {
+        SessionOptions {
+            constants: Constants::default(),
+            total: None,
+            first: None,
+            priors: None,
+            cache_bytes: 256 << 20,
+            watch: Box::new(|_| ()),
+        }
+    }
+}
+
+/// Depth and flow of the training images that come from elsewhere.
+#[derive(Clone, Debug, Default)]
+pub struct Priors {
+    /// Which are used, and how depths are scaled.
+    pub plan: PriorPlan,
+    /// What the depths are like; none where none is used.
+    pub depth: Option<DepthSummary>,
+}
+
+/// What a session does that takes a while.
+#[derive(Debug)]
+pub enum Notice<'a> {
+    /// Work, so much of so much.
+    Work {
+        /// Of what kind.
+        phase: Phase,
+        /// Done.
+        done: usize,
+        /// In all; 0 where that is not known.
+        total: usize,
+    },
+    /// The first Gaussians are there.
+    Initialised(&'a Initial),
+    /// The priors of the depth are there.
+    DepthPriors(&'a DepthSummary),
+    /// What the run needs is known, and is allocated next.
+    Planned(&'a Plan),
+}
+
+/// Kinds of work.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Phase {
+    /// The first Gaussians: frames, pictures or depths.
+    Initialisation,
+    /// Priors of the depth are compared with points: frames.
+    DepthPriors,
+    /// It is looked at what the scene requires: pictures.
+    Review,
+    /// Errors of time offsets: cameras.
+    OffsetErrors,
+}
+
+/// What has happened.
+#[derive(Clone, Debug)]
+pub enum Event {
+    /// A step has ended.
+    Step(StepReport),
+    /// It was looked at what the scene requires.
+    Review(Review),
+    /// The time offsets of these cameras were fixed at 0, since the images do not tell them.
+    Frozen(Vec<String>),
+}
+
+impl<'a> Session<'a> {
+    /// A run on the training images of `capture`, which is in the frame of training.
+    ///
+    /// # Errors
+    /// Those of the capture's images; those of the device, such as [`Error::OutOfMemory`].
+    pub fn begin(gpu: Arc<Gpu>, capture: &'a Capture, config: Config, mut options: SessionOptions<'a>) -> Result<Self> {
+        let frames = training_frames(capture)?;
+        let setup = Setup::new(capture, &config);
+        let watch = &mut options.watch;
+        let made;
+        let first = options.first.take();
+        let splats = if let Some(first) = &first {
+            first
+        } else {
+            made = initialise(capture, &config, &mut work(watch, Phase::Initialisation))?;
+            watch(Notice::Initialised(&made));
+            &made.splats
+        };
+        let known = options.priors.take();
+        let priors = known.map_or_else(|| Priors::read(capture, &config, &setup, watch), Ok)?;
+        let plan = Plan::of(capture, &config, &setup, splats, &gpu, options.cache_bytes);
+        watch(Notice::Planned(&plan));
+        let total = options.total.unwrap_or_else(|| config.total(frames.len() as u64));
+        let trainer = Trainer::new(gpu.clone(), splats, options.constants, config.clone(), total, setup)?;
+        let numbers = (total, priors, plan, splats.len());
+        Ok(Self::of(gpu, (capture, frames), config, trainer, numbers, options))
+    }
+
+    /// The run that `checkpoint` is of, on its capture. `options` say neither its length nor its first Gaussians.
+    ///
+    /// # Errors
+    /// As [`Session::begin`].
+    pub fn resume(
+        gpu: Arc<Gpu>,
+        capture: &'a Capture,
+        checkpoint: &Checkpoint,
+        mut options: SessionOptions<'a>,
+    ) -> Result<Self> {
+        let frames = training_frames(capture)?;
+        let (config, splats) = (checkpoint.config.clone(), &checkpoint.params);
+        let setup = Setup::new(capture, &config);
+        let (known, watch) = (options.priors.take(), &mut options.watch);
+        let priors = known.map_or_else(|| Priors::read(capture, &config, &setup, watch), Ok)?;
+        let plan = Plan::of(capture, &config, &setup, splats, &gpu, options.cache_bytes);
+        watch(Notice::Planned(&plan));
+        let trainer = Trainer::resume(gpu.clone(), checkpoint, options.constants, setup)?;
+        let numbers = (checkpoint.total, priors, plan, splats.len());
+        let session = Self::of(gpu, (capture, frames), config, trainer, numbers, options);
+        Ok(Session { owed: (checkpoint.step, checkpoint.owed), ..session })
+    }
+
+    fn of(
+        gpu: Arc<Gpu>,
+        (capture, frames): (&'a Capture, Vec<Image>),
+        config: Config,
+        trainer: Trainer,
+        (total, priors, plan, n_first): (u64, Priors, Plan, usize),
+        options: SessionOptions<'a>,
+    ) -> Self {
+        let SessionOptions { constants, cache_bytes, watch, .. } = options;
+        Session {
+            gpu,
+            capture,
+            constants,
+            config,
+            total,
+            frames,
+            priors,
+            plan,
+            n_left_out: n_first.saturating_sub(trainer.n_gaussians() as usize),
+            owed: (trainer.step(), Owed::default()),
+            trainer,
+            images: None,
+            cache_bytes,
+            events: Vec::new(),
+            seconds: 0.0,
+            watch,
+        }
+    }
+
+    /// Goes on for as long as `config` and `total` say.
+    ///
+    /// # Errors
+    /// As [`Trainer::extend`].
+    pub fn extend(&mut self, config: Config, total: u64) -> Result<()> {
+        self.trainer.extend(config.clone(), total)?;
+        (self.config, self.total, self.images) = (config, total, None);
+        Ok(())
+    }
+
+    /// What is trained.
+    pub fn trainer(&mut self) -> &mut Trainer {
+        &mut self.trainer
+    }
+
+    /// Steps of the run.
+    pub fn total(&self) -> u64 {
+        self.total
+    }
+
+    /// Steps that were handed to the device, in earlier sessions of the run too.
+    pub fn steps(&self) -> u64 {
+        self.trainer.step()
+    }
+
+    /// What the run needs.
+    pub fn plan(&self) -> &Plan {
+        &self.plan
+    }
+
+    /// The priors of its images.
+    pub fn priors(&self) -> &Priors {
+        &self.priors
+    }
+
+    /// First Gaussians that were left out: not finite, or too bright.
+    pub fn n_left_out(&self) -> usize {
+        self.n_left_out
+    }
+
+    /// Seconds of steps and reviews in this session.
+    pub fn seconds(&self) -> f64 {
+        self.seconds
+    }
+
+    /// Seconds in which steps waited for images.
+    pub fn waited(&self) -> f64 {
+        self.images.as_ref().map_or(0.0, |(cache, _)| cache.stats().waited.as_secs_f64())
+    }
+
+    /// The images of the steps to come, as camera and frame, see [`training_order`].
+    pub fn order(&self) -> Vec<(usize, u32)> {
+        training_order(&self.frames, self.config.seed, self.trainer.step(), self.total)
+    }
+
+    /// What has happened since this was last asked, in order. Steps end while others are under way, so one that was handed over
+    /// may be missing; [`Session::wait`] has it.
+    pub fn take_events(&mut self) -> Vec<Event> {
+        std::mem::take(&mut self.events)
+    }
+
+    /// Hands the next step to the device, after what is due before it; false at the end of the run.
+    ///
+    /// # Errors
+    /// Those of the device and of the images.
+    pub fn step(&mut self) -> Result<bool> {
+        let Some((at, picture)) = self.picture()? else { return Ok(false) };
+        self.step_on(at, &picture)?;
+        Ok(true)
+    }
+
+    /// As [`Session::step`] with an image that is at hand: the next one of [`Session::order`]. A session steps either this way or
+    /// the other.
+    ///
+    /// # Errors
+    /// Those of the device.
+    pub fn step_on(&mut self, (camera, frame): (usize, u32), picture: &Picture) -> Result<()> {
+        self.settle()?;
+        let view = self.capture.view(camera, frame)?;
+        let begun = Instant::now();
+        self.trainer.train(camera, &view, picture)?;
+        self.stepped(begun)
+    }
+
+    /// As [`Session::step`], with the time of every pass; none at the end of the run.
+    ///
+    /// # Errors
+    /// As [`Session::step`].
+    pub fn profile(&mut self) -> Result<Option<ProfiledStep>> {
+        let Some(((camera, frame), picture)) = self.picture()? else { return Ok(None) };
+        let view = self.capture.view(camera, frame)?;
+        let begun = Instant::now();
+        let profiled = self.trainer.profile(camera, &view, &picture)?;
+        self.stepped(begun)?;
+        Ok(Some(profiled))
+    }
+
+    /// The next step's first dispatch of a kernel, with what it worked on; none where it has none, or the run has ended. It is a
+    /// step that is not counted.
+    ///
+    /// # Errors
+    /// As [`Trainer::capture`].
+    pub fn capture(&mut self, kernel: &str) -> Result<Option<Dispatch>> {
+        let Some(((camera, frame), picture)) = self.picture()? else { return Ok(None) };
+        let view = self.capture.view(camera, frame)?;
+        self.trainer.capture(camera, &view, &picture, kernel)
+    }
+
+    /// Waits until all steps that were handed over have ended.
+    ///
+    /// # Errors
+    /// [`Error::DeviceLost`].
+    pub fn wait(&mut self) -> Result<()> {
+        let begun = Instant::now();
+        self.trainer.finish()?;
+        self.seconds += begun.elapsed().as_secs_f64();
+        self.collect();
+        Ok(())
+    }
+
+    /// Does what is due after the last step, so that what follows sees it.
+    ///
+    /// # Errors
+    /// As [`Session::step`].
+    pub fn settle(&mut self) -> Result<()> {
+        let (step, owed) = self.owed;
+        if let (true, Some(due)) = (owed.review, review_due(&self.config, step, self.total)) {
+            self.review(due)?;
+        }
+        self.owed.1.review = false;
+        if owed.offsets {
+            self.freeze()?;
+        }
+        self.owed.1.offsets = false;
+        Ok(())
+    }
+
+    /// Everything that the run goes on from, as of the last step.
+    ///
+    /// # Errors
+    /// As [`Trainer::checkpoint`].
+    pub fn checkpoint(&mut self) -> Result<Checkpoint> {
+        let checkpoint = self.trainer.checkpoint()?;
+        self.collect();
+        Ok(checkpoint)
+    }
+
+    /// As [`Session::checkpoint`], of a run that a fault ended: the last step that can be had, and what was due after it.
+    ///
+    /// # Errors
+    /// As [`Trainer::rescue`].
+    pub fn rescue(&mut self) -> Result<Checkpoint> {
+        let rescued = self.trainer.rescue()?;
+        let (step, owed) = self.owed;
+        let owed = match rescued.step.cmp(&step) {
+            Ordering::Less => Owed::default(),
+            Ordering::Equal => owed,
+            // It ended while it was rescued.
+            Ordering::Greater => self.due_after(rescued.step),
+        };
+        Ok(Checkpoint { owed: Owed { density: rescued.owed.density, ..owed }, ..rescued })
+    }
+
+    /// Waits for the last step and what is due after it; gives the Gaussians, in the frame of training.
+    ///
+    /// # Errors
+    /// As [`Session::step`].
+    pub fn finish(&mut self) -> Result<Splats> {
+        self.wait()?;
+        self.settle()?;
+        self.trainer.splats()
+    }
+
+    /// The next image, after what is due before it.
+    fn picture(&mut self) -> Result<Option<(Image, Arc<Picture>)>> {
+        self.settle()?;
+        let (cache, order) = match &mut self.images {
+            Some(images) => images,
+            none => {
+                let capture = self.capture;
+                let order = training_order(&self.frames, self.config.seed, self.trainer.step(), self.total);
+                let cache = FrameCache::new(capture, order.clone(), &self.priors.plan, self.cache_bytes, THREADS)?;
+                none.insert((cache, order.into_iter()))
+            }
+        };
+        let Some(at) = order.next() else { return Ok(None) };
+        Ok(cache.next_picture().transpose()?.map(|picture| (at, picture)))
+    }
+
+    /// Notes a step that was handed over, and waits for it where something is due after it.
+    fn stepped(&mut self, begun: Instant) -> Result<()> {
+        let step = self.trainer.step();
+        self.owed = (step, self.due_after(step));
+        if self.owed.1 != Owed::default() {
+            self.trainer.finish()?;
+        }
+        self.seconds += begun.elapsed().as_secs_f64();
+        self.collect();
+        Ok(())
+    }
+
+    fn collect(&mut self) {
+        self.events.extend(self.trainer.take_reports().into_iter().map(Event::Step));
+    }
+
+    /// What is due after a step beside density control, which the trainer sees to. Time offsets that the images do not tell are
+    /// frozen once the scene has formed, and once more.
+    fn due_after(&self, step: u64) -> Owed {
+        let review = review_due(&self.config, step, self.total).is_some();
+        let offsets = step > 0 && (step == self.total / 3 || step == 2 * self.total / 3);
+        Owed { review, offsets, density: false }
+    }
+
+    /// Looks what the scene requires, and goes on with that.
+    fn review(&mut self, due: Due) -> Result<()> {
+        let begun = Instant::now();
+        let mut looked = work(&mut self.watch, Phase::Review);
+        let review = review(&mut self.trainer, &self.gpu, self.capture, self.constants, due, &mut looked)?;
+        self.seconds += begun.elapsed().as_secs_f64();
+        self.events.push(Event::Review(review));
+        Ok(())
+    }
+
+    /// Fixes the time offsets at 0 that the images do not tell.
+    fn freeze(&mut self) -> Result<()> {
+        let mut looked = work(&mut self.watch, Phase::OffsetErrors);
+        let fits = learnt_offsets(
+            &mut self.trainer,
+            (&self.gpu, self.capture),
+            (self.constants, self.config.background),
+            &mut looked,
+        )?;
+        let cameras = &self.capture.cameras;
+        let is_lost = |camera: usize| fits.get(&camera).is_some_and(|fit| !fit.is_identifiable());
+        let lost: Vec<bool> = (0..cameras.len()).map(is_lost).collect();
+        let names = cameras.iter().zip(&lost).filter(|(_, lost)| **lost).map(|(camera, _)| camera.name.clone());
+        let names: Vec<String> = names.collect();
+        if !names.is_empty() {
+            self.trainer.freeze_offsets(&lost)?;
+            self.events.push(Event::Frozen(names));
+        }
+        Ok(())
+    }
+}
+
+/// The images `frames` as they follow one another after `done` steps of a run of `total`: every epoch all of them, shuffled by
+/// the seed and the epoch.
+pub fn training_order(frames: &[(usize, u32)], seed: u64, done: u64, total: u64) -> Vec<(usize, u32)> {
+    let n = frames.len() as u64;
+    let shuffled = |epoch| permutation(n as usize, &[seed, epoch]).into_iter().map(|at| frames[at]);
+    let epochs = (done / n..total.div_ceil(n)).flat_map(shuffled);
+    epochs.skip((done % n) as usize).take(total.saturating_sub(done) as usize).collect()
+}
+
+/// The images that are trained on, at least one.
+fn training_frames(capture: &Capture) -> Result<Vec<Image>> {
+    let frames = capture.training_frames();
+    if frames.is_empty() {
+        return Err(Error::data(&capture.path, "", "has no training image", "see `ivv check`"));
+    }
+    Ok(frames)
+}
+
+/// Tells `watch` of work that begins.
+fn work<'w>(watch: &'w mut Watch, phase: Phase) -> impl FnMut(usize, usize) + 'w {
+    watch(Notice::Work { phase, done: 0, total: 0 });
+    move |done, total| watch(Notice::Work { phase, done, total })
+}
+
+impl Priors {
+    /// Those that `config` asks for and `capture` has.
+    fn read(capture: &Capture, config: &Config, setup: &Setup, watch: &mut Watch) -> Result<Self> {
+        let flow = setup.has_priors && config.loss.flow > 0.0;
+        let has_depth = capture.cameras.iter().flat_map(|camera| &camera.shots).any(|shot| shot.depth.is_some());
+        if !(has_depth && config.loss.depth > 0.0) {
+            return Ok(Priors { plan: PriorPlan { flow, ..PriorPlan::default() }, depth: None });
+        }
+        let space = config.loss.depth_space;
+        let fits = fit_depths(capture, space, THREADS, &mut work(watch, Phase::DepthPriors))?;
+        let usable = fits.iter().filter_map(|(image, fit)| Some((image, fit.ok()?)));
+        let depth = usable.map(|(image, fit)| (image, [fit.scale, fit.shift])).collect();
+        let summary = fits.summary();
+        watch(Notice::DepthPriors(&summary));
+        Ok(Priors { plan: PriorPlan { flow, depth }, depth: Some(summary) })
+    }
+}

@@ -1,0 +1,128 @@
+//! A run as the library has it.
+
+use super::{Tiny, bits};
+use crate::common::device::gpu;
+use ivv::scene::Splats;
+use ivv::train::{Checkpoint, Config, Event, Notice, Phase, Required, Session, SessionOptions, training_order};
+use std::cell::RefCell;
+use std::collections::BTreeSet;
+use std::process::Command;
+
+const STEPS: u64 = 60;
+
+/// A run in which all is due that can be: reviews, grids, a look at the time offsets.
+fn config() -> Config {
+    let required = Required { reviews: 2, first: 0.3, last: 0.6, grids_at: 0.2, images: 4, ..Required::default() };
+    Config { sh_degree: 1, steps: STEPS, max_gaussians: 2_000, required, ..Config::default() }
+}
+
+fn steps(event: &Event) -> Option<u64> {
+    if let Event::Step(report) = event { Some(report.step) } else { None }
+}
+
+fn begin<'a>(tiny: &'a Tiny, options: SessionOptions<'a>) -> Session<'a> {
+    Session::begin(gpu().clone(), &tiny.capture, config(), options).unwrap()
+}
+
+/// The Gaussians of a session at its end.
+fn end(mut session: Session) -> (Splats, Vec<Event>) {
+    while session.step().unwrap() {}
+    let splats = session.finish().unwrap();
+    (splats, session.take_events())
+}
+
+#[test]
+fn a_session_does_what_is_due_whoever_brings_the_images_and_wherever_it_is_resumed() {
+    let mut tiny = Tiny::new("session");
+    tiny.capture = tiny.capture.clone().transformed(&tiny.capture.normalisation());
+    let noticed = RefCell::new(BTreeSet::new());
+    let watch = |notice: Notice| {
+        noticed.borrow_mut().insert(match notice {
+            Notice::Work { phase, .. } => format!("{phase:?}"),
+            Notice::Initialised(initial) => format!("first {}", !initial.splats.is_empty()),
+            Notice::DepthPriors(_) => "depths".to_owned(),
+            Notice::Planned(_) => "plan".to_owned(),
+        });
+    };
+    let (whole, events) = end(begin(&tiny, SessionOptions { watch: Box::new(watch), ..SessionOptions::default() }));
+    let phases = [Phase::Initialisation, Phase::DepthPriors, Phase::Review, Phase::OffsetErrors];
+    let expected = phases.map(|phase| format!("{phase:?}")).into_iter();
+    let expected: BTreeSet<String> = expected.chain(["first true", "depths", "plan"].map(str::to_owned)).collect();
+    assert_eq!(noticed.into_inner(), expected);
+    assert!(events.iter().filter_map(steps).eq(1..=STEPS), "every step once, in order");
+    let reviews: Vec<u64> =
+        events.iter().filter_map(|e| if let Event::Review(review) = e { Some(review.step) } else { None }).collect();
+    assert_eq!(reviews, [12, 18, 36], "grids, and Gaussians twice");
+
+    // Images from elsewhere, in the same order: as `ivv trade` has them.
+    let mut fed = begin(&tiny, SessionOptions::default());
+    let order = fed.order();
+    assert_eq!(order.len() as u64, STEPS);
+    for (camera, frame) in order {
+        let picture = tiny.capture.picture_with(camera, frame, &fed.priors().plan.clone()).unwrap();
+        fed.step_on((camera, frame), &picture).unwrap();
+    }
+    assert_eq!(bits(&fed.finish().unwrap()), bits(&whole));
+
+    // Resumed right after a step after which something is due and has not been done.
+    for at in [18, 20, 31] {
+        let mut first = begin(&tiny, SessionOptions::default());
+        while first.steps() < at {
+            first.step().unwrap();
+        }
+        let checkpoint = first.rescue().unwrap();
+        assert_eq!((checkpoint.step, checkpoint.owed.review, checkpoint.owed.offsets), (at, at == 18, at == 20));
+        drop(first);
+        let folder = tiny.folder.join(format!("checkpoints-{at}"));
+        checkpoint.write(&folder).unwrap();
+        let checkpoint = Checkpoint::newest(&folder).unwrap().unwrap();
+        let resumed = Session::resume(gpu().clone(), &tiny.capture, &checkpoint, SessionOptions::default()).unwrap();
+        assert_eq!(bits(&end(resumed).0), bits(&whole), "resumed at {at}");
+    }
+}
+
+#[test]
+fn a_session_gives_the_scene_that_the_command_line_writes() {
+    let tiny = Tiny::new("session-command");
+    let (path, run) = (tiny.folder.to_str().unwrap(), tiny.folder.join("run"));
+    let file = tiny.folder.join("settings.json");
+    std::fs::write(&file, serde_json::to_string(&config()).unwrap()).unwrap();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_ivv"));
+    command.args(["train", path, "-o", run.to_str().unwrap(), "--config", file.to_str().unwrap(), "-q"]);
+    if let Ok(device) = std::env::var("IVV_TEST_DEVICE") {
+        command.args(["--device", &device]);
+    }
+    let done = command.output().unwrap();
+    assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+    let written = Checkpoint::newest(&run.join("checkpoints")).unwrap().unwrap();
+    let run = ivv::train::Run::read(&run).unwrap();
+    let capture = run.open_capture(None).unwrap();
+    let options = SessionOptions { constants: run.constants, ..SessionOptions::default() };
+    let session = Session::begin(gpu().clone(), &capture, config(), options).unwrap();
+    assert_eq!(bits(&end(session).0), bits(&written.params));
+}
+
+#[test]
+fn images_follow_one_another_by_epochs_from_any_step() {
+    let frames: Vec<(usize, u32)> = (0..7).map(|k| (k, k as u32)).collect();
+    let all = training_order(&frames, 3, 0, 25);
+    assert_eq!(all.len(), 25);
+    for epoch in all.chunks_exact(7) {
+        assert_eq!(epoch.iter().collect::<BTreeSet<_>>().len(), 7, "each once");
+    }
+    assert_ne!(all[..7], all[7..14], "in another order");
+    assert_ne!(all, training_order(&frames, 4, 0, 25));
+    for done in [0, 1, 6, 7, 8, 24, 25] {
+        assert_eq!(training_order(&frames, 3, done, 25), all[done as usize..], "after {done}");
+    }
+    assert!(training_order(&frames, 3, 30, 25).is_empty());
+}
+
+#[test]
+fn a_capture_without_training_images_is_refused() {
+    let mut tiny = Tiny::new("session-none");
+    tiny.capture.cameras.iter_mut().for_each(|camera| camera.is_test = true);
+    let refused = Session::begin(gpu().clone(), &tiny.capture, config(), SessionOptions::default());
+    let fault = refused.err().expect("there is nothing to train on");
+    assert!(fault.exit_code() == 3 && fault.to_string().contains("has no training image"), "{fault}");
+}
