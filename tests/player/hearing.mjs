@@ -3,6 +3,10 @@ import { execFileSync } from 'node:child_process';
 import { mkdtempSync, readFileSync, rmSync, writeFileSync } from 'node:fs';
 import { tmpdir } from 'node:os';
 import { join } from 'node:path';
+import { fileURLToPath } from 'node:url';
+import { openScene } from '../../assets/player/container.js';
+import { EARS } from '../../assets/player/ears.js';
+import { memorySource } from '../../assets/player/source.js';
 import { random, wav } from './scenes.mjs';
 
 export const RATE = 48000;
@@ -45,6 +49,22 @@ export function engineHears(samples, source, listeners, hrtf) {
     writeFileSync(at('path.txt'), `${listeners.flatMap(line).join('\n')}\n`);
     execFileSync(process.env.IVV, ['sound', 'render', at('scene.json'), '--path', at('path.txt'), '--mode', 'paper3d', '--hrtf', hrtf, '--float', '-o', at('heard.wav')]);
     return readStereo(readFileSync(at('heard.wav')));
+  } finally {
+    rmSync(folder, { recursive: true });
+  }
+}
+
+/** The attachment of ears that `ivv export --hrtf` puts into a file. */
+export async function exportedEars(hrtf) {
+  const folder = mkdtempSync(join(tmpdir(), 'ivv-ears-'));
+  try {
+    writeScene(folder, noise(RATE / 10), [0, 0, 2]);
+    const ply = fileURLToPath(new URL('../../assets/demo/scene.ply', import.meta.url));
+    const to = join(folder, 'scene.4dgs');
+    execFileSync(process.env.IVV, ['export', ply, '-o', to, '--seconds', '1', '--sound', join(folder, 'scene.json'), '--hrtf', hrtf, '--clamp-colors'], { stdio: 'pipe' });
+    const bytes = readFileSync(to);
+    const { data } = (await openScene(memorySource(bytes))).attachments.find(({ name }) => name === EARS);
+    return bytes.subarray(data.offset, data.offset + data.length);
   } finally {
     rmSync(folder, { recursive: true });
   }

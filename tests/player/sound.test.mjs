@@ -1,10 +1,13 @@
 // Sound: directions and gains under node; levels, sides and time in Chromium's OfflineAudioContext; the clock of the running page.
 import assert from 'node:assert/strict';
+import { existsSync } from 'node:fs';
+import { basename } from 'node:path';
 import test from 'node:test';
+import { nearestDirection, readEars } from '../../assets/player/ears.js';
 import { direction, distanceGain, piece } from '../../assets/player/sound.js';
 import { browserMissing, launch, openPage, serve } from './harness.mjs';
-import { azimuth, azimuthOf, CIRCLE, cues, engineHears, listener, noise, POSE_SECONDS } from './hearing.mjs';
-import { randomGaussians, tone, wav } from './scenes.mjs';
+import { azimuth, azimuthOf, CIRCLE, cues, engineHears, exportedEars, listener, noise, POSE_SECONDS } from './hearing.mjs';
+import { fewEars, randomGaussians, tone, wav } from './scenes.mjs';
 import { write4dgs } from './write4dgs.mjs';
 
 const SKIP = browserMissing() ?? false;
@@ -16,6 +19,8 @@ const db = (ratio) => 20 * Math.log10(ratio);
 const NO_ENGINE = process.env.IVV ? false : 'IVV names no program';
 /** What Chromium's head and the sphere differ by at most, plainly compared. */
 const HEADS_DIFFER = { db: 3.5, degrees: 8 };
+/** A set of measured responses as Debian's libmysofa has it, used where it is. */
+const KEMAR = process.env.IVV_HRTF ?? '/usr/share/libmysofa/MIT_KEMAR_normal_pinna.sofa';
 /** A source, and six heads around it: where its recording was made, turned both ways, elsewhere, and beyond it. */
 const SOURCE = [0, 0, 2];
 const HEADS = [listener([0, 0, 0], 0), listener([0, 0, 0], 30), listener([0, 0, 0], -60), listener([1, 0, 1], 0), listener([-0.8, 0, 0.6], 20), listener([0.5, 0, 3.2], -100)];
@@ -49,9 +54,23 @@ test('pieces of a sound within a lap', () => {
   assert.deepEqual(piece({ ...source, start: -0.5 }, 0, 1), { at: 0, offset: 0.5, length: 1 });
 });
 
+test('ears: what is stored is read, the nearest direction is found, damage is told', () => {
+  const ears = readEars(fewEars());
+  assert.deepEqual([ears.taps, ears.rows, ears.step, ears.samples.length, ears.samples[0], ears.samples[47]], [4, [1, 4, 1], 0.25, 48, -8, 39]);
+  const found = [[0, -1, 0], [0, 0, -1], [-1, 0.1, 0.2], [0.1, 0, 1], [-0.1, 0, 1], [1, 0, 0], [0.9, 0, -0.5], [0.1, 1, 0]].map((to) => nearestDirection(ears, to));
+  assert.deepEqual(found, [0, 1, 2, 3, 3, 4, 4, 5]);
+  const whole = fewEars();
+  for (let n = 0; n < whole.length; n += 1) assert.throws(() => readEars(whole.subarray(0, n)), { name: 'FormatError', message: /expected/ }, `${n} bytes`);
+  for (const [at, word] of [[0, 0], [8, 44100], [12, 0], [12, 0xffffffff], [16, 0], [16, 0xffffffff], [20, 0], [24, 0xffffffff], [32, 0], [32, 0x7fc00000], [36, 0xffffffff]]) {
+    const damaged = fewEars();
+    damaged.writeUInt32LE(word, at);
+    assert.throws(() => readEars(damaged), { name: 'FormatError', message: /ears: expected/ }, `byte ${at}: ${word}`);
+  }
+});
+
 /** Renders sources with the page's own modules. Runs in the page. */
-async function renderOffline({ seconds, rate, sources, duration, listener, listeners, poseSeconds, mic, changes }) {
-  const [{ Mixer }, { Clock }] = await Promise.all([import('./sound.js'), import('./clock.js')]);
+async function renderOffline({ seconds, rate, sources, duration, listener, listeners, poseSeconds, mic, changes, ears }) {
+  const [{ Mixer }, { Clock }, { readEars: read }] = await Promise.all([import('./sound.js'), import('./clock.js'), import('./ears.js')]);
   const context = new OfflineAudioContext(2, seconds * rate, rate);
   const sounds = sources.map(({ samples, ...source }) => {
     const buffer = context.createBuffer(1, samples.length, rate);
@@ -59,7 +78,7 @@ async function renderOffline({ seconds, rate, sources, duration, listener, liste
     return { source: { id: 1, name: '', codec: 'wav', start: 0, duration: samples.length / rate, gain: 1, spatial: true, loop: false, position: [0, 0, 1], keys: [], step: false, ...source }, buffer };
   });
   const clock = new Clock(duration, () => context.currentTime);
-  const mixer = new Mixer(context, sounds, clock, { mic, rMin: 0.2 });
+  const mixer = new Mixer(context, sounds, clock, { mic, rMin: 0.2 }, ears ? read(Uint8Array.from(atob(ears), (c) => c.charCodeAt(0))) : null);
   clock.set({ playing: true });
   const listenerAt = (t) => (listeners ? listeners[Math.min(listeners.length - 1, Math.floor(t / poseSeconds))] : listener);
   mixer.advance(listenerAt(0));
@@ -109,7 +128,7 @@ test('sound in Chromium', { skip: SKIP, timeout: 300_000 }, async (t) => {
   };
 
   /** What heads hear one after the other of a recording that was made at the origin. */
-  const renderHeads = (heads, samples) => render({ seconds: heads.length * POSE_SECONDS, duration: 100, mic: [0, 0, 0], listeners: heads, sources: [{ samples, position: SOURCE }] });
+  const renderHeads = (heads, samples, ears) => render({ ears, seconds: heads.length * POSE_SECONDS, duration: 100, mic: [0, 0, 0], listeners: heads, sources: [{ samples, position: SOURCE }] });
 
   await t.test('left, right, front, at two distances', async (sub) => {
     const place = async (position) => {
@@ -159,6 +178,25 @@ test('sound in Chromium', { skip: SKIP, timeout: 300_000 }, async (t) => {
       assert.ok(Math.abs(a.ild - b.ild) < HEADS_DIFFER.db && Math.abs(byEngine - b.azimuth) < HEADS_DIFFER.degrees, `pose ${i}: heads that differ by more than was measured`);
     });
   });
+
+  for (const hrtf of ['sphere', KEMAR]) {
+    await t.test(`with the engine's ears (${basename(hrtf)}) six heads hear what \`ivv sound render\` renders`, { skip: NO_ENGINE || (hrtf === 'sphere' || existsSync(hrtf) ? false : `${hrtf} is not there`) }, async (sub) => {
+      const heads = [...HEADS, listener([-0.8, 0.6, 0.6], 20), listener([0.5, -0.7, 3.2], -100)];
+      const samples = noise(RATE * POSE_SECONDS * (heads.length + CIRCLE.length));
+      const ears = await exportedEars(hrtf);
+      const page = cues(await renderHeads(heads, samples, ears.toString('base64')), heads.length);
+      const engine = cues(engineHears(samples, SOURCE, [...heads, ...CIRCLE], hrtf), heads.length + CIRCLE.length);
+      sub.diagnostic(`${ears.length} bytes of ears`);
+      assert.ok(ears.length < 2_500_000);
+      heads.forEach((head, i) => {
+        const angle = azimuth(SOURCE, head);
+        const [a, b] = [page[i], engine[i]].map((cue) => ({ ...cue, azimuth: azimuthOf(cue.itd, engine.slice(heads.length), angle) }));
+        sub.diagnostic(`azimuth ${angle.toFixed(1)}: ${a.azimuth.toFixed(1)} and ${b.azimuth.toFixed(1)} degrees, level differences ${a.ild.toFixed(2)} and ${b.ild.toFixed(2)} dB, levels ${a.level.toFixed(2)} and ${b.level.toFixed(2)} dB`);
+        assert.ok(Math.abs(a.azimuth - b.azimuth) < 2, `pose ${i}: ${a.azimuth} and ${b.azimuth} degrees`);
+        assert.ok(Math.abs(a.ild - b.ild) < 1 && Math.abs(a.level - b.level) < 1, `pose ${i}: ${a.ild} and ${b.ild} dB, ${a.level} and ${b.level} dB`);
+      });
+    });
+  }
 
   await t.test('a source that moves from left to right does', async () => {
     const { left, right } = await render({ sources: [{ samples: second, keys: [{ time: 0, position: [-2, 0, 0.1] }, { time: 1, position: [2, 0, 0.1] }] }] });
@@ -214,6 +252,22 @@ test('sound in Chromium', { skip: SKIP, timeout: 300_000 }, async (t) => {
     await page.locator('#mute').click();
     await page.waitForFunction(() => window.ivv.app.sound.mixer.master.gain.value < 0.01);
     assert.deepEqual(page.faults, []);
+  });
+
+  await t.test('the page hears with the ears of its file; damaged ones are said, and the sound plays', async () => {
+    for (const [ears, isUsed] of [[fewEars(), true], [fewEars().subarray(0, 60), false]]) {
+      const other = await serve({ 'scene.4dgs': write4dgs(g, { duration: 2, ears, sounds: [{ id: 3, name: 'voice', duration: 2, data: tone(2), position: [1, 0, 3] }] }) });
+      const second = await openPage(browser.context, other.url);
+      await second.evaluate(() => window.ivv.ready);
+      await second.locator('#start').click();
+      if (!isUsed) await second.getByText('The ears of this file cannot be used').waitFor({ timeout: 20_000 });
+      await second.waitForFunction(() => window.ivv.app.sound.isHeard && window.ivv.stats().time > 0.2, null, { timeout: 20_000 });
+      const state = await second.evaluate(() => ({ hasEars: window.ivv.app.sound.mixer.ears !== null, rate: window.ivv.app.sound.context.sampleRate }));
+      assert.deepEqual(state, { hasEars: isUsed, rate: RATE });
+      assert.deepEqual(second.faults, []);
+      await second.close();
+      await other.close();
+    }
   });
 
   await t.test('sound that cannot be decoded is said, and the picture plays', async () => {
