@@ -34,7 +34,8 @@ impl Ears {
     /// Ears of the responses `[left, right]` in the order of [`Ears::grid`] for these `rows`, all of one length; `about` says where
     /// they come from, of which 4096 bytes are kept.
     pub fn new(mut about: String, rows: Vec<u32>, responses: &[[Vec<f32>; 2]]) -> Self {
-        about.truncate(about.floor_char_boundary(MOST_TEXT as usize));
+        let most = about.char_indices().map(|(at, c)| at + c.len_utf8()).take_while(|end| *end <= MOST_TEXT as usize);
+        about.truncate(most.last().unwrap_or(0));
         let loudest = responses.iter().flatten().flatten().fold(0f32, |most, x| most.max(x.abs()));
         let step = loudest.max(f32::MIN_POSITIVE) / f32::from(i16::MAX);
         let samples = responses.iter().flatten().flatten().map(|x| (x / step).round() as i16).collect();
