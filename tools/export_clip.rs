@@ -8,6 +8,7 @@ use crate::shown::{Source, is_run, of_own, own};
 use anyhow::{Context, ensure};
 use ivv::Constants;
 use ivv::scene::{Clock, Contents, Encoded, FourDgs, Grades, Sounds, Splats, View, read_file, read_views};
+use ivv::sound::hrtf::HrtfSet;
 use ivv::sound::scene_file::SoundScene;
 use ivv::stage::{Goal, Subject, compact};
 use ivv::train::{Config, Run};
@@ -42,6 +43,10 @@ pub struct ClipArgs {
     /// the scene file, if it is a .4dgs.
     #[arg(long, value_name = "SCENE_JSON")]
     sound: Option<PathBuf>,
+    /// The ears that a player hears the sound of a .4dgs with: `sphere`, a SOFA file, or a folder of WAV files as SADIE's; at most
+    /// 2.4 MB. By default those of the scene file, if it is a .4dgs that has some, or else the browser's.
+    #[arg(long, value_name = "EARS")]
+    hrtf: Option<PathBuf>,
     /// Also when the colours of more than 1 in 10 Gaussians are off by more than 2 levels of 255, since the format cannot hold them.
     #[arg(long)]
     clamp_colors: bool,
@@ -75,7 +80,8 @@ impl ClipArgs {
     /// # Errors
     /// Those of the file, and of options that cannot be.
     pub fn as_it_is(&self, source: &Source) -> anyhow::Result<Option<Vec<u8>>> {
-        let is_changed = self.cameras.is_some() || self.seconds.is_some() || self.sound.is_some();
+        let is_changed = self.cameras.is_some() || self.seconds.is_some();
+        let is_changed = is_changed || self.sound.is_some() || self.hrtf.is_some();
         if source.clip.is_none() || self.goal()?.is_some() || is_changed {
             return Ok(None);
         }
@@ -97,9 +103,16 @@ impl ClipArgs {
         let encoded = Encoded::new(splats, clock);
         self.judge(&encoded, &views)?;
         if let Some(scene) = &self.sound {
-            sounds = ivv::sound::clip::sounds(&SoundScene::read(scene)?, clock.seconds())?;
+            let ears = sounds.ears().cloned();
+            sounds = ivv::sound::clip::sounds(&SoundScene::read(scene)?, clock.seconds())?.heard_with(ears);
             let bytes = sounds.n_bytes() as f64 / 1e6;
             say!("{} of sound, {bytes:.2} MB", count(sounds.len(), "source"));
+        }
+        if let Some(hrtf) = &self.hrtf {
+            ensure!(!sounds.is_empty(), "--hrtf: expected a scene with sound, found none; give --sound too");
+            let ears = ivv::sound::clip::ears(&HrtfSet::open(hrtf)?);
+            say!("ears: {}; {:.2} MB", ears.about(), ears.bytes().len() as f64 / 1e6);
+            sounds = sounds.heard_with(Some(ears));
         }
         let contents = Contents { clock, views: &views, own: own(&constants, background), sounds: &sounds };
         let Some(goal) = self.goal()? else { return Ok(encoded.bytes(source.path, &contents, Grades::default())?) };

@@ -42,6 +42,7 @@ pub const PARTS: &[Part] = parts! { "player":
     "container.js", JAVASCRIPT;
     "controls.js", JAVASCRIPT;
     "decode.js", JAVASCRIPT;
+    "ears.js", JAVASCRIPT;
     "gl.js", JAVASCRIPT;
     "main.js", JAVASCRIPT;
     "player.js", JAVASCRIPT;

@@ -1,7 +1,8 @@
-// Sound of a scene: each source through a panner that stands in its direction, with the gain of its distance. Where sound runs,
+// Sound of a scene: each source by the ears of the file, or a panner of the browser, in its direction, with the gain of its distance. Where sound runs,
 // its clock is the clock of the picture. Works in an OfflineAudioContext as well.
 import { add, apply, distance } from './camera.js';
 import { soundPosition, triple } from './container.js';
+import { EarPair, EARS, EARS_RATE, earsOf } from './ears.js';
 
 const SMOOTH_SECONDS = 0.015;
 const LEAD_SECONDS = 0.04;
@@ -50,9 +51,11 @@ export class Mixer {
    * @param {{ source: import('./container.js').SoundSource, buffer: AudioBuffer }[]} sounds
    * @param {import('./clock.js').Clock} clock whose time base is `context`'s, less `latency`
    * @param {{ mic: number[] | null, rMin: number }} law
+   * @param {import('./ears.js').Ears | null} [ears] those of the file
    */
-  constructor(context, sounds, clock, law) {
+  constructor(context, sounds, clock, law, ears = null) {
     this.context = context;
+    this.ears = ears;
     this.clock = clock;
     this.law = law;
     this.master = context.createGain();
@@ -71,11 +74,18 @@ export class Mixer {
     if (!source.spatial) {
       gain.gain.value = source.gain;
       gain.connect(this.master);
-      return { source, buffer, gain, panner: null };
+      return { source, buffer, gain, point: null };
+    }
+    if (this.ears) {
+      const pair = new EarPair(this.context, this.ears, gain, this.master);
+      return { source, buffer, gain, point: pair.point.bind(pair) };
     }
     const panner = new PannerNode(this.context, { panningModel: 'HRTF', distanceModel: 'inverse', rolloffFactor: 0 });
     gain.connect(panner).connect(this.master);
-    return { source, buffer, gain, panner };
+    const { positionX, positionY, positionZ } = panner;
+    /** @param {number[]} to */
+    const point = (to) => [positionX, positionY, positionZ].forEach((axis, c) => { axis.value = to[c]; });
+    return { source, buffer, gain, point };
   }
 
   /**
@@ -133,13 +143,10 @@ export class Mixer {
   place(listener) {
     const { context, clock, law } = this;
     const t = clock.time();
-    for (const { source, gain, panner } of this.voices) {
-      if (!panner) continue;
+    for (const { source, gain, point } of this.voices) {
+      if (!point) continue;
       const position = soundPosition(source, t);
-      const [x, y, z] = direction(position, listener);
-      panner.positionX.value = x;
-      panner.positionY.value = y;
-      panner.positionZ.value = z;
+      point(direction(position, listener));
       const level = source.gain * distanceGain(position, listener.center, law.mic, law.rMin);
       if (this.isPlaced) gain.gain.setTargetAtTime(level, context.currentTime, SMOOTH_SECONDS);
       else gain.gain.value = level;
@@ -192,7 +199,8 @@ export class Sound {
       if (this.context.state !== 'running') void this.context.resume();
       return;
     }
-    this.context = new AudioContext({ latencyHint: 'interactive' });
+    const hasEars = this.scene.attachments.some(({ name }) => name === EARS);
+    this.context = new AudioContext({ latencyHint: 'interactive', ...(hasEars ? { sampleRate: EARS_RATE } : {}) });
     this.context.onstatechange = () => this.settle();
     void this.load(this.context);
   }
@@ -209,7 +217,11 @@ export class Sound {
         return [];
       }
     }));
-    this.mixer = new Mixer(context, sounds.flat(), this.clock, soundLaw(this.scene));
+    const ears = await earsOf(this.file, this.scene).catch((error) => {
+      this.onFault(`The ears of this file cannot be used, so you hear with the browser's: ${error.message}`);
+      return null;
+    });
+    this.mixer = new Mixer(context, sounds.flat(), this.clock, soundLaw(this.scene), ears);
     this.mixer.master.gain.value = this.isMuted ? 0 : 1;
     this.settle();
   }

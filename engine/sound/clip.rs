@@ -1,16 +1,28 @@
-//! A sound scene as sources that a player moves and mixes.
+//! A sound scene as sources that a player moves and mixes, and the ears that it may hear them with.
 
 use super::FS;
+use super::align::LEAD;
 use super::geometry::Mode;
+use super::hrtf::{HrtfSet, Lookup, degrees};
 use super::pose::PoseTrack;
 use super::render::{Course, RenderConfig, signals};
 use super::scene_file::SoundScene;
 use super::wav::{Depth, encode};
+use super::wola::Baker;
 use crate::error::{Error, Result};
-use crate::scene::{Sound, Sounds};
+use crate::scene::{Ears, Sound, Sounds};
 
 /// Silence that is left around a source, samples.
 const MARGIN: usize = FS as usize / 100;
+/// Rows of a grid of ears, 6 degrees apart, and directions of the one on the horizon, 3 degrees apart.
+const ROWS: usize = 31;
+const ON_HORIZON: f64 = 120.0;
+/// Samples that a stored response keeps before the earliest onset of all, taps that it has at most, and those of its end that fade.
+const BEFORE: usize = 32;
+const TAPS: usize = 256;
+const FADE: usize = 16;
+/// Part of a response's energy that may be beyond its taps.
+const SPARED: f64 = 1e-6;
 
 /// The sources of a clip of `seconds`: each as a listener hears it who stays where the microphone was at first, in its gates
 /// alone, and the way that it goes. One that is never heard is left out.
@@ -52,4 +64,39 @@ pub fn sounds(scene: &SoundScene, seconds: f64) -> Result<Sounds> {
         });
     }
     Ok(Sounds::new(mic.p.to_array(), r_min, found))
+}
+
+/// Ears for a player that takes the nearest of some directions: what a rendering here hears of them, later by 32 samples (0.7 ms)
+/// and of at most 5.3 ms.
+pub fn ears(set: &HrtfSet) -> Ears {
+    let elevation = |row: usize| std::f64::consts::PI * (row as f64 / (ROWS - 1) as f64 - 0.5);
+    let rows: Vec<u32> = (0..ROWS).map(|row| (ON_HORIZON * elevation(row).cos()).round().max(1.0) as u32).collect();
+    let mut baker = Baker::new(set.taps(Lookup::Aligned), set.max_delay());
+    let mut baked = |[az, el]: &[f64; 2]| {
+        let ears = baker.bake(&set.filter(degrees(*az, *el), Lookup::Aligned));
+        ears.map(|response| response.into_iter().skip(LEAD - BEFORE).collect::<Vec<f32>>())
+    };
+    let mut responses: Vec<[Vec<f32>; 2]> = Ears::grid(&rows).iter().map(&mut baked).collect();
+    let taps = responses.iter().flatten().map(|response| taps_of(response)).max().unwrap_or(TAPS);
+    for response in responses.iter_mut().flatten() {
+        response.truncate(taps);
+        let n = response.len();
+        response.iter_mut().enumerate().for_each(|(k, x)| *x *= ((n - k) as f32 / FADE as f32).min(1.0));
+    }
+    let meta = &set.meta;
+    let digest = if meta.sha256.is_empty() { String::new() } else { format!("; sha256 {}", meta.sha256) };
+    Ears::new(format!("{}; licence: {}{digest}", meta.title, meta.licence), rows, &responses)
+}
+
+/// Taps that hold all but what is spared of a response, in front of those that fade: whole multiples of 16.
+fn taps_of(response: &[f32]) -> usize {
+    let energy = |x: &f32| f64::from(*x).powi(2);
+    let spared = SPARED * response.iter().map(energy).sum::<f64>();
+    let mut beyond = 0.0;
+    let is_needed = |x: &f32| {
+        beyond += energy(x);
+        beyond > spared
+    };
+    let last = response.iter().rposition(is_needed).unwrap_or(0);
+    (last + 1 + FADE).next_multiple_of(16).min(TAPS)
 }

@@ -37,7 +37,7 @@ const until = (page, f, arg) => page.waitForFunction(f, arg, { timeout: 30_000, 
 test('sources: types, size, joining, no markup from text', () => {
   const files = readdirSync(playerDir).filter((name) => name.endsWith('.js'));
   const { page, worker } = moduleLists();
-  assert.deepEqual([...new Set([...page, ...worker, 'three-spark.js'])].sort(), files.sort());
+  assert.deepEqual([...new Set([...page, ...worker])].sort(), files.sort());
   for (const list of [page, worker]) {
     list.forEach((name, i) => {
       for (const [, from] of readFileSync(join(playerDir, name), 'utf8').matchAll(/^import [^;]*'\.\/([^']+)';\n/gm)) {

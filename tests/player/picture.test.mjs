@@ -1,24 +1,17 @@
 // Pictures of the page in Chromium against the formulas in float64, and against `ivv render` where $IVV names the program.
 import assert from 'node:assert/strict';
-import { execFileSync } from 'node:child_process';
-import { mkdtempSync, readFileSync, rmSync, writeFileSync } from 'node:fs';
-import { tmpdir } from 'node:os';
+import { readFileSync } from 'node:fs';
 import { join } from 'node:path';
 import test from 'node:test';
 import { fileURLToPath } from 'node:url';
-import { browserMissing, launch, openPage, psnr, rgbOf, safetensor, serve } from './harness.mjs';
+import { browserMissing, launch, psnr } from './harness.mjs';
+import { engineOf, picturesOf, smaller } from './pictures.mjs';
 import { decodeAll, random, randomGaussians, renderTruth } from './scenes.mjs';
 import { readPly, write4dgs, writePly } from './write4dgs.mjs';
 
 const SKIP = browserMissing() ?? false;
 const demo = fileURLToPath(new URL('../../assets/demo/', import.meta.url));
 const GOAL_DB = 40;
-
-/** The same view in a picture of another width. */
-function smaller(view, width) {
-  const k = width / view.width;
-  return { ...view, width, height: Math.round(view.height * k), fx: view.fx * k, fy: view.fy * k, cx: view.cx * k, cy: view.cy * k };
-}
 
 /** A camera at `center` that looks at `target`; image y is down. */
 export function lookAt(center, target, width = 160, height = 120, f = 140) {
@@ -28,45 +21,6 @@ export function lookAt(center, target, width = 160, height = 120, f = 140) {
   const x = unit(cross(z, [0, -1, 0]));
   const rows = [x, cross(z, x), z];
   return { world_to_camera: rows.map((r) => [...r, -r.reduce((s, v, c) => s + v * center[c], 0)]), fx: f, fy: f * 1.03, cx: width / 2 + 3, cy: height / 2 - 2, width, height };
-}
-
-/** The page's pictures of a file, rgb in 0 to 1, for each [view, seconds]. */
-async function picturesOf(context, bytes, shots) {
-  const server = await serve({ 'scene.4dgs': bytes });
-  const page = await openPage(context, server.url);
-  try {
-    await page.evaluate(() => window.ivv.ready);
-    const pictures = [];
-    for (const [view, t] of shots) {
-      const pixels = await page.evaluate(async ([v, s]) => {
-        window.ivv.seek(s);
-        window.ivv.setView(v);
-        await window.ivv.render();
-        return Array.from(window.ivv.pixels());
-      }, [view, t]);
-      pictures.push(rgbOf(pixels));
-    }
-    assert.deepEqual(page.faults, []);
-    return pictures;
-  } finally {
-    await page.close();
-    await server.close();
-  }
-}
-
-/** What `ivv render` makes of a PLY, or null where there is no program. @param {[any, number][]} shots with seconds */
-function engineOf(ply, shots, duration, background) {
-  if (!process.env.IVV) return null;
-  const folder = mkdtempSync(join(tmpdir(), 'ivv-player-'));
-  try {
-    writeFileSync(join(folder, 'scene.ply'), ply);
-    const views = shots.map(([v, t], i) => ({ ...v, name: `s${i}`, time: t / duration, time_offset: 0, flow_dt: 0.1, background, world_to_camera: [...v.world_to_camera.slice(0, 3), [0, 0, 0, 1]] }));
-    writeFileSync(join(folder, 'cameras.json'), JSON.stringify({ views }));
-    execFileSync(process.env.IVV, ['render', '--scene', join(folder, 'scene.ply'), '--cameras', join(folder, 'cameras.json'), '-o', folder, '--format', 'safetensors', '-q']);
-    return views.map(({ name }) => safetensor(join(folder, `${name}.safetensors`), 'color').map((v) => Math.min(1, Math.max(0, v))));
-  } finally {
-    rmSync(folder, { recursive: true });
-  }
 }
 
 test('pictures agree with the formulas and the engine', { skip: SKIP, timeout: 300_000 }, async (t) => {
@@ -101,7 +55,7 @@ test('pictures agree with the formulas and the engine', { skip: SKIP, timeout: 3
 async function compare(sub, context, bytes, ply, shots, duration, background) {
   const { gaussians } = await decodeAll(bytes);
   const pictures = await picturesOf(context, bytes, shots);
-  const engine = engineOf(ply, shots, duration, background);
+  const engine = engineOf(ply, 'scene.ply', shots, duration, background);
   const rows = pictures.map((picture, i) => ({
     truth: psnr(picture, renderTruth(gaussians, shots[i][0], shots[i][1], { background })),
     noCut: psnr(picture, renderTruth(gaussians, shots[i][0], shots[i][1], { background, tMin: 0 })),

@@ -144,3 +144,15 @@ export function wav(samples, rate = 48000) {
   for (let i = 0; i < samples.length; i += 1) b.writeInt16LE(Math.round(32767 * samples[i]), 44 + 2 * i);
   return b;
 }
+
+/** Ears of a few directions: below, ahead, left, behind, right, above; responses of four taps. */
+export function fewEars() {
+  const bytes = Buffer.alloc(8 + 4 * 3 + 4 * 3 + 4 + 4 + 5 + 6 * 2 * 4 * 2);
+  bytes.write('IVVEARS1');
+  [48000, 4, 3, 1, 4, 1].forEach((n, i) => bytes.writeUInt32LE(n, 8 + 4 * i));
+  bytes.writeFloatLE(0.25, 32);
+  bytes.writeUInt32LE(5, 36);
+  bytes.write('a few', 40);
+  for (let k = 0; k < 48; k += 1) bytes.writeInt16LE(k - 8, 45 + 2 * k);
+  return bytes;
+}

@@ -17,13 +17,13 @@ const blob = (b) => Buffer.concat([u64(b.length), b]);
 export const record = (opcode, ...parts) => { const b = Buffer.concat(parts); return Buffer.concat([u8(opcode), u64(b.length), b]); };
 
 /** A stream of integers, raw mode, 4 bytes a symbol. */
-function stream(id, values, channels, count) {
+function stream(id, values, channels, count, level) {
   const planes = Buffer.alloc(values.length * 4);
   values.forEach((value, i) => {
     const symbol = ((value << 1) ^ (value >> 31)) >>> 0;
     for (let j = 0; j < 4; j += 1) planes[j * values.length + i] = symbol >>> (8 * j);
   });
-  return Buffer.concat([Buffer.from([id, 4, 0, 0, channels]), u32(count), blob(deflateSync(planes))]);
+  return Buffer.concat([Buffer.from([id, 4, 0, 0, channels]), u32(count), blob(deflateSync(planes, { level }))]);
 }
 
 /**
@@ -33,8 +33,11 @@ function stream(id, values, channels, count) {
  * @property {number} shDegree @property {number[][]} sh
  */
 
-/** @param {Gaussians} g @param {{ duration: number, parts?: number, cutoff?: number, ivv?: object, metadata?: object, views?: object, sounds?: object[], index?: boolean }} options */
-export function write4dgs(g, { duration, parts = 4, cutoff = 1 / 255, ivv, metadata = {}, views, sounds = [], index = true }) {
+/**
+ * @param {Gaussians} g @param {{ duration: number, parts?: number, cutoff?: number, ivv?: object, metadata?: object, views?: object, ears?: Buffer, sounds?: object[], index?: boolean, level?: number,
+ * packed?: boolean }} options `level` of deflate for streams, 0 stores them; `packed`: the streams of a chunk are packed once more together
+ */
+export function write4dgs(g, { duration, parts = 4, cutoff = 1 / 255, ivv, metadata = {}, views, ears, sounds = [], index = true, level = 6, packed = false }) {
   const k = Math.sqrt(-2 * Math.log(cutoff));
   const bound = (pick, c) => g.position.reduce((best, p) => pick(best, p[c]), g.position[0]?.[c] ?? 0);
   const origin = [0, 1, 2].map((c) => bound(Math.min, c));
@@ -87,17 +90,19 @@ export function write4dgs(g, { duration, parts = 4, cutoff = 1 / 255, ivv, metad
   if (ivv) emit(record(0x0b, string('ivv'), map(ivv)));
   for (const [name, entries] of Object.entries(metadata)) emit(record(0x0b, string(name), map(entries)));
   if (views) emit(record(0x0d, string('views.json'), string('application/json'), blob(Buffer.from(JSON.stringify(views)))));
+  if (ears) emit(record(0x0d, string('ears.bin'), string('application/octet-stream'), blob(ears)));
   const entries = [];
   for (const [p, ids] of [...members].sort((a, b) => a[0] - b[0])) {
     const [t0, t1] = p < 0 ? [0, duration] : [(p / parts) * duration, ((p + 1) / parts) * duration];
     const names = [['position', 3], ['scale', 3], ['largest', 1], ['rest', 3], ['rgb', 3], ['alpha', 1], ['motion', 3], ['time', 1], ['sigma', 1], ['flags', 1], ['window', 1]];
-    const streams = Buffer.concat(names.map(([name, channels], id) => stream(id, ids.flatMap((i) => q[i][name]), channels, ids.length)));
-    const chunk = emit(record(0x05, f64(t0, t1), u32(0), u32(ids.length), string(''), u64(streams.length), blob(streams)));
+    const streams = Buffer.concat(names.map(([name, channels], id) => stream(id, ids.flatMap((i) => q[i][name]), channels, ids.length, level)));
+    const stored = packed ? deflateSync(streams, { level }) : streams;
+    const chunk = emit(record(0x05, f64(t0, t1), u32(0), u32(ids.length), string(packed ? 'deflate' : ''), u64(streams.length), blob(stored)));
     const bands = [1, 2, 3].slice(0, g.shDegree).map((band) => {
       const [from, to] = [[0, 3], [3, 8], [8, 15]][band - 1];
       const n = g.sh[ids[0]].length / 3;
       const bytes = ids.flatMap((i) => [0, 1, 2].flatMap((c) => g.sh[i].slice(c * n + from, c * n + to).map((v) => Math.round(Math.min(255, Math.max(0, ((v + 4) * 255) / 8))))));
-      return { band, ...emit(record(0x07, u8(band), stream(7, bytes, 3 * (to - from), ids.length))) };
+      return { band, ...emit(record(0x07, u8(band), stream(7, bytes, 3 * (to - from), ids.length, level))) };
     });
     entries.push({ t0, t1, chunk, count: ids.length, bands });
   }

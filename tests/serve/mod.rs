@@ -172,23 +172,56 @@ fn nothing_else_is_sent_and_nobody_else_is_answered() {
     assert_eq!(server.ask("GET", "/", "").0, 200);
 }
 
+/// What lies beside the scene and is nobody's business.
+const SECRET: &[u8] = b"7a1d-secret-9c3e";
+/// Requests between which the server is asked something sound and looked at.
+const BATCH: u64 = 2000;
+
+/// Kilobytes of memory and open files of a process, where the system tells.
+fn held(child: &Child) -> Option<(u64, usize)> {
+    let folder = Path::new("/proc").join(child.id().to_string());
+    let status = std::fs::read_to_string(folder.join("status")).ok()?;
+    let rss =
+        status.lines().find_map(|line| line.strip_prefix("VmRSS:"))?.trim().trim_end_matches(" kB").parse().ok()?;
+    Some((rss, std::fs::read_dir(folder.join("fd")).ok()?.count()))
+}
+
+/// `IVV_REQUESTS` sets how many (400).
 #[test]
 fn damaged_requests_are_answered_or_refused_and_the_server_goes_on() {
     let n: u64 = std::env::var("IVV_REQUESTS").map_or(400, |n| n.parse().unwrap());
     let folder = Folder::new("serve-fuzz");
     let path = scene(&folder);
+    folder.write("secret.txt", SECRET);
     let mut server = Server::new(&path, &[]);
-    let good =
-        format!("GET /scene.4dgs HTTP/1.1\r\nHost: {}\r\nRange: bytes=0-9\r\nAccept: */*\r\n\r\n", server.address);
+    let name = folder.file("secret.txt").display().to_string();
+    let paths = [
+        "/scene.4dgs".to_owned(),
+        "/".to_owned(),
+        "/secret.txt".to_owned(),
+        "/../secret.txt".to_owned(),
+        "/%2e%2e/secret.txt".to_owned(),
+        "/..%2Fsecret.txt".to_owned(),
+        "/scene.4dgs/../secret.txt".to_owned(),
+        "/./secret.txt?a=/scene.4dgs".to_owned(),
+        "/..\\secret.txt".to_owned(),
+        format!("/{name}"),
+        format!("http://{}/../secret.txt", server.address),
+    ];
+    let good = |path: &str| {
+        format!("GET {path} HTTP/1.1\r\nHost: {}\r\nRange: bytes=0-9\r\nAccept: */*\r\n\r\n", server.address)
+    };
+    let requests: Vec<Vec<u8>> = paths.iter().map(|path| good(path).into_bytes()).collect();
     let mut state = 0x2545_f491_4f6c_dd1d_u64;
     let mut random = move |below: usize| {
         state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (state >> 33) as usize % below.max(1)
     };
     let mut statuses = std::collections::BTreeMap::new();
-    for _ in 0..n {
-        let mut request = good.clone().into_bytes();
-        for _ in 0..=random(4) {
+    let mut before = None;
+    for at in 0..n {
+        let mut request = requests[if random(2) == 0 { 0 } else { random(requests.len()) }].clone();
+        for _ in 0..random(5) {
             let at = random(request.len());
             match random(5) {
                 0 => request[at] = random(256) as u8,
@@ -202,13 +235,25 @@ fn damaged_requests_are_answered_or_refused_and_the_server_goes_on() {
             }
         }
         let answer = server.raw(&request);
+        let said = String::from_utf8_lossy(&request);
+        assert!(!answer.windows(SECRET.len()).any(|bytes| bytes == SECRET), "sent what is not served: {said:?}");
         let status = String::from_utf8_lossy(&answer).split(' ').nth(1).unwrap_or("none").to_owned();
         *statuses.entry(status).or_insert(0) += 1;
+        if at % BATCH == 200 {
+            assert!(server.child.try_wait().unwrap().is_none(), "the server ended");
+            assert_eq!(server.ask("GET", "/", "").0, 200);
+            before = before.or_else(|| held(&server.child));
+        }
     }
-    println!("{n} requests: {statuses:?}");
+    let after = held(&server.child);
+    println!("{n} requests: {statuses:?}; kilobytes and open files first {before:?}, last {after:?}");
     assert!(server.child.try_wait().unwrap().is_none(), "the server ended");
     assert_eq!(server.ask("GET", "/", "").0, 200);
     assert!(statuses.len() > 3 && !statuses.contains_key("500"), "{statuses:?}");
+    if let Some(((kilobytes, files), (more, opened))) = before.zip(after) {
+        assert!(more < kilobytes + (32 << 10), "{kilobytes} kB grew to {more}");
+        assert!(opened < files + 16, "{files} open files grew to {opened}");
+    }
 }
 
 #[test]

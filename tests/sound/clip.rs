@@ -5,13 +5,15 @@ use crate::common::random;
 use crate::scene::Folder;
 use fourdgs::ReadOptions;
 use glam::DVec3;
-use ivv::scene::{Clock, Contents, Encoded, FourDgs, Grades, Sounds, View, demo, write_ply, write_views};
+use ivv::scene::{Clock, Contents, Ears, Encoded, FourDgs, Grades, Sounds, View, demo, write_ply, write_views};
 use ivv::sound::FS;
-use ivv::sound::clip::sounds;
+use ivv::sound::clip::{ears, sounds};
 use ivv::sound::geometry::Mode;
+use ivv::sound::hrtf::{HrtfSet, Lookup, degrees};
 use ivv::sound::pose::{Pose, PoseTrack};
 use ivv::sound::render::{RenderConfig, render};
 use ivv::sound::scene_file::{SoundScene, Source};
+use ivv::sound::sphere::Sphere;
 use ivv::sound::wav::{Depth, read, write};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -116,6 +118,105 @@ fn an_export_takes_sound_along_and_keeps_what_a_file_has() {
     write_views(&folder.file("one.json"), &views[..1]).unwrap();
     assert_eq!(export(&["a.4dgs", "-o", "c.4dgs", "--cameras", "one.json"]).0, Some(0));
     assert_eq!((open("c.4dgs").sounds(), names(&open("c.4dgs"))), (first.sounds(), names(&first)[..1].to_vec()));
+    // Ears come along once they are in it, also with another sound.
+    let (code, said) = export(&["a.4dgs", "-o", "e.4dgs", "--hrtf", "sphere"]);
+    assert!(code == Some(0) && said.contains("ears: rigid sphere"), "{said}");
+    assert!(open("a.4dgs").sounds().ears().is_none() && open("e.4dgs").sounds().ears().is_some());
+    assert_eq!(export(&["e.4dgs", "-o", "f.4dgs", "--cameras", "one.json"]).0, Some(0));
+    assert_eq!(open("f.4dgs").sounds(), open("e.4dgs").sounds());
+    assert_eq!(export(&["f.4dgs", "-o", "g.4dgs", "--sound", "scene.json"]).0, Some(0));
+    assert_eq!(open("g.4dgs").sounds(), open("e.4dgs").sounds());
+    let (code, said) = export(&["demo.ply", "-o", "h.4dgs", "--seconds", "1", "--hrtf", "sphere"]);
+    assert!(code != Some(0) && said.contains("--sound") && !folder.file("h.4dgs").exists(), "{said}");
+    let (code, said) = export(&["a.4dgs", "-o", "h.4dgs", "--hrtf", "none.sofa"]);
+    assert!(code == Some(3) && said.contains("none.sofa") && !folder.file("h.4dgs").exists(), "{said}");
     let (code, said) = export(&["demo.ply", "-o", "d.4dgs", "--seconds", "1", "--sound", "none.json"]);
     assert!(code == Some(3) && said.contains("none.json") && !Path::new(&folder.file("d.4dgs")).exists(), "{said}");
+}
+
+/// Level of the difference of two responses against the first, dB.
+fn off(expected: &[f32], found: &[f32]) -> f64 {
+    let energy = |x: f64| x * x;
+    let sum: f64 = expected.iter().map(|x| energy((*x).into())).sum();
+    let at = |k: usize| f64::from(found.get(k).copied().unwrap_or(0.0));
+    let difference: f64 = expected.iter().enumerate().map(|(k, x)| energy(f64::from(*x) - at(k))).sum();
+    10.0 * (difference / sum).log10()
+}
+
+#[test]
+fn ears_of_a_file_are_those_that_are_rendered_with() {
+    let folder = Folder::new("sound-ears");
+    let set = HrtfSet::open(Path::new("sphere")).unwrap();
+    let stored = ears(&set);
+    let bytes = stored.bytes();
+    println!("{} bytes: {}", bytes.len(), stored.about());
+    assert!(bytes.len() < 2_400_000 && stored.about().contains("sphere"), "{} bytes", bytes.len());
+    assert_eq!(Ears::parse(Path::new("ears.bin"), &bytes).unwrap(), stored);
+    let grid = Ears::grid(stored.rows());
+    assert_eq!(
+        (grid[0], grid[grid.len() - 1], grid.len() as u32),
+        ([0.0, -90.0], [0.0, 90.0], stored.rows().iter().sum())
+    );
+    // What a listener hears of one sample that a source sends in each of these directions.
+    let mut impulse = vec![0.0; 2048];
+    impulse[1024] = 1.0;
+    let mut worst = f64::NEG_INFINITY;
+    for (at, [az, el]) in grid.iter().enumerate().filter(|(at, _)| at % 97 == 0 || grid[*at][1] == 0.0) {
+        let filter = set.filter(degrees(*az, *el), Lookup::Aligned);
+        let mut heard = vec![[0.0; 2]; impulse.len()];
+        let mut wola = ivv::sound::wola::Wola::new(1024, 512, set.taps(Lookup::Aligned), set.max_delay()).unwrap();
+        let spectra = wola.spectra(&filter);
+        let mut spectra = Some(spectra);
+        wola.process(&impulse, &mut heard, |_, _| (spectra.take(), 1.0));
+        for ear in 0..2 {
+            let expected: Vec<f32> = heard[1024 - 32..].iter().map(|ears| ears[ear]).collect();
+            worst = worst.max(off(&expected, &stored.response(at, ear)));
+        }
+    }
+    println!("off by {worst:.1} dB at most");
+    assert!(worst < -45.0, "{worst} dB");
+
+    // A file keeps them beside what is heard.
+    let (scene, _) = walk(&folder);
+    let sounds = sounds(&scene, 1.5).unwrap().heard_with(Some(stored.clone()));
+    let (_, mic, _) = self::stored(&folder, &sounds);
+    assert_eq!(mic, scene.mic.pose.poses()[0].p.to_array());
+}
+
+#[test]
+fn damaged_ears_are_refused() {
+    let folder = Folder::new("sound-ears-damaged");
+    let set = HrtfSet::new(Sphere::default().measured(1), Path::new("few")).unwrap();
+    let (stored, clock) = (ears(&set), Clock { fps: 30.0, frames: 45 });
+    let sounds = Sounds::default().heard_with(Some(stored.clone()));
+    let contents = Contents { clock, views: &[], own: BTreeMap::new(), sounds: &sounds };
+    let path = folder.file("ears.4dgs");
+    let whole = Encoded::new(&random::scene(3, 5, 1), clock).bytes(&path, &contents, Grades::default()).unwrap();
+    assert_eq!(FourDgs::of_bytes(&path, &whole).unwrap().sounds().ears(), Some(&stored));
+    let start = whole.windows(8).position(|bytes| bytes == b"IVVEARS1").unwrap();
+    let text = start + 8 + 4 * (3 + stored.rows().len());
+    for (at, word, said) in [
+        (4, *b"ARS2", "IVVEARS1"),
+        (8, 44_100u32.to_le_bytes(), "48000 samples per second"),
+        (12, 0u32.to_le_bytes(), "taps from 1 to 1024"),
+        (12, u32::MAX.to_le_bytes(), "taps from 1 to 1024"),
+        (12, 8u32.to_le_bytes(), "bytes of responses"),
+        (16, 1u32.to_le_bytes(), "step"),
+        (16, 100_000u32.to_le_bytes(), "rows from 1 to 181"),
+        (20, 721u32.to_le_bytes(), "directions of a row from 1 to 720"),
+        (text - start, f32::NAN.to_le_bytes(), "positive step"),
+        (text - start, (-1f32).to_le_bytes(), "positive step"),
+        (text - start + 4, u32::MAX.to_le_bytes(), "bytes of text"),
+        (text - start + 8, [0xff; 4], "UTF-8"),
+    ] {
+        let mut bytes = whole.clone();
+        bytes[start + at..start + at + 4].copy_from_slice(&word);
+        let fault = FourDgs::of_bytes(&path, &bytes).unwrap_err().to_string();
+        assert!(fault.contains("ears.bin") && fault.contains(said), "byte {at}: {fault}");
+    }
+    let attachment = stored.bytes();
+    for length in (0..200).chain([attachment.len() / 2, attachment.len() - 1]) {
+        let fault = Ears::parse(&path, &attachment[..length]).unwrap_err().to_string();
+        assert!(fault.contains("ears.bin") && fault.contains("expected"), "{length}: {fault}");
+    }
 }

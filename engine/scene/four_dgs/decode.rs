@@ -1,5 +1,6 @@
 //! What a `.4dgs` says, and as Gaussians of ours.
 
+use super::ears::{EARS, Ears};
 use super::{Clock, MAGIC, RECORD, Sounds, VIEWS};
 use crate::error::{Error, Result};
 use crate::scene::decode::dc_of_color;
@@ -21,6 +22,7 @@ const EDGE: f64 = 1e-6;
 pub struct FourDgs {
     path: PathBuf,
     pub(super) scene: fourdgs::Scene,
+    ears: Option<Ears>,
 }
 
 impl FourDgs {
@@ -73,7 +75,9 @@ impl FourDgs {
             let reason = format!("expected 0 to 3, found {found}");
             return Err(Error::data(path, "header, field sh_degree", reason, "export the file again, with degree 3"));
         }
-        Ok(FourDgs { path: path.to_owned(), scene })
+        let ears = scene.attachments.iter().find(|attachment| attachment.name == EARS);
+        let ears = ears.map(|ears| Ears::parse(path, &ears.data)).transpose()?;
+        Ok(FourDgs { path: path.to_owned(), scene, ears })
     }
 
     /// The clock of the clip.
@@ -98,7 +102,7 @@ impl FourDgs {
 
     /// What is heard.
     pub fn sounds(&self) -> Sounds {
-        Sounds::of(&self.scene)
+        Sounds::of(&self.scene, self.ears.clone())
     }
 
     /// The Gaussians at all times. Time 0 to 1 is the file's length.

@@ -6,6 +6,7 @@
 //! file's cutoff is not told: we write 1/255, below which no alpha reaches a pixel.
 
 mod decode;
+mod ears;
 mod encode;
 mod grades;
 mod harmonics;
@@ -13,6 +14,7 @@ mod sounds;
 mod summary;
 
 pub use decode::FourDgs;
+pub use ears::Ears;
 pub use encode::{Contents, Encoded};
 pub use grades::Grades;
 pub use sounds::{Sound, Sounds};

@@ -1,7 +1,8 @@
 //! Sources of sound of a clip.
 
 use super::SOUND;
-use fourdgs::{AudioSource, AudioSourceKeyframe, Metadata, SceneExtras};
+use super::ears::{EARS, Ears};
+use fourdgs::{Attachment, AudioSource, AudioSourceKeyframe, Metadata, SceneExtras};
 use std::collections::BTreeMap;
 
 /// A source of sound, to be stored.
@@ -20,11 +21,12 @@ pub struct Sound {
     pub places: Vec<(f64, [f64; 3])>,
 }
 
-/// The sources of sound of a clip, and how loud they are from where.
+/// The sources of sound of a clip, how loud they are from where, and the ears that hear them.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Sounds {
     sources: Vec<AudioSource>,
     law: BTreeMap<String, String>,
+    ears: Option<Ears>,
 }
 
 impl Sounds {
@@ -47,15 +49,21 @@ impl Sounds {
                 ..AudioSource::default()
             }
         };
-        Sounds { sources: sounds.into_iter().enumerate().map(source).collect(), law }
+        Sounds { sources: sounds.into_iter().enumerate().map(source).collect(), law, ears: None }
     }
 
-    /// Those of a file.
-    pub(super) fn of(scene: &fourdgs::Scene) -> Self {
+    /// The same for a player that hears with `ears`, or with its own where there are none.
+    pub fn heard_with(self, ears: Option<Ears>) -> Self {
+        Sounds { ears, ..self }
+    }
+
+    /// Those of a file that has these ears.
+    pub(super) fn of(scene: &fourdgs::Scene, ears: Option<Ears>) -> Self {
         let law = scene.metadata.iter().find(|record| record.name == SOUND);
         Sounds {
             sources: scene.audio_sources.clone(),
             law: law.map(|record| record.entries.clone()).unwrap_or_default(),
+            ears,
         }
     }
 
@@ -63,6 +71,10 @@ impl Sounds {
         extras.audio_sources.clone_from(&self.sources);
         if !self.law.is_empty() {
             extras.metadata.push(Metadata { name: SOUND.to_owned(), entries: self.law.clone() });
+        }
+        if let Some(ears) = &self.ears {
+            let media_type = "application/octet-stream".to_owned();
+            extras.attachments.push(Attachment { name: EARS.to_owned(), media_type, data: ears.bytes() });
         }
     }
 
@@ -74,6 +86,11 @@ impl Sounds {
     /// Whether there is none.
     pub fn is_empty(&self) -> bool {
         self.sources.is_empty()
+    }
+
+    /// The ears that a player hears them with.
+    pub fn ears(&self) -> Option<&Ears> {
+        self.ears.as_ref()
     }
 
     /// Bytes of their recordings.

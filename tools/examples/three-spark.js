@@ -1,5 +1,5 @@
 // An example, not a part of the player: a `.4dgs` scene in three.js through Spark (@sparkjsdev/spark 2, three >= 0.180).
-// Both packages are handed in, so that this file imports nothing but the reader:
+// Both packages are handed in, so that this file imports nothing but the player's reader:
 //
 //   import * as THREE from 'three';
 //   import * as SPARK from '@sparkjsdev/spark';
@@ -10,9 +10,9 @@
 //
 // Motion, temporal opacity and colour are shown; spherical harmonics above the constant one are not. Spark has no live set:
 // it makes all Gaussians of the file each frame, and it blurs and cuts by its own constants.
-import { openScene } from './container.js';
-import { decodeChunk, GEOMETRY_FLOATS, LOOK_TEXELS } from './decode.js';
-import { openUrl } from './source.js';
+import { openScene } from '../../assets/player/container.js';
+import { decodeChunk, GEOMETRY_FLOATS, LOOK_TEXELS } from '../../assets/player/decode.js';
+import { openUrl } from '../../assets/player/source.js';
 
 const WIDTH = 2048;
 const TEXELS = 5; // position, opacity; velocity, time; scale, rate; rotation; colour
