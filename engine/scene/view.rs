@@ -6,6 +6,7 @@ use std::path::Path;
 use super::capture::camera_center;
 use super::file::{read_bytes, write_atomic};
 use crate::error::{Error, Result};
+use glam::DVec3;
 
 /// A pinhole camera at one time. Double precision on the host; narrowed once when it goes to the device.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -160,6 +161,33 @@ fn check_views(path: &Path, views: &[View]) -> Result<()> {
 pub(super) type Fault = (&'static str, String, &'static str);
 
 impl View {
+    /// A view from `eye` to `target`, world, with the direction `up` upwards in the picture: so many pixels (width, height), square
+    /// ones, and so many degrees from its lower border to its upper one. At time 0, over black. Where `eye` is at `target` it looks
+    /// along z; where it looks along `up`, some direction is upwards.
+    pub fn look_at(eye: [f64; 3], target: [f64; 3], up: [f64; 3], (width, height): (u32, u32), fov: f64) -> View {
+        let (eye, up) = (DVec3::from(eye), DVec3::from(up));
+        let forward = (DVec3::from(target) - eye).try_normalize().unwrap_or(DVec3::Z);
+        let right = forward.cross(up).try_normalize().unwrap_or_else(|| forward.any_orthonormal_vector());
+        let row = |axis: DVec3| [axis.x, axis.y, axis.z, -axis.dot(eye)];
+        let f = f64::from(height) / (2.0 * (fov.to_radians() / 2.0).tan());
+        View {
+            name: "view".to_owned(),
+            width,
+            height,
+            fx: f,
+            fy: f,
+            cx: f64::from(width) / 2.0,
+            cy: f64::from(height) / 2.0,
+            world_to_camera: [row(right), row(forward.cross(right)), row(forward), [0.0, 0.0, 0.0, 1.0]],
+            time: 0.0,
+            time_offset: 0.0,
+            flow_dt: 1.0,
+            background: [0.0; 3],
+            flow_model: FlowModel::default(),
+            next_world_to_camera: None,
+        }
+    }
+
     /// The view of pictures whose pixels are the means of `factor` x `factor` of this one's; what does not fill a pixel at the
     /// right and at the bottom is cut off.
     pub fn reduced(&self, factor: u32) -> View {

@@ -161,3 +161,33 @@ fn the_golden_cameras_are_read() {
         assert!(views[0].width > 32 && views[0].fx > 32.0);
     }
 }
+
+#[test]
+fn a_view_looks_from_where_it_is_to_what_it_looks_at_with_up_upwards() {
+    let in_camera = |view: &View, p: [f64; 3]| -> [f64; 3] {
+        std::array::from_fn(|row| {
+            let m = &view.world_to_camera[row];
+            m[3] + (0..3).map(|k| m[k] * p[k]).sum::<f64>()
+        })
+    };
+    let (eye, target) = ([1.0, -2.0, 0.5], [3.0, 1.0, 4.0]);
+    let view = View::look_at(eye, target, [0.0, -1.0, 0.0], (640, 480), 60.0);
+    assert!(in_camera(&view, eye).iter().all(|x| x.abs() < 1e-12));
+    let distance = (4.0f64 + 9.0 + 12.25).sqrt();
+    let [x, y, z] = in_camera(&view, target);
+    assert!(x.abs() < 1e-12 && y.abs() < 1e-12 && (z - distance).abs() < 1e-12);
+    // What is above the target is above it in the picture, and straight above.
+    let [x, y, z] = in_camera(&view, [3.0, 0.9, 4.0]);
+    assert!(x.abs() < 1e-12 && y < -1e-3);
+    assert!((view.cy + view.fy * y / z) < 240.0);
+    // The borders are 60 degrees apart.
+    assert!(((240.0 / view.fy).atan().to_degrees() - 30.0).abs() < 1e-12 && view.fx == view.fy);
+    let folder = Folder::new("look-at");
+    let views = [
+        view,
+        View { name: "down".to_owned(), ..View::look_at(eye, [1.0, 3.0, 0.5], [0.0, -1.0, 0.0], (8, 8), 90.0) },
+        View { name: "nowhere".to_owned(), ..View::look_at(eye, eye, [0.0; 3], (8, 8), 90.0) },
+    ];
+    write_views(&folder.file("views.json"), &views).unwrap();
+    assert_eq!(read_views(&folder.file("views.json")).unwrap(), views, "rotations, all of them");
+}
