@@ -9,11 +9,15 @@ mod run;
 /// The table of kernels, shared with the build.
 #[path = "../../shaders-glsl/table.rs"]
 pub mod table;
+#[cfg(feature = "play")]
+mod window;
 
 pub use dispatch::{Bound, Dispatch, kernel as kernel_named};
 pub use kernel::{Buf, Kernel, KernelInfo, Slice};
 pub use record::{Grid, Pass, Recording, Work};
 pub use run::{Gpu, Options, PassTime, Running};
+#[cfg(feature = "play")]
+pub use window::Window;
 
 /// A hash of all kernels as they are committed, 16 digits: what a measurement was made with.
 pub fn shaders_hash() -> String {

@@ -8,6 +8,7 @@ use super::fisher::{Census, Fisher, Response};
 use super::gradients::Gradients;
 use super::params::{Strip, TILE, view_params};
 use super::scene::SceneBuffers;
+use super::show::{Layer, Screen};
 use super::workspace::{Room, Verdict, Workspace, max_active};
 use crate::error::{Error, Result};
 use crate::gpu::generated::Status;
@@ -51,6 +52,16 @@ pub struct FrameReport {
     /// Seconds in which the picture was read back to the host, where it was.
     #[serde(skip)]
     pub read_back_s: f64,
+}
+
+/// What is measured of a frame.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Measure {
+    Nothing,
+    /// The time of each pass.
+    Times,
+    /// That, and what the passes had to do, which is read back and takes longer than they did.
+    Work,
 }
 
 /// Renders views of one scene.
@@ -102,7 +113,7 @@ impl Renderer {
     /// [`Error::OutOfMemory`] when a single row of tiles exceeds a limit of the device, naming it;
     /// [`Error::DeviceLost`] with the last pass.
     pub fn render(&mut self, view: &View, outputs: Outputs) -> Result<(Frame, FrameReport)> {
-        self.render_with(view, outputs, false)
+        self.render_with(view, outputs, Measure::Nothing)
     }
 
     /// As [`Renderer::render`], but the picture stays on the device.
@@ -110,7 +121,25 @@ impl Renderer {
     /// # Errors
     /// As [`Renderer::render`].
     pub fn draw(&mut self, view: &View, outputs: Outputs) -> Result<FrameReport> {
-        self.strips(view, outputs, None, false, |_, _, _| Ok(()))
+        self.strips(view, outputs, None, Measure::Nothing, |_, _, _| Ok(()))
+    }
+
+    /// Renders `view`, which has the size of `screen`, and puts `layer` of it there. The report has the time of each pass where
+    /// it `is_timed`.
+    ///
+    /// # Errors
+    /// As [`Renderer::render`].
+    pub fn show(&mut self, view: &View, layer: Layer, screen: &Screen, is_timed: bool) -> Result<FrameReport> {
+        assert_eq!((view.width, view.height), (screen.width, screen.height), "the view and the screen");
+        let gpu = self.gpu.clone();
+        let outputs = if matches!(layer, Layer::Color | Layer::Alpha) { Outputs::Color } else { Outputs::All };
+        let measure = if is_timed { Measure::Times } else { Measure::Nothing };
+        self.strips(view, outputs, None, measure, |_, work, strip| {
+            let mut rec = Recording::new();
+            let pixels = [strip.first_row, strip.n_rows].map(|rows| view.width * rows);
+            screen.record(&mut rec, &work.blend.image0, work.blend.image1.as_ref(), layer, pixels);
+            gpu.run(&rec)
+        })
     }
 
     /// As [`Renderer::render`], with the time of every pass in the report.
@@ -118,7 +147,7 @@ impl Renderer {
     /// # Errors
     /// As [`Renderer::render`].
     pub fn profile(&mut self, view: &View, outputs: Outputs) -> Result<(Frame, FrameReport)> {
-        self.render_with(view, outputs, true)
+        self.render_with(view, outputs, Measure::Work)
     }
 
     /// As [`Renderer::render`], but gives the frame's first dispatch of a kernel, with what it worked on. The picture is of
@@ -164,7 +193,7 @@ impl Renderer {
     pub fn vjp(&mut self, view: &View, cotangents: &Frame) -> Result<(Gradients, FrameReport)> {
         let gpu = self.gpu.clone();
         let mut gradients = Gradients::default();
-        let report = self.strips(view, Outputs::All, Some(cotangents), false, |scene, work, _| {
+        let report = self.strips(view, Outputs::All, Some(cotangents), Measure::Nothing, |scene, work, _| {
             let Some(backward) = &work.backward else { return Ok(()) };
             let strip = scene.download(&gpu, backward.gradients.iter())?;
             let n_bad = gpu.read(&backward.n_bad)?.first().copied().unwrap_or(0);
@@ -203,11 +232,11 @@ impl Renderer {
             fisher.record(&mut rec, scene, &backward.gradients, time);
             gpu.run(&rec)
         };
-        self.strips(view, Outputs::Color, Some(signs), false, |scene, work, strip| {
+        self.strips(view, Outputs::Color, Some(signs), Measure::Nothing, |scene, work, strip| {
             append(&mut frame, &gpu, &work.blend, (view.width * strip.n_rows) as usize)?;
             add(&census.information, scene, work)
         })?;
-        self.strips(view, Outputs::Color, Some(&errors(frame)), false, |scene, work, _| {
+        self.strips(view, Outputs::Color, Some(&errors(frame)), Measure::Nothing, |scene, work, _| {
             add(&census.slope, scene, work)
         })?;
         Ok(())
@@ -229,11 +258,11 @@ impl Renderer {
         Ok((census.information.read(&self.gpu, &self.scene)?, census.slope.read(&self.gpu, &self.scene)?))
     }
 
-    fn render_with(&mut self, view: &View, outputs: Outputs, timed: bool) -> Result<(Frame, FrameReport)> {
+    fn render_with(&mut self, view: &View, outputs: Outputs, measure: Measure) -> Result<(Frame, FrameReport)> {
         let gpu = self.gpu.clone();
         let mut frame = Frame { width: view.width, height: view.height, ..Frame::default() };
         let mut read_back_s = 0.0;
-        let report = self.strips(view, outputs, None, timed, |_, work, strip| {
+        let report = self.strips(view, outputs, None, measure, |_, work, strip| {
             let begun = Instant::now();
             append(&mut frame, &gpu, &work.blend, (view.width * strip.n_rows) as usize)?;
             read_back_s += begun.elapsed().as_secs_f64();
@@ -249,7 +278,7 @@ impl Renderer {
         view: &View,
         outputs: Outputs,
         cotangents: Option<&Frame>,
-        timed: bool,
+        measure: Measure,
         mut done: impl FnMut(&SceneBuffers, &Workspace, Strip) -> Result<()>,
     ) -> Result<FrameReport> {
         let mut report = FrameReport {
@@ -261,7 +290,7 @@ impl Renderer {
         let mut first_row = 0;
         while first_row < view.height {
             let strip = Strip { first_row, n_rows: strip_rows.min(view.height - first_row) };
-            if self.strip(view, strip, outputs, cotangents, timed, &mut report)? {
+            if self.strip(view, strip, outputs, cotangents, measure, &mut report)? {
                 if let Some(work) = &self.work {
                     done(&self.scene, work, strip)?;
                 }
@@ -298,7 +327,7 @@ impl Renderer {
         strip: Strip,
         outputs: Outputs,
         cotangents: Option<&Frame>,
-        timed: bool,
+        measure: Measure,
         report: &mut FrameReport,
     ) -> Result<bool> {
         let (tiles_x, tiles_y) = strip.tiles(view);
@@ -321,11 +350,11 @@ impl Renderer {
             let lists = work.record_forward(&mut rec, &self.scene, n_tiles, rounds, |_| ());
             let n_pixels = view.width * strip.n_rows;
             work.record_backward(&mut rec, &self.scene, &lists, n_tiles, n_pixels, rounds, &Target::Gradients);
-            let times = if timed {
-                self.gpu.run_timed(&rec)?
-            } else {
+            let times = if measure == Measure::Nothing {
                 self.gpu.run(&rec)?;
                 Vec::new()
+            } else {
+                self.gpu.run_timed(&rec)?
             };
             let status = self.gpu.read(&work.status)?.first().copied().unwrap_or_default();
             let verdict = work.verdict(&self.gpu, &status, rounds);
@@ -351,16 +380,16 @@ impl Renderer {
                 }
             }
             report.add(&status, n_tiles);
-            if timed {
+            if measure == Measure::Work {
                 let begun = Instant::now();
                 if let Some(work) = &self.work {
                     let counters = Counters::read(&self.gpu, work, &self.scene, &lists, n_tiles, n_pixels)?;
                     report.passes = add_passes(std::mem::take(&mut report.passes), &rec, &times, &counters);
                     report.counters.add(&counters);
-                    report.times.extend(times);
                 }
                 report.counting_s += begun.elapsed().as_secs_f64();
             }
+            report.times.extend(times);
             return Ok(true);
         }
     }
