@@ -142,8 +142,11 @@ fn main() -> ExitCode {
     if cli.quiet {
         screen::be_quiet();
     }
-    // The reader of SOFA files warns of good files; what is wrong with bad ones is in the error.
-    let told = Targets::new().with_default(cli.log_level).with_target("sofar", LevelFilter::OFF);
+    // The reader of SOFA files warns of good files; what is wrong with bad ones is in the error. Windows warn of odd displays.
+    let told = Targets::new()
+        .with_default(cli.log_level)
+        .with_target("sofar", LevelFilter::OFF)
+        .with_target("winit", LevelFilter::ERROR);
     let log = tracing_subscriber::fmt::layer()
         .with_writer(|| screen::Log)
         .with_ansi(screen::has_colours())

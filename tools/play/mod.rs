@@ -15,7 +15,7 @@ use controls::{Clock, Rig};
 use ivv::sound::hrtf::HrtfSet;
 use ivv::sound::scene_file::SoundScene;
 use ivv::stage::Renderer;
-use ivv::{Error, vk};
+use ivv::vk;
 use std::path::PathBuf;
 use window::{Output, Player, Shot};
 use winit::event_loop::EventLoop;
@@ -43,7 +43,7 @@ pub struct Args {
     /// Starts at this view, by its name: a training camera's, or one of --cameras.
     #[arg(long, value_name = "NAME")]
     camera: Option<String>,
-    /// Size of the window, pixels. By default that of the first view, at most 1280 wide and 720 high.
+    /// Size of the window, pixels. By default 1280x720, or less of one side for the shape of the first view.
     #[arg(long, value_name = "WxH", value_parser = size)]
     size: Option<[u32; 2]>,
     /// What is shown first.
@@ -73,6 +73,9 @@ pub struct Args {
     /// Responses of a head: sphere, a SOFA file, or a folder of WAV files.
     #[arg(long, default_value = "sphere")]
     hrtf: PathBuf,
+    /// Lets Vulkan's validation layer check every call, and tells what it says. Slow.
+    #[arg(long)]
+    validation: bool,
     #[command(flatten)]
     device: DeviceArgs,
 }
@@ -107,11 +110,9 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let constants = shown.constants.unwrap_or(setting.constants);
 
     let stop = Stop::listen()?;
-    let events = EventLoop::new().map_err(|fault| Error::NoDevice {
-        reason: format!("expected a display, found none ({fault})"),
-        remedy: "set DISPLAY to that of an X server, or use `ivv serve`".to_owned(),
-    })?;
-    let gpu = args.device.open_with(vk::surface_extensions(&events.owned_display_handle())?)?;
+    let no_display = "expected a display, found none; set DISPLAY to that of an X server, or use `ivv serve`";
+    let events = EventLoop::new().context(no_display)?;
+    let gpu = args.device.open_with(vk::surface_extensions(&events.owned_display_handle())?, args.validation)?;
     let mut rig = Rig::new(&views, &shown.splats);
     if let Some(view) = first.map(|k| &views[k]) {
         rig.go(view);

@@ -24,7 +24,7 @@ use winit::window::{Fullscreen, Window, WindowId};
 
 /// How long a window that took no picture is left alone, and how often the end that was asked for is looked for.
 const GLANCE: Duration = Duration::from_millis(50);
-/// The largest window that nobody asked for, pixels.
+/// What a window fits in that nobody gave a size, pixels.
 const USUAL: [u32; 2] = [1280, 720];
 const SPEEDS: [f64; 6] = [0.1, 0.25, 0.5, 1.0, 1.5, 2.0];
 
@@ -157,8 +157,9 @@ impl Player {
     fn open(&mut self, events: &ActiveEventLoop) -> anyhow::Result<()> {
         let [width, height] = self.size.unwrap_or_else(|| {
             let [w, h] = self.views.first().map_or(USUAL, |view| [view.width, view.height]);
-            let shrink = (w as f64 / f64::from(USUAL[0])).max(h as f64 / f64::from(USUAL[1])).max(1.0);
-            [w, h].map(|side| ((f64::from(side) / shrink).round() as u32).max(1))
+            let [w, h] = [w, h].map(f64::from);
+            let zoom = (f64::from(USUAL[0]) / w).min(f64::from(USUAL[1]) / h);
+            [w, h].map(|side| ((side * zoom).round() as u32).max(1))
         });
         let wanted = Window::default_attributes().with_title("ivv").with_inner_size(PhysicalSize::new(width, height));
         let window = Arc::new(events.create_window(wanted).context("no window can be opened")?);
