@@ -158,18 +158,23 @@ fn the_screen_shows_the_view_through_resizes_unmapping_and_keys() {
     let mut play = bed.play(&display);
     play.args(["--size", "320x240"]).stdout(Stdio::piped()).stderr(Stdio::piped());
     let playing = Playing(play.spawn().unwrap());
-    let shows = |view: &View| {
+    // Whatever brings the view about is done again now and then: a key that comes before the window has the focus is lost.
+    let shows_after = |view: &View, act: &dyn Fn()| {
         let truth = bed.rendered(view);
         let (begun, mut best) = (Instant::now(), 0.0);
-        while begun.elapsed() < PATIENCE {
-            best = psnr(&display.screen(truth.width, truth.height), &truth, BAR);
-            if best >= SAME {
-                return;
+        for glance in 0.. {
+            if glance % 40 == 0 {
+                act();
             }
             std::thread::sleep(Duration::from_millis(50));
+            best = psnr(&display.screen(truth.width, truth.height), &truth, BAR);
+            if best >= SAME || begun.elapsed() > PATIENCE {
+                break;
+            }
         }
-        panic!("{} of {}: {best:.1} dB after {PATIENCE:?}", view.name, size(view));
+        assert!(best >= SAME, "{} of {}: {best:.1} dB", view.name, size(view));
     };
+    let shows = |view: &View| shows_after(view, &|| ());
     shows(&bed.views[0]);
     let window = display.tool(&["search", "--sync", "--name", "^ivv$"]);
     for zoom in [2.0, 0.5, 1.25] {
@@ -183,26 +188,29 @@ fn the_screen_shows_the_view_through_resizes_unmapping_and_keys() {
     display.tool(&["windowmap", "--sync", &window]);
     shows(&scaled(&bed.views[0], 1.25));
     display.tool(&["windowfocus", "--sync", &window]);
-    for (key, view) in [("bracketright", 1), ("4", 3), ("r", 0)] {
-        display.tool(&["key", key]);
-        shows(&scaled(&bed.views[view], 1.25));
+    for (key, view) in [("2", 1), ("4", 3), ("r", 0)] {
+        shows_after(&scaled(&bed.views[view], 1.25), &|| drop(display.tool(&["key", key])));
     }
     // A quarter of the track: the clock of the clip, by the mouse.
     let [from, to] = [136.0, 400.0 - 8.0];
     let x = from + 0.25 * (to - from);
-    display.tool(&["mousemove", &x.to_string(), "292", "click", "1"]);
-    shows(&View { time: 0.25, ..scaled(&bed.views[0], 1.25) });
-    // A drag to one side turns; back again it ends where it began.
     let view = View { time: 0.25, ..scaled(&bed.views[0], 1.25) };
+    shows_after(&view, &|| drop(display.tool(&["mousemove", &x.to_string(), "292", "click", "1"])));
+    // A drag to one side turns; back again it ends where it began.
     let truth = bed.rendered(&view);
     display.tool(&["mousemove", "200", "100", "mousedown", "1", "mousemove", "260", "100"]);
-    let begun = Instant::now();
-    while psnr(&display.screen(truth.width, truth.height), &truth, BAR) > 30.0 {
-        assert!(begun.elapsed() < PATIENCE, "a drag turns nothing");
-        std::thread::sleep(Duration::from_millis(20));
-    }
+    let changes = |below: f64, fault: &str| {
+        let begun = Instant::now();
+        while psnr(&display.screen(truth.width, truth.height), &truth, BAR) > below {
+            assert!(begun.elapsed() < PATIENCE, "{fault}");
+            std::thread::sleep(Duration::from_millis(20));
+        }
+    };
+    changes(30.0, "a drag turns nothing");
     display.tool(&["mousemove", "200", "100", "mouseup", "1"]);
     shows(&view);
+    display.tool(&["key", "space"]);
+    changes(35.0, "the clip does not play");
     display.tool(&["key", "Escape"]);
     told(playing.end());
 }

@@ -24,6 +24,7 @@ fn clip(bed: &Bed, file: &Path, to_the_right: f64) {
     let wav = std::fs::read(bed.at("noise.wav")).unwrap();
     let sound = Sound { name: "noise".to_owned(), wav, start: 0.0, seconds: 4.0, places: vec![(0.0, place)] };
     let sounds = Sounds::new(place, 0.2, vec![sound]);
+    assert_eq!(sounds.law(), (Some(place), 0.2));
     let clock = Clock { fps: 30.0, frames: 120 };
     let contents = Contents { clock, views: &bed.views, own: BTreeMap::new(), sounds: &sounds };
     let bytes = Encoded::new(&splats, clock).bytes(file, &contents, Grades::default()).unwrap();

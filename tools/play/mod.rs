@@ -17,7 +17,7 @@ use ivv::sound::scene_file::SoundScene;
 use ivv::stage::Renderer;
 use ivv::vk;
 use std::path::PathBuf;
-use window::{Output, Player, Shot};
+use window::{Output, Player, State};
 use winit::event_loop::EventLoop;
 
 /// Keys, for `ivv play --help`.
@@ -125,18 +125,13 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let at = clock.at(std::time::Instant::now());
     clock.set(at, args.at.is_none() && args.screenshot.is_none(), 1.0);
     let flow_dt = setting.clock.map_or(1.0, |clock| 1.0 / f64::from(clock.frames));
-    let mut player = Player::new(renderer, rig, views, clock, flow_dt);
-    player.output = args.output;
-    player.has_stats = args.stats;
-    player.shot = Shot { frames: args.frames, file: args.screenshot.clone() };
-    player.is_synced = !args.no_vsync;
-    player.size = args.size;
-    player.current = first.unwrap_or_default();
+    let (current, state) = (first.unwrap_or_default(), State::default());
+    let mut player = Player { args, stop: &stop, renderer, rig, views, current, clock, flow_dt, sound: None, state };
     if let Some(hrtf) = hrtf {
         match sound::Sound::new(&setting.sounds, hrtf, player.heard()) {
             Ok(sound) => player.sound = Some(sound),
             Err(fault) => alert!("this plays without sound: {fault:#}"),
         }
     }
-    player.run(events, &stop)
+    player.run(events)
 }

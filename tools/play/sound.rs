@@ -4,8 +4,8 @@
 use super::controls::Clock;
 use crate::screen::alert;
 use anyhow::Context;
+use cpal::SampleFormat;
 use cpal::traits::{DeviceTrait, HostTrait, StreamTrait};
-use cpal::{FromSample, SampleFormat, SizedSample, StreamConfig};
 use fourdgs::AudioSource;
 use glam::{DQuat, DVec3};
 use ivv::scene::Sounds;
@@ -99,27 +99,14 @@ fn signal(source: &AudioSource) -> Vec<f32> {
 fn open(receiver: Receiver<Block>, latency: Arc<AtomicU64>) -> anyhow::Result<cpal::Stream> {
     let device = cpal::default_host().default_output_device().context("there is no sound device")?;
     let configs = device.supported_output_configs().context("the sound device does not say what it plays")?;
-    let is_fit = |config: &cpal::SupportedStreamConfigRange| config.channels() >= 2 && config.contains_rate(FS);
-    let mut fit: Vec<_> = configs.filter(is_fit).map(|config| config.with_sample_rate(FS)).collect();
-    fit.sort_by_key(cpal::SupportedStreamConfig::channels);
-    let of = |format: SampleFormat| fit.iter().find(|config| config.sample_format() == format).map(|c| c.config());
-    if let Some(config) = of(SampleFormat::F32) {
-        stream::<f32>(&device, config, receiver, latency)
-    } else {
-        let config = of(SampleFormat::I16).context("the sound device does not play 48 kHz in stereo")?;
-        stream::<i16>(&device, config, receiver, latency)
-    }
-}
-
-fn stream<T: SizedSample + FromSample<f32>>(
-    device: &cpal::Device,
-    config: StreamConfig,
-    receiver: Receiver<Block>,
-    latency: Arc<AtomicU64>,
-) -> anyhow::Result<cpal::Stream> {
+    let is_fit = |config: &cpal::SupportedStreamConfigRange| {
+        config.channels() >= 2 && config.contains_rate(FS) && config.sample_format() == SampleFormat::F32
+    };
+    let config = configs.filter(is_fit).min_by_key(cpal::SupportedStreamConfigRange::channels);
+    let config = config.context("the sound device does not play 48 kHz in stereo")?.with_sample_rate(FS).config();
     let n_channels = usize::from(config.channels);
     let mut waiting: std::vec::IntoIter<[f32; 2]> = Vec::new().into_iter();
-    let fill = move |out: &mut [T], info: &cpal::OutputCallbackInfo| {
+    let fill = move |out: &mut [f32], info: &cpal::OutputCallbackInfo| {
         let at = info.timestamp();
         let late = at.playback.checked_duration_since(at.callback).unwrap_or_default();
         latency.store(late.as_nanos() as u64, Ordering::Relaxed);
@@ -130,7 +117,7 @@ fn stream<T: SizedSample + FromSample<f32>>(
             });
             let heard = heard.unwrap_or_default();
             for (k, to) in frame.iter_mut().enumerate() {
-                *to = T::from_sample(heard.get(k).map_or(0.0, |x| x.clamp(-1.0, 1.0)));
+                *to = heard.get(k).map_or(0.0, |x| x.clamp(-1.0, 1.0));
             }
         }
     };
