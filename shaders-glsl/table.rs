@@ -213,6 +213,7 @@ pub const KERNELS: &[Spec] = &[
     spec("density_gather", "density/density_gather.comp", &[], "density", Count::Gaussians, 60.0),
     spec("density_children", "density/density_children.comp", &[], "density", Count::Gaussians, 120.0),
     spec("mcmc_noise", "density/mcmc_noise.comp", &[], "density", Count::Gaussians, 80.0),
+    spec("show", "screen/show.comp", &[], "show", Count::Pixels, 12.0),
     // They measure what the limits of the others are made of, so they have none.
     spec("probe_copy", "probe/probe_copy.comp", &[], "probe", Count::Recorded, 0.0),
     spec("probe_fma", "probe/probe_fma.comp", &[], "probe", Count::Recorded, 0.0),

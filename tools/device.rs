@@ -3,6 +3,7 @@
 use crate::screen::say;
 use ivv::gpu::{Gpu, Options};
 use ivv::vk::DeviceChoice;
+use std::ffi::CStr;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -17,9 +18,17 @@ pub struct DeviceArgs {
 impl DeviceArgs {
     /// Opens the device and says which it is and why.
     pub fn open(&self) -> ivv::Result<Arc<Gpu>> {
+        self.open_with(Vec::new(), false)
+    }
+
+    /// As [`DeviceArgs::open`]: a device that can show pictures in windows where `surface` is not empty, which is what they need;
+    /// with the validation layer, which speaks in the log.
+    pub fn open_with(&self, surface: Vec<&'static CStr>, validation: bool) -> ivv::Result<Arc<Gpu>> {
         let choice = DeviceChoice {
             device: self.device.clone(),
             pipeline_cache: cache_folder().map(|folder| folder.join("pipelines.bin")),
+            surface,
+            validation,
             ..DeviceChoice::default()
         };
         let gpu = Arc::new(Gpu::open(&Options { device: choice, ..Options::default() })?);

@@ -65,11 +65,18 @@ pub struct Setting {
     pub views: Vec<View>,
     /// What is heard.
     pub sounds: Sounds,
-    constants: Constants,
+    /// How it is rendered.
+    pub constants: Constants,
     background: [f32; 3],
 }
 
 impl ClipArgs {
+    /// Those of a clip that is looked at: its length where nothing says it, and a cameras file to start from.
+    #[cfg(feature = "play")]
+    pub fn seen(seconds: Option<f64>, cameras: Option<PathBuf>) -> Self {
+        ClipArgs { seconds, cameras, ..ClipArgs::default() }
+    }
+
     /// The same for files that nobody asked for by name: nothing is said of them, and what they cannot hold is cut.
     pub fn unasked(&self) -> Self {
         ClipArgs { is_silent: true, clamp_colors: true, ..self.clone() }

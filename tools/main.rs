@@ -29,6 +29,11 @@ mod manual;
 mod offsets;
 mod page;
 mod passes;
+#[cfg(feature = "play")]
+mod play;
+#[cfg(not(feature = "play"))]
+#[path = "play/absent.rs"]
+mod play;
 mod prepare;
 mod profile;
 mod progress;
@@ -113,6 +118,9 @@ enum Verb {
     Export(export::Args),
     /// Serves a scene with the browser player on this machine.
     Serve(serve::Args),
+    /// Shows a scene in a window, by the engine itself: where you look, with sound and the times of frames and passes. Of programs
+    /// built with `--features play`.
+    Play(play::Args),
     /// Gradients of sum(cotangent * output) of a view, by parameter group.
     Vjp(vjp::Args),
     /// Writes the scene that the project ships in assets/demo.
@@ -133,8 +141,11 @@ fn main() -> ExitCode {
     if cli.quiet {
         screen::be_quiet();
     }
-    // The reader of SOFA files warns of good files; what is wrong with bad ones is in the error.
-    let told = Targets::new().with_default(cli.log_level).with_target("sofar", LevelFilter::OFF);
+    // The reader of SOFA files warns of good files; what is wrong with bad ones is in the error. Windows warn of odd displays.
+    let told = Targets::new()
+        .with_default(cli.log_level)
+        .with_target("sofar", LevelFilter::OFF)
+        .with_target("winit", LevelFilter::ERROR);
     let log = tracing_subscriber::fmt::layer()
         .with_writer(|| screen::Log)
         .with_ansi(screen::has_colours())
@@ -164,6 +175,7 @@ fn run(cli: &Cli) -> anyhow::Result<()> {
         Verb::Settings(args) => list_settings::run(args, cli.json),
         Verb::Export(args) => export::run(args, cli.json),
         Verb::Serve(args) => serve::run(args, cli.json),
+        Verb::Play(args) => play::run(args),
         Verb::Vjp(args) => vjp::run(args),
         Verb::Demo(args) => demo::run(args),
         Verb::Synth(args) => synth::run(args, cli.json),

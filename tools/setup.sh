@@ -1,11 +1,12 @@
 #!/usr/bin/env bash
 # Installs what a fresh Debian 12 lacks, and nothing that is there already.
-#   tools/setup.sh [run] [test] [shaders] [prepare] [player]      default: run
+#   tools/setup.sh [run] [test] [shaders] [prepare] [player] [play]      default: run
 #     run      the Vulkan loader, Mesa's drivers (lavapipe among them), a linker, a Rust toolchain
 #     test     run, and the validation layer, spirv-val, rustfmt, clippy
 #     shaders  run, and what shaderc's C++ needs to build (only for `cargo build --features shaders`)
 #     prepare  run, and the programs that `ivv prepare` calls: ffmpeg, COLMAP, OpenCV for Python
 #     player   run, and what the tests of the browser player need: Chromium, node, packages of npm, the .4dgs package for Python
+#     play     run, and what `ivv play` needs to build and to open windows, and its tests: a display in memory, keys and pointer
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 export PATH="${CARGO_HOME:-$HOME/.cargo}/bin:$PATH"
@@ -126,8 +127,13 @@ for part in "${@:-run}"; do
         command -v node >/dev/null || packages+=(nodejs npm)
         player=yes
         ;;
+    play)
+        # ALSA's headers for sound; the rest is loaded when a window opens.
+        packages+=(libasound2-dev pkg-config libx11-6 libx11-xcb1 libxcursor1 libxi6 libxrandr2 libxkbcommon-x11-0)
+        packages+=(xvfb xdotool vulkan-validationlayers)
+        ;;
     *)
-        echo "usage: tools/setup.sh [run] [test] [shaders] [prepare] [player]" >&2
+        echo "usage: tools/setup.sh [run] [test] [shaders] [prepare] [player] [play]" >&2
         exit 2
         ;;
     esac

@@ -5,6 +5,7 @@
 #                                  synchronisation validation, the long tests (with faults of the device at many
 #                                  calls), SwiftShader, mutations
 #   tools/test.sh --player         the browser player in Chromium: files, pictures against the engine's, page, sound, headset
+#   tools/test.sh --play           the window of `ivv play` under Xvfb: pictures, resizes, faults of the surface, sound
 #   tools/test.sh --fuzz [SECONDS] every reader on damaged files, so long for all formats together; an hour without
 # ARGS go to cargo test.
 set -euo pipefail
@@ -21,6 +22,11 @@ if [ "${1:-}" = --player ]; then
     build_ivv
     IVV=$ivv IVV_NODE_MODULES=$cache/player/node_modules exec \
         node --test --test-concurrency=1 tests/player/*.test.mjs
+fi
+if [ "${1:-}" = --play ]; then
+    tools/setup.sh play
+    own_the_target_folder
+    exec cargo test --locked --features play --test play
 fi
 slow=no
 if [ "${1:-}" = --slow ]; then

@@ -154,6 +154,8 @@ pub fn terms(kernel: &Spec) -> Option<Vec<Term>> {
         "l1" => vec![own(20.0 + 16.0, 12.0)],
         // A dispatch per band: their mean over the three.
         "sh_half" => vec![own(208.0 / 3.0 * 1.5, 208.0 / 12.0)],
+        // Its overlay is a few rows.
+        "show" => vec![own(32.0 + 4.0, 12.0)],
         "prior_loss" => vec![own(16.0 + 8.0 + 16.0, 20.0)],
         "lpips_input" => vec![own(20.0 + 32.0, 12.0)],
         // Of a multiply-add; the maps are small beside them.

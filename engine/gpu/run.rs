@@ -58,7 +58,7 @@ impl Running {
 
 /// An open device with its compiled kernels.
 pub struct Gpu {
-    device: Arc<Device>,
+    pub(super) device: Arc<Device>,
     chosen_because: String,
     pipelines: Mutex<HashMap<&'static str, Arc<Pipeline>>>,
     poison: bool,

@@ -11,6 +11,9 @@ use crate::scene::{open_file, write_atomic};
 /// Sample rates that are read, per second: those of sound. Far from them a change of rate needs weights without end.
 const RATES: std::ops::RangeInclusive<u32> = 8_000..=400_000;
 
+/// What helps a file that cannot be read.
+const REMEDY: &str = "give a WAV file of 16, 24 or 32 bits (ffmpeg -i IN -c:a pcm_s24le OUT.wav)";
+
 /// Which channel of a recording is the microphone.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -39,11 +42,17 @@ pub struct Recording {
 /// [`Error::Data`] where the file is no WAV, ends early, is empty, has another sample rate, or holds a value that is not
 /// finite.
 pub fn read(path: &Path) -> Result<Recording> {
-    let fault = |place: String, reason: String| {
-        Error::data(path, place, reason, "give a WAV file of 16, 24 or 32 bits (ffmpeg -i IN -c:a pcm_s24le OUT.wav)")
-    };
-    let file = open_file(path).map_err(|e| fault(String::new(), format!("cannot be read: {e}")))?;
-    let reader = hound::WavReader::new(BufReader::new(file));
+    let file = open_file(path).map_err(|e| Error::data(path, "", format!("cannot be read: {e}"), REMEDY))?;
+    decode(path, BufReader::new(file))
+}
+
+/// As [`read`], of a WAV file that is in memory or in another file; `path` is what its faults are told of.
+///
+/// # Errors
+/// As [`read`].
+pub fn decode(path: &Path, from: impl std::io::Read) -> Result<Recording> {
+    let fault = |place: String, reason: String| Error::data(path, place, reason, REMEDY);
+    let reader = hound::WavReader::new(from);
     let reader = reader.map_err(|e| fault(String::new(), format!("cannot be read: {e}")))?;
     let spec = reader.spec();
     let n_channels = usize::from(spec.channels);

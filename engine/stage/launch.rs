@@ -32,12 +32,23 @@ pub(super) struct Job<'a> {
     pub outputs: Outputs,
     pub destination: Destination,
     pub cotangents: Option<&'a Frame>,
-    pub timed: bool,
+    pub measure: Measure,
+}
+
+/// What is measured of a strip.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Measure {
+    Nothing,
+    /// The time of each pass.
+    Times,
+    /// That, and what the passes had to do, which is read back and takes longer than they did.
+    Work,
 }
 
 /// The size of a strip.
 #[derive(Clone, Copy)]
 pub(super) struct Extent {
+    pub strip: Strip,
     pub n_tiles: u32,
     pub n_pixels: u32,
 }
@@ -51,7 +62,7 @@ impl Job<'_> {
 impl Extent {
     pub(super) fn new(view: &View, strip: Strip) -> Self {
         let (tiles_x, tiles_y) = strip.tiles(view);
-        Extent { n_tiles: tiles_x * tiles_y, n_pixels: view.width * strip.n_rows }
+        Extent { strip, n_tiles: tiles_x * tiles_y, n_pixels: view.width * strip.n_rows }
     }
 }
 
@@ -80,6 +91,7 @@ pub(super) struct Copies {
 
 /// A strip that has ended.
 pub(super) struct Landed {
+    pub extent: Extent,
     pub status: Status,
     pub verdict: Verdict,
     /// Colour and alpha; depth, inverse depth and flow; as many as are read back.
@@ -111,7 +123,10 @@ impl Renderer {
         recording.stage("status");
         recording.copy(work.status.slice(), status.clone());
         let images = if job.destination == Destination::Host { work.blend.images() } else { Vec::new() };
-        let running = if job.timed { self.gpu.start_timed(&recording)? } else { self.gpu.start(&recording)? };
+        let running = match job.measure {
+            Measure::Nothing => self.gpu.start(&recording)?,
+            Measure::Times | Measure::Work => self.gpu.start_timed(&recording)?,
+        };
         let copies = self.copy_back(&images, n_pixels as usize)?;
         let n = (self.scene.n, self.scene.n_bad);
         Ok(Launched { running, copies, recording, lists, extent, status, room: self.room, rounds, n })
@@ -164,7 +179,7 @@ impl Renderer {
             }
             _ => Vec::new(),
         };
-        Ok(Landed { status, verdict, images, times, read_back_s: begun.elapsed().as_secs_f64() })
+        Ok(Landed { extent: launched.extent, status, verdict, images, times, read_back_s: begun.elapsed().as_secs_f64() })
     }
 
     /// Frees what a strip that has landed was copied to.

@@ -6,9 +6,10 @@ use super::blend::{Outputs, Purpose, SEGMENT};
 use super::counters::{Counters, PassReport, add_passes};
 use super::fisher::{Census, Fisher, Response};
 use super::gradients::Gradients;
-use super::launch::{Destination, Job, Landed, Launched};
+use super::launch::{Destination, Job, Landed, Launched, Measure};
 use super::params::{Strip, TILE, moment, view_params};
 use super::scene::SceneBuffers;
+use super::show::{Layer, Screen};
 use super::stereo::SecondEye;
 use super::window::Windows;
 use super::workspace::{Room, Verdict, Workspace, max_active};
@@ -136,12 +137,32 @@ impl Renderer {
         Ok(self.end(picture)?.1)
     }
 
+    /// Renders `view`, which has the size of `screen`, and puts `layer` of it there. The report has the time of each pass where
+    /// it `is_timed`.
+    ///
+    /// # Errors
+    /// As [`Renderer::render`].
+    pub fn show(&mut self, view: &View, layer: Layer, screen: &Screen, is_timed: bool) -> Result<FrameReport> {
+        assert_eq!((view.width, view.height), (screen.width, screen.height), "the view and the screen");
+        let gpu = self.gpu.clone();
+        let outputs = if matches!(layer, Layer::Color | Layer::Alpha) { Outputs::Color } else { Outputs::All };
+        let measure = if is_timed { Measure::Times } else { Measure::Nothing };
+        let job = Job { view, outputs, destination: Destination::Device, cotangents: None, measure };
+        self.strips(&job, None, |_, work, landed| {
+            let mut rec = Recording::new();
+            let strip = landed.extent.strip;
+            let pixels = [strip.first_row, strip.n_rows].map(|rows| view.width * rows);
+            screen.record(&mut rec, &work.blend.image0, work.blend.image1.as_ref(), layer, pixels);
+            gpu.run(&rec)
+        })
+    }
+
     /// As [`Renderer::draw`], with the time of every pass in the report.
     ///
     /// # Errors
     /// As [`Renderer::render`].
     pub fn profile(&mut self, view: &View, outputs: Outputs) -> Result<FrameReport> {
-        let job = Job { view, outputs, destination: Destination::Device, cotangents: None, timed: true };
+        let job = Job { view, outputs, destination: Destination::Device, cotangents: None, measure: Measure::Work };
         self.strips(&job, None, |_, _, _| Ok(()))
     }
 
@@ -180,7 +201,7 @@ impl Renderer {
     /// # Errors
     /// As [`Renderer::render`].
     pub fn begin(&mut self, view: &View, outputs: Outputs, destination: Destination) -> Result<Picture> {
-        let job = Job { view, outputs, destination, cotangents: None, timed: false };
+        let job = Job { view, outputs, destination, cotangents: None, measure: Measure::Nothing };
         let fits = self.longest_strip(view)? >= view.height;
         let launched = if fits { Some(self.launch(&job, Strip::whole(view), 1)?) } else { None };
         Ok(Picture { view: view.clone(), outputs, destination, launched })
@@ -192,7 +213,7 @@ impl Renderer {
     /// As [`Renderer::render`].
     pub fn end(&mut self, picture: Picture) -> Result<(Frame, FrameReport)> {
         let Picture { view, outputs, destination, launched } = picture;
-        let job = Job { view: &view, outputs, destination, cotangents: None, timed: false };
+        let job = Job { view: &view, outputs, destination, cotangents: None, measure: Measure::Nothing };
         let mut frame = Frame { width: view.width, height: view.height, ..Frame::default() };
         let report = self.strips(&job, launched, |_, _, landed| {
             append(&mut frame, &landed.images);
@@ -250,7 +271,7 @@ impl Renderer {
             outputs: Outputs::All,
             destination: Destination::Device,
             cotangents: Some(cotangents),
-            timed: false,
+            measure: Measure::Nothing,
         };
         let report = self.strips(&job, None, |scene, work, _| {
             let Some(backward) = &work.backward else { return Ok(()) };
@@ -297,7 +318,7 @@ impl Renderer {
             outputs: Outputs::Color,
             destination: Destination::Host,
             cotangents: Some(signs),
-            timed: false,
+            measure: Measure::Nothing,
         };
         self.strips(&job, None, |scene, work, landed| {
             append(&mut frame, &landed.images);
@@ -402,7 +423,7 @@ impl Renderer {
                 }
             }
             report.add(&launched, &landed);
-            if job.timed {
+            if job.measure == Measure::Work {
                 self.count_passes(&launched, &landed, report)?;
             }
             self.retire(launched);
@@ -418,7 +439,6 @@ impl Renderer {
             let counters = Counters::read(&self.gpu, work, &self.scene, lists, extent.n_tiles, extent.n_pixels)?;
             report.passes = add_passes(std::mem::take(&mut report.passes), recording, &landed.times, &counters);
             report.counters.add(&counters);
-            report.times.extend(landed.times.iter().cloned());
         }
         report.counting_s += begun.elapsed().as_secs_f64();
         Ok(())
@@ -460,5 +480,6 @@ impl FrameReport {
         self.bad_gaussians += u64::from(status.n_bad);
         self.strips += 1;
         self.read_back_s += landed.read_back_s;
+        self.times.extend(landed.times.iter().cloned());
     }
 }

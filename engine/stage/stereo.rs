@@ -1,7 +1,7 @@
 //! Two eyes that look the same way: they share the culling of the scene and the sort by depth.
 
 use super::blend::{Blend, Outputs, Purpose, SEGMENT};
-use super::launch::{Destination, Extent, Job, Launched};
+use super::launch::{Destination, Extent, Job, Launched, Measure};
 use super::params::{Strip, moment, view_params};
 use super::project::Projected;
 use super::render::{FrameReport, Picture, Renderer};
@@ -71,7 +71,7 @@ impl Renderer {
             let [first, second] = eyes.map(|eye| self.begin(eye, outputs, destination));
             return Ok([first?, second?]);
         };
-        let [job, other] = eyes.map(|view| Job { view, outputs, destination, cotangents: None, timed: false });
+        let [job, other] = eyes.map(|view| Job { view, outputs, destination, cotangents: None, measure: Measure::Nothing });
         // A little nearer, for the rounding of the kernel: projection drops what is too near for good.
         let near = (f64::from(self.constants.near) + back) * (1.0 - NEARER);
         let launched = self.launch_stereo(&job, &other, &union, near)?;

@@ -21,15 +21,17 @@ pub struct Binding {
 
 /// A command stream being recorded.
 pub struct Commands {
-    device: Arc<Device>,
+    pub(super) device: Arc<Device>,
     pool: vk::CommandPool,
-    raw: vk::CommandBuffer,
+    pub(super) raw: vk::CommandBuffer,
     descriptors: Option<vk::DescriptorPool>,
     queries: Option<vk::QueryPool>,
     // One word per pass, set by the device when the pass begins: names the last pass of a lost device.
     markers: Arc<Buffer>,
     passes: Vec<String>,
-    buffers: Vec<Arc<Buffer>>,
+    pub(super) buffers: Vec<Arc<Buffer>>,
+    /// A binary semaphore that the submission signals beside the timeline: a presentation waits for it.
+    pub(super) signal: Option<vk::Semaphore>,
     pipelines: Vec<Arc<Pipeline>>,
     // Timeline value of the submission; 0 while recording.
     value: u64,
@@ -64,6 +66,7 @@ impl Commands {
             markers: Arc::new(markers),
             passes: Vec::with_capacity(n_passes),
             buffers: Vec::new(),
+            signal: None,
             pipelines: Vec::new(),
             value: 0,
         };
@@ -272,7 +275,9 @@ impl Commands {
         let (queue, mut submitted) =
             (device.queue.lock().map_err(|_| lost())?, device.submitted.lock().map_err(|_| lost())?);
         let value = *submitted + 1;
-        let (values, semaphores, buffers) = ([value], [device.timeline], [self.raw]);
+        let semaphores: Vec<_> = [device.timeline].into_iter().chain(self.signal).collect();
+        // A binary semaphore has no value: what stands in its place is not read.
+        let (values, buffers) = (vec![value; semaphores.len()], [self.raw]);
         let mut timeline = vk::TimelineSemaphoreSubmitInfo::default().signal_semaphore_values(&values);
         let info = [vk::SubmitInfo::default()
             .command_buffers(&buffers)

@@ -26,6 +26,8 @@ pub struct DeviceChoice {
     pub no_push_descriptors: bool,
     /// Where compiled pipelines are kept between runs.
     pub pipeline_cache: Option<PathBuf>,
+    /// Instance extensions for the surfaces of windows; where there are any, the device can show pictures in them.
+    pub surface: Vec<&'static CStr>,
 }
 
 /// A Vulkan device with its queue and its allocator.
@@ -42,19 +44,22 @@ pub struct Device {
     pub(super) timeline: vk::Semaphore,
     pub(super) submitted: Mutex<u64>,
     pub(super) retired: Mutex<Vec<(vk::CommandPool, vk::CommandBuffer)>>,
+    #[cfg(feature = "play")]
+    pub(super) physical: vk::PhysicalDevice,
     cache_file: Option<PathBuf>,
     caps: Caps,
-    _instance: Arc<Instance>,
+    pub(super) instance: Arc<Instance>,
 }
 
-struct Instance {
-    raw: ash::Instance,
+pub(super) struct Instance {
+    pub(super) raw: ash::Instance,
     messenger: Option<(ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
     // Boxed: the messenger holds its address.
     validation: Arc<Validation>,
     has_debug_utils: bool,
     // Last: the loader's library must outlive everything made from it.
-    _entry: Entry,
+    #[cfg_attr(not(feature = "play"), expect(dead_code, reason = "it is held; surfaces are made from it too"))]
+    pub(super) entry: Entry,
 }
 
 impl Drop for Instance {
@@ -106,7 +111,9 @@ impl Instance {
             has_debug_utils = true;
         }
         let layer_names: Vec<_> = wants_validation.then_some(VALIDATION_LAYER.as_ptr()).into_iter().collect();
-        let extension_names: Vec<_> = has_debug_utils.then_some(ext::debug_utils::NAME.as_ptr()).into_iter().collect();
+        let debug_utils = has_debug_utils.then_some(&ext::debug_utils::NAME);
+        let extension_names: Vec<_> =
+            debug_utils.into_iter().chain(&choice.surface).map(|name| name.as_ptr()).collect();
         let application = vk::ApplicationInfo::default()
             .application_name(c"ivv")
             .engine_name(c"ivv")
@@ -139,7 +146,7 @@ impl Instance {
         } else {
             None
         };
-        Ok(Arc::new(Instance { raw, messenger, validation, has_debug_utils, _entry: entry }))
+        Ok(Arc::new(Instance { raw, messenger, validation, has_debug_utils, entry }))
     }
 
     /// Usable devices with their capabilities, and the reasons against the others, in the loader's order.
@@ -332,6 +339,9 @@ impl Device {
         if caps.subgroup_pinned {
             extensions.push(ext::subgroup_size_control::NAME.as_ptr());
         }
+        if !choice.surface.is_empty() {
+            extensions.push(khr::swapchain::NAME.as_ptr());
+        }
         let mut atomics =
             vk::PhysicalDeviceShaderAtomicFloatFeaturesEXT::default().shader_buffer_float32_atomic_add(true);
         if caps.float_atomics {
@@ -396,10 +406,12 @@ impl Device {
             timeline,
             submitted: Mutex::new(0),
             retired: Mutex::default(),
+            #[cfg(feature = "play")]
+            physical,
             cache_file: choice.pipeline_cache.clone(),
             caps,
             raw,
-            _instance: instance,
+            instance,
         };
         Ok((Arc::new(device), why))
     }
@@ -411,7 +423,7 @@ impl Device {
 
     /// What the validation layer has said; silent where it is off.
     pub fn validation(&self) -> &Validation {
-        &self._instance.validation
+        &self.instance.validation
     }
 
     /// Bytes in buffers now, by buffer name, and the peak since the device was opened.

@@ -12,6 +12,8 @@ mod command;
 mod debug;
 mod device;
 mod pipeline;
+#[cfg(feature = "play")]
+mod swapchain;
 
 pub use buffer::{Buffer, Location};
 pub use caps::{Caps, DeviceKind};
@@ -19,6 +21,8 @@ pub use command::{Binding, Commands, Done, Submission};
 pub use debug::Validation;
 pub use device::{Device, DeviceChoice, list_devices};
 pub use pipeline::{BindingKind, Pipeline, PipelineDesc};
+#[cfg(feature = "play")]
+pub use swapchain::{Swapchain, WindowHandle, surface_extensions};
 
 use crate::error::Error;
 use ash::vk;

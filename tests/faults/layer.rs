@@ -216,6 +216,10 @@ wrapped! {
     vkEndCommandBuffer(buffer: vk::CommandBuffer) as vk::PFN_vkEndCommandBuffer;
     vkQueueSubmit(queue: vk::Queue, n: u32, infos: *const vk::SubmitInfo<'_>, fence: vk::Fence)
         as vk::PFN_vkQueueSubmit;
+    vkAcquireNextImageKHR(
+        device: vk::Device, chain: vk::SwapchainKHR, timeout: u64, semaphore: vk::Semaphore, fence: vk::Fence, out: *mut u32
+    ) as vk::PFN_vkAcquireNextImageKHR;
+    vkQueuePresentKHR(queue: vk::Queue, info: *const vk::PresentInfoKHR<'_>) as vk::PFN_vkQueuePresentKHR;
     vkWaitSemaphores(device: vk::Device, info: *const vk::SemaphoreWaitInfo<'_>, timeout: u64)
         as vk::PFN_vkWaitSemaphores;
     vkCreateSemaphore(

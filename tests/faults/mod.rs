@@ -3,6 +3,7 @@
 //! Every run must end with 4 or 5 and a message, or with 0 and the result of an undisturbed run; never by a signal, a panic
 //! or a time-out, never with a partial result. A training must leave a checkpoint, and go on from it to the same bits.
 
+mod built;
 mod runs;
 mod sweep;
 

@@ -97,12 +97,7 @@ impl Bed {
         let views = [opened.view(0, 0).unwrap(), opened.view(1, 1).unwrap()];
         write_views(&folder.join("cameras.json"), &views).unwrap();
         let layer = folder.join("layer");
-        std::fs::create_dir_all(&layer).unwrap();
-        let manifest = serde_json::json!({ "file_format_version": "1.2.0", "layer": {
-            "name": "VK_LAYER_IVV_faults", "type": "GLOBAL", "library_path": built_layer(),
-            "api_version": "1.3.0", "implementation_version": "1", "description": "Lets calls fail in tests"
-        }});
-        std::fs::write(layer.join("VkLayer_IVV_faults.json"), manifest.to_string()).unwrap();
+        super::built::layer(&layer);
         let settings = settings.iter().map(|set| (*set).to_owned()).collect();
         let bed = Bed { folder, layer, serial: AtomicUsize::new(0), settings, undisturbed: OnceLock::new() };
         let ended = bed.run(Verb::Train, None);
@@ -247,22 +242,4 @@ fn written(verb: Verb, folder: &Path) -> BTreeMap<String, Vec<u8>> {
         }
     }
     all
-}
-
-/// The layer's library, built now: cargo does not build examples for a test that is asked for by name.
-fn built_layer() -> PathBuf {
-    static LAYER: OnceLock<PathBuf> = OnceLock::new();
-    let build = || {
-        // .../target/PROFILE/deps/it-HASH
-        let profile = std::env::current_exe().unwrap().ancestors().nth(2).unwrap().to_owned();
-        let name = profile.file_name().unwrap().to_str().unwrap();
-        let name = if name == "debug" { "dev" } else { name };
-        let mut cargo = Command::new(env!("CARGO"));
-        cargo.args(["build", "--quiet", "--locked", "--offline", "--example", "ivv_faults", "--profile", name]);
-        cargo.current_dir(env!("CARGO_MANIFEST_DIR")).env("CARGO_TARGET_DIR", profile.parent().unwrap());
-        assert!(cargo.status().unwrap().success(), "the layer cannot be built");
-        let file = format!("{}ivv_faults{}", std::env::consts::DLL_PREFIX, std::env::consts::DLL_SUFFIX);
-        profile.join("examples").join(file)
-    };
-    LAYER.get_or_init(build).clone()
 }

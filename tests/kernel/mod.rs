@@ -14,5 +14,6 @@ mod priors;
 mod probe;
 mod project;
 mod scan;
+mod show;
 mod sort;
 mod tiles;

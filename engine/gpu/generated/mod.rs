@@ -15,6 +15,7 @@ mod lpips;
 mod probe;
 mod project;
 mod scan;
+mod screen;
 mod sort;
 mod tiles;
 
@@ -32,6 +33,7 @@ pub use lpips::*;
 pub use probe::*;
 pub use project::*;
 pub use scan::*;
+pub use screen::*;
 pub use sort::*;
 pub use tiles::*;
 
@@ -343,6 +345,7 @@ pub const ALL: &[&super::KernelInfo] = &[
     density_gather::INFO,
     density_children::INFO,
     mcmc_noise::INFO,
+    show::INFO,
     probe_copy::INFO,
     probe_fma::INFO,
     probe_exp2::INFO,

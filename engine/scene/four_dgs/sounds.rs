@@ -5,6 +5,9 @@ use super::ears::{EARS, Ears};
 use fourdgs::{Attachment, AudioSource, AudioSourceKeyframe, Metadata, SceneExtras};
 use std::collections::BTreeMap;
 
+/// The least distance of a file that has a microphone and does not say it.
+const R_MIN: f64 = 0.2;
+
 /// A source of sound, to be stored.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sound {
@@ -91,6 +94,22 @@ impl Sounds {
     /// The ears that a player hears them with.
     pub fn ears(&self) -> Option<&Ears> {
         self.ears.as_ref()
+    }
+
+    /// The sources, as the format has them: payloads, and places over time.
+    pub fn sources(&self) -> &[AudioSource] {
+        &self.sources
+    }
+
+    /// Where they were recorded, in the scene's frame, and the least distance that the law of [`Sounds::new`] counts, units of
+    /// the scene. Of a file that does not say where, a source is as loud as its payload at the distance 1 and below.
+    pub fn law(&self) -> (Option<[f64; 3]>, f64) {
+        let numbers = |name: &str| -> Vec<f64> {
+            let text = self.law.get(name).map_or("", String::as_str);
+            text.split_whitespace().filter_map(|word| word.parse().ok()).filter(|x: &f64| x.is_finite()).collect()
+        };
+        let r_min = numbers("r_min").first().copied().filter(|r| *r > 0.0);
+        (numbers("mic").try_into().ok(), r_min.unwrap_or(R_MIN))
     }
 
     /// Bytes of their recordings.

@@ -1,0 +1,97 @@
+//! From the images of a strip to the pixels of a window.
+
+use crate::error::Result;
+use crate::gpu::generated::show;
+use crate::gpu::{Buf, Gpu, Grid, Recording};
+
+/// What of a picture is shown.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Layer {
+    /// Colour, as `Frame::write_png` writes it.
+    #[default]
+    Color,
+    /// Alpha, as grey.
+    Alpha,
+    /// Inverse depth, from dark at 0 to bright at `high` and above, 1 / scene units.
+    Depth {
+        /// Positive.
+        high: f32,
+    },
+    /// Flow: its direction as hue, its length as saturation, full at `high` pixels.
+    Flow {
+        /// Positive.
+        high: f32,
+    },
+}
+
+impl Layer {
+    /// Its number in the kernel, and what is shown as brightest.
+    fn code(self) -> (u32, f32) {
+        match self {
+            Layer::Color => (0, 1.0),
+            Layer::Alpha => (1, 1.0),
+            Layer::Depth { high } => (2, high),
+            Layer::Flow { high } => (3, high),
+        }
+    }
+}
+
+/// The pixels of a window on the device, with an overlay over its last rows.
+pub struct Screen {
+    /// Pixels.
+    pub width: u32,
+    /// Pixels.
+    pub height: u32,
+    /// Row by row, bytes red, green, blue and 255, or blue, green, red and 255.
+    pub pixels: Buf<u32>,
+    /// Whether red and blue are swapped.
+    pub is_bgra: bool,
+    overlay: Buf<u32>,
+    /// The first pixel under the overlay.
+    top: u32,
+}
+
+impl Screen {
+    /// A screen without overlay; with `is_bgra` pixels begin with blue.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`](crate::Error::OutOfMemory).
+    pub fn new(gpu: &Gpu, width: u32, height: u32, is_bgra: bool) -> Result<Self> {
+        let n = width as usize * height as usize;
+        let pixels = gpu.alloc("screen", n)?;
+        Ok(Screen { width, height, pixels, is_bgra, overlay: gpu.alloc("overlay", 1)?, top: n as u32 })
+    }
+
+    /// Lays `words` over the last rows from now on: whole rows of at most the screen, bytes red, green, blue, alpha.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`](crate::Error::OutOfMemory).
+    pub fn lay(&mut self, gpu: &Gpu, words: &[u32]) -> Result<()> {
+        assert!(words.len() <= self.pixels.len(), "an overlay of {} pixels over a smaller screen", words.len());
+        if self.overlay.len() < words.len() {
+            self.overlay = gpu.alloc("overlay", words.len())?;
+        }
+        self.top = (self.pixels.len() - words.len()) as u32;
+        gpu.write(&self.overlay, words)
+    }
+
+    /// Appends the `n` pixels from `first` on, of a strip's images.
+    pub fn record(
+        &self,
+        rec: &mut Recording,
+        image0: &Buf<[f32; 4]>,
+        image1: Option<&Buf<[f32; 4]>>,
+        layer: Layer,
+        [first, n]: [u32; 2],
+    ) {
+        assert!((first + n) as usize <= self.pixels.len(), "{first}+{n} of {} pixels", self.pixels.len());
+        rec.stage("screen");
+        let (layer, high) = layer.code();
+        let (overlay, pixels, is_bgra) = (&self.overlay, &self.pixels, u32::from(self.is_bgra));
+        rec.pass(
+            show::Args { image0, image1: image1.unwrap_or(image0), overlay, pixels },
+            show::Push { first, n, top: self.top, layer, is_bgra, high },
+            Grid::Threads(n),
+        );
+    }
+}
