@@ -179,7 +179,14 @@ impl Renderer {
             }
             _ => Vec::new(),
         };
-        Ok(Landed { extent: launched.extent, status, verdict, images, times, read_back_s: begun.elapsed().as_secs_f64() })
+        Ok(Landed {
+            extent: launched.extent,
+            status,
+            verdict,
+            images,
+            times,
+            read_back_s: begun.elapsed().as_secs_f64(),
+        })
     }
 
     /// Frees what a strip that has landed was copied to.

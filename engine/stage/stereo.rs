@@ -71,7 +71,8 @@ impl Renderer {
             let [first, second] = eyes.map(|eye| self.begin(eye, outputs, destination));
             return Ok([first?, second?]);
         };
-        let [job, other] = eyes.map(|view| Job { view, outputs, destination, cotangents: None, measure: Measure::Nothing });
+        let [job, other] =
+            eyes.map(|view| Job { view, outputs, destination, cotangents: None, measure: Measure::Nothing });
         // A little nearer, for the rounding of the kernel: projection drops what is too near for good.
         let near = (f64::from(self.constants.near) + back) * (1.0 - NEARER);
         let launched = self.launch_stereo(&job, &other, &union, near)?;

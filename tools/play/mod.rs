@@ -17,6 +17,7 @@ use ivv::sound::scene_file::SoundScene;
 use ivv::stage::Renderer;
 use ivv::vk;
 use std::path::PathBuf;
+use std::sync::Arc;
 use window::{Output, Player, State};
 use winit::event_loop::EventLoop;
 
@@ -120,8 +121,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let splats = shown.splats.by_degree();
     let is_still = splats.motion.is_empty() && setting.sounds.is_empty();
     let mut clock = Clock::new(if is_still { 0.0 } else { length }, args.at.unwrap_or_default());
-    let renderer = Renderer::new(gpu.clone(), &splats, constants)?;
-    drop(splats);
+    let renderer = Renderer::of_clip(gpu.clone(), Arc::new(splats), constants)?;
     let at = clock.at(std::time::Instant::now());
     clock.set(at, args.at.is_none() && args.screenshot.is_none(), 1.0);
     let flow_dt = setting.clock.map_or(1.0, |clock| 1.0 / f64::from(clock.frames));
