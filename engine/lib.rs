@@ -2,7 +2,8 @@
 //!
 //! The map of the engine is `engine/ARCHITECTURE.md`. A picture takes four steps:
 //! read a [`scene::Splats`] and [`scene::View`]s, open a [`gpu::Gpu`], upload with [`stage::Renderer::new`],
-//! and call [`stage::Renderer::render`].
+//! and call [`stage::Renderer::render`]. A training is a [`train::Session`] on a [`scene::capture::Capture`]. Both, and how a
+//! kernel is timed, are in `tools/examples`, in some thirty lines each.
 #![deny(unsafe_code)]
 #![warn(missing_docs)]
 

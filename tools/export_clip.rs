@@ -7,7 +7,7 @@ use crate::screen::say;
 use crate::shown::{Source, is_run, of_own, own};
 use anyhow::{Context, ensure};
 use ivv::Constants;
-use ivv::scene::{Clock, Contents, Encoded, FourDgs, Grades, Sounds, Splats, View, read_file, read_views};
+use ivv::scene::{Clock, Contents, Encoded, FourDgs, Grades, Sounds, Splats, View, World, read_file, read_views};
 use ivv::sound::hrtf::HrtfSet;
 use ivv::sound::scene_file::SoundScene;
 use ivv::stage::{Goal, Subject, compact};
@@ -47,6 +47,10 @@ pub struct ClipArgs {
     /// 2.4 MB. By default those of the scene file, if it is a .4dgs that has some, or else the browser's.
     #[arg(long, value_name = "EARS")]
     hrtf: Option<PathBuf>,
+    /// Metres of a unit of the scene, so that a headset shows it as large as it is. By default those of --sound, or of the scene
+    /// file, if it is a .4dgs that says it.
+    #[arg(long, value_name = "M")]
+    metres_per_unit: Option<f64>,
     /// Also when the colours of more than 1 in 10 Gaussians are off by more than 2 levels of 255, since the format cannot hold them.
     #[arg(long)]
     clamp_colors: bool,
@@ -88,7 +92,7 @@ impl ClipArgs {
     /// Those of the file, and of options that cannot be.
     pub fn as_it_is(&self, source: &Source) -> anyhow::Result<Option<Vec<u8>>> {
         let is_changed = self.cameras.is_some() || self.seconds.is_some();
-        let is_changed = is_changed || self.sound.is_some() || self.hrtf.is_some();
+        let is_changed = is_changed || self.sound.is_some() || self.hrtf.is_some() || self.metres_per_unit.is_some();
         if source.clip.is_none() || self.goal()?.is_some() || is_changed {
             return Ok(None);
         }
@@ -109,9 +113,13 @@ impl ClipArgs {
         };
         let encoded = Encoded::new(splats, clock);
         self.judge(&encoded, &views)?;
+        let mut world = source.clip.as_ref().and_then(FourDgs::world);
         if let Some(scene) = &self.sound {
-            let ears = sounds.ears().cloned();
-            sounds = ivv::sound::clip::sounds(&SoundScene::read(scene)?, clock.seconds())?.heard_with(ears);
+            let (ears, scene) = (sounds.ears().cloned(), SoundScene::read(scene)?);
+            let known = world.and_then(|world| world.metres_per_unit);
+            let metres_per_unit = scene.metres_per_unit.or(known);
+            world = Some(World { up: scene.up.to_array(), metres_per_unit });
+            sounds = ivv::sound::clip::sounds(&scene, clock.seconds())?.heard_with(ears);
             let bytes = sounds.n_bytes() as f64 / 1e6;
             say!("{} of sound, {bytes:.2} MB", count(sounds.len(), "source"));
         }
@@ -121,7 +129,16 @@ impl ClipArgs {
             say!("ears: {}; {:.2} MB", ears.about(), ears.bytes().len() as f64 / 1e6);
             sounds = sounds.heard_with(Some(ears));
         }
-        let contents = Contents { clock, views: &views, own: own(&constants, background), sounds: &sounds };
+        if let Some(metres) = self.metres_per_unit {
+            ensure!(
+                metres.is_finite() && metres > 0.0,
+                "--metres-per-unit: expected a positive number, found {metres}"
+            );
+            let up = world.map_or_else(|| up(&views), |world| world.up);
+            world = Some(World { up, metres_per_unit: Some(metres) });
+        }
+        let own = own(&constants, background);
+        let contents = Contents { clock, views: &views, own, sounds: &sounds, world };
         let Some(goal) = self.goal()? else { return Ok(encoded.bytes(source.path, &contents, Grades::default())?) };
         let looked_at = spread(&views);
         let subject =
@@ -228,6 +245,12 @@ fn of_training_cameras(folder: &Path, run: &Run) -> anyhow::Result<Vec<View>> {
         }
     }
     Ok(views)
+}
+
+/// The direction in which `views` are upright on average; against the y axis, as COLMAP has it, where there is none.
+fn up(views: &[View]) -> [f64; 3] {
+    let sum: [f64; 3] = std::array::from_fn(|k| -views.iter().map(|view| view.world_to_camera[1][k]).sum::<f64>());
+    if sum.iter().all(|x| x.abs() < 1e-6) { [0.0, -1.0, 0.0] } else { sum }
 }
 
 /// Views to look from: at most some of those given, at times all over the clip.

@@ -35,7 +35,7 @@ mod view;
 pub use decode::SH_C0;
 pub use demo::demo;
 pub use file::{Temporary, open_file, read_file, read_text, remove_temporaries, write_atomic};
-pub use four_dgs::{Clock, Contents, Ears, Encoded, FourDgs, FourDgsSummary, Grades, Sound, Sounds};
+pub use four_dgs::{Clock, Contents, Ears, Encoded, FourDgs, FourDgsSummary, Grades, Sound, Sounds, World};
 pub use frame::Frame;
 pub use glb::write_glb;
 pub use import::read_scene;

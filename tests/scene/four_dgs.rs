@@ -4,7 +4,9 @@ use super::{Folder, fault, shared};
 use crate::common::device::gpu;
 use crate::common::random;
 use ivv::Constants;
-use ivv::scene::{Clock, Contents, Encoded, FourDgs, Frame, Grades, Motion, Sounds, Splats, View, demo, read_scene};
+use ivv::scene::{
+    Clock, Contents, Encoded, FourDgs, Frame, Grades, Motion, Sounds, Splats, View, World, demo, read_scene,
+};
 use ivv::stage::{Goal, Outputs, Renderer, Subject, compact};
 use serde_json::Value;
 use std::collections::BTreeMap;
@@ -14,7 +16,7 @@ use std::sync::LazyLock;
 static SILENT: LazyLock<Sounds> = LazyLock::new(Sounds::default);
 
 fn contents(clock: Clock) -> Contents<'static> {
-    Contents { clock, views: &[], own: BTreeMap::new(), sounds: &SILENT }
+    Contents { clock, views: &[], own: BTreeMap::new(), sounds: &SILENT, world: None }
 }
 
 /// The scene as it is read back from a file.
@@ -470,6 +472,37 @@ fn a_degree_that_there_is_not_is_refused_before_anything_is_made_of_it() {
             bytes[at] = degree;
             let told = fault(FourDgs::of_bytes(&path, &bytes), &path);
             assert!(told.contains("sh_degree") && told.contains(&degree.to_string()), "{told}");
+        }
+    }
+}
+
+#[test]
+fn which_way_is_up_and_how_large_a_clip_is_are_kept_and_told_in_the_formats_own_words() {
+    let folder = Folder::new("four-dgs-world");
+    let (path, clock) = (folder.file("a.4dgs"), Clock { fps: 30.0, frames: 30 });
+    let encoded = Encoded::new(&random::scene(3, 5, 0), clock);
+    let write =
+        |world: Option<World>| encoded.bytes(&path, &Contents { world, ..contents(clock) }, Grades::default()).unwrap();
+    assert_eq!(FourDgs::of_bytes(&path, &write(None)).unwrap().world(), None);
+    let down = [0.1, -0.97, 0.2];
+    for (up, axis, forward) in
+        [(down, 4, 2), ([0.0, 0.0, 2.0], 2, 0), ([-1.0, 0.5, 0.5], 3, 2), ([3.0, 1.0, 0.0], 0, 2)]
+    {
+        for metres_per_unit in [None, Some(1.0), Some(0.37)] {
+            let world = World { up, metres_per_unit };
+            let bytes = write(Some(world));
+            assert_eq!(FourDgs::of_bytes(&path, &bytes).unwrap().world(), Some(world));
+            let scene = fourdgs::read_from(&bytes[..], &fourdgs::ReadOptions::default()).unwrap();
+            let frame = scene.provenance.frame().unwrap();
+            assert_eq!((frame.handedness, frame.up_axis, frame.forward_axis), (1, axis, forward), "{up:?}");
+            assert_eq!(
+                (frame.metres_per_unit, frame.length_unit),
+                match metres_per_unit {
+                    None => (0.0, 0),
+                    Some(1.0) => (1.0, 1),
+                    Some(metres) => (metres, 0),
+                }
+            );
         }
     }
 }

@@ -1,7 +1,7 @@
 //! What a `.4dgs` says, and as Gaussians of ours.
 
 use super::ears::{EARS, Ears};
-use super::{Clock, MAGIC, RECORD, Sounds, VIEWS};
+use super::{Clock, MAGIC, RECORD, Sounds, VIEWS, World};
 use crate::error::{Error, Result};
 use crate::scene::decode::dc_of_color;
 use crate::scene::file::{cannot_read, open_file};
@@ -98,6 +98,11 @@ impl FourDgs {
     pub fn views(&self) -> Result<Vec<View>> {
         let views = self.scene.attachments.iter().find(|attachment| attachment.name == VIEWS);
         views.map_or(Ok(Vec::new()), |views| parse_views(&self.path, &views.data))
+    }
+
+    /// Which way is up, and how large it is; none where the file says neither.
+    pub fn world(&self) -> Option<World> {
+        World::of(&self.scene, self.own())
     }
 
     /// What is heard.

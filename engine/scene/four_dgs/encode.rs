@@ -2,7 +2,7 @@
 
 use super::grades::Grades;
 use super::harmonics::{HALF_STEP, Viewpoints};
-use super::{Clock, RECORD, Sounds, VIEWS};
+use super::{Clock, RECORD, Sounds, VIEWS, World};
 use crate::error::{Error, Result};
 use crate::scene::decode::SH_C0;
 use crate::scene::{Splats, View};
@@ -32,6 +32,8 @@ pub struct Contents<'a> {
     pub own: BTreeMap<String, String>,
     /// What is heard.
     pub sounds: &'a Sounds,
+    /// Which way is up, and how large it is, where that is known.
+    pub world: Option<World>,
 }
 
 /// A scene as it will be stored.
@@ -156,8 +158,11 @@ impl Encoded {
         if grades != Grades::default() {
             entries.insert("grades".to_owned(), grades.to_string());
         }
-        let mut extras =
-            SceneExtras { metadata: vec![Metadata { name: RECORD.to_owned(), entries }], ..SceneExtras::default() };
+        let mut extras = SceneExtras::default();
+        if let Some(world) = &contents.world {
+            world.put_into(&mut entries, &mut extras);
+        }
+        extras.metadata.push(Metadata { name: RECORD.to_owned(), entries });
         contents.sounds.put_into(&mut extras);
         if !contents.views.is_empty() {
             let data = serde_json::to_vec(&serde_json::json!({ "views": contents.views })).map_err(|fault| {

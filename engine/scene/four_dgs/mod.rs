@@ -12,6 +12,7 @@ mod grades;
 mod harmonics;
 mod sounds;
 mod summary;
+mod world;
 
 pub use decode::FourDgs;
 pub use ears::Ears;
@@ -19,6 +20,7 @@ pub use encode::{Contents, Encoded};
 pub use grades::Grades;
 pub use sounds::{Sound, Sounds};
 pub use summary::FourDgsSummary;
+pub use world::World;
 
 use std::collections::BTreeMap;
 
