@@ -83,7 +83,7 @@ impl ClipArgs {
 
     /// The same for files that nobody asked for by name: nothing is said of them, and what they cannot hold is cut.
     pub fn unasked(&self) -> Self {
-        ClipArgs { is_silent: true, clamp_colors: true, ..self.clone() }
+        ClipArgs { is_silent: true, ..self.clone() }
     }
 
     /// The bytes of `source`, where that is a `.4dgs` of which nothing is asked to be changed.
@@ -112,7 +112,9 @@ impl ClipArgs {
             ),
         };
         let encoded = Encoded::new(splats, clock);
-        self.judge(&encoded, &views)?;
+        if !self.is_silent {
+            self.judge(&encoded, &views)?;
+        }
         let mut world = source.clip.as_ref().and_then(FourDgs::world);
         if let Some(scene) = &self.sound {
             let (ears, scene) = (sounds.ears().cloned(), SoundScene::read(scene)?);
@@ -184,7 +186,7 @@ impl ClipArgs {
              --clamp-colors",
             count(encoded.len(), "Gaussian")
         );
-        if colors + harmonics > 0 && !self.is_silent {
+        if colors + harmonics > 0 {
             say!(
                 "{} with a base colour beyond 0 to 1, {harmonics} with harmonics beyond -4 to 4: cut to that, and the rest of \
                  their coefficients makes it good; {off} are off by more than 2 levels of 255",

@@ -16,7 +16,7 @@ use std::pin::Pin;
 use std::rc::Rc;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::task::{Context, Poll, ready};
-use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 /// How often the run is looked at while someone watches, and after how many looks without news a line is sent that only finds out
 /// whether anyone still does.
@@ -24,6 +24,8 @@ const LOOK: Duration = Duration::from_millis(500);
 const QUIET: u32 = 20;
 /// Scenes that are kept: that which is shown, and that which comes next.
 const KEPT: usize = 2;
+/// Part of the time in which scenes may be made for whoever watches: the training has the rest.
+const SHARE: f64 = 0.02;
 /// Name of the scene of a run that has ended; those before are named by their step.
 const END: &str = "end";
 
@@ -39,6 +41,11 @@ pub struct Live {
     /// The last line of the log, and when it was read.
     line: RefCell<(Option<SystemTime>, Value)>,
     total: Cell<Option<u64>>,
+    begun: Instant,
+    /// Seconds in which scenes were made.
+    spent: Cell<f64>,
+    /// The scene that pages are told of.
+    told: RefCell<Option<String>>,
 }
 
 impl Live {
@@ -46,7 +53,17 @@ impl Live {
     pub fn new(folder: &Path, said: Option<Said>, clip: &ClipArgs) -> Self {
         let clip = Arc::new(clip.unasked());
         let (scenes, line) = (tokio::sync::Mutex::default(), RefCell::default());
-        Live { folder: folder.to_owned(), said, clip, scenes, line, total: Cell::new(None) }
+        Live {
+            folder: folder.to_owned(),
+            said,
+            clip,
+            scenes,
+            line,
+            total: Cell::new(None),
+            begun: Instant::now(),
+            spent: Cell::new(0.0),
+            told: RefCell::default(),
+        }
     }
 
     /// What a page is told: step, total, seconds, loss, psnr, gaussians; the newest scene's name and the report's time, null
@@ -60,12 +77,12 @@ impl Live {
         let name = name.as_deref().and_then(Path::file_name).map(|name| name.to_string_lossy().into_owned());
         let report = changed(&self.folder.join("report.html"));
         let report = report.and_then(|at| at.duration_since(UNIX_EPOCH).ok()).map(|at| at.as_millis() as u64);
-        let newest = self.newest();
+        let scene = self.scene_to_tell();
         let step = line["step"].as_u64().unwrap_or(0);
         json!({
             "name": name, "step": step, "total": self.total().unwrap_or(step), "seconds": line["seconds"],
             "loss": line["loss"], "psnr": line["psnr"], "gaussians": line["gaussians"],
-            "ended": newest.as_deref() == Some(END), "scene": newest, "report": report,
+            "ended": scene.as_deref() == Some(END), "scene": scene, "report": report,
         })
     }
 
@@ -88,6 +105,18 @@ impl Live {
             self.total.set(config.zip(run).map(|(config, run)| config.total(run.held.training_images as u64)));
         }
         self.total.get()
+    }
+
+    /// The name of the scene that pages are told of: the newest one, unless scenes have been made for longer than their share of
+    /// the time; then the one before, until that is made up for.
+    fn scene_to_tell(&self) -> Option<String> {
+        let newest = self.newest();
+        let mut told = self.told.borrow_mut();
+        let is_due = self.spent.get() <= SHARE * self.begun.elapsed().as_secs_f64();
+        if told.is_none() || is_due || newest.as_deref() == Some(END) {
+            *told = newest;
+        }
+        told.clone()
     }
 
     /// The name of the newest scene.
@@ -122,11 +151,14 @@ impl Live {
             step => Checkpoint::file(&self.checkpoints(), step.parse().ok()?),
         };
         let (folder, clip, is_end) = (self.folder.clone(), self.clip.clone(), name == END);
+        let begun = Instant::now();
         let made = tokio::task::spawn_blocking(move || {
             let splats = if is_end { read_scene(&file)? } else { Checkpoint::read(&file)?.splats() };
             clip.bytes(&Source::open(&folder)?, &splats)
         });
-        let bytes = match made.await {
+        let made = made.await;
+        self.spent.set(self.spent.get() + begun.elapsed().as_secs_f64());
+        let bytes = match made {
             Ok(Ok(bytes)) => bytes,
             Ok(Err(fault)) => {
                 tracing::warn!("scene {name}: {fault:#}");
