@@ -54,7 +54,7 @@ pub struct ClipArgs {
     /// Also when the colours of more than 1 in 10 Gaussians are off by more than 2 levels of 255, since the format cannot hold them.
     #[arg(long)]
     clamp_colors: bool,
-    /// Whether nothing is said of what is stored, since nobody asked for this file.
+    /// Whether nothing is said of what is stored, and it is stored quickly, since nobody asked for this file.
     #[arg(skip)]
     is_silent: bool,
     #[command(flatten)]
@@ -140,7 +140,8 @@ impl ClipArgs {
             world = Some(World { up, metres_per_unit: Some(metres) });
         }
         let own = own(&constants, background);
-        let contents = Contents { clock, views: &views, own, sounds: &sounds, world };
+        let is_quick = self.is_silent;
+        let contents = Contents { clock, views: &views, own, sounds: &sounds, world, is_quick };
         let Some(goal) = self.goal()? else { return Ok(encoded.bytes(source.path, &contents, Grades::default())?) };
         let looked_at = spread(&views);
         let subject =

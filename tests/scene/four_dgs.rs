@@ -16,7 +16,7 @@ use std::sync::LazyLock;
 static SILENT: LazyLock<Sounds> = LazyLock::new(Sounds::default);
 
 fn contents(clock: Clock) -> Contents<'static> {
-    Contents { clock, views: &[], own: BTreeMap::new(), sounds: &SILENT, world: None }
+    Contents { clock, views: &[], own: BTreeMap::new(), sounds: &SILENT, world: None, is_quick: false }
 }
 
 /// The scene as it is read back from a file.
@@ -505,4 +505,16 @@ fn which_way_is_up_and_how_large_a_clip_is_are_kept_and_told_in_the_formats_own_
             );
         }
     }
+}
+
+#[test]
+fn a_quick_file_holds_the_same_in_more_bytes() {
+    let folder = Folder::new("four-dgs-quick");
+    let (path, clock) = (folder.file("a.4dgs"), Clock { fps: 30.0, frames: 30 });
+    let encoded = Encoded::new(&random::scene(3, 3000, 1), clock);
+    let write = |is_quick| encoded.bytes(&path, &Contents { is_quick, ..contents(clock) }, Grades::default()).unwrap();
+    let (small, quick) = (write(false), write(true));
+    assert!(quick.len() > small.len() && quick.len() < 2 * small.len(), "{} and {}", quick.len(), small.len());
+    let [small, quick] = [small, quick].map(|bytes| FourDgs::of_bytes(&path, &bytes).unwrap().splats().unwrap());
+    assert_eq!(quick, small);
 }

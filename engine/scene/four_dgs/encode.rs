@@ -18,6 +18,8 @@ const CUTOFF: f64 = 1.0 / 255.0;
 const SHORTEST_CHUNK: f64 = 0.5;
 const LEAST_IN_CHUNK: usize = 256;
 
+/// Level of deflate, 0 to 9, of a file that is soon done with.
+const QUICK: u32 = 1;
 /// A colour is off from here on.
 const OFF: f64 = 2.0 / 255.0;
 
@@ -34,6 +36,8 @@ pub struct Contents<'a> {
     pub sounds: &'a Sounds,
     /// Which way is up, and how large it is, where that is known.
     pub world: Option<World>,
+    /// Whether the file is soon done with: it is made several times as fast, and larger.
+    pub is_quick: bool,
 }
 
 /// A scene as it will be stored.
@@ -152,6 +156,7 @@ impl Encoded {
                 .into(),
             ..WriteOptions::default()
         };
+        let options = if contents.is_quick { WriteOptions { level: QUICK, ..options } } else { options };
         let mut entries = contents.own.clone();
         entries.insert("fps".to_owned(), clock.fps.to_string());
         entries.insert("frames".to_owned(), clock.frames.to_string());
