@@ -34,7 +34,7 @@ impl Window {
         self.0.is_bgra()
     }
 
-    /// Shows `pixels`, row by row, of the size that [`Window::fit`] gave; `false` where the window took it not: it has changed
+    /// Shows `pixels`, row by row, of the size that [`Window::fit`] gave; `false` where the window did not take them: it has changed
     /// since, or nobody sees it.
     ///
     /// # Errors

@@ -105,7 +105,7 @@ pub(super) struct Landed {
 impl Renderer {
     /// Hands `strip` to the device, to be blended in so many rounds.
     pub(super) fn launch(&mut self, job: &Job, strip: Strip, rounds: u32) -> Result<Launched> {
-        self.enter(job.view)?;
+        self.load_window(job.view)?;
         let extent = Extent::new(job.view, strip);
         self.make_room(job, &extent);
         let view = self.gpu.stage("view", &[view_params(job.view, &self.constants, self.scene.origin, strip)])?;

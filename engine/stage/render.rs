@@ -265,7 +265,7 @@ impl Renderer {
     pub fn vjp(&mut self, view: &View, cotangents: &Frame) -> Result<(Gradients, FrameReport)> {
         let gpu = self.gpu.clone();
         let mut gradients = Gradients::default();
-        self.fill()?;
+        self.load_whole()?;
         let job = Job {
             view,
             outputs: Outputs::All,
@@ -288,7 +288,7 @@ impl Renderer {
     /// # Errors
     /// [`Error::OutOfMemory`] naming the buffer that does not fit.
     pub fn census(&mut self, cameras: &[[f64; 3]]) -> Result<Census> {
-        self.fill()?;
+        self.load_whole()?;
         Census::new(&self.gpu, &self.scene, cameras)
     }
 

@@ -96,7 +96,7 @@ impl Renderer {
     }
 
     fn launch_stereo(&mut self, job: &Job, other: &Job, union: &View, near: f64) -> Result<[Launched; 2]> {
-        self.enter(job.view)?;
+        self.load_window(job.view)?;
         let strip = Strip::whole(job.view);
         let extent = Extent::new(job.view, strip);
         self.make_room(job, &extent);

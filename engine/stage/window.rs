@@ -65,7 +65,7 @@ impl Renderer {
     }
 
     /// Puts the Gaussians on the device that live near the time of `view`.
-    pub(super) fn enter(&mut self, view: &View) -> Result<()> {
+    pub(super) fn load_window(&mut self, view: &View) -> Result<()> {
         let Some(windows) = &mut self.windows else { return Ok(()) };
         let at = (moment(view) * f64::from(windows.n)).floor() as i64;
         if windows.shown == Some(at) {
@@ -84,7 +84,7 @@ impl Renderer {
     }
 
     /// Puts all Gaussians on the device, for what is asked of the scene as a whole.
-    pub(super) fn fill(&mut self) -> Result<()> {
+    pub(super) fn load_whole(&mut self) -> Result<()> {
         if let Some(Windows { splats, limit, origin, .. }) = &self.windows {
             self.scene = SceneBuffers::upload_around(&self.gpu, splats, &self.constants, *limit, *origin)?;
             (self.work, self.windows) = (None, None);

@@ -203,7 +203,7 @@ impl Swapchain {
     }
 
     /// Shows `pixels`, words of the picture row by row, in the size that [`Swapchain::fit`] gave last. `false` where the window
-    /// took it not: it has changed, or nobody sees it.
+    /// did not take them: it has changed, or nobody sees it.
     ///
     /// # Errors
     /// [`Error::DeviceLost`].

@@ -15,7 +15,7 @@ const STEEPEST: f64 = 0.995;
 const MOST_CROPPED: f64 = 1.35;
 
 /// A camera on its way.
-pub struct Rig {
+pub struct Navigator {
     /// What is kept of it: focal lengths, shape, background.
     view: View,
     /// World to camera: rows right, down, forward.
@@ -40,7 +40,7 @@ pub struct Push {
     pub is_fast: bool,
 }
 
-impl Rig {
+impl Navigator {
     /// For `views` of `splats`; it starts at the first one, or where it sees all of the scene.
     pub fn new(views: &[View], splats: &Splats) -> Self {
         let places = || splats.position.iter().map(|p| DVec3::from(p.map(f64::from))).filter(|p| p.is_finite());
@@ -53,7 +53,8 @@ impl Rig {
         let up = up.try_normalize().unwrap_or(-DVec3::Y);
         let home = views.first().cloned().unwrap_or_else(|| whole(middle, radius));
         let (rotation, center) = pose(&home);
-        let mut rig = Rig { view: home.clone(), rotation, center, up, middle, radius, reach: radius, is_flying: false };
+        let mut rig =
+            Navigator { view: home.clone(), rotation, center, up, middle, radius, reach: radius, is_flying: false };
         rig.go(&home);
         rig
     }

@@ -11,7 +11,7 @@ use crate::interrupt::Stop;
 use crate::screen::alert;
 use crate::shown::Source;
 use anyhow::{Context, ensure};
-use controls::{Clock, Rig};
+use controls::{Clock, Navigator};
 use ivv::sound::hrtf::HrtfSet;
 use ivv::sound::scene_file::SoundScene;
 use ivv::stage::Renderer;
@@ -114,7 +114,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let no_display = "expected a display, found none; set DISPLAY to that of an X server, or use `ivv serve`";
     let events = EventLoop::new().context(no_display)?;
     let gpu = args.device.open_with(vk::surface_extensions(&events.owned_display_handle())?, args.validation)?;
-    let mut rig = Rig::new(&views, &shown.splats);
+    let mut rig = Navigator::new(&views, &shown.splats);
     if let Some(view) = first.map(|k| &views[k]) {
         rig.go(view);
     }

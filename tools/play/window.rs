@@ -1,7 +1,7 @@
 //! The window: events, frames, and what is shown.
 
 use super::Args;
-use super::controls::{Clock, Push, Rig};
+use super::controls::{Clock, Navigator, Push};
 use super::overlay::{Bar, Frames, bar_height, draw, track};
 use super::sound::{Heard, Sound};
 use crate::interrupt::{Interrupted, Stop};
@@ -66,7 +66,7 @@ pub struct Player<'a> {
     pub args: &'a Args,
     pub stop: &'a Stop,
     pub renderer: Renderer,
-    pub rig: Rig,
+    pub rig: Navigator,
     pub views: Vec<View>,
     /// Index of the view that was gone to last.
     pub current: usize,
