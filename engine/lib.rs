@@ -9,14 +9,18 @@
 
 pub mod error;
 pub mod extremes;
+pub mod files;
+pub mod formats;
 pub mod gpu;
 mod parallel;
 pub mod prepare;
 pub mod profile;
+mod report;
 pub mod scene;
 pub mod settings;
 pub mod sound;
 pub mod stage;
+pub mod study;
 pub mod synth;
 pub mod train;
 pub mod twin;

@@ -1,6 +1,8 @@
 //! Folders, JSON files and scenes of the verbs.
 
-use ivv::scene::{Similarity, Splats, read_file, write_atomic, write_ply};
+use ivv::files::{read_file, write_atomic};
+use ivv::formats::write_ply;
+use ivv::scene::{Similarity, Splats};
 use std::path::Path;
 
 /// Makes `folder` and those above it.

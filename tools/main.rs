@@ -1,58 +1,32 @@
-//! `ivv`: the command line. One file per verb; README.md lists the exit codes.
+//! `ivv`: the command line. `verbs` has one file per verb, what they share lies beside this file; README.md lists the exit codes.
 
-mod ablate;
 mod bench;
-mod cameras;
 mod capture;
-mod check;
-mod compare;
 mod date;
-mod demo;
 mod device;
-mod devices;
 mod due;
-mod eval;
-mod export;
 mod export_clip;
-mod extremes;
 mod fault;
 mod files;
 mod film;
-mod init;
-mod inspect;
 mod interrupt;
 mod kept;
 mod kernels;
 mod line;
-mod list_settings;
-mod manual;
 mod offsets;
 mod page;
 mod passes;
-#[cfg(feature = "play")]
-mod play;
-#[cfg(not(feature = "play"))]
-#[path = "play/absent.rs"]
-mod play;
-mod prepare;
-mod profile;
 mod progress;
-mod render;
 mod replace;
 mod replay;
 mod require;
 mod screen;
-mod serve;
 mod settings;
 mod shown;
-mod sound;
 mod start;
-mod synth;
 mod totals;
-mod trade;
-mod train;
+mod verbs;
 mod views;
-mod vjp;
 #[cfg(feature = "shaders")]
 mod watch;
 
@@ -61,6 +35,10 @@ use std::process::ExitCode;
 use tracing::level_filters::LevelFilter;
 use tracing_subscriber::filter::Targets;
 use tracing_subscriber::prelude::*;
+use verbs::{
+    ablate, cameras, check, compare, demo, devices, eval, export, extremes, init, inspect, list_settings, manual, play,
+    prepare, profile, render, serve, sound, synth, trade, train, vjp,
+};
 
 /// Immersive volumetric video: spatio-temporal 3D Gaussians, rendered in Vulkan compute.
 #[derive(Parser)]

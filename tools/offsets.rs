@@ -1,9 +1,9 @@
 //! The table of the cameras' time offsets: what was learnt, how sure it is, and the truth where the capture knows it.
 
-use crate::eval::Scorer;
 use crate::files::write_json;
 use crate::progress::watch;
 use crate::screen::out;
+use crate::verbs::eval::Scorer;
 use ivv::scene::capture::{Camera, Capture};
 use ivv::train::{Agreement, Notice, OffsetFit, Phase, Trainer, learnt_offsets};
 use std::collections::BTreeMap;

@@ -2,7 +2,7 @@
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD as BASE64;
-use ivv::scene::write_atomic;
+use ivv::files::write_atomic;
 use sha2::{Digest, Sha256};
 use std::path::Path;
 

@@ -1,7 +1,8 @@
 //! What a verb is given to look at: a scene file, the folder of a run, or that of a run that has not ended.
 
 use crate::screen::say;
-use ivv::scene::{FourDgs, Splats, read_scene};
+use ivv::formats::{FourDgs, read_scene};
+use ivv::scene::Splats;
 use ivv::train::{Checkpoint, Run};
 use ivv::{Constants, Error};
 use std::collections::BTreeMap;

@@ -3,12 +3,13 @@
 use crate::files::{make_folder, read_json, write_json};
 use crate::replace::{holds_a_run, remove_run};
 use crate::screen::say;
-use crate::train::Args;
+use crate::verbs::train::Args;
 use anyhow::{Context, bail, ensure};
 use ivv::Error;
+use ivv::files::remove_temporaries;
 use ivv::gpu::Gpu;
 use ivv::scene::capture::Capture;
-use ivv::scene::{read_views, remove_temporaries};
+use ivv::scene::read_views;
 use ivv::settings::Constants;
 use ivv::train::{Checkpoint, Config, Owed, Run, RunLock, Session, near_plane};
 use ivv::words::count;

@@ -15,11 +15,11 @@ use super::source::{Footage, Source, SourceCamera};
 use super::video::{self, Selection, Video};
 use super::{ImageFormat, PrepareSettings, Progress, sound};
 use crate::error::{Error, Result};
+use crate::files::{open_file, write_atomic};
 use crate::parallel::in_parallel;
 use crate::scene::capture::{Faults, Pose, RATES, Shot, alpha_of, decode_image, read_size};
 use crate::scene::prior::{read_depth, read_flow, write_depth, write_flow};
 use crate::scene::undistort::{Distortion, Lens, Undistortion};
-use crate::scene::{open_file, write_atomic};
 
 pub(super) const JPEG_QUALITY: u8 = 95;
 /// Rates differ when their ratio is farther from 1.

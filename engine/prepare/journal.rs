@@ -9,8 +9,8 @@ use serde_json::Value;
 
 use super::PrepareSettings;
 use crate::error::{Error, Result};
+use crate::files::{read_file, remove_temporaries, write_atomic};
 use crate::scene::capture::JOURNAL;
-use crate::scene::{read_file, remove_temporaries, write_atomic};
 
 /// The parts of a capture that each stage makes. All depend on the first two, which come in this order.
 const STAGES: [(&str, &[&str]); 4] = [

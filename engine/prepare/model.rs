@@ -5,9 +5,10 @@ use std::path::Path;
 
 use super::journal::make_folder;
 use crate::error::Result;
+use crate::files::write_atomic;
 use crate::scene::capture::Pose;
+use crate::scene::quaternion;
 use crate::scene::undistort::Lens;
-use crate::scene::{quaternion, write_atomic};
 
 /// A camera of the model.
 pub(super) struct ModelCamera {

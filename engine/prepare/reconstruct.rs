@@ -22,8 +22,8 @@ use super::source::footage::{find, is_video, video_names};
 use super::video::{self, Selection};
 use super::{PrepareSettings, Progress};
 use crate::error::{Error, Result};
+use crate::files::write_atomic;
 use crate::scene::capture::{Faults, is_image, read_images};
-use crate::scene::write_atomic;
 
 /// Most pictures that are taken of a single video, evenly chosen.
 const OF_VIDEO: u32 = 120;
@@ -311,7 +311,7 @@ impl Reconstruction<'_> {
         make_folder(&to)?;
         // The images come last: where they are the model is whole.
         for name in ["cameras.bin", "points3D.bin", "images.bin"] {
-            let bytes = crate::scene::read_file(&model.join(name)).map_err(|fault| {
+            let bytes = crate::files::read_file(&model.join(name)).map_err(|fault| {
                 let remedy = format!("check that the folder is writable; {n} pictures were placed");
                 Error::data(&model.join(name), "", format!("cannot be read: {fault}"), remedy)
             })?;

@@ -10,8 +10,8 @@ use super::images::{Camera, Images, take_over};
 use super::journal::{cannot_list, make_folder};
 use super::video::Selection;
 use crate::error::{Error, Result};
+use crate::files::{read_file, write_atomic};
 use crate::scene::undistort::Undistortion;
-use crate::scene::{read_file, write_atomic};
 
 /// Takes over `audio/*.wav` and `keypoints/<camera>.json` of a source from whose first frame on all is taken. Keypoints are
 /// undistorted with their pictures.

@@ -17,10 +17,11 @@ use super::source::Source;
 use super::video::Selection;
 use super::{PrepareSettings, Progress, Triangulate};
 use crate::error::{Error, Result};
+use crate::files::{read_file, read_text, write_atomic};
 use crate::parallel::in_parallel;
 use crate::scene::capture::{FramePoints, Pose, camera_center, tracks};
 use crate::scene::undistort::Lens;
-use crate::scene::{SeenPoint, read_file, read_text, write_atomic, write_points};
+use crate::scene::{SeenPoint, write_points};
 
 /// The frame of `sparse/0/points3D.txt`.
 const REFERENCE: u32 = 0;

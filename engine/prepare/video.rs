@@ -7,7 +7,7 @@ use std::path::Path;
 use super::fit::Part;
 use super::program::{FFMPEG, FFPROBE, last_line};
 use crate::error::{Error, Result};
-use crate::scene::write_atomic;
+use crate::files::write_atomic;
 use crate::video::input;
 
 /// What a video file holds.

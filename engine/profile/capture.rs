@@ -1,8 +1,8 @@
 //! A dispatch as a file: safetensors, a tensor of bytes before and, where the kernel writes, after it for each binding.
 
 use crate::error::{Error, Result};
+use crate::files::{read_file, write_atomic};
 use crate::gpu::{Bound, Dispatch, Gpu, KernelInfo, kernel_named};
-use crate::scene::{read_file, write_atomic};
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};

@@ -2,7 +2,7 @@
 
 use super::page::{Table, plain};
 use crate::error::{Error, Result};
-use crate::scene::read_file;
+use crate::files::read_file;
 use serde::{Deserialize, Serialize};
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};

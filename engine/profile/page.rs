@@ -3,7 +3,7 @@
 use super::probe::Probe;
 use super::roofline::si;
 use super::{Line, Profile};
-use crate::train::escape;
+use crate::report::escape;
 use std::fmt::Write;
 
 /// A table: its title, its heads, its rows; the first column is text.
@@ -101,7 +101,7 @@ pub(super) fn html(profile: &Profile) -> String {
          <style>\n{}</style>\n</head>\n<body>\n<header>\n<h1>Profile of {title}</h1>\n\
          <p class=\"note\">{}</p>\n</header>\n<section>\n<h2>Roofline</h2>\n{}\
          <p class=\"note\">{}</p>\n",
-        include_str!("../train/report.css"),
+        crate::report::STYLE,
         escape(&told(profile)),
         profile.roofline(),
         MEANING

@@ -1,7 +1,7 @@
 //! The roofline as a picture: every pass that computes, at its flops per byte and its speed, below what the device can do.
 
 use super::Profile;
-use crate::train::escape;
+use crate::report::escape;
 use std::fmt::Write;
 
 /// The picture, the plot in it (left, top, right, bottom), and the legend's left edge and line height.

@@ -3,7 +3,7 @@
 //! Its files must be the same bytes on every machine. IEEE 754 fixes +, -, *, / and sqrt, but leaves sin, cos, exp and
 //! ln to each platform's library; so angles advance by rotation with literal constants and logarithms are summed here.
 
-use super::decode::dc_of_color;
+use super::splats::dc_of_color;
 use super::splats::{Motion, Splats};
 use super::view::{FlowModel, View};
 

@@ -6,9 +6,9 @@ use std::path::Path;
 use exr::prelude::{AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, LayerAttributes, WritableImage};
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
 
-use super::file::write_atomic;
-use super::tensors::write_tensors;
 use crate::error::{Error, Result};
+use crate::files::write_atomic;
+use crate::files::write_tensors;
 
 /// Everything one render gives, row-major, top first. None of the sums is normalised by alpha.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use super::file::write_atomic;
 use crate::error::{Error, Result};
+use crate::files::write_atomic;
 
 /// A triangulated point.
 #[derive(Clone, Debug, PartialEq)]

@@ -5,6 +5,14 @@ use std::path::Path;
 
 use crate::error::{Error, Result};
 
+/// Y_0 of the real spherical harmonics, 1 / (2 sqrt(pi)): a colour is `0.5 + SH_C0 * f_dc`.
+pub const SH_C0: f64 = 0.282_094_791_773_878_14;
+
+/// The degree-0 coefficient of a colour in [0, 1].
+pub(crate) fn dc_of_color(color: f64) -> f32 {
+    ((color - 0.5) / SH_C0) as f32
+}
+
 /// The temporal parameters of one dynamic Gaussian (SPEC 2).
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
@@ -171,7 +179,7 @@ impl Splats {
     ///
     /// # Errors
     /// [`Error::Data`] naming `path` when one is dynamic or the arrays disagree.
-    pub(super) fn static_rows(&self, path: &Path) -> Result<Vec<usize>> {
+    pub(crate) fn static_rows(&self, path: &Path) -> Result<Vec<usize>> {
         let remedy = "this is a fault of the program that made the scene";
         self.check().map_err(|reason| Error::data(path, "", reason, remedy))?;
         if !self.motion.is_empty() {

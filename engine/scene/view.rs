@@ -4,8 +4,8 @@ use std::collections::HashSet;
 use std::path::Path;
 
 use super::capture::camera_center;
-use super::file::{read_bytes, write_atomic};
 use crate::error::{Error, Result};
+use crate::files::{read_bytes, write_atomic};
 use glam::DVec3;
 
 /// A pinhole camera at one time. Double precision on the host; narrowed once when it goes to the device.
@@ -108,7 +108,7 @@ pub fn read_views(path: &Path) -> Result<Vec<View>> {
 }
 
 /// As [`read_views`], of a text that is in memory; `path` is what its faults are told of.
-pub(super) fn parse_views(path: &Path, text: &[u8]) -> Result<Vec<View>> {
+pub(crate) fn parse_views(path: &Path, text: &[u8]) -> Result<Vec<View>> {
     let remedy = "write {\"views\": [{\"name\": ..., \"width\": ..., ...}]}";
     let parsed = serde_json::from_slice::<Document>(text);
     let document = parsed.map_err(|fault| Error::data(path, "", format!("not a cameras file: {fault}"), remedy))?;

@@ -10,7 +10,7 @@ use super::scene_file::SoundScene;
 use super::wav::{Depth, encode};
 use super::wola::Baker;
 use crate::error::{Error, Result};
-use crate::scene::{Ears, Sound, Sounds};
+use crate::formats::{Ears, Sound, Sounds};
 
 /// Silence that is left around a source, samples.
 const MARGIN: usize = FS as usize / 100;

@@ -16,7 +16,7 @@ use glam::DVec2;
 
 use super::mouth::{Keypoint, Mouth, mouth};
 use crate::error::{Error, Result};
-use crate::scene::read_text;
+use crate::files::read_text;
 use crate::scene::undistort::Lens;
 
 /// Largest file of keypoints, bytes.

@@ -14,7 +14,7 @@ use glam::{DMat3, DQuat, DVec3};
 
 use super::pose::{Pose, PoseTrack};
 use crate::error::{Error, Result};
-use crate::scene::read_text;
+use crate::files::read_text;
 
 /// Largest deviation of R R^T from the identity, entry by entry.
 const ROTATION_TOLERANCE: f64 = 1e-3;

@@ -7,8 +7,8 @@ use glam::{DMat3, DQuat, DVec2, DVec3};
 use super::path::Convention;
 use super::pose::{Pose, PoseTrack};
 use crate::error::{Error, Result};
+use crate::files::read_file;
 use crate::scene::capture::{self, Camera, CaptureSettings, Faults, describe};
-use crate::scene::read_file;
 use crate::scene::undistort::Lens;
 
 /// A camera with its clock.

@@ -9,7 +9,7 @@ use sha2::{Digest, Sha256};
 use super::hrtf::{Measured, Meta, degrees};
 use super::wav;
 use crate::error::{Error, Result};
-use crate::scene::{read_file, read_text};
+use crate::files::{read_file, read_text};
 
 /// Names by which a licence lies in a folder or above it.
 const LICENCES: [&str; 4] = ["LICENSE", "LICENSE.txt", "LICENSE.md", "COPYING"];

@@ -20,7 +20,7 @@ use super::pose::{Pose, PoseTrack};
 use super::source_track::SourceTrack;
 use super::wav::Channel;
 use crate::error::{Error, Result};
-use crate::scene::{read_file, write_atomic};
+use crate::files::{read_file, write_atomic};
 
 /// The file's version.
 const VERSION: u32 = 1;

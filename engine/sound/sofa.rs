@@ -16,7 +16,7 @@ use sofar::hdf::{DataFormat, DataObject, ParsedHdf, parse_with_children};
 
 use super::hrtf::{Measured, Meta, degrees};
 use crate::error::{Error, Result};
-use crate::scene::read_file;
+use crate::files::read_file;
 
 /// Sets are far smaller: SADIE II's largest has 36 MB.
 const MAX_BYTES: u64 = 1 << 30;

@@ -6,7 +6,7 @@ use std::path::Path;
 use glam::DVec3;
 
 use crate::error::{Error, Result};
-use crate::scene::{read_text, write_atomic};
+use crate::files::{read_text, write_atomic};
 
 const HEADER: &str = "t,x,y,z,cxx,cxy,cxz,cyy,cyz,czz,views,reproj_px,flag";
 const REMEDY: &str = "write the columns that `ivv sound localize` writes";

@@ -6,7 +6,7 @@ use std::path::Path;
 use super::FS;
 use super::sinc::Resampler;
 use crate::error::{Error, Result};
-use crate::scene::{open_file, write_atomic};
+use crate::files::{open_file, write_atomic};
 
 /// Sample rates that are read, per second: those of sound. Far from them a change of rate needs weights without end.
 const RATES: std::ops::RangeInclusive<u32> = 8_000..=400_000;

@@ -3,8 +3,9 @@
 use super::blend::Outputs;
 use super::render::Renderer;
 use crate::error::{Error, Result};
+use crate::formats::{Contents, Encoded, FourDgs, Grades};
 use crate::gpu::Gpu;
-use crate::scene::{Contents, Encoded, FourDgs, Frame, Grades, Splats, View};
+use crate::scene::{Frame, Splats, View};
 use crate::settings::Constants;
 use std::path::Path;
 use std::sync::Arc;

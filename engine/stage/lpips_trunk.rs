@@ -5,8 +5,8 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
+use crate::files::{Tensor, read_tensors};
 use crate::gpu::{Buf, Gpu};
-use crate::scene::{Tensor, read_tensors};
 
 /// Channels that `lpips_conv` takes at a step.
 const STEP: usize = 16;

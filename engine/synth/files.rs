@@ -1,7 +1,7 @@
 //! The formats that the capture is written in, each file at once.
 
 use crate::error::{Error, Result};
-use crate::scene::write_atomic;
+use crate::files::write_atomic;
 use exr::prelude::{AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, LayerAttributes, WritableImage};
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
 use std::io::{self, Cursor};

@@ -6,7 +6,8 @@
 
 use super::config::Config;
 use crate::error::{Error, Result};
-use crate::scene::{Similarity, Splats, read_file, write_atomic};
+use crate::files::{read_file, write_atomic};
+use crate::scene::{Similarity, Splats};
 use crate::stage::GridState;
 use std::path::{Path, PathBuf};
 

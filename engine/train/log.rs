@@ -1,7 +1,7 @@
 //! `train.jsonl`: one JSON object a line, each with its `kind` and `step`.
 
 use crate::error::{Error, Result};
-use crate::scene::{read_text, write_atomic};
+use crate::files::{read_text, write_atomic};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 

@@ -1,10 +1,7 @@
 //! Training: Gaussians fitted to the images of a capture, one image a step (SPEC 4 and 6).
 
-mod ablation;
 mod align;
 mod checkpoint;
-mod compare;
-mod compare_plot;
 mod config;
 mod density;
 mod depth_fit;
@@ -19,9 +16,6 @@ mod pinhole;
 mod plan;
 mod preset;
 mod random;
-mod report;
-mod report_picture;
-mod report_plot;
 mod require;
 mod run;
 mod schedule;
@@ -29,13 +23,10 @@ mod session;
 mod setting_table;
 mod settings_check;
 mod setup;
-mod trade;
 mod trainer;
 
-pub use ablation::{Arm, ArmResult, Base, Estimate, Measure, STUDIES, Study, StudyResult};
 pub use align::ColorMap;
 pub use checkpoint::{CameraState, Checkpoint, Owed};
-pub use compare::{Entry, History, RunGroup, RunResult, RunTable};
 pub use config::{
     Config, Density, FlowChoice, Init, LearningRates, Loss, Pace, Rate, Required, Resolution, Round, Strategy,
 };
@@ -52,9 +43,6 @@ pub use offsets::{Agreement, OffsetFit, fit_offset, learnt_offsets, offset_pictu
 pub use plan::{BoundBy, Class, INTERSECTIONS_PER_GAUSSIAN, Limits, Need, Plan, Workload};
 pub use preset::{PRESETS, Preset, PresetId, merge};
 pub use random::{Random, permutation};
-pub use report::{Example, Report};
-pub use report_picture::strip;
-pub(crate) use report_plot::escape;
 pub use require::{
     Due, Evidence, Fate, GridCheck, InTime, Review, Seen, affordable, carry_out, fates, merge_resting, review,
     review_due,
@@ -65,8 +53,4 @@ pub use session::{Event, Notice, Phase, Priors, Session, SessionOptions, Watch, 
 pub use setting_table::SETTINGS;
 pub use settings_check::{Range, Setting, check_name, check_settings};
 pub use setup::{Setup, near_plane};
-pub use trade::{
-    Circumstances, Comparison, KNOB_SETTINGS, KernelError, Kind as TradeKind, Spread, Trade, TradeArm, TradeRun,
-    Verdict, is_equivalent, trade_arms,
-};
 pub use trainer::{ProfiledStep, StepReport, Trainer};

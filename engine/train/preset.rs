@@ -3,7 +3,7 @@
 use super::config::Config;
 use super::settings_check::check_settings;
 use crate::error::{Error, Result};
-use crate::scene::read_text;
+use crate::files::read_text;
 use serde_json::Value;
 use sha2::{Digest, Sha256};
 use std::path::Path;

@@ -1,8 +1,9 @@
 //! What a run folder holds beside its settings: all that is needed to score its scene again.
 
 use crate::error::{Error, Result};
+use crate::files::{read_file, write_atomic};
 use crate::scene::capture::{Capture, CaptureSettings};
-use crate::scene::{Similarity, View, read_file, write_atomic};
+use crate::scene::{Similarity, View};
 use crate::settings::Constants;
 use std::path::{Path, PathBuf};
 

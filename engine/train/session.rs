@@ -38,7 +38,7 @@ const THREADS: usize = 2;
 /// let mut session = Session::begin(gpu, &capture, Config::default(), SessionOptions::default())?;
 /// while session.step()? {}
 /// let splats = world.inverse().splats(&session.finish()?);
-/// ivv::scene::write_ply("scene.ply".as_ref(), &splats)?;
+/// ivv::formats::write_ply("scene.ply".as_ref(), &splats)?;
 /// # Ok(())
 /// # }
 /// ```

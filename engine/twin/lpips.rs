@@ -1,7 +1,7 @@
 //! LPIPS v0.1 (SPEC 4; Zhang et al. 2018) by the definition, channel by channel.
 
 use super::real::Real;
-use crate::scene::Tensor;
+use crate::files::Tensor;
 use std::collections::BTreeMap;
 
 /// Keeps the norm of dead features above 0; inside the root.

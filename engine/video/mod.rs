@@ -12,7 +12,8 @@ use std::process::{Child, ChildStdin, Command, Stdio};
 use std::thread::JoinHandle;
 
 use crate::error::{Error, Result};
-use crate::scene::{Frame, Temporary, remove_temporaries};
+use crate::files::{Temporary, remove_temporaries};
+use crate::scene::Frame;
 use local::file_url;
 
 const INSTALL: &str =

@@ -5,9 +5,10 @@ use std::process::Command;
 use std::sync::mpsc;
 use std::time::Duration;
 
+use ivv::formats::read_scene;
 use ivv::scene::capture::{Capture, Manifest};
 use ivv::scene::prior::read_depth;
-use ivv::scene::{read_scene, read_views};
+use ivv::scene::read_views;
 use ivv::sound::wav;
 use ivv::train::Checkpoint;
 

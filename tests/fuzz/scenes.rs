@@ -5,11 +5,10 @@ use super::{file, mend};
 use crate::capture::priors;
 use crate::common::random;
 use crate::scene::{Folder, formats};
+use ivv::files::{read_tensors, write_tensors};
+use ivv::formats::{Clock, FourDgs, SpzVersion, read_scene, write_ftgs, write_ply, write_splat, write_spz};
 use ivv::scene::prior::{read_depth, read_flow};
-use ivv::scene::{
-    Clock, FourDgs, Splats, SpzVersion, View, read_scene, read_tensors, read_views, write_ftgs, write_ply, write_splat,
-    write_spz, write_tensors, write_views,
-};
+use ivv::scene::{Splats, View, read_views, write_views};
 use std::path::Path;
 
 fn scene(sh_degree: u32) -> Splats {

@@ -8,7 +8,8 @@ mod display;
 mod sound;
 
 use display::{Display, Picture, psnr};
-use ivv::scene::{View, demo, write_ply, write_views};
+use ivv::formats::write_ply;
+use ivv::scene::{View, demo, write_views};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};

@@ -2,7 +2,7 @@
 
 use super::display::Display;
 use super::{Bed, told};
-use ivv::scene::{Clock, Contents, Encoded, Grades, Sound, Sounds};
+use ivv::formats::{Clock, Contents, Encoded, Grades, Sound, Sounds};
 use ivv::sound::wav::{self, Depth};
 use std::collections::BTreeMap;
 use std::path::Path;

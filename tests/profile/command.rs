@@ -30,7 +30,7 @@ fn a_scene_is_profiled_into_tables_a_page_and_a_trace_and_its_kernels_are_captur
     }
     let folder = Folder::new("command");
     let (scene, cameras, out) = (folder.file("s.ply"), folder.file("c.json"), folder.file("out"));
-    ivv::scene::write_ply(&scene, &random::scene(5, 300, 1)).unwrap();
+    ivv::formats::write_ply(&scene, &random::scene(5, 300, 1)).unwrap();
     ivv::scene::write_views(&cameras, &[random::view()]).unwrap();
     let [scene, cameras, path] = [&scene, &cameras, &out].map(|path| path.to_str().unwrap());
     let of_scene = ["profile", scene, "--cameras", cameras, "-o", path];

@@ -2,6 +2,7 @@
 
 use super::{files, quoted, table, text, without_comments, words};
 use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
 
 const DOCUMENT: &str = "engine/ARCHITECTURE.md";
 
@@ -119,6 +120,128 @@ fn every_part_uses_what_architecture_md_lets_it_use_and_no_listed_arrow_is_idle(
         listed.filter(|arrow| !used.contains(arrow)).map(|(part, entry)| format!("`{part}` does not use `{entry}`")),
     );
     assert_eq!(faults, BTreeSet::new(), "see the arrows in {DOCUMENT}");
+}
+
+/// Where a path inside a part leads: `names` below the folder `folder`. Re-exports are followed, so that the target is the file
+/// that defines the name; the folder's own `mod.rs` where that does.
+fn target(folder: &str, names: &[&str]) -> String {
+    let own = format!("{folder}/mod.rs");
+    let Some((first, rest)) = names.split_first() else { return own };
+    let (file, below) = (format!("{folder}/{first}.rs"), format!("{folder}/{first}"));
+    if Path::new(&root(&file)).exists() {
+        return file;
+    }
+    if Path::new(&root(&format!("{below}/mod.rs"))).exists() {
+        return target(&below, rest);
+    }
+    let source = production(&own);
+    for tail in re_exports(&source) {
+        let mut paths = Vec::new();
+        unfold(tail, "", &mut paths);
+        for path in paths {
+            let path: Vec<&str> = path.split("::").collect();
+            if path.len() > 1 && path.last() == Some(first) {
+                return target(folder, &path);
+            }
+        }
+    }
+    own
+}
+
+fn root(file: &str) -> String {
+    format!("{}/{file}", env!("CARGO_MANIFEST_DIR"))
+}
+
+/// A file without comments, and without the tests at its end.
+fn production(file: &str) -> String {
+    let source = without_comments(&text(file));
+    source.split("#[cfg(test)]").next().unwrap().to_owned()
+}
+
+/// What follows `pub use`, whoever may see it.
+fn re_exports(source: &str) -> impl Iterator<Item = &str> {
+    let shown = ["pub use ", "pub(crate) use ", "pub(super) use "];
+    shown.into_iter().flat_map(|words| source.split(words).skip(1))
+}
+
+/// The files of its own part that a file uses.
+fn uses(file: &str) -> BTreeSet<String> {
+    let source = production(file);
+    let (folder, name) = file.rsplit_once('/').unwrap();
+    let part = format!("engine/{}", part(file));
+    let mut found = BTreeSet::new();
+    let mut paths = |text: &str, folder: &str| {
+        let mut paths = Vec::new();
+        unfold(text, "", &mut paths);
+        for path in paths {
+            let names: Vec<&str> = path.split("::").filter(|name| *name != "self").collect();
+            found.insert(target(folder, &names));
+        }
+    };
+    let above = if name == "mod.rs" { folder.rsplit_once('/').unwrap().0 } else { folder };
+    source.split("super::").skip(1).for_each(|tail| paths(tail, above));
+    let own = format!("crate::{}::", part.trim_start_matches("engine/"));
+    source.split(own.as_str()).skip(1).for_each(|tail| paths(tail, &part));
+    if name == "mod.rs" {
+        // A name that a folder passes on ties nobody to it; one that its own code uses does.
+        let children = source.lines().filter_map(|line| line.split_once("mod ")?.1.strip_suffix(';'));
+        let mut code = source.clone();
+        for words in ["pub use ", "pub(crate) use ", "pub(super) use "] {
+            let pieces: Vec<&str> = code.split(words).collect();
+            let rest = pieces[1..].iter().map(|piece| piece.split_once(';').map_or("", |(_, rest)| rest));
+            code = std::iter::once(pieces[0]).chain(rest).collect();
+        }
+        for child in children {
+            let word = format!("{child}::");
+            let marks = code.match_indices(&word).map(|(at, _)| at);
+            for at in marks.filter(|at| !code[..*at].ends_with(|c: char| c.is_alphanumeric() || c == '_' || c == ':')) {
+                paths(&code[at..], folder);
+            }
+        }
+    }
+    found.remove(file);
+    found
+}
+
+/// Files that use each other, in a circle, of which there is one for each file that is reached from itself.
+fn circles(graph: &BTreeMap<String, BTreeSet<String>>) -> BTreeSet<BTreeSet<String>> {
+    let reached = |from: &String| {
+        let (mut seen, mut next) = (BTreeSet::new(), vec![from.clone()]);
+        while let Some(file) = next.pop() {
+            for to in graph.get(&file).into_iter().flatten() {
+                if seen.insert(to.clone()) {
+                    next.push(to.clone());
+                }
+            }
+        }
+        seen
+    };
+    let all: BTreeMap<&String, BTreeSet<String>> = graph.keys().map(|file| (file, reached(file))).collect();
+    let circle = |file: &&String| {
+        let mates = all[*file].iter().filter(|to| all.get(to).is_some_and(|back| back.contains(*file)));
+        mates.cloned().collect::<BTreeSet<String>>()
+    };
+    all.keys().map(circle).filter(|mates| !mates.is_empty()).collect()
+}
+
+#[test]
+fn no_files_of_a_part_use_each_other_in_a_circle() {
+    let files = sources("engine").into_iter().filter(|file| !file.starts_with("engine/gpu/generated/"));
+    let files = files.filter(|file| file.matches('/').count() > 1);
+    let graph: BTreeMap<String, BTreeSet<String>> = files.map(|file| (file.clone(), uses(&file))).collect();
+    assert!(graph.values().map(BTreeSet::len).sum::<usize>() > 300, "few uses were found");
+    let seen = |from: &str, to: &str| assert!(graph[from].contains(to), "{from} uses {to}: {:?}", graph[from]);
+    seen("engine/formats/import.rs", "engine/formats/four_dgs/decode.rs");
+    seen("engine/train/trainer.rs", "engine/train/objective.rs");
+    seen("engine/train/init/mod.rs", "engine/train/init/flow.rs");
+    let found = circles(&graph);
+    assert!(found.is_empty(), "{found:#?}");
+}
+
+#[test]
+fn a_circle_is_found() {
+    let graph = [("a", "b"), ("b", "c"), ("c", "a"), ("d", "a")].map(|(a, b)| (a.to_owned(), [b.to_owned()].into()));
+    assert_eq!(circles(&graph.into()), [["a", "b", "c"].map(str::to_owned).into()].into());
 }
 
 #[test]

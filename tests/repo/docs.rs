@@ -203,7 +203,7 @@ fn the_shipped_demo_is_what_its_generator_makes() {
     let folder = std::env::temp_dir().join(format!("ivv-demo-{}", std::process::id()));
     std::fs::create_dir_all(&folder).unwrap();
     let (splats, views) = ivv::scene::demo();
-    ivv::scene::write_ply(&folder.join("scene.ply"), &splats).unwrap();
+    ivv::formats::write_ply(&folder.join("scene.ply"), &splats).unwrap();
     ivv::scene::write_views(&folder.join("cameras.json"), &views).unwrap();
     for file in ["scene.ply", "cameras.json"] {
         let (made, shipped) =

@@ -2,7 +2,8 @@
 
 use super::{Folder, fault, sample};
 use crate::common::random;
-use ivv::scene::{Clock, Motion, Splats, demo, read_scene, write_ftgs, write_glb, write_splatv};
+use ivv::formats::{Clock, read_scene, write_ftgs, write_glb, write_splatv};
+use ivv::scene::{Motion, Splats, demo};
 use serde_json::Value;
 
 const CLOCK: Clock = Clock { fps: 30.0, frames: 13 };

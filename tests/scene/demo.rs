@@ -2,7 +2,8 @@
 
 use std::fs;
 
-use ivv::scene::{demo, read_ply, read_views, write_ply, write_views};
+use ivv::formats::{read_ply, write_ply};
+use ivv::scene::{demo, read_views, write_views};
 
 use super::Folder;
 

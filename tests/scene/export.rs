@@ -4,7 +4,8 @@ use super::{Folder, fault, sample};
 use crate::common::device::gpu;
 use crate::common::random;
 use ivv::Constants;
-use ivv::scene::{Motion, Splats, SpzVersion, read_ply, read_scene, write_ply, write_splat, write_spz};
+use ivv::formats::{SpzVersion, read_ply, read_scene, write_ply, write_splat, write_spz};
+use ivv::scene::{Motion, Splats};
 use ivv::stage::{Outputs, Renderer};
 use std::path::Path;
 

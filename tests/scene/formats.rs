@@ -4,7 +4,8 @@ use std::fs;
 use std::io::Write;
 use std::path::Path;
 
-use ivv::scene::{Splats, read_ply, read_scene, read_splat, read_spz};
+use ivv::formats::{read_ply, read_scene, read_splat, read_spz};
+use ivv::scene::Splats;
 
 use super::{Folder, fault, shared};
 

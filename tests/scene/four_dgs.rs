@@ -4,9 +4,8 @@ use super::{Folder, fault, shared};
 use crate::common::device::gpu;
 use crate::common::random;
 use ivv::Constants;
-use ivv::scene::{
-    Clock, Contents, Encoded, FourDgs, Frame, Grades, Motion, Sounds, Splats, View, World, demo, read_scene,
-};
+use ivv::formats::{Clock, Contents, Encoded, FourDgs, Grades, Sounds, World, read_scene};
+use ivv::scene::{Frame, Motion, Splats, View, demo};
 use ivv::stage::{Goal, Outputs, Renderer, Subject, compact};
 use serde_json::Value;
 use std::collections::BTreeMap;

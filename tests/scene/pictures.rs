@@ -4,7 +4,8 @@ use std::collections::BTreeMap;
 use std::fs;
 
 use exr::prelude::read_first_flat_layer_from_file;
-use ivv::scene::{Frame, Tensor, read_tensors, write_tensors};
+use ivv::files::{Tensor, read_tensors, write_tensors};
+use ivv::scene::Frame;
 
 use super::{Folder, fault, shared};
 

@@ -3,7 +3,8 @@
 use std::fs;
 use std::path::Path;
 
-use ivv::scene::{Splats, read_ply, read_scene, write_ply};
+use ivv::formats::{read_ply, read_scene, write_ply};
+use ivv::scene::Splats;
 
 use super::{Folder, fault, sample, shared};
 
@@ -277,7 +278,7 @@ fn a_failed_write_leaves_the_old_file_and_nothing_else() {
     let folder = Folder::new("atomic");
     let path = folder.write("scene.ply", "old");
     let told = fault(
-        ivv::scene::write_atomic(&path, |to| {
+        ivv::files::write_atomic(&path, |to| {
             to.write_all(&[0; 100_000])?;
             Err(std::io::Error::other("the pen broke"))
         }),
@@ -286,7 +287,7 @@ fn a_failed_write_leaves_the_old_file_and_nothing_else() {
     assert!(told.contains("the pen broke"), "{told}");
     assert_eq!(fs::read(&path).unwrap(), b"old");
     assert_eq!(fs::read_dir(&folder.0).unwrap().count(), 1);
-    ivv::scene::write_atomic(&path, |to| to.write_all(b"new")).unwrap();
+    ivv::files::write_atomic(&path, |to| to.write_all(b"new")).unwrap();
     assert_eq!(fs::read(&path).unwrap(), b"new");
     assert_eq!(fs::read_dir(&folder.0).unwrap().count(), 1);
     let nowhere = folder.file("absent/scene.ply");

@@ -3,7 +3,8 @@
 use std::path::Path;
 use std::process::{Command, Output};
 
-use ivv::scene::{read_ply, read_views};
+use ivv::formats::read_ply;
+use ivv::scene::read_views;
 
 use super::Folder;
 

@@ -1,6 +1,7 @@
 //! What a scene holds, in numbers.
 
-use ivv::scene::{Splats, write_ply};
+use ivv::formats::write_ply;
+use ivv::scene::Splats;
 
 use super::{Folder, sample};
 

@@ -53,7 +53,7 @@ fn warnings_and_faults_that_find_no_room_change_nothing() {
     let folder = Folder::new("warnings");
     let (mut splats, views) = ivv::scene::demo();
     splats.position[0][0] = f32::NAN;
-    ivv::scene::write_ply(&folder.0.join("scene.ply"), &splats).unwrap();
+    ivv::formats::write_ply(&folder.0.join("scene.ply"), &splats).unwrap();
     ivv::scene::write_views(&folder.0.join("cameras.json"), &views[..1]).unwrap();
     let (scene, cameras, out) = (folder.path("scene.ply"), folder.path("cameras.json"), folder.path("out"));
     let render = ["render", "--scene", &scene, "--cameras", &cameras, "-o", &out, "--log-level", "trace"];
@@ -173,7 +173,7 @@ fn views_that_are_soon_rendered_have_no_line_each() {
     let (splats, views) = ivv::scene::demo();
     let view = ivv::scene::View { width: 16, height: 16, ..views[0].clone() };
     let views: Vec<_> = (0..30).map(|i| ivv::scene::View { name: format!("v{i}"), ..view.clone() }).collect();
-    ivv::scene::write_ply(&folder.0.join("scene.ply"), &splats).unwrap();
+    ivv::formats::write_ply(&folder.0.join("scene.ply"), &splats).unwrap();
     ivv::scene::write_views(&folder.0.join("cameras.json"), &views).unwrap();
     let (scene, cameras, out) = (folder.path("scene.ply"), folder.path("cameras.json"), folder.path("out"));
     let render = ["render", "--scene", &scene, "--cameras", &cameras, "-o", &out];

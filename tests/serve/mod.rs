@@ -2,7 +2,8 @@
 
 use crate::common::random;
 use crate::scene::Folder;
-use ivv::scene::{FourDgs, demo, write_ply, write_views};
+use ivv::formats::{FourDgs, write_ply};
+use ivv::scene::{demo, write_views};
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
 use std::path::Path;

@@ -29,7 +29,7 @@ fn the_exact_preset_gives_the_bits_of_the_reference_through_rounds_of_density_co
     assert_eq!(bits(&fast), bits(&plain));
     let [fast, plain] = [fast, plain].map(|splats| {
         let file = tiny.folder.join("scene.ply");
-        ivv::scene::write_ply(&file, &splats).unwrap();
+        ivv::formats::write_ply(&file, &splats).unwrap();
         std::fs::read(&file).unwrap()
     });
     assert!(!fast.is_empty() && fast == plain, "the files differ");

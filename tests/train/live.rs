@@ -1,7 +1,7 @@
 //! A training that is watched in a browser.
 
 use super::Tiny;
-use ivv::scene::FourDgs;
+use ivv::formats::FourDgs;
 use serde_json::Value;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;

@@ -166,7 +166,7 @@ fn a_capture_is_read_for_its_views_as_for_its_training() {
         folder.write(&format!("pictures_2/{name}"), crate::capture::png(3, 2, 90));
     }
     let (scene, out) = (folder.0.join("scene.ply"), folder.0.join("out"));
-    ivv::scene::write_ply(&scene, &ivv::scene::demo().0).unwrap();
+    ivv::formats::write_ply(&scene, &ivv::scene::demo().0).unwrap();
     let options = ["--images", "pictures", "--downscale", "2", "--skip-missing"];
     works(&[&["cameras", text(&folder.0), "-o", text(&file)], &options[..]].concat());
     let sizes: Vec<_> = read_views(&file).unwrap().iter().map(|view| (view.width, view.height)).collect();
@@ -201,7 +201,7 @@ fn captures_and_transforms_are_cameras_of_a_scene() {
     let tiny = Tiny::new("rendered");
     let (splats, _) = ivv::scene::demo();
     let (scene, at) = (tiny.folder.join("scene.ply"), |name: &str| tiny.folder.join(name));
-    ivv::scene::write_ply(&scene, &splats).unwrap();
+    ivv::formats::write_ply(&scene, &splats).unwrap();
     let camera = tiny.capture.cameras[0].name.as_str();
     let some = ["render", text(&scene), "--camera", camera, "--frames", "1:3"];
     works(&[&some[..], &["--capture", text(&tiny.folder), "-o", text(&at("a"))]].concat());
@@ -243,7 +243,7 @@ fn stills_are_shown_at_the_time_that_is_asked_for_within_the_clip() {
     let tiny = Tiny::new("time");
     let (splats, _) = ivv::scene::demo();
     let (scene, at) = (tiny.folder.join("scene.ply"), |name: &str| tiny.folder.join(name));
-    ivv::scene::write_ply(&scene, &splats).unwrap();
+    ivv::formats::write_ply(&scene, &splats).unwrap();
     let capture = text(&tiny.folder);
     let still = ["render", text(&scene), "--capture", capture, "-o"];
     works(&[&still[..], &[text(&at("half")), "--time", "0.5"]].concat());

@@ -4,7 +4,8 @@ use super::scores_of;
 use ivv::Constants;
 use ivv::scene::Frame;
 use ivv::scene::capture::Picture;
-use ivv::train::{CaptureSummary, Config, Evaluation, Example, Kind, Log, Report, Run, SceneScores, ViewScores};
+use ivv::study::{Example, Report};
+use ivv::train::{CaptureSummary, Config, Evaluation, Kind, Log, Run, SceneScores, ViewScores};
 use serde_json::{Value, json};
 use std::path::Path;
 

@@ -2,7 +2,7 @@
 
 use super::Tiny;
 use super::report::{assert_self_contained, assert_well_formed, plot};
-use ivv::scene::{read_ply, read_scene};
+use ivv::formats::{read_ply, read_scene};
 use serde_json::Value;
 use std::path::Path;
 use std::process::Output;
@@ -217,7 +217,7 @@ fn a_run_and_a_scene_are_exported_in_every_format() {
     let run = tiny.folder.join("run");
     std::fs::create_dir(&run).unwrap();
     std::fs::write(run.join("run.json"), "{}").unwrap();
-    ivv::scene::write_ply(&run.join("scene.ply"), &splats).unwrap();
+    ivv::formats::write_ply(&run.join("scene.ply"), &splats).unwrap();
     works(&["export", run.to_str().unwrap(), "-o", &file("whole.ply")]);
     assert_eq!(std::fs::read(file("whole.ply")).unwrap(), std::fs::read(run.join("scene.ply")).unwrap());
     let still = splats.at(0.25, 0.5);

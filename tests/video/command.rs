@@ -174,7 +174,7 @@ fn still_scene(folder: &Folder) -> String {
         ..ivv::scene::Splats::new(0)
     };
     let path = folder.0.join("still.ply");
-    ivv::scene::write_ply(&path, &splats).unwrap();
+    ivv::formats::write_ply(&path, &splats).unwrap();
     path.to_str().unwrap().to_owned()
 }
 

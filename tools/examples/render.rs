@@ -1,8 +1,9 @@
 //! A picture of a scene file: cargo run --release --example render -- assets/demo/scene.ply out.png
 
 use ivv::Constants;
+use ivv::formats::read_scene;
 use ivv::gpu::Gpu;
-use ivv::scene::{View, read_scene};
+use ivv::scene::View;
 use ivv::stage::{Outputs, Renderer};
 use std::path::Path;
 use std::sync::Arc;

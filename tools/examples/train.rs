@@ -1,7 +1,8 @@
 //! A scene of a capture: cargo run --release --example train -- CAPTURE scene.ply
 
+use ivv::formats::write_ply;
 use ivv::gpu::Gpu;
-use ivv::scene::{capture::Capture, write_ply};
+use ivv::scene::capture::Capture;
 use ivv::train::{Config, Event, Session, SessionOptions};
 use std::path::Path;
 use std::sync::Arc;

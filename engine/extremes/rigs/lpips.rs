@@ -1,8 +1,8 @@
 //! LPIPS of a pair of pictures through small random networks, on the device and in dual numbers.
 
 use crate::extremes::random::Random;
+use crate::files::{read_tensors, write_tensors};
 use crate::gpu::{Gpu, Recording};
-use crate::scene::{read_tensors, write_tensors};
 use crate::stage::{Compared, Cotangent, Lpips, Trunk};
 use crate::twin::{self, Dual};
 use anyhow::{Result, ensure};

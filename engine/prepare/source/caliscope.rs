@@ -6,8 +6,9 @@ use std::path::Path;
 
 use super::{Clocks, Place, Source, SourceCamera, footage, opencv};
 use crate::error::{self, Error};
+use crate::files::read_text;
 use crate::scene::capture::Faults;
-use crate::scene::{read_text, rotation_of_vector};
+use crate::scene::rotation_of_vector;
 
 const REMEDY: &str = "calibrate all cameras with caliscope, or set ignore = true for this one";
 

@@ -4,9 +4,10 @@ use std::collections::BTreeMap;
 
 use super::{Place, Source, SourceCamera, footage, opencv};
 use crate::error::{Error, Result};
+use crate::files::read_file;
 use crate::scene::capture::Faults;
+use crate::scene::rotation_of_vector;
 use crate::scene::undistort::{Distortion, Lens};
-use crate::scene::{read_file, rotation_of_vector};
 
 const REMEDY: &str = "give the file that came with the videos";
 

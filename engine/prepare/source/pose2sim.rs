@@ -6,9 +6,10 @@ use std::path::{Path, PathBuf};
 use roxmltree::{Document, Node};
 
 use super::{Place, Source, SourceCamera, footage, opencv};
+use crate::files::read_text;
 use crate::scene::capture::{Faults, Pose};
+use crate::scene::rotation_of_vector;
 use crate::scene::undistort::{Distortion, Lens};
-use crate::scene::{read_text, rotation_of_vector};
 
 const REMEDY: &str = "calibrate the cameras again, or export the calibration again";
 /// Qualisys gives focal lengths and centres in parts of a pixel.

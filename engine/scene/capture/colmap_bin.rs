@@ -7,7 +7,7 @@ use std::path::Path;
 use super::colmap::{DAMAGED, MODELS, RawCamera, RawImage, RawPoint};
 use super::report::Faults;
 use crate::error::{Error, Result};
-use crate::scene::file::{cannot_read, open_file};
+use crate::files::{cannot_read, open_file};
 
 /// Longest name of an image, bytes.
 const MAX_NAME_BYTES: usize = 4096;

@@ -8,7 +8,7 @@ use std::str::{FromStr, SplitAsciiWhitespace};
 use super::colmap::{MODELS, RawCamera, RawImage, RawPoint};
 use super::report::Faults;
 use crate::error;
-use crate::scene::file::{cannot_read, open_file};
+use crate::files::{cannot_read, open_file};
 
 const REMEDY: &str = "correct this line, or export the model again";
 

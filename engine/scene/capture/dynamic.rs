@@ -8,7 +8,7 @@ use super::names::relative;
 use super::report::Faults;
 use super::{Camera, CaptureSettings, Point, Pose, Shot, npz};
 use crate::error::{self, Error};
-use crate::scene::file::read_bytes;
+use crate::files::read_bytes;
 
 const REMEDY: &str = "correct the file, or export the capture again";
 

@@ -13,7 +13,7 @@ use super::report::Faults;
 use super::truth::read_true_offsets;
 use super::{Camera, CaptureSettings, Shot};
 use crate::error::{self, Error};
-use crate::scene::file::{cannot_read, read_text, write_atomic};
+use crate::files::{cannot_read, read_text, write_atomic};
 use crate::scene::prior::{DEPTH_EXTENSIONS, FLOW_EXTENSIONS};
 use crate::scene::undistort::{Distortion, Lens};
 

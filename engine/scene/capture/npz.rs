@@ -3,9 +3,9 @@
 use std::path::Path;
 
 use crate::error::{self, Error};
-use crate::scene::archive::Archive;
-use crate::scene::file::read_bytes;
-use crate::scene::npy::Header;
+use crate::files::archive::Archive;
+use crate::files::npy::Header;
+use crate::files::read_bytes;
 
 const REMEDY: &str = "save the array again with numpy.savez";
 /// Most bytes of an array.

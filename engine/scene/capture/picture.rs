@@ -10,7 +10,7 @@ use super::header::{BROKEN, fault, read_size, unreadable};
 use super::priors::{PriorSource, Priors, prior_of, prior_word};
 use super::report::Fault;
 use crate::error;
-use crate::scene::file::open_file;
+use crate::files::open_file;
 
 /// Largest width or height, pixels.
 pub(super) const MAX_SIDE: u32 = 1 << 16;

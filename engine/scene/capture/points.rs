@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 
 use super::draft::MAX_COORDINATE;
 use crate::error::{Error, Result};
-use crate::scene::ply_header::{Element, Scalar};
-use crate::scene::ply_rows::{Column, Rows};
+use crate::files::ply_header::{Element, Scalar};
+use crate::files::ply_rows::{Column, Rows};
 
 /// The list of the cameras that saw a point, as COLMAP's CAMERA_IDs.
 const SEEN_BY: &str = "camera_ids";

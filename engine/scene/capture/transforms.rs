@@ -11,7 +11,7 @@ use super::picture::MAX_SIDE;
 use super::report::Faults;
 use super::{Camera, CaptureSettings, Pose, Shot};
 use crate::error::{self, Error};
-use crate::scene::file::read_bytes;
+use crate::files::read_bytes;
 use crate::scene::undistort::{self, Distortion};
 
 const REMEDY: &str = "correct the file, or export the capture again";

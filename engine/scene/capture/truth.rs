@@ -6,7 +6,7 @@ use std::path::Path;
 use super::draft::check_names;
 use super::report::Faults;
 use crate::error::{Error, Result};
-use crate::scene::file::{cannot_read, read_file, write_atomic};
+use crate::files::{cannot_read, read_file, write_atomic};
 
 const FILE: &str = "truth.json";
 

@@ -5,8 +5,8 @@ use std::io::{BufReader, Read, Seek, SeekFrom};
 use std::path::Path;
 
 use crate::error::{Error, Result};
-use crate::scene::file::{cannot_read, open_file};
-use crate::scene::npy::{Float, Header};
+use crate::files::npy::{Float, Header};
+use crate::files::{cannot_read, open_file};
 
 const REMEDY: &str = "make or copy the file again";
 /// Longest word in the header of a PFM.

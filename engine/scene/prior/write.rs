@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use crate::error::Result;
-use crate::scene::write_atomic;
+use crate::files::write_atomic;
 
 /// What `.flo` holds where the flow is unknown.
 const UNKNOWN: [f32; 2] = [1e10; 2];

@@ -1,0 +1,216 @@
+//! Reading and writing whole files: bounded, atomic, with typed errors.
+
+use std::fs::{self, File};
+use std::io::{self, BufWriter, Read, Write};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use crate::error::{Error, Result};
+
+/// Distinguishes the temporary files of threads that write to the same folder at once.
+static NEXT_TEMPORARY: AtomicU64 = AtomicU64::new(0);
+
+/// Writes a file so that `path` holds either its old content or all of the new one, whatever happens in between.
+///
+/// `write` fills a temporary file in the folder of `path`; that file is flushed, synchronised with the disk and renamed
+/// to `path`, and the folder is synchronised. On failure the temporary file is removed.
+///
+/// # Errors
+/// [`Error::Data`] naming `path` when the folder does not exist or cannot be written, or when `write` fails.
+pub fn write_atomic(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<()> {
+    let mut temporary = Temporary::beside(path, "")?;
+    let fill = |file: &mut File| {
+        let mut buffered = BufWriter::new(file);
+        write(&mut buffered)?;
+        buffered.flush()
+    };
+    fill(&mut temporary.file).map_err(|fault| cannot_write(path, &fault))?;
+    temporary.keep()
+}
+
+/// A file that is being written, under a name of its own beside the one that it will have. One that is dropped before
+/// [`Temporary::keep`] is removed.
+///
+/// It is locked as long as it is being written, so that [`remove_temporaries`] tells it from what a killed process left.
+#[derive(Debug)]
+pub struct Temporary {
+    at: PathBuf,
+    target: PathBuf,
+    file: File,
+}
+
+impl Temporary {
+    /// An empty file that will be `path`. Its name ends in `ending`, which is empty or begins with a dot.
+    ///
+    /// # Errors
+    /// [`Error::Data`] naming `path` when it names no file or its folder cannot be written.
+    pub fn beside(path: &Path, ending: &str) -> Result<Self> {
+        let Some(name) = path.file_name() else {
+            return Err(Error::data(path, "", "this names no file", "give a path that ends in a file name"));
+        };
+        loop {
+            let serial = NEXT_TEMPORARY.fetch_add(1, Ordering::Relaxed);
+            let mut temporary = std::ffi::OsString::from(".");
+            temporary.push(name);
+            temporary.push(format!(".{}-{serial}.tmp{ending}", std::process::id()));
+            let temporary = path.with_file_name(temporary);
+            match File::create_new(&temporary) {
+                Ok(file) => {
+                    // Elsewhere a lock would keep other programs from writing. A file system without locks does without.
+                    if cfg!(unix) {
+                        let _ = file.try_lock();
+                    }
+                    return Ok(Temporary { at: temporary, target: path.to_owned(), file });
+                }
+                // A process with the same number was killed here: in a container all have the same.
+                Err(fault) if fault.kind() == io::ErrorKind::AlreadyExists => {}
+                Err(fault) => return Err(cannot_write(path, &fault)),
+            }
+        }
+    }
+
+    /// Where the file is.
+    pub fn path(&self) -> &Path {
+        &self.at
+    }
+
+    /// The open file.
+    pub fn file(&self) -> &File {
+        &self.file
+    }
+
+    /// Makes the file durable and gives it its name.
+    ///
+    /// # Errors
+    /// [`Error::Data`] naming the file; the temporary one is then removed.
+    pub fn keep(self) -> Result<()> {
+        let kept = self.file.sync_all().and_then(|()| fs::rename(&self.at, &self.target));
+        kept.and_then(|()| sync_folder(&self.target)).map_err(|fault| cannot_write(&self.target, &fault))
+    }
+}
+
+impl Drop for Temporary {
+    fn drop(&mut self) {
+        // After a rename there is nothing to remove.
+        let _ = fs::remove_file(&self.at);
+    }
+}
+
+/// Whether `name` is that of a [`Temporary`]: `.NAME.PID-SERIAL.tmp`, with or without an ending.
+fn is_temporary(name: &str) -> bool {
+    let parts = || {
+        let (head, ending) = name.strip_prefix('.')?.rsplit_once(".tmp")?;
+        let (pid, serial) = head.rsplit_once('.')?.1.split_once('-')?;
+        let is_number = |part: &str| !part.is_empty() && part.bytes().all(|b| b.is_ascii_digit());
+        let is_ending = ending.is_empty() || (ending.starts_with('.') && ending.len() > 1);
+        Some(is_number(pid) && is_number(serial) && is_ending)
+    };
+    parts().unwrap_or(false)
+}
+
+/// Removes what killed processes left in `folder`, and `depth` folders below it, of files that they were writing. What a
+/// process is writing now stays, and so does what cannot be removed: it does no harm.
+///
+/// # Errors
+/// [`Error::Data`] naming a folder that cannot be listed.
+pub fn remove_temporaries(folder: &Path, depth: usize) -> Result<()> {
+    let cannot_list = |fault| Error::data(folder, "", format!("cannot be listed: {fault}"), "check its permissions");
+    for entry in fs::read_dir(folder).map_err(cannot_list)?.flatten() {
+        let Ok(kind) = entry.file_type() else { continue };
+        if kind.is_dir() && depth > 0 {
+            remove_temporaries(&entry.path(), depth - 1)?;
+        } else if kind.is_file() && entry.file_name().to_str().is_some_and(is_temporary) {
+            remove_abandoned(&entry.path());
+        }
+    }
+    Ok(())
+}
+
+/// Removes a temporary file that no process has locked.
+fn remove_abandoned(path: &Path) {
+    if let Ok(file) = File::open(path)
+        && !matches!(file.try_lock(), Err(fs::TryLockError::WouldBlock))
+    {
+        let _ = fs::remove_file(path);
+    }
+}
+
+/// Makes the rename itself durable. Only Unix lets a folder be opened for that.
+fn sync_folder(path: &Path) -> io::Result<()> {
+    if !cfg!(unix) {
+        return Ok(());
+    }
+    let folder = match path.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => parent,
+        _ => Path::new("."),
+    };
+    File::open(folder)?.sync_all()
+}
+
+fn cannot_write(path: &Path, fault: &io::Error) -> Error {
+    Error::data(
+        path,
+        "",
+        format!("cannot be written: {fault}"),
+        "check that the folder exists, is writable and not full",
+    )
+}
+
+/// Opens a file for reading. Only regular files are opened: a pipe would wait for a writer that may never come, and a
+/// device may never end.
+///
+/// # Errors
+/// Those of the system; [`io::ErrorKind::InvalidInput`], naming what is there, for anything but a regular file.
+pub fn open_file(path: &Path) -> io::Result<File> {
+    let kind = fs::metadata(path)?.file_type();
+    if kind.is_file() {
+        return File::open(path);
+    }
+    let found = if kind.is_dir() { "a folder" } else { special(&kind) };
+    Err(io::Error::new(io::ErrorKind::InvalidInput, format!("expected a regular file, found {found}")))
+}
+
+#[cfg(unix)]
+fn special(kind: &fs::FileType) -> &'static str {
+    use std::os::unix::fs::FileTypeExt;
+    match () {
+        () if kind.is_fifo() => "a named pipe",
+        () if kind.is_socket() => "a socket",
+        () if kind.is_char_device() || kind.is_block_device() => "a device",
+        () => "something else",
+    }
+}
+
+#[cfg(not(unix))]
+fn special(_: &fs::FileType) -> &'static str {
+    "something else"
+}
+
+/// The bytes of a whole file.
+///
+/// # Errors
+/// As [`open_file`].
+pub fn read_file(path: &Path) -> io::Result<Vec<u8>> {
+    let mut file = open_file(path)?;
+    let mut bytes = Vec::new();
+    file.read_to_end(&mut bytes)?;
+    Ok(bytes)
+}
+
+/// The text of a whole file.
+///
+/// # Errors
+/// As [`open_file`]; [`io::ErrorKind::InvalidData`] where it is not UTF-8.
+pub fn read_text(path: &Path) -> io::Result<String> {
+    String::from_utf8(read_file(path)?).map_err(|_| io::Error::new(io::ErrorKind::InvalidData, "it is not UTF-8"))
+}
+
+/// A whole file in memory.
+pub(crate) fn read_bytes(path: &Path) -> Result<Vec<u8>> {
+    read_file(path).map_err(|fault| cannot_read(path, &fault))
+}
+
+/// The error of a file that cannot be opened or read.
+pub(crate) fn cannot_read(path: &Path, fault: &io::Error) -> Error {
+    Error::data(path, "", format!("cannot be read: {fault}"), "check the path and its permissions")
+}

@@ -1,0 +1,12 @@
+//! Files: written whole or not at all, read with bounds, and the containers that several formats share.
+
+pub(crate) mod archive;
+mod file;
+pub(crate) mod npy;
+pub(crate) mod ply_header;
+pub(crate) mod ply_rows;
+mod tensors;
+
+pub use file::{Temporary, open_file, read_file, read_text, remove_temporaries, write_atomic};
+pub(crate) use file::{cannot_read, read_bytes};
+pub use tensors::{Tensor, read_tensors, write_tensors};

@@ -1,0 +1,206 @@
+//! What a `.4dgs` says, and as Gaussians of ours.
+
+use super::ears::{EARS, Ears};
+use super::{Clock, MAGIC, RECORD, Sounds, VIEWS, World};
+use crate::error::{Error, Result};
+use crate::files::{cannot_read, open_file};
+use crate::scene::dc_of_color;
+use crate::scene::parse_views;
+use crate::scene::{Motion, Splats, View};
+use fourdgs::quantization::sh_coefficient;
+use std::collections::BTreeMap;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+/// Largest threshold of visibility that changes no picture: one step of 8 bits.
+const INVISIBLE: f64 = 1.0 / 255.0;
+/// Opacities are taken this far inside of 0 and 1, whose logits are infinite.
+const EDGE: f64 = 1e-6;
+
+/// A `.4dgs` in memory.
+#[derive(Debug)]
+pub struct FourDgs {
+    path: PathBuf,
+    pub(super) scene: fourdgs::Scene,
+    ears: Option<Ears>,
+}
+
+impl FourDgs {
+    /// Whether the file begins as a `.4dgs` does, of whatever version.
+    pub fn is(path: &Path) -> bool {
+        let mut start = Vec::new();
+        let read = open_file(path).and_then(|file| file.take(MAGIC.len() as u64).read_to_end(&mut start));
+        read.is_ok() && start == MAGIC
+    }
+
+    /// Reads a whole file.
+    ///
+    /// # Errors
+    /// [`Error::Data`] when it cannot be read, is damaged or cut short, or is of a temporal model other than
+    /// `gaussian-birth`, of a codec other than deflate, or of more than half a gigabyte in memory.
+    pub fn read(path: &Path) -> Result<Self> {
+        let file = open_file(path).map_err(|fault| cannot_read(path, &fault))?;
+        Self::of(path, std::io::BufReader::new(file))
+    }
+
+    /// A file that is in memory; `path` is what its faults are told of.
+    ///
+    /// # Errors
+    /// As [`FourDgs::read`].
+    pub fn of_bytes(path: &Path, bytes: &[u8]) -> Result<Self> {
+        Self::of(path, bytes)
+    }
+
+    fn of(path: &Path, source: impl Read) -> Result<Self> {
+        let whole = fourdgs::ReadOptions { recover_truncated: false, ..Default::default() };
+        let scene = fourdgs::read_from(source, &whole).map_err(|fault| {
+            let remedy = match &fault {
+                fault if fault.is_unsupported_feature() => {
+                    "save it with the model gaussian-birth and the codec deflate"
+                }
+                fault if fault.is_unsupported_version() => "save it as version 1 of the format",
+                _ => "the file is damaged, cut short or of another format: copy or export it again",
+            };
+            Error::data(path, "", format!("not read: {fault}"), remedy)
+        })?;
+        if scene.summary_crc_ok == Some(false) {
+            return Err(Error::data(path, "index", "its checksum does not fit", "copy the file again"));
+        }
+        if !(scene.duration_sec.is_finite() && scene.duration_sec >= 0.0) {
+            let reason = format!("expected a length in seconds, found {}", scene.duration_sec);
+            return Err(Error::data(path, "header, field duration_sec", reason, "export the file again"));
+        }
+        if scene.gaussians.sh_degree > 3 || scene.header.sh_degree > 3 {
+            let found = scene.gaussians.sh_degree.max(scene.header.sh_degree);
+            let reason = format!("expected 0 to 3, found {found}");
+            return Err(Error::data(path, "header, field sh_degree", reason, "export the file again, with degree 3"));
+        }
+        let ears = scene.attachments.iter().find(|attachment| attachment.name == EARS);
+        let ears = ears.map(|ears| Ears::parse(path, &ears.data)).transpose()?;
+        Ok(FourDgs { path: path.to_owned(), scene, ears })
+    }
+
+    /// The clock of the clip.
+    pub fn clock(&self) -> Clock {
+        let seconds = self.scene.duration_sec;
+        if seconds > 0.0 { Clock::of_file(self.own(), seconds) } else { Clock { fps: super::FPS, frames: 1 } }
+    }
+
+    /// What is this project's own, by name: how the scene is rendered; `None` in a file of another program.
+    pub fn own(&self) -> Option<&BTreeMap<String, String>> {
+        self.scene.metadata.iter().find(|record| record.name == RECORD).map(|record| &record.entries)
+    }
+
+    /// Views to start from; none in a file of another program.
+    ///
+    /// # Errors
+    /// As [`read_views`](crate::scene::read_views).
+    pub fn views(&self) -> Result<Vec<View>> {
+        let views = self.scene.attachments.iter().find(|attachment| attachment.name == VIEWS);
+        views.map_or(Ok(Vec::new()), |views| parse_views(&self.path, &views.data))
+    }
+
+    /// Which way is up, and how large it is; none where the file says neither.
+    pub fn world(&self) -> Option<World> {
+        World::of(&self.scene, self.own())
+    }
+
+    /// What is heard.
+    pub fn sounds(&self) -> Sounds {
+        Sounds::of(&self.scene, self.ears.clone())
+    }
+
+    /// The Gaussians at all times. Time 0 to 1 is the file's length.
+    ///
+    /// # Errors
+    /// [`Error::Data`] where a Gaussian appears or disappears at once within the clip, or is moved by a track of its object:
+    /// ours fade, and move along lines. [`FourDgs::at`] shows them.
+    pub fn splats(&self) -> Result<Splats> {
+        self.refuse_tracks()?;
+        let (set, seconds) = (&self.scene.gaussians, self.clock().seconds());
+        let n_hard = (0..set.count()).filter(|&i| self.is_cut(i, seconds)).count();
+        if n_hard > 0 {
+            let reason = format!(
+                "{n_hard} of {} Gaussians appear or disappear at once within the clip, which ours cannot",
+                set.count()
+            );
+            return Err(Error::data(&self.path, "", reason, "give --time, which shows the scene at one moment"));
+        }
+        let is_still = |i: &usize| set.sigma_t[*i].is_infinite() && set.motions[3 * i..3 * i + 3] == [0.0; 3];
+        let (still, moving): (Vec<usize>, Vec<usize>) = (0..set.count()).partition(is_still);
+        let mut splats = Splats::new(u32::from(set.sh_degree));
+        for &i in still.iter().chain(&moving) {
+            let place = std::array::from_fn(|k| set.positions[3 * i + k]);
+            self.push(&mut splats, i, place, f64::from(set.colors[4 * i + 3]));
+        }
+        splats.n_static = still.len();
+        splats.motion = moving.iter().map(|&i| self.motion(i, seconds)).collect();
+        Ok(splats)
+    }
+
+    /// The Gaussians that there are at `time`, normalised, as static ones.
+    ///
+    /// # Errors
+    /// [`Error::Data`] where objects have tracks.
+    pub fn at(&self, time: f64) -> Result<Splats> {
+        self.refuse_tracks()?;
+        let state = self.scene.gaussians.state_at(time * self.clock().seconds(), self.scene.header.cutoff);
+        let mut splats = Splats::new(u32::from(self.scene.gaussians.sh_degree));
+        for (at, &i) in state.indices.iter().enumerate() {
+            let place = std::array::from_fn(|k| state.centers[3 * at + k]);
+            self.push(&mut splats, i as usize, place, f64::from(state.opacity[at]));
+        }
+        splats.n_static = splats.len();
+        Ok(splats)
+    }
+
+    fn refuse_tracks(&self) -> Result<()> {
+        let n = self.scene.objects.tracks.len();
+        let reason = || format!("{n} of its objects move their Gaussians along tracks, which is not supported");
+        if n == 0 { Ok(()) } else { Err(Error::data(&self.path, "", reason(), "save it without tracks of objects")) }
+    }
+
+    /// Whether Gaussian `i` would be seen at times of the clip at which the file says that it is not.
+    fn is_cut(&self, i: usize, seconds: f64) -> bool {
+        let set = &self.scene.gaussians;
+        let [mu, sigma, from, to] =
+            [&set.mu_t, &set.sigma_t, &set.win_lo, &set.win_hi].map(|values| f64::from(values[i]));
+        let half = |threshold: f64| sigma * fourdgs::quantization::support_k(threshold);
+        let (first, last) = ((mu - half(INVISIBLE)).max(0.0), (mu + half(INVISIBLE)).min(seconds));
+        // A last moment that is not shown is shorter than a frame can tell.
+        let margin = 1e-3 * seconds / f64::from(self.clock().frames);
+        let is_gated = first < last && (from > first + margin || to < last - margin);
+        is_gated || (self.scene.header.cutoff > INVISIBLE * (1.0 + 1e-9) && sigma.is_finite())
+    }
+
+    fn motion(&self, i: usize, seconds: f64) -> Motion {
+        let set = &self.scene.gaussians;
+        let tau = f64::from(set.sigma_t[i]) * std::f64::consts::SQRT_2 / seconds;
+        Motion {
+            velocity: std::array::from_fn(|k| (f64::from(set.motions[3 * i + k]) * seconds) as f32),
+            t_center: (f64::from(set.mu_t[i]) / seconds) as f32,
+            t_scale: tau.ln() as f32,
+        }
+    }
+
+    /// Appends Gaussian `i` at a place, with an opacity.
+    fn push(&self, to: &mut Splats, i: usize, place: [f32; 3], opacity: f64) {
+        let set = &self.scene.gaussians;
+        let [x, y, z, w]: [f32; 4] = std::array::from_fn(|k| set.rotations[4 * i + k]);
+        let opacity = opacity.clamp(EDGE, 1.0 - EDGE);
+        to.source_row.push(to.len() as u32);
+        to.position.push(place);
+        to.rotation.push([w, x, y, z]);
+        to.scale.push(std::array::from_fn(|k| set.scales[3 * i + k].ln()));
+        to.opacity.push((opacity / (1.0 - opacity)).ln() as f32);
+        to.sh.push(std::array::from_fn(|k| dc_of_color(f64::from(set.colors[4 * i + k]))));
+        let n = set.sh_coefficients;
+        if let Some(bytes) = &set.sh {
+            let row = &bytes[3 * n * i..3 * n * (i + 1)];
+            let harmonics = (0..n).map(|c| std::array::from_fn(|k| sh_coefficient(row[k * n + c]) as f32));
+            to.sh.extend(harmonics.take(to.n_coefficients() - 1));
+        }
+        // A file can hold fewer bands than it says.
+        to.sh.resize(to.len() * to.n_coefficients(), [0.0; 3]);
+    }
+}

@@ -1,0 +1,167 @@
+//! When a Gaussian of a PLY is there and how it moves: this project's properties, those of FreeTimeGS (`.ftgs.ply`, version 1) and
+//! those of Spacetime Gaussians.
+
+use std::path::Path;
+
+use super::four_dgs::Clock;
+use crate::error::{Error, Result};
+use crate::files::ply_header::{Element, Header};
+use crate::files::ply_rows::Column;
+use crate::scene::Motion;
+
+/// The temporal properties of this project, in the file's order; a file has all of them or none.
+pub(super) const MOTION: [&str; 5] = ["velocity_0", "velocity_1", "velocity_2", "t_center", "t_scale"];
+/// Those of FreeTimeGS: the time and the log of the standard deviation are of a sequence from 0 to 1.
+pub(super) const FREE_TIME: [&str; 5] = ["time", "log_duration", "velocity_0", "velocity_1", "velocity_2"];
+/// Those of Spacetime Gaussians; the first three `motion` are a velocity, the others and `omega` are higher orders and a turn.
+const SPACETIME: [&str; 5] = ["motion_0", "motion_1", "motion_2", "trbf_center", "trbf_scale"];
+/// A standard deviation, in lengths of the sequence, from which on nothing fades within it.
+pub(super) const NEVER_FADES: f64 = 1e6;
+
+/// Columns of the temporal properties, and what they mean.
+pub(super) struct Temporal {
+    columns: [Column; 5],
+    form: Form,
+}
+
+enum Form {
+    Own,
+    FreeTime(FreeTime),
+    /// Columns that must be 0.
+    Spacetime(Vec<Column>),
+}
+
+/// What the comments of a `.ftgs.ply` say.
+struct FreeTime {
+    /// Normalised time of ours that one of the file's is: the file's sequence ends with its last frame, ours a frame later.
+    rate: f64,
+    use_velocity: bool,
+    min_duration: f64,
+}
+
+/// Normalised time of ours that the whole sequence of a `.ftgs.ply` with so many frames is.
+pub(super) fn rate(frames: u32) -> f64 {
+    if frames > 1 { f64::from(frames - 1) / f64::from(frames) } else { 1.0 }
+}
+
+impl Temporal {
+    /// The temporal properties of `vertex`, if it has any.
+    ///
+    /// # Errors
+    /// [`Error::Data`] where some are missing, or a comment says what is not supported.
+    pub fn find(path: &Path, header: &Header, vertex: &Element) -> Result<Option<Self>> {
+        let has = |name: &str| Column::find(vertex, name).is_some();
+        let (names, form) = if has("trbf_center") || has("trbf_scale") {
+            let higher = (3..9).map(|k| format!("motion_{k}")).chain((0..4).map(|k| format!("omega_{k}")));
+            let columns = higher.filter_map(|name| Column::find(vertex, &name)).collect();
+            (SPACETIME, Form::Spacetime(columns))
+        } else if has("time") && has("log_duration") {
+            (FREE_TIME, Form::FreeTime(FreeTime::of(path, header)?))
+        } else if MOTION.iter().any(|name| has(name)) {
+            (MOTION, Form::Own)
+        } else {
+            return Ok(None);
+        };
+        let missing = |name: &str| {
+            let place = format!("element `vertex`, property `{name}`");
+            Error::data(path, place, "is missing", "export the scene again, with all temporal properties")
+        };
+        let mut columns = Vec::with_capacity(names.len());
+        for name in names {
+            columns.push(Column::find(vertex, name).ok_or_else(|| missing(name))?);
+        }
+        Ok(columns.try_into().ok().map(|columns| Temporal { columns, form }))
+    }
+
+    /// Whether colours of degree 0 are stored as they are, from 0 to 1, instead of as coefficients.
+    pub fn has_plain_colors(&self) -> bool {
+        matches!(self.form, Form::Spacetime(_))
+    }
+
+    /// How the Gaussian of a row moves; `None` where it rests and never fades.
+    ///
+    /// # Errors
+    /// Why it cannot be held.
+    pub fn motion(&self, bytes: &[u8]) -> std::result::Result<Option<Motion>, &'static str> {
+        let values = self.columns.map(|column| column.f32(bytes));
+        let [vx, vy, vz, t_center, t_scale] = match &self.form {
+            Form::FreeTime(_) => [values[2], values[3], values[4], values[0], values[1]],
+            _ => values,
+        };
+        let (velocity, rests) = ([vx, vy, vz], [vx, vy, vz] == [0.0; 3]);
+        match &self.form {
+            Form::Own => {
+                let is_still = rests && t_scale == f32::INFINITY;
+                Ok((!is_still).then_some(Motion { velocity, t_center, t_scale }))
+            }
+            Form::FreeTime(FreeTime { rate, use_velocity, min_duration }) => {
+                let duration = f64::from(t_scale).exp().max(*min_duration);
+                if (rests || !use_velocity) && duration >= 0.99 * NEVER_FADES {
+                    return Ok(None);
+                }
+                let speed = |v: f32| if *use_velocity { (f64::from(v) / rate) as f32 } else { 0.0 };
+                Ok(Some(Motion {
+                    velocity: velocity.map(speed),
+                    t_center: (f64::from(t_center) * rate) as f32,
+                    t_scale: (duration * rate * std::f64::consts::SQRT_2).ln() as f32,
+                }))
+            }
+            Form::Spacetime(higher) => {
+                if higher.iter().any(|column| column.f32(bytes) != 0.0) {
+                    return Err("its motion bends or turns (`motion_3` and above, `omega`)");
+                }
+                Ok(Some(Motion { velocity, t_center, t_scale }))
+            }
+        }
+    }
+}
+
+impl FreeTime {
+    fn of(path: &Path, header: &Header) -> Result<Self> {
+        let said = |key: &str| header.comments.iter().find_map(|line| line.strip_prefix(key)?.strip_prefix(' '));
+        let fault = |key: &str, expected: &str, found: &str| {
+            let reason = format!("expected {expected}, found `{found}`");
+            Error::data(path, format!("header, comment `{key}`"), reason, "export the scene as version 1 of .ftgs.ply")
+        };
+        for (key, expected) in [("ftgs_version", "1"), ("time_units", "normalized")] {
+            if let Some(found) = said(key).filter(|found| *found != expected) {
+                return Err(fault(key, expected, found));
+            }
+        }
+        let number = |key: &str, default: f64, expected: &str, holds: fn(f64) -> bool| match said(key) {
+            None => Ok(default),
+            Some(text) => text.parse().ok().filter(|n| holds(*n)).ok_or_else(|| fault(key, expected, text)),
+        };
+        // A Gaussian that is never quite gone contributes nothing below this.
+        number("opacity_floor", 0.0, "at most 1/255, since ours fade away", |floor| {
+            (0.0..=1.0 / 255.0).contains(&floor)
+        })?;
+        let frames = number("n_frames", 0.0, "a number of frames", |n| (1.0..=1e9).contains(&n) && n.fract() == 0.0)?;
+        Ok(FreeTime {
+            rate: rate(frames as u32),
+            use_velocity: number("use_velocity", 1.0, "0 or 1", |n| n == 0.0 || n == 1.0)? != 0.0,
+            min_duration: number("min_duration", 0.0, "a positive number", |n| n > 0.0 && n.is_finite())?,
+        })
+    }
+}
+
+/// The comments of a `.ftgs.ply` of a scene of this degree.
+pub(super) fn free_time_comments(sh_degree: u32, clock: Option<Clock>) -> Vec<String> {
+    let mut lines =
+        vec!["ftgs_version 1".to_owned(), "time_units normalized".to_owned(), format!("sh_degree {sh_degree}")];
+    // What lives shortly lives as shortly as it is.
+    lines.extend(["use_velocity 1", "min_duration 1e-30", "opacity_floor 0"].map(str::to_owned));
+    lines.extend(clock.map(|clock| format!("n_frames {}", clock.frames)));
+    lines
+}
+
+/// The temporal properties of a Gaussian as [`FREE_TIME`] has them; `None` for one that rests and never fades.
+pub(super) fn free_time(motion: Option<Motion>, clock: Option<Clock>) -> [f32; 5] {
+    let rate = clock.map_or(1.0, |clock| rate(clock.frames));
+    let Some(Motion { velocity, t_center, t_scale }) = motion else {
+        return [0.0, NEVER_FADES.ln() as f32, 0.0, 0.0, 0.0];
+    };
+    let [x, y, z] = velocity.map(|v| (f64::from(v) * rate) as f32);
+    let duration = (f64::from(t_scale).exp() / (std::f64::consts::SQRT_2 * rate)).min(NEVER_FADES);
+    [(f64::from(t_center) / rate) as f32, duration.ln() as f32, x, y, z]
+}

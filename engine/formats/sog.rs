@@ -1,0 +1,246 @@
+//! PlayCanvas' SOG, version 2: `meta.json` and lossless WebP images whose pixels are the Gaussians' attributes, in a folder or
+//! bundled in one zip archive, a `.sog`.
+
+use std::io::{Cursor, Read};
+use std::path::Path;
+
+use image::codecs::webp::WebPDecoder;
+use image::{DynamicImage, ImageDecoder, RgbaImage};
+use serde::Deserialize;
+
+use super::decode::{complete_quaternion, logit_of_byte};
+use crate::error::{Error, Result};
+use crate::files::archive::Archive;
+use crate::files::{cannot_read, open_file, read_bytes};
+use crate::scene::Splats;
+
+/// An image may have twice as many pixels as values and this many more; a larger one is refused undecoded.
+const SLACK_PIXELS: u64 = 256 * 256;
+/// Most bytes of `meta.json`.
+const MAX_META_BYTES: u64 = 1 << 20;
+/// Palette entries of spherical harmonics in a row of their image.
+const PALETTE_COLUMNS: usize = 64;
+/// What a zip archive begins with.
+pub(super) const ZIP: &[u8] = b"PK\x03\x04";
+const REMEDY: &str = "the scene is damaged: copy or export it again";
+
+#[derive(Deserialize)]
+struct Meta {
+    version: u32,
+    count: u32,
+    means: Means,
+    scales: Coded,
+    quats: Single,
+    sh0: Coded,
+    #[serde(rename = "shN")]
+    rest: Option<Palette>,
+}
+
+#[derive(Deserialize)]
+struct Means {
+    mins: [f64; 3],
+    maxs: [f64; 3],
+    files: [String; 2],
+}
+
+#[derive(Deserialize)]
+struct Single {
+    files: [String; 1],
+}
+
+#[derive(Deserialize)]
+struct Coded {
+    codebook: Vec<f32>,
+    files: [String; 1],
+}
+
+#[derive(Deserialize)]
+struct Palette {
+    count: u32,
+    bands: u32,
+    codebook: Vec<f32>,
+    files: [String; 2],
+}
+
+/// Reads a SOG scene of version 2 from its `meta.json`, beside which the images lie, or from a bundle of them, a zip archive
+/// (`.sog`). Every Gaussian is static.
+///
+/// # Errors
+/// [`Error::Data`] naming the file and the entry when one cannot be read or decoded, is not lossless, has another size
+/// than the count needs (checked before it is decoded), or holds an index that leads nowhere.
+pub fn read_sog(path: &Path) -> Result<Splats> {
+    let files = Files::open(path)?;
+    let meta = Meta::read(&files)?;
+    let n = meta.count as usize;
+    let attribute = |name: &str| Pixels::read(&files, name, n as u64);
+    let mut splats = Splats::new(meta.rest.as_ref().map_or(0, |palette| palette.bands));
+    splats.n_static = n;
+    let [low, high] = &meta.means.files;
+    let (low, high) = (attribute(low)?, attribute(high)?);
+    splats.source_row = (0..meta.count).collect();
+    splats.position = (0..n).map(|i| meta.means.position(low.at(i), high.at(i))).collect();
+    let [name] = &meta.quats.files;
+    let quaternions = attribute(name)?;
+    splats.rotation = (0..n).map(|i| rotation(path, name, i, quaternions.at(i))).collect::<Result<_>>()?;
+    let scales = attribute(&meta.scales.files[0])?;
+    splats.scale = (0..n).map(|i| decode(&meta.scales.codebook, scales.at(i))).collect();
+    let colors = attribute(&meta.sh0.files[0])?;
+    splats.opacity = (0..n).map(|i| logit_of_byte(colors.at(i)[3])).collect();
+    let dc = |i: usize| decode(&meta.sh0.codebook, colors.at(i));
+    let Some(palette) = &meta.rest else {
+        splats.sh = (0..n).map(dc).collect();
+        return Ok(splats);
+    };
+    let entries = palette.read(&files)?;
+    let labels = attribute(&palette.files[1])?;
+    for i in 0..n {
+        let [low, high, ..] = labels.at(i);
+        let label = u16::from_le_bytes([low, high]);
+        if u32::from(label) >= palette.count {
+            let place = format!("{}, Gaussian {i}", palette.files[1]);
+            let reason = format!("palette entry {label}, there are {}", palette.count);
+            return Err(Error::data(path, place, reason, REMEDY));
+        }
+        // Entries lie side by side, so their pixels follow each other across rows too.
+        let first = usize::from(label) * palette.coefficients();
+        splats.sh.push(dc(i));
+        let rest = first..first + palette.coefficients();
+        splats.sh.extend(rest.map(|pixel| decode(&palette.codebook, entries.at(pixel))));
+    }
+    Ok(splats)
+}
+
+impl Meta {
+    fn read(files: &Files) -> Result<Self> {
+        let (path, text) = (files.path, files.meta()?);
+        let fault = |place: &str, reason: String| Err(Error::data(path, place, reason, REMEDY));
+        let meta: Meta = serde_json::from_slice(&text).map_err(|cause| {
+            let reason = format!("is no SOG description: {cause}");
+            Error::data(path, "", reason, "give the meta.json or the .sog of a scene, version 2")
+        })?;
+        if meta.version != 2 {
+            return fault("field `version`", format!("is {}, only 2 is supported", meta.version));
+        }
+        let rest = meta.rest.as_ref().map(|palette| ("shN", &palette.codebook));
+        for (name, codebook) in [("scales", &meta.scales.codebook), ("sh0", &meta.sh0.codebook)].into_iter().chain(rest)
+        {
+            if codebook.len() != 256 {
+                let reason = format!("has {} entries, a byte addresses 256", codebook.len());
+                return fault(&format!("field `{name}.codebook`"), reason);
+            }
+        }
+        match &meta.rest {
+            Some(Palette { bands, count, .. }) if !(1..=3).contains(bands) || *count > 1 << 16 => {
+                fault("field `shN`", format!("{bands} bands and {count} entries, 1 to 3 and at most 65536 are allowed"))
+            }
+            _ => Ok(meta),
+        }
+    }
+}
+
+fn decode(codebook: &[f32], [r, g, b, _]: [u8; 4]) -> [f32; 3] {
+    [r, g, b].map(|byte| codebook[usize::from(byte)])
+}
+
+impl Means {
+    /// 16 bits for each axis between the extremes of sign(x) ln(1 + |x|).
+    fn position(&self, low: [u8; 4], high: [u8; 4]) -> [f32; 3] {
+        std::array::from_fn(|axis| {
+            let t = f64::from(u16::from_le_bytes([low[axis], high[axis]])) / 65535.0;
+            let log = self.mins[axis] + (self.maxs[axis] - self.mins[axis]) * t;
+            (log.abs().exp_m1().copysign(log)) as f32
+        })
+    }
+}
+
+impl Palette {
+    /// Pixels of an entry: one for each coefficient beyond degree 0.
+    fn coefficients(&self) -> usize {
+        (self.bands as usize + 1).pow(2) - 1
+    }
+
+    fn read(&self, files: &Files) -> Result<Pixels> {
+        let width = PALETTE_COLUMNS * self.coefficients();
+        let height = (self.count as usize).div_ceil(PALETTE_COLUMNS);
+        let pixels = Pixels::read(files, &self.files[0], (width * height) as u64)?;
+        if pixels.0.width() as usize != width {
+            let reason = format!("is {} pixels wide, {} bands need {width}", pixels.0.width(), self.bands);
+            return Err(Error::data(files.path, self.files[0].clone(), reason, REMEDY));
+        }
+        Ok(pixels)
+    }
+}
+
+/// Bytes 252 to 255 name the largest entry of (w, x, y, z), the others cover +-1/sqrt(2).
+fn rotation(path: &Path, file: &str, i: usize, [a, b, c, tag]: [u8; 4]) -> Result<[f32; 4]> {
+    let Some(largest) = tag.checked_sub(252) else {
+        let reason = format!("the tag of a quaternion is {tag}, not 252 to 255");
+        return Err(Error::data(path, format!("{file}, Gaussian {i}"), reason, REMEDY));
+    };
+    let entry = |byte: u8| (f64::from(byte) / 127.5 - 1.0) * std::f64::consts::FRAC_1_SQRT_2;
+    Ok(complete_quaternion([a, b, c].map(entry), largest.into()).map(|v| v as f32))
+}
+
+/// Where a scene's files are.
+struct Files<'a> {
+    /// `meta.json`, or the archive.
+    path: &'a Path,
+    archive: Option<Archive>,
+}
+
+impl<'a> Files<'a> {
+    fn open(path: &'a Path) -> Result<Self> {
+        let mut start = Vec::new();
+        let read = open_file(path).and_then(|file| file.take(ZIP.len() as u64).read_to_end(&mut start));
+        read.map_err(|fault| cannot_read(path, &fault))?;
+        let archive = (start == ZIP).then(|| Archive::open(path, REMEDY)).transpose()?;
+        Ok(Files { path, archive })
+    }
+
+    fn meta(&self) -> Result<Vec<u8>> {
+        let Some(archive) = &self.archive else { return read_bytes(self.path) };
+        let text = archive.read("meta.json", MAX_META_BYTES);
+        text.map_err(|reason| Error::data(self.path, "file `meta.json`", reason, "give the .sog of a scene, version 2"))
+    }
+
+    /// The file of an image of at most `most` pixels, which takes no more bytes than they take undecoded, and its headers.
+    fn image(&self, name: &str, most: u64) -> Result<Vec<u8>> {
+        if name.is_empty() || name.contains(['/', '\\']) || name.contains("..") {
+            return Err(self.fault(name, "is not the plain name of a file beside this one".to_owned()));
+        }
+        let Some(archive) = &self.archive else { return read_bytes(&self.path.with_file_name(name)) };
+        let bytes = archive.read(name, 4 * most + SLACK_PIXELS);
+        bytes.map_err(|reason| self.fault(name, reason))
+    }
+
+    fn fault(&self, name: &str, reason: String) -> Error {
+        Error::data(self.path, format!("image `{}`", name.escape_debug()), reason, REMEDY)
+    }
+}
+
+/// A decoded image, addressed by pixel number, row by row.
+struct Pixels(RgbaImage);
+
+impl Pixels {
+    /// Decodes the image `name`, which must have `n` pixels or a little more.
+    fn read(files: &Files, name: &str, n: u64) -> Result<Self> {
+        let most = 2 * n + SLACK_PIXELS;
+        let bytes = files.image(name, most)?;
+        let fault = |reason| files.fault(name, reason);
+        if bytes.get(12..16) == Some(b"VP8 ") {
+            return Err(fault("is a lossy WebP, which destroys the values".to_owned()));
+        }
+        let decoder = WebPDecoder::new(Cursor::new(&bytes)).map_err(|cause| fault(format!("is no WebP: {cause}")))?;
+        let (width, height) = decoder.dimensions();
+        let pixels = u64::from(width) * u64::from(height);
+        if pixels < n || pixels > most {
+            return Err(fault(format!("has {width} x {height} pixels for {n} values")));
+        }
+        let image = DynamicImage::from_decoder(decoder).map_err(|cause| fault(format!("does not decode: {cause}")))?;
+        Ok(Pixels(image.into_rgba8()))
+    }
+
+    fn at(&self, index: usize) -> [u8; 4] {
+        std::array::from_fn(|channel| self.0.as_raw()[4 * index + channel])
+    }
+}

@@ -1,0 +1,93 @@
+//! `.splatv` of antimatter15's player of dynamic scenes: 64 bytes a Gaussian, without view dependence.
+
+use std::path::Path;
+
+use exr::prelude::f16;
+use serde_json::json;
+
+use super::decode::{byte_of_logit, level};
+use crate::error::{Error, Result};
+use crate::files::write_atomic;
+use crate::scene::SH_C0;
+use crate::scene::View;
+use crate::scene::{Motion, Splats};
+
+/// First word of a file.
+const MAGIC: u32 = 0x674b;
+/// Width of the texture that the file is; four texels of 16 bytes are a Gaussian.
+const TEXTURE_WIDTH: usize = 4096;
+const ROW_BYTES: usize = 64;
+/// Words of the end of a row: three pairs of bending, two of turning, which ours do not have.
+const UNUSED: [[f32; 2]; 5] = [[0.0; 2]; 5];
+
+/// Writes a scene as a `.splatv`, what shows most first. What depends on the direction is lost, and positions are the only
+/// numbers that are not halves or bytes. Time runs from 0 to 1. Gaussians with a parameter that is not finite are left out; one
+/// that never fades has a tau of 65,504 clips.
+///
+/// # Errors
+/// [`Error::Data`] when no Gaussian is left, there is no view to start from, or the file cannot be written.
+pub fn write_splatv(path: &Path, splats: &Splats, views: &[View]) -> Result<()> {
+    let remedy = "this is a fault of the program that made the scene";
+    splats.check().map_err(|reason| Error::data(path, "", reason, remedy))?;
+    let mut order: Vec<usize> = (0..splats.len()).filter(|&i| splats.is_finite(i)).collect();
+    if order.is_empty() {
+        return Err(Error::data(path, "", "there is no Gaussian to write", "a .splatv needs at least one"));
+    }
+    if views.is_empty() {
+        let remedy = "give --cameras, or the folder of a run, whose capture is there";
+        return Err(Error::data(path, "", "expected a view to start from, found none", remedy));
+    }
+    let size = |i: usize| splats.scale[i].iter().sum::<f32>() - (-splats.opacity[i]).exp().ln_1p();
+    order.sort_by(|a, b| size(*b).total_cmp(&size(*a)));
+    let height = (order.len() * ROW_BYTES).div_ceil(16 * TEXTURE_WIDTH);
+    let mut texture = Vec::with_capacity(16 * TEXTURE_WIDTH * height);
+    order.iter().for_each(|&i| push_row(splats, i, &mut texture));
+    // Rows of zeros are not drawn.
+    texture.resize(16 * TEXTURE_WIDTH * height, 0);
+    let chunks = json!([{
+        "type": "splat", "size": texture.len(), "texwidth": TEXTURE_WIDTH, "texheight": height,
+        "cameras": views.iter().enumerate().map(|(id, view)| camera(id, view)).collect::<Vec<_>>(),
+    }]);
+    let chunks = chunks.to_string();
+    write_atomic(path, |to| {
+        to.write_all(&MAGIC.to_le_bytes())?;
+        to.write_all(&(chunks.len() as u32).to_le_bytes())?;
+        to.write_all(chunks.as_bytes())?;
+        to.write_all(&texture)
+    })
+}
+
+fn push_row(splats: &Splats, i: usize, to: &mut Vec<u8>) {
+    let still = Motion { velocity: [0.0; 3], t_center: 0.0, t_scale: f32::INFINITY };
+    let motion = i.checked_sub(splats.n_static).map_or(still, |dynamic| splats.motion[dynamic]);
+    splats.position[i].iter().for_each(|x| to.extend(x.to_le_bytes()));
+    let norm = splats.rotation[i].iter().map(|v| v * v).sum::<f32>().sqrt().max(f32::MIN_POSITIVE);
+    let [w, x, y, z] = splats.rotation[i].map(|v| v / norm);
+    let [sx, sy, sz] = splats.scale[i].map(f32::exp);
+    [[w, x], [y, z], [sx, sy], [sz, 0.0]].iter().for_each(|pair| push_halves(*pair, to));
+    let color = splats.sh[i * splats.n_coefficients()].map(|dc| level(0.5 + SH_C0 * f64::from(dc)));
+    to.extend(color);
+    to.push(byte_of_logit(splats.opacity[i]));
+    let [vx, vy, vz] = motion.velocity;
+    // The player divides by it.
+    let tau = motion.t_scale.exp().max(f16::MIN_POSITIVE.to_f32());
+    let time = [motion.t_center, tau];
+    [[vx, vy], [vz, 0.0]].iter().chain(&UNUSED).chain([&time]).for_each(|pair| push_halves(*pair, to));
+}
+
+/// Appends two halves; what is beyond their range is its end.
+fn push_halves(pair: [f32; 2], to: &mut Vec<u8>) {
+    let half = |v: f32| f16::from_f32(v.clamp(f16::MIN.to_f32(), f16::MAX.to_f32()));
+    pair.iter().for_each(|v| to.extend(half(*v).to_le_bytes()));
+}
+
+/// A camera as 3DGS writes it: its place, and its axes as columns.
+fn camera(id: usize, view: &View) -> serde_json::Value {
+    let m = &view.world_to_camera;
+    let rotation: [[f64; 3]; 3] = std::array::from_fn(|row| std::array::from_fn(|column| m[column][row]));
+    let position: [f64; 3] = std::array::from_fn(|row| -(0..3).map(|k| m[k][row] * m[k][3]).sum::<f64>());
+    json!({
+        "id": id, "img_name": view.name, "width": view.width, "height": view.height, "position": position,
+        "rotation": rotation, "fx": view.fx, "fy": view.fy,
+    })
+}

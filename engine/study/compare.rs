@@ -1,0 +1,463 @@
+//! Finished runs side by side: what each came to, over its seeds, and how that changes from one time of measuring to the next.
+
+use crate::error::{Error, Result};
+use crate::files::read_file;
+use crate::report::{Chart, Line, Panel, Row};
+use crate::train::Config;
+use crate::train::Run;
+use crate::train::{Preset, merge};
+use serde_json::Value;
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt::Write;
+use std::path::Path;
+
+/// Settings that are not listed: they have columns of their own, or the preset stands before all others.
+const TOLD_APART: [&str; 4] = ["seed", "steps", "epochs", "preset"];
+
+/// What a finished run came to.
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct RunResult {
+    /// The folder of its capture, without those above it.
+    pub capture: String,
+    /// Its settings that are not the defaults, as for `--set`, in the order of their names; `defaults` where there is none.
+    pub settings: String,
+    /// Steps done.
+    pub steps: u64,
+    /// Its seed.
+    pub seed: u64,
+    /// Mean over the test images, dB.
+    pub psnr: f64,
+    /// The same after the affine map of colours that brings each view closest to its image, dB.
+    pub psnr_aligned: f64,
+    /// The test camera with the lowest mean PSNR.
+    pub worst_camera: String,
+    /// That PSNR, dB.
+    pub worst_psnr: f64,
+    /// Mean over the test images.
+    pub ssim: f64,
+    /// Mean over the test images; none of runs without weights for it.
+    pub lpips: Option<f64>,
+    /// Gaussians at the end.
+    pub gaussians: u64,
+    /// Bytes of their parameters.
+    pub bytes: u64,
+    /// From the start of the process until its scene is written, before it is scored; the first Gaussians and the compilation of
+    /// kernels included. Of a run that was resumed, those of its last process.
+    pub seconds: f64,
+    /// The same of all processors together, where the system told.
+    pub cpu_seconds: Option<f64>,
+    /// Name of the device.
+    pub device: String,
+    /// Name and version of its driver.
+    pub driver: String,
+    /// The source that `ivv` was built from, as git names it; none where the build did not know.
+    pub revision: Option<String>,
+}
+
+/// What is read of `train.json`.
+#[derive(serde::Deserialize)]
+struct Totals {
+    steps: u64,
+    gaussians: u64,
+    scene_bytes: u64,
+    seconds: f64,
+    cpu_seconds: Option<f64>,
+    device: Device,
+    revision: Option<String>,
+}
+
+#[derive(serde::Deserialize)]
+struct Device {
+    name: String,
+    driver: String,
+}
+
+/// What is read of `eval.json`.
+#[derive(serde::Deserialize)]
+struct Scored {
+    psnr: f64,
+    psnr_aligned: f64,
+    ssim: f64,
+    lpips: Option<f64>,
+    views: Vec<ScoredView>,
+}
+
+#[derive(serde::Deserialize)]
+struct ScoredView {
+    camera: String,
+    psnr: f64,
+}
+
+impl RunResult {
+    /// Reads the folder of a run that has ended and has test images.
+    ///
+    /// # Errors
+    /// [`Error::Data`] naming the file that is absent or not what `ivv train` writes.
+    pub fn read(folder: &Path) -> Result<Self> {
+        let run = Run::read(folder)?;
+        let config: Config = read(folder, "config.json")?;
+        let totals: Totals = read(folder, "train.json")?;
+        let scored: Scored = read(folder, "eval.json")?;
+        let mut cameras: BTreeMap<&str, Vec<f64>> = BTreeMap::new();
+        for view in &scored.views {
+            cameras.entry(&view.camera).or_default().push(view.psnr);
+        }
+        let means = cameras.iter().map(|(camera, psnr)| (*camera, mean(psnr)));
+        let Some((worst_camera, worst_psnr)) = means.min_by(|a, b| a.1.total_cmp(&b.1)) else {
+            let remedy = "compare runs that have test images";
+            return Err(Error::data(&folder.join("eval.json"), "views", "holds no view", remedy));
+        };
+        Ok(RunResult {
+            capture: run.capture.file_name().map_or(String::new(), |name| name.to_string_lossy().into_owned()),
+            settings: differences(&config),
+            steps: totals.steps,
+            seed: config.seed,
+            psnr: scored.psnr,
+            psnr_aligned: scored.psnr_aligned,
+            worst_camera: worst_camera.to_owned(),
+            worst_psnr,
+            ssim: scored.ssim,
+            lpips: scored.lpips,
+            gaussians: totals.gaussians,
+            bytes: totals.scene_bytes,
+            seconds: totals.seconds,
+            cpu_seconds: totals.cpu_seconds,
+            device: totals.device.name,
+            driver: totals.device.driver,
+            revision: totals.revision,
+        })
+    }
+}
+
+fn read<T: serde::de::DeserializeOwned>(folder: &Path, name: &str) -> Result<T> {
+    let file = folder.join(name);
+    let fault = |reason: String| {
+        Error::data(&file, "", reason, "give folders of runs that have ended (`ivv train --resume -o RUN` ends one)")
+    };
+    let text = read_file(&file).map_err(|e| fault(format!("cannot be read: {e}")))?;
+    serde_json::from_slice(&text).map_err(|e| fault(e.to_string()))
+}
+
+/// The settings of `config` that are not those of its preset or the defaults; the preset first.
+fn differences(config: &Config) -> String {
+    let value = |config: &Config| serde_json::to_value(config).unwrap_or(Value::Null);
+    let mut base = value(&Config::default());
+    let mut told = Vec::new();
+    if let Some(id) = &config.preset {
+        told.push(id.name.clone());
+        // A preset of the user's own file is not at hand: its settings are listed.
+        if let Ok(preset) = Preset::find(&id.name) {
+            merge(&mut base, &preset.settings);
+            // With the roundings that the run's settings went through.
+            base = serde_json::from_value(base).map_or(Value::Null, |config| value(&config));
+        }
+    }
+    let mut own = value(config);
+    if config.loss.lpips == 0.0 || config.loss.lpips_weights.is_none() {
+        // LPIPS is measured at most.
+        own["loss"]["lpips"] = base["loss"]["lpips"].clone();
+        own["loss"]["lpips_weights"] = base["loss"]["lpips_weights"].clone();
+    }
+    list("", &base, &own, &mut told);
+    if told.is_empty() { "defaults".to_owned() } else { told.join(" ") }
+}
+
+fn list(name: &str, base: &Value, own: &Value, told: &mut Vec<String>) {
+    match (base, own) {
+        (Value::Object(base), Value::Object(own)) => {
+            for (key, value) in own {
+                let full = if name.is_empty() { key.clone() } else { format!("{name}.{key}") };
+                if !TOLD_APART.contains(&full.as_str()) {
+                    list(&full, base.get(key).unwrap_or(&Value::Null), value, told);
+                }
+            }
+        }
+        (base, own) if base != own => told.push(match own {
+            Value::String(word) => format!("{name}={word}"),
+            // Single precision has more digits than anyone wrote.
+            own => match own.as_f64().filter(|number| f64::from(*number as f32) == *number) {
+                Some(number) => format!("{name}={}", number as f32),
+                None => format!("{name}={own}"),
+            },
+        }),
+        _ => {}
+    }
+}
+
+/// Runs that differ in their seeds alone.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct RunGroup {
+    /// As [`RunResult::capture`].
+    pub capture: String,
+    /// As [`RunResult::settings`].
+    pub settings: String,
+    /// Steps of each.
+    pub steps: u64,
+    /// The runs, by their seeds.
+    #[serde(skip)]
+    pub runs: Vec<RunResult>,
+    /// Seeds.
+    pub seeds: Vec<u64>,
+    /// Mean, least and most over the runs, by the name of the score.
+    pub scores: BTreeMap<&'static str, [f64; 3]>,
+}
+
+/// What is tabulated and drawn: name in JSON, heading, digits, and how to get it.
+type Score = (&'static str, &'static str, usize, fn(&RunResult) -> Option<f64>);
+
+const SCORES: [Score; 9] = [
+    ("psnr", "PSNR, dB", 2, |run| Some(run.psnr)),
+    ("psnr_aligned", "aligned", 2, |run| Some(run.psnr_aligned)),
+    ("worst_psnr", "worst camera", 2, |run| Some(run.worst_psnr)),
+    ("ssim", "SSIM", 4, |run| Some(run.ssim)),
+    ("lpips", "LPIPS", 4, |run| run.lpips),
+    ("gaussians", "Gaussians", 0, |run| Some(run.gaussians as f64)),
+    ("megabytes", "MB", 2, |run| Some(run.bytes as f64 / 1e6)),
+    ("seconds", "seconds", 1, |run| Some(run.seconds)),
+    ("cpu_seconds", "of processors", 1, |run| run.cpu_seconds),
+];
+/// Those of [`SCORES`] that are drawn: name and title.
+const DRAWN: [(&str, &str); 3] = [("psnr", "PSNR, dB"), ("ssim", "SSIM"), ("lpips", "LPIPS (less is better)")];
+/// What a history shows besides.
+const TIMES: [(&str, &str); 2] = [("seconds", "seconds"), ("cpu_seconds", "seconds of processors")];
+
+/// Runs by their groups.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RunTable(pub Vec<RunGroup>);
+
+fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len().max(1) as f64
+}
+
+impl RunTable {
+    /// Groups `runs`, ordered by capture, settings (defaults first) and steps.
+    pub fn new(runs: &[RunResult]) -> Self {
+        let mut groups: BTreeMap<(&str, bool, &str, u64), Vec<RunResult>> = BTreeMap::new();
+        for run in runs {
+            let key = (run.capture.as_str(), run.settings != "defaults", run.settings.as_str(), run.steps);
+            groups.entry(key).or_default().push(run.clone());
+        }
+        let group = |((capture, _, settings, steps), mut runs): ((&str, bool, &str, u64), Vec<RunResult>)| {
+            runs.sort_by_key(|run| run.seed);
+            let scores = SCORES.iter().filter_map(|(name, .., of)| {
+                let values: Vec<f64> = runs.iter().filter_map(of).collect();
+                let ends = values.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[l, h], v| [l.min(*v), h.max(*v)]);
+                (!values.is_empty()).then(|| (*name, [mean(&values), ends[0], ends[1]]))
+            });
+            RunGroup {
+                capture: capture.to_owned(),
+                settings: settings.to_owned(),
+                steps,
+                seeds: runs.iter().map(|run| run.seed).collect(),
+                scores: scores.collect(),
+                runs,
+            }
+        };
+        RunTable(groups.into_iter().map(group).collect())
+    }
+
+    /// The groups as a table of Markdown: means over the seeds, with the least and the most in brackets.
+    pub fn markdown(&self) -> String {
+        let groups = &self.0;
+        let mut text = String::from("| capture | settings | steps | seeds |");
+        SCORES.iter().for_each(|(_, heading, ..)| {
+            let _ = write!(text, " {heading} |");
+        });
+        let _ = write!(text, "\n|{}\n", "---|".repeat(4 + SCORES.len()));
+        for group in groups {
+            let seeds: Vec<String> = group.seeds.iter().map(u64::to_string).collect();
+            let settings =
+                if group.settings == "defaults" { "defaults".to_owned() } else { format!("`{}`", group.settings) };
+            let _ = write!(text, "| {} | {settings} | {} | {} |", group.capture, group.steps, seeds.join(" "));
+            for (name, _, digits, _) in SCORES {
+                let told = group.scores.get(name).map_or("-".to_owned(), |[mean, least, most]| {
+                    let range = format!(" ({least:.digits$} to {most:.digits$})");
+                    format!("{mean:.digits$}{}", if group.runs.len() > 1 { range } else { String::new() })
+                });
+                let worst: BTreeSet<&str> = group.runs.iter().map(|run| run.worst_camera.as_str()).collect();
+                let whose = if name == "worst_psnr" && worst.len() == 1 {
+                    format!(" {}", worst.into_iter().collect::<String>())
+                } else {
+                    String::new()
+                };
+                let _ = write!(text, " {told}{whose} |");
+            }
+            text += "\n";
+        }
+        text
+    }
+
+    /// The groups as a picture: a row a capture; scores against steps, seconds and seconds of processors; a line for each kind
+    /// of settings, bars from the least to the most.
+    pub fn svg(&self) -> String {
+        let groups = &self.0;
+        let captures: BTreeSet<&str> = groups.iter().map(|group| group.capture.as_str()).collect();
+        let kinds: BTreeSet<&str> = groups.iter().map(|group| group.settings.as_str()).collect();
+        let mut kinds: Vec<&str> = kinds.into_iter().collect();
+        kinds.sort_by_key(|kind| *kind != "defaults");
+        let mut rows = Vec::new();
+        for capture in captures {
+            let mut row = Vec::new();
+            for (name, title) in DRAWN {
+                for axis in ["steps", "seconds", "cpu_seconds"] {
+                    let line = |(colour, kind): (usize, &&str)| {
+                        let own = groups.iter().filter(|group| group.capture == capture && group.settings == *kind);
+                        let point = |group: &RunGroup| {
+                            let x = if axis == "steps" { group.steps as f64 } else { group.scores.get(axis)?[0] };
+                            group.scores.get(name).map(|score| (x, *score))
+                        };
+                        Line { colour, points: own.filter_map(point).collect() }
+                    };
+                    let lines: Vec<Line> = kinds.iter().enumerate().map(line).collect();
+                    if lines.iter().any(|line| !line.points.is_empty()) {
+                        let title = title.to_owned();
+                        let axis = axis.replace("cpu_seconds", "seconds of processors");
+                        row.push(Panel { title, axis, is_log: true, names: Vec::new(), lines });
+                    }
+                }
+            }
+            rows.push(Row { heading: capture.to_owned(), panels: row });
+        }
+        Chart { rows, legend: kinds.into_iter().map(str::to_owned).collect() }.svg()
+    }
+}
+
+/// One time of measuring, of a file of them.
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct Entry {
+    /// Year-month-day, UTC.
+    pub date: String,
+    /// What was measured.
+    pub runs: Vec<RunResult>,
+}
+
+/// A file of measurements, the oldest first.
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct History(pub Vec<Entry>);
+
+impl History {
+    /// The entries as a picture: a row a capture and kind of settings, scores from the first entry to the last.
+    pub fn svg(&self) -> String {
+        let entries = &self.0;
+        let revision = |entry: &Entry| entry.runs.iter().find_map(|run| run.revision.clone()).unwrap_or_default();
+        let names: Vec<String> =
+            entries.iter().map(|e| format!("{} {}", e.date, revision(e)).trim().to_owned()).collect();
+        let measured: Vec<Vec<RunGroup>> = entries.iter().map(|entry| RunTable::new(&entry.runs).0).collect();
+        // What one row follows must be alike but for the code.
+        let kinds: BTreeSet<(&str, &str, u64)> =
+            measured.iter().flatten().map(|group| (&*group.capture, &*group.settings, group.steps)).collect();
+        let row = |(capture, settings, steps): (&str, &str, u64)| {
+            let panel = |(name, title): (&str, &str)| {
+                let point = |(index, groups): (usize, &Vec<RunGroup>)| {
+                    let own =
+                        groups.iter().find(|g| (&*g.capture, &*g.settings, g.steps) == (capture, settings, steps))?;
+                    own.scores.get(name).map(|score| ((index + 1) as f64, *score))
+                };
+                let line = Line { colour: 0, points: measured.iter().enumerate().filter_map(point).collect() };
+                let title = title.to_owned();
+                Panel { title, axis: "measurement".to_owned(), is_log: false, names: names.clone(), lines: vec![line] }
+            };
+            let drawn = DRAWN.into_iter().chain(TIMES).map(panel);
+            let panels = drawn.filter(|panel| panel.lines.iter().any(|line| !line.points.is_empty())).collect();
+            let heading = format!("{capture}, {steps} steps, {settings}");
+            Row { heading, panels }
+        };
+        Chart { rows: kinds.into_iter().map(row).collect(), legend: Vec::new() }.svg()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    fn result(capture: &str, settings: &str, (steps, seed): (u64, u64), psnr: f64) -> RunResult {
+        RunResult {
+            capture: capture.to_owned(),
+            settings: settings.to_owned(),
+            steps,
+            seed,
+            psnr,
+            psnr_aligned: psnr + 1.0,
+            worst_camera: "a<b".to_owned(),
+            worst_psnr: psnr - 2.0,
+            ssim: 0.9,
+            lpips: None,
+            gaussians: 1000,
+            bytes: 236_000,
+            seconds: steps as f64 / 10.0,
+            cpu_seconds: None,
+            device: "a device".to_owned(),
+            driver: "1.0".to_owned(),
+            revision: Some("abc".to_owned()),
+        }
+    }
+
+    #[test]
+    fn settings_are_told_by_what_differs() {
+        let mut config = Config { seed: 7, steps: 100, epochs: 2, ..Config::default() };
+        assert_eq!(differences(&config), "defaults");
+        // Weights that serve the score alone do not change the run.
+        config.loss.lpips = 0.0;
+        config.loss.lpips_weights = Some("weights.bin".into());
+        assert_eq!(differences(&config), "defaults");
+        config.loss.lpips = 0.2;
+        config.lr.pace.steps = 0;
+        config.frame.alpha_cut = 0.0078;
+        assert_eq!(
+            differences(&config),
+            "frame.alpha_cut=0.0078 loss.lpips=0.2 loss.lpips_weights=weights.bin lr.pace.steps=0"
+        );
+        let preset = Preset::find("fast").unwrap();
+        let mut value = json!(Config::default());
+        merge(&mut value, &preset.settings);
+        let config = Config { preset: Some(preset.id), ..serde_json::from_value(value).unwrap() };
+        assert_eq!(differences(&config), "fast");
+    }
+
+    #[test]
+    fn runs_that_differ_in_their_seeds_share_a_row() {
+        let runs = [
+            result("fox", "lr.scale=1", (100, 1), 20.0),
+            result("fox", "defaults", (200, 1), 27.0),
+            result("fox", "defaults", (100, 2), 24.0),
+            result("fox", "defaults", (100, 1), 23.0),
+        ];
+        let table = RunTable::new(&runs);
+        let seeds: Vec<(&str, u64, &[u64])> = table.0.iter().map(|g| (&*g.settings, g.steps, &*g.seeds)).collect();
+        assert_eq!(seeds, [("defaults", 100, &[1, 2][..]), ("defaults", 200, &[1]), ("lr.scale=1", 100, &[1])]);
+        assert_eq!(table.0[0].scores["psnr"], [23.5, 23.0, 24.0]);
+        let text = table.markdown();
+        assert!(text.contains("| fox | defaults | 100 | 1 2 | 23.50 (23.00 to 24.00) |"), "{text}");
+        assert!(
+            text.contains(
+                "| fox | `lr.scale=1` | 100 | 1 | 20.00 | 21.00 | 18.00 a<b | 0.9000 | - | 1000 | 0.24 | 10.0 | - |"
+            ),
+            "{text}"
+        );
+        let svg = table.svg();
+        // Two scores, as nobody has LPIPS, against steps and seconds, three points each.
+        assert_eq!((svg.matches("<circle").count(), svg.matches("<polyline").count()), (12, 8));
+        assert!(
+            svg.contains(">fox</text>")
+                && svg.contains(">SSIM</text>")
+                && !svg.contains("LPIPS")
+                && !svg.contains("NaN"),
+            "{svg}"
+        );
+    }
+
+    #[test]
+    fn a_history_follows_what_is_alike() {
+        let entry = |date: &str, psnr| Entry {
+            date: date.to_owned(),
+            runs: vec![result("fox", "defaults", (500, 42), psnr), result("fox", "defaults", (100, 42), psnr)],
+        };
+        let history = History(vec![entry("2026-11-23", 29.0), entry("2026-11-24", 30.0)]);
+        let svg = history.svg();
+        assert!(svg.contains("fox, 100 steps, defaults") && svg.contains("2026-11-24 abc: 30.0000"), "{svg}");
+        // PSNR, SSIM and seconds of two lengths, two points each.
+        assert_eq!((svg.matches("<circle").count(), svg.contains("NaN")), (12, false));
+        assert!(!History::default().svg().contains("NaN"));
+    }
+}

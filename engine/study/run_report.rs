@@ -1,0 +1,350 @@
+//! The report of a run: one HTML file that needs nothing else, neither files nor network nor scripts.
+
+use super::report_picture::{GAIN, RAMP, triple};
+use crate::error::{Error, Result};
+use crate::files::write_atomic;
+use crate::report::{Bar, Plot, Series, bars, escape};
+use crate::scene::Frame;
+use crate::scene::capture::Picture;
+use crate::settings::Constants;
+use crate::train::Config;
+use crate::train::Fall;
+use crate::train::Run;
+use crate::train::{Kind, Log};
+use crate::train::{METRICS_OF, SceneScores, Scores};
+use crate::words::count;
+use serde_json::Value;
+use std::fmt::Write;
+use std::path::Path;
+
+/// What writes a part of the page.
+type Written = std::result::Result<(), Box<dyn std::error::Error>>;
+
+/// A test view that the report shows.
+#[derive(Clone, Debug)]
+pub struct Example {
+    /// Name of the view.
+    pub view: String,
+    /// Why it is shown: worst, median, best; may be empty.
+    pub why: &'static str,
+    /// Its scores.
+    pub scores: Scores,
+    /// The image.
+    pub truth: Picture,
+    /// The rendering, of the same size.
+    pub render: Frame,
+}
+
+/// What a report tells of.
+pub struct Report<'a> {
+    /// Name of the run.
+    pub name: &'a str,
+    /// Capture and constants.
+    pub run: &'a Run,
+    /// Settings.
+    pub config: &'a Config,
+    /// `train.json`; null where the run has none.
+    pub totals: &'a Value,
+    /// `train.jsonl`.
+    pub log: &'a Log,
+    /// Scores of the scene; none where the capture has no test image.
+    pub scores: Option<&'a SceneScores>,
+    /// Test views.
+    pub examples: &'a [Example],
+}
+
+impl Report<'_> {
+    /// Writes the report.
+    ///
+    /// # Errors
+    /// [`Error::Data`] when `file` cannot be written or a picture cannot be encoded.
+    pub fn write(&self, file: &Path) -> Result<()> {
+        let html = self.html().map_err(|e| Error::data(file, "", format!("cannot be made: {e}"), "report this"))?;
+        write_atomic(file, |to| to.write_all(html.as_bytes()))
+    }
+
+    fn html(&self) -> std::result::Result<String, Box<dyn std::error::Error>> {
+        let name = escape(self.name);
+        let mut page = format!(
+            "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
+             <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n<title>{name}</title>\n\
+             <style>\n{}</style>\n</head>\n<body>\n<header>\n<h1>{name}</h1>\n",
+            crate::report::STYLE
+        );
+        self.header(&mut page)?;
+        page += "</header>\n<section>\n<h2>Course</h2>\n<div class=\"plots\">\n";
+        self.plots(&mut page);
+        page += "</div>\n</section>\n";
+        self.views(&mut page)?;
+        self.offsets(&mut page)?;
+        self.time(&mut page)?;
+        self.settings(&mut page)?;
+        writeln!(page, "<footer>")?;
+        for (metric, definition) in self.scores.iter().flat_map(|scores| &scores.metrics) {
+            writeln!(page, "<p>{}: {}.</p>", metric.to_uppercase().replace('_', " "), escape(definition))?;
+        }
+        writeln!(page, "<p>Scores are of {METRICS_OF}.</p>\n</footer>\n</body>\n</html>")?;
+        Ok(page)
+    }
+
+    fn header(&self, page: &mut String) -> std::fmt::Result {
+        let held = &self.run.held;
+        let [width, height] = held.largest_image;
+        writeln!(
+            page,
+            "<p class=\"note\">{}: {}, {}, {} and {} of up to {width} x {height}, {}</p>",
+            escape(&self.run.capture.display().to_string()),
+            count(held.cameras, "camera"),
+            count(held.frames, "frame"),
+            count(held.training_images, "training image"),
+            count(held.test_images, "test image"),
+            count(held.points, "point")
+        )?;
+        if self.config.loss.lpips > 0.0 && self.config.loss.lpips_weights.is_none() {
+            writeln!(page, "<p class=\"note\">LPIPS was off: the run had no weights for it.</p>")?;
+        }
+        for line in self.log.lines(Kind::Fall) {
+            if let Ok(fall) = serde_json::from_value::<Fall>(line.clone()) {
+                writeln!(page, "<p class=\"warning\">Warning: {}.</p>", escape(&fall.to_string()))?;
+            }
+        }
+        let mut tiles = Vec::new();
+        match self.scores {
+            Some(s) => {
+                let mean = &s.evaluation.mean;
+                let of = format!("{} test images; {:.2} aligned", s.evaluation.views.len(), mean.psnr_aligned);
+                tiles.push(("PSNR", format!("{:.2} dB", mean.psnr), of));
+                tiles.push(("SSIM", format!("{:.4}", mean.ssim), format!("L1 {:.4}", mean.l1)));
+                tiles.push(("Gaussians", s.gaussians.to_string(), format!("{} of them dynamic", s.dynamic_gaussians)));
+                let size = format!("SH degree {}, {} bytes each", s.sh_degree, s.bytes / s.gaussians.max(1) as u64);
+                tiles.push(("Scene", format!("{:.1} MiB", mib(s.bytes as f64)), size));
+                let fps = format!("{:.1}", s.frames_per_second);
+                tiles.push(("Frames per second", fps, "colour, on the device".to_owned()));
+            }
+            None => tiles.push(("Test images", "none".to_owned(), "nothing was scored".to_owned())),
+        }
+        let number = |key: &str| self.totals[key].as_f64();
+        if let (Some(seconds), Some(step)) = (number("seconds_stepping"), number("seconds_per_step")) {
+            let detail = format!("{:.0} steps of {:.1} ms", number("steps").unwrap_or(0.0), 1e3 * step);
+            tiles.push(("Training", duration(seconds), detail));
+        }
+        if let Some(bytes) = number("peak_bytes") {
+            let host = number("host_peak_bytes").map(|bytes| format!("; the process {:.0} MiB", mib(bytes)));
+            let detail = format!("peak, evaluation included{}", host.unwrap_or_default());
+            tiles.push(("Device memory", format!("{:.0} MiB", mib(bytes)), detail));
+        }
+        writeln!(page, "<dl class=\"tiles\">")?;
+        for (term, value, detail) in tiles {
+            let (value, detail) = (escape(&value), escape(&detail));
+            writeln!(page, "<div><dt>{term}</dt><dd>{value}<small>{detail}</small></dd></div>")?;
+        }
+        writeln!(page, "</dl>")
+    }
+
+    fn plots(&self, page: &mut String) {
+        let step = |name, key| Series { name, points: self.log.series(Kind::Step, key) };
+        let test = |name, key| Series { name, points: self.log.series(Kind::Evaluation, key) };
+        let plot = |id, title, from_zero, marked| Plot { id, title, from_zero, marked };
+        let n = self.log.lines(Kind::Evaluation).last().and_then(|line| line["views"].as_array()).map_or(0, Vec::len);
+        let psnr = format!("PSNR of the same {n} test images, dB");
+        *page += &plot("plot-psnr", &psnr, false, true).figure(&[test("PSNR", "psnr")]);
+        *page += &plot("plot-loss", "Loss of training images", true, false).figure(&[step("loss", "loss")]);
+        *page += &plot("plot-l1", "L1 of training images", true, false).figure(&[step("L1", "l1")]);
+        *page += &plot("plot-ssim", "SSIM of training images", false, false).figure(&[step("SSIM", "ssim")]);
+        for (id, title, key) in [
+            ("plot-depth", "Error of the depth against its priors", "depth"),
+            ("plot-flow", "End-point error of the flow, pixels", "flow"),
+            ("plot-lpips", "LPIPS of training images", "lpips"),
+        ] {
+            let series = step(title, key);
+            if !series.points.is_empty() {
+                *page += &plot(id, title, true, false).figure(&[series]);
+            }
+        }
+        let counts = [step("all", "gaussians"), step("live", "active")];
+        *page += &plot("plot-gaussians", "Gaussians", true, false).figure(&counts);
+        *page += &plot("plot-intersections", "Pairs of a Gaussian and a tile", true, false)
+            .figure(&[step("pairs", "intersections")]);
+    }
+
+    fn views(&self, page: &mut String) -> Written {
+        let Some(scores) = self.scores else { return Ok(()) };
+        writeln!(page, "<section>\n<h2>Test views</h2>")?;
+        let stops: Vec<String> = RAMP.iter().map(|[r, g, b]| format!("rgb({r},{g},{b})")).collect();
+        writeln!(
+            page,
+            "<p class=\"ramp\">Absolute error, mean of the channels, x {GAIN}: 0 \
+             <i style=\"background: linear-gradient(to right, {})\"></i> {} and above; grey where the mask hides the \
+             image.</p>\n<div class=\"views\">",
+            stops.join(", "),
+            1.0 / GAIN
+        )?;
+        for example in self.examples {
+            let (view, Scores { psnr, ssim, .. }) = (escape(&example.view), example.scores);
+            let why = if example.why.is_empty() { String::new() } else { format!(", the {}", example.why) };
+            writeln!(
+                page,
+                "<figure class=\"view\"><figcaption>{view}{why} \
+                 <span>PSNR {psnr:.2} dB, SSIM {ssim:.4}</span></figcaption>"
+            )?;
+            // Magnified pixels stay pixels.
+            let small = if example.truth.width < 300 { " small" } else { "" };
+            writeln!(page, "<div class=\"triple{small}\">")?;
+            for (what, url) in ["image", "rendering", "error"].into_iter().zip(triple(&example.truth, &example.render)?)
+            {
+                writeln!(page, "<div><img alt=\"{what} of {view}\" src=\"{url}\"><small>{what}</small></div>")?;
+            }
+            writeln!(page, "</div></figure>")?;
+        }
+        writeln!(page, "</div>")?;
+        let rows = scores.evaluation.views.iter().map(|v| (v.view.as_str(), &v.scores));
+        let rows = rows.chain([("mean", &scores.evaluation.mean)]).map(|(view, s)| {
+            let [psnr, aligned] = [s.psnr, s.psnr_aligned].map(|psnr| format!("{psnr:.3}"));
+            vec![view.to_owned(), psnr, aligned, format!("{:.4}", s.ssim), format!("{:.5}", s.l1)]
+        });
+        details(page, "Scores of every view", &["view", "PSNR, dB", "aligned", "SSIM", "L1"], rows)?;
+        writeln!(page, "</section>").map_err(Into::into)
+    }
+
+    fn offsets(&self, page: &mut String) -> std::fmt::Result {
+        let rows = self.totals["offsets"].as_array().map_or(&[][..], Vec::as_slice);
+        if rows.is_empty() {
+            return Ok(());
+        }
+        writeln!(page, "<section>\n<h2>Time offsets of the cameras</h2>")?;
+        if let Some(error) = self.totals["offset_error"].as_f64() {
+            let correlation = self.totals["offset_correlation"].as_f64();
+            let correlation =
+                correlation.map_or(String::new(), |r| format!("; their correlation with the truth is {r:.3}"));
+            writeln!(page, "<p>Those learnt are {error:.3} frames off (root mean square){correlation}.</p>")?;
+        }
+        let rows = rows.iter().map(|row| {
+            let frames = |key: &str| row[key].as_f64().map_or("-".to_owned(), |x| format!("{x:.3}"));
+            let text = |key: &str| row[key].as_str().unwrap_or_default().to_owned();
+            vec![text("camera"), frames("offset"), frames("standard_error"), frames("truth"), text("how")]
+        });
+        details(page, "Frames, with the scene held fixed", &["camera", "offset", "+-", "true", "how"], rows)?;
+        writeln!(page, "</section>")
+    }
+
+    fn time(&self, page: &mut String) -> std::fmt::Result {
+        let profile = &self.totals["profile"];
+        writeln!(page, "<section>\n<h2>Time and memory of a step</h2>")?;
+        let passes = profile["passes"].as_array().map_or(&[][..], Vec::as_slice);
+        let mut stages: Vec<Bar> = Vec::new();
+        for pass in passes {
+            let label = pass["label"].as_str().unwrap_or_default();
+            let stage = label.split_once('/').map_or(label, |(stage, _)| stage);
+            let (ms, limit) = (pass["ms"].as_f64().unwrap_or(0.0), pass["limit_ms"].as_f64());
+            match stages.iter_mut().find(|row| row.label == stage) {
+                Some(row) => {
+                    row.ms += ms;
+                    row.limit_ms = row.limit_ms.zip(limit).map(|(a, b)| a + b);
+                }
+                None => stages.push(Bar { label: stage.to_owned(), ms, limit_ms: limit }),
+            }
+        }
+        if stages.is_empty() {
+            writeln!(page, "<p class=\"note\">The device has no timestamps, or the run was not timed.</p>")?;
+        } else {
+            let n = profile["steps"].as_array().map_or(0, Vec::len);
+            let tick = if stages[0].limit_ms.is_some() {
+                "; the tick is the time that a model of lavapipe, measured on another machine, expects"
+            } else {
+                ""
+            };
+            *page += &bars("plot-stages", &format!("Stages, mean of {n} steps spread over the run{tick}"), &stages);
+        }
+        let rows = passes.iter().map(|pass| {
+            let model = pass["limit_ms"].as_f64().map_or("-".to_owned(), |ms| format!("{ms:.3}"));
+            let label = pass["label"].as_str().unwrap_or_default().to_owned();
+            vec![label, pass["dispatches"].to_string(), format!("{:.3}", pass["ms"].as_f64().unwrap_or(0.0)), model]
+        });
+        details(page, "Passes", &["pass", "dispatches", "ms", "model, ms"], rows)?;
+        let buffers = self.totals["bytes_by_buffer"].as_object().into_iter().flatten();
+        let mut buffers: Vec<(&str, f64)> =
+            buffers.map(|(name, n)| (name.as_str(), n.as_f64().unwrap_or(0.0))).collect();
+        buffers.sort_by(|a, b| b.1.total_cmp(&a.1));
+        let rows = buffers.into_iter().map(|(name, bytes)| vec![name.to_owned(), format!("{:.3}", mib(bytes))]);
+        details(page, "Device buffers", &["buffer", "MiB"], rows)?;
+        writeln!(page, "</section>")
+    }
+
+    fn settings(&self, page: &mut String) -> Written {
+        writeln!(page, "<section>\n<h2>Settings</h2>\n<div class=\"scroll\"><table>")?;
+        writeln!(page, "<tr><th>setting</th><th>value</th><th>default</th></tr>")?;
+        let mut rows = Vec::new();
+        flatten("", &as_written(self.config)?, &as_written(&Config::default())?, &mut rows);
+        flatten("render", &as_written(&self.run.constants)?, &as_written(&Constants::default())?, &mut rows);
+        for (key, value, default) in rows {
+            let class = if value == default { "" } else { " class=\"changed\"" };
+            let shown = if value == default { "" } else { &default };
+            writeln!(page, "<tr{class}><td>{key}</td><td>{}</td><td>{}</td></tr>", escape(&value), escape(shown))?;
+        }
+        writeln!(page, "</table></div>")?;
+        let rows = ["version", "revision"].map(|key| (key, &self.totals[key]));
+        let device = [("device", "name"), ("driver", "driver"), ("Vulkan", "api"), ("subgroups of", "subgroup_size")];
+        let device = device.map(|(what, key)| (what, &self.totals["device"][key]));
+        let told = rows.into_iter().chain(device).filter(|(_, value)| !value.is_null());
+        let told: Vec<String> =
+            told.map(|(key, v)| format!("{key} {}", v.as_str().unwrap_or(&v.to_string()))).collect();
+        writeln!(page, "<p class=\"note\">{}</p>\n</section>", escape(&told.join(", ")))?;
+        Ok(())
+    }
+}
+
+/// A table behind a fold; the first column is text, the others are numbers. Nothing when there is no row.
+fn details(
+    page: &mut String,
+    title: &str,
+    heads: &[&str],
+    rows: impl Iterator<Item = Vec<String>>,
+) -> std::fmt::Result {
+    let class = |column: usize| if column == 0 { "" } else { " class=\"n\"" };
+    let mut body = String::new();
+    for row in rows {
+        let cells = row.iter().enumerate().map(|(k, cell)| format!("<td{}>{}</td>", class(k), escape(cell)));
+        writeln!(body, "<tr>{}</tr>", cells.collect::<String>())?;
+    }
+    if body.is_empty() {
+        return Ok(());
+    }
+    let heads: String = heads.iter().enumerate().map(|(k, head)| format!("<th{}>{head}</th>", class(k))).collect();
+    writeln!(
+        page,
+        "<details><summary>{title}</summary>\n<div class=\"scroll\"><table>\n<tr>{heads}</tr>\n\
+         {body}</table></div></details>"
+    )
+}
+
+/// The value as its file has it: the shortest decimals that are the number.
+fn as_written(value: &impl serde::Serialize) -> serde_json::Result<Value> {
+    serde_json::from_str(&serde_json::to_string(value)?)
+}
+
+/// Every leaf of `value` with its path, and the same leaf of `default`.
+fn flatten(path: &str, value: &Value, default: &Value, rows: &mut Vec<(String, String, String)>) {
+    match value {
+        Value::Object(fields) => {
+            for (key, field) in fields {
+                let path = if path.is_empty() { key.clone() } else { format!("{path}.{key}") };
+                flatten(&path, field, &default[key], rows);
+            }
+        }
+        leaf => rows.push((path.to_owned(), leaf.to_string(), default.to_string())),
+    }
+}
+
+fn mib(bytes: f64) -> f64 {
+    bytes / f64::from(1 << 20)
+}
+
+/// Seconds for a reader.
+fn duration(seconds: f64) -> String {
+    let whole = seconds.round() as u64;
+    match whole {
+        0..60 => format!("{seconds:.1} s"),
+        60..3600 => format!("{} min {} s", whole / 60, whole % 60),
+        _ => format!("{} h {} min", whole / 3600, whole % 3600 / 60),
+    }
+}

@@ -1,0 +1,24 @@
+//! `ivv demo`.
+
+use crate::screen::out;
+use ivv::formats::write_ply;
+use ivv::scene::{demo, write_views};
+use ivv::words::count;
+use std::path::PathBuf;
+
+/// Options of `ivv demo`.
+#[derive(clap::Args)]
+pub struct Args {
+    /// The folder to write scene.ply and cameras.json to.
+    #[arg(short, long)]
+    output: PathBuf,
+}
+
+pub fn run(args: &Args) -> anyhow::Result<()> {
+    crate::files::make_folder(&args.output)?;
+    let (splats, views) = demo();
+    write_ply(&args.output.join("scene.ply"), &splats)?;
+    write_views(&args.output.join("cameras.json"), &views)?;
+    out!("{}: {}, {}", args.output.display(), count(splats.len(), "Gaussian"), count(views.len(), "view"));
+    Ok(())
+}

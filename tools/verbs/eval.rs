@@ -1,0 +1,300 @@
+//! `ivv eval`, and the scoring that `ivv train` shares with it.
+
+use crate::device::DeviceArgs;
+use crate::files::{make_folder, read_json, write_json};
+use crate::progress::Progress;
+use crate::screen::out;
+use crate::shown;
+use ivv::gpu::Gpu;
+use ivv::scene::capture::Capture;
+use ivv::scene::{Frame, Splats};
+use ivv::stage::{Outputs, Renderer};
+use ivv::study::{Example, Report, strip};
+use ivv::train::{
+    Config, Evaluation, Log, METRICS_OF, Meter, OffsetFit, Run, SceneScores, Scores, Setup, Sight, ViewScores,
+    evaluate, fit_offset, offset_pictures, spread,
+};
+use ivv::words::count;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Steps of the fit of a test camera's time offset.
+const FIT_ITERATIONS: usize = 4;
+/// Test views that a report shows at most.
+const EXAMPLES: usize = 8;
+/// Test views that an evaluation during the run shows.
+const SHOWN: usize = 3;
+
+/// Options of `ivv eval`.
+#[derive(clap::Args)]
+pub struct Args {
+    /// The folder of a run of `ivv train`. Where it has not ended, its newest checkpoint is scored, into
+    /// RUN/eval/step-STEP.
+    run: PathBuf,
+    /// Another scene to score; its scores go to RUN/eval/NAME.
+    #[arg(long)]
+    scene: Option<PathBuf>,
+    /// The capture, if it has moved since the run.
+    #[arg(long)]
+    capture: Option<PathBuf>,
+    /// Fits the time offset of every test camera to its own images, and gives the scores at these offsets too.
+    #[arg(long)]
+    fit_offsets: bool,
+    #[command(flatten)]
+    device: DeviceArgs,
+}
+
+/// Everything about a run that its scores depend on, but for the scene.
+pub struct Scorer<'a> {
+    pub gpu: &'a Arc<Gpu>,
+    pub capture: &'a Capture,
+    pub run: &'a Run,
+    pub config: &'a Config,
+}
+
+impl Scorer<'_> {
+    /// Scores `splats` on `frames`, and shows a few of them; none when there is no frame.
+    pub fn some(
+        &self,
+        splats: &Splats,
+        frames: &[(usize, u32)],
+        step: u64,
+    ) -> ivv::Result<Option<(Evaluation, Vec<Example>)>> {
+        let mut renderer = Renderer::new(self.gpu.clone(), splats, self.run.constants)?;
+        let mut meter = Meter::new(self.gpu.clone(), self.config)?;
+        let sight = Sight::new(self.capture, self.config.background);
+        let (shown, mut renders) = (spread(frames, SHOWN), Vec::new());
+        let mut progress = Progress::passing("evaluation", frames.len());
+        let evaluation = evaluate(&mut renderer, &mut meter, &sight, frames, step, |camera, frame, rendered| {
+            if shown.contains(&(camera, frame)) {
+                renders.push(rendered.clone());
+            }
+            progress.step(&self.told(camera, frame));
+            Ok(())
+        })?;
+        let Some(evaluation) = evaluation else { return Ok(None) };
+        let scored = frames.iter().zip(&evaluation.views).filter(|(frame, _)| shown.contains(frame));
+        let example = |((&(camera, frame), scored), render): ((&(usize, u32), &ViewScores), Frame)| {
+            let truth = self.capture.picture(camera, frame)?;
+            Ok(Example { view: scored.view.clone(), why: "", scores: scored.scores, truth, render })
+        };
+        let examples = scored.zip(renders).map(example).collect::<ivv::Result<Vec<Example>>>()?;
+        Ok(Some((evaluation, examples)))
+    }
+
+    /// Writes what an evaluation during the run shows: a strip of `examples`, truth above rendering, and the report so far.
+    pub fn progress(
+        &self,
+        (splats, evaluation, examples): (&Splats, Evaluation, &[Example]),
+        (step, total): (u64, u64),
+        log: &Log,
+        output: &Path,
+    ) -> ivv::Result<()> {
+        let folder = output.join("renders").join("progress");
+        make_folder(&folder)?;
+        strip(examples).write_png(&folder.join(format!("{step:08}.png")))?;
+        let scores = SceneScores::new(&output.join("checkpoints"), splats, &self.gpu.caps().name, evaluation);
+        let name = format!("{}, step {step} of {total}", name_of(output));
+        let Scorer { run, config, .. } = self;
+        let (scores, totals) = (Some(&scores), &serde_json::Value::Null);
+        Report { name: &name, run, config, totals, log, scores, examples }.write(&output.join("report.html"))
+    }
+
+    /// Scores `splats`, which `scene` holds, on all test views, and once more at the time offsets `fits` by camera where there
+    /// are any; writes eval.json and the renders into `output`. Returns the scores and some views for the report; none when
+    /// there is no test view.
+    pub fn all(
+        &self,
+        splats: &Splats,
+        scene: &Path,
+        fits: &BTreeMap<usize, OffsetFit>,
+        step: u64,
+        output: &Path,
+    ) -> ivv::Result<(Option<SceneScores>, Vec<Example>)> {
+        let mut renderer = Renderer::new(self.gpu.clone(), splats, self.run.constants)?;
+        let frames = self.capture.test_frames();
+        let mut progress = Progress::new("evaluation", frames.len());
+        let write = |camera: usize, frame: u32, rendered: &Frame| {
+            let folder = output.join("renders").join(&self.capture.cameras[camera].name);
+            make_folder(&folder)?;
+            rendered.write_png(&folder.join(format!("{frame:05}.png")))?;
+            progress.step(&self.told(camera, frame));
+            Ok(())
+        };
+        let sight = Sight::new(self.capture, self.config.background);
+        let mut meter = Meter::new(self.gpu.clone(), self.config)?;
+        let evaluation = evaluate(&mut renderer, &mut meter, &sight, &frames, step, write)?;
+        let Some(evaluation) = evaluation else { return Ok((None, Vec::new())) };
+        let mut scores = SceneScores::new(scene, splats, &self.gpu.caps().name, evaluation);
+        scores.lpips_trunk = meter.trunk().map(|trunk| trunk.to_string());
+        scores.mean_at_fitted_offsets = self.at_offsets(fits, &mut renderer, &mut meter, &frames, step)?;
+        write_json(&output.join("eval.json"), &scores)?;
+        let mut examples = Vec::new();
+        let chosen = scores.evaluation.examples(EXAMPLES);
+        let mut progress = Progress::new("views of the report", chosen.len());
+        for (index, why) in chosen {
+            let ((camera, frame), scored) = (frames[index], &scores.evaluation.views[index]);
+            let view = sight.view(camera, frame)?;
+            let (render, _) = renderer.render(&view, Outputs::Color)?;
+            let truth = self.capture.picture(camera, frame)?;
+            progress.step(&view.name);
+            examples.push(Example { view: view.name, why, scores: scored.scores, truth, render });
+        }
+        Ok((Some(scores), examples))
+    }
+
+    /// By test camera, its time offset fitted to its own images; empty where the run did not learn offsets.
+    pub fn fitted_offsets(&self, splats: &Splats) -> ivv::Result<BTreeMap<usize, OffsetFit>> {
+        let Scorer { gpu, capture, run, config } = self;
+        let mut renderer = Renderer::new((*gpu).clone(), splats, run.constants)?;
+        let learns = Setup::new(capture, config).learns_offset.contains(&true);
+        let cameras = capture.cameras.iter().enumerate().filter(|(_, camera)| learns && camera.is_test);
+        let cameras: Vec<usize> = cameras.map(|(index, _)| index).collect();
+        if cameras.is_empty() {
+            return Ok(BTreeMap::new());
+        }
+        let mut progress = Progress::new("time offsets of test cameras", cameras.len());
+        let fit = |index: usize| {
+            let pictures = offset_pictures(capture, config.background, index)?;
+            let fit = fit_offset(&mut renderer, &pictures, 0.0, FIT_ITERATIONS)?;
+            progress.step(&capture.cameras[index].name);
+            Ok((index, fit))
+        };
+        cameras.into_iter().map(fit).collect()
+    }
+
+    /// An image, as progress tells of it.
+    fn told(&self, camera: usize, frame: u32) -> String {
+        format!("{} frame {frame}", self.capture.cameras[camera].name)
+    }
+
+    fn at_offsets(
+        &self,
+        fits: &BTreeMap<usize, OffsetFit>,
+        renderer: &mut Renderer,
+        meter: &mut Meter,
+        frames: &[(usize, u32)],
+        step: u64,
+    ) -> ivv::Result<Option<Scores>> {
+        if fits.is_empty() {
+            return Ok(None);
+        }
+        let offsets = fits.iter().map(|(camera, fit)| (*camera, fit.offset)).collect();
+        let sight = Sight { offsets, ..Sight::new(self.capture, self.config.background) };
+        let mut progress = Progress::new("evaluation at fitted offsets", frames.len());
+        let scored = evaluate(renderer, meter, &sight, frames, step, |camera, frame, _| {
+            progress.step(&self.told(camera, frame));
+            Ok(())
+        })?;
+        Ok(scored.map(|evaluation| evaluation.mean))
+    }
+
+    /// Writes the report into `output`, with what `run_folder` tells of the training; returns its path.
+    pub fn report(
+        &self,
+        scores: Option<&SceneScores>,
+        examples: &[Example],
+        run_folder: &Path,
+        output: &Path,
+    ) -> ivv::Result<PathBuf> {
+        let name = name_of(output);
+        let totals = totals(run_folder);
+        let log = Log::open(run_folder, u64::MAX);
+        let Scorer { run, config, .. } = self;
+        let file = output.join("report.html");
+        let mut progress = Progress::new("report", 1);
+        Report { name: &name, run, config, totals: &totals, log: &log, scores, examples }.write(&file)?;
+        progress.step("report.html");
+        Ok(file)
+    }
+}
+
+/// What the report calls the run in `output`.
+fn name_of(output: &Path) -> String {
+    let path = std::path::absolute(output).unwrap_or_else(|_| output.to_owned());
+    path.file_name().map_or("run".into(), |name| name.to_string_lossy()).into_owned()
+}
+
+/// `train.json` of a run; null where it is absent: a run that was copied without it still has scores.
+fn totals(run_folder: &Path) -> serde_json::Value {
+    read_json(&run_folder.join("train.json"), "").unwrap_or_default()
+}
+
+pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
+    let run = Run::read(&args.run)?;
+    let config: Config = read_json(&args.run.join("config.json"), "give the folder of a run of `ivv train`")?;
+    let capture = run.open_capture(args.capture.as_deref())?;
+    let shown = shown::open(args.scene.as_ref().unwrap_or(&args.run))?;
+    let splats = run.world.splats(&shown.splats.by_degree());
+    let output = match (args.scene.as_ref().and_then(|scene| scene.file_stem()), shown.unfinished) {
+        (Some(name), _) => args.run.join("eval").join(name),
+        (None, Some(step)) => args.run.join("eval").join(format!("step-{step:08}")),
+        (None, None) => args.run.clone(),
+    };
+    make_folder(&output)?;
+    let gpu = args.device.open()?;
+    let scorer = Scorer { gpu: &gpu, capture: &capture, run: &run, config: &config };
+    let step = shown.unfinished.or(totals(&args.run)["steps"].as_u64()).unwrap_or(0);
+    let fits = if args.fit_offsets { scorer.fitted_offsets(&splats)? } else { BTreeMap::new() };
+    let (scores, examples) = scorer.all(&splats, &shown.file, &fits, step, &output)?;
+    let Some(scores) = scores else {
+        let remedy = "train again with --test-cameras";
+        return Err(
+            ivv::Error::data(&Run::file(&args.run), "test_cameras", "no test camera has an image", remedy).into()
+        );
+    };
+    let report = scorer.report(Some(&scores), &examples, &args.run, &output)?;
+    if json {
+        out!("{}", serde_json::to_string_pretty(&scores)?);
+        return Ok(());
+    }
+    print(&scores);
+    out!("{}", report.display());
+    Ok(())
+}
+
+fn print(scores: &SceneScores) {
+    let Evaluation { views, mean, .. } = &scores.evaluation;
+    let width = views.iter().map(|v| v.view.chars().count()).fold(4, usize::max);
+    out!(
+        "{:<width$} {:>9} {:>9} {:>10} {:>9} {:>8} {:>8} {:>8}",
+        "view",
+        "PSNR, dB",
+        "aligned",
+        "foreground",
+        "covisible",
+        "SSIM",
+        "LPIPS",
+        "L1"
+    );
+    let fitted = scores.mean_at_fitted_offsets.as_ref().map(|scores| ("mean at fitted time offsets", scores));
+    for (view, s) in views.iter().map(|v| (v.view.as_str(), &v.scores)).chain([("mean", mean)]).chain(fitted) {
+        let [foreground, covisible] =
+            [s.psnr_foreground, s.psnr_covisible].map(|psnr| psnr.map_or("-".to_owned(), |psnr| format!("{psnr:.3}")));
+        let lpips = s.lpips.map_or("-".to_owned(), |lpips| format!("{lpips:.4}"));
+        out!(
+            "{view:<width$} {:>9.3} {:>9.3} {foreground:>10} {covisible:>9} {:>8.4} {lpips:>8} {:>8.5}",
+            s.psnr,
+            s.psnr_aligned,
+            s.ssim,
+            s.l1
+        );
+    }
+    for (name, definition) in &scores.metrics {
+        out!("{name}: {definition}");
+    }
+    match &scores.lpips_trunk {
+        Some(trunk) => out!("LPIPS compares features of {trunk}"),
+        None => out!("LPIPS is not measured: the run has no weights for it (`--set loss.lpips_weights=FILE`)"),
+    }
+    out!("of {METRICS_OF}");
+    out!(
+        "{} of SH degree {}, {} bytes; {:.1} frames per second on {}",
+        count(scores.gaussians, "Gaussian"),
+        scores.sh_degree,
+        scores.bytes,
+        scores.frames_per_second,
+        scores.device
+    );
+}

@@ -1,0 +1,122 @@
+//! `ivv inspect`.
+
+use crate::require;
+use crate::screen::out;
+use crate::shown::{self, Shown};
+use ivv::formats::FourDgs;
+use ivv::scene::{Quantiles, Summary};
+use ivv::train::Review;
+use ivv::words::count;
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+
+/// Options of `ivv inspect`.
+#[derive(clap::Args)]
+pub struct Args {
+    /// A scene file: 3DGS or compressed PLY, .4dgs, .splat, .spz, a .sog, or the folder or meta.json of a SOG; or the folder of a run: its
+    /// scene.ply, or the newest checkpoint where it has not ended.
+    scene: PathBuf,
+}
+
+pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
+    if FourDgs::is(&args.scene) {
+        return clip(&args.scene, json);
+    }
+    let Shown { file: scene, splats, unfinished, .. } = shown::open(&args.scene)?;
+    let reviews = reviews(&scene);
+    let summary = splats.by_degree().summary();
+    if json {
+        let mut value = serde_json::to_value(&summary)?;
+        if let Some(step) = unfinished {
+            value["checkpoint_step"] = step.into();
+        }
+        value["reviews"] = serde_json::to_value(&reviews)?;
+        out!("{}", serde_json::to_string_pretty(&value)?);
+        return Ok(());
+    }
+    print(&scene, &summary);
+    for review in &reviews {
+        out!("{}", require::told(review));
+    }
+    Ok(())
+}
+
+/// A file with a clock. What it says is told also where its Gaussians are none of ours at all times.
+fn clip(scene: &Path, json: bool) -> anyhow::Result<()> {
+    let file = FourDgs::read(scene)?;
+    let told = file.summary();
+    let summary = file.splats().map(|splats| splats.by_degree().summary());
+    if json {
+        let mut value = summary.as_ref().map_or_else(|_| Ok(serde_json::json!({})), serde_json::to_value)?;
+        value["fourdgs"] = serde_json::to_value(&told)?;
+        out!("{}", serde_json::to_string_pretty(&value)?);
+        return Ok(());
+    }
+    match &summary {
+        Ok(summary) => print(scene, summary),
+        Err(fault) => {
+            out!("{}: {} Gaussians, SH degree {}", scene.display(), told.gaussian_count, told.sh_degree);
+            out!("at one moment: {fault}");
+        }
+    }
+    out!(
+        "clip:          {:.3} s in {}, by {}; temporal factors from {:.4}",
+        told.duration_sec,
+        count(told.chunk_intervals.len(), "chunk"),
+        told.library,
+        told.cutoff
+    );
+    for source in &told.audio_sources {
+        let kind = if source.spatial { "from a place" } else { "from everywhere" };
+        out!("sound:         `{}`, {:.3} s of {}, {kind}", source.name, source.duration_sec, source.codec);
+    }
+    Ok(())
+}
+
+fn print(scene: &Path, summary: &Summary) {
+    let mib = |bytes: u64| bytes as f64 / f64::from(1 << 20);
+    out!(
+        "{}: {}, {} static and {} dynamic, SH degree {}",
+        scene.display(),
+        count(summary.n, "Gaussian"),
+        summary.n_static,
+        summary.n_dynamic,
+        summary.sh_degree
+    );
+    let by_degree = |counts: [usize; 4]| counts.map(|n| n.to_string()).join(" / ");
+    out!(
+        "modelled:      {:.1} MiB of parameters; SH degree 0 / 1 / 2 / 3: {} static, {} dynamic",
+        mib(summary.parameter_bytes),
+        by_degree(summary.static_by_degree),
+        by_degree(summary.dynamic_by_degree)
+    );
+    out!("as PLY:        {} bytes each, {:.1} MiB in all", summary.ply_bytes_per_gaussian, mib(summary.ply_bytes));
+    out!(
+        "on the device: {:.1} MiB: geometry {:.1}, motion {:.1}, SH by band {}",
+        mib(summary.device.total),
+        mib(summary.device.geometry),
+        mib(summary.device.motion),
+        summary.device.sh_bands.iter().map(|b| format!("{:.1}", mib(*b))).collect::<Vec<_>>().join(" + ")
+    );
+    if let Some(b) = &summary.bounds {
+        out!("extent:        {:?} to {:?}; 98 % within {:?} to {:?}", b.min, b.max, b.p01, b.p99);
+    }
+    let line = |q: &Quantiles| format!("{:.4} / {:.4} / {:.4}", q.p01, q.p50, q.p99);
+    if let (Some(opacity), Some(scale)) = (&summary.opacity, &summary.scale) {
+        out!("1 % / median / 99 %: opacity {}, standard deviation {}", line(opacity), line(scale));
+    }
+    if let Some([first, last]) = summary.time_range {
+        out!("time:          peaks from {first} to {last}");
+    }
+    if summary.n_non_finite > 0 {
+        out!("not finite:    {}, never drawn", count(summary.n_non_finite, "Gaussian"));
+    }
+}
+
+/// What the reviews of the run said that `scene` is of; none of another file.
+fn reviews(scene: &Path) -> Vec<Review> {
+    let totals = scene.with_file_name("train.json");
+    let totals: Value =
+        ivv::files::read_file(&totals).ok().and_then(|text| serde_json::from_slice(&text).ok()).unwrap_or_default();
+    serde_json::from_value(totals["reviews"].clone()).unwrap_or_default()
+}

@@ -1,0 +1,29 @@
+//! The verbs of the command line, one file or folder each.
+
+pub mod ablate;
+pub mod cameras;
+pub mod check;
+pub mod compare;
+pub mod demo;
+pub mod devices;
+pub mod eval;
+pub mod export;
+pub mod extremes;
+pub mod init;
+pub mod inspect;
+pub mod list_settings;
+pub mod manual;
+#[cfg(feature = "play")]
+pub mod play;
+#[cfg(not(feature = "play"))]
+#[path = "play/absent.rs"]
+pub mod play;
+pub mod prepare;
+pub mod profile;
+pub mod render;
+pub mod serve;
+pub mod sound;
+pub mod synth;
+pub mod trade;
+pub mod train;
+pub mod vjp;

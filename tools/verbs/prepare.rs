@@ -1,0 +1,131 @@
+//! `ivv prepare`.
+
+use crate::capture::CaptureArgs;
+use crate::fault;
+use crate::progress::Pieces;
+use crate::screen::{out, say};
+use crate::verbs::check::{self, Faulty};
+use anyhow::Context;
+use ivv::prepare::{ImageFormat, PrepareSettings, Triangulate, forecast, prepare};
+use ivv::scene::capture::CaptureSettings;
+use ivv::words::count;
+use std::path::PathBuf;
+use std::sync::Mutex;
+
+/// Options of `ivv prepare`.
+#[derive(clap::Args)]
+pub struct Args {
+    /// Photos of a scene that stands still, a video of one, or a folder of videos of one moment, whose cameras COLMAP finds; or
+    /// a recording with its calibration: ImViD or COLMAP's calibration beside videos, N3V, MeetRoom, Google Immersive, Dynamic3DGaussians,
+    /// transforms.json, plain COLMAP, Pose2Sim, caliscope, or a capture folder.
+    source: PathBuf,
+    /// The capture folder. Run the same command again to continue an interrupted preparation.
+    #[arg(short, long)]
+    output: PathBuf,
+    /// The folder of the videos or image sequences, if they are not beside the calibration. For plain COLMAP: the folder of
+    /// images inside the source.
+    #[arg(long)]
+    footage: Option<PathBuf>,
+    /// First frame to take.
+    #[arg(long, default_value_t = 0)]
+    start: u32,
+    /// Takes every n-th frame.
+    #[arg(long, default_value_t = 1)]
+    every: u32,
+    /// Frames to skip at the start of a camera's footage, as `cam02=3,cam05=-1`, for cameras that did not start recording
+    /// together. A negative number starts earlier.
+    #[arg(long, value_delimiter = ',', value_name = "CAMERA=FRAMES")]
+    shift: Vec<String>,
+    /// Size of the images relative to the source's, at most 1.
+    #[arg(long, default_value_t = 1.0)]
+    scale: f64,
+    /// Format of new images. Images that need no change are copied as they are.
+    #[arg(long, value_parser = ["png", "jpg"], default_value = "png")]
+    format: String,
+    /// Frames per second of image sequences.
+    #[arg(long, default_value_t = CaptureSettings::default().fps)]
+    fps: f64,
+    /// The frames of which COLMAP triangulates points: none, the reference frame, or every N-th. By default every frame, unless
+    /// the source has points.
+    #[arg(long, num_args = 1..=2, value_names = ["none|reference|every", "N"])]
+    triangulate: Option<Vec<String>>,
+    /// Estimates optical flow. dis: OpenCV's DIS, run in Python.
+    #[arg(long, value_parser = ["dis"])]
+    flow: Option<String>,
+    #[command(flatten)]
+    read: CaptureArgs,
+    /// Replaces what was made with other settings, or a capture that was not made by `ivv prepare`.
+    #[arg(long)]
+    force: bool,
+    /// Threads, and programs that run at once. By default the number of cores.
+    #[arg(long)]
+    threads: Option<usize>,
+}
+
+pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
+    let settings = settings(args)?;
+    if let Some(forecast) = forecast(&settings)? {
+        say!("{forecast}");
+    }
+    let pieces = Mutex::new(Pieces::new());
+    let prepared = prepare(&settings, &|progress| {
+        // A thread that panicked while it told of progress is no reason to stop.
+        pieces.lock().unwrap_or_else(std::sync::PoisonError::into_inner).show(&progress);
+    })?;
+    drop(pieces);
+    let faulty = (prepared.report.n_faults > 0).then(|| anyhow::Error::from(Faulty(prepared.report.n_faults)));
+    if json {
+        fault::results(&prepared, faulty.as_ref())?;
+    } else {
+        let format = if prepared.source_format.is_empty() { "unknown format" } else { prepared.source_format };
+        out!("source:  {}, {format}", args.source.display());
+        for note in &prepared.notes {
+            out!("note:    {note}");
+        }
+        if !prepared.points.is_empty() {
+            let counts = prepared.points.iter().map(|(_, n)| *n);
+            let (least, most) = (counts.clone().min().unwrap_or(0), counts.clone().max().unwrap_or(0));
+            let mean = counts.sum::<usize>() as f64 / prepared.points.len() as f64;
+            out!("points:  {mean:.0} a frame, {least} to {most}, of {}", count(prepared.points.len(), "frame"));
+        }
+        check::print(&prepared.report);
+    }
+    faulty.map_or(Ok(()), Err)
+}
+
+fn settings(args: &Args) -> anyhow::Result<PrepareSettings> {
+    let defaults = PrepareSettings::new(&args.source, &args.output);
+    let capture = CaptureSettings { fps: args.fps, ..args.read.settings() };
+    Ok(PrepareSettings {
+        footage: args.footage.clone(),
+        start: args.start,
+        frames: capture.max_frames,
+        every: args.every,
+        shifts: args.shift.iter().map(|word| shift(word)).collect::<anyhow::Result<_>>()?,
+        scale: args.scale,
+        format: if args.format == "jpg" { ImageFormat::Jpeg } else { ImageFormat::Png },
+        triangulate: args.triangulate.as_deref().map(triangulate).transpose()?,
+        flow: args.flow.is_some(),
+        capture,
+        force: args.force,
+        threads: args.threads.unwrap_or(defaults.threads).max(1),
+        ..defaults
+    })
+}
+
+/// A camera's name and its shift.
+fn shift(word: &str) -> anyhow::Result<(String, i32)> {
+    let parsed = word.rsplit_once('=').and_then(|(name, frames)| Some((name.to_owned(), frames.parse().ok()?)));
+    parsed.with_context(|| format!("--shift takes CAMERA=FRAMES, not `{word}`"))
+}
+
+fn triangulate(words: &[String]) -> anyhow::Result<Triangulate> {
+    let words: Vec<&str> = words.iter().map(String::as_str).collect();
+    match words.as_slice() {
+        ["none"] => Ok(Triangulate::None),
+        ["reference"] => Ok(Triangulate::Reference),
+        ["every"] => Ok(Triangulate::Every(1)),
+        ["every", n] => Ok(Triangulate::Every(n.parse().with_context(|| format!("--triangulate every {n}"))?)),
+        _ => anyhow::bail!("--triangulate takes none, reference or every N, not `{}`", words.join(" ")),
+    }
+}

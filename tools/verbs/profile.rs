@@ -1,0 +1,250 @@
+//! `ivv profile`.
+
+use crate::device::DeviceArgs;
+use crate::files::{make_folder, write_json};
+use crate::kernels;
+use crate::passes::cpu_threads;
+use crate::progress::{Progress, watch};
+use crate::replay::{self, ReplayArgs};
+use crate::screen::out;
+use crate::settings::SettingArgs;
+use anyhow::Context;
+use ivv::Constants;
+use ivv::files::write_atomic;
+use ivv::formats::read_scene;
+use ivv::gpu::{Dispatch, Gpu};
+use ivv::profile::{Comparison, Moment, Overhead, Peaks, Profile, Recorded, Sample, trace, write_dispatch};
+use ivv::scene::capture::Capture;
+use ivv::scene::read_views;
+use ivv::stage::{Outputs, Renderer};
+use ivv::train::{Checkpoint, Config, Run, Session, SessionOptions};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Instant;
+
+/// Options of `ivv profile`.
+#[derive(clap::Args)]
+pub struct Args {
+    /// A run of `ivv train` (its newest checkpoint; the folder stays as it is), a capture (trained a little first), or,
+    /// with --cameras, a scene.
+    #[arg(required_unless_present_any = ["replay", "disassemble", "list", "compare"])]
+    subject: Option<PathBuf>,
+    /// Where profile.json, profile.md, profile.html, roofline.svg and trace.json go.
+    #[arg(short, long, required_unless_present_any = ["replay", "disassemble", "list", "compare"])]
+    output: Option<PathBuf>,
+    /// Cameras to render a scene from: a cameras file.
+    #[arg(long)]
+    cameras: Option<PathBuf>,
+    /// Steps, or views, to time pass by pass. As many more run without timing, to measure what it costs.
+    #[arg(long, default_value_t = 20, value_parser = clap::value_parser!(u64).range(1..))]
+    samples: u64,
+    /// Steps of a capture, or views of a scene, to run before timing.
+    #[arg(long, default_value_t = 100)]
+    warm_up: u64,
+    /// Only writes the first dispatch of this kernel, with everything that it worked on, to OUTPUT/KERNEL.dispatch.
+    #[arg(long)]
+    capture: Option<String>,
+    /// Prints this kernel's SPIR-V and how often it has which instruction.
+    #[arg(long, conflicts_with_all = ["subject", "replay", "list"])]
+    disassemble: Option<String>,
+    /// Prints each shader with its kernels, which are variants of each other.
+    #[arg(long, conflicts_with = "subject")]
+    list: bool,
+    /// Compares two profiles, pass by pass: each a profile.json, or the folder that holds it. Needs no device.
+    #[arg(long, num_args = 2, value_names = ["A", "B"], conflicts_with_all = ["subject", "output", "replay", "disassemble", "list"])]
+    compare: Vec<PathBuf>,
+    #[command(flatten)]
+    replay: ReplayArgs,
+    /// The capture of a run, if it has moved since.
+    #[arg(long)]
+    capture_at: Option<PathBuf>,
+    #[command(flatten)]
+    settings: SettingArgs,
+    #[command(flatten)]
+    device: DeviceArgs,
+}
+
+pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
+    if args.list {
+        return kernels::list(json);
+    }
+    if let Some(kernel) = &args.disassemble {
+        return replay::disassemble(kernel, json);
+    }
+    if let [a, b] = args.compare.as_slice() {
+        return compare(a, b, json);
+    }
+    if args.replay.file().is_some() {
+        let gpu = args.device.open()?;
+        return replay::run(&args.replay, &gpu, json);
+    }
+    let (Some(subject), Some(output)) = (&args.subject, &args.output) else {
+        anyhow::bail!("give -o, the folder for the results")
+    };
+    if let Some(kernel) = &args.capture {
+        kernels::named("--capture", kernel)?;
+    }
+    let config = args.settings.resolve()?;
+    make_folder(output)?;
+    let gpu = args.device.open()?;
+    if args.cameras.is_some() || subject.is_file() {
+        return scene(args, subject, output, &gpu, json);
+    }
+    training(args, config, subject, output, &gpu, json)
+}
+
+fn compare(a: &Path, b: &Path, json: bool) -> anyhow::Result<()> {
+    let compared = Comparison::new((a, &Recorded::read(a)?), (b, &Recorded::read(b)?));
+    if json {
+        out!("{}", serde_json::to_string_pretty(&compared)?);
+    } else {
+        out!("{}", compared.terminal().trim_end());
+    }
+    Ok(())
+}
+
+/// What was measured, to be written.
+struct Measured {
+    sample: &'static str,
+    samples: Vec<Sample>,
+    moments: Vec<Moment>,
+    /// Milliseconds of the host's clock, with timestamps and without.
+    timed: Vec<f64>,
+    plain: Vec<f64>,
+}
+
+impl Measured {
+    fn new(sample: &'static str) -> Self {
+        Measured { sample, samples: Vec::new(), moments: Vec::new(), timed: Vec::new(), plain: Vec::new() }
+    }
+
+    fn write(self, gpu: &Gpu, peaks: Peaks, subject: &Path, output: &Path, json: bool) -> anyhow::Result<()> {
+        let overhead = Overhead::new(&self.timed, &self.plain);
+        let name = subject.file_name().unwrap_or(subject.as_os_str()).to_string_lossy().into_owned();
+        let profile = Profile::new(name, self.sample, gpu.caps(), cpu_threads(), peaks, &self.samples, overhead);
+        write_json(&output.join("profile.json"), &profile)?;
+        write_json(&output.join("trace.json"), &trace(&gpu.caps().name, &self.moments))?;
+        for (file, text) in
+            [("profile.html", profile.html()), ("profile.md", profile.markdown()), ("roofline.svg", profile.roofline())]
+        {
+            write_atomic(&output.join(file), |to| to.write_all(text.as_bytes()))?;
+        }
+        if json {
+            out!("{}", serde_json::to_string_pretty(&profile)?);
+            return Ok(());
+        }
+        out!("{}", profile.terminal().trim_end());
+        out!("{}", output.join("profile.html").display());
+        Ok(())
+    }
+}
+
+fn written(dispatch: Option<Dispatch>, kernel: &str, output: &Path, gpu: &Gpu) -> anyhow::Result<()> {
+    let dispatch =
+        dispatch.with_context(|| format!("no pass here runs the kernel {kernel}{}", kernels::like(kernel)))?;
+    let file = output.join(format!("{kernel}.dispatch"));
+    write_dispatch(&file, &dispatch, gpu)?;
+    out!("{}", file.display());
+    Ok(())
+}
+
+fn scene(args: &Args, subject: &Path, output: &Path, gpu: &Arc<Gpu>, json: bool) -> anyhow::Result<()> {
+    let views = read_views(args.cameras.as_deref().context("give --cameras to profile a scene")?)?;
+    let splats = read_scene(subject)?;
+    let peaks = if args.capture.is_none() { Some(Peaks::measure(gpu)?) } else { None };
+    let mut renderer = Renderer::new(gpu.clone(), &splats, Constants::default())?;
+    let Some(first) = views.first() else { anyhow::bail!("the cameras file has no view; add one") };
+    let Some(peaks) = peaks else {
+        let kernel = args.capture.as_deref().unwrap_or_default();
+        return written(renderer.capture(first, Outputs::Color, kernel)?, kernel, output, gpu);
+    };
+    let mut measured = Measured::new("view");
+    let mut progress = Progress::new("profile", args.samples as usize);
+    // Kernels are compiled at their first dispatch, and lists grow to their size.
+    for view in views.iter().cycle().take((args.warm_up as usize).clamp(1, views.len())) {
+        renderer.draw(view, Outputs::Color)?;
+    }
+    let start = Instant::now();
+    for view in views.iter().cycle().take(args.samples as usize) {
+        let begun = Instant::now();
+        renderer.draw(view, Outputs::Color)?;
+        measured.plain.push(1e3 * begun.elapsed().as_secs_f64());
+        let begun = Instant::now();
+        let report = renderer.profile(view, Outputs::Color)?;
+        let seconds = begun.elapsed().as_secs_f64() - report.counting_s;
+        measured.timed.push(1e3 * seconds);
+        let begin = (begun - start).as_secs_f64();
+        measured.moments.push(Moment { name: view.name.clone(), begin, seconds, passes: report.times });
+        measured.samples.push(Sample { passes: report.passes, counters: report.counters });
+        progress.step("views");
+    }
+    measured.write(gpu, peaks, subject, output, json)
+}
+
+fn training(
+    args: &Args,
+    config: Config,
+    subject: &Path,
+    output: &Path,
+    gpu: &Arc<Gpu>,
+    json: bool,
+) -> anyhow::Result<()> {
+    // The device alone, before its memory fills.
+    let peaks = if args.capture.is_none() { Some(Peaks::measure(gpu)?) } else { None };
+    let is_run = Run::file(subject).is_file();
+    let warm_up = if is_run { 2 } else { args.warm_up };
+    let steps = warm_up + 2 * args.samples;
+    let capture = if is_run {
+        Run::read(subject)?.open_capture(args.capture_at.as_deref())?
+    } else {
+        let capture = Capture::open(subject)?;
+        let world = capture.normalisation();
+        capture.transformed(&world)
+    };
+    let mut session = if is_run {
+        resumed(subject, &capture, gpu, steps)?
+    } else {
+        let total = config.total(capture.training_frames().len() as u64).max(steps);
+        let options = SessionOptions { total: Some(total), watch: watch(), ..SessionOptions::default() };
+        Session::begin(gpu.clone(), &capture, config, options)?
+    };
+    let mut measured = Measured::new("step");
+    let mut progress = Progress::new("profile", steps as usize);
+    let start = Instant::now();
+    for step in 0..steps {
+        match (step.checked_sub(warm_up), &args.capture) {
+            (None, _) => drop(session.step()?),
+            (Some(_), Some(kernel)) => return written(session.capture(kernel)?, kernel, output, gpu),
+            (Some(number), None) if number % 2 == 0 => {
+                session.wait()?;
+                let before = session.seconds();
+                session.step()?;
+                session.wait()?;
+                measured.plain.push(1e3 * (session.seconds() - before));
+            }
+            (Some(_), None) => {
+                let Some(step) = session.profile()? else { break };
+                measured.timed.push(1e3 * step.host.iter().map(|(.., seconds)| seconds).sum::<f64>());
+                for (name, begun, seconds) in step.host {
+                    let passes = if name == "submit and wait" { step.times.clone() } else { Vec::new() };
+                    let begin = (begun - start).as_secs_f64();
+                    measured.moments.push(Moment { name: name.to_owned(), begin, seconds, passes });
+                }
+                measured.samples.push(Sample { passes: step.passes, counters: step.counters });
+            }
+        }
+        progress.step("steps");
+    }
+    measured.write(gpu, peaks.unwrap_or_default(), subject, output, json)
+}
+
+/// The run in `folder` as its newest checkpoint left it, with at least `steps` to go.
+fn resumed<'a>(folder: &Path, capture: &'a Capture, gpu: &Arc<Gpu>, steps: u64) -> anyhow::Result<Session<'a>> {
+    let checkpoint = Checkpoint::newest(&folder.join("checkpoints"))?;
+    let mut checkpoint =
+        checkpoint.context("the run has no checkpoint yet; train it longer, or profile its capture")?;
+    checkpoint.total = checkpoint.total.max(checkpoint.step + steps);
+    let constants = Run::read(folder)?.constants;
+    let options = SessionOptions { constants, watch: watch(), ..SessionOptions::default() };
+    Ok(Session::resume(gpu.clone(), capture, &checkpoint, options)?)
+}

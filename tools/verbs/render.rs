@@ -1,0 +1,401 @@
+//! `ivv render`.
+
+use crate::bench::Bench;
+use crate::device::DeviceArgs;
+use crate::files::make_folder;
+use crate::film::{self, Film, PathArgs, Studio};
+use crate::interrupt::{Interrupted, Stop};
+use crate::passes::{self, TimedPass};
+use crate::progress::Progress;
+use crate::screen::{alert, out};
+use crate::shown::{Shown, Source, is_run};
+use crate::views::{ViewArgs, clip_time};
+use anyhow::Context;
+use ivv::formats::FourDgs;
+use ivv::scene::{Frame, View};
+use ivv::sound::rig::Rig;
+use ivv::stage::{Destination, FrameReport, Outputs, Renderer};
+use ivv::train::Run;
+use ivv::words::count;
+use ivv::{Constants, Knobs, TileBound};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Instant;
+
+/// Options of `ivv render`.
+#[derive(clap::Args)]
+pub struct Args {
+    /// The folder of a run, which gives its scene (if it has not ended, its newest checkpoint), the views of its capture and its
+    /// rendering constants; or a scene file: 3DGS or compressed PLY, .4dgs, .splat, .spz, a .sog, or the folder or meta.json of a
+    /// SOG.
+    #[arg(value_name = "RUN|SCENE", required_unless_present = "scene", conflicts_with = "scene")]
+    source: Option<PathBuf>,
+    /// The same as RUN|SCENE.
+    #[arg(long, value_name = "RUN|SCENE")]
+    scene: Option<PathBuf>,
+    /// Views to render: a cameras file (JSON, as of `ivv cameras`), a transforms.json, or a capture, as a COLMAP project.
+    #[arg(long, conflicts_with_all = ["path", "capture"])]
+    cameras: Option<PathBuf>,
+    /// The capture of the scene: its views are rendered. Of a run, where its capture is now. With --path its frame rate and
+    /// length map seconds to scene time, which a dynamic scene needs.
+    #[arg(long)]
+    capture: Option<PathBuf>,
+    #[command(flatten)]
+    views: ViewArgs,
+    /// Shows a dynamic scene at this normalised time, 0 to 1, from every view. A camera that rests is rendered once.
+    #[arg(long, value_parser = clip_time, allow_negative_numbers = true)]
+    time: Option<f64>,
+    /// The folder for the pictures; with --path or --orbit the video: .mp4, .mov or .mkv (by ffmpeg), or .y4m.
+    #[arg(short, long, required_unless_present = "bench")]
+    output: Option<PathBuf>,
+    /// What to write: png (colour), exr (all outputs as named channels), safetensors (all outputs).
+    #[arg(long, value_delimiter = ',', default_value = "png", conflicts_with = "film")]
+    format: Vec<Format>,
+    /// Print the time of every pass, its share, and its speed against a model of lavapipe.
+    #[arg(long, conflicts_with = "film")]
+    profile: bool,
+    /// Writes nothing: renders the views in turn for so many seconds, each while the host is busy with the one before, and tells
+    /// frames per second and percentiles of their times: of frames that stay on the device and of such that are read back, and
+    /// of pairs for two eyes that share culling and the sort by depth and that share nothing.
+    #[arg(long, value_name = "SECONDS", num_args = 0..=1, default_missing_value = "5", conflicts_with_all = ["film", "profile", "output"])]
+    bench: Option<f64>,
+    #[command(flatten)]
+    film: PathArgs,
+    #[command(flatten)]
+    device: DeviceArgs,
+    #[command(flatten)]
+    constants: ConstantArgs,
+    #[command(flatten)]
+    knobs: KnobArgs,
+}
+
+/// How frames are computed: what may be traded for time, see `ivv trade`. The defaults are exact.
+#[derive(clap::Args)]
+pub struct KnobArgs {
+    /// The tiles that a Gaussian is listed for: ellipse, rectangle or square. Changes no picture.
+    #[arg(long, value_parser = tile_bound, default_value = "ellipse")]
+    tile_bound: TileBound,
+    /// Test every pixel of a tile against every Gaussian of its list. Changes no picture.
+    #[arg(long)]
+    no_block_cull: bool,
+    /// Project Gaussians even at times when they are invisible. Changes no picture.
+    #[arg(long)]
+    no_time_cull: bool,
+    /// Bits of the depths that Gaussians are sorted by: 32, 24 or 16.
+    #[arg(long, default_value_t = Knobs::default().depth_bits)]
+    depth_bits: u32,
+    /// Bits of the coefficients of spherical harmonics above the constant one: 32 or 16.
+    #[arg(long, default_value_t = Knobs::default().sh_bits)]
+    sh_bits: u32,
+    /// Leave out Gaussians whose opacity is below this at a view's time.
+    #[arg(long, default_value_t = Knobs::default().temporal_cut)]
+    temporal_cut: f32,
+    /// Finish a pixel when its transmittance has fallen below this.
+    #[arg(long, default_value_t = Knobs::default().t_cut)]
+    t_cut: f32,
+}
+
+fn tile_bound(name: &str) -> Result<TileBound, serde_json::Error> {
+    serde_json::from_value(name.into())
+}
+
+impl KnobArgs {
+    /// `constants` with the knobs; alpha_min is itself a constant on the command line.
+    pub fn on(&self, constants: Constants) -> anyhow::Result<Constants> {
+        let Self { tile_bound, no_block_cull, no_time_cull, depth_bits, sh_bits, temporal_cut, t_cut } = *self;
+        let (block_cull, time_cull) = (!no_block_cull, !no_time_cull);
+        let alpha_cut = Knobs::default().alpha_cut;
+        let knobs = Knobs { tile_bound, block_cull, time_cull, depth_bits, sh_bits, alpha_cut, temporal_cut, t_cut };
+        knobs.check().map_err(|fault| anyhow::anyhow!("--{}", fault.replacen('_', "-", 1)))?;
+        Ok(knobs.on(constants))
+    }
+}
+
+/// The rendering constants as options.
+#[derive(clap::Args)]
+pub struct ConstantArgs {
+    #[arg(long, help = help("Least alpha with which a Gaussian contributes to a pixel", Constants::default().alpha_min))]
+    alpha_min: Option<f32>,
+    #[arg(long, help = help("Largest alpha of a Gaussian at a pixel", Constants::default().alpha_max))]
+    alpha_max: Option<f32>,
+    #[arg(long, help = help("Transmittance below which no further Gaussian is blended", Constants::default().t_min))]
+    t_min: Option<f32>,
+    #[arg(long, help = help("Variance added to the projected covariance, square pixels", Constants::default().blur))]
+    blur: Option<f32>,
+    /// Gaussians up to this far before the camera are dropped, scene units. By default that of the run, else 0.01. `ivv train`
+    /// measures it in a frame where the rig's extent is 3, and takes 0.375 or, if less, half the depth of the nearest points.
+    #[arg(long)]
+    near: Option<f32>,
+}
+
+fn help(what: &str, default: f32) -> String {
+    format!("{what} [default: {default}]")
+}
+
+impl ConstantArgs {
+    /// The constants.
+    ///
+    /// # Errors
+    /// The first that is out of its range.
+    pub fn checked(&self) -> anyhow::Result<Constants> {
+        self.checked_over(Constants::default())
+    }
+
+    /// The constants, `d` where the options do not say.
+    ///
+    /// # Errors
+    /// As [`ConstantArgs::checked`].
+    pub fn checked_over(&self, d: Constants) -> anyhow::Result<Constants> {
+        let constants = Constants {
+            alpha_min: self.alpha_min.unwrap_or(d.alpha_min),
+            alpha_max: self.alpha_max.unwrap_or(d.alpha_max),
+            t_min: self.t_min.unwrap_or(d.t_min),
+            blur: self.blur.unwrap_or(d.blur),
+            near: self.near.unwrap_or(d.near),
+            ..d
+        };
+        let Constants { alpha_min, alpha_max, t_min, blur, near, .. } = constants;
+        let checks = [
+            (alpha_min > 0.0 && alpha_min < 1.0, "--alpha-min must lie between 0 and 1"),
+            (alpha_max >= alpha_min && alpha_max < 1.0, "--alpha-max must lie between --alpha-min and 1"),
+            ((0.0..1.0).contains(&t_min), "--t-min must be at least 0 and below 1"),
+            (blur > 0.0 && blur.is_finite(), "--blur must be positive"),
+            (near > 0.0 && near.is_finite(), "--near must be positive"),
+        ];
+        for (holds, message) in checks {
+            anyhow::ensure!(holds, message);
+        }
+        Ok(constants)
+    }
+
+    /// What the options ask for that a run with the constants `run` does not have.
+    pub fn contradictions(&self, run: &Constants) -> Vec<String> {
+        let all = [
+            ("alpha-min", self.alpha_min, run.alpha_min),
+            ("alpha-max", self.alpha_max, run.alpha_max),
+            ("t-min", self.t_min, run.t_min),
+            ("blur", self.blur, run.blur),
+            ("near", self.near, run.near),
+        ];
+        let differ = |(name, asked, has): (&str, Option<f32>, f32)| {
+            let asked = asked.filter(|asked| *asked != has)?;
+            Some(format!("--{name}: the run has {has}, asked for is {asked}"))
+        };
+        all.into_iter().filter_map(differ).collect()
+    }
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum Format {
+    Png,
+    Exr,
+    Safetensors,
+}
+
+impl Format {
+    fn write(self, frame: &Frame, folder: &Path, view: &View) -> ivv::Result<()> {
+        match self {
+            Format::Png => frame.write_png(&folder.join(format!("{}.png", view.name))),
+            Format::Exr => frame.write_exr(&folder.join(format!("{}.exr", view.name))),
+            Format::Safetensors => frame.write_safetensors(&folder.join(format!("{}.safetensors", view.name))),
+        }
+    }
+}
+
+#[derive(serde::Serialize)]
+struct ViewReport {
+    name: String,
+    width: u32,
+    height: u32,
+    seconds: f64,
+    #[serde(flatten)]
+    frame: FrameReport,
+}
+
+impl Args {
+    /// Frames per second of the clip that the scene is of, and how many, where something says.
+    fn clip(&self, source: &Source, run: Option<&Run>) -> ivv::Result<Option<(f64, u32)>> {
+        match (run, &self.capture) {
+            (Some(run), _) => Ok(Some((run.held.fps, run.held.frames))),
+            (None, Some(capture)) => {
+                Rig::open_with(capture, &self.views.settings()).map(|rig| Some((rig.fps, rig.n_frames)))
+            }
+            (None, None) => Ok(source.clip.as_ref().map(FourDgs::clock).map(|clock| (clock.fps, clock.frames))),
+        }
+    }
+
+    /// The video that is asked for; none where views are.
+    fn film(&self, source: &Source, run: Option<&Run>) -> anyhow::Result<Option<Film>> {
+        let Some(path) = self.film.path() else {
+            let orbit = |seconds| Film::around(&self.film, seconds, &self.views(source)?, self.time);
+            return self.film.orbit().map(orbit).transpose();
+        };
+        let remedy = "leave them out, or use --orbit";
+        anyhow::ensure!(!self.views.choose(), "--camera and --frames choose views, and --path has its own; {remedy}");
+        match run {
+            Some(run) => self.views.agree_with(run)?,
+            None if self.capture.is_none() => self.views.need_no_capture("--capture is not given")?,
+            None => {}
+        }
+        Ok(Some(Film::along(&self.film, path, self.clip(source, run)?, self.time)?))
+    }
+
+    /// The views that are asked for.
+    fn views(&self, source: &Source) -> anyhow::Result<Vec<View>> {
+        let mut views = match (&self.cameras, &self.capture) {
+            (Some(cameras), _) => self.views.of_cameras(cameras, self.time)?,
+            (None, capture) if is_run(source.path) => self.views.of_run(source.path, capture.as_deref(), self.time)?,
+            (None, Some(capture)) => self.views.of_capture(capture, self.time)?,
+            (None, None) => {
+                let views = source.clip.as_ref().map_or(Ok(Vec::new()), FourDgs::views)?;
+                anyhow::ensure!(
+                    !views.is_empty(),
+                    "{} is a scene without cameras; give --capture or --cameras, or --path for a video, or the folder of \
+                     its run",
+                    source.path.display()
+                );
+                self.views.need_no_capture("the views are those of the file")?;
+                views
+            }
+        };
+        if let Some(time) = self.time {
+            views.iter_mut().for_each(|view| (view.time, view.time_offset) = (time, 0.0));
+        }
+        Ok(views)
+    }
+}
+
+/// Refuses views of a dynamic scene at times that nothing was seen at.
+fn within_clip(cameras: &Path, shown: &Shown, views: &[View]) -> ivv::Result<()> {
+    let outside = |view: &&View| !shown.splats.motion.is_empty() && !(0.0..=1.0).contains(&view.time);
+    views.iter().find(outside).map_or(Ok(()), |view| {
+        let reason = format!("expected a time within the clip, 0 to 1, found {}", view.time);
+        let remedy = "correct `time` of this view, or give --time for all views";
+        Err(ivv::Error::data(cameras, format!("view `{}`", view.name.escape_debug()), reason, remedy))
+    })
+}
+
+pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
+    let path = args.source.as_deref().or(args.scene.as_deref()).context("give the folder of a run or a scene")?;
+    let run = if is_run(path) { Some(Run::read(path)?) } else { None };
+    let of_scene = run.as_ref().map_or_else(Constants::default, Run::constants_of_capture);
+    // What is wrong with them is told before a scene is read, which may say some of them itself.
+    let constants_over = |scene: Constants| args.knobs.on(args.constants.checked_over(scene)?);
+    constants_over(of_scene)?;
+    let stop = Stop::listen()?;
+    let source = Source::open(path)?;
+    if let Some(film) = args.film(&source, run.as_ref())? {
+        let shown = source.scene(args.time)?;
+        let constants = constants_over(shown.constants.unwrap_or(of_scene))?;
+        let output = args.output.as_deref().context("give the video, -o FILE")?;
+        let studio = Studio { output, device: &args.device, constants, stop: &stop };
+        return film::run(&film, &args.film, shown, &studio, json);
+    }
+    let views = args.views(&source)?;
+    let shown = source.scene(args.time)?;
+    let constants = constants_over(shown.constants.unwrap_or(of_scene))?;
+    within_clip(args.cameras.as_deref().unwrap_or(path), &shown, &views)?;
+    let splats = Arc::new(shown.splats.by_degree());
+    args.output.as_deref().map_or(Ok(()), make_folder)?;
+    let gpu = args.device.open()?;
+    let mut renderer = Renderer::of_clip(gpu.clone(), splats.clone(), constants)?;
+
+    let outputs = if args.format.iter().all(|f| *f == Format::Png) { Outputs::Color } else { Outputs::All };
+    let Some(output) = &args.output else {
+        anyhow::ensure!(!views.is_empty(), "--bench: expected views to render, found none");
+        let seconds = args.bench.unwrap_or_default();
+        let bench = Bench::new(&mut renderer, &splats, &views, outputs, seconds, &stop)?;
+        if json {
+            let report = serde_json::json!({ "device": gpu.caps(), "constants": constants, "bench": bench });
+            out!("{}", serde_json::to_string_pretty(&report)?);
+        } else {
+            bench.print();
+        }
+        return Ok(());
+    };
+    let profiled = if args.profile { profile(&mut renderer, &views, outputs, &stop)? } else { Vec::new() };
+    let mut progress = Progress::new("view", views.len());
+    let mut reports = Vec::new();
+    let mut begun = Instant::now();
+    renderer.stream(views.iter().cloned(), outputs, Destination::Host, |view, frame, report| {
+        let seconds = begun.elapsed().as_secs_f64();
+        check_finite(&frame, view)?;
+        for format in &args.format {
+            format.write(&frame, output, view)?;
+        }
+        progress.step(&format!(
+            "{}, {} Gaussians, {} intersections, {:.1} ms",
+            view.name,
+            report.gaussians,
+            report.intersections,
+            1e3 * seconds
+        ));
+        reports.push(ViewReport {
+            name: view.name.clone(),
+            width: view.width,
+            height: view.height,
+            seconds,
+            frame: profiled.get(reports.len()).cloned().unwrap_or(report),
+        });
+        begun = Instant::now();
+        if stop.is_asked() && reports.len() < views.len() { Err(interrupted()) } else { Ok(true) }
+    })?;
+    let bad = reports.iter().map(|r| r.frame.bad_gaussians).max().unwrap_or(0);
+    if bad > 0 {
+        alert!("{} not drawn: their parameters are not finite", count(bad, "Gaussian"));
+    }
+    let caps = gpu.caps();
+    let passes = reports.iter().flat_map(|r| &r.frame.passes).map(|pass| TimedPass::new(pass, caps));
+    let profile = args.profile.then(|| passes::mean(passes, reports.len()));
+    let peak_bytes = gpu.device().memory().1;
+    if json {
+        let report = serde_json::json!({
+            "device": caps, "constants": constants, "views": reports, "profile": profile, "peak_bytes": peak_bytes,
+        });
+        out!("{}", serde_json::to_string_pretty(&report)?);
+    } else if let Some(passes) = &profile {
+        print_counts(&reports);
+        passes::print(passes, "view");
+        out!("peak of device buffers: {:.1} MiB", peak_bytes as f64 / f64::from(1 << 20));
+    }
+    Ok(())
+}
+
+/// What the passes of every view take.
+fn profile(renderer: &mut Renderer, views: &[View], outputs: Outputs, stop: &Stop) -> anyhow::Result<Vec<FrameReport>> {
+    // Kernels are compiled at their first dispatch, and lists grow to their size.
+    views.first().map(|view| renderer.draw(view, outputs)).transpose()?;
+    let profiled = views
+        .iter()
+        .map(|view| if stop.is_asked() { Err(interrupted()) } else { Ok(renderer.profile(view, outputs)?) });
+    profiled.collect()
+}
+
+fn interrupted() -> anyhow::Error {
+    Interrupted("the files written so far are complete").into()
+}
+
+/// Prints what the views had to do, on average.
+fn print_counts(reports: &[ViewReport]) {
+    let mean = |f: fn(&FrameReport) -> u64| {
+        reports.iter().map(|r| f(&r.frame)).sum::<u64>() as f64 / reports.len().max(1) as f64
+    };
+    out!(
+        "per view: {:.0} active, {:.0} visible, {:.0} intersections, {:.0} tiles",
+        mean(|f| f.active),
+        mean(|f| f.visible),
+        mean(|f| f.intersections),
+        mean(|f| f.tiles)
+    );
+}
+
+/// A picture with a value that is not finite is an error, not a picture.
+pub fn check_finite(frame: &Frame, view: &View) -> ivv::Result<()> {
+    let values = frame.color.as_flattened().iter().chain(&frame.alpha).chain(&frame.depth);
+    let values = values.chain(&frame.inverse_depth).chain(frame.flow.as_flattened());
+    let count = values.filter(|v| !v.is_finite()).count() as u64;
+    if count > 0 {
+        return Err(ivv::Error::NonFinite { what: format!("view `{}`", view.name), count });
+    }
+    Ok(())
+}

@@ -1,0 +1,196 @@
+//! `ivv sound localize`.
+
+use crate::files::{make_folder, write_json};
+use crate::screen::out;
+use crate::verbs::synth::size;
+use anyhow::Context;
+use glam::DVec3;
+use ivv::sound::keypoints::{KeypointSettings, Mouths, keypoints_of};
+use ivv::sound::localize::{LocalizeSettings, Localized, localize};
+use ivv::sound::rig::{Rig, RigCamera};
+use ivv::sound::scene_file::{Mic, SoundScene, Source};
+use ivv::sound::source_track::Flag;
+use ivv::sound::wav::{Channel, read_channel};
+use ivv::sound::{FS, speaker};
+use ivv::words::count;
+use std::path::{Path, PathBuf};
+
+/// Below this part of agreeing mouths something is wrong with the keypoints, and not with a detection here and there.
+const FEW_AGREE: f64 = 0.5;
+
+/// Options of `ivv sound localize`.
+#[derive(clap::Args)]
+pub struct Args {
+    /// A capture folder. Its lenses may distort where the keypoints are of pictures as they were taken.
+    capture: PathBuf,
+    /// The folder to write to: a track of each speaker (.csv), scene.json for `ivv sound render`, localize.json.
+    #[arg(short, long)]
+    output: PathBuf,
+    /// The folder of the keypoints: <camera>.json (MMPose's of a video), or a folder <camera> or <camera>_json with a file
+    /// for each frame (OpenPose, Pose2Sim, MMPose's of pictures). By default keypoints/ of the capture.
+    #[arg(long)]
+    keypoints: Option<PathBuf>,
+    /// The cameras' clocks: offsets.json of a run on this capture, or the run's folder.
+    #[arg(long)]
+    offsets: Option<PathBuf>,
+    /// Metres in a scene unit, where that is known. It goes into scene.json; the smoothing otherwise takes mouths for 5 cm wide.
+    #[arg(long)]
+    metres_per_unit: Option<f64>,
+    /// Hold a speaker's place through gaps of any length, instead of silence in those above 3 s.
+    #[arg(long)]
+    hold: bool,
+    /// Number of the first frame, if the keypoints do not say; usually 0 or 1.
+    #[arg(long)]
+    first_frame: Option<u32>,
+    /// WIDTHxHEIGHT of the pictures that the detector saw, if not those of the camera.
+    #[arg(long, value_parser = size)]
+    image_size: Option<(u32, u32)>,
+    /// The camera whose recording, audio/<camera>.wav, is used. By default the one nearest to the middle of all.
+    #[arg(long)]
+    microphone: Option<String>,
+}
+
+pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
+    let is_scale = |scale: f64| scale.is_finite() && scale > 0.0;
+    anyhow::ensure!(args.metres_per_unit.is_none_or(is_scale), "--metres-per-unit must be positive");
+    let mut rig = Rig::open(&args.capture)?;
+    if let Some(offsets) = &args.offsets {
+        let table = offsets.join("offsets.json");
+        rig.read_offsets(if offsets.is_dir() { &table } else { offsets })?;
+    }
+    let mouths = read_keypoints(args, &rig)?;
+    let settings = LocalizeSettings { metres_per_unit: args.metres_per_unit, hold: args.hold };
+    let found = localize(&rig, &mouths, &settings);
+    make_folder(&args.output)?;
+    for track in &found.tracks {
+        track.write_csv(&args.output.join(format!("{}.csv", track.id)))?;
+    }
+    write_json(&args.output.join("localize.json"), &found.report)?;
+    let scene = match microphone(args, &rig)? {
+        Some(microphone) if !found.tracks.is_empty() => {
+            let scene = args.output.join("scene.json");
+            sound_scene(args, &rig, microphone, &found)?.write(&scene)?;
+            Some(scene)
+        }
+        _ => None,
+    };
+    if json {
+        out!("{}", serde_json::json!({ "report": found.report, "scene": scene }));
+    } else {
+        print(args, &found, scene.as_deref());
+    }
+    Ok(())
+}
+
+/// What each camera of the rig saw; a camera without keypoints saw nobody.
+fn read_keypoints(args: &Args, rig: &Rig) -> anyhow::Result<Vec<Mouths>> {
+    let folder = args.keypoints.clone().unwrap_or_else(|| args.capture.join("keypoints"));
+    let settings = KeypointSettings { first_frame: args.first_frame, image_size: args.image_size };
+    let mut mouths = Vec::new();
+    let mut n_cameras = 0;
+    for camera in &rig.cameras {
+        let path = keypoints_of(&folder, &camera.name);
+        n_cameras += usize::from(path.is_some());
+        mouths.push(path.map_or(Ok(Mouths::default()), |path| Mouths::read(&path, &camera.lens, &settings))?);
+    }
+    if n_cameras < 2 {
+        let reason = format!("has keypoints of {} of the capture; expected two or more", count(n_cameras, "camera"));
+        let remedy = "name the files after the cameras, <camera>.json";
+        return Err(ivv::Error::data(&folder, "", reason, remedy).into());
+    }
+    Ok(mouths)
+}
+
+fn recording(args: &Args, camera: &RigCamera) -> PathBuf {
+    args.capture.join("audio").join(format!("{}.wav", camera.name))
+}
+
+/// The camera that is asked for; else of those with a recording the one nearest to the mean of all places.
+fn microphone<'a>(args: &Args, rig: &'a Rig) -> anyhow::Result<Option<&'a RigCamera>> {
+    if let Some(name) = &args.microphone {
+        let camera = rig.cameras.iter().find(|camera| camera.name == *name);
+        let camera = camera.with_context(|| format!("the capture has no camera `{name}` (--microphone)"))?;
+        let wav = recording(args, camera);
+        anyhow::ensure!(wav.is_file(), "{} does not exist (--microphone)", wav.display());
+        return Ok(Some(camera));
+    }
+    let place = |camera: &RigCamera| camera.pose(0.0).1;
+    let middle = rig.cameras.iter().map(place).sum::<DVec3>() / rig.cameras.len().max(1) as f64;
+    let away = |camera: &&RigCamera| (place(camera) - middle).length();
+    let recorded = rig.cameras.iter().filter(|camera| recording(args, camera).is_file());
+    Ok(recorded.min_by(|a, b| away(a).total_cmp(&away(b))))
+}
+
+/// What is heard by the microphone: of several speakers in turn the one whose lips move.
+fn sound_scene(args: &Args, rig: &Rig, microphone: &RigCamera, found: &Localized) -> anyhow::Result<SoundScene> {
+    let wav = recording(args, microphone);
+    let offset_s = microphone.offset / rig.fps;
+    let mut gates = vec![Vec::new(); found.tracks.len()];
+    if found.tracks.len() > 1 {
+        let sound = read_channel(&wav, Channel::default(), offset_s)?;
+        gates = speaker::gates(&found.openings, &loudness(&sound, rig.fps, found.report.frames), rig.fps);
+    }
+    let sources = found.tracks.iter().zip(gates).filter(|(_, gates)| found.tracks.len() == 1 || !gates.is_empty());
+    let source = |(track, gates): (&_, _)| Source { track: Clone::clone(track), wav: None, gain_db: 0.0, gates };
+    Ok(SoundScene {
+        metres_per_unit: args.metres_per_unit,
+        up: rig.up(),
+        mic: Mic {
+            camera: microphone.name.clone(),
+            pose: microphone.head(rig.fps)?,
+            wav: std::path::absolute(&wav)?,
+            channel: Channel::default(),
+            offset_s,
+        },
+        sources: sources.map(source).collect(),
+    })
+}
+
+/// RMS of a recording by frame.
+fn loudness(sound: &[f32], fps: f64, n_frames: usize) -> Vec<f64> {
+    let sample = |frame: usize| ((frame as f64 / fps * f64::from(FS)) as usize).min(sound.len());
+    let rms = |frame: usize| {
+        let part = &sound[sample(frame)..sample(frame + 1)];
+        (part.iter().map(|v| f64::from(*v).powi(2)).sum::<f64>() / part.len().max(1) as f64).sqrt()
+    };
+    (0..n_frames).map(rms).collect()
+}
+
+fn print(args: &Args, found: &Localized, scene: Option<&Path>) {
+    let report = &found.report;
+    let n_mouths: usize = report.mouths.values().sum();
+    out!(
+        "{}, {}, {}; cameras agree on {:.0} % of them",
+        count(report.frames, "frame"),
+        count(report.mouths.len(), "camera"),
+        count(n_mouths, "mouth"),
+        100.0 * report.agreeing
+    );
+    if report.agreeing < FEW_AGREE {
+        out!("few cameras agree: check --image-size, --first-frame and the cameras' names");
+    }
+    for (source, track) in report.sources.iter().zip(&found.tracks) {
+        let flags: Vec<String> = source.flags.iter().map(|(flag, n)| format!("{n} {flag}")).collect();
+        out!(
+            "{}: {}; {:.1} views, {:.2} px, standard deviation {:.4} units",
+            source.id,
+            flags.join(", "),
+            source.mean_views,
+            source.reproj_px,
+            source.worst_sd
+        );
+        if track.samples.iter().any(|sample| sample.flag == Flag::Approx) {
+            out!("  approx: placed by the nose, about 7 cm from the mouth");
+        }
+    }
+    if report.is_scale_estimated {
+        out!("smoothing takes a scene unit for {:.2} m, from the width of mouths", report.metres_per_unit);
+    }
+    match scene {
+        Some(scene) => out!("{}", scene.display()),
+        None if found.tracks.is_empty() => out!("{}: no speaker was found", args.output.display()),
+        None => {
+            out!("{}: tracks only, no scene: the capture has no recording audio/<camera>.wav", args.output.display())
+        }
+    }
+}

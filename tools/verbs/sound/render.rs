@@ -1,0 +1,186 @@
+//! `ivv sound render`.
+
+use super::plot::{Panel, plot};
+use crate::files::write_json;
+use crate::film::Axes;
+use crate::screen::out;
+use ivv::sound::geometry::Mode;
+use ivv::sound::hrtf::{HrtfSet, Lookup};
+use ivv::sound::metrics::ear_course;
+use ivv::sound::path::{Convention, read_path};
+use ivv::sound::render::{RenderConfig, Rendered, SourceReport, render_ambix, render_signals, signals};
+use ivv::sound::scene_file::SoundScene;
+use ivv::sound::wav::{Depth, write};
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// Part of the time from which a gain beyond 6 dB is worth a warning.
+const OFTEN: f64 = 0.05;
+
+/// Options of `ivv sound render`.
+#[derive(clap::Args)]
+pub struct Args {
+    /// A scene.json, as `ivv sound localize` writes it.
+    scene: PathBuf,
+    /// The head's path: TUM, CSV (t,x,y,z,qx,qy,qz,qw), or the JSON of nerfstudio and nerfview; seconds of the clip.
+    #[arg(long)]
+    path: PathBuf,
+    /// The axes of the path's poses. By default the head's in a CSV, OpenGL's in a JSON, OpenCV's in a TUM file.
+    #[arg(long)]
+    path_convention: Option<Axes>,
+    /// The .wav to write: two channels, 48 kHz, 24 bits.
+    #[arg(short, long)]
+    output: PathBuf,
+    /// The ears: `sphere`, a SOFA file, or a folder of WAV files as SADIE's.
+    #[arg(long, default_value = "sphere")]
+    hrtf: PathBuf,
+    #[command(flatten)]
+    config: ConfigArgs,
+    /// Write 32 bit floats.
+    #[arg(long)]
+    float: bool,
+    /// Also write the sound field at the head's place as first-order AmbiX (W, Y, Z, X), for players that turn the head.
+    #[arg(long)]
+    ambix: Option<PathBuf>,
+    /// Also write a JSON report.
+    #[arg(long)]
+    report: Option<PathBuf>,
+    /// Also plot azimuth, and the time and level differences between the ears, over time: .svg.
+    #[arg(long)]
+    plot: Option<PathBuf>,
+}
+
+/// How a scene is rendered.
+#[derive(clap::Args)]
+pub struct ConfigArgs {
+    /// paper2d: the paper's, on the horizon. paper3d: with elevation. physical: with delay and Doppler, for metric scenes.
+    #[arg(long, default_value = "paper2d", value_parser = mode)]
+    mode: Mode,
+    /// aligned: responses between the measured directions. nearest: the measured one.
+    #[arg(long, default_value = "aligned", value_parser = lookup)]
+    lookup: Lookup,
+    /// Paper modes: samples of a frame.
+    #[arg(long, default_value_t = RenderConfig::default().frame)]
+    frame: usize,
+    /// Paper modes: samples between frames; a half, a third, ... of a frame. By default half a frame.
+    #[arg(long)]
+    hop: Option<usize>,
+    /// Physical mode: samples of a block.
+    #[arg(long, default_value_t = RenderConfig::default().block)]
+    block: usize,
+    /// Sources nearer than this get no louder, metres.
+    #[arg(long, default_value_t = RenderConfig::default().r_min_m)]
+    r_min: f64,
+    /// Loudness of the result, LUFS. By default unchanged, with peaks below -1 dBTP.
+    #[arg(long, allow_hyphen_values = true)]
+    lufs: Option<f64>,
+}
+
+fn mode(text: &str) -> Result<Mode, String> {
+    match text {
+        "paper2d" => Ok(Mode::Paper2d),
+        "paper3d" => Ok(Mode::Paper3d),
+        "physical" => Ok(Mode::Physical),
+        _ => Err("paper2d, paper3d or physical".into()),
+    }
+}
+
+fn lookup(text: &str) -> Result<Lookup, String> {
+    match text {
+        "aligned" => Ok(Lookup::Aligned),
+        "nearest" => Ok(Lookup::Nearest),
+        _ => Err("aligned or nearest".into()),
+    }
+}
+
+impl ConfigArgs {
+    /// The settings.
+    pub fn config(&self) -> anyhow::Result<RenderConfig> {
+        anyhow::ensure!(self.r_min > 0.0 && self.r_min.is_finite(), "--r-min must be positive");
+        anyhow::ensure!(self.lufs.is_none_or(|lufs| (-70.0..=0.0).contains(&lufs)), "--lufs must be -70 to 0");
+        anyhow::ensure!(self.frame.max(self.block) <= 1 << 16, "--frame and --block must be at most 65536");
+        Ok(RenderConfig {
+            mode: self.mode,
+            lookup: self.lookup,
+            frame: self.frame,
+            hop: self.hop.unwrap_or(self.frame / 2),
+            block: self.block,
+            r_min_m: self.r_min,
+            lufs: self.lufs,
+            ..RenderConfig::default()
+        })
+    }
+}
+
+pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
+    let config = args.config.config()?;
+    let scene = SoundScene::read(&args.scene)?;
+    let head = read_path(&args.path, args.path_convention.map(Convention::from))?.track;
+    let hrtf = HrtfSet::open(&args.hrtf)?;
+    let sounds = signals(&scene)?;
+    let from = Instant::now();
+    let rendered = render_signals(&scene, &sounds, &head, &hrtf, &config)?;
+    let seconds = from.elapsed().as_secs_f64();
+    let depth = if args.float { Depth::Float32 } else { Depth::Int24 };
+    write(&args.output, &rendered.samples, depth)?;
+    if let Some(path) = &args.ambix {
+        write(path, &render_ambix(&scene, &sounds, &head, &config)?, depth)?;
+    }
+    if let Some(path) = &args.report {
+        write_json(path, &rendered.report)?;
+    }
+    if let Some(path) = &args.plot {
+        draw(&rendered, path)?;
+    }
+    if json {
+        out!("{}", serde_json::to_string(&rendered.report)?);
+    } else {
+        print(&rendered, &args.output, seconds);
+    }
+    Ok(())
+}
+
+fn print(rendered: &Rendered, output: &Path, seconds: f64) {
+    let report = &rendered.report;
+    let licence = &report.hrtf.licence;
+    out!("ears: {}; licence: {licence}", report.hrtf.title);
+    if !report.hrtf.sha256.is_empty() {
+        out!("      sha256 {}", report.hrtf.sha256);
+    }
+    for SourceReport { id, gain_db: [low, high], clamped, beyond_6_db, unseen, jumps } in &report.sources {
+        out!(
+            "source {id}: {low:+.1} to {high:+.1} dB against the recording; at the smallest distance {:.0} % of the time; {:.0} % of its \
+             places were not seen; {jumps} jumps",
+            100.0 * clamped,
+            100.0 * unseen
+        );
+        if *beyond_6_db > OFTEN {
+            out!(
+                "  for {:.0} % of the clip the level differs by more than 6 dB from the recording, so its room sound is scaled too",
+                100.0 * beyond_6_db
+            );
+        }
+    }
+    let lufs = report.loudness.lufs.map_or("silent".into(), |lufs| format!("{:.1} LUFS", lufs + report.gain_db));
+    out!(
+        "{}: {:.2} s, {lufs}, gain {:+.1} dB; {:.0} times real time",
+        output.display(),
+        report.seconds,
+        report.gain_db,
+        report.seconds / seconds.max(1e-9)
+    );
+}
+
+/// Draws a rendering of one source; of several, the azimuth is that of the first.
+fn draw(rendered: &Rendered, path: &Path) -> anyhow::Result<()> {
+    let cues = rendered.cues.first().map(Vec::as_slice).unwrap_or_default();
+    let course = ear_course(&rendered.samples);
+    let panels = [
+        Panel { title: "azimuth, degrees", points: cues.iter().map(|cue| (cue.t, cue.az.to_degrees())).collect() },
+        Panel { title: "the left ear leads by, us", points: course.iter().map(|at| (at.t, 1e6 * at.itd)).collect() },
+        Panel { title: "the left ear is louder by, dB", points: course.iter().map(|at| (at.t, at.ild_db)).collect() },
+    ];
+    let svg = plot(&panels);
+    ivv::files::write_atomic(path, |to| to.write_all(svg.as_bytes()))?;
+    Ok(())
+}

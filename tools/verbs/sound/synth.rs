@@ -1,0 +1,129 @@
+//! `ivv sound synth`.
+
+use crate::files::{make_folder, read_json};
+use crate::screen::out;
+use anyhow::Context;
+use glam::{DQuat, DVec3};
+use ivv::sound::FS;
+use ivv::sound::hrtf::HrtfSet;
+use ivv::sound::pose::{Pose, PoseTrack};
+use ivv::sound::rig::Rig;
+use ivv::sound::simulate::{Emitter, Motion, Simulated, simulate};
+use ivv::sound::sinc::DelayTable;
+use ivv::sound::source_track::{Flag, SourceSample, SourceTrack};
+use ivv::sound::wav::{Channel, Depth, read_channel, write};
+use std::collections::BTreeMap;
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+
+/// How far the head of a capture's truth is from the source, and how many degrees a second it goes around it.
+const DISTANCE: f64 = 1.5;
+const SPEED: f64 = 60.0;
+
+/// Options of `ivv sound synth`.
+#[derive(clap::Args)]
+pub struct Args {
+    /// The folder to write to: path.csv and truth.wav; of the built-in scene also mic.wav and scene.json.
+    #[arg(short, long)]
+    output: PathBuf,
+    /// A capture of `ivv synth`: writes what a head would truly hear on a path around its speaker.
+    #[arg(long)]
+    capture: Option<PathBuf>,
+    /// Seconds of the built-in scene.
+    #[arg(long, default_value_t = 4.0)]
+    seconds: f64,
+    /// The built-in scene stands still; else the speaker walks around a head that turns.
+    #[arg(long)]
+    still: bool,
+    /// Seed of the built-in scene's voice.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// The ears: `sphere`, a SOFA file, or a folder of WAV files as SADIE's.
+    #[arg(long, default_value = "sphere")]
+    hrtf: PathBuf,
+}
+
+pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
+    anyhow::ensure!((0.1..=600.0).contains(&args.seconds), "--seconds must be 0.1 to 600");
+    let hrtf = HrtfSet::open(&args.hrtf)?;
+    make_folder(&args.output)?;
+    let (head, truth) = match &args.capture {
+        Some(capture) => of_capture(capture, &hrtf)?,
+        None => {
+            let motion = if args.still { Motion::Still } else { Motion::Walk };
+            let Simulated { mut scene, recording, head, truth } = simulate(motion, args.seconds, args.seed, &hrtf);
+            scene.mic.wav = args.output.join("mic.wav");
+            write(&scene.mic.wav, &recording.iter().map(|value| [*value]).collect::<Vec<_>>(), Depth::Int24)?;
+            scene.write(&args.output.join("scene.json"))?;
+            (head, truth)
+        }
+    };
+    write_path(&head, &args.output.join("path.csv"))?;
+    write(&args.output.join("truth.wav"), &truth, Depth::Float32)?;
+    let seconds = truth.len() as f64 / f64::from(FS);
+    if json {
+        out!("{}", serde_json::json!({ "path": args.output, "seconds": seconds, "hrtf": hrtf.meta }));
+    } else {
+        out!("{}: {seconds:.2} s as heard through {}", args.output.display(), hrtf.meta.title);
+    }
+    Ok(())
+}
+
+/// What `truth.json` of a synthetic capture says of its source.
+#[derive(serde::Deserialize)]
+struct Truth {
+    source: TrueSource,
+}
+
+#[derive(serde::Deserialize)]
+struct TrueSource {
+    /// By frame.
+    position: Vec<[f64; 3]>,
+    speed_of_sound: f64,
+    #[serde(flatten)]
+    _other: BTreeMap<String, serde_json::Value>,
+}
+
+/// A path around the speaker at the height of its mouth, and what is heard there.
+fn of_capture(capture: &Path, hrtf: &HrtfSet) -> anyhow::Result<(PoseTrack, Vec<[f32; 2]>)> {
+    let rig = Rig::open(capture)?;
+    let Truth { source } = read_json(&capture.join("truth.json"), "give a capture that `ivv synth` wrote")?;
+    let said = read_channel(&capture.join("truth/source.wav"), Channel::Left, 0.0)?;
+    let sample = |(frame, p): (usize, &[f64; 3])| SourceSample {
+        t: frame as f64 / rig.fps,
+        p: DVec3::from(*p),
+        cov: [0.0; 6],
+        views: 0,
+        reproj_px: 0.0,
+        flag: Flag::Seen,
+    };
+    let samples: Vec<SourceSample> = source.position.iter().enumerate().map(sample).collect();
+    let middle = samples.iter().map(|sample| sample.p).sum::<DVec3>() / samples.len().max(1) as f64;
+    anyhow::ensure!(middle.is_finite() && !samples.is_empty(), "truth.json tells no place of the source");
+    let track = SourceTrack { id: "truth".into(), samples, fps: rig.fps };
+    let up = rig.up();
+    let aside = up.any_orthonormal_vector();
+    let seconds = said.len() as f64 / f64::from(FS);
+    // The source begins on the head's left and crosses its front.
+    let pose = |t: f64| {
+        let p = middle + DQuat::from_axis_angle(up, (SPEED * t).to_radians()) * aside * DISTANCE;
+        let forward = DQuat::from_axis_angle(up, -40f64.to_radians()) * -aside;
+        Pose { t, p, q: Pose::looking(forward, up) }
+    };
+    let n_poses = (seconds * 60.0).ceil() as u32;
+    let head = PoseTrack::new((0..=n_poses).map(|k| pose(f64::from(k) / 60.0)).collect())?;
+    let table = DelayTable::new();
+    let voice = |t: f64| f64::from(table.at(&said, t * f64::from(FS)));
+    let place = |t: f64| track.at(t).unwrap_or(middle);
+    let emitter = Emitter { voice: &voice, place: &place, speed_of_sound: source.speed_of_sound };
+    Ok((head.clone(), emitter.binaural(&head, hrtf, said.len())))
+}
+
+fn write_path(head: &PoseTrack, path: &Path) -> anyhow::Result<()> {
+    let mut text = String::from("t,x,y,z,qx,qy,qz,qw\n");
+    for Pose { t, p, q } in head.poses() {
+        writeln!(text, "{t},{},{},{},{},{},{},{}", p.x, p.y, p.z, q.x, q.y, q.z, q.w).context("a path")?;
+    }
+    ivv::files::write_atomic(path, |to| to.write_all(text.as_bytes()))?;
+    Ok(())
+}

@@ -1,0 +1,348 @@
+//! `ivv train`.
+
+use crate::capture::CaptureArgs;
+use crate::device::DeviceArgs;
+use crate::due::{Due, DueArgs};
+use crate::files::{write_json, write_scene};
+use crate::interrupt::{Interrupted, Stop};
+use crate::kept;
+use crate::offsets;
+use crate::passes::{self, TimedPass};
+use crate::progress::{Steps, watch};
+use crate::require;
+use crate::screen::{alert, out, say};
+use crate::settings::SettingArgs;
+use crate::start::Start;
+use crate::totals::{ProfiledStep, Seconds, cpu_seconds, totals};
+use crate::verbs::eval::Scorer;
+use crate::verbs::render::ConstantArgs;
+use crate::verbs::serve::{Beside, Said};
+use ivv::train::{Checkpoint, Evaluation, Event, Fall, Kind, Log, Session, SessionOptions, StepReport, spread};
+use ivv::words::count;
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::sync::PoisonError;
+use std::time::Instant;
+
+/// Options of `ivv train`.
+#[derive(clap::Args)]
+pub struct Args {
+    /// A capture: the project's own folder, COLMAP, transforms.json or Dynamic3DGaussians; see `ivv check`. With --resume
+    /// only where it has moved.
+    #[arg(required_unless_present = "resume")]
+    pub capture: Option<PathBuf>,
+    /// The run folder: run.json, config.json, train.jsonl, train.json, checkpoints, scene.ply, eval.json, renders,
+    /// report.html.
+    #[arg(short, long)]
+    pub output: PathBuf,
+    #[command(flatten)]
+    pub settings: SettingArgs,
+    /// Bytes of images to decode ahead.
+    #[arg(long, default_value_t = 256 << 20)]
+    cache_bytes: u64,
+    /// Steps between two lines of train.jsonl.
+    #[arg(long, default_value_t = 20, value_parser = clap::value_parser!(u64).range(1..))]
+    log_every: u64,
+    #[command(flatten)]
+    pub read: CaptureArgs,
+    /// A cameras file (JSON) of views, in the capture's world, that the scene will be seen from: training keeps clear what lies
+    /// just before them. run.json and the report name them; do not give the cameras that you test on.
+    #[arg(long, conflicts_with = "resume")]
+    pub viewpoints: Option<PathBuf>,
+    /// Continues the run in the run folder from its newest checkpoint, with its settings, cameras and constants. With --steps
+    /// or --epochs it goes on for as long as these say, an ended run too: learning rates and density control are then those
+    /// of a run of that length, which may raise the rates and lower the scores for a while.
+    #[arg(long)]
+    pub resume: bool,
+    /// Replaces the run in the run folder, with all that `ivv` wrote there for it. It stays until capture and settings are
+    /// known to be good and the first Gaussians are there.
+    #[arg(long, conflicts_with = "resume")]
+    pub overwrite: bool,
+    #[command(flatten)]
+    due: DueArgs,
+    /// Print the mean time of every pass of a step.
+    #[arg(long)]
+    profile: bool,
+    /// Shows the training in a browser, at this port of this machine: its course, test views, and the scene as of the newest
+    /// checkpoint, to walk in.
+    #[arg(long, value_name = "PORT", num_args = 0..=1, default_missing_value = "8080")]
+    view: Option<u16>,
+    #[command(flatten)]
+    pub constants: ConstantArgs,
+    #[command(flatten)]
+    pub device: DeviceArgs,
+}
+
+pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
+    let begun = Instant::now();
+    let stop = Stop::listen()?;
+    let start = Start::new(args)?;
+    let Start { gpu, run, capture, config, total, checkpoints, resumed, .. } = &start;
+    if config.loss.lpips > 0.0 && config.loss.lpips_weights.is_none() {
+        say!("LPIPS is off: it needs weights, given by --set loss.lpips_weights=FILE");
+    }
+    let options = SessionOptions {
+        constants: run.constants,
+        total: Some(*total),
+        cache_bytes: args.cache_bytes,
+        watch: watch(),
+        ..SessionOptions::default()
+    };
+    let mut session = match resumed {
+        Some(checkpoint) => Session::resume(gpu.clone(), capture, checkpoint, options)?,
+        None => Session::begin(gpu.clone(), capture, config.clone(), options)?,
+    };
+    start.replace(&args.output)?;
+    start.extend(&mut session)?;
+    let before = session.steps();
+    if let n @ 1.. = session.n_left_out() {
+        alert!("{} left out: not finite, or too bright", count(n, "Gaussian"));
+    }
+    let (test, steps) = (capture.test_frames(), format!("steps {} to {total}", before + 1));
+    say!(
+        "{}, {}, {}, {}, SH degree {}",
+        count(capture.training_frames().len(), "training image"),
+        count(test.len(), "test image"),
+        count(session.trainer().n_gaussians(), "Gaussian"),
+        if before < *total { steps } else { format!("all {total} steps done") },
+        config.sh_degree
+    );
+    let log = Log::open(&args.output, before);
+    let said = Said::default();
+    let _beside = args.view.map(|port| Beside::new(&args.output, port, said.clone())).transpose()?;
+    let mut training = Training {
+        args,
+        scorer: Scorer { gpu, capture, run, config },
+        session,
+        total: *total,
+        checkpoints: checkpoints.clone(),
+        some_test: spread(&test, args.due.eval_images),
+        due: Due::new(&args.due, *total),
+        progress: Steps::new(*total, before, test.len()),
+        start: begun,
+        seconds_before: log.series(Kind::Step, "seconds").last().map_or(0.0, |[_, seconds]| *seconds),
+        log,
+        said,
+    };
+    training.train(&stop).and_then(|()| training.finish(json)).map_err(|error| training.failed(error))
+}
+
+/// A run under way, with its folder.
+struct Training<'a> {
+    args: &'a Args,
+    scorer: Scorer<'a>,
+    session: Session<'a>,
+    total: u64,
+    checkpoints: PathBuf,
+    /// What is scored during the run.
+    some_test: Vec<(usize, u32)>,
+    due: Due<'a>,
+    progress: Steps,
+    log: Log,
+    /// What a page is told that shows the run.
+    said: Said,
+    start: Instant,
+    /// Of stepping, in processes before this one.
+    seconds_before: f64,
+}
+
+impl Training<'_> {
+    /// Steps to the end.
+    fn train(&mut self, stop: &Stop) -> anyhow::Result<()> {
+        if self.session.steps() == 0 {
+            // Whatever happens from here on, there is a checkpoint to go on from.
+            self.write_checkpoint()?;
+        }
+        self.settle()?;
+        while self.session.steps() < self.total {
+            if self.due.profile(self.session.steps() + 1) {
+                self.profile()?;
+            } else {
+                self.session.step()?;
+            }
+            let step = self.session.steps();
+            if self.due.evaluation(step) || self.due.checkpoint(step) {
+                self.session.wait()?;
+            }
+            self.settle()?;
+            let is_stopped = stop.is_asked();
+            let best = if is_stopped { None } else { self.evaluate(step)? };
+            if self.due.checkpoint(step) || best.is_some() || is_stopped {
+                self.write_checkpoint()?;
+            }
+            if let Some(psnr) = best {
+                Checkpoint::keep_best(&self.checkpoints, step, psnr)?;
+            }
+            if is_stopped {
+                return Err(Interrupted("a checkpoint was written; continue with --resume").into());
+            }
+        }
+        Ok(())
+    }
+
+    /// A step whose passes are timed.
+    fn profile(&mut self) -> anyhow::Result<()> {
+        let Some(profiled) = self.session.profile()? else { return Ok(()) };
+        let gpu = self.scorer.gpu;
+        let passes = profiled.passes.iter().map(|pass| TimedPass::new(pass, gpu.caps())).collect();
+        let line = ProfiledStep { step: self.session.steps(), passes, bytes_by_buffer: gpu.device().memory().0 };
+        self.log.push(Kind::Profile, &line)?;
+        Ok(())
+    }
+
+    fn write_checkpoint(&mut self) -> ivv::Result<()> {
+        let world = self.scorer.run.world;
+        Checkpoint { world, ..self.session.checkpoint()? }.write(&self.checkpoints)?;
+        self.log.write()
+    }
+
+    /// Keeps what can be kept of a run that `error` ends, and adds to the error what that is and how to go on: the last step
+    /// where the device still answers, the newest checkpoint otherwise.
+    fn failed(&mut self, error: anyhow::Error) -> anyhow::Error {
+        if error.downcast_ref::<Interrupted>().is_some() {
+            return error;
+        }
+        let world = self.scorer.run.world;
+        let is_lost = matches!(error.downcast_ref(), Some(ivv::Error::DeviceLost { .. }));
+        let ended = self.session.trainer().ended();
+        // Nothing follows the last step but scores.
+        let is_kept = ended == self.total && Checkpoint::file(&self.checkpoints, self.total).exists();
+        if !is_lost
+            && !is_kept
+            && let Ok(rescued) = self.session.rescue()
+        {
+            let written = Checkpoint { world, ..rescued }.write(&self.checkpoints);
+            if written.is_ok() {
+                // The lines of the log are not needed to go on.
+                let _ = self.log.write();
+            }
+        }
+        kept::told(error, self.session.trainer().ended(), &self.checkpoints, &self.args.output)
+    }
+
+    /// Does what is due after the last step, and notes what has happened.
+    fn settle(&mut self) -> anyhow::Result<()> {
+        self.note_events()?;
+        self.session.settle()?;
+        self.note_events()
+    }
+
+    fn note_events(&mut self) -> anyhow::Result<()> {
+        for event in self.session.take_events() {
+            match event {
+                Event::Step(report) => self.note(&report)?,
+                Event::Review(review) => {
+                    let told = require::told(&review);
+                    if !told.is_empty() {
+                        say!("{told}");
+                    }
+                    self.log.push(Kind::Review, &review)?;
+                }
+                Event::Frozen(cameras) => {
+                    alert!("could not estimate time offsets from the images; fixed at 0 for {}", cameras.join(", "))
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Shows what a step did, and logs it where that is due or density control followed.
+    fn note(&mut self, report: &StepReport) -> anyhow::Result<()> {
+        self.progress.show(report);
+        let is_due = self.due.checkpoint(report.step) || report.step.is_multiple_of(self.args.log_every);
+        if is_due || report.density.is_some() {
+            let mut line = serde_json::to_value(report)?;
+            line["seconds"] = (self.seconds_before + self.session.seconds()).into();
+            line["waited_for_images_s"] = self.session.waited().into();
+            self.said.lock().unwrap_or_else(PoisonError::into_inner).clone_from(&line);
+            self.log.push(Kind::Step, &line)?;
+        }
+        Ok(())
+    }
+
+    /// Scores some test views where that is due; returns their PSNR when it is the best so far.
+    fn evaluate(&mut self, step: u64) -> anyhow::Result<Option<f64>> {
+        if !self.due.evaluation(step) {
+            return Ok(None);
+        }
+        let begun = Instant::now();
+        let splats = self.session.trainer().splats()?;
+        let Some((scored, examples)) = self.scorer.some(&splats, &self.some_test, step)? else { return Ok(None) };
+        let Evaluation { mean, views, .. } = &scored;
+        let mean = *mean;
+        self.progress.scored(step, mean.psnr, mean.ssim, views.len(), begun.elapsed().as_secs_f64());
+        self.log.push(Kind::Evaluation, &scored)?;
+        self.warn_of_a_fall()?;
+        self.scorer.progress((&splats, scored, &examples), (step, self.total), &self.log, &self.args.output)?;
+        let best = Checkpoint::best(&self.checkpoints)?;
+        Ok(best.is_none_or(|(_, psnr)| mean.psnr > psnr).then_some(mean.psnr))
+    }
+
+    /// Warns, after an evaluation, when the scores have begun to fall.
+    fn warn_of_a_fall(&mut self) -> ivv::Result<()> {
+        let Some(fall) = Fall::of_log(&self.log, self.scorer.config, self.total) else { return Ok(()) };
+        alert!("warning: {fall}");
+        self.log.push(Kind::Fall, &fall)
+    }
+
+    /// Writes the scene, the totals, all scores and the report.
+    fn finish(&mut self, json: bool) -> anyhow::Result<()> {
+        let output = &self.args.output;
+        let splats = self.session.finish()?;
+        let (scene, world, step) = (output.join("scene.ply"), self.scorer.run.world, self.session.steps());
+        let written = write_scene(&scene, &splats, &world)?;
+        // What the file holds is scored.
+        let splats = world.splats(&written);
+        let seconds_stepping = self.seconds_before + self.session.seconds();
+        let seconds = Seconds {
+            seconds: self.start.elapsed().as_secs_f64(),
+            cpu_seconds: cpu_seconds(),
+            seconds_stepping,
+            seconds_per_step: seconds_stepping / step.max(1) as f64,
+            waited_for_images_s: self.session.waited(),
+        };
+        let fits = if self.args.due.fit_offsets { self.scorer.fitted_offsets(&splats)? } else { BTreeMap::new() };
+        let offsets = offsets::table(self.session.trainer(), &self.scorer, &fits, output)?;
+        let Scorer { gpu, run, capture, config } = self.scorer;
+        let mut totals = totals(gpu, step, &splats, (run, config), &self.log, &seconds)?;
+        totals["reviews"] = self.log.lines(Kind::Review).cloned().collect();
+        totals["plan"] = serde_json::to_value(self.session.plan())?;
+        totals["depth_priors"] = serde_json::to_value(&self.session.priors().depth)?;
+        totals["offsets"] = serde_json::to_value(&offsets)?;
+        let agreement = offsets::agreement(&offsets);
+        totals["offset_error"] = agreement.map(|agreement| agreement.rms_error).into();
+        totals["offset_correlation"] = agreement.and_then(|agreement| agreement.correlation).into();
+        write_json(&output.join("train.json"), &totals)?;
+        let (scores, examples) = self.scorer.all(&splats, &scene, &fits, step, output)?;
+        if let Some(scores) = &scores {
+            // The last point of the curve: the same images as those before it.
+            let some = self.some_test.iter().map(|(camera, frame)| (capture.cameras[*camera].name.as_str(), *frame));
+            let some: Vec<(&str, u32)> = some.collect();
+            if let Some(some) = scores.evaluation.of(|camera, frame| some.contains(&(camera, frame))) {
+                self.log.push(Kind::Evaluation, &some)?;
+                self.warn_of_a_fall()?;
+                Checkpoint::keep_best(&self.checkpoints, some.step, some.mean.psnr)?;
+            }
+        }
+        self.log.write()?;
+        let report = self.scorer.report(scores.as_ref(), &examples, output, output)?;
+        if json {
+            out!("{}", serde_json::to_string_pretty(&totals)?);
+            return Ok(());
+        }
+        let quality = scores.as_ref().map_or("no test images (name some with --test-cameras)".to_owned(), |scores| {
+            let Evaluation { mean, views, .. } = &scores.evaluation;
+            format!("{}: PSNR {:.2} dB, SSIM {:.4}", count(views.len(), "test image"), mean.psnr, mean.ssim)
+        });
+        if !offsets.is_empty() {
+            offsets::print(&offsets);
+        }
+        let (n, step) = (splats.len(), seconds.seconds_per_step);
+        out!("{quality}; {}, {step:.3} s a step; {}", count(n, "Gaussian"), report.display());
+        if self.args.profile {
+            let passes = totals["profile"]["passes"].clone();
+            passes::print(&serde_json::from_value::<Vec<TimedPass>>(passes)?, "step");
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,159 @@
+//! `ivv vjp`.
+
+use crate::device::DeviceArgs;
+use crate::screen::out;
+use anyhow::ensure;
+use ivv::files::{Tensor, read_tensors, write_tensors};
+use ivv::formats::read_scene;
+use ivv::scene::{Frame, Splats, View, read_views};
+use ivv::stage::{Accumulation, Gradients, Renderer};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// Options of `ivv vjp`.
+#[derive(clap::Args)]
+pub struct Args {
+    /// A scene file, as for render.
+    #[arg(long)]
+    scene: PathBuf,
+    /// A cameras file; its first view is taken.
+    #[arg(long)]
+    cameras: PathBuf,
+    /// Cotangents of the outputs: safetensors with any of color, alpha, depth, inverse_depth, flow.
+    #[arg(long)]
+    cotangents: PathBuf,
+    /// The gradients, safetensors: one tensor per parameter group in the units of the file, time_offset per frame,
+    /// background, and camera_rotation (radians about the camera's axes) and camera_translation (along them).
+    #[arg(short, long)]
+    output: PathBuf,
+    /// How gradients are added up.
+    #[arg(long, value_enum, default_value = "slots")]
+    accumulation: Mode,
+    #[command(flatten)]
+    constants: crate::verbs::render::ConstantArgs,
+    #[command(flatten)]
+    device: DeviceArgs,
+}
+
+/// [`Accumulation`] as an option.
+#[derive(Clone, Copy, clap::ValueEnum)]
+enum Mode {
+    Slots,
+    FloatAtomics,
+    FixedPoint,
+    CompareExchange,
+}
+
+impl From<Mode> for Accumulation {
+    fn from(mode: Mode) -> Self {
+        match mode {
+            Mode::Slots => Accumulation::Slots,
+            Mode::FloatAtomics => Accumulation::FloatAtomics,
+            Mode::FixedPoint => Accumulation::FixedPoint,
+            Mode::CompareExchange => Accumulation::CompareExchange,
+        }
+    }
+}
+
+pub fn run(args: &Args) -> anyhow::Result<()> {
+    let constants = args.constants.checked()?;
+    let views = read_views(&args.cameras)?;
+    let Some(view) = views.first() else {
+        return Err(ivv::Error::data(&args.cameras, "views", "has no view", "add one").into());
+    };
+    let cotangents = cotangents(args, view)?;
+    let splats = read_scene(&args.scene)?;
+    let mut renderer = Renderer::new(args.device.open()?, &splats, constants)?;
+    renderer.accumulate(args.accumulation.into())?;
+    let (gradients, report) = renderer.vjp(view, &cotangents)?;
+    if gradients.n_bad > 0 {
+        let what = format!("the gradient of view `{}`", view.name);
+        return Err(ivv::Error::NonFinite { what, count: u64::from(gradients.n_bad) }.into());
+    }
+    write_gradients(&args.output, &gradients, &splats)?;
+    let n = splats.len();
+    out!("{}: gradients of view `{}`, {} of {n} Gaussians visible", args.output.display(), view.name, report.visible);
+    Ok(())
+}
+
+/// The file's cotangents as a frame; outputs that it does not name have none.
+fn cotangents(args: &Args, view: &View) -> anyhow::Result<Frame> {
+    let mut tensors = read_tensors(&args.cotangents)?;
+    let (w, h) = (view.width as usize, view.height as usize);
+    let mut take = |name: &str, channels: usize| take(&mut tensors, args, name, w, h, channels);
+    let frame = Frame {
+        width: view.width,
+        height: view.height,
+        color: take("color", 3)?.as_chunks().0.to_vec(),
+        alpha: take("alpha", 1)?,
+        depth: take("depth", 1)?,
+        inverse_depth: take("inverse_depth", 1)?,
+        flow: take("flow", 2)?.as_chunks().0.to_vec(),
+    };
+    if let Some(name) = tensors.keys().next() {
+        let remedy = "name color, alpha, depth, inverse_depth or flow";
+        return Err(ivv::Error::data(&args.cotangents, name, "unknown output", remedy).into());
+    }
+    ensure!(w * h > 0, "the view has no pixels");
+    Ok(frame)
+}
+
+/// Removes `name` from `tensors`: `[H][W][channels]` numbers, zeros where it is absent.
+fn take(
+    tensors: &mut BTreeMap<String, Tensor>,
+    args: &Args,
+    name: &str,
+    w: usize,
+    h: usize,
+    channels: usize,
+) -> ivv::Result<Vec<f32>> {
+    let Some(tensor) = tensors.remove(name) else { return Ok(vec![0.0; w * h * channels]) };
+    let shape: &[usize] = if channels == 1 { &[h, w] } else { &[h, w, channels] };
+    if tensor.shape != shape {
+        let reason = format!("has shape {:?}, expected {shape:?} for this view", tensor.shape);
+        return Err(ivv::Error::data(&args.cotangents, name, reason, "make it for this view"));
+    }
+    if let Some(at) = tensor.data.iter().position(|x| !x.is_finite()) {
+        return Err(ivv::Error::data(
+            &args.cotangents,
+            format!("{name}[{at}]"),
+            "is not finite",
+            "replace it by a finite number",
+        ));
+    }
+    Ok(tensor.data.iter().map(|x| *x as f32).collect())
+}
+
+/// Writes the gradients by parameter, in the order of the file that `splats` came from.
+fn write_gradients(path: &Path, gradients: &Gradients, splats: &Splats) -> ivv::Result<()> {
+    let (n, k) = (splats.len(), splats.n_coefficients());
+    let mut index = vec![0; n];
+    for (i, row) in splats.source_row.iter().enumerate() {
+        index[*row as usize] = i;
+    }
+    let d = &gradients.params;
+    let gather = |width: usize, values: &[f32]| -> Vec<f32> {
+        index.iter().flat_map(|i| &values[i * width..(i + 1) * width]).copied().collect()
+    };
+    let motion: Vec<_> = index.iter().map(|i| gradients.motion(*i)).collect();
+    let velocity: Vec<f32> = motion.iter().flat_map(|m| m.velocity).collect();
+    let t_center: Vec<f32> = motion.iter().map(|m| m.t_center).collect();
+    let t_scale: Vec<f32> = motion.iter().map(|m| m.t_scale).collect();
+    write_tensors(
+        path,
+        &[
+            ("position", &[n, 3], &gather(3, d.position.as_flattened())),
+            ("rotation", &[n, 4], &gather(4, d.rotation.as_flattened())),
+            ("scale", &[n, 3], &gather(3, d.scale.as_flattened())),
+            ("opacity", &[n], &gather(1, &d.opacity)),
+            ("sh", &[n, k, 3], &gather(3 * k, d.sh.as_flattened())),
+            ("velocity", &[n, 3], &velocity),
+            ("t_center", &[n], &t_center),
+            ("t_scale", &[n], &t_scale),
+            ("time_offset", &[1], &[gradients.time_offset as f32]),
+            ("background", &[3], &gradients.background.map(|x| x as f32)),
+            ("camera_rotation", &[3], &gradients.camera_rotation.map(|x| x as f32)),
+            ("camera_translation", &[3], &gradients.camera_translation.map(|x| x as f32)),
+        ],
+    )
+}
