@@ -2,7 +2,7 @@
 // its clock is the clock of the picture. Works in an OfflineAudioContext as well.
 import { add, apply, distance } from './camera.js';
 import { soundPosition, triple } from './container.js';
-import { EarPair, EARS, EARS_RATE, earsOf } from './ears.js';
+import { EarPair, EARS_RATE, earsOf } from './ears.js';
 
 const SMOOTH_SECONDS = 0.015;
 const LEAD_SECONDS = 0.04;
@@ -199,8 +199,8 @@ export class Sound {
       if (this.context.state !== 'running') void this.context.resume();
       return;
     }
-    const hasEars = this.scene.attachments.some(({ name }) => name === EARS);
-    this.context = new AudioContext({ latencyHint: 'interactive', ...(hasEars ? { sampleRate: EARS_RATE } : {}) });
+    // The ears of files are of this rate. And Chromium's own are louder at a higher one: by 6 dB at twice the rate.
+    this.context = new AudioContext({ latencyHint: 'interactive', sampleRate: EARS_RATE });
     this.context.onstatechange = () => this.settle();
     void this.load(this.context);
   }
