@@ -2,7 +2,7 @@
 // and writes the committed SPIR-V and `engine/gpu/generated/`.
 
 use super::manifest::{line, source_key};
-use super::table::{KERNELS, Spec};
+use super::table::{FAMILIES, Family, KERNELS, Spec};
 use naga::{AddressSpace, ArraySize, Module, ScalarKind, StorageAccess, TypeInner, VectorSize};
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -18,16 +18,19 @@ pub fn run(root: &Path, bless: bool) -> Vec<String> {
     let mut structs = BTreeMap::new();
     // By folder of the shaders.
     let mut modules: BTreeMap<&str, String> = BTreeMap::new();
-    let mut interfaces = BTreeMap::new();
-    for spec in KERNELS {
+    let (mut interfaces, mut pushes) = (BTreeMap::new(), BTreeMap::new());
+    for spec in KERNELS.iter() {
         match build(root, spec, &mut structs) {
             Ok(kernel) => {
-                manifest += &line(spec.name, kernel.key, &kernel.spirv);
+                manifest += &line(&spec.name, kernel.key, &kernel.spirv);
                 // The first of a shader's variants with this interface; the others share it.
-                let Reflected { interface, info, .. } = &kernel.reflected;
-                let first = *interfaces.entry((spec.file, interface.clone(), info.clone())).or_insert(spec.name);
+                let Reflected { push, interface, info, .. } = &kernel.reflected;
+                let key = (spec.file, push.clone(), interface.clone(), info.clone());
+                let first = *interfaces.entry(key).or_insert(&*spec.name);
+                // Likewise, the kernels of a shader share push constants whose fields are the same.
+                let pushed = *pushes.entry((spec.file, push.clone())).or_insert(&*spec.name);
                 let folder = spec.file.split('/').next().unwrap_or_default();
-                *modules.entry(folder).or_default() += &kernel.reflected.module(spec.name, first);
+                *modules.entry(folder).or_default() += &kernel.reflected.module(&spec.name, first, pushed);
                 outputs.insert(format!("shaders-glsl/spv/{}.spv", spec.name), kernel.spirv);
             }
             Err(fault) => faults.push(format!("{}: {fault}", spec.name)),
@@ -37,6 +40,14 @@ pub fn run(root: &Path, bless: bool) -> Vec<String> {
         return faults;
     }
     outputs.insert("shaders-glsl/spv/MANIFEST".to_owned(), manifest.into_bytes());
+    for family in FAMILIES.iter().filter(|family| !family.axes.is_empty()) {
+        let folder = family.file.split('/').next().unwrap_or_default();
+        *modules.entry(folder).or_default() += &picker(family);
+    }
+    match constants(root) {
+        Ok(text) => outputs.insert(format!("{GENERATED}/constants.rs"), text.into_bytes()),
+        Err(fault) => return vec![fault],
+    };
     for (folder, kernels) in &modules {
         outputs.insert(format!("{GENERATED}/{folder}.rs"), bindings(folder, kernels).into_bytes());
     }
@@ -93,7 +104,9 @@ struct Kernel {
 /// What the plain module says of a kernel, as Rust.
 struct Reflected {
     purpose: String,
-    /// Its push constants and buffers.
+    /// Its push constants.
+    push: String,
+    /// Its buffers.
     interface: String,
     /// Their slices, in order.
     slices: String,
@@ -104,14 +117,15 @@ struct Reflected {
 }
 
 impl Reflected {
-    /// The Rust module of kernel `name`, which has the interface of `first`.
-    fn module(&self, name: &str, first: &str) -> String {
-        let Reflected { purpose, interface, slices, info, .. } = self;
+    /// The Rust module of kernel `name`, which has the interface of `first` and the push constants of `pushed`.
+    fn module(&self, name: &str, first: &str, pushed: &str) -> String {
+        let Reflected { purpose, push, interface, slices, info, .. } = self;
         if name != first {
             return format!("crate::gpu::kernel::variant!({name} of {first});\n");
         }
+        let push = if name == pushed { push.clone() } else { format!("pub use super::{pushed}::Push;\n") };
         format!(
-            "\n/// {purpose}\npub mod {name} {{\nuse crate::gpu::kernel::*;\n{interface}\
+            "\n/// {purpose}\npub mod {name} {{\nuse crate::gpu::kernel::*;\n{push}{interface}\
              impl Kernel for Args<'_> {{\ntype Push = Push;\nconst INFO: &'static KernelInfo = INFO;\n\
              fn slices(&self) -> Vec<Slice> {{\nvec![\n{slices}]\n}}\n}}\n\
              /// What the device needs to know.\npub const INFO: &KernelInfo = &KernelInfo {{\n\
@@ -143,7 +157,7 @@ fn compile(root: &Path, spec: &Spec, level: shaderc::OptimizationLevel) -> Resul
     options.set_target_spirv(shaderc::SpirvVersion::V1_3);
     options.set_optimization_level(level);
     options.set_warnings_as_errors();
-    for (name, value) in spec.defines {
+    for (name, value) in &spec.defines {
         options.add_macro_definition(name, Some(value));
     }
     let include = root.join("shaders-glsl/include");
@@ -302,7 +316,8 @@ fn reflect(
     }
     Ok(Reflected {
         purpose: purpose.to_owned(),
-        interface: format!("{push_text}/// The kernel's buffers.\npub struct Args<'a> {{\n{fields}}}\n"),
+        push: push_text,
+        interface: format!("/// The kernel's buffers.\npub struct Args<'a> {{\n{fields}}}\n"),
         slices: list,
         info: format!("local: {local}, subgroups: {subgroups}, floats: {floats:#x},\nbindings: &[\n{infos}],\n"),
         summary,
@@ -329,6 +344,104 @@ fn bindings(folder: &str, kernels: &str) -> String {
     rustfmt(&text).unwrap_or(text)
 }
 
+/// The function that picks a kernel of a family.
+fn picker(family: &Family) -> String {
+    let is_switch = |axis: usize| family.axes[axis].values.len() == 2;
+    let parameters: Vec<String> = (0..family.axes.len())
+        .map(|axis| format!("{}: {}", family.axes[axis].name, if is_switch(axis) { "bool" } else { "usize" }))
+        .collect();
+    let names: Vec<&str> = family.axes.iter().map(|axis| axis.name).collect();
+    // Of an index that is too large, the last.
+    let pattern = |(axis, value): (usize, &usize)| match is_switch(axis) {
+        true => (*value == 1).to_string(),
+        false if *value + 1 == family.axes[axis].values.len() => "_".to_owned(),
+        false => value.to_string(),
+    };
+    let mut arms: BTreeMap<String, Vec<String>> = BTreeMap::new();
+    for [choice, kernel] in family.choices() {
+        let pattern: Vec<String> = choice.iter().enumerate().map(pattern).collect();
+        let pattern = pattern.join(", ");
+        let pattern = if choice.len() == 1 { pattern } else { format!("({pattern})") };
+        arms.entry(family.kernel_name(&kernel)).or_default().push(pattern);
+    }
+    // What an index that is too large takes stands last.
+    let mut arms: Vec<(String, String)> = arms.into_iter().map(|(name, of)| (of.join(" | "), name)).collect();
+    arms.sort_by_key(|(of, _)| of.contains('_'));
+    let arms: String = arms.iter().map(|(of, name)| format!("{of} => {name}::INFO,\n")).collect();
+    let (file, name, parameters, names) = (family.file, family.name, parameters.join(", "), names.join(", "));
+    let names = if family.axes.len() == 1 { names } else { format!("({names})") };
+    format!(
+        "\n/// The kernel of `{file}` for these choices.\npub fn {name}({parameters}) -> &'static \
+         crate::gpu::KernelInfo {{\nmatch {names} {{\n{arms}}}\n}}\n"
+    )
+}
+
+/// The numbers of the shaders, a module for each file: scalar constants at its top level that are the same in all its kernels.
+fn constants(root: &Path) -> Result<String, String> {
+    let mut files = Vec::new();
+    let shaders = root.join("shaders-glsl");
+    let folders =
+        std::fs::read_dir(&shaders).map_err(|e| e.to_string())?.flatten().filter(|entry| entry.path().is_dir());
+    for folder in folders {
+        let inside = std::fs::read_dir(folder.path()).map_err(|e| e.to_string())?.flatten().map(|entry| entry.path());
+        files.extend(inside.filter(|path| path.extension().is_some_and(|ending| ending == "glsl" || ending == "comp")));
+    }
+    files.sort_by_key(|path| path.file_stem().map(|stem| stem.to_owned()));
+    let mut modules = String::new();
+    for path in files {
+        let text = std::fs::read_to_string(&path).map_err(|e| format!("{}: {e}", path.display()))?;
+        let found = constants_of(&text);
+        if !found.is_empty() {
+            let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+            let below = path.strip_prefix(&shaders).unwrap_or(&path).to_string_lossy().into_owned();
+            write!(modules, "\n/// Of `{below}`.\npub mod {stem} {{\n{found}}}\n").ok();
+        }
+    }
+    let text = format!(
+        "//! Numbers that the shaders and Rust share, generated by `IVV_BLESS=1 cargo build --features shaders`: a module for each \
+         file of\n//! `shaders-glsl` with its constants.\n#![expect(clippy::excessive_precision, reason = \"digits as the shaders have them\")]\n{modules}"
+    );
+    Ok(rustfmt(&text).unwrap_or(text))
+}
+
+/// The constants of a shader's text, as Rust.
+fn constants_of(text: &str) -> String {
+    let (mut found, mut known) = (String::new(), Vec::<String>::new());
+    for line in text.lines() {
+        let Some((declared, rest)) = line.strip_prefix("const ").and_then(|rest| rest.split_once(" = ")) else {
+            continue;
+        };
+        let Some((kind, name)) = declared.split_once(' ') else { continue };
+        let kind = match kind {
+            "uint" => "u32",
+            "int" => "i32",
+            "float" => "f32",
+            _ => continue,
+        };
+        let value = rest.split_once(';').map_or("", |(value, _)| value);
+        let words: Vec<&str> = value.split(|c: char| !c.is_ascii_alphanumeric() && c != '_' && c != '.').collect();
+        let is_known = |word: &&str| {
+            word.is_empty() || known.iter().any(|name| name == word) || word.starts_with(|c: char| c.is_ascii_digit())
+        };
+        let is_scalar = name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_') && !value.contains('(');
+        // What differs between kernels has one name and several values.
+        let is_one = text.matches(&format!("const {declared} = ")).count() == 1;
+        if !is_one || !is_scalar || !words.iter().all(is_known) {
+            continue;
+        }
+        let value: String = value
+            .split(' ')
+            .map(|word| if word.starts_with(|c: char| c.is_ascii_digit()) { word.trim_end_matches('u') } else { word })
+            .collect::<Vec<&str>>()
+            .join(" ");
+        let comment = line.split_once("// ").map_or("", |(_, comment)| comment);
+        let comment = if comment.is_empty() { format!("`{name}` of the shader") } else { comment.to_owned() };
+        writeln!(found, "/// {comment}.\npub const {name}: {kind} = {value};").ok();
+        known.push(name.to_owned());
+    }
+    found
+}
+
 /// What kernels share, and a list of all.
 fn index(structs: &BTreeMap<String, String>, modules: &BTreeMap<&str, String>) -> String {
     let structs: String = structs.values().map(|s| format!("{s}\n")).collect();
@@ -339,8 +452,8 @@ fn index(structs: &BTreeMap<String, String>, modules: &BTreeMap<&str, String>) -
         "//! Bindings of the kernels, generated from the shaders by `IVV_BLESS=1 cargo build --features shaders`: here the structs\n\
          //! that kernels share, then a file for each folder of `shaders-glsl` with a module for each kernel: its buffers by name\n\
          //! (`Args`), its push constants (`Push`), and what the device needs to know (`INFO`). Variants of a shader with the same\n\
-         //! buffers as its first are a line each.\n\n\
-         {folders}\nuse bytemuck::{{Pod, Zeroable}};\n\n{uses}\n{structs}\
+         //! buffers as its first are a line each; a function named after the shader picks one.\n\n\
+         pub mod constants;\n{folders}\nuse bytemuck::{{Pod, Zeroable}};\n\n{uses}\n{structs}\
          /// Every kernel, in the order of the table.\npub const ALL: &[&super::KernelInfo] = &[\n{all}];\n"
     );
     rustfmt(&text).unwrap_or(text)

@@ -57,10 +57,10 @@ pub fn verify(root: &Path) -> Vec<String> {
     let manifest = std::fs::read_to_string(spv.join("MANIFEST")).unwrap_or_default();
     let mut expected = String::new();
     let mut faults = Vec::new();
-    for spec in KERNELS {
+    for spec in KERNELS.iter() {
         match (source_key(root, spec), std::fs::read(spv.join(format!("{}.spv", spec.name)))) {
             (Ok(key), Ok(spirv)) => {
-                let line = line(spec.name, key, &spirv);
+                let line = line(&spec.name, key, &spirv);
                 if !manifest.lines().any(|l| l == line.trim_end()) {
                     faults.push(format!("{}: its SPIR-V is older than its source", spec.name));
                 }

@@ -1,226 +1,449 @@
-// The one list of kernels: included by build.rs, by the engine and by the tests.
+// The one list of kernels: included by build.rs, by the engine and by the tests. A row is a family: a shader and the choices that its
+// kernels differ in. All that is known of a kernel but its code is here: name, definitions, truth, cost, limit.
 
-/// What one unit of a kernel's work is counted in.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Count {
-    /// Gaussians of the scene.
-    Gaussians,
-    /// Active Gaussians: in the view's time and frustum.
-    Active,
-    /// The other Gaussians.
-    Idle,
-    /// Pairs of a Gaussian and a tile.
-    Intersections,
-    /// Tiles of the picture.
-    Tiles,
-    /// Pixels of the picture.
-    Pixels,
-    /// Gaussians that touch a tile.
-    Visible,
-    /// Pairs of a pixel and an intersection that a blend evaluates: the block of pixels is hit and not finished.
-    Evaluated,
-    /// Those of them that add to their pixel.
-    Added,
-    /// One per dispatch.
-    Dispatches,
-    /// What the recording says of the pass: see the comment at the row.
-    Recorded,
-}
+#[path = "family.rs"]
+mod family;
 
-/// A kernel.
-pub struct Spec {
-    /// Stem of everything that belongs to it.
-    pub name: &'static str,
-    /// Its shader, below `shaders-glsl`.
-    pub file: &'static str,
-    /// Preprocessor definitions that make this variant.
-    pub defines: &'static [(&'static str, &'static str)],
-    /// Its truth on the CPU.
-    pub twin: &'static str,
-    /// What its time grows with.
-    pub count: Count,
-    /// The ideal-limit model on one core of a CPU driver: nanoseconds per unit (research, kernels.md 6).
-    pub limit_ns: f64,
-}
+pub use family::{Axis, Cost, Count, Family, Spec, Term};
+use family::{NONE, ROW, blending, own, per, switch};
+use std::collections::HashMap;
+use std::sync::LazyLock;
 
-const fn spec(
-    name: &'static str,
-    file: &'static str,
-    defines: &'static [(&'static str, &'static str)],
-    twin: &'static str,
-    count: Count,
-    limit_ns: f64,
-) -> Spec {
-    Spec { name, file, defines, twin, count, limit_ns }
-}
+const POPULATION: Axis = switch("is_dynamic", &[("static", NONE), ("dynamic", ("DYNAMIC", "1"))]);
+const DEGREE: Axis = Axis {
+    name: "degree",
+    values: &[
+        ("sh0", ("SH_DEGREE", "0")),
+        ("sh1", ("SH_DEGREE", "1")),
+        ("sh2", ("SH_DEGREE", "2")),
+        ("sh3", ("SH_DEGREE", "3")),
+    ],
+};
+const PIXELS: Axis = switch("is_eight", &[("p4", ("PIXELS", "4")), ("p8", ("PIXELS", "8"))]);
+const OUTPUTS: Axis = switch("is_color", &[("", ("FULL", "1")), ("color", NONE)]);
+const HALF: Axis = switch("is_half", &[("", NONE), ("half", ("SH_HALF", "1"))]);
+const MOMENTS: Axis = switch("is_16_bit", &[("", NONE), ("m16", ("MOMENTS_16", "1"))]);
+const STRIDE: Axis = switch("is_halved", &[("", NONE), ("s2", ("STRIDE", "2u"))]);
+const DIRECTION: Axis = switch("is_backward", &[("", NONE), ("bwd", ("BACKWARD", "1"))]);
 
-const D: (&str, &str) = ("DYNAMIC", "1");
-const SH0: (&str, &str) = ("SH_DEGREE", "0");
-const SH1: (&str, &str) = ("SH_DEGREE", "1");
-const SH2: (&str, &str) = ("SH_DEGREE", "2");
-const SH3: (&str, &str) = ("SH_DEGREE", "3");
-const FULL: (&str, &str) = ("FULL", "1");
-const TRAIN: (&str, &str) = ("TRAIN", "1");
-const FLOAT: (&str, &str) = ("ACCUMULATE", "1");
-const FIXED: (&str, &str) = ("ACCUMULATE", "2");
-const SWAP: (&str, &str) = ("ACCUMULATE", "3");
-const ADAM: (&str, &str) = ("ADAM", "1");
-const BACKWARD: (&str, &str) = ("BACKWARD", "1");
-const P4: (&str, &str) = ("PIXELS", "4");
-const HALF: (&str, &str) = ("SH_HALF", "1");
-const M16: (&str, &str) = ("MOMENTS_16", "1");
-const S2: (&str, &str) = ("STRIDE", "2u");
-const P8: (&str, &str) = ("PIXELS", "8");
+const ACCUMULATION: Axis = Axis {
+    name: "accumulation",
+    values: &[
+        ("", NONE),
+        ("float", ("ACCUMULATE", "1")),
+        ("fixed", ("ACCUMULATE", "2")),
+        ("swap", ("ACCUMULATE", "3")),
+    ],
+};
+
+/// All families.
+#[rustfmt::skip]
+pub static FAMILIES: &[Family] = &[
+    Family {
+        name: "bound", file: "cull/bound.comp", twin: "cull", axes: &[POPULATION], count: Count::Gaussians,
+        limit_ns: |_| 25.0,
+        cost: Some(|s| vec![own(64.0 + 1.25 * s.motion(), 60.0)]),
+        ..ROW
+    },
+    Family {
+        name: "cull", file: "cull/cull.comp", twin: "cull", axes: &[POPULATION], count: Count::Gaussians,
+        limit_ns: |_| 25.0,
+        cost: Some(|s| vec![own(16.0 + 1.25 * s.motion() + 0.125, 40.0)]),
+        ..ROW
+    },
+    Family {
+        name: "compact", file: "cull/compact.comp", twin: "scan", count: Count::Gaussians,
+        limit_ns: |_| 5.0,
+        cost: Some(|_| vec![own(0.125 + 4.0 / 128.0, 0.0), per(Count::Active, 4.0, 0.0)]),
+        ..ROW
+    },
+    Family { name: "prepare_active", file: "cull/prepare_active.comp", twin: "scan", ..ROW },
+    Family {
+        name: "project", file: "project/project.comp", twin: "project", axes: &[POPULATION, DEGREE, HALF],
+        same: |choice| {
+            // Degree 0 has no bands to halve.
+            if choice[1] == 0 {
+                choice[2] = 0;
+            }
+        },
+        count: Count::Active,
+        limit_ns: |s| [160.0, 175.0, 195.0, 230.0][s.degree()],
+        cost: Some(|s| {
+            vec![
+                per(Count::Active, 48.0 + s.motion() + 4.0 + 76.0, 260.0),
+                per(Count::Visible, 16.0 + s.bands(), s.sh_flops()),
+            ]
+        }),
+        ..ROW
+    },
+    // A dispatch per band: their mean over the three.
+    Family {
+        name: "sh_half", file: "project/sh_half.comp", twin: "project", count: Count::Gaussians,
+        limit_ns: |_| 60.0,
+        cost: Some(|_| vec![own(208.0 / 3.0 * 1.5, 208.0 / 12.0)]),
+        ..ROW
+    },
+    Family { name: "scan_reduce", file: "scan/scan_reduce.comp", twin: "scan", ..ROW },
+    Family { name: "scan_spine", file: "scan/scan_spine.comp", twin: "scan", ..ROW },
+    Family { name: "scan_downsweep", file: "scan/scan_downsweep.comp", twin: "scan", ..ROW },
+    Family {
+        name: "sort_count", file: "sort/sort_count.comp", twin: "sort", count: Count::Active,
+        limit_ns: |_| 12.0,
+        cost: Some(|_| vec![own(4.5, 0.0)]),
+        ..ROW
+    },
+    Family {
+        name: "sort_scatter", file: "sort/sort_scatter.comp", twin: "sort", count: Count::Active,
+        axes: &[switch("is_wide", &[("", ("SUBGROUPS", "16")), ("w32", ("SUBGROUPS", "2"))])],
+        limit_ns: |_| 57.0,
+        cost: Some(|_| vec![own(16.5, 0.0)]),
+        ..ROW
+    },
+    Family {
+        name: "gather", file: "tiles/gather.comp", twin: "scan", count: Count::Active,
+        limit_ns: |_| 5.0,
+        cost: Some(|_| vec![own(12.0, 0.0)]),
+        ..ROW
+    },
+    Family { name: "prepare_intersections", file: "tiles/prepare_intersections.comp", twin: "scan", ..ROW },
+    Family {
+        name: "emit", file: "tiles/emit.comp", twin: "tiles", count: Count::Intersections,
+        axes: &[switch("has_slots", &[("", NONE), ("slots", ("SLOTS", "1"))])],
+        limit_ns: |s| s.either("SLOTS", 55.0, 50.0),
+        cost: Some(|s| {
+            let slots = s.either("SLOTS", 4.0, 0.0);
+            vec![per(Count::Active, 44.0 + slots, 40.0), own(8.0 + slots, 0.0)]
+        }),
+        ..ROW
+    },
+    Family {
+        name: "tile_ranges", file: "tiles/tile_ranges.comp", twin: "tiles", count: Count::Intersections,
+        limit_ns: |_| 5.0,
+        cost: Some(|_| vec![own(4.0, 0.0)]),
+        ..ROW
+    },
+    Family {
+        name: "tile_buckets", file: "tiles/tile_buckets.comp", twin: "tiles", count: Count::Tiles,
+        limit_ns: |_| 20.0,
+        cost: Some(|_| vec![own(8.0, 0.0)]),
+        ..ROW
+    },
+    Family {
+        name: "tile_order", file: "tiles/tile_order.comp", twin: "tiles", count: Count::Tiles,
+        limit_ns: |_| 20.0,
+        cost: Some(|_| vec![own(12.0, 0.0)]),
+        ..ROW
+    },
+    Family {
+        name: "blend_fwd", file: "blend/blend_fwd.comp", twin: "blend", axes: &[switch("is_training", &[("", NONE), ("train", ("TRAIN", "1"))]), OUTPUTS, PIXELS], count: Count::Intersections,
+        limit_ns: |_| 650.0,
+        cost: Some(|s| {
+            let pixels = 16.0 + s.either("FULL", 16.0, 0.0) + s.either("TRAIN", 8.0, 0.0);
+            // Of each entry that hits a block, x, y, four of M, opacity and the colour are handed around; FULL: four more.
+            blending(s, Cost::of(4.0, 0.0), pixels, s.either("FULL", 14.0, 10.0), s.either("FULL", 16.0, 8.0))
+        }),
+        ..ROW
+    },
+    Family {
+        name: "blend_bwd", file: "blend/blend_bwd.comp", twin: "jvp", axes: &[ACCUMULATION, OUTPUTS, PIXELS], count: Count::Intersections,
+        limit_ns: |s| s.either("ACCUMULATE", 1000.0, 730.0),
+        cost: Some(|s| {
+            let listed = match s.value("ACCUMULATE") {
+                0 => Cost::of(4.0 + 4.0 + 48.0, 0.0),
+                1 => Cost { float_atomics: 12.0, ..Cost::of(4.0, 0.0) },
+                2 => Cost { atomics: 24.0, ..Cost::of(4.0, 0.0) },
+                _ => Cost { atomics: 12.0, ..Cost::of(4.0, 0.0) },
+            };
+            let pixels = 8.0 + 16.0 + s.either("FULL", 16.0, 0.0);
+            // As forward, and the sums over the lanes: 16 shuffles transpose and add twelve numbers.
+            blending(s, listed, pixels, 16.0 + s.either("FULL", 14.0, 10.0), s.either("FULL", 62.0, 46.0))
+        }),
+        ..ROW
+    },
+    Family {
+        name: "fixed_sums", file: "blend/fixed_sums.comp", twin: "jvp", count: Count::Active,
+        limit_ns: |_| 40.0,
+        cost: Some(|_| vec![own(104.0 + 48.0, 24.0)]),
+        ..ROW
+    },
+    Family {
+        name: "project_bwd", file: "project/project_bwd.comp", twin: "jvp", axes: &[switch("steps", &[("", NONE), ("adam", ("ADAM", "1"))]), POPULATION, DEGREE, MOMENTS],
+        same: |choice| {
+            // Without the optimiser there are no moments.
+            if choice[0] == 0 {
+                choice[3] = 0;
+            }
+        },
+        count: Count::Active,
+        limit_ns: |s| s.either("ADAM", 850.0, 320.0),
+        cost: Some(|s| {
+            let each = 64.0 + s.bands() + s.motion();
+            // Adam reads and writes parameter and both moments, which may share a word; without it the gradient is written.
+            let stepped = s.either("MOMENTS_16", 4.0, 6.0) * each + 32.0;
+            let (moved, steps) = if s.is("ADAM") { (stepped, 3.0 * each) } else { (2.0 * each, 0.0) };
+            vec![
+                own(4.0 + 64.0 + 8.0, 0.0),
+                per(Count::Intersections, 48.0, 12.0),
+                per(Count::Visible, moved, 700.0 + 2.0 * s.sh_flops() + steps),
+            ]
+        }),
+        ..ROW
+    },
+    Family {
+        name: "fisher", file: "fisher/fisher.comp", twin: "fisher", axes: &[POPULATION, DEGREE], count: Count::Gaussians,
+        limit_ns: |s| [60.0, 90.0, 130.0, 190.0][s.degree()] + s.either("DYNAMIC", 10.0, 0.0),
+        cost: Some(|s| {
+            // Position, opacity and times, their gradients and the colour's; the bands and theirs; sums there and back.
+            let bands = s.bands();
+            vec![own(32.0 + 16.0 + 16.0 + 2.0 * s.motion() + 2.0 * bands + 96.0 + 48.0, 60.0 + bands / 2.0)]
+        }),
+        ..ROW
+    },
+    Family {
+        name: "camera_sum", file: "project/camera_sum.comp", twin: "jvp", count: Count::Active,
+        limit_ns: |_| 5.0,
+        cost: Some(|_| vec![own(32.0, 8.0)]),
+        ..ROW
+    },
+    Family { name: "camera_total", file: "project/camera_total.comp", twin: "jvp", ..ROW },
+    Family {
+        name: "background_sum", file: "blend/background_sum.comp", twin: "jvp", count: Count::Pixels,
+        limit_ns: |_| 5.0,
+        cost: Some(|_| vec![own(24.0, 6.0)]),
+        ..ROW
+    },
+    // Eleven taps of four moments of three channels; of three partial derivatives of three channels on the way back.
+    Family {
+        name: "ssim_rows", file: "loss/ssim_rows.comp", twin: "ssim", axes: &[STRIDE], count: Count::Pixels,
+        limit_ns: |s| s.either("STRIDE", 80.0, 128.0),
+        cost: Some(|_| vec![own(20.0 + 48.0, 2.0 * 11.0 * 12.0)]),
+        ..ROW
+    },
+    Family {
+        name: "ssim_columns", file: "loss/ssim_columns.comp", twin: "ssim", axes: &[STRIDE], count: Count::Pixels,
+        limit_ns: |s| s.either("STRIDE", 75.0, 243.0),
+        cost: Some(|_| vec![own(48.0 + 20.0 + 48.0, 2.0 * 11.0 * 12.0 + 3.0 * 40.0)]),
+        ..ROW
+    },
+    Family {
+        name: "ssim_bwd_rows", file: "loss/ssim_bwd_rows.comp", twin: "ssim", axes: &[STRIDE], count: Count::Pixels,
+        limit_ns: |s| s.either("STRIDE", 25.0, 90.0),
+        cost: Some(|_| vec![own(48.0 + 48.0, 2.0 * 11.0 * 9.0)]),
+        ..ROW
+    },
+    Family {
+        name: "ssim_bwd_columns", file: "loss/ssim_bwd_columns.comp", twin: "ssim", axes: &[STRIDE], count: Count::Pixels,
+        limit_ns: |s| s.either("STRIDE", 50.0, 90.0),
+        cost: Some(|_| vec![own(48.0 + 20.0 + 16.0, 2.0 * 11.0 * 9.0 + 3.0 * 10.0)]),
+        ..ROW
+    },
+    Family {
+        name: "l1", file: "loss/l1.comp", twin: "ssim", count: Count::Pixels,
+        limit_ns: |_| 10.0,
+        cost: Some(|_| vec![own(20.0 + 16.0, 12.0)]),
+        ..ROW
+    },
+    Family { name: "loss_sum", file: "loss/loss_sum.comp", twin: "ssim", ..ROW },
+    Family {
+        name: "prior_loss", file: "loss/prior_loss.comp", twin: "prior", count: Count::Pixels,
+        limit_ns: |_| 40.0,
+        cost: Some(|_| vec![own(16.0 + 8.0 + 16.0, 20.0)]),
+        ..ROW
+    },
+    Family { name: "clock_apply", file: "clock/clock_apply.comp", twin: "clock", ..ROW },
+    Family { name: "clock_step", file: "clock/clock_step.comp", twin: "clock", ..ROW },
+    // Recorded: pixels of the crop, multiply-adds of a convolution, vec4 of a map that is pooled or compared.
+    Family {
+        name: "lpips_input", file: "lpips/lpips_input.comp", twin: "lpips", count: Count::Recorded,
+        limit_ns: |_| 30.0,
+        cost: Some(|_| vec![own(20.0 + 32.0, 12.0)]),
+        ..ROW
+    },
+    // Of a multiply-add; the maps are small beside them.
+    Family {
+        name: "lpips_conv", file: "lpips/lpips_conv.comp", twin: "lpips", axes: &[DIRECTION], count: Count::Recorded,
+        limit_ns: |_| 0.53,
+        cost: Some(|_| vec![own(0.0, 2.0)]),
+        ..ROW
+    },
+    Family {
+        name: "lpips_pool", file: "lpips/lpips_pool.comp", twin: "lpips", count: Count::Recorded,
+        limit_ns: |_| 60.0,
+        cost: Some(|_| vec![own(4.0 * 16.0 + 16.0 + 4.0, 0.0)]),
+        ..ROW
+    },
+    Family {
+        name: "lpips_tap", file: "lpips/lpips_tap.comp", twin: "lpips", axes: &[DIRECTION], count: Count::Recorded,
+        limit_ns: |s| s.either("BACKWARD", 40.0, 20.0),
+        cost: Some(|s| vec![own(s.either("BACKWARD", 48.0, 32.0), s.either("BACKWARD", 60.0, 28.0))]),
+        ..ROW
+    },
+    Family { name: "lpips_sum", file: "lpips/lpips_sum.comp", twin: "lpips", ..ROW },
+    Family {
+        name: "lpips_pool_bwd", file: "lpips/lpips_pool_bwd.comp", twin: "lpips", count: Count::Recorded,
+        limit_ns: |_| 60.0,
+        cost: Some(|_| vec![own(16.0 + 5.0 + 16.0, 4.0)]),
+        ..ROW
+    },
+    Family {
+        name: "lpips_input_bwd", file: "lpips/lpips_input_bwd.comp", twin: "lpips", count: Count::Recorded,
+        limit_ns: |_| 30.0,
+        cost: Some(|_| vec![own(12.0 + 16.0 + 16.0, 6.0)]),
+        ..ROW
+    },
+    // Twelve numbers between eight cells, and the map.
+    Family {
+        name: "bilateral_slice", file: "bilateral/bilateral_slice.comp", twin: "bilateral", axes: &[DIRECTION], count: Count::Pixels,
+        limit_ns: |s| s.either("BACKWARD", 17.0, 15.0),
+        cost: Some(|s| vec![own(s.either("BACKWARD", 48.0, 32.0), s.either("BACKWARD", 420.0, 216.0))]),
+        ..ROW
+    },
+    Family {
+        name: "bilateral_bwd", file: "bilateral/bilateral_bwd.comp", twin: "bilateral", count: Count::Pixels,
+        limit_ns: |_| 20.0,
+        cost: Some(|_| vec![own(32.0, 216.0)]),
+        ..ROW
+    },
+    // Per dispatch: the 24,576 numbers of a grid, with gradient, moments, variation; four parts around each.
+    Family {
+        name: "bilateral_sum", file: "bilateral/bilateral_sum.comp", twin: "bilateral",
+        limit_ns: |_| 580_000.0,
+        cost: Some(|_| vec![own(5.0 * 98_304.0, 4.0 * 24_576.0)]),
+        ..ROW
+    },
+    Family {
+        name: "bilateral_adam", file: "bilateral/bilateral_adam.comp", twin: "bilateral",
+        limit_ns: |_| 400_000.0,
+        cost: Some(|_| vec![own(7.0 * 98_304.0, 30.0 * 24_576.0)]),
+        ..ROW
+    },
+    // Recorded: cameras.
+    Family {
+        name: "bilateral_gauge", file: "bilateral/bilateral_gauge.comp", twin: "bilateral", count: Count::Recorded,
+        limit_ns: |_| 10_000.0,
+        cost: Some(|_| vec![own(2.0 * 98_304.0, 2.0 * 24_576.0)]),
+        ..ROW
+    },
+    // Times the vec4 of the buffer: parameter and both moments, read and written.
+    Family {
+        name: "adam_idle", file: "adam/adam_idle.comp", twin: "adam", axes: &[MOMENTS], count: Count::Idle,
+        limit_ns: |_| 33.0,
+        cost: Some(|s| vec![own(s.either("MOMENTS_16", 64.0, 96.0), 48.0)]),
+        ..ROW
+    },
+    Family {
+        name: "adam_catch_up", file: "adam/adam_catch_up.comp", twin: "adam", axes: &[MOMENTS], count: Count::Active,
+        limit_ns: |_| 33.0,
+        cost: Some(|s| vec![own(s.either("MOMENTS_16", 64.0, 96.0), 48.0)]),
+        ..ROW
+    },
+    Family {
+        name: "density_classify", file: "density/density_classify.comp", twin: "density", axes: &[POPULATION], count: Count::Gaussians,
+        limit_ns: |s| s.either("DYNAMIC", 50.0, 40.0),
+        cost: None,
+        ..ROW
+    },
+    Family {
+        name: "density_choose", file: "density/density_choose.comp", twin: "density", count: Count::Gaussians,
+        limit_ns: |_| 10.0,
+        cost: None,
+        ..ROW
+    },
+    Family {
+        name: "density_list", file: "density/density_list.comp", twin: "density", count: Count::Gaussians,
+        limit_ns: |_| 15.0,
+        cost: None,
+        ..ROW
+    },
+    Family {
+        name: "density_sample", file: "density/density_sample.comp", twin: "density", count: Count::Gaussians,
+        limit_ns: |_| 120.0,
+        cost: None,
+        ..ROW
+    },
+    Family {
+        name: "density_relocate", file: "density/density_relocate.comp", twin: "density", count: Count::Gaussians,
+        limit_ns: |_| 20.0,
+        cost: None,
+        ..ROW
+    },
+    Family {
+        name: "density_gather", file: "density/density_gather.comp", twin: "density", count: Count::Gaussians,
+        limit_ns: |_| 60.0,
+        cost: None,
+        ..ROW
+    },
+    Family {
+        name: "density_children", file: "density/density_children.comp", twin: "density", count: Count::Gaussians,
+        limit_ns: |_| 120.0,
+        cost: None,
+        ..ROW
+    },
+    Family {
+        name: "mcmc_noise", file: "density/mcmc_noise.comp", twin: "density", count: Count::Gaussians,
+        limit_ns: |_| 80.0,
+        cost: Some(|_| vec![own(48.0 + 12.0, 120.0)]),
+        ..ROW
+    },
+    // Its overlay is a few rows.
+    Family {
+        name: "show", file: "screen/show.comp", twin: "show", count: Count::Pixels,
+        limit_ns: |_| 12.0,
+        cost: Some(|_| vec![own(32.0 + 4.0, 12.0)]),
+        ..ROW
+    },
+    // They measure what the limits of the others are made of, so they have none.
+    Family {
+        name: "probe_copy", file: "probe/probe_copy.comp", twin: "probe", count: Count::Recorded,
+        limit_ns: |_| 0.0,
+        cost: None,
+        ..ROW
+    },
+    Family {
+        name: "probe_fma", file: "probe/probe_fma.comp", twin: "probe", count: Count::Recorded,
+        limit_ns: |_| 0.0,
+        cost: None,
+        ..ROW
+    },
+    Family {
+        name: "probe_exp2", file: "probe/probe_exp2.comp", twin: "probe", count: Count::Recorded,
+        limit_ns: |_| 0.0,
+        cost: None,
+        ..ROW
+    },
+    Family {
+        name: "probe_shuffle", file: "probe/probe_shuffle.comp", twin: "probe", count: Count::Recorded,
+        limit_ns: |_| 0.0,
+        cost: None,
+        ..ROW
+    },
+    Family {
+        name: "probe_gather", file: "probe/probe_gather.comp", twin: "probe", count: Count::Recorded,
+        limit_ns: |_| 0.0,
+        cost: None,
+        ..ROW
+    },
+    Family {
+        name: "probe_atomic", file: "probe/probe_atomic.comp", twin: "probe", count: Count::Recorded,
+        axes: &[switch("is_float", &[("", NONE), ("float", ("FLOAT", "1"))])],
+        limit_ns: |_| 0.0,
+        cost: None,
+        ..ROW
+    },
+    Family {
+        name: "probe_dispatch", file: "probe/probe_dispatch.comp", twin: "probe",
+        limit_ns: |_| 0.0,
+        cost: None,
+        ..ROW
+    },
+];
 
 /// All kernels.
-#[rustfmt::skip]
-pub const KERNELS: &[Spec] = &[
-    spec("bound_static", "cull/bound.comp", &[], "cull", Count::Gaussians, 25.0),
-    spec("bound_dynamic", "cull/bound.comp", &[D], "cull", Count::Gaussians, 25.0),
-    spec("cull_static", "cull/cull.comp", &[], "cull", Count::Gaussians, 25.0),
-    spec("cull_dynamic", "cull/cull.comp", &[D], "cull", Count::Gaussians, 25.0),
-    spec("compact", "cull/compact.comp", &[], "scan", Count::Gaussians, 5.0),
-    spec("prepare_active", "cull/prepare_active.comp", &[], "scan", Count::Dispatches, 1000.0),
-    spec("project_static_sh0", "project/project.comp", &[SH0], "project", Count::Active, 160.0),
-    spec("project_static_sh1", "project/project.comp", &[SH1], "project", Count::Active, 175.0),
-    spec("project_static_sh2", "project/project.comp", &[SH2], "project", Count::Active, 195.0),
-    spec("project_static_sh3", "project/project.comp", &[SH3], "project", Count::Active, 230.0),
-    spec("project_dynamic_sh0", "project/project.comp", &[D, SH0], "project", Count::Active, 160.0),
-    spec("project_dynamic_sh1", "project/project.comp", &[D, SH1], "project", Count::Active, 175.0),
-    spec("project_dynamic_sh2", "project/project.comp", &[D, SH2], "project", Count::Active, 195.0),
-    spec("project_dynamic_sh3", "project/project.comp", &[D, SH3], "project", Count::Active, 230.0),
-    spec("project_static_sh1_half", "project/project.comp", &[SH1, HALF], "project", Count::Active, 175.0),
-    spec("project_static_sh2_half", "project/project.comp", &[SH2, HALF], "project", Count::Active, 195.0),
-    spec("project_static_sh3_half", "project/project.comp", &[SH3, HALF], "project", Count::Active, 230.0),
-    spec("project_dynamic_sh1_half", "project/project.comp", &[D, SH1, HALF], "project", Count::Active, 175.0),
-    spec("project_dynamic_sh2_half", "project/project.comp", &[D, SH2, HALF], "project", Count::Active, 195.0),
-    spec("project_dynamic_sh3_half", "project/project.comp", &[D, SH3, HALF], "project", Count::Active, 230.0),
-    spec("sh_half", "project/sh_half.comp", &[], "project", Count::Gaussians, 60.0),
-    spec("scan_reduce", "scan/scan_reduce.comp", &[], "scan", Count::Dispatches, 1000.0),
-    spec("scan_spine", "scan/scan_spine.comp", &[], "scan", Count::Dispatches, 1000.0),
-    spec("scan_downsweep", "scan/scan_downsweep.comp", &[], "scan", Count::Dispatches, 1000.0),
-    spec("sort_count", "sort/sort_count.comp", &[], "sort", Count::Active, 12.0),
-    spec("sort_scatter", "sort/sort_scatter.comp", &[("SUBGROUPS", "16")], "sort", Count::Active, 57.0),
-    spec("sort_scatter_w32", "sort/sort_scatter.comp", &[("SUBGROUPS", "2")], "sort", Count::Active, 57.0),
-    spec("gather", "tiles/gather.comp", &[], "scan", Count::Active, 5.0),
-    spec("prepare_intersections", "tiles/prepare_intersections.comp", &[], "scan", Count::Dispatches, 1000.0),
-    spec("emit", "tiles/emit.comp", &[], "tiles", Count::Intersections, 50.0),
-    spec("emit_slots", "tiles/emit.comp", &[("SLOTS", "1")], "tiles", Count::Intersections, 55.0),
-    spec("tile_ranges", "tiles/tile_ranges.comp", &[], "tiles", Count::Intersections, 5.0),
-    spec("tile_buckets", "tiles/tile_buckets.comp", &[], "tiles", Count::Tiles, 20.0),
-    spec("tile_order", "tiles/tile_order.comp", &[], "tiles", Count::Tiles, 20.0),
-    spec("blend_fwd_p4", "blend/blend_fwd.comp", &[FULL, P4], "blend", Count::Intersections, 650.0),
-    spec("blend_fwd_p8", "blend/blend_fwd.comp", &[FULL, P8], "blend", Count::Intersections, 650.0),
-    spec("blend_fwd_color_p4", "blend/blend_fwd.comp", &[P4], "blend", Count::Intersections, 650.0),
-    spec("blend_fwd_color_p8", "blend/blend_fwd.comp", &[P8], "blend", Count::Intersections, 650.0),
-    spec("blend_fwd_train_p4", "blend/blend_fwd.comp", &[FULL, TRAIN, P4], "blend", Count::Intersections, 650.0),
-    spec("blend_fwd_train_p8", "blend/blend_fwd.comp", &[FULL, TRAIN, P8], "blend", Count::Intersections, 650.0),
-    spec("blend_fwd_train_color_p4", "blend/blend_fwd.comp", &[TRAIN, P4], "blend", Count::Intersections, 650.0),
-    spec("blend_fwd_train_color_p8", "blend/blend_fwd.comp", &[TRAIN, P8], "blend", Count::Intersections, 650.0),
-    spec("blend_bwd_p4", "blend/blend_bwd.comp", &[FULL, P4], "jvp", Count::Intersections, 730.0),
-    spec("blend_bwd_p8", "blend/blend_bwd.comp", &[FULL, P8], "jvp", Count::Intersections, 730.0),
-    spec("blend_bwd_color_p4", "blend/blend_bwd.comp", &[P4], "jvp", Count::Intersections, 730.0),
-    spec("blend_bwd_color_p8", "blend/blend_bwd.comp", &[P8], "jvp", Count::Intersections, 730.0),
-    spec("blend_bwd_float_p4", "blend/blend_bwd.comp", &[FULL, FLOAT, P4], "jvp", Count::Intersections, 1000.0),
-    spec("blend_bwd_float_p8", "blend/blend_bwd.comp", &[FULL, FLOAT, P8], "jvp", Count::Intersections, 1000.0),
-    spec("blend_bwd_float_color_p4", "blend/blend_bwd.comp", &[FLOAT, P4], "jvp", Count::Intersections, 1000.0),
-    spec("blend_bwd_float_color_p8", "blend/blend_bwd.comp", &[FLOAT, P8], "jvp", Count::Intersections, 1000.0),
-    spec("blend_bwd_fixed_p4", "blend/blend_bwd.comp", &[FULL, FIXED, P4], "jvp", Count::Intersections, 1000.0),
-    spec("blend_bwd_fixed_p8", "blend/blend_bwd.comp", &[FULL, FIXED, P8], "jvp", Count::Intersections, 1000.0),
-    spec("blend_bwd_fixed_color_p4", "blend/blend_bwd.comp", &[FIXED, P4], "jvp", Count::Intersections, 1000.0),
-    spec("blend_bwd_fixed_color_p8", "blend/blend_bwd.comp", &[FIXED, P8], "jvp", Count::Intersections, 1000.0),
-    spec("blend_bwd_swap_p4", "blend/blend_bwd.comp", &[FULL, SWAP, P4], "jvp", Count::Intersections, 1000.0),
-    spec("blend_bwd_swap_p8", "blend/blend_bwd.comp", &[FULL, SWAP, P8], "jvp", Count::Intersections, 1000.0),
-    spec("blend_bwd_swap_color_p4", "blend/blend_bwd.comp", &[SWAP, P4], "jvp", Count::Intersections, 1000.0),
-    spec("blend_bwd_swap_color_p8", "blend/blend_bwd.comp", &[SWAP, P8], "jvp", Count::Intersections, 1000.0),
-    spec("fixed_sums", "blend/fixed_sums.comp", &[], "jvp", Count::Active, 40.0),
-    spec("project_bwd_static_sh0", "project/project_bwd.comp", &[SH0], "jvp", Count::Active, 320.0),
-    spec("project_bwd_static_sh1", "project/project_bwd.comp", &[SH1], "jvp", Count::Active, 320.0),
-    spec("project_bwd_static_sh2", "project/project_bwd.comp", &[SH2], "jvp", Count::Active, 320.0),
-    spec("project_bwd_static_sh3", "project/project_bwd.comp", &[SH3], "jvp", Count::Active, 320.0),
-    spec("project_bwd_dynamic_sh0", "project/project_bwd.comp", &[D, SH0], "jvp", Count::Active, 320.0),
-    spec("project_bwd_dynamic_sh1", "project/project_bwd.comp", &[D, SH1], "jvp", Count::Active, 320.0),
-    spec("project_bwd_dynamic_sh2", "project/project_bwd.comp", &[D, SH2], "jvp", Count::Active, 320.0),
-    spec("project_bwd_dynamic_sh3", "project/project_bwd.comp", &[D, SH3], "jvp", Count::Active, 320.0),
-    spec("project_bwd_adam_static_sh0", "project/project_bwd.comp", &[SH0, ADAM], "adam", Count::Active, 850.0),
-    spec("project_bwd_adam_static_sh1", "project/project_bwd.comp", &[SH1, ADAM], "adam", Count::Active, 850.0),
-    spec("project_bwd_adam_static_sh2", "project/project_bwd.comp", &[SH2, ADAM], "adam", Count::Active, 850.0),
-    spec("project_bwd_adam_static_sh3", "project/project_bwd.comp", &[SH3, ADAM], "adam", Count::Active, 850.0),
-    spec("project_bwd_adam_dynamic_sh0", "project/project_bwd.comp", &[D, SH0, ADAM], "adam", Count::Active, 850.0),
-    spec("project_bwd_adam_dynamic_sh1", "project/project_bwd.comp", &[D, SH1, ADAM], "adam", Count::Active, 850.0),
-    spec("project_bwd_adam_dynamic_sh2", "project/project_bwd.comp", &[D, SH2, ADAM], "adam", Count::Active, 850.0),
-    spec("project_bwd_adam_dynamic_sh3", "project/project_bwd.comp", &[D, SH3, ADAM], "adam", Count::Active, 850.0),
-    spec("project_bwd_adam_static_sh0_m16", "project/project_bwd.comp", &[SH0, ADAM, M16], "adam", Count::Active, 850.0),
-    spec("project_bwd_adam_static_sh1_m16", "project/project_bwd.comp", &[SH1, ADAM, M16], "adam", Count::Active, 850.0),
-    spec("project_bwd_adam_static_sh2_m16", "project/project_bwd.comp", &[SH2, ADAM, M16], "adam", Count::Active, 850.0),
-    spec("project_bwd_adam_static_sh3_m16", "project/project_bwd.comp", &[SH3, ADAM, M16], "adam", Count::Active, 850.0),
-    spec("project_bwd_adam_dynamic_sh0_m16", "project/project_bwd.comp", &[D, SH0, ADAM, M16], "adam", Count::Active, 850.0),
-    spec("project_bwd_adam_dynamic_sh1_m16", "project/project_bwd.comp", &[D, SH1, ADAM, M16], "adam", Count::Active, 850.0),
-    spec("project_bwd_adam_dynamic_sh2_m16", "project/project_bwd.comp", &[D, SH2, ADAM, M16], "adam", Count::Active, 850.0),
-    spec("project_bwd_adam_dynamic_sh3_m16", "project/project_bwd.comp", &[D, SH3, ADAM, M16], "adam", Count::Active, 850.0),
-    spec("fisher_static_sh0", "fisher/fisher.comp", &[SH0], "fisher", Count::Gaussians, 60.0),
-    spec("fisher_static_sh1", "fisher/fisher.comp", &[SH1], "fisher", Count::Gaussians, 90.0),
-    spec("fisher_static_sh2", "fisher/fisher.comp", &[SH2], "fisher", Count::Gaussians, 130.0),
-    spec("fisher_static_sh3", "fisher/fisher.comp", &[SH3], "fisher", Count::Gaussians, 190.0),
-    spec("fisher_dynamic_sh0", "fisher/fisher.comp", &[D, SH0], "fisher", Count::Gaussians, 70.0),
-    spec("fisher_dynamic_sh1", "fisher/fisher.comp", &[D, SH1], "fisher", Count::Gaussians, 100.0),
-    spec("fisher_dynamic_sh2", "fisher/fisher.comp", &[D, SH2], "fisher", Count::Gaussians, 140.0),
-    spec("fisher_dynamic_sh3", "fisher/fisher.comp", &[D, SH3], "fisher", Count::Gaussians, 200.0),
-    spec("camera_sum", "project/camera_sum.comp", &[], "jvp", Count::Active, 5.0),
-    spec("camera_total", "project/camera_total.comp", &[], "jvp", Count::Dispatches, 1000.0),
-    spec("background_sum", "blend/background_sum.comp", &[], "jvp", Count::Pixels, 5.0),
-    spec("ssim_rows", "loss/ssim_rows.comp", &[], "ssim", Count::Pixels, 128.0),
-    spec("ssim_rows_s2", "loss/ssim_rows.comp", &[S2], "ssim", Count::Pixels, 80.0),
-    spec("ssim_columns", "loss/ssim_columns.comp", &[], "ssim", Count::Pixels, 243.0),
-    spec("ssim_columns_s2", "loss/ssim_columns.comp", &[S2], "ssim", Count::Pixels, 75.0),
-    spec("ssim_bwd_rows", "loss/ssim_bwd_rows.comp", &[], "ssim", Count::Pixels, 90.0),
-    spec("ssim_bwd_rows_s2", "loss/ssim_bwd_rows.comp", &[S2], "ssim", Count::Pixels, 25.0),
-    spec("ssim_bwd_columns", "loss/ssim_bwd_columns.comp", &[], "ssim", Count::Pixels, 90.0),
-    spec("ssim_bwd_columns_s2", "loss/ssim_bwd_columns.comp", &[S2], "ssim", Count::Pixels, 50.0),
-    spec("l1", "loss/l1.comp", &[], "ssim", Count::Pixels, 10.0),
-    spec("loss_sum", "loss/loss_sum.comp", &[], "ssim", Count::Dispatches, 1000.0),
-    spec("prior_loss", "loss/prior_loss.comp", &[], "prior", Count::Pixels, 40.0),
-    spec("clock_apply", "clock/clock_apply.comp", &[], "clock", Count::Dispatches, 1000.0),
-    spec("clock_step", "clock/clock_step.comp", &[], "clock", Count::Dispatches, 1000.0),
-    // Recorded: pixels of the crop, multiply-adds of a convolution, vec4 of a map that is pooled or compared.
-    spec("lpips_input", "lpips/lpips_input.comp", &[], "lpips", Count::Recorded, 30.0),
-    spec("lpips_conv", "lpips/lpips_conv.comp", &[], "lpips", Count::Recorded, 0.53),
-    spec("lpips_pool", "lpips/lpips_pool.comp", &[], "lpips", Count::Recorded, 60.0),
-    spec("lpips_tap", "lpips/lpips_tap.comp", &[], "lpips", Count::Recorded, 20.0),
-    spec("lpips_tap_bwd", "lpips/lpips_tap.comp", &[BACKWARD], "lpips", Count::Recorded, 40.0),
-    spec("lpips_sum", "lpips/lpips_sum.comp", &[], "lpips", Count::Dispatches, 1000.0),
-    spec("lpips_conv_bwd", "lpips/lpips_conv.comp", &[BACKWARD], "lpips", Count::Recorded, 0.53),
-    spec("lpips_pool_bwd", "lpips/lpips_pool_bwd.comp", &[], "lpips", Count::Recorded, 60.0),
-    spec("lpips_input_bwd", "lpips/lpips_input_bwd.comp", &[], "lpips", Count::Recorded, 30.0),
-    spec("bilateral_slice", "bilateral/bilateral_slice.comp", &[], "bilateral", Count::Pixels, 15.0),
-    spec("bilateral_slice_bwd", "bilateral/bilateral_slice.comp", &[("BACKWARD", "1")], "bilateral", Count::Pixels, 17.0),
-    spec("bilateral_bwd", "bilateral/bilateral_bwd.comp", &[], "bilateral", Count::Pixels, 20.0),
-    spec("bilateral_sum", "bilateral/bilateral_sum.comp", &[], "bilateral", Count::Dispatches, 580_000.0),
-    spec("bilateral_adam", "bilateral/bilateral_adam.comp", &[], "bilateral", Count::Dispatches, 400_000.0),
-    // Recorded: cameras.
-    spec("bilateral_gauge", "bilateral/bilateral_gauge.comp", &[], "bilateral", Count::Recorded, 10_000.0),
-    // Times the vec4 of the buffer.
-    spec("adam_idle", "adam/adam_idle.comp", &[], "adam", Count::Idle, 33.0),
-    spec("adam_catch_up", "adam/adam_catch_up.comp", &[], "adam", Count::Active, 33.0),
-    spec("adam_idle_m16", "adam/adam_idle.comp", &[M16], "adam", Count::Idle, 33.0),
-    spec("adam_catch_up_m16", "adam/adam_catch_up.comp", &[M16], "adam", Count::Active, 33.0),
-    spec("density_classify_static", "density/density_classify.comp", &[], "density", Count::Gaussians, 40.0),
-    spec("density_classify_dynamic", "density/density_classify.comp", &[D], "density", Count::Gaussians, 50.0),
-    spec("density_choose", "density/density_choose.comp", &[], "density", Count::Gaussians, 10.0),
-    spec("density_list", "density/density_list.comp", &[], "density", Count::Gaussians, 15.0),
-    spec("density_sample", "density/density_sample.comp", &[], "density", Count::Gaussians, 120.0),
-    spec("density_relocate", "density/density_relocate.comp", &[], "density", Count::Gaussians, 20.0),
-    spec("density_gather", "density/density_gather.comp", &[], "density", Count::Gaussians, 60.0),
-    spec("density_children", "density/density_children.comp", &[], "density", Count::Gaussians, 120.0),
-    spec("mcmc_noise", "density/mcmc_noise.comp", &[], "density", Count::Gaussians, 80.0),
-    spec("show", "screen/show.comp", &[], "show", Count::Pixels, 12.0),
-    // They measure what the limits of the others are made of, so they have none.
-    spec("probe_copy", "probe/probe_copy.comp", &[], "probe", Count::Recorded, 0.0),
-    spec("probe_fma", "probe/probe_fma.comp", &[], "probe", Count::Recorded, 0.0),
-    spec("probe_exp2", "probe/probe_exp2.comp", &[], "probe", Count::Recorded, 0.0),
-    spec("probe_shuffle", "probe/probe_shuffle.comp", &[], "probe", Count::Recorded, 0.0),
-    spec("probe_gather", "probe/probe_gather.comp", &[], "probe", Count::Recorded, 0.0),
-    spec("probe_atomic", "probe/probe_atomic.comp", &[], "probe", Count::Recorded, 0.0),
-    spec("probe_atomic_float", "probe/probe_atomic.comp", &[("FLOAT", "1")], "probe", Count::Recorded, 0.0),
-    spec("probe_dispatch", "probe/probe_dispatch.comp", &[], "probe", Count::Dispatches, 0.0),
-];
+pub static KERNELS: LazyLock<Vec<Spec>> = LazyLock::new(|| FAMILIES.iter().flat_map(Family::kernels).collect());
+
+/// A kernel by its name.
+pub fn kernel(name: &str) -> Option<&'static Spec> {
+    static BY_NAME: LazyLock<HashMap<&str, &Spec>> =
+        LazyLock::new(|| KERNELS.iter().map(|spec| (spec.name.as_str(), spec)).collect());
+    BY_NAME.get(name).copied()
+}

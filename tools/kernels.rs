@@ -1,7 +1,7 @@
 //! Kernels by name: `ivv profile --list`, and what a wrong name is told.
 
 use crate::screen::out;
-use ivv::gpu::table::KERNELS;
+use ivv::gpu::table::{KERNELS, kernel};
 use ivv::gpu::{KernelInfo, kernel_named};
 use ivv::words::nearest;
 
@@ -13,10 +13,10 @@ pub fn named(option: &str, name: &str) -> anyhow::Result<&'static KernelInfo> {
 
 /// What to try in the place of `name`, as the end of a message: the other kernels of its shader, or the nearest names.
 pub fn like(name: &str) -> String {
-    let shader = KERNELS.iter().find(|spec| spec.name == name).map(|spec| spec.file);
+    let shader = kernel(name).map(|spec| spec.file);
     let others = KERNELS.iter().filter(|spec| Some(spec.file) == shader && spec.name != name);
-    let others: Vec<&str> = others.map(|spec| spec.name).collect();
-    let near = nearest(name, KERNELS.iter().map(|spec| spec.name));
+    let others: Vec<&str> = others.map(|spec| &*spec.name).collect();
+    let near = nearest(name, KERNELS.iter().map(|spec| &*spec.name));
     let meant = match shader {
         Some(shader) if !others.is_empty() => format!("; others of {shader} are {}", others.join(", ")),
         None if !near.is_empty() => format!("; did you mean {}?", near.join(" or ")),
@@ -28,10 +28,10 @@ pub fn like(name: &str) -> String {
 /// Prints each shader with the kernels that are made of it.
 pub fn list(json: bool) -> anyhow::Result<()> {
     let mut shaders: Vec<(&str, Vec<&str>)> = Vec::new();
-    for spec in KERNELS {
+    for spec in KERNELS.iter() {
         match shaders.iter_mut().find(|(file, _)| *file == spec.file) {
-            Some((_, names)) => names.push(spec.name),
-            None => shaders.push((spec.file, vec![spec.name])),
+            Some((_, names)) => names.push(&spec.name),
+            None => shaders.push((spec.file, vec![&spec.name])),
         }
     }
     if json {

@@ -1,6 +1,6 @@
 //! The safe layer over [`crate::vk`]: typed buffers, kernels with generated bindings, and recordings of passes as data.
 
-pub mod cost;
+mod cost;
 mod dispatch;
 pub mod generated;
 pub mod kernel;

@@ -1,7 +1,7 @@
 //! Work as data: a list of passes, and the barriers that their accesses require.
 
 use super::kernel::{Access, Kernel, KernelInfo, Slice};
-use super::table::{Count, KERNELS};
+use super::table::{self, Count};
 
 /// How many workgroups a pass has.
 #[derive(Clone)]
@@ -87,7 +87,7 @@ impl Recording {
     /// constants as it takes.
     pub fn pass_untyped(&mut self, kernel: &'static KernelInfo, slices: Vec<Slice>, push: Vec<u8>, grid: Grid) {
         assert_eq!((slices.len(), push.len()), (kernel.bindings.len(), kernel.push_bytes as usize), "{}", kernel.name);
-        let row = KERNELS.iter().find(|row| row.name == kernel.name);
+        let row = table::kernel(kernel.name);
         self.passes.push(Pass {
             label: format!("{}/{}", self.stage, kernel.name),
             count: row.map_or(Count::Dispatches, |row| row.count),

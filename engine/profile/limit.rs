@@ -3,7 +3,7 @@
 use super::probe::{Probe, dispatch_ns};
 use crate::error::Result;
 use crate::gpu::Gpu;
-use crate::gpu::cost::Cost;
+use crate::gpu::table::Cost;
 use serde::Serialize;
 
 /// What a device was measured to do, per second; 0 where it cannot.

@@ -19,7 +19,7 @@ pub use replay::{Difference, Replay, Replayed};
 pub use statistics::{Ratio, mad, median, paired_ratio, quantile};
 pub use trace::{Moment, trace};
 
-use crate::gpu::cost::Cost;
+use crate::gpu::table::Cost;
 use crate::stage::{Counters, PassReport};
 use crate::vk::{Caps, DeviceKind};
 use serde::Serialize;

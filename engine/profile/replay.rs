@@ -2,7 +2,7 @@
 
 use super::statistics::{Ratio, mad, median, paired_ratio};
 use crate::error::{Error, Result};
-use crate::gpu::table::{KERNELS, Spec};
+use crate::gpu::table::{self, Spec};
 use crate::gpu::{Dispatch, Gpu, Grid, KernelInfo, Recording, Slice};
 use serde::Serialize;
 
@@ -168,7 +168,7 @@ impl<'a> Replay<'a> {
             return Err(fault("has other bindings"));
         }
         // A kernel that was edited while it is watched is not in the table, and has the captured one's blocks.
-        let (Some(ours), Some(theirs)) = (spec(kernel.name), spec(captured)) else {
+        let (Some(ours), Some(theirs)) = (table::kernel(kernel.name), table::kernel(captured)) else {
             return Ok((push.clone(), *groups));
         };
         let (pixels, of_captured) = (pixels(ours), pixels(theirs));
@@ -190,12 +190,7 @@ impl<'a> Replay<'a> {
     }
 }
 
-fn spec(name: &str) -> Option<&'static Spec> {
-    KERNELS.iter().find(|row| row.name == name)
-}
-
 /// Pixels that a lane of a blend has; 1 for any other kernel.
 fn pixels(spec: &Spec) -> u32 {
-    let value = spec.defines.iter().find(|(name, _)| *name == "PIXELS");
-    value.and_then(|(_, value)| value.parse().ok()).unwrap_or(1)
+    spec.value("PIXELS").max(1) as u32
 }

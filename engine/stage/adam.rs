@@ -5,7 +5,7 @@ use super::cull::{ARGS_FIRST_GROUP, Cull, indirect};
 use super::moments::Moments;
 use super::scene::{Planes, SceneBuffers};
 use crate::error::Result;
-use crate::gpu::generated::{AdamParams, Status, adam_catch_up, adam_catch_up_m16, adam_idle, adam_idle_m16};
+use crate::gpu::generated::{self, AdamParams, Status, adam_catch_up, adam_idle};
 use crate::gpu::{Buf, Gpu, Grid, Recording};
 
 /// Exponential decay of the first moment (SPEC 6).
@@ -181,7 +181,7 @@ impl Optimiser {
         if self.mode != AdamMode::Dense {
             return;
         }
-        let kernel = if self.moments.bits == 16 { adam_idle_m16::INFO } else { adam_idle::INFO };
+        let kernel = generated::adam_idle(self.moments.bits == 16);
         rec.stage("adam");
         for (index, group) in scene.groups.iter().enumerate() {
             rec.group(Some(index));
@@ -237,7 +237,7 @@ impl Optimiser {
         until: u64,
         of: impl Fn(usize, u32) -> (u32, Grid),
     ) {
-        let kernel = if self.moments.bits == 16 { adam_catch_up_m16::INFO } else { adam_catch_up::INFO };
+        let kernel = generated::adam_catch_up(self.moments.bits == 16);
         rec.stage("adam");
         for (index, group) in scene.groups.iter().enumerate() {
             rec.group(Some(index));

@@ -10,15 +10,15 @@ use super::scene::{Planes, SceneBuffers};
 use super::tiles::{Lists, Tiles};
 use crate::error::{Error, Result};
 use crate::gpu::generated::{
-    self as g, Status, ViewParams, background_sum, blend_bwd_p4, camera_sum, camera_total, fixed_sums,
+    self, Status, ViewParams, background_sum, blend_bwd_p4, camera_sum, camera_total, constants, fixed_sums,
     project_bwd_adam_static_sh0, project_bwd_static_sh0,
 };
 use crate::gpu::{Buf, Gpu, Grid, KernelInfo, Recording};
 
 /// vec2 per slot: the twelve sums that one intersection gives its splat.
 pub const SLOT_PAIRS: usize = 6;
-/// Words per active Gaussian in fixed point, `FIXED_WORDS` of the shaders.
-const FIXED_WORDS: usize = 26;
+/// Words per active Gaussian in fixed point.
+const FIXED_WORDS: usize = constants::fixed::FIXED_WORDS as usize;
 /// Workgroups that add up the camera's gradient.
 const CAMERA_GROUPS: u32 = 64;
 
@@ -56,31 +56,19 @@ impl Accumulation {
         Ok(())
     }
 
-    /// Entries of a list that one round of the backward kernel walks, `SEGMENT` of its variant.
+    /// Entries of a list that one round of the backward kernel walks.
     fn segment(self) -> u32 {
-        if self == Accumulation::CompareExchange { 8_192 } else { SEGMENT }
+        if self == Accumulation::CompareExchange { constants::blend_bwd::SWAP_SEGMENT } else { SEGMENT }
     }
 
     fn kernel(self, outputs: Outputs, pixels_per_lane: u32) -> &'static KernelInfo {
-        use Accumulation::{CompareExchange, FixedPoint, FloatAtomics, Slots};
-        match (self, outputs, pixels_per_lane) {
-            (Slots, Outputs::All, 4) => blend_bwd_p4::INFO,
-            (Slots, Outputs::All, _) => g::blend_bwd_p8::INFO,
-            (Slots, Outputs::Color, 4) => g::blend_bwd_color_p4::INFO,
-            (Slots, Outputs::Color, _) => g::blend_bwd_color_p8::INFO,
-            (FloatAtomics, Outputs::All, 4) => g::blend_bwd_float_p4::INFO,
-            (FloatAtomics, Outputs::All, _) => g::blend_bwd_float_p8::INFO,
-            (FloatAtomics, Outputs::Color, 4) => g::blend_bwd_float_color_p4::INFO,
-            (FloatAtomics, Outputs::Color, _) => g::blend_bwd_float_color_p8::INFO,
-            (FixedPoint, Outputs::All, 4) => g::blend_bwd_fixed_p4::INFO,
-            (FixedPoint, Outputs::All, _) => g::blend_bwd_fixed_p8::INFO,
-            (FixedPoint, Outputs::Color, 4) => g::blend_bwd_fixed_color_p4::INFO,
-            (FixedPoint, Outputs::Color, _) => g::blend_bwd_fixed_color_p8::INFO,
-            (CompareExchange, Outputs::All, 4) => g::blend_bwd_swap_p4::INFO,
-            (CompareExchange, Outputs::All, _) => g::blend_bwd_swap_p8::INFO,
-            (CompareExchange, Outputs::Color, 4) => g::blend_bwd_swap_color_p4::INFO,
-            (CompareExchange, Outputs::Color, _) => g::blend_bwd_swap_color_p8::INFO,
-        }
+        let axis = match self {
+            Accumulation::Slots => 0,
+            Accumulation::FloatAtomics => 1,
+            Accumulation::FixedPoint => 2,
+            Accumulation::CompareExchange => 3,
+        };
+        generated::blend_bwd(axis, outputs == Outputs::Color, pixels_per_lane == 8)
     }
 }
 
@@ -117,42 +105,6 @@ pub enum Target<'a> {
     Gradients,
     /// A step of the optimiser.
     Step(&'a Optimiser),
-}
-
-/// The kernel of a population and a degree that writes gradients.
-fn gradient_kernel(dynamic: bool, degree: usize) -> &'static KernelInfo {
-    match (dynamic, degree) {
-        (false, 0) => g::project_bwd_static_sh0::INFO,
-        (false, 1) => g::project_bwd_static_sh1::INFO,
-        (false, 2) => g::project_bwd_static_sh2::INFO,
-        (false, _) => g::project_bwd_static_sh3::INFO,
-        (true, 0) => g::project_bwd_dynamic_sh0::INFO,
-        (true, 1) => g::project_bwd_dynamic_sh1::INFO,
-        (true, 2) => g::project_bwd_dynamic_sh2::INFO,
-        (true, _) => g::project_bwd_dynamic_sh3::INFO,
-    }
-}
-
-/// The kernel of a population and a degree that moves the parameters.
-fn adam_kernel(dynamic: bool, degree: usize, moment_bits: u32) -> &'static KernelInfo {
-    match (moment_bits, dynamic, degree) {
-        (16, false, 0) => g::project_bwd_adam_static_sh0_m16::INFO,
-        (16, false, 1) => g::project_bwd_adam_static_sh1_m16::INFO,
-        (16, false, 2) => g::project_bwd_adam_static_sh2_m16::INFO,
-        (16, false, _) => g::project_bwd_adam_static_sh3_m16::INFO,
-        (16, true, 0) => g::project_bwd_adam_dynamic_sh0_m16::INFO,
-        (16, true, 1) => g::project_bwd_adam_dynamic_sh1_m16::INFO,
-        (16, true, 2) => g::project_bwd_adam_dynamic_sh2_m16::INFO,
-        (16, true, _) => g::project_bwd_adam_dynamic_sh3_m16::INFO,
-        (_, false, 0) => g::project_bwd_adam_static_sh0::INFO,
-        (_, false, 1) => g::project_bwd_adam_static_sh1::INFO,
-        (_, false, 2) => g::project_bwd_adam_static_sh2::INFO,
-        (_, false, _) => g::project_bwd_adam_static_sh3::INFO,
-        (_, true, 0) => g::project_bwd_adam_dynamic_sh0::INFO,
-        (_, true, 1) => g::project_bwd_adam_dynamic_sh1::INFO,
-        (_, true, 2) => g::project_bwd_adam_dynamic_sh2::INFO,
-        (_, true, _) => g::project_bwd_adam_dynamic_sh3::INFO,
-    }
 }
 
 impl Backward {
@@ -263,7 +215,7 @@ impl Backward {
                         d_sh2: d_band(1),
                         d_sh3: d_band(2),
                     };
-                    rec.pass_variant(gradient_kernel(dynamic, degree), args, push, grid);
+                    rec.pass_variant(generated::project_bwd(false, dynamic, degree, false), args, push, grid);
                 }
                 Target::Step(optimiser) => {
                     let moments = &optimiser.moments.groups[index];
@@ -300,7 +252,12 @@ impl Backward {
                         is_summed,
                         wants_camera: push.wants_camera,
                     };
-                    rec.pass_variant(adam_kernel(dynamic, degree, optimiser.moments.bits), args, push, grid);
+                    rec.pass_variant(
+                        generated::project_bwd(true, dynamic, degree, optimiser.moments.bits == 16),
+                        args,
+                        push,
+                        grid,
+                    );
                 }
             }
         }

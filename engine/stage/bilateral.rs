@@ -3,6 +3,7 @@
 
 use super::adam::{BETA1, BETA2, EPS, correction};
 use crate::error::Result;
+use crate::gpu::generated::constants::bilateral::{self as shared, PANELS, TEAM};
 use crate::gpu::generated::{
     Status, bilateral_adam, bilateral_bwd, bilateral_gauge, bilateral_slice, bilateral_slice_bwd, bilateral_sum,
     loss_sum,
@@ -11,22 +12,18 @@ use crate::gpu::{Buf, Gpu, Grid, Recording};
 use crate::vk::DeviceKind;
 
 /// Cells across, down, and along the luma.
-pub const GRID_SIZE: [usize; 3] = [16, 16, 8];
+pub const GRID_SIZE: [usize; 3] = [shared::CELLS as usize, shared::CELLS as usize, shared::LEVELS as usize];
 /// Numbers of a camera's grid: 3 x 4 for each cell, row by row, x fastest, then y, then luma.
 pub const GRID_NUMBERS: usize = 12 * GRID_SIZE[0] * GRID_SIZE[1] * GRID_SIZE[2];
 /// Bytes on the device for each camera: its grid and Adam's moments.
 pub const GRID_BYTES: u64 = 3 * 4 * GRID_NUMBERS as u64;
 
 /// vec4 of a camera's grid: rows of maps.
-const ROWS: usize = GRID_NUMBERS / 4;
-/// Panels of pixels between the columns of cells, across or down.
-const PANELS: u32 = 15;
-/// Threads of the team that has a part of a panel.
-const TEAM: u32 = 4;
+const ROWS: usize = shared::GRID_ROWS as usize;
 /// vec4 that a team sums.
-const PART_SUMS: usize = 96;
+const PART_SUMS: usize = shared::PART_SUMS as usize;
 /// Threads per workgroup of the kernel that leaves one sum each.
-const LOCAL: usize = 64;
+const LOCAL: usize = bilateral_slice::INFO.local as usize;
 
 /// The grid of one camera with Adam's moments, on the host; each of [`GRID_NUMBERS`].
 #[derive(Clone, Debug, PartialEq)]

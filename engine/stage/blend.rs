@@ -4,15 +4,10 @@ use super::params::TILE;
 use super::project::Projected;
 use super::tiles::{Lists, Tiles};
 use crate::error::Result;
-use crate::gpu::generated::{
-    ViewParams, blend_fwd_color_p4, blend_fwd_color_p8, blend_fwd_p4, blend_fwd_p8, blend_fwd_train_color_p4,
-    blend_fwd_train_color_p8, blend_fwd_train_p4, blend_fwd_train_p8,
-};
+pub use crate::gpu::generated::constants::block::SEGMENT;
+use crate::gpu::generated::{self, ViewParams, blend_fwd_p4, blend_fwd_train_p4};
 use crate::gpu::{Buf, Gpu, Grid, KernelInfo, Recording};
 use crate::vk::DeviceKind;
-
-/// Entries of a list that one round walks, `SEGMENT` of the shader.
-pub const SEGMENT: u32 = 32_768;
 
 /// What a picture needs; the rest is neither computed nor read back.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -55,16 +50,7 @@ impl Blend {
         let is_cpu = caps.kind == DeviceKind::Cpu;
         // Eight pixels per lane pay where registers cost nothing; 64 lanes with eight would outgrow a tile.
         let pixels_per_lane = if is_cpu && caps.subgroup_size <= 32 { 8 } else { 4 };
-        let kernel = match (purpose, outputs, pixels_per_lane) {
-            (Purpose::Picture, Outputs::All, 4) => blend_fwd_p4::INFO,
-            (Purpose::Picture, Outputs::All, _) => blend_fwd_p8::INFO,
-            (Purpose::Picture, Outputs::Color, 4) => blend_fwd_color_p4::INFO,
-            (Purpose::Picture, Outputs::Color, _) => blend_fwd_color_p8::INFO,
-            (_, Outputs::All, 4) => blend_fwd_train_p4::INFO,
-            (_, Outputs::All, _) => blend_fwd_train_p8::INFO,
-            (_, Outputs::Color, 4) => blend_fwd_train_color_p4::INFO,
-            (_, Outputs::Color, _) => blend_fwd_train_color_p8::INFO,
-        };
+        let kernel = generated::blend_fwd(purpose != Purpose::Picture, outputs == Outputs::Color, pixels_per_lane == 8);
         Ok(Blend {
             image0: gpu.alloc("image color", pixels)?,
             image1: match outputs {
@@ -140,7 +126,6 @@ impl Blend {
                     image1,
                     tail,
                 };
-                let push = bytemuck::cast(push);
                 rec.pass_variant(self.kernel, args, push, grid);
             } else {
                 let args =

@@ -6,8 +6,7 @@ use super::scene::SceneBuffers;
 use super::tiles::Lists;
 use super::workspace::Workspace;
 use crate::error::Result;
-use crate::gpu::cost::{Cost, terms};
-use crate::gpu::table::{Count, KERNELS, Spec};
+use crate::gpu::table::{self, Cost, Count, Spec};
 use crate::gpu::{Gpu, Pass, PassTime, Recording, Work};
 use serde::Serialize;
 
@@ -130,7 +129,8 @@ impl Counters {
             Work::Copy(from, _) => cost.copied = 2.0 * from.size() as f64,
             Work::Fill(slice, _) => cost.filled = slice.size() as f64,
             Work::Dispatch { .. } => {
-                for term in row(pass).and_then(terms).unwrap_or_default() {
+                let cost_of = row(pass).and_then(|row| Some(row.family.cost?(row)));
+                for term in cost_of.unwrap_or_default() {
                     let n = term.per.map_or(units, |count| pass.scale * self.units(count, pass.group));
                     cost.add(&term.cost, n);
                 }
@@ -141,8 +141,7 @@ impl Counters {
 }
 
 fn row(pass: &Pass) -> Option<&'static Spec> {
-    let name = pass.kernel()?;
-    KERNELS.iter().find(|row| row.name == name)
+    table::kernel(pass.kernel()?)
 }
 
 /// One line of a profile: all passes of a frame with the same label.
@@ -181,7 +180,7 @@ pub fn add_passes(
         line.ns += time.ns;
         line.units += units;
         line.cost.add(&cost, 1.0);
-        line.limit_ns += row(pass).map_or(0.0, |row| row.limit_ns) * units;
+        line.limit_ns += row(pass).map_or(0.0, |row| row.limit_ns()) * units;
     }
     lines
 }

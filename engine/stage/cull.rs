@@ -3,15 +3,16 @@
 use super::scan::{SCAN_BLOCK, Scan};
 use super::scene::{CULL_BLOCK, SceneBuffers};
 use crate::error::Result;
+use crate::gpu::generated::constants::args;
 use crate::gpu::generated::{Status, ViewParams, compact, cull_dynamic, cull_static, prepare_active};
 use crate::gpu::{Buf, Gpu, Grid, Recording};
 
-/// Places in the indirect arguments, `ARGS_*` of the shaders.
-pub(super) const ARGS_THREADS: usize = 0;
-pub(super) const ARGS_SCAN: usize = 1;
-pub(super) const ARGS_SORT: usize = 2;
-pub(super) const ARGS_SORT_SCAN: usize = 3;
-pub(super) const ARGS_FIRST_GROUP: usize = 4;
+/// Places in the indirect arguments.
+pub(super) const ARGS_THREADS: usize = args::ARGS_THREADS as usize;
+pub(super) const ARGS_SCAN: usize = args::ARGS_SCAN as usize;
+pub(super) const ARGS_SORT: usize = args::ARGS_SORT as usize;
+pub(super) const ARGS_SORT_SCAN: usize = args::ARGS_SORT_SCAN as usize;
+pub(super) const ARGS_FIRST_GROUP: usize = args::ARGS_FIRST_GROUP as usize;
 
 /// One entry of an indirect-argument buffer as a grid.
 pub(super) fn indirect(args: &Buf<[u32; 4]>, at: usize) -> Grid {

@@ -5,6 +5,7 @@ use super::scan::{SCAN_BLOCK, Scan};
 use super::scene::{BUCKETS, Group, SceneBuffers};
 use super::sort::{SORT_BLOCK, Sort, SortGrids};
 use crate::error::{Error, Result};
+use crate::gpu::generated::constants::density as shared;
 use crate::gpu::generated::{
     Status, density_children, density_choose, density_classify_dynamic, density_classify_static, density_gather,
     density_list, density_relocate, density_sample, mcmc_noise,
@@ -13,19 +14,19 @@ use crate::gpu::{Buf, Gpu, Grid, Recording};
 use crate::scene::Cone;
 use crate::settings::Constants;
 
-/// Flat indices leave two bits of a source word for its kind, `SOURCE_BITS` of the shaders.
-const MAX_FLAT: u32 = 1 << 30;
+/// Flat indices leave two bits of a source word for its kind.
+const MAX_FLAT: u32 = 1 << shared::SOURCE_BITS;
 /// Weight of opacity 1 among those that are drawn, while the sum of all fits 32 bits.
 const WEIGHT: u32 = 1023;
 /// Log of the largest standard deviation whose square f32 holds.
 const LARGEST: f32 = 44.0;
 
-/// Places in the counters, `N_*` of the shaders.
-const N_LISTED: usize = 0;
-const N_KEPT: usize = 1;
-const N_CLONED: usize = 2;
-const N_SPLIT: usize = 3;
-const N_BUCKET: usize = 4;
+/// Places in the counters.
+const N_LISTED: usize = shared::N_LISTED as usize;
+const N_KEPT: usize = shared::N_KEPT as usize;
+const N_CLONED: usize = shared::N_CLONED as usize;
+const N_SPLIT: usize = shared::N_SPLIT as usize;
+const N_BUCKET: usize = shared::N_BUCKET as usize;
 const N_COUNTERS: usize = N_BUCKET + BUCKETS;
 
 /// How Gaussians are chosen.

@@ -2,8 +2,8 @@
 
 use super::scene::{Group, Planes, SceneBuffers};
 use crate::error::Result;
-use crate::gpu::generated::{self as g, fisher_static_sh0};
-use crate::gpu::{Buf, Gpu, Grid, KernelInfo, Recording};
+use crate::gpu::generated::{self, fisher_static_sh0};
+use crate::gpu::{Buf, Gpu, Grid, Recording};
 
 /// vec4 per Gaussian of the sums.
 const PLANES: usize = 6;
@@ -46,20 +46,6 @@ impl Census {
     pub(super) fn new(gpu: &Gpu, scene: &SceneBuffers, cameras: &[[f64; 3]]) -> Result<Self> {
         let [information, slope] = [Fisher::new(gpu, scene, cameras, true)?, Fisher::new(gpu, scene, cameras, false)?];
         Ok(Census { information, slope })
-    }
-}
-
-/// The kernel of a population and a degree.
-fn kernel_of(dynamic: bool, degree: usize) -> &'static KernelInfo {
-    match (dynamic, degree) {
-        (false, 0) => fisher_static_sh0::INFO,
-        (false, 1) => g::fisher_static_sh1::INFO,
-        (false, 2) => g::fisher_static_sh2::INFO,
-        (false, _) => g::fisher_static_sh3::INFO,
-        (true, 0) => g::fisher_dynamic_sh0::INFO,
-        (true, 1) => g::fisher_dynamic_sh1::INFO,
-        (true, 2) => g::fisher_dynamic_sh2::INFO,
-        (true, _) => g::fisher_dynamic_sh3::INFO,
     }
 }
 
@@ -109,7 +95,7 @@ impl Fisher {
                 squares,
                 n_cameras: self.cameras.len() as u32,
             };
-            rec.pass_variant(kernel_of(motion.is_some(), group.degree()), args, push, Grid::Threads(group.n));
+            rec.pass_variant(generated::fisher(motion.is_some(), group.degree()), args, push, Grid::Threads(group.n));
         }
         rec.group(None);
     }

@@ -1,16 +1,12 @@
 //! The photometric loss of SPEC 4: 0.8 L1 + 0.2 (1 - SSIM), value and cotangent.
 
 use crate::error::Result;
-use crate::gpu::generated::{
-    l1, loss_sum, ssim_bwd_columns, ssim_bwd_columns_s2, ssim_bwd_rows, ssim_bwd_rows_s2, ssim_columns,
-    ssim_columns_s2, ssim_rows, ssim_rows_s2,
-};
+use crate::gpu::generated::constants::ssim::RUN;
+use crate::gpu::generated::{self, l1, loss_sum, ssim_bwd_columns, ssim_bwd_rows, ssim_columns, ssim_rows};
 use crate::gpu::{Buf, Gpu, Grid, Recording};
 
-/// Outputs per thread along the filter's axis, `RUN` of the shaders.
-const RUN: u32 = 4;
 /// Threads per workgroup of the kernel that leaves one sum each.
-const LOCAL: u32 = 64;
+const LOCAL: u32 = l1::INFO.local;
 
 /// Weight of 1 - SSIM; L1 has the rest.
 pub const SSIM_WEIGHT: f32 = 0.2;
@@ -88,10 +84,8 @@ impl Photometric {
         };
         let stride = structure.stride;
         let (columns, rows) = (width.div_ceil(stride), height.div_ceil(stride));
-        let [of_rows, of_columns, bwd_rows, bwd_columns] = match stride {
-            1 => [ssim_rows::INFO, ssim_columns::INFO, ssim_bwd_rows::INFO, ssim_bwd_columns::INFO],
-            _ => [ssim_rows_s2::INFO, ssim_columns_s2::INFO, ssim_bwd_rows_s2::INFO, ssim_bwd_columns_s2::INFO],
-        };
+        let of = [generated::ssim_rows, generated::ssim_columns, generated::ssim_bwd_rows, generated::ssim_bwd_columns];
+        let [of_rows, of_columns, bwd_rows, bwd_columns] = of.map(|of| of(stride != 1));
         let args = ssim_rows::Args { image, truth, moments };
         let grid = Grid::Threads(columns.div_ceil(RUN) * height);
         rec.pass_variant(of_rows, args, ssim_rows::Push { width, height }, grid);

@@ -4,18 +4,16 @@ use std::path::Path;
 
 use super::lpips_trunk::{COLORS, Conv, Layer, Network, Trunk, tap_planes};
 use crate::error::{Error, Result};
+use crate::gpu::generated::constants::lpips_conv::{BLOCKS, PIXELS};
 use crate::gpu::generated::{
-    lpips_conv, lpips_conv_bwd, lpips_input, lpips_input_bwd, lpips_pool, lpips_pool_bwd, lpips_sum, lpips_tap,
-    lpips_tap_bwd,
+    constants, lpips_conv, lpips_conv_bwd, lpips_input, lpips_input_bwd, lpips_pool, lpips_pool_bwd, lpips_sum,
+    lpips_tap, lpips_tap_bwd,
 };
 use crate::gpu::kernel::Pod;
 use crate::gpu::{Buf, Gpu, Grid, Recording};
 
-/// Pixels and, per lane, channels of a subgroup: `PIXELS` and `BLOCKS` of the shader.
-const PIXELS: u32 = 16;
-const BLOCKS: u32 = 2;
 /// Pixels of a workgroup that compares features.
-const TAP_PIXELS: u32 = 16;
+const TAP_PIXELS: u32 = lpips_tap::INFO.local / constants::lpips_tap::TEAM;
 
 /// What is compared: a part of a picture with the same part of the truth.
 #[derive(Clone, Copy)]

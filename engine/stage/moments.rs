@@ -3,11 +3,10 @@
 use super::scene::{Arrays, BAND_PLANES, Group, PLANE_BLOCK, Planes, SceneBuffers, plane_of};
 use crate::error::Result;
 use crate::gpu::Gpu;
+use crate::gpu::generated::constants::moments::{INFINITY_BITS, LARGEST_BITS};
 use crate::scene::Splats;
 
 const SIGN: u32 = 1 << 31;
-const LARGEST: u32 = 0x7f7f_ffff;
-const INFINITY: u32 = 0x7f80_0000;
 
 /// First and second moments.
 pub struct Moments {
@@ -82,8 +81,8 @@ impl Moments {
 /// after the sign of its float. Each is rounded to the nearest; what is finite stays so.
 pub fn moment_word(first: f32, second: f32) -> f32 {
     let rounded = |x: f32, half: u32| match x.to_bits() & !SIGN {
-        magnitude @ ..INFINITY => (magnitude + half).min(LARGEST),
-        _ => INFINITY,
+        magnitude @ ..INFINITY_BITS => (magnitude + half).min(LARGEST_BITS),
+        _ => INFINITY_BITS,
     };
     let (upper, lower) = (rounded(first, 1 << 15) >> 16 << 16, rounded(second, 1 << 14) >> 15);
     f32::from_bits(first.to_bits() & SIGN | upper | lower)

@@ -1,17 +1,12 @@
 //! A view as the kernels see it: computed in f64, narrowed once.
 
 use crate::gpu::generated::ViewParams;
-use crate::scene::View;
+pub use crate::gpu::generated::constants::types::TILE;
+use crate::gpu::generated::constants::types::{
+    EVERY_BLOCK, FLOW_DISPLACEMENT, FLOW_VELOCITY, TILES_ELLIPSE, TILES_RECTANGLE, TILES_SQUARE,
+};
+use crate::scene::{FlowModel, View};
 use crate::settings::{Constants, TileBound};
-
-/// Pixels on a tile's side, `TILE` of the shaders.
-pub const TILE: u32 = 16;
-
-/// `TILES_*` and `EVERY_BLOCK` of the shaders.
-const TILES_ELLIPSE: u32 = 0;
-const TILES_RECTANGLE: u32 = 1;
-const TILES_SQUARE: u32 = 2;
-const EVERY_BLOCK: u32 = 4;
 
 /// A horizontal band of a picture, whole tile rows high. Every pixel's value is independent of the strips.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -87,7 +82,10 @@ pub fn view_params(view: &View, constants: &Constants, origin: [f64; 3], strip: 
         n_rows: strip.n_rows,
         tiles_x,
         tiles_y,
-        flow_model: view.flow_model as u32,
+        flow_model: match view.flow_model {
+            FlowModel::Velocity => FLOW_VELOCITY,
+            FlowModel::Displacement => FLOW_DISPLACEMENT,
+        },
         depth_to_alpha: 1.0,
         bounds,
         depth_shift: if knobs.depth_bits == u32::BITS { 0 } else { 27 - knobs.depth_bits },

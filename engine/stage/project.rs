@@ -3,11 +3,11 @@
 use super::cull::{ARGS_FIRST_GROUP, Cull, indirect};
 use super::scene::SceneBuffers;
 use crate::error::Result;
-use crate::gpu::generated::{self as g, Status, ViewParams, project_static_sh0};
-use crate::gpu::{Buf, Gpu, KernelInfo, Recording};
+use crate::gpu::generated::{self, Status, ViewParams, constants, project_static_sh0};
+use crate::gpu::{Buf, Gpu, Recording};
 
-/// vec4 per splat, `SPLAT_PLANES` of the shaders; the layout is told in `include/splat.glsl`.
-pub const SPLAT_PLANES: usize = 4;
+/// vec4 per splat; the layout is told in `include/splat.glsl`.
+pub const SPLAT_PLANES: usize = constants::splat::SPLAT_PLANES as usize;
 
 /// What projection gives, by active index.
 pub struct Projected {
@@ -19,30 +19,6 @@ pub struct Projected {
     pub identity: Buf<u32>,
     /// Tiles touched.
     pub tile_counts: Buf<u32>,
-}
-
-/// The kernel of a population and a degree, 1 at least with halves.
-fn kernel_of(dynamic: bool, degree: usize, is_half: bool) -> &'static KernelInfo {
-    if is_half {
-        return match (dynamic, degree) {
-            (false, 1) => g::project_static_sh1_half::INFO,
-            (false, 2) => g::project_static_sh2_half::INFO,
-            (false, _) => g::project_static_sh3_half::INFO,
-            (true, 1) => g::project_dynamic_sh1_half::INFO,
-            (true, 2) => g::project_dynamic_sh2_half::INFO,
-            (true, _) => g::project_dynamic_sh3_half::INFO,
-        };
-    }
-    match (dynamic, degree) {
-        (false, 0) => g::project_static_sh0::INFO,
-        (false, 1) => g::project_static_sh1::INFO,
-        (false, 2) => g::project_static_sh2::INFO,
-        (false, _) => g::project_static_sh3::INFO,
-        (true, 0) => g::project_dynamic_sh0::INFO,
-        (true, 1) => g::project_dynamic_sh1::INFO,
-        (true, 2) => g::project_dynamic_sh2::INFO,
-        (true, _) => g::project_dynamic_sh3::INFO,
-    }
 }
 
 impl Projected {
@@ -89,7 +65,7 @@ impl Projected {
                 sh3: band(2),
             };
             rec.pass_variant(
-                kernel_of(group.params.motion.is_some(), group.degree(), !halves.is_empty()),
+                generated::project(group.params.motion.is_some(), group.degree(), !halves.is_empty()),
                 args,
                 project_static_sh0::Push { group: index as u32, first: group.first },
                 indirect(&cull.args, ARGS_FIRST_GROUP + index),

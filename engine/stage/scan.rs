@@ -1,11 +1,11 @@
 //! Exclusive prefix sum of any length, in place: reduce, spine, downsweep. No spinning: lavapipe ends long loops.
 
 use crate::error::Result;
-use crate::gpu::generated::{scan_downsweep, scan_reduce, scan_spine};
+use crate::gpu::generated::{constants, scan_downsweep, scan_reduce, scan_spine};
 use crate::gpu::{Buf, Gpu, Grid, Recording};
 
-/// Items per workgroup, `SCAN_BLOCK` of the shaders.
-pub const SCAN_BLOCK: usize = 1024;
+/// Items per workgroup.
+pub const SCAN_BLOCK: usize = constants::args::SCAN_BLOCK as usize;
 
 /// Scratch of a prefix sum.
 pub struct Scan {

@@ -3,15 +3,15 @@
 
 use super::blend::Purpose;
 use crate::error::{Error, Result};
-use crate::gpu::generated::{bound_dynamic, bound_static, sh_half};
+use crate::gpu::generated::{bound_dynamic, bound_static, constants, cull_static, sh_half};
 use crate::gpu::{Buf, Gpu, Grid, Recording};
 use crate::scene::{Motion, Splats};
 use crate::settings::{Constants, Knobs};
 
-/// Items in one block of planes; `plane_index` of the shaders.
-pub(super) const PLANE_BLOCK: usize = 32;
+/// Items in one block of planes.
+pub(super) const PLANE_BLOCK: usize = constants::grid::PLANE_BLOCK as usize;
 /// Gaussians per workgroup of the cull; groups begin at multiples of it in the flat index.
-pub const CULL_BLOCK: u32 = 128;
+pub const CULL_BLOCK: u32 = cull_static::INFO.local;
 /// vec4 planes of bands 1 to 3.
 pub(super) const BAND_PLANES: [usize; 3] = [3, 4, 6];
 
@@ -364,7 +364,7 @@ impl Group {
     }
 }
 
-/// Place of plane `p` of item `i` among `planes` planes; `plane_index` of the shaders.
+/// Place of plane `p` of item `i` among `planes` planes; as `plane_index` of include/grid.glsl has it.
 pub(super) fn plane_of(i: usize, planes: usize, p: usize) -> usize {
     (i / PLANE_BLOCK * planes + p) * PLANE_BLOCK + i % PLANE_BLOCK
 }

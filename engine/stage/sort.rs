@@ -2,11 +2,11 @@
 
 use super::scan::Scan;
 use crate::error::Result;
-use crate::gpu::generated::{sort_count, sort_scatter, sort_scatter_w32};
+use crate::gpu::generated::{self, constants, sort_count, sort_scatter};
 use crate::gpu::{Buf, Gpu, Grid, Recording};
 
-/// Keys per workgroup, `SORT_BLOCK` of the shaders.
-pub const SORT_BLOCK: usize = 2048;
+/// Keys per workgroup.
+pub const SORT_BLOCK: usize = constants::args::SORT_BLOCK as usize;
 
 /// Scratch of a sort: digit counts, and the second half of the ping-pong.
 pub struct Sort {
@@ -62,7 +62,7 @@ impl Sort {
                 grids.blocks.clone(),
             );
             self.scan.record(rec, n_digits, &self.digits, &self.total, grids.digits.clone());
-            let kernel = if self.wide { sort_scatter_w32::INFO } else { sort_scatter::INFO };
+            let kernel = generated::sort_scatter(self.wide);
             let args = sort_scatter::Args {
                 count,
                 digits: &self.digits,

@@ -7,13 +7,9 @@ use super::project::{Projected, SPLAT_PLANES};
 use super::scene::SceneBuffers;
 use super::tiles::{Lists, Tiles};
 use crate::error::Result;
+use crate::gpu::generated::constants::types::{FAILED_ACTIVE, FAILED_INTERSECTIONS, FAILED_LIST};
 use crate::gpu::generated::{Status, ViewParams};
 use crate::gpu::{Buf, Gpu, Recording};
-
-/// Bits of `Status::failed`, `FAILED_*` of the shaders.
-const FAILED_ACTIVE: u32 = 1;
-const FAILED_INTERSECTIONS: u32 = 2;
-const FAILED_LIST: u32 = 4;
 
 /// Capacities; they only grow, but for the strip.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -32,11 +32,12 @@
 
 layout(local_size_x = 64) in;
 
+// Of compare and exchange: every try is an iteration.
+const uint SWAP_SEGMENT = 8192u;
 #if ACCUMULATE == 3
-// Every try is an iteration, and lavapipe grants an invocation 65,535.
-const uint SEGMENT = 8192u;
+#define WALKED SWAP_SEGMENT
 #else
-const uint SEGMENT = 32768u;
+#define WALKED SEGMENT
 #endif
 const float LN_2 = 0.6931471805599453;
 
@@ -151,8 +152,8 @@ void main() {
         }
         last = max(last, n_last[k]);
     }
-    const uint begin = tile_first[tile] + segment * SEGMENT;
-    uint end = min(subgroupMax(last), begin + SEGMENT);
+    const uint begin = tile_first[tile] + segment * WALKED;
+    uint end = min(subgroupMax(last), begin + WALKED);
     bool more = begin < end;
     while (more) {
         // Lane i looks at the i-th entry from the end.

@@ -21,8 +21,6 @@
 
 layout(local_size_x = 64) in;
 
-// lavapipe ends an invocation's loops after 65,535 iterations in all, without a word: a round stays below.
-const uint SEGMENT = 32768u;
 const float NEVER = 2.0;
 
 layout(push_constant) uniform Push { uint n_blocks; uint stride; uint round; uint last_round; } pc;

@@ -1,5 +1,8 @@
 // Blocks of pixels that a subgroup blends: as wide as the subgroup up to a tile, PIXELS rows of lanes high.
 
+// Entries of a list that a round walks: lavapipe ends an invocation's loops after 65,535 iterations in all, without a word.
+const uint SEGMENT = 32768u;
+
 struct BlockShape {
     uint columns;    // pixels across
     uint lane_rows;  // rows that the lanes cover at once; a lane's pixels lie this far apart

@@ -14,4 +14,5 @@ uint div_ceil(uint n, uint d) { return n / d + uint(n % d != 0u); }
 uvec4 fold(uint n) { return uvec4(min(n, MAX_GROUPS), div_ceil(n, MAX_GROUPS), 1u, n); }
 
 // Blocks of 32 items, `planes` vec4 each: coalesced for neighbours, one cache line apart for the planes of one item.
-uint plane_index(uint i, uint planes, uint p) { return ((i >> 5u) * planes + p) * 32u + (i & 31u); }
+const uint PLANE_BLOCK = 32u;  // items in one block of planes
+uint plane_index(uint i, uint planes, uint p) { return ((i >> 5u) * planes + p) * PLANE_BLOCK + (i & (PLANE_BLOCK - 1u)); }

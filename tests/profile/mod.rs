@@ -5,8 +5,7 @@ mod compare;
 
 use crate::common::device::gpu;
 use crate::common::random;
-use ivv::gpu::cost::{Cost, terms};
-use ivv::gpu::table::{Count, KERNELS};
+use ivv::gpu::table::{Cost, Count, KERNELS};
 use ivv::gpu::{Dispatch, PassTime, kernel_named};
 use ivv::profile::{
     Bound, Difference, Moment, Peaks, Replay, mad, median, paired_ratio, quantile, read_dispatch, trace, write_dispatch,
@@ -55,7 +54,7 @@ fn a_limit_is_the_slowest_resource_and_the_dispatches() {
 fn every_kernel_of_a_frame_or_a_step_has_a_model_of_its_cost() {
     let is_outside = |file: &str| file.starts_with("probe/") || file.starts_with("density/density_");
     for row in KERNELS.iter().filter(|row| !is_outside(row.file)) {
-        let terms = terms(row).unwrap_or_else(|| panic!("{}: engine/gpu/cost.rs has no model", row.name));
+        let terms = row.family.cost.unwrap_or_else(|| panic!("{}: the table has no model of its cost", row.name))(row);
         let mut sum = Cost::default();
         terms.iter().for_each(|term| sum.add(&term.cost, 1.0));
         assert!(row.count == Count::Dispatches || sum.bytes + sum.flops > 0.0, "{}: costs nothing", row.name);

@@ -115,7 +115,7 @@ fn kernel_table() -> String {
         "| --- | --- | --- | --- | --- | --- | --- |".to_owned(),
     ];
     let mut last = "";
-    for row in KERNELS {
+    for row in KERNELS.iter() {
         // Variants share their shader's purpose.
         let purpose = if row.file == last { String::new() } else { purpose(row.file) };
         last = row.file;

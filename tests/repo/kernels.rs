@@ -49,9 +49,9 @@ fn the_shaders_and_the_table_name_each_other() {
 
 #[test]
 fn kernel_names_are_unique_and_begin_with_their_shaders_stem() {
-    let names: BTreeSet<&str> = KERNELS.iter().map(|row| row.name).collect();
+    let names: BTreeSet<&str> = KERNELS.iter().map(|row| &*row.name).collect();
     assert_eq!(names.len(), KERNELS.len());
-    for row in KERNELS {
+    for row in KERNELS.iter() {
         let stem = row.file.rsplit('/').next().unwrap().trim_end_matches(".comp");
         let variant = row.name.strip_prefix(stem).unwrap_or_else(|| panic!("{} of {}", row.name, row.file));
         assert!(variant.is_empty() || variant.starts_with('_'), "{} of {}", row.name, row.file);
@@ -66,7 +66,7 @@ fn the_committed_spirv_is_that_of_the_table_and_no_other() {
     assert_eq!(files("shaders-glsl/spv").into_iter().collect::<BTreeSet<_>>(), expected);
     let manifest = text("shaders-glsl/spv/MANIFEST");
     let listed: Vec<&str> = manifest.lines().filter_map(|line| line.split(' ').next()).collect();
-    assert_eq!(listed, KERNELS.iter().map(|row| row.name).collect::<Vec<_>>());
+    assert_eq!(listed, KERNELS.iter().map(|row| &*row.name).collect::<Vec<_>>());
 }
 
 #[test]
@@ -85,7 +85,7 @@ fn every_shader_opens_with_licence_purpose_equation_grid_and_numerics() {
 
 #[test]
 fn every_kernel_has_a_twin() {
-    for row in KERNELS {
+    for row in KERNELS.iter() {
         assert!(exists(&format!("engine/twin/{}.rs", row.twin)), "{}: no engine/twin/{}.rs", row.name, row.twin);
     }
 }
@@ -185,7 +185,7 @@ fn spirv_val_finds_no_fault() {
         eprintln!("skipped: spirv-val is not installed (Debian: spirv-tools)");
         return;
     }
-    for row in KERNELS {
+    for row in KERNELS.iter() {
         let file = super::root().join(format!("shaders-glsl/spv/{}.spv", row.name));
         let output = Command::new("spirv-val").args(["--target-env", "vulkan1.2"]).arg(&file).output().unwrap();
         assert!(output.status.success(), "{}: {}", row.name, String::from_utf8_lossy(&output.stderr));

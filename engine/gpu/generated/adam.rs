@@ -77,6 +77,7 @@ pub mod adam_idle {
         ],
     };
 }
+crate::gpu::kernel::variant!(adam_idle_m16 of adam_idle);
 
 /// gives one buffer of the Gaussians in view the steps of dense Adam that they missed while they were not.
 pub mod adam_catch_up {
@@ -174,5 +175,20 @@ pub mod adam_catch_up {
         ],
     };
 }
-crate::gpu::kernel::variant!(adam_idle_m16 of adam_idle);
 crate::gpu::kernel::variant!(adam_catch_up_m16 of adam_catch_up);
+
+/// The kernel of `adam/adam_idle.comp` for these choices.
+pub fn adam_idle(is_16_bit: bool) -> &'static crate::gpu::KernelInfo {
+    match is_16_bit {
+        false => adam_idle::INFO,
+        true => adam_idle_m16::INFO,
+    }
+}
+
+/// The kernel of `adam/adam_catch_up.comp` for these choices.
+pub fn adam_catch_up(is_16_bit: bool) -> &'static crate::gpu::KernelInfo {
+    match is_16_bit {
+        false => adam_catch_up::INFO,
+        true => adam_catch_up_m16::INFO,
+    }
+}

@@ -57,27 +57,8 @@ pub mod bilateral_slice {
 
 /// maps each pixel's colour by the affine map that the camera's bilateral grid has at its place and luma; with
 pub mod bilateral_slice_bwd {
+    pub use super::bilateral_slice::Push;
     use crate::gpu::kernel::*;
-    /// `Push` of the shaders.
-    #[repr(C)]
-    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-    pub struct Push {
-        /// `width` of the shader.
-        pub width: u32,
-        /// `height` of the shader.
-        pub height: u32,
-        /// `rows` of the shader.
-        pub rows: u32,
-        /// `parts` of the shader.
-        pub parts: u32,
-    }
-    const _: () = {
-        assert!(size_of::<Push>() == 16);
-        assert!(std::mem::offset_of!(Push, width) == 0);
-        assert!(std::mem::offset_of!(Push, height) == 4);
-        assert!(std::mem::offset_of!(Push, rows) == 8);
-        assert!(std::mem::offset_of!(Push, parts) == 12);
-    };
     /// The kernel's buffers.
     pub struct Args<'a> {
         /// Reads.
@@ -333,4 +314,12 @@ pub mod bilateral_gauge {
             BindingInfo { name: "grids", kind: BindingKind::Storage, access: Access::ReadWrite },
         ],
     };
+}
+
+/// The kernel of `bilateral/bilateral_slice.comp` for these choices.
+pub fn bilateral_slice(is_backward: bool) -> &'static crate::gpu::KernelInfo {
+    match is_backward {
+        false => bilateral_slice::INFO,
+        true => bilateral_slice_bwd::INFO,
+    }
 }

@@ -84,27 +84,8 @@ crate::gpu::kernel::variant!(blend_fwd_color_p8 of blend_fwd_p4);
 
 /// blends each tile's Gaussians front to back into colour, alpha, depth, inverse depth and flow.
 pub mod blend_fwd_train_p4 {
+    pub use super::blend_fwd_p4::Push;
     use crate::gpu::kernel::*;
-    /// `Push` of the shaders.
-    #[repr(C)]
-    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-    pub struct Push {
-        /// `n_blocks` of the shader.
-        pub n_blocks: u32,
-        /// `stride` of the shader.
-        pub stride: u32,
-        /// `round` of the shader.
-        pub round: u32,
-        /// `last_round` of the shader.
-        pub last_round: u32,
-    }
-    const _: () = {
-        assert!(size_of::<Push>() == 16);
-        assert!(std::mem::offset_of!(Push, n_blocks) == 0);
-        assert!(std::mem::offset_of!(Push, stride) == 4);
-        assert!(std::mem::offset_of!(Push, round) == 8);
-        assert!(std::mem::offset_of!(Push, last_round) == 12);
-    };
     /// The kernel's buffers.
     pub struct Args<'a> {
         /// Reads.
@@ -270,33 +251,8 @@ crate::gpu::kernel::variant!(blend_bwd_color_p8 of blend_bwd_p4);
 
 /// carries the cotangents of a picture back to the splats, in one of four modes of accumulation.
 pub mod blend_bwd_float_p4 {
+    pub use super::blend_bwd_p4::Push;
     use crate::gpu::kernel::*;
-    /// `Push` of the shaders.
-    #[repr(C)]
-    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-    pub struct Push {
-        /// `n_work` of the shader.
-        pub n_work: u32,
-        /// `stride` of the shader.
-        pub stride: u32,
-        /// `block` of the shader.
-        pub block: u32,
-        /// `segment` of the shader.
-        pub segment: u32,
-        /// `first_round` of the shader.
-        pub first_round: u32,
-        /// `scale` of the shader.
-        pub scale: f32,
-    }
-    const _: () = {
-        assert!(size_of::<Push>() == 24);
-        assert!(std::mem::offset_of!(Push, n_work) == 0);
-        assert!(std::mem::offset_of!(Push, stride) == 4);
-        assert!(std::mem::offset_of!(Push, block) == 8);
-        assert!(std::mem::offset_of!(Push, segment) == 12);
-        assert!(std::mem::offset_of!(Push, first_round) == 16);
-        assert!(std::mem::offset_of!(Push, scale) == 20);
-    };
     /// The kernel's buffers.
     pub struct Args<'a> {
         /// Reads.
@@ -370,33 +326,8 @@ crate::gpu::kernel::variant!(blend_bwd_float_color_p8 of blend_bwd_float_p4);
 
 /// carries the cotangents of a picture back to the splats, in one of four modes of accumulation.
 pub mod blend_bwd_fixed_p4 {
+    pub use super::blend_bwd_p4::Push;
     use crate::gpu::kernel::*;
-    /// `Push` of the shaders.
-    #[repr(C)]
-    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-    pub struct Push {
-        /// `n_work` of the shader.
-        pub n_work: u32,
-        /// `stride` of the shader.
-        pub stride: u32,
-        /// `block` of the shader.
-        pub block: u32,
-        /// `segment` of the shader.
-        pub segment: u32,
-        /// `first_round` of the shader.
-        pub first_round: u32,
-        /// `scale` of the shader.
-        pub scale: f32,
-    }
-    const _: () = {
-        assert!(size_of::<Push>() == 24);
-        assert!(std::mem::offset_of!(Push, n_work) == 0);
-        assert!(std::mem::offset_of!(Push, stride) == 4);
-        assert!(std::mem::offset_of!(Push, block) == 8);
-        assert!(std::mem::offset_of!(Push, segment) == 12);
-        assert!(std::mem::offset_of!(Push, first_round) == 16);
-        assert!(std::mem::offset_of!(Push, scale) == 20);
-    };
     /// The kernel's buffers.
     pub struct Args<'a> {
         /// Reads.
@@ -562,4 +493,40 @@ pub mod background_sum {
             BindingInfo { name: "partials", kind: BindingKind::Storage, access: Access::Write },
         ],
     };
+}
+
+/// The kernel of `blend/blend_fwd.comp` for these choices.
+pub fn blend_fwd(is_training: bool, is_color: bool, is_eight: bool) -> &'static crate::gpu::KernelInfo {
+    match (is_training, is_color, is_eight) {
+        (false, true, false) => blend_fwd_color_p4::INFO,
+        (false, true, true) => blend_fwd_color_p8::INFO,
+        (false, false, false) => blend_fwd_p4::INFO,
+        (false, false, true) => blend_fwd_p8::INFO,
+        (true, true, false) => blend_fwd_train_color_p4::INFO,
+        (true, true, true) => blend_fwd_train_color_p8::INFO,
+        (true, false, false) => blend_fwd_train_p4::INFO,
+        (true, false, true) => blend_fwd_train_p8::INFO,
+    }
+}
+
+/// The kernel of `blend/blend_bwd.comp` for these choices.
+pub fn blend_bwd(accumulation: usize, is_color: bool, is_eight: bool) -> &'static crate::gpu::KernelInfo {
+    match (accumulation, is_color, is_eight) {
+        (0, true, false) => blend_bwd_color_p4::INFO,
+        (0, true, true) => blend_bwd_color_p8::INFO,
+        (2, true, false) => blend_bwd_fixed_color_p4::INFO,
+        (2, true, true) => blend_bwd_fixed_color_p8::INFO,
+        (2, false, false) => blend_bwd_fixed_p4::INFO,
+        (2, false, true) => blend_bwd_fixed_p8::INFO,
+        (1, true, false) => blend_bwd_float_color_p4::INFO,
+        (1, true, true) => blend_bwd_float_color_p8::INFO,
+        (1, false, false) => blend_bwd_float_p4::INFO,
+        (1, false, true) => blend_bwd_float_p8::INFO,
+        (0, false, false) => blend_bwd_p4::INFO,
+        (0, false, true) => blend_bwd_p8::INFO,
+        (_, true, false) => blend_bwd_swap_color_p4::INFO,
+        (_, true, true) => blend_bwd_swap_color_p8::INFO,
+        (_, false, false) => blend_bwd_swap_p4::INFO,
+        (_, false, true) => blend_bwd_swap_p8::INFO,
+    }
 }

@@ -54,24 +54,8 @@ pub mod bound_static {
 
 /// derives from each Gaussian the numbers that culling reads: centre, reach, and time window.
 pub mod bound_dynamic {
+    pub use super::bound_static::Push;
     use crate::gpu::kernel::*;
-    /// `Push` of the shaders.
-    #[repr(C)]
-    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-    pub struct Push {
-        /// `n` of the shader.
-        pub n: u32,
-        /// `alpha_min` of the shader.
-        pub alpha_min: f32,
-        /// `temporal_cut` of the shader.
-        pub temporal_cut: f32,
-    }
-    const _: () = {
-        assert!(size_of::<Push>() == 12);
-        assert!(std::mem::offset_of!(Push, n) == 0);
-        assert!(std::mem::offset_of!(Push, alpha_min) == 4);
-        assert!(std::mem::offset_of!(Push, temporal_cut) == 8);
-    };
     /// The kernel's buffers.
     pub struct Args<'a> {
         /// Reads.
@@ -170,21 +154,8 @@ pub mod cull_static {
 
 /// marks the Gaussians of a group that may touch the strip at the view's time.
 pub mod cull_dynamic {
+    pub use super::cull_static::Push;
     use crate::gpu::kernel::*;
-    /// `Push` of the shaders.
-    #[repr(C)]
-    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-    pub struct Push {
-        /// `n` of the shader.
-        pub n: u32,
-        /// `first` of the shader.
-        pub first: u32,
-    }
-    const _: () = {
-        assert!(size_of::<Push>() == 8);
-        assert!(std::mem::offset_of!(Push, n) == 0);
-        assert!(std::mem::offset_of!(Push, first) == 4);
-    };
     /// The kernel's buffers.
     pub struct Args<'a> {
         /// Reads.
@@ -358,4 +329,20 @@ pub mod prepare_active {
             BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::ReadWrite },
         ],
     };
+}
+
+/// The kernel of `cull/bound.comp` for these choices.
+pub fn bound(is_dynamic: bool) -> &'static crate::gpu::KernelInfo {
+    match is_dynamic {
+        true => bound_dynamic::INFO,
+        false => bound_static::INFO,
+    }
+}
+
+/// The kernel of `cull/cull.comp` for these choices.
+pub fn cull(is_dynamic: bool) -> &'static crate::gpu::KernelInfo {
+    match is_dynamic {
+        true => cull_dynamic::INFO,
+        false => cull_static::INFO,
+    }
 }

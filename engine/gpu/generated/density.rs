@@ -109,51 +109,8 @@ pub mod density_classify_static {
 
 /// decides for each Gaussian of a group whether it is kept, how hard it is pulled and where it is stored.
 pub mod density_classify_dynamic {
+    pub use super::density_classify_static::Push;
     use crate::gpu::kernel::*;
-    /// `Push` of the shaders.
-    #[repr(C)]
-    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-    pub struct Push {
-        /// `center` of the shader.
-        pub center: [f32; 4],
-        /// `n` of the shader.
-        pub n: u32,
-        /// `first` of the shader.
-        pub first: u32,
-        /// `n_frames` of the shader.
-        pub n_frames: u32,
-        /// `weight` of the shader.
-        pub weight: u32,
-        /// `prune_opacity` of the shader.
-        pub prune_opacity: f32,
-        /// `largest` of the shader.
-        pub largest: f32,
-        /// `split_above` of the shader.
-        pub split_above: f32,
-        /// `gradient` of the shader.
-        pub gradient: f32,
-        /// `bucket` of the shader.
-        pub bucket: u32,
-        /// `n_lenses` of the shader.
-        pub n_lenses: u32,
-        /// `veil` of the shader.
-        pub veil: f32,
-    }
-    const _: () = {
-        assert!(size_of::<Push>() == 60);
-        assert!(std::mem::offset_of!(Push, center) == 0);
-        assert!(std::mem::offset_of!(Push, n) == 16);
-        assert!(std::mem::offset_of!(Push, first) == 20);
-        assert!(std::mem::offset_of!(Push, n_frames) == 24);
-        assert!(std::mem::offset_of!(Push, weight) == 28);
-        assert!(std::mem::offset_of!(Push, prune_opacity) == 32);
-        assert!(std::mem::offset_of!(Push, largest) == 36);
-        assert!(std::mem::offset_of!(Push, split_above) == 40);
-        assert!(std::mem::offset_of!(Push, gradient) == 44);
-        assert!(std::mem::offset_of!(Push, bucket) == 48);
-        assert!(std::mem::offset_of!(Push, n_lenses) == 52);
-        assert!(std::mem::offset_of!(Push, veil) == 56);
-    };
     /// The kernel's buffers.
     pub struct Args<'a> {
         /// Reads.
@@ -653,4 +610,12 @@ pub mod mcmc_noise {
             BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
         ],
     };
+}
+
+/// The kernel of `density/density_classify.comp` for these choices.
+pub fn density_classify(is_dynamic: bool) -> &'static crate::gpu::KernelInfo {
+    match is_dynamic {
+        true => density_classify_dynamic::INFO,
+        false => density_classify_static::INFO,
+    }
 }

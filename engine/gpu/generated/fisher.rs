@@ -104,3 +104,17 @@ crate::gpu::kernel::variant!(fisher_dynamic_sh0 of fisher_static_sh0);
 crate::gpu::kernel::variant!(fisher_dynamic_sh1 of fisher_static_sh0);
 crate::gpu::kernel::variant!(fisher_dynamic_sh2 of fisher_static_sh0);
 crate::gpu::kernel::variant!(fisher_dynamic_sh3 of fisher_static_sh0);
+
+/// The kernel of `fisher/fisher.comp` for these choices.
+pub fn fisher(is_dynamic: bool, degree: usize) -> &'static crate::gpu::KernelInfo {
+    match (is_dynamic, degree) {
+        (true, 0) => fisher_dynamic_sh0::INFO,
+        (true, 1) => fisher_dynamic_sh1::INFO,
+        (true, 2) => fisher_dynamic_sh2::INFO,
+        (false, 0) => fisher_static_sh0::INFO,
+        (false, 1) => fisher_static_sh1::INFO,
+        (false, 2) => fisher_static_sh2::INFO,
+        (true, _) => fisher_dynamic_sh3::INFO,
+        (false, _) => fisher_static_sh3::INFO,
+    }
+}

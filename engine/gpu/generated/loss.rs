@@ -367,3 +367,35 @@ pub mod prior_loss {
         ],
     };
 }
+
+/// The kernel of `loss/ssim_rows.comp` for these choices.
+pub fn ssim_rows(is_halved: bool) -> &'static crate::gpu::KernelInfo {
+    match is_halved {
+        false => ssim_rows::INFO,
+        true => ssim_rows_s2::INFO,
+    }
+}
+
+/// The kernel of `loss/ssim_columns.comp` for these choices.
+pub fn ssim_columns(is_halved: bool) -> &'static crate::gpu::KernelInfo {
+    match is_halved {
+        false => ssim_columns::INFO,
+        true => ssim_columns_s2::INFO,
+    }
+}
+
+/// The kernel of `loss/ssim_bwd_rows.comp` for these choices.
+pub fn ssim_bwd_rows(is_halved: bool) -> &'static crate::gpu::KernelInfo {
+    match is_halved {
+        false => ssim_bwd_rows::INFO,
+        true => ssim_bwd_rows_s2::INFO,
+    }
+}
+
+/// The kernel of `loss/ssim_bwd_columns.comp` for these choices.
+pub fn ssim_bwd_columns(is_halved: bool) -> &'static crate::gpu::KernelInfo {
+    match is_halved {
+        false => ssim_bwd_columns::INFO,
+        true => ssim_bwd_columns_s2::INFO,
+    }
+}

@@ -155,6 +155,45 @@ pub mod lpips_conv {
     };
 }
 
+/// convolves feature maps: forward with bias and ReLU, or a cotangent back to the maps it came from.
+pub mod lpips_conv_bwd {
+    pub use super::lpips_conv::Push;
+    use crate::gpu::kernel::*;
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub features: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub weights: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub forward: &'a Buf<f32>,
+        /// ReadWrites.
+        pub maps: &'a Buf<f32>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = INFO;
+        fn slices(&self) -> Vec<Slice> {
+            vec![self.features.slice(), self.weights.slice(), self.forward.slice(), self.maps.slice()]
+        }
+    }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "lpips_conv_bwd",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../../shaders-glsl/spv/lpips_conv_bwd.spv"),
+        local: 64,
+        subgroups: true,
+        floats: 0xf,
+        bindings: &[
+            BindingInfo { name: "features", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "weights", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "forward", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "maps", kind: BindingKind::Storage, access: Access::ReadWrite },
+        ],
+    };
+}
+
 /// takes the greatest of each 3 x 3 window, two pixels apart, and keeps which it was.
 pub mod lpips_pool {
     use crate::gpu::kernel::*;
@@ -273,27 +312,8 @@ pub mod lpips_tap {
 
 /// compares the features of picture and truth at one depth of LPIPS's trunk, and forms the cotangent.
 pub mod lpips_tap_bwd {
+    pub use super::lpips_tap::Push;
     use crate::gpu::kernel::*;
-    /// `Push` of the shaders.
-    #[repr(C)]
-    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-    pub struct Push {
-        /// `pixels` of the shader.
-        pub pixels: u32,
-        /// `planes` of the shader.
-        pub planes: u32,
-        /// `first_sum` of the shader.
-        pub first_sum: u32,
-        /// `per_pixel` of the shader.
-        pub per_pixel: f32,
-    }
-    const _: () = {
-        assert!(size_of::<Push>() == 16);
-        assert!(std::mem::offset_of!(Push, pixels) == 0);
-        assert!(std::mem::offset_of!(Push, planes) == 4);
-        assert!(std::mem::offset_of!(Push, first_sum) == 8);
-        assert!(std::mem::offset_of!(Push, per_pixel) == 12);
-    };
     /// The kernel's buffers.
     pub struct Args<'a> {
         /// Reads.
@@ -377,100 +397,6 @@ pub mod lpips_sum {
         bindings: &[
             BindingInfo { name: "sums", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "value", kind: BindingKind::Storage, access: Access::Write },
-        ],
-    };
-}
-
-/// convolves feature maps: forward with bias and ReLU, or a cotangent back to the maps it came from.
-pub mod lpips_conv_bwd {
-    use crate::gpu::kernel::*;
-    /// `Push` of the shaders.
-    #[repr(C)]
-    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-    pub struct Push {
-        /// `in_width` of the shader.
-        pub in_width: u32,
-        /// `in_height` of the shader.
-        pub in_height: u32,
-        /// `in_planes` of the shader.
-        pub in_planes: u32,
-        /// `in_first` of the shader.
-        pub in_first: u32,
-        /// `out_width` of the shader.
-        pub out_width: u32,
-        /// `out_height` of the shader.
-        pub out_height: u32,
-        /// `out_channels` of the shader.
-        pub out_channels: u32,
-        /// `out_stride` of the shader.
-        pub out_stride: u32,
-        /// `out_first` of the shader.
-        pub out_first: u32,
-        /// `columns` of the shader.
-        pub columns: u32,
-        /// `run` of the shader.
-        pub run: u32,
-        /// `steps` of the shader.
-        pub steps: u32,
-        /// `stride` of the shader.
-        pub stride: u32,
-        /// `pad` of the shader.
-        pub pad: u32,
-        /// `add` of the shader.
-        pub add: u32,
-        /// `mask` of the shader.
-        pub mask: u32,
-    }
-    const _: () = {
-        assert!(size_of::<Push>() == 64);
-        assert!(std::mem::offset_of!(Push, in_width) == 0);
-        assert!(std::mem::offset_of!(Push, in_height) == 4);
-        assert!(std::mem::offset_of!(Push, in_planes) == 8);
-        assert!(std::mem::offset_of!(Push, in_first) == 12);
-        assert!(std::mem::offset_of!(Push, out_width) == 16);
-        assert!(std::mem::offset_of!(Push, out_height) == 20);
-        assert!(std::mem::offset_of!(Push, out_channels) == 24);
-        assert!(std::mem::offset_of!(Push, out_stride) == 28);
-        assert!(std::mem::offset_of!(Push, out_first) == 32);
-        assert!(std::mem::offset_of!(Push, columns) == 36);
-        assert!(std::mem::offset_of!(Push, run) == 40);
-        assert!(std::mem::offset_of!(Push, steps) == 44);
-        assert!(std::mem::offset_of!(Push, stride) == 48);
-        assert!(std::mem::offset_of!(Push, pad) == 52);
-        assert!(std::mem::offset_of!(Push, add) == 56);
-        assert!(std::mem::offset_of!(Push, mask) == 60);
-    };
-    /// The kernel's buffers.
-    pub struct Args<'a> {
-        /// Reads.
-        pub features: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub weights: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub forward: &'a Buf<f32>,
-        /// ReadWrites.
-        pub maps: &'a Buf<f32>,
-    }
-    impl Kernel for Args<'_> {
-        type Push = Push;
-        const INFO: &'static KernelInfo = INFO;
-        fn slices(&self) -> Vec<Slice> {
-            vec![self.features.slice(), self.weights.slice(), self.forward.slice(), self.maps.slice()]
-        }
-    }
-    /// What the device needs to know.
-    pub const INFO: &KernelInfo = &KernelInfo {
-        name: "lpips_conv_bwd",
-        push_bytes: size_of::<Push>() as u32,
-        spirv: include_bytes!("../../../shaders-glsl/spv/lpips_conv_bwd.spv"),
-        local: 64,
-        subgroups: true,
-        floats: 0xf,
-        bindings: &[
-            BindingInfo { name: "features", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "weights", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "forward", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "maps", kind: BindingKind::Storage, access: Access::ReadWrite },
         ],
     };
 }
@@ -604,4 +530,20 @@ pub mod lpips_input_bwd {
             BindingInfo { name: "d_image", kind: BindingKind::Storage, access: Access::ReadWrite },
         ],
     };
+}
+
+/// The kernel of `lpips/lpips_conv.comp` for these choices.
+pub fn lpips_conv(is_backward: bool) -> &'static crate::gpu::KernelInfo {
+    match is_backward {
+        false => lpips_conv::INFO,
+        true => lpips_conv_bwd::INFO,
+    }
+}
+
+/// The kernel of `lpips/lpips_tap.comp` for these choices.
+pub fn lpips_tap(is_backward: bool) -> &'static crate::gpu::KernelInfo {
+    match is_backward {
+        false => lpips_tap::INFO,
+        true => lpips_tap_bwd::INFO,
+    }
 }

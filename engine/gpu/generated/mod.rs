@@ -1,12 +1,13 @@
 //! Bindings of the kernels, generated from the shaders by `IVV_BLESS=1 cargo build --features shaders`: here the structs
 //! that kernels share, then a file for each folder of `shaders-glsl` with a module for each kernel: its buffers by name
 //! (`Args`), its push constants (`Push`), and what the device needs to know (`INFO`). Variants of a shader with the same
-//! buffers as its first are a line each.
+//! buffers as its first are a line each; a function named after the shader picks one.
 
 mod adam;
 mod bilateral;
 mod blend;
 mod clock;
+pub mod constants;
 mod cull;
 mod density;
 mod fisher;
@@ -218,17 +219,17 @@ pub const ALL: &[&super::KernelInfo] = &[
     prepare_active::INFO,
     project_static_sh0::INFO,
     project_static_sh1::INFO,
+    project_static_sh1_half::INFO,
     project_static_sh2::INFO,
+    project_static_sh2_half::INFO,
     project_static_sh3::INFO,
+    project_static_sh3_half::INFO,
     project_dynamic_sh0::INFO,
     project_dynamic_sh1::INFO,
-    project_dynamic_sh2::INFO,
-    project_dynamic_sh3::INFO,
-    project_static_sh1_half::INFO,
-    project_static_sh2_half::INFO,
-    project_static_sh3_half::INFO,
     project_dynamic_sh1_half::INFO,
+    project_dynamic_sh2::INFO,
     project_dynamic_sh2_half::INFO,
+    project_dynamic_sh3::INFO,
     project_dynamic_sh3_half::INFO,
     sh_half::INFO,
     scan_reduce::INFO,
@@ -278,20 +279,20 @@ pub const ALL: &[&super::KernelInfo] = &[
     project_bwd_dynamic_sh2::INFO,
     project_bwd_dynamic_sh3::INFO,
     project_bwd_adam_static_sh0::INFO,
-    project_bwd_adam_static_sh1::INFO,
-    project_bwd_adam_static_sh2::INFO,
-    project_bwd_adam_static_sh3::INFO,
-    project_bwd_adam_dynamic_sh0::INFO,
-    project_bwd_adam_dynamic_sh1::INFO,
-    project_bwd_adam_dynamic_sh2::INFO,
-    project_bwd_adam_dynamic_sh3::INFO,
     project_bwd_adam_static_sh0_m16::INFO,
+    project_bwd_adam_static_sh1::INFO,
     project_bwd_adam_static_sh1_m16::INFO,
+    project_bwd_adam_static_sh2::INFO,
     project_bwd_adam_static_sh2_m16::INFO,
+    project_bwd_adam_static_sh3::INFO,
     project_bwd_adam_static_sh3_m16::INFO,
+    project_bwd_adam_dynamic_sh0::INFO,
     project_bwd_adam_dynamic_sh0_m16::INFO,
+    project_bwd_adam_dynamic_sh1::INFO,
     project_bwd_adam_dynamic_sh1_m16::INFO,
+    project_bwd_adam_dynamic_sh2::INFO,
     project_bwd_adam_dynamic_sh2_m16::INFO,
+    project_bwd_adam_dynamic_sh3::INFO,
     project_bwd_adam_dynamic_sh3_m16::INFO,
     fisher_static_sh0::INFO,
     fisher_static_sh1::INFO,
@@ -319,11 +320,11 @@ pub const ALL: &[&super::KernelInfo] = &[
     clock_step::INFO,
     lpips_input::INFO,
     lpips_conv::INFO,
+    lpips_conv_bwd::INFO,
     lpips_pool::INFO,
     lpips_tap::INFO,
     lpips_tap_bwd::INFO,
     lpips_sum::INFO,
-    lpips_conv_bwd::INFO,
     lpips_pool_bwd::INFO,
     lpips_input_bwd::INFO,
     bilateral_slice::INFO,
@@ -333,8 +334,8 @@ pub const ALL: &[&super::KernelInfo] = &[
     bilateral_adam::INFO,
     bilateral_gauge::INFO,
     adam_idle::INFO,
-    adam_catch_up::INFO,
     adam_idle_m16::INFO,
+    adam_catch_up::INFO,
     adam_catch_up_m16::INFO,
     density_classify_static::INFO,
     density_classify_dynamic::INFO,

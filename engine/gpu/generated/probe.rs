@@ -266,21 +266,8 @@ pub mod probe_atomic {
 
 /// measures the rate of atomic additions to scattered rows of 64 bytes, 16 neighbours to a row.
 pub mod probe_atomic_float {
+    pub use super::probe_atomic::Push;
     use crate::gpu::kernel::*;
-    /// `Push` of the shaders.
-    #[repr(C)]
-    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-    pub struct Push {
-        /// `n` of the shader.
-        pub n: u32,
-        /// `mask` of the shader.
-        pub mask: u32,
-    }
-    const _: () = {
-        assert!(size_of::<Push>() == 8);
-        assert!(std::mem::offset_of!(Push, n) == 0);
-        assert!(std::mem::offset_of!(Push, mask) == 4);
-    };
     /// The kernel's buffers.
     pub struct Args<'a> {
         /// Reads.
@@ -342,4 +329,12 @@ pub mod probe_dispatch {
             BindingInfo { name: "count", kind: BindingKind::Storage, access: Access::ReadWrite },
         ],
     };
+}
+
+/// The kernel of `probe/probe_atomic.comp` for these choices.
+pub fn probe_atomic(is_float: bool) -> &'static crate::gpu::KernelInfo {
+    match is_float {
+        false => probe_atomic::INFO,
+        true => probe_atomic_float::INFO,
+    }
 }

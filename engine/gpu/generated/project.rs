@@ -97,30 +97,11 @@ pub mod project_static_sh0 {
     };
 }
 crate::gpu::kernel::variant!(project_static_sh1 of project_static_sh0);
-crate::gpu::kernel::variant!(project_static_sh2 of project_static_sh0);
-crate::gpu::kernel::variant!(project_static_sh3 of project_static_sh0);
-crate::gpu::kernel::variant!(project_dynamic_sh0 of project_static_sh0);
-crate::gpu::kernel::variant!(project_dynamic_sh1 of project_static_sh0);
-crate::gpu::kernel::variant!(project_dynamic_sh2 of project_static_sh0);
-crate::gpu::kernel::variant!(project_dynamic_sh3 of project_static_sh0);
 
 /// projects the active Gaussians of a group, evaluates their colour and counts the tiles they touch.
 pub mod project_static_sh1_half {
+    pub use super::project_static_sh0::Push;
     use crate::gpu::kernel::*;
-    /// `Push` of the shaders.
-    #[repr(C)]
-    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-    pub struct Push {
-        /// `group` of the shader.
-        pub group: u32,
-        /// `first` of the shader.
-        pub first: u32,
-    }
-    const _: () = {
-        assert!(size_of::<Push>() == 8);
-        assert!(std::mem::offset_of!(Push, group) == 0);
-        assert!(std::mem::offset_of!(Push, first) == 4);
-    };
     /// The kernel's buffers.
     pub struct Args<'a> {
         /// Reads.
@@ -200,10 +181,16 @@ pub mod project_static_sh1_half {
         ],
     };
 }
+crate::gpu::kernel::variant!(project_static_sh2 of project_static_sh0);
 crate::gpu::kernel::variant!(project_static_sh2_half of project_static_sh1_half);
+crate::gpu::kernel::variant!(project_static_sh3 of project_static_sh0);
 crate::gpu::kernel::variant!(project_static_sh3_half of project_static_sh1_half);
+crate::gpu::kernel::variant!(project_dynamic_sh0 of project_static_sh0);
+crate::gpu::kernel::variant!(project_dynamic_sh1 of project_static_sh0);
 crate::gpu::kernel::variant!(project_dynamic_sh1_half of project_static_sh1_half);
+crate::gpu::kernel::variant!(project_dynamic_sh2 of project_static_sh0);
 crate::gpu::kernel::variant!(project_dynamic_sh2_half of project_static_sh1_half);
+crate::gpu::kernel::variant!(project_dynamic_sh3 of project_static_sh0);
 crate::gpu::kernel::variant!(project_dynamic_sh3_half of project_static_sh1_half);
 
 /// rounds a band of spherical harmonics to halves, for projection to read.
@@ -389,27 +376,8 @@ crate::gpu::kernel::variant!(project_bwd_dynamic_sh3 of project_bwd_static_sh0);
 
 /// carries each active Gaussian's sums back to its parameters; with ADAM it moves them there and then.
 pub mod project_bwd_adam_static_sh0 {
+    pub use super::project_bwd_static_sh0::Push;
     use crate::gpu::kernel::*;
-    /// `Push` of the shaders.
-    #[repr(C)]
-    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-    pub struct Push {
-        /// `group` of the shader.
-        pub group: u32,
-        /// `first` of the shader.
-        pub first: u32,
-        /// `is_summed` of the shader.
-        pub is_summed: u32,
-        /// `wants_camera` of the shader.
-        pub wants_camera: u32,
-    }
-    const _: () = {
-        assert!(size_of::<Push>() == 16);
-        assert!(std::mem::offset_of!(Push, group) == 0);
-        assert!(std::mem::offset_of!(Push, first) == 4);
-        assert!(std::mem::offset_of!(Push, is_summed) == 8);
-        assert!(std::mem::offset_of!(Push, wants_camera) == 12);
-    };
     /// The kernel's buffers.
     pub struct Args<'a> {
         /// Reads.
@@ -529,20 +497,20 @@ pub mod project_bwd_adam_static_sh0 {
         ],
     };
 }
-crate::gpu::kernel::variant!(project_bwd_adam_static_sh1 of project_bwd_adam_static_sh0);
-crate::gpu::kernel::variant!(project_bwd_adam_static_sh2 of project_bwd_adam_static_sh0);
-crate::gpu::kernel::variant!(project_bwd_adam_static_sh3 of project_bwd_adam_static_sh0);
-crate::gpu::kernel::variant!(project_bwd_adam_dynamic_sh0 of project_bwd_adam_static_sh0);
-crate::gpu::kernel::variant!(project_bwd_adam_dynamic_sh1 of project_bwd_adam_static_sh0);
-crate::gpu::kernel::variant!(project_bwd_adam_dynamic_sh2 of project_bwd_adam_static_sh0);
-crate::gpu::kernel::variant!(project_bwd_adam_dynamic_sh3 of project_bwd_adam_static_sh0);
 crate::gpu::kernel::variant!(project_bwd_adam_static_sh0_m16 of project_bwd_adam_static_sh0);
+crate::gpu::kernel::variant!(project_bwd_adam_static_sh1 of project_bwd_adam_static_sh0);
 crate::gpu::kernel::variant!(project_bwd_adam_static_sh1_m16 of project_bwd_adam_static_sh0);
+crate::gpu::kernel::variant!(project_bwd_adam_static_sh2 of project_bwd_adam_static_sh0);
 crate::gpu::kernel::variant!(project_bwd_adam_static_sh2_m16 of project_bwd_adam_static_sh0);
+crate::gpu::kernel::variant!(project_bwd_adam_static_sh3 of project_bwd_adam_static_sh0);
 crate::gpu::kernel::variant!(project_bwd_adam_static_sh3_m16 of project_bwd_adam_static_sh0);
+crate::gpu::kernel::variant!(project_bwd_adam_dynamic_sh0 of project_bwd_adam_static_sh0);
 crate::gpu::kernel::variant!(project_bwd_adam_dynamic_sh0_m16 of project_bwd_adam_static_sh0);
+crate::gpu::kernel::variant!(project_bwd_adam_dynamic_sh1 of project_bwd_adam_static_sh0);
 crate::gpu::kernel::variant!(project_bwd_adam_dynamic_sh1_m16 of project_bwd_adam_static_sh0);
+crate::gpu::kernel::variant!(project_bwd_adam_dynamic_sh2 of project_bwd_adam_static_sh0);
 crate::gpu::kernel::variant!(project_bwd_adam_dynamic_sh2_m16 of project_bwd_adam_static_sh0);
+crate::gpu::kernel::variant!(project_bwd_adam_dynamic_sh3 of project_bwd_adam_static_sh0);
 crate::gpu::kernel::variant!(project_bwd_adam_dynamic_sh3_m16 of project_bwd_adam_static_sh0);
 
 /// adds the active Gaussians' gradients of the camera.
@@ -635,4 +603,54 @@ pub mod camera_total {
             BindingInfo { name: "total", kind: BindingKind::Storage, access: Access::Write },
         ],
     };
+}
+
+/// The kernel of `project/project.comp` for these choices.
+pub fn project(is_dynamic: bool, degree: usize, is_half: bool) -> &'static crate::gpu::KernelInfo {
+    match (is_dynamic, degree, is_half) {
+        (true, 0, false) | (true, 0, true) => project_dynamic_sh0::INFO,
+        (true, 1, false) => project_dynamic_sh1::INFO,
+        (true, 1, true) => project_dynamic_sh1_half::INFO,
+        (true, 2, false) => project_dynamic_sh2::INFO,
+        (true, 2, true) => project_dynamic_sh2_half::INFO,
+        (false, 0, false) | (false, 0, true) => project_static_sh0::INFO,
+        (false, 1, false) => project_static_sh1::INFO,
+        (false, 1, true) => project_static_sh1_half::INFO,
+        (false, 2, false) => project_static_sh2::INFO,
+        (false, 2, true) => project_static_sh2_half::INFO,
+        (true, _, false) => project_dynamic_sh3::INFO,
+        (true, _, true) => project_dynamic_sh3_half::INFO,
+        (false, _, false) => project_static_sh3::INFO,
+        (false, _, true) => project_static_sh3_half::INFO,
+    }
+}
+
+/// The kernel of `project/project_bwd.comp` for these choices.
+pub fn project_bwd(steps: bool, is_dynamic: bool, degree: usize, is_16_bit: bool) -> &'static crate::gpu::KernelInfo {
+    match (steps, is_dynamic, degree, is_16_bit) {
+        (true, true, 0, false) => project_bwd_adam_dynamic_sh0::INFO,
+        (true, true, 0, true) => project_bwd_adam_dynamic_sh0_m16::INFO,
+        (true, true, 1, false) => project_bwd_adam_dynamic_sh1::INFO,
+        (true, true, 1, true) => project_bwd_adam_dynamic_sh1_m16::INFO,
+        (true, true, 2, false) => project_bwd_adam_dynamic_sh2::INFO,
+        (true, true, 2, true) => project_bwd_adam_dynamic_sh2_m16::INFO,
+        (true, false, 0, false) => project_bwd_adam_static_sh0::INFO,
+        (true, false, 0, true) => project_bwd_adam_static_sh0_m16::INFO,
+        (true, false, 1, false) => project_bwd_adam_static_sh1::INFO,
+        (true, false, 1, true) => project_bwd_adam_static_sh1_m16::INFO,
+        (true, false, 2, false) => project_bwd_adam_static_sh2::INFO,
+        (true, false, 2, true) => project_bwd_adam_static_sh2_m16::INFO,
+        (false, true, 0, false) | (false, true, 0, true) => project_bwd_dynamic_sh0::INFO,
+        (false, true, 1, false) | (false, true, 1, true) => project_bwd_dynamic_sh1::INFO,
+        (false, true, 2, false) | (false, true, 2, true) => project_bwd_dynamic_sh2::INFO,
+        (false, false, 0, false) | (false, false, 0, true) => project_bwd_static_sh0::INFO,
+        (false, false, 1, false) | (false, false, 1, true) => project_bwd_static_sh1::INFO,
+        (false, false, 2, false) | (false, false, 2, true) => project_bwd_static_sh2::INFO,
+        (true, true, _, false) => project_bwd_adam_dynamic_sh3::INFO,
+        (true, true, _, true) => project_bwd_adam_dynamic_sh3_m16::INFO,
+        (true, false, _, false) => project_bwd_adam_static_sh3::INFO,
+        (true, false, _, true) => project_bwd_adam_static_sh3_m16::INFO,
+        (false, true, _, false) | (false, true, _, true) => project_bwd_dynamic_sh3::INFO,
+        (false, false, _, false) | (false, false, _, true) => project_bwd_static_sh3::INFO,
+    }
 }

@@ -108,3 +108,11 @@ pub mod sort_scatter {
     };
 }
 crate::gpu::kernel::variant!(sort_scatter_w32 of sort_scatter);
+
+/// The kernel of `sort/sort_scatter.comp` for these choices.
+pub fn sort_scatter(is_wide: bool) -> &'static crate::gpu::KernelInfo {
+    match is_wide {
+        false => sort_scatter::INFO,
+        true => sort_scatter_w32::INFO,
+    }
+}

@@ -161,9 +161,8 @@ pub mod emit {
 
 /// writes one (tile, Gaussian) pair per tile that a Gaussian touches, in depth order.
 pub mod emit_slots {
+    pub use super::emit::Push;
     use crate::gpu::kernel::*;
-    /// This kernel takes no push constants.
-    pub type Push = ();
     /// The kernel's buffers.
     pub struct Args<'a> {
         /// Reads.
@@ -385,4 +384,12 @@ pub mod tile_order {
             BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Write },
         ],
     };
+}
+
+/// The kernel of `tiles/emit.comp` for these choices.
+pub fn emit(has_slots: bool) -> &'static crate::gpu::KernelInfo {
+    match has_slots {
+        false => emit::INFO,
+        true => emit_slots::INFO,
+    }
 }

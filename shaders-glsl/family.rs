@@ -1,0 +1,267 @@
+// What a row of the table of kernels says, and how a family's row becomes its kernels.
+
+/// What one unit of a kernel's work is counted in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Count {
+    /// Gaussians of the scene.
+    Gaussians,
+    /// Active Gaussians: in the view's time and frustum.
+    Active,
+    /// The other Gaussians.
+    Idle,
+    /// Pairs of a Gaussian and a tile.
+    Intersections,
+    /// Tiles of the picture.
+    Tiles,
+    /// Pixels of the picture.
+    Pixels,
+    /// Gaussians that touch a tile.
+    Visible,
+    /// Pairs of a pixel and an intersection that a blend evaluates: the block of pixels is hit and not finished.
+    Evaluated,
+    /// Those of them that add to their pixel.
+    Added,
+    /// One per dispatch.
+    Dispatches,
+    /// What the recording says of the pass: see the comment at the row.
+    Recorded,
+}
+
+/// Work, in the units of a device's peaks.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Cost {
+    /// Bytes to and from memory.
+    pub bytes: f64,
+    /// Bytes that a copy command reads and writes.
+    pub copied: f64,
+    /// Bytes that a fill command writes.
+    pub filled: f64,
+    /// Scattered rows of 64 bytes read.
+    pub rows: f64,
+    /// Float additions and multiplications.
+    pub flops: f64,
+    /// Powers of two.
+    pub exp2: f64,
+    /// Shuffles, one per lane.
+    pub shuffles: f64,
+    /// Atomic additions of integers.
+    pub atomics: f64,
+    /// Atomic additions of floats.
+    pub float_atomics: f64,
+}
+
+/// A share of a kernel's cost.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Term {
+    /// What it grows with; without it, what the pass itself does.
+    pub per: Option<Count>,
+    /// Of one unit.
+    pub cost: Cost,
+}
+
+/// A choice that the kernels of a family differ in.
+pub struct Axis {
+    /// Its parameter of the generated function that picks a kernel: a bool where there are two values, an index otherwise.
+    pub name: &'static str,
+    /// By value: its part of the kernel's name, and a preprocessor definition; either may be empty.
+    pub values: &'static [(&'static str, (&'static str, &'static str))],
+}
+
+/// A shader with all its kernels.
+pub struct Family {
+    /// What the names of its kernels begin with, and the name of the generated function that picks one.
+    pub name: &'static str,
+    /// The shader, below `shaders-glsl`.
+    pub file: &'static str,
+    /// What its kernels differ in, in the order of their names.
+    pub axes: &'static [Axis],
+    /// From a choice to the one whose kernel does the same, where it has none of its own.
+    pub same: fn(&mut [usize]),
+    /// Its truth on the CPU.
+    pub twin: &'static str,
+    /// What its time grows with.
+    pub count: Count,
+    /// The ideal-limit model on one core of a CPU driver: nanoseconds per unit.
+    pub limit_ns: fn(&Spec) -> f64,
+    /// What it must do at least: bytes are those of data that must come from memory or go there once, whatever the caches; flops
+    /// are float additions and multiplications, without those of addresses; loads that caches serve are not counted. None of what
+    /// is outside a frame and a step: density control and the probes.
+    pub cost: Option<fn(&Spec) -> Vec<Term>>,
+}
+
+/// A kernel.
+pub struct Spec {
+    /// Stem of everything that belongs to it.
+    pub name: String,
+    /// Its shader, below `shaders-glsl`.
+    pub file: &'static str,
+    /// Preprocessor definitions that make this variant.
+    pub defines: Vec<(&'static str, &'static str)>,
+    /// Its truth on the CPU.
+    pub twin: &'static str,
+    /// What its time grows with.
+    pub count: Count,
+    /// Its family.
+    pub family: &'static Family,
+    /// The choice of each axis.
+    pub choice: Vec<usize>,
+}
+
+impl Spec {
+    /// The number that a definition gives; 0 without it.
+    pub fn value(&self, name: &str) -> usize {
+        let found = self.defines.iter().find(|(key, _)| *key == name);
+        found.and_then(|(_, value)| value.trim_end_matches('u').parse().ok()).unwrap_or(0)
+    }
+
+    /// Nanoseconds per unit that the ideal-limit model grants it.
+    pub fn limit_ns(&self) -> f64 {
+        (self.family.limit_ns)(self)
+    }
+
+    /// Whether a definition is there, and not 0.
+    pub fn is(&self, name: &str) -> bool {
+        self.value(name) != 0
+    }
+
+    /// Degree of its spherical harmonics.
+    pub fn degree(&self) -> usize {
+        self.value("SH_DEGREE").min(3)
+    }
+
+    /// `yes` with a definition, `no` without.
+    pub fn either(&self, name: &str, yes: f64, no: f64) -> f64 {
+        if self.is(name) { yes } else { no }
+    }
+
+    /// Bytes of what a Gaussian moves by.
+    pub fn motion(&self) -> f64 {
+        self.either("DYNAMIC", 16.0, 0.0)
+    }
+
+    /// Bytes of a Gaussian's bands of colour beyond degree 0.
+    pub fn bands(&self) -> f64 {
+        [48.0, 64.0, 96.0].iter().take(self.degree()).sum()
+    }
+
+    /// Flops of a colour.
+    pub fn sh_flops(&self) -> f64 {
+        let degree = self.degree();
+        6.0 * ((degree + 1) * (degree + 1)) as f64 + [0.0, 15.0, 35.0, 80.0][degree]
+    }
+
+    /// Every lane takes part in a shuffle and has several pixels: shuffles per pixel of `n` numbers handed around.
+    pub fn shuffles(&self, n: f64) -> f64 {
+        n / self.value("PIXELS").max(1) as f64
+    }
+}
+
+impl Cost {
+    /// Of bytes and flops alone.
+    pub const fn of(bytes: f64, flops: f64) -> Cost {
+        let none = 0.0;
+        Cost {
+            bytes,
+            copied: none,
+            filled: none,
+            rows: none,
+            flops,
+            exp2: none,
+            shuffles: none,
+            atomics: none,
+            float_atomics: none,
+        }
+    }
+}
+
+/// What the pass itself does, per unit.
+pub fn own(bytes: f64, flops: f64) -> Term {
+    Term { per: None, cost: Cost::of(bytes, flops) }
+}
+
+/// What grows with another count.
+pub fn per(count: Count, bytes: f64, flops: f64) -> Term {
+    Term { per: Some(count), cost: Cost::of(bytes, flops) }
+}
+
+/// Of a kernel whose dispatch is all there is to pay.
+pub fn dispatch(_: &Spec) -> Vec<Term> {
+    vec![own(0.0, 0.0)]
+}
+
+/// Blending: per entry of the lists, and per pixel and entry, with the numbers that are handed around and the flops of what adds.
+pub fn blending(spec: &Spec, listed: Cost, pixels: f64, handed: f64, flops: f64) -> Vec<Term> {
+    let evaluated = Cost { exp2: 1.0, shuffles: spec.shuffles(handed), ..Cost::of(0.0, 14.0) };
+    vec![
+        Term { per: Some(Count::Intersections), cost: Cost { rows: 1.0, ..listed } },
+        per(Count::Active, 64.0, 0.0),
+        per(Count::Pixels, pixels, 0.0),
+        Term { per: Some(Count::Evaluated), cost: evaluated },
+        per(Count::Added, 0.0, flops),
+    ]
+}
+
+/// No definition.
+pub const NONE: (&str, &str) = ("", "");
+
+/// A choice between a kernel without `define` and one with it.
+pub const fn switch(name: &'static str, values: &'static [(&'static str, (&'static str, &'static str)); 2]) -> Axis {
+    Axis { name, values }
+}
+
+/// A family of one kernel, with everything else that rows may leave out.
+pub const ROW: Family = Family {
+    name: "",
+    file: "",
+    axes: &[],
+    same: |_| {},
+    twin: "",
+    count: Count::Dispatches,
+    limit_ns: |_| 1000.0,
+    cost: Some(dispatch),
+};
+
+impl Family {
+    /// Every choice of its axes, the last one fastest, with that of the kernel that does it.
+    pub fn choices(&self) -> Vec<[Vec<usize>; 2]> {
+        let mut all = vec![Vec::new()];
+        for axis in self.axes {
+            let longer = |choice: &Vec<usize>| {
+                let more = |value| choice.iter().copied().chain([value]).collect();
+                (0..axis.values.len()).map(more).collect::<Vec<Vec<usize>>>()
+            };
+            all = all.iter().flat_map(longer).collect();
+        }
+        let with_kernel = |choice: Vec<usize>| {
+            let mut own = choice.clone();
+            (self.same)(&mut own);
+            [choice, own]
+        };
+        all.into_iter().map(with_kernel).collect()
+    }
+
+    /// The name of the kernel of a choice.
+    pub fn kernel_name(&self, choice: &[usize]) -> String {
+        let parts = self.axes.iter().zip(choice).map(|(axis, value)| axis.values[*value].0);
+        let parts = parts.filter(|part| !part.is_empty());
+        std::iter::once(self.name).chain(parts).collect::<Vec<&str>>().join("_")
+    }
+
+    /// Its kernels.
+    pub fn kernels(&'static self) -> Vec<Spec> {
+        let kernel = |choice: Vec<usize>| Spec {
+            name: self.kernel_name(&choice),
+            file: self.file,
+            defines: {
+                let values = self.axes.iter().zip(&choice).map(|(axis, value)| axis.values[*value].1);
+                values.filter(|define| *define != NONE).collect()
+            },
+            twin: self.twin,
+            count: self.count,
+            family: self,
+            choice,
+        };
+        let own = self.choices().into_iter().filter(|[choice, kernel]| choice == kernel);
+        own.map(|[choice, _]| kernel(choice)).collect()
+    }
+}
