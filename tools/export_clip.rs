@@ -6,10 +6,11 @@ use crate::progress::Progress;
 use crate::screen::say;
 use crate::shown::{Source, is_run, of_own, own};
 use anyhow::{Context, ensure};
+use glam::DVec3;
 use ivv::Constants;
 use ivv::files::read_file;
 use ivv::formats::{Clock, Contents, Encoded, FourDgs, Grades, Sounds, World};
-use ivv::scene::{Splats, View, read_views};
+use ivv::scene::{Splats, View, read_views, upright};
 use ivv::sound::hrtf::HrtfSet;
 use ivv::sound::scene_file::SoundScene;
 use ivv::stage::{Goal, Subject, compact};
@@ -138,7 +139,8 @@ impl ClipArgs {
                 metres.is_finite() && metres > 0.0,
                 "--metres-per-unit: expected a positive number, found {metres}"
             );
-            let up = world.map_or_else(|| up(&views), |world| world.up);
+            // Without any, as COLMAP has it: against the y axis.
+            let up = world.map_or_else(|| upright(&views).unwrap_or(DVec3::NEG_Y).to_array(), |world| world.up);
             world = Some(World { up, metres_per_unit: Some(metres) });
         }
         let own = own(&constants, background);
@@ -250,12 +252,6 @@ fn of_training_cameras(folder: &Path, run: &Run) -> anyhow::Result<Vec<View>> {
         }
     }
     Ok(views)
-}
-
-/// The direction in which `views` are upright on average; against the y axis, as COLMAP has it, where there is none.
-fn up(views: &[View]) -> [f64; 3] {
-    let sum: [f64; 3] = std::array::from_fn(|k| -views.iter().map(|view| view.world_to_camera[1][k]).sum::<f64>());
-    if sum.iter().all(|x| x.abs() < 1e-6) { [0.0, -1.0, 0.0] } else { sum }
 }
 
 /// Views to look from: at most some of those given, at times all over the clip.

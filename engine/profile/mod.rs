@@ -3,6 +3,7 @@
 
 mod capture;
 mod compare;
+mod lately;
 mod limit;
 mod page;
 mod probe;
@@ -13,6 +14,7 @@ mod trace;
 
 pub use capture::{read_dispatch, write_dispatch};
 pub use compare::{Compared, Comparison, Other, Recorded, Verdict};
+pub use lately::Lately;
 pub use limit::{Bound, Peaks};
 pub use probe::{Prepared, Probe, dispatch_ns, dispatches};
 pub use replay::{Difference, Replay, Replayed};

@@ -9,6 +9,13 @@ use super::capture::camera_center;
 /// differ by a few degrees.
 const LEAST_SPREAD: f64 = 1e-3;
 
+/// The direction in which `views` are upright on average, world, of length 1; none where there is none.
+pub fn upright(views: &[View]) -> Option<DVec3> {
+    let sum: DVec3 = views.iter().map(|view| -DVec3::from_slice(&view.world_to_camera[1][..3])).sum();
+    // What is left of views that cancel each other is rounding.
+    if sum.length() < 1e-6 { None } else { sum.try_normalize() }
+}
+
 /// A circle about the middle of what cameras look at.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Orbit {
@@ -29,9 +36,9 @@ impl Orbit {
     /// there as their lenses in the median and as high. It begins beside the first view. None where the views do not look at
     /// one place: fewer than two, side by side in parallel, or most of them away from it.
     pub fn new(views: &[View]) -> Option<Orbit> {
-        let axis = |view: &View, row: usize| DVec3::from_slice(&view.world_to_camera[row][..3]).normalize_or_zero();
+        let axis = |view: &View| DVec3::from_slice(&view.world_to_camera[2][..3]).normalize_or_zero();
         let lenses: Vec<(DVec3, DVec3)> =
-            views.iter().map(|view| (camera_center(&view.world_to_camera).into(), axis(view, 2))).collect();
+            views.iter().map(|view| (camera_center(&view.world_to_camera).into(), axis(view))).collect();
         let mut system = DMat3::ZERO;
         let mut right = DVec3::ZERO;
         for (lens, forward) in &lenses {
@@ -47,7 +54,7 @@ impl Orbit {
         }
         let middle = system.inverse() * right;
         let n_towards = lenses.iter().filter(|(lens, forward)| forward.dot(middle - lens) > 0.0).count();
-        let up = views.iter().map(|view| -axis(view, 1)).sum::<DVec3>().try_normalize()?;
+        let up = upright(views)?;
         if 2 * n_towards <= lenses.len() || !middle.is_finite() {
             return None;
         }

@@ -90,6 +90,9 @@ const MAX_NAME_BYTES: usize = 200;
 /// Largest deviation of R R^T from the identity, entry by entry.
 const ROTATION_TOLERANCE: f64 = 1e-3;
 
+/// How much more a picture of another shape may show in one direction, before it is cropped in the other.
+const MOST_SHOWN: f64 = 1.35;
+
 /// The cameras file as a whole; a view stays untyped until its index is known for error messages.
 #[derive(serde::Deserialize)]
 struct Document {
@@ -193,6 +196,23 @@ impl View {
     pub fn reduced(&self, factor: u32) -> View {
         let [fx, fy, cx, cy] = [self.fx, self.fy, self.cx, self.cy].map(|pixels| pixels / f64::from(factor));
         View { width: self.width / factor, height: self.height / factor, fx, fy, cx, cy, ..self.clone() }
+    }
+
+    /// The view as a picture of another shape has it, pixels: all that it sees, or, where the shapes differ much, most of it. Where
+    /// one direction would show more than 1.35 times as much as before, the other is cropped.
+    pub fn fitted(&self, [width, height]: [u32; 2]) -> View {
+        let [w, h, old_w, old_h] = [width, height, self.width, self.height].map(f64::from);
+        let (a, b) = (w / old_w, h / old_h);
+        let zoom = a.max(b).min(MOST_SHOWN * a.min(b));
+        View {
+            width,
+            height,
+            fx: self.fx * zoom,
+            fy: self.fy * zoom,
+            cx: w / 2.0 + (self.cx - old_w / 2.0) * zoom,
+            cy: h / 2.0 + (self.cy - old_h / 2.0) * zoom,
+            ..self.clone()
+        }
     }
 
     /// The cone of what it sees, relative to `origin`.

@@ -13,6 +13,7 @@ pub mod geometry;
 pub mod hrtf;
 pub mod hull;
 pub mod keypoints;
+pub mod live;
 pub mod localize;
 pub mod loudness;
 pub mod metrics;

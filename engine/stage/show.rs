@@ -3,6 +3,7 @@
 use crate::error::Result;
 use crate::gpu::generated::show;
 use crate::gpu::{Buf, Gpu, Grid, Recording};
+use crate::scene::Frame;
 
 /// What of a picture is shown.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -73,6 +74,18 @@ impl Screen {
         }
         self.top = (self.pixels.len() - words.len()) as u32;
         gpu.write(&self.overlay, words)
+    }
+
+    /// The picture on it, with the overlay: its colours alone.
+    ///
+    /// # Errors
+    /// [`Error::DeviceLost`](crate::Error::DeviceLost).
+    pub fn read(&self, gpu: &Gpu) -> Result<Frame> {
+        let color = gpu.read(&self.pixels)?.into_iter().map(|word| {
+            let [r, g, b, _] = word.to_le_bytes().map(|level| f32::from(level) / 255.0);
+            if self.is_bgra { [b, g, r] } else { [r, g, b] }
+        });
+        Ok(Frame { width: self.width, height: self.height, color: color.collect(), ..Frame::default() })
     }
 
     /// Appends the `n` pixels from `first` on, of a strip's images.

@@ -44,7 +44,16 @@ fn on_device(size: [u32; 2], images: &[Vec<[f32; 4]>; 2], layer: Layer, is_bgra:
         screen.record(&mut rec, &image0, Some(&image1), layer, [from as u32, (to - from) as u32]);
         gpu.run(&rec).unwrap();
     }
-    gpu.read(&screen.pixels).unwrap()
+    let words = gpu.read(&screen.pixels).unwrap();
+    // The picture of it has the same colours, whatever their order is.
+    let picture = screen.read(&gpu).unwrap();
+    assert_eq!((picture.width, picture.height, picture.color.len()), (width, height, words.len()));
+    for (word, color) in words.iter().zip(&picture.color) {
+        let [first, g, third, _] = word.to_le_bytes();
+        let [r, b] = if is_bgra { [third, first] } else { [first, third] };
+        assert_eq!([r, g, b].map(f32::from), color.map(|level| (255.0 * level).round()));
+    }
+    words
 }
 
 #[test]

@@ -8,9 +8,10 @@ use crate::common::random;
 use ivv::gpu::table::{Cost, Count, KERNELS};
 use ivv::gpu::{Dispatch, PassTime, kernel_named};
 use ivv::profile::{
-    Bound, Difference, Moment, Peaks, Replay, mad, median, paired_ratio, quantile, read_dispatch, trace, write_dispatch,
+    Bound, Difference, Lately, Moment, Peaks, Replay, mad, median, paired_ratio, quantile, read_dispatch, trace,
+    write_dispatch,
 };
-use ivv::stage::{Outputs, Renderer};
+use ivv::stage::{FrameReport, Outputs, Renderer};
 use ivv::{Constants, Error};
 use std::path::{Path, PathBuf};
 
@@ -23,6 +24,32 @@ fn quantiles_and_deviations_are_those_of_known_numbers() {
     assert!((quantile(&values, 0.95) - (9.0 + 0.8 * 91.0)).abs() < 1e-12);
     assert_eq!(median(&[3.0, 1.0]), 2.0);
     assert!(median(&[]).is_nan() && mad(&[]).is_nan());
+}
+
+#[test]
+fn of_the_last_frames_it_knows_the_rate_the_quantiles_and_the_slowest_passes() {
+    let pass = |label: &str, ms: f64| PassTime { label: label.to_owned(), begin_ns: 0.0, ns: 1e6 * ms };
+    let report = |times: Vec<PassTime>| FrameReport { times, ..FrameReport::default() };
+    let mut lately = Lately::default();
+    assert!(lately.rate() == 0.0 && lately.quantile(0.5).is_nan() && lately.slowest(3).is_empty());
+    // Twice in the frame, so it counts twice, from the first frame on.
+    lately.add(9.0, None, report(vec![pass("blend", 2.0), pass("sort", 3.0), pass("blend", 2.0)]));
+    let near = |found: &[(&str, f64)], expected: &[(&str, f64)]| {
+        let is_near = |(a, b): (&(&str, f64), &(&str, f64))| a.0 == b.0 && (a.1 - b.1).abs() < 1e-9;
+        assert!(found.len() == expected.len() && found.iter().zip(expected).all(is_near), "{found:?}");
+    };
+    near(&lately.slowest(3), &[("blend", 4.0), ("sort", 3.0)]);
+    // Of the newest frame a tenth.
+    lately.add(1.0, Some(20.0), report(vec![pass("blend", 3.0), pass("blend", 3.0), pass("cull", 1.0)]));
+    near(&lately.slowest(2), &[("blend", 4.2), ("sort", 2.7)]);
+    near(&lately.slowest(9), &[("blend", 4.2), ("sort", 2.7), ("cull", 1.0)]);
+    assert_eq!((lately.rate(), lately.quantile(0.5), lately.quantile(1.0)), (50.0, 5.0, 9.0));
+    // What comes no more is forgotten, and so are old frames.
+    for _ in 0..2 * Lately::FRAMES {
+        lately.add(2.0, Some(40.0), report(vec![pass("cull", 1.0)]));
+    }
+    near(&lately.slowest(9), &[("cull", 1.0)]);
+    assert_eq!((lately.ms.len(), lately.rate(), lately.quantile(1.0)), (Lately::FRAMES, 25.0, 2.0));
 }
 
 #[test]

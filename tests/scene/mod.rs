@@ -5,6 +5,7 @@ mod demo;
 mod export;
 pub mod formats;
 mod four_dgs;
+mod navigator;
 mod orbit;
 mod pictures;
 mod ply;

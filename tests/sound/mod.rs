@@ -7,6 +7,7 @@ mod gain;
 mod geometry;
 mod hrtf;
 pub mod keypoints;
+mod live;
 mod localize;
 mod motion;
 mod output;

@@ -1,6 +1,6 @@
 //! `ivv play`: a window that shows the engine's own frames, with sound.
 
-mod controls;
+mod keys;
 mod overlay;
 mod sound;
 mod window;
@@ -10,8 +10,9 @@ use crate::export_clip::ClipArgs;
 use crate::interrupt::Stop;
 use crate::screen::alert;
 use crate::shown::Source;
-use anyhow::{Context, ensure};
-use controls::{Clock, Navigator};
+use crate::verbs::synth::size;
+use anyhow::{Context, bail, ensure};
+use ivv::scene::{Navigator, Playhead};
 use ivv::sound::hrtf::HrtfSet;
 use ivv::sound::scene_file::SoundScene;
 use ivv::stage::Renderer;
@@ -21,19 +22,9 @@ use std::sync::Arc;
 use window::{Output, Player, State};
 use winit::event_loop::EventLoop;
 
-/// Keys, for `ivv play --help`.
-const KEYS: &str = "Keys and mouse:
-  drag, arrows       turn around the scene, or look around in free flight; wheel: closer, farther; right drag: shift
-  W A S D Q E        move; with Shift faster
-  Space              play, pause; Home: from the start; J L: back, on by a second; , . by a frame; - = slower, faster
-  1 to 9, [ ], V     views of the training cameras: by number, the one before, the next; R: the first
-  F1 to F4, O        colour, alpha, depth, flow; the next of them
-  G M F I Esc        free flight, mute, full screen, times of frames and passes, the end
-The bar at the bottom is dragged to a time.";
-
 /// Options of `ivv play`.
 #[derive(clap::Args)]
-#[command(after_help = KEYS)]
+#[command(after_help = keys::help())]
 pub struct Args {
     /// The folder of a run, or a scene file.
     #[arg(value_name = "RUN|SCENE")]
@@ -46,7 +37,7 @@ pub struct Args {
     camera: Option<String>,
     /// Size of the window, pixels. By default 1280x720, or less of one side for the shape of the first view.
     #[arg(long, value_name = "WxH", value_parser = size)]
-    size: Option<[u32; 2]>,
+    size: Option<(u32, u32)>,
     /// What is shown first.
     #[arg(long, value_enum, default_value_t = Output::Color)]
     output: Output,
@@ -81,15 +72,11 @@ pub struct Args {
     device: DeviceArgs,
 }
 
-fn size(text: &str) -> Result<[u32; 2], String> {
-    let sides = text.split_once('x').and_then(|(width, height)| Some([width.parse().ok()?, height.parse().ok()?]));
-    let is_fit = |sides: &[u32; 2]| sides.iter().all(|side| (1..=16_384).contains(side));
-    sides
-        .filter(is_fit)
-        .ok_or_else(|| format!("expected WxH, pixels from 1 to 16384, for example 1280x720, found {text}"))
-}
-
 pub fn run(args: &Args) -> anyhow::Result<()> {
+    let is_fit = |side: u32| (1..=16_384).contains(&side);
+    if let Some((width, height)) = args.size.filter(|(width, height)| !(is_fit(*width) && is_fit(*height))) {
+        bail!("--size: expected WxH, pixels from 1 to 16384, found {width}x{height}");
+    }
     let source = Source::open(&args.source)?;
     let mut setting = ClipArgs::seen(args.seconds, args.cameras.clone()).setting(&source)?;
     let views = std::mem::take(&mut setting.views);
@@ -97,12 +84,12 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     if let Some(at) = args.at {
         ensure!((0.0..=length).contains(&at), "--at: expected seconds of the clip, 0 to {length}, found {at}");
     }
-    let first = args.camera.as_ref().map(|name| {
+    let named = |name: &String| {
         let known = || views.iter().map(|view| view.name.as_str()).collect::<Vec<_>>().join(", ");
         let found = views.iter().position(|view| view.name == *name);
         found.with_context(|| format!("--camera {name}: there is no view of this name; there are: {}", known()))
-    });
-    let first = first.transpose()?;
+    };
+    let current = args.camera.as_ref().map_or(Ok(0), named)?;
     if let Some(scene) = &args.sound {
         setting.sounds = ivv::sound::clip::sounds(&SoundScene::read(scene)?, length)?;
     }
@@ -114,19 +101,16 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let no_display = "expected a display, found none; set DISPLAY to that of an X server, or use `ivv serve`";
     let events = EventLoop::new().context(no_display)?;
     let gpu = args.device.open_with(vk::surface_extensions(&events.owned_display_handle())?, args.validation)?;
-    let mut rig = Navigator::new(&views, &shown.splats);
-    if let Some(view) = first.map(|k| &views[k]) {
-        rig.go(view);
-    }
+    let rig = Navigator::new(&views, &shown.splats);
     let splats = shown.splats.by_degree();
     let is_still = splats.motion.is_empty() && setting.sounds.is_empty();
-    let mut clock = Clock::new(if is_still { 0.0 } else { length }, args.at.unwrap_or_default());
-    let renderer = Renderer::of_clip(gpu.clone(), Arc::new(splats), constants)?;
-    let at = clock.at(std::time::Instant::now());
-    clock.set(at, args.at.is_none() && args.screenshot.is_none(), 1.0);
+    let renderer = Renderer::of_clip(gpu, Arc::new(splats), constants)?;
+    let is_playing = args.at.is_none() && args.screenshot.is_none();
+    let clip = Playhead::new(if is_still { 0.0 } else { length }, args.at.unwrap_or_default(), is_playing);
     let flow_dt = setting.clock.map_or(1.0, |clock| 1.0 / f64::from(clock.frames));
-    let (current, state) = (first.unwrap_or_default(), State::default());
-    let mut player = Player { args, stop: &stop, renderer, rig, views, current, clock, flow_dt, sound: None, state };
+    let state = State::default();
+    let mut player = Player { args, stop: &stop, renderer, rig, views, current, clip, flow_dt, sound: None, state };
+    player.go(current);
     if let Some(hrtf) = hrtf {
         match sound::Sound::new(&setting.sounds, hrtf, player.heard()) {
             Ok(sound) => player.sound = Some(sound),

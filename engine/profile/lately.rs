@@ -1,0 +1,67 @@
+//! What frames took lately, for whoever watches them as they come.
+
+use super::quantile;
+use crate::stage::FrameReport;
+use std::collections::VecDeque;
+
+/// Part of a pass's mean that its newest time is.
+const NEWEST: f64 = 0.1;
+/// Mean milliseconds of a pass that is not run any more, below which it is forgotten.
+const FORGOTTEN_MS: f64 = 1e-4;
+
+/// The last frames: how long they took, how far apart they were, and the passes that took longest.
+#[derive(Clone, Debug, Default)]
+pub struct Lately {
+    /// Milliseconds that each of the last [`Lately::FRAMES`] took, the oldest first.
+    pub ms: VecDeque<f64>,
+    /// Milliseconds from each of them to the next, where both were shown.
+    pub between: VecDeque<f64>,
+    /// Of the last one.
+    pub report: FrameReport,
+    /// Mean milliseconds of passes over about the last ten frames, by label.
+    passes: Vec<(String, f64)>,
+}
+
+impl Lately {
+    /// Frames that are kept.
+    pub const FRAMES: usize = 240;
+
+    /// Adds a frame that took `ms` milliseconds, `between` after the one before, if there was one.
+    pub fn add(&mut self, ms: f64, between: Option<f64>, report: FrameReport) {
+        for (all, new) in [(&mut self.ms, Some(ms)), (&mut self.between, between)] {
+            all.extend(new);
+            all.drain(..all.len().saturating_sub(Self::FRAMES));
+        }
+        self.passes.iter_mut().for_each(|(_, mean)| *mean *= 1.0 - NEWEST);
+        let n_known = self.passes.len();
+        for time in &report.times {
+            let ms = 1e-6 * time.ns;
+            match self.passes.iter().position(|(label, _)| *label == time.label) {
+                Some(k) => self.passes[k].1 += if k < n_known { NEWEST * ms } else { ms },
+                // The first of its kind is its own mean.
+                None => self.passes.push((time.label.clone(), ms)),
+            }
+        }
+        self.passes.retain(|(_, mean)| *mean > FORGOTTEN_MS);
+        self.report = report;
+    }
+
+    /// Frames a second, by the time from each to the next; 0 before the second.
+    pub fn rate(&self) -> f64 {
+        let sum: f64 = self.between.iter().sum();
+        if sum > 0.0 { 1e3 * self.between.len() as f64 / sum } else { 0.0 }
+    }
+
+    /// The `q`-quantile, 0 to 1, of the milliseconds that frames took; NaN before the first.
+    pub fn quantile(&self, q: f64) -> f64 {
+        quantile(&self.ms.iter().copied().collect::<Vec<_>>(), q)
+    }
+
+    /// The `n` passes that take longest, with their mean milliseconds, the longest first.
+    pub fn slowest(&self, n: usize) -> Vec<(&str, f64)> {
+        let mut passes: Vec<(&str, f64)> = self.passes.iter().map(|(label, ms)| (label.as_str(), *ms)).collect();
+        passes.sort_by(|a, b| b.1.total_cmp(&a.1));
+        passes.truncate(n);
+        passes
+    }
+}

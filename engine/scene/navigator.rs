@@ -1,0 +1,148 @@
+//! A camera that a person moves: it turns about a point before it or about itself. The laws are those of the browser player.
+
+use glam::{DMat3, DVec2, DVec3};
+
+use super::capture::camera_center;
+use super::orbit::{Orbit, upright};
+use super::{Splats, View};
+
+/// Radians.
+const TURN_PER_PIXEL: f64 = 0.005;
+/// Radians per second.
+const KEY_TURN: f64 = 1.2;
+/// Parts of the distance of what is looked at per second: as a rule, and when it is fast.
+const KEY_SHIFT: [f64; 2] = [0.5, 1.6];
+/// Sine of the steepest angle to the horizon.
+const STEEPEST: f64 = 0.995;
+/// Part of the scene's size in front of which its middle is too near to be what is looked at.
+const TOO_NEAR: f64 = 0.05;
+
+/// A camera on its way.
+#[derive(Clone, Debug)]
+pub struct Navigator {
+    /// What is kept of it: focal lengths, shape, background.
+    view: View,
+    /// World to camera: rows right, down, forward.
+    rotation: DMat3,
+    center: DVec3,
+    up: DVec3,
+    middle: DVec3,
+    radius: f64,
+    /// Distance of what is looked at, units of the scene.
+    pub reach: f64,
+    /// Whether it turns about itself instead of what is looked at.
+    pub is_flying: bool,
+}
+
+/// Where keys push: shifts right, down and forward, and turns right and down, each from -1 to 1.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Push {
+    /// Right, down, forward.
+    pub shift: DVec3,
+    /// Right, down.
+    pub turn: DVec2,
+    /// Whether shifts are about three times as fast.
+    pub is_fast: bool,
+}
+
+impl Navigator {
+    /// For `views` of `splats`: upright as they are on average, at the first of them, or where it sees all of the scene. What it looks
+    /// at is as far as the middle of what the views look at, or of the scene where they do not look at one place.
+    pub fn new(views: &[View], splats: &Splats) -> Self {
+        let places = || splats.position.iter().map(|p| DVec3::from(p.map(f64::from))).filter(|p| p.is_finite());
+        let n = places().count().max(1) as f64;
+        let mean = places().sum::<DVec3>() / n;
+        let radius = (places().map(|p| p.distance_squared(mean)).sum::<f64>() / n).sqrt().max(1e-3);
+        let middle = Orbit::new(views).map_or(mean, |orbit| orbit.middle);
+        let up = upright(views).unwrap_or(DVec3::NEG_Y);
+        let whole = || {
+            let eye = middle - 3.0 * radius * DVec3::Z;
+            View::look_at(eye.into(), middle.into(), DVec3::NEG_Y.into(), (1280, 720), 50.0)
+        };
+        let view = views.first().cloned().unwrap_or_else(whole);
+        let (rotation, center, is_flying) = (DMat3::IDENTITY, DVec3::ZERO, false);
+        let mut made = Navigator { view: view.clone(), rotation, center, up, middle, radius, reach: radius, is_flying };
+        made.go(&view);
+        made
+    }
+
+    /// Goes where `view` is, and looks at what is as far as the middle of the scene, if that is before it.
+    pub fn go(&mut self, view: &View) {
+        let [x, y, z, _] = view.world_to_camera.map(|row| DVec3::from_slice(&row[..3]));
+        self.rotation = DMat3::from_cols(x, y, z).transpose();
+        self.center = camera_center(&view.world_to_camera).into();
+        self.view = view.clone();
+        let depth = self.forward().dot(self.middle - self.center);
+        self.reach = if depth > TOO_NEAR * self.radius { depth } else { self.radius };
+    }
+
+    /// Where it is, world.
+    pub fn center(&self) -> DVec3 {
+        self.center
+    }
+
+    /// Where it looks, a unit vector of the world.
+    pub fn forward(&self) -> DVec3 {
+        self.rotation.row(2)
+    }
+
+    /// What is above it, a unit vector of the world.
+    pub fn above(&self) -> DVec3 {
+        -self.rotation.row(1)
+    }
+
+    /// What it sees in a picture of this size, pixels, as [`View::fitted`] has it.
+    pub fn view(&self, size: [u32; 2]) -> View {
+        let t = -(self.rotation * self.center);
+        let row = |k: usize| self.rotation.row(k).extend(t[k]).to_array();
+        View { world_to_camera: [row(0), row(1), row(2), [0.0, 0.0, 0.0, 1.0]], ..self.view.fitted(size) }
+    }
+
+    /// Turns as a pointer says that was dragged by so many pixels: what is under it follows it.
+    pub fn drag(&mut self, by: DVec2) {
+        let angle = if self.is_flying { TURN_PER_PIXEL } else { -TURN_PER_PIXEL };
+        self.turn(angle * self.sideways() * by.x, angle * by.y, self.is_flying);
+    }
+
+    /// Shifts so that what is looked at follows a pointer that was dragged by so many pixels of a picture of this size.
+    pub fn pan(&mut self, by: DVec2, size: [u32; 2]) {
+        let View { fx, fy, .. } = self.view.fitted(size);
+        self.shift(DVec3::new(-by.x / fx, -by.y / fy, 0.0) * self.reach);
+    }
+
+    /// Comes closer to what is looked at: to so many times its distance. In flight that moves on as well.
+    pub fn approach(&mut self, factor: f64) {
+        let reach = (self.reach * factor).max(1e-4);
+        self.shift(DVec3::Z * (self.reach - reach));
+        if !self.is_flying {
+            self.reach = reach;
+        }
+    }
+
+    /// Moves for `seconds` as keys push; turns are about itself.
+    pub fn advance(&mut self, push: Push, seconds: f64) {
+        self.shift(push.shift * self.reach * seconds * KEY_SHIFT[usize::from(push.is_fast)]);
+        let turn = push.turn * KEY_TURN * seconds;
+        self.turn(-self.sideways() * turn.x, -turn.y, true);
+    }
+
+    fn shift(&mut self, by: DVec3) {
+        self.center += self.rotation.transpose() * by;
+    }
+
+    /// By `yaw` about up and `pitch` about the camera's x axis, radians.
+    fn turn(&mut self, yaw: f64, pitch: f64, about_itself: bool) {
+        let pivot = if about_itself { self.center } else { self.center + self.forward() * self.reach };
+        let tilt = DMat3::from_axis_angle(self.rotation.row(0).normalize(), pitch);
+        let [before, after] = [self.forward(), tilt * self.forward()].map(|axis| axis.dot(self.up).abs());
+        let spin = DMat3::from_axis_angle(self.up, yaw);
+        let spin = if after > STEEPEST && after > before { spin } else { spin * tilt };
+        self.rotation *= spin.transpose();
+        self.center = pivot + spin * (self.center - pivot);
+    }
+
+    /// 1 where it stands upright, -1 where it hangs: left stays left.
+    fn sideways(&self) -> f64 {
+        if self.above().dot(self.up) > 0.0 { 1.0 } else { -1.0 }
+    }
+}
