@@ -1,6 +1,6 @@
 //! Front-to-back blending of each tile's list.
 
-use super::params::TILE;
+use super::params::{Outputs, Purpose, TILE};
 use super::project::Projected;
 use super::tiles::{Lists, Tiles};
 use crate::error::Result;
@@ -13,26 +13,6 @@ use crate::vk::DeviceKind;
 
 /// Entries of a list that one round walks, `SEGMENT` of the shader.
 pub const SEGMENT: u32 = 32_768;
-
-/// What a picture needs; the rest is neither computed nor read back.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Outputs {
-    /// Colour and alpha.
-    Color,
-    /// Colour, alpha, depth, inverse depth and flow.
-    All,
-}
-
-/// Whether a backward pass follows a frame.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Purpose {
-    /// No: a picture is all that is wanted.
-    Picture,
-    /// Yes, for its gradients: every pixel keeps its final transmittance and last entry.
-    Gradient,
-    /// Yes, for a step of the optimiser.
-    Training,
-}
 
 /// Images and shape of the blend kernel.
 pub struct Blend {

@@ -1,4 +1,4 @@
-//! A view as the kernels see it: computed in f64, narrowed once.
+//! What a picture is asked for, and its view as the kernels see it: computed in f64, narrowed once.
 
 use crate::gpu::generated::ViewParams;
 use crate::scene::View;
@@ -6,12 +6,34 @@ use crate::settings::{Constants, TileBound};
 
 /// Pixels on a tile's side, `TILE` of the shaders.
 pub const TILE: u32 = 16;
+/// Pixels of a tile.
+pub(super) const TILE_PIXELS: u32 = TILE * TILE;
 
 /// `TILES_*` and `EVERY_BLOCK` of the shaders.
 const TILES_ELLIPSE: u32 = 0;
 const TILES_RECTANGLE: u32 = 1;
 const TILES_SQUARE: u32 = 2;
 const EVERY_BLOCK: u32 = 4;
+
+/// What a picture needs; the rest is neither computed nor read back.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Outputs {
+    /// Colour and alpha.
+    Color,
+    /// Colour, alpha, depth, inverse depth and flow.
+    All,
+}
+
+/// Whether a backward pass follows a frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Purpose {
+    /// No: a picture is all that is wanted.
+    Picture,
+    /// Yes, for its gradients: every pixel keeps its final transmittance and last entry.
+    Gradient,
+    /// Yes, for a step of the optimiser.
+    Training,
+}
 
 /// A horizontal band of a picture, whole tile rows high. Every pixel's value is independent of the strips.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
