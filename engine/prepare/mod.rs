@@ -39,7 +39,7 @@ pub fn recognise(path: &Path) -> Option<String> {
 /// the source has cameras.
 ///
 /// # Errors
-/// [`Error::Data`] when COLMAP or ffmpeg is needed and missing, or a video cannot be read.
+/// [`Error::Data`](crate::Error::Data) when COLMAP or ffmpeg is needed and missing, or a video cannot be read.
 pub fn forecast(settings: &PrepareSettings) -> Result<Option<Forecast>> {
     source::pictures(settings).map(|pictures| reconstruct::forecast(settings, &pictures)).transpose()
 }
@@ -62,7 +62,7 @@ pub struct Prepared {
 /// Faults of the source, and of the finished capture, are in the report.
 ///
 /// # Errors
-/// [`Error::Data`] when a setting is out of its range, when the output holds what was not made from this source with these
+/// [`Error::Data`](crate::Error::Data) when a setting is out of its range, when the output holds what was not made from this source with these
 /// settings (and [`PrepareSettings::force`] is off), when ffmpeg, COLMAP or Python is needed and missing or fails, or when
 /// a file cannot be read or written.
 pub fn prepare(settings: &PrepareSettings, progress: &(dyn Fn(Progress) + Sync)) -> Result<Prepared> {

@@ -32,7 +32,7 @@ impl Renderer {
     /// Uploads `splats`.
     ///
     /// # Errors
-    /// [`Error::OutOfMemory`] naming the buffer that does not fit.
+    /// [`Error::OutOfMemory`](crate::Error::OutOfMemory) naming the buffer that does not fit.
     pub fn new(gpu: Arc<Gpu>, splats: &Splats, constants: Constants) -> Result<Self> {
         let constants = constants.knobs.on(constants);
         let scene = SceneBuffers::upload(&gpu, splats, &constants, Purpose::Picture)?;
@@ -84,7 +84,7 @@ impl Renderer {
     /// Adds gradients up in another way from now on.
     ///
     /// # Errors
-    /// [`Error::NoDevice`] when the device cannot.
+    /// [`Error::NoDevice`](crate::Error::NoDevice) when the device cannot.
     pub fn accumulate(&mut self, accumulation: Accumulation) -> Result<()> {
         accumulation.check(&self.gpu)?;
         self.room.accumulation = accumulation;

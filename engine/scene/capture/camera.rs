@@ -21,7 +21,7 @@ pub struct Shot {
     /// PNG of the camera's size; pixels of value 0 are to be ignored.
     pub mask: Option<PathBuf>,
     /// PNG of the camera's size; pixels of at least 128 show what moves. Only the first Gaussians are made from it. The image
-    /// itself where its alpha channel is meant ([`Alpha::Mask`]).
+    /// itself where its alpha channel is meant ([`Alpha::Mask`](super::Alpha::Mask)).
     pub foreground: Option<PathBuf>,
     /// PNG of the camera's size, of a test camera; pixels of at least 128 show what a training camera sees too (co-visibility,
     /// Gao et al. 2022). Only scores are made from it.

@@ -34,7 +34,7 @@ pub use settings::{Alpha, CaptureSettings};
 
 use std::path::Path;
 
-pub use super::view::camera_center;
+pub use crate::scene::view::camera_center;
 pub(crate) use colmap::{Posed, images_folder, model_folder, read_images, tracks};
 pub(crate) use draft::{Draft, RATES, check_names};
 pub(crate) use header::{has_alpha, read_size};
@@ -59,7 +59,7 @@ impl Capture {
     /// Opens the folder of a capture; the format is recognised from its content (see [`check_capture`]).
     ///
     /// # Errors
-    /// [`Error::Data`] with the first fault and the number of the others.
+    /// [`Error::Data`](crate::Error::Data) with the first fault and the number of the others.
     pub fn open_with(path: &Path, settings: &CaptureSettings) -> Result<Capture> {
         let (capture, report) = read(path, settings);
         match report.first_error() {

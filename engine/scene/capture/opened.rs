@@ -85,7 +85,7 @@ impl Capture {
         views
     }
 
-    /// Decodes one image with its mask. [`FrameCache`] does so ahead of time.
+    /// Decodes one image with its mask. [`FrameCache`](super::FrameCache) does so ahead of time.
     ///
     /// # Errors
     /// [`Error::Data`] when there is no such image, when it does not decode or is of another size than its camera.

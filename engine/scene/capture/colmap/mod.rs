@@ -8,12 +8,12 @@ use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
 use self::raw::{DAMAGED, RawCamera, RawImage, RawPoint};
-use super::camera::{Camera, MAX_COORDINATE, Point, Pose, Shot};
-use super::decoder::MAX_SIDE;
-use super::draft::Draft;
-use super::names::{flat, relative};
-use super::report::Faults;
-use super::settings::CaptureSettings;
+use crate::scene::capture::camera::{Camera, MAX_COORDINATE, Point, Pose, Shot};
+use crate::scene::capture::decoder::MAX_SIDE;
+use crate::scene::capture::draft::Draft;
+use crate::scene::capture::names::{flat, relative};
+use crate::scene::capture::report::Faults;
+use crate::scene::capture::settings::CaptureSettings;
 use crate::scene::undistort::{Distortion, Lens};
 
 /// Largest deviation of a quaternion's length from 1; COLMAP writes all digits.
