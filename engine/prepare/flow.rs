@@ -10,7 +10,7 @@ use serde_json::json;
 use super::images::Images;
 use super::journal::Journal;
 use super::program::last_line;
-use super::{PrepareSettings, Progress};
+use super::settings::{PrepareSettings, Progress};
 use crate::error::{Error, Result};
 use crate::parallel::in_parallel;
 

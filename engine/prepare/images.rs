@@ -11,9 +11,9 @@ use serde_json::{Value, json};
 
 use super::fit::{Part, fitted};
 use super::journal::{Journal, make_folder};
+use super::settings::{ImageFormat, JPEG_QUALITY, PrepareSettings, Progress};
 use super::source::{Footage, Source, SourceCamera};
 use super::video::{self, Selection, Video};
-use super::{ImageFormat, PrepareSettings, Progress, sound};
 use crate::error::{Error, Result};
 use crate::files::{open_file, write_atomic};
 use crate::parallel::in_parallel;
@@ -21,7 +21,6 @@ use crate::scene::capture::{Faults, Pose, RATES, Shot, alpha_of, decode_image, r
 use crate::scene::prior::{read_depth, read_flow, write_depth, write_flow};
 use crate::scene::undistort::{Distortion, Lens, Undistortion};
 
-pub(super) const JPEG_QUALITY: u8 = 95;
 /// Rates differ when their ratio is farther from 1.
 const RATE_TOLERANCE: f64 = 1e-3;
 
@@ -178,8 +177,8 @@ impl Images {
         in_parallel(jobs.len(), self.threads, work, |_| {}).map(|_| ())
     }
 
-    /// Sound and keypoints, where the source has them.
-    pub fn carry_sound(&self, settings: &PrepareSettings) -> Result<()> {
+    /// The sound of videos that have some.
+    pub fn write_sound(&self) -> Result<()> {
         for camera in &self.cameras {
             if let Material::Video(path, video) = &camera.material {
                 let (from, length) = self.span(camera);
@@ -190,7 +189,7 @@ impl Images {
                 }
             }
         }
-        sound::carry(self, settings)
+        Ok(())
     }
 
     fn decode_video(&self, camera: &Camera, tell: &dyn Fn(&str)) -> Result<()> {

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 
-use super::PrepareSettings;
+use super::settings::PrepareSettings;
 use crate::error::{Error, Result};
 use crate::files::{read_file, remove_temporaries, write_atomic};
 use crate::scene::capture::JOURNAL;

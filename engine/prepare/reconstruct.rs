@@ -14,13 +14,12 @@ use image::{ExtendedColorType, ImageEncoder};
 use serde_json::json;
 
 use super::fit::Part;
-use super::images::JPEG_QUALITY;
 use super::journal::{Journal, cannot_list, make_folder};
 use super::program::{COLMAP, FFMPEG, FFPROBE};
+use super::settings::{JPEG_QUALITY, PrepareSettings, Progress};
 use super::source::Footage;
 use super::source::footage::{find, is_video, video_names};
 use super::video::{self, Selection};
-use super::{PrepareSettings, Progress};
 use crate::error::{Error, Result};
 use crate::files::write_atomic;
 use crate::scene::capture::{Faults, is_image, read_images};

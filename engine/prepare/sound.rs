@@ -5,9 +5,9 @@ use std::path::Path;
 
 use serde_json::Value;
 
-use super::PrepareSettings;
 use super::images::{Camera, Images, take_over};
 use super::journal::{cannot_list, make_folder};
+use super::settings::PrepareSettings;
 use super::video::Selection;
 use crate::error::{Error, Result};
 use crate::files::{read_file, write_atomic};

@@ -2,8 +2,7 @@
 
 use glam::{DMat3, DVec3};
 
-use super::View;
-use super::capture::camera_center;
+use super::view::{View, camera_center};
 
 /// Least eigenvalue of the axes' system, by its largest, at which the point that is nearest to them is well defined: axes that
 /// differ by a few degrees.

@@ -3,7 +3,6 @@
 use std::collections::HashSet;
 use std::path::Path;
 
-use super::capture::camera_center;
 use crate::error::{Error, Result};
 use crate::files::{read_bytes, write_atomic};
 use glam::DVec3;
@@ -158,6 +157,11 @@ fn check_views(path: &Path, views: &[View]) -> Result<()> {
         }
     }
     Ok(())
+}
+
+/// Where a camera is, world: - R^T t.
+pub fn camera_center(pose: &[[f64; 4]; 4]) -> [f64; 3] {
+    std::array::from_fn(|k| -(0..3).map(|row| pose[row][k] * pose[row][3]).sum::<f64>())
 }
 
 /// A fault of a view: field, reason, remedy.

@@ -2,8 +2,8 @@
 
 use super::FS;
 use super::align::LEAD;
-use super::geometry::Mode;
-use super::hrtf::{HrtfSet, Lookup, degrees};
+use super::geometry::{Mode, degrees};
+use super::hrtf::{HrtfSet, Lookup};
 use super::pose::PoseTrack;
 use super::render::{Course, RenderConfig, signals};
 use super::scene_file::SoundScene;

@@ -117,3 +117,8 @@ pub fn gain(mode: Mode, bearing: &Bearing, r_min: f64) -> f64 {
         Mode::Physical => r_m / bearing.r_l.hypot(r_min),
     }
 }
+
+/// Unit vector of an azimuth and an elevation in degrees.
+pub fn degrees(az: f64, el: f64) -> DVec3 {
+    direction(az.to_radians(), el.to_radians())
+}

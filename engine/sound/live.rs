@@ -16,8 +16,8 @@ use super::pose::PoseTrack;
 use super::sinc::{DelayTable, Resampler};
 use super::wav;
 use crate::error::{Error, Result};
-use crate::scene::Playhead;
 use crate::formats::Sounds;
+use crate::scene::Playhead;
 
 /// The sources of a clip, decoded, and the ears that hear them.
 pub struct Live {

@@ -6,7 +6,8 @@ use realfft::num_complex::Complex64;
 
 use super::FS;
 use super::align::peak;
-use super::hrtf::{HrtfSet, Lookup, degrees};
+use super::geometry::degrees;
+use super::hrtf::{HrtfSet, Lookup};
 use super::spectrum::{Spectra, good_length};
 use super::wola::Baker;
 

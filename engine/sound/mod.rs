@@ -22,19 +22,18 @@ pub mod path;
 pub mod pose;
 pub mod render;
 pub mod rig;
-mod sadie;
 pub mod scene_file;
 pub mod simulate;
 pub mod sinc;
 pub mod smooth;
-mod sofa;
 pub mod source_track;
 pub mod speaker;
 pub mod spectrum;
-pub mod sphere;
 pub mod triangulate;
 pub mod wav;
 pub mod wola;
+
+pub use hrtf::sphere;
 
 /// Samples per second of everything inside the sound field.
 pub const FS: u32 = 48_000;

@@ -1,76 +1,26 @@
 //! From cotangents of a picture to gradients of the parameters: the blend's adjoint, then the projection's, which either
 //! writes gradients or moves the parameters at once.
 
+use super::accumulation::{Accumulation, SLOT_PAIRS};
 use super::adam::Optimiser;
-use super::blend::{Blend, Outputs, Purpose, SEGMENT, coprime_stride};
+use super::blend::{Blend, SEGMENT, coprime_stride};
 use super::cull::{ARGS_FIRST_GROUP, ARGS_THREADS, Cull, indirect};
-use super::params::TILE;
+use super::params::{Outputs, Purpose, TILE};
 use super::project::Projected;
+use super::room::Room;
 use super::scene::{Planes, SceneBuffers};
 use super::tiles::{Lists, Tiles};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::gpu::generated::{
     self, Status, ViewParams, background_sum, blend_bwd_p4, camera_sum, camera_total, constants, fixed_sums,
     project_bwd_adam_static_sh0, project_bwd_static_sh0,
 };
-use crate::gpu::{Buf, Gpu, Grid, KernelInfo, Recording};
+use crate::gpu::{Buf, Gpu, Grid, Recording};
 
-/// vec2 per slot: the twelve sums that one intersection gives its splat.
-pub const SLOT_PAIRS: usize = 6;
 /// Words per active Gaussian in fixed point.
 const FIXED_WORDS: usize = constants::fixed::FIXED_WORDS as usize;
 /// Workgroups that add up the camera's gradient.
 const CAMERA_GROUPS: u32 = 64;
-
-/// How the gradients of a splat's intersections are added up.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Accumulation {
-    /// One slot per intersection, added in order: the same bits in every run. 48 bytes an intersection.
-    #[default]
-    Slots,
-    /// Atomic additions of floats: the last bits vary from run to run. The device must have them.
-    FloatAtomics,
-    /// Atomic additions of 64-bit integers in two words: the same bits in every run, on every device.
-    FixedPoint,
-    /// Compare and exchange: as float atomics, for devices without them.
-    CompareExchange,
-}
-
-impl Accumulation {
-    /// All of them.
-    pub const ALL: [Accumulation; 4] =
-        [Accumulation::Slots, Accumulation::FloatAtomics, Accumulation::FixedPoint, Accumulation::CompareExchange];
-
-    /// Whether `gpu` can.
-    ///
-    /// # Errors
-    /// [`Error::NoDevice`] with the remedy.
-    pub fn check(self, gpu: &Gpu) -> Result<()> {
-        if self == Accumulation::FloatAtomics && !gpu.caps().float_atomics {
-            return Err(Error::NoDevice {
-                reason: format!("{} has no float atomics, which accumulation `float_atomics` needs", gpu.caps().name),
-                remedy: "choose accumulation slots, fixed_point or compare_exchange".to_owned(),
-            });
-        }
-        Ok(())
-    }
-
-    /// Entries of a list that one round of the backward kernel walks.
-    fn segment(self) -> u32 {
-        if self == Accumulation::CompareExchange { constants::blend_bwd::SWAP_SEGMENT } else { SEGMENT }
-    }
-
-    fn kernel(self, outputs: Outputs, pixels_per_lane: u32) -> &'static KernelInfo {
-        let axis = match self {
-            Accumulation::Slots => 0,
-            Accumulation::FloatAtomics => 1,
-            Accumulation::FixedPoint => 2,
-            Accumulation::CompareExchange => 3,
-        };
-        generated::blend_bwd(axis, outputs == Outputs::Color, pixels_per_lane == 8)
-    }
-}
 
 /// Buffers of the backward pass.
 pub struct Backward {
@@ -109,8 +59,8 @@ pub enum Target<'a> {
 
 impl Backward {
     /// Buffers for pictures within `room`, blended as `blend` does.
-    pub fn new(gpu: &Gpu, scene: &SceneBuffers, blend: &Blend, room: &super::Room) -> Result<Self> {
-        let super::Room { active, intersections, pixels, outputs, purpose, accumulation, camera, .. } = *room;
+    pub fn new(gpu: &Gpu, scene: &SceneBuffers, blend: &Blend, room: &Room) -> Result<Self> {
+        let Room { active, intersections, pixels, outputs, purpose, accumulation, camera, .. } = *room;
         let wants_camera = camera || purpose == Purpose::Gradient;
         let n_slots = if accumulation == Accumulation::Slots { intersections } else { active };
         let gradients = if purpose == Purpose::Gradient { &scene.groups[..] } else { &[] };

@@ -1,6 +1,6 @@
 //! Front-to-back blending of each tile's list.
 
-use super::params::TILE;
+use super::params::{Outputs, Purpose, TILE};
 use super::project::Projected;
 use super::tiles::{Lists, Tiles};
 use crate::error::Result;
@@ -8,26 +8,6 @@ pub use crate::gpu::generated::constants::block::SEGMENT;
 use crate::gpu::generated::{self, ViewParams, blend_fwd_p4, blend_fwd_train_p4};
 use crate::gpu::{Buf, Gpu, Grid, KernelInfo, Recording};
 use crate::vk::DeviceKind;
-
-/// What a picture needs; the rest is neither computed nor read back.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Outputs {
-    /// Colour and alpha.
-    Color,
-    /// Colour, alpha, depth, inverse depth and flow.
-    All,
-}
-
-/// Whether a backward pass follows a frame.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Purpose {
-    /// No: a picture is all that is wanted.
-    Picture,
-    /// Yes, for its gradients: every pixel keeps its final transmittance and last entry.
-    Gradient,
-    /// Yes, for a step of the optimiser.
-    Training,
-}
 
 /// Images and shape of the blend kernel.
 pub struct Blend {

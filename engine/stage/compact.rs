@@ -1,7 +1,7 @@
 //! How finely each attribute of a scene needs to be stored: what its pictures lose, rendered.
 
-use super::blend::Outputs;
-use super::render::Renderer;
+use super::params::Outputs;
+use super::renderer::Renderer;
 use crate::error::{Error, Result};
 use crate::formats::{Contents, Encoded, FourDgs, Grades};
 use crate::gpu::Gpu;

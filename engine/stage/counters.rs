@@ -1,7 +1,6 @@
 //! What a frame had to do, counted, and its passes with their times and their part of it.
 
 use super::pairs::{Blocks, Pairs};
-use super::params::TILE;
 use super::scene::SceneBuffers;
 use super::tiles::Lists;
 use super::workspace::Workspace;
@@ -184,6 +183,3 @@ pub fn add_passes(
     }
     lines
 }
-
-/// Pixels of a tile.
-pub(super) const TILE_PIXELS: u32 = TILE * TILE;

@@ -2,105 +2,19 @@
 //! renders it, its images in one behind that: the host waits for nothing before the end, and may hand over another strip meanwhile.
 
 use super::backward::{Backward, Target};
-use super::blend::{Outputs, Purpose};
+use super::job::{Copies, Destination, Extent, Job, Landed, Launched, Measure};
 use super::params::{Strip, view_params};
-use super::render::Renderer;
-use super::tiles::Lists;
-use super::workspace::{Room, Verdict, Workspace};
+use super::renderer::Renderer;
+use super::room::Verdict;
+use super::workspace::Workspace;
 use crate::error::Result;
 use crate::gpu::generated::Status;
-use crate::gpu::{Buf, Gpu, PassTime, Recording, Running, Slice};
+use crate::gpu::{Buf, Gpu, Recording, Slice};
 use crate::scene::{Frame, View};
 use std::time::Instant;
 
 /// Slices that wait to be copied to again; two pictures on their way have three each.
 const MOST_SPARE: usize = 6;
-
-/// Where a picture goes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Destination {
-    /// It stays on the device.
-    Device,
-    /// It is read back.
-    Host,
-}
-
-/// What a strip is rendered for.
-#[derive(Clone, Copy)]
-pub(super) struct Job<'a> {
-    pub view: &'a View,
-    pub outputs: Outputs,
-    pub destination: Destination,
-    pub cotangents: Option<&'a Frame>,
-    pub measure: Measure,
-}
-
-/// What is measured of a strip.
-#[derive(Clone, Copy, PartialEq, Eq)]
-pub(super) enum Measure {
-    Nothing,
-    /// The time of each pass.
-    Times,
-    /// That, and what the passes had to do, which is read back and takes longer than they did.
-    Work,
-}
-
-/// The size of a strip.
-#[derive(Clone, Copy)]
-pub(super) struct Extent {
-    pub strip: Strip,
-    pub n_tiles: u32,
-    pub n_pixels: u32,
-}
-
-impl Job<'_> {
-    fn purpose(&self) -> Purpose {
-        if self.cotangents.is_some() { Purpose::Gradient } else { Purpose::Picture }
-    }
-}
-
-impl Extent {
-    pub(super) fn new(view: &View, strip: Strip) -> Self {
-        let (tiles_x, tiles_y) = strip.tiles(view);
-        Extent { strip, n_tiles: tiles_x * tiles_y, n_pixels: view.width * strip.n_rows }
-    }
-}
-
-/// A strip that the device works on.
-pub(super) struct Launched {
-    // Goes first: it waits for the device, which uses what the recording holds.
-    pub running: Running,
-    pub copies: Option<Copies>,
-    pub recording: Recording,
-    pub lists: Lists,
-    pub extent: Extent,
-    pub status: Slice,
-    pub room: Room,
-    pub rounds: u32,
-    /// Gaussians on the device, and those of them that are never drawn.
-    pub n: (u32, u32),
-}
-
-/// Images on their way to the host.
-pub(super) struct Copies {
-    // Goes first, as above.
-    running: Running,
-    _recording: Recording,
-    images: Vec<Slice>,
-}
-
-/// A strip that has ended.
-pub(super) struct Landed {
-    pub extent: Extent,
-    pub status: Status,
-    pub verdict: Verdict,
-    /// Colour and alpha; depth, inverse depth and flow; as many as are read back.
-    pub images: Vec<Vec<[f32; 4]>>,
-    /// Of each pass, where they are timed.
-    pub times: Vec<PassTime>,
-    /// Seconds from when the images were there until they were read back.
-    pub read_back_s: f64,
-}
 
 impl Renderer {
     /// Hands `strip` to the device, to be blended in so many rounds.

@@ -1,8 +1,7 @@
 //! Pairs of a pixel and an intersection that a blend evaluates, counted on the host from what the frame left on the
 //! device: the kernel itself counts nothing, so that it costs nothing.
 
-use super::counters::TILE_PIXELS;
-use super::params::TILE;
+use super::params::{TILE, TILE_PIXELS};
 use super::project::SPLAT_PLANES;
 use crate::gpu::generated::ViewParams;
 

@@ -1,4 +1,4 @@
-//! A view as the kernels see it: computed in f64, narrowed once.
+//! What a picture is asked for, and its view as the kernels see it: computed in f64, narrowed once.
 
 use crate::gpu::generated::ViewParams;
 pub use crate::gpu::generated::constants::types::TILE;
@@ -7,6 +7,29 @@ use crate::gpu::generated::constants::types::{
 };
 use crate::scene::{FlowModel, View};
 use crate::settings::{Constants, TileBound};
+
+/// Pixels of a tile.
+pub(super) const TILE_PIXELS: u32 = TILE * TILE;
+
+/// What a picture needs; the rest is neither computed nor read back.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Outputs {
+    /// Colour and alpha.
+    Color,
+    /// Colour, alpha, depth, inverse depth and flow.
+    All,
+}
+
+/// Whether a backward pass follows a frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Purpose {
+    /// No: a picture is all that is wanted.
+    Picture,
+    /// Yes, for its gradients: every pixel keeps its final transmittance and last entry.
+    Gradient,
+    /// Yes, for a step of the optimiser.
+    Training,
+}
 
 /// A horizontal band of a picture, whole tile rows high. Every pixel's value is independent of the strips.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

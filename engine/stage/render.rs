@@ -1,23 +1,20 @@
-//! The renderer: one frame from a view, in strips where a device's bindings are shorter than the picture, replayed with
+//! One frame from a view, in strips where a device's bindings are shorter than the picture, replayed with
 //! more room where it overflows.
 
-use super::backward::Accumulation;
-use super::blend::{Outputs, Purpose, SEGMENT};
+use super::blend::SEGMENT;
 use super::counters::{Counters, PassReport, add_passes};
 use super::fisher::{Census, Fisher, Response};
 use super::gradients::Gradients;
-use super::launch::{Destination, Job, Landed, Launched, Measure};
-use super::params::{Strip, TILE, moment, view_params};
+use super::job::{Destination, Job, Landed, Launched, Measure};
+use super::params::{Outputs, Strip, TILE, moment, view_params};
+use super::renderer::Renderer;
+use super::room::Verdict;
 use super::scene::SceneBuffers;
 use super::show::{Layer, Screen};
-use super::stereo::SecondEye;
-use super::window::Windows;
-use super::workspace::{Room, Verdict, Workspace, max_active};
+use super::workspace::Workspace;
 use crate::error::{Error, Result};
-use crate::gpu::{Dispatch, Gpu, PassTime, Recording, Slice};
-use crate::scene::{Frame, Splats, View};
-use crate::settings::Constants;
-use std::sync::Arc;
+use crate::gpu::{Dispatch, PassTime, Recording};
+use crate::scene::{Frame, View};
 use std::time::Instant;
 
 /// Numbers that belong to a frame.
@@ -56,21 +53,6 @@ pub struct FrameReport {
     pub read_back_s: f64,
 }
 
-/// Renders views of one scene.
-pub struct Renderer {
-    pub(super) gpu: Arc<Gpu>,
-    pub(super) scene: SceneBuffers,
-    pub(super) constants: Constants,
-    pub(super) work: Option<Workspace>,
-    pub(super) room: Room,
-    /// Slices of the host's memory that were copied to and are free again.
-    pub(super) spare: Vec<Slice>,
-    /// What the second of two eyes has of its own.
-    pub(super) second: Option<SecondEye>,
-    /// Where only what lives near a view's time is on the device.
-    pub(super) windows: Option<Windows>,
-}
-
 /// A picture that the device works on, see [`Renderer::begin`].
 pub struct Picture {
     pub(super) view: View,
@@ -81,43 +63,6 @@ pub struct Picture {
 }
 
 impl Renderer {
-    /// Uploads `splats`.
-    ///
-    /// # Errors
-    /// [`Error::OutOfMemory`] naming the buffer that does not fit.
-    pub fn new(gpu: Arc<Gpu>, splats: &Splats, constants: Constants) -> Result<Self> {
-        let constants = constants.knobs.on(constants);
-        let scene = SceneBuffers::upload(&gpu, splats, &constants, Purpose::Picture)?;
-        Ok(Self::of_scene(gpu, scene, constants, None))
-    }
-
-    pub(super) fn of_scene(gpu: Arc<Gpu>, scene: SceneBuffers, constants: Constants, windows: Option<Windows>) -> Self {
-        let active = room_for(&gpu, &scene);
-        let room = Room {
-            active,
-            intersections: active.saturating_mul(2).max(1 << 16),
-            tiles: 1,
-            pixels: 1,
-            outputs: Outputs::Color,
-            purpose: Purpose::Picture,
-            accumulation: Accumulation::default(),
-            camera: false,
-            depth_bits: constants.knobs.depth_bits,
-        };
-        Renderer { gpu, scene, constants, work: None, room, spare: Vec::new(), second: None, windows }
-    }
-
-    /// The device.
-    pub fn gpu(&self) -> &Arc<Gpu> {
-        &self.gpu
-    }
-
-    /// Starts with room for so few intersections; the first frame that needs more grows it.
-    pub fn limit_intersections(&mut self, n: u32) {
-        self.room.intersections = n.max(1);
-        self.work = None;
-    }
-
     /// Renders `view`. Outputs that were not asked for are empty.
     ///
     /// # Errors
@@ -246,16 +191,6 @@ impl Renderer {
         let mut rec = Recording::new();
         work.record_forward(&mut rec, &self.scene, tiles_x * tiles_y, rounds, |_| ());
         self.gpu.run_capturing(rec, kernel)
-    }
-
-    /// Adds gradients up in another way from now on.
-    ///
-    /// # Errors
-    /// [`Error::NoDevice`] when the device cannot.
-    pub fn accumulate(&mut self, accumulation: Accumulation) -> Result<()> {
-        accumulation.check(&self.gpu)?;
-        self.room.accumulation = accumulation;
-        Ok(())
     }
 
     /// Gradients of sum(cotangent * output) of `view`, where `cotangents` holds the cotangents of a frame.
@@ -443,11 +378,6 @@ impl Renderer {
         report.counting_s += begun.elapsed().as_secs_f64();
         Ok(())
     }
-}
-
-/// Active Gaussians that a scene can have at a time.
-pub(super) fn room_for(gpu: &Gpu, scene: &SceneBuffers) -> u32 {
-    scene.n.clamp(1, max_active(gpu))
 }
 
 /// Appends a strip's images to the frame.

@@ -1,7 +1,7 @@
 //! A scene on the device: groups of Gaussians of one population and one SH degree, each short enough for the device's
 //! bindings.
 
-use super::blend::Purpose;
+use super::params::Purpose;
 use crate::error::{Error, Result};
 use crate::gpu::generated::{bound_dynamic, bound_static, constants, cull_static, sh_half};
 use crate::gpu::{Buf, Gpu, Grid, Recording};

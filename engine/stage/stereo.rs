@@ -1,14 +1,15 @@
 //! Two eyes that look the same way: they share the culling of the scene and the sort by depth.
 
-use super::blend::{Blend, Outputs, Purpose, SEGMENT};
-use super::launch::{Destination, Extent, Job, Launched, Measure};
-use super::params::{Strip, moment, view_params};
-use super::project::Projected;
-use super::render::{FrameReport, Picture, Renderer};
-use super::workspace::{Room, Workspace};
+use super::blend::SEGMENT;
+use super::job::{Destination, Extent, Job, Launched, Measure};
+use super::params::{Outputs, Strip, moment, view_params};
+use super::render::{FrameReport, Picture};
+use super::renderer::Renderer;
+use super::second_eye::SecondEye;
+use super::workspace::Workspace;
 use crate::error::Result;
-use crate::gpu::generated::{Status, ViewParams};
-use crate::gpu::{Buf, Gpu, Recording};
+use crate::gpu::generated::Status;
+use crate::gpu::{Buf, Recording};
 use crate::scene::{Frame, View};
 use crate::settings::Constants;
 
@@ -20,37 +21,6 @@ const NEARER: f64 = 1e-5;
 const STATUS_HEAD: usize = 2;
 const STATUS_TAIL: usize = 6;
 const STATUS_WORDS: usize = size_of::<Status>() / 4;
-
-/// What the second eye has of its own.
-pub(super) struct SecondEye {
-    room: Room,
-    view: Buf<ViewParams>,
-    /// The view that both are culled for.
-    union: Buf<ViewParams>,
-    status: Buf<Status>,
-    projected: Projected,
-    blend: Blend,
-}
-
-impl SecondEye {
-    fn new(gpu: &Gpu, work: &Workspace) -> Result<Self> {
-        let (room, n) = (work.room, work.room.active as usize);
-        Ok(SecondEye {
-            room,
-            view: gpu.alloc("second view", 1)?,
-            union: gpu.alloc("view of both eyes", 1)?,
-            status: gpu.alloc("second status", 1)?,
-            projected: Projected {
-                splats: work.projected.splats.clone(),
-                tile_counts: work.projected.tile_counts.clone(),
-                // The order is that of the first eye, and stays where it is.
-                depth_keys: gpu.alloc("second depth keys", n)?,
-                identity: gpu.alloc("second depth order", n)?,
-            },
-            blend: Blend::new(gpu, room.pixels, room.outputs, Purpose::Picture)?,
-        })
-    }
-}
 
 impl Renderer {
     /// Hands the pictures of two eyes to the device and does not wait for them. Eyes of one size, at one time, that look the same

@@ -1,9 +1,7 @@
 //! Windows of a clip: of the dynamic Gaussians only those that live near a view's time are on the device, so that neither its
 //! memory nor the work of a frame grows with the length of the clip.
 
-use super::blend::Purpose;
-use super::params::moment;
-use super::render::{Renderer, room_for};
+use super::params::{Purpose, moment};
 use super::scene::{SceneBuffers, far_origin, group_limit};
 use crate::error::Result;
 use crate::gpu::Gpu;
@@ -41,60 +39,53 @@ struct Life {
     last: f64,
 }
 
-impl Renderer {
-    /// As [`Renderer::new`], for a clip that may be longer than what the device holds. Where most dynamic Gaussians live for a
-    /// small part of the clip, only those that live near the time of a view are uploaded, anew whenever that leaves their window:
-    /// views in order of time are the fastest. Pictures are the same to the bit.
+impl Windows {
+    /// The windows of a clip, none of which is on the device yet; none where they would save too little.
+    pub fn of(gpu: &Gpu, splats: &Arc<Splats>, constants: &Constants) -> Option<Self> {
+        let lives = lives(splats, constants);
+        let n = n_windows(&lives);
+        let (origin, limit) = (far_origin(splats), group_limit(gpu, splats.sh_degree as usize, Purpose::Picture));
+        (n > 1).then(|| Windows { splats: splats.clone(), lives, n, origin, limit, n_bad: 0, shown: None })
+    }
+
+    /// A scene of the static Gaussians, which are in every window.
     ///
     /// # Errors
-    /// As [`Renderer::new`].
-    pub fn of_clip(gpu: Arc<Gpu>, splats: Arc<Splats>, constants: Constants) -> Result<Self> {
-        let constants = constants.knobs.on(constants);
-        let lives = lives(&splats, &constants);
-        let n = n_windows(&lives);
-        if n == 1 {
-            return Self::new(gpu, &splats, constants);
-        }
-        let (origin, limit) = (far_origin(&splats), group_limit(&gpu, splats.sh_degree as usize, Purpose::Picture));
-        let still = splats.kept(|i| i < splats.n_static);
-        let scene = SceneBuffers::upload_around(&gpu, &still, &constants, limit, origin)?;
-        drop(still);
-        let n_bad = scene.n_bad;
-        let windows = Windows { splats, lives, n, origin, limit, n_bad, shown: None };
-        Ok(Self::of_scene(gpu, scene, constants, Some(windows)))
+    /// [`OutOfMemory`](crate::Error::OutOfMemory) naming the buffer that does not fit.
+    pub fn load_static(&mut self, gpu: &Gpu, constants: &Constants) -> Result<SceneBuffers> {
+        let still = self.splats.kept(|i| i < self.splats.n_static);
+        let scene = SceneBuffers::upload_around(gpu, &still, constants, self.limit, self.origin)?;
+        self.n_bad = scene.n_bad;
+        Ok(scene)
     }
 
-    /// Puts the Gaussians on the device that live near the time of `view`.
-    pub(super) fn load_window(&mut self, view: &View) -> Result<()> {
-        let Some(windows) = &mut self.windows else { return Ok(()) };
-        let at = (moment(view) * f64::from(windows.n)).floor() as i64;
-        if windows.shown == Some(at) {
-            return Ok(());
-        }
-        // What pictures on their way still use goes with them.
-        windows.shown = None;
-        self.work = None;
-        self.scene.clear_dynamic(windows.n_bad);
-        let dynamic = windows.part(at);
-        let dynamic = SceneBuffers::upload_around(&self.gpu, &dynamic, &self.constants, windows.limit, windows.origin)?;
-        self.scene.append_dynamic(&self.gpu, dynamic)?;
-        windows.shown = Some(at);
-        self.room.active = room_for(&self.gpu, &self.scene);
+    /// The window that `view` needs, unless it is on the device.
+    pub fn wanted(&self, view: &View) -> Option<i64> {
+        let at = (moment(view) * f64::from(self.n)).floor() as i64;
+        (self.shown != Some(at)).then_some(at)
+    }
+
+    /// Puts the window `at` in the place of the one in `scene`.
+    ///
+    /// # Errors
+    /// As [`Windows::load_static`].
+    pub fn load(&mut self, gpu: &Gpu, constants: &Constants, scene: &mut SceneBuffers, at: i64) -> Result<()> {
+        self.shown = None;
+        scene.clear_dynamic(self.n_bad);
+        let dynamic = SceneBuffers::upload_around(gpu, &self.part(at), constants, self.limit, self.origin)?;
+        scene.append_dynamic(gpu, dynamic)?;
+        self.shown = Some(at);
         Ok(())
     }
 
-    /// Puts all Gaussians on the device, for what is asked of the scene as a whole.
-    pub(super) fn load_whole(&mut self) -> Result<()> {
-        if let Some(Windows { splats, limit, origin, .. }) = &self.windows {
-            self.scene = SceneBuffers::upload_around(&self.gpu, splats, &self.constants, *limit, *origin)?;
-            (self.work, self.windows) = (None, None);
-            self.room.active = room_for(&self.gpu, &self.scene);
-        }
-        Ok(())
+    /// A scene of the whole clip.
+    ///
+    /// # Errors
+    /// As [`Windows::load_static`].
+    pub fn load_whole(&self, gpu: &Gpu, constants: &Constants) -> Result<SceneBuffers> {
+        SceneBuffers::upload_around(gpu, &self.splats, constants, self.limit, self.origin)
     }
-}
 
-impl Windows {
     /// The dynamic Gaussians that live in a window.
     fn part(&self, at: i64) -> Splats {
         let border = |k: f64| k / f64::from(self.n);

@@ -1,69 +1,16 @@
 //! The buffers of all stages of a frame, and their passes in order.
 
-use super::backward::{Accumulation, Backward, SLOT_PAIRS, Target};
-use super::blend::{Blend, Outputs, Purpose, SEGMENT};
+use super::backward::{Backward, Target};
+use super::blend::{Blend, SEGMENT};
 use super::cull::Cull;
-use super::project::{Projected, SPLAT_PLANES};
+use super::params::Purpose;
+use super::project::Projected;
+use super::room::Room;
 use super::scene::SceneBuffers;
 use super::tiles::{Lists, Tiles};
 use crate::error::Result;
-use crate::gpu::generated::constants::types::{FAILED_ACTIVE, FAILED_INTERSECTIONS, FAILED_LIST};
 use crate::gpu::generated::{Status, ViewParams};
 use crate::gpu::{Buf, Gpu, Recording};
-
-/// Capacities; they only grow, but for the strip.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Room {
-    /// Active Gaussians.
-    pub active: u32,
-    /// Pairs of a Gaussian and a tile.
-    pub intersections: u32,
-    /// Tiles of a strip.
-    pub tiles: u32,
-    /// Pixels of a strip.
-    pub pixels: usize,
-    /// What the pictures need.
-    pub outputs: Outputs,
-    /// Whether a backward pass follows.
-    pub purpose: Purpose,
-    /// How gradients are added up.
-    pub accumulation: Accumulation,
-    /// Whether a step of the optimiser needs the camera's gradient too; [`Purpose::Gradient`] always has it.
-    pub camera: bool,
-    /// Bits of the depth keys, see [`crate::settings::Knobs`].
-    pub depth_bits: u32,
-}
-
-impl Room {
-    /// Whether each intersection has a slot for its gradient.
-    fn has_slots(&self) -> bool {
-        self.purpose != Purpose::Picture && self.accumulation == Accumulation::Slots
-    }
-
-    /// Intersections whose lists, and slots where there are any, fit one binding.
-    pub(super) fn max_intersections(&self, gpu: &Gpu) -> u32 {
-        let bytes = if self.has_slots() { 8 * SLOT_PAIRS as u64 } else { 4 };
-        (gpu.caps().max_binding_bytes / bytes).min(u64::from(u32::MAX - 1)) as u32
-    }
-
-    /// What is to be done about a frame within this room, of `rounds` rounds, that ended with `status`.
-    pub fn verdict(&self, gpu: &Gpu, status: &Status, rounds: u32) -> Verdict {
-        let limit = self.max_intersections(gpu);
-        if status.failed & FAILED_ACTIVE != 0 {
-            let (needed, limit) = (status.n_active, status.capacity_active);
-            Verdict::TooMuch { what: "active Gaussians", needed, limit }
-        } else if status.failed & FAILED_INTERSECTIONS != 0 && status.n_intersections > limit {
-            Verdict::TooMuch { what: "intersections", needed: status.n_intersections, limit }
-        } else if status.failed & FAILED_INTERSECTIONS != 0 {
-            let roomy = (u64::from(status.n_intersections) * 5 / 4).min(u64::from(limit)) as u32;
-            Verdict::Replay(Room { intersections: roomy, ..*self }, rounds)
-        } else if status.failed & FAILED_LIST != 0 {
-            Verdict::Replay(*self, status.max_tile_list.div_ceil(SEGMENT))
-        } else {
-            Verdict::Complete
-        }
-    }
-}
 
 /// The buffers of all stages of a frame.
 pub struct Workspace {
@@ -83,24 +30,6 @@ pub struct Workspace {
     pub blend: Blend,
     /// The backward pass; unless for [`Purpose::Picture`].
     pub backward: Option<Backward>,
-}
-
-/// What a status asks for before its frame can stand.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Verdict {
-    /// Nothing: the frame is complete.
-    Complete,
-    /// A replay with this much room and this many rounds.
-    Replay(Room, u32),
-    /// Fewer tile rows at a time, or an error: a binding cannot hold `needed` of `what`.
-    TooMuch {
-        /// What there is too much of.
-        what: &'static str,
-        /// How many.
-        needed: u32,
-        /// How many fit.
-        limit: u32,
-    },
 }
 
 impl Workspace {
@@ -185,10 +114,4 @@ impl Workspace {
             );
         }
     }
-}
-
-/// Active Gaussians whose splats fit one binding.
-pub(super) fn max_active(gpu: &Gpu) -> u32 {
-    let limit = gpu.caps().max_binding_bytes / (16 * SPLAT_PLANES as u64);
-    limit.min(u64::from(u32::MAX / 2)) as u32
 }

@@ -1,8 +1,8 @@
 //! Pictures of the report: truth, rendering and error map as inline PNG.
 
-use super::run_report::Example;
 use crate::scene::Frame;
 use crate::scene::capture::Picture;
+use crate::train::Scores;
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD as BASE64;
 use image::{ExtendedColorType, ImageEncoder, ImageError, codecs::png::PngEncoder};
@@ -16,6 +16,21 @@ pub(super) const RAMP: [[f32; 3]; 5] =
     [[0.0, 0.0, 0.0], [66.0, 10.0, 104.0], [188.0, 55.0, 84.0], [249.0, 142.0, 9.0], [252.0, 255.0, 164.0]];
 /// Where the mask hides a pixel.
 const HIDDEN: [f32; 3] = [128.0; 3];
+
+/// A test view that the report shows.
+#[derive(Clone, Debug)]
+pub struct Example {
+    /// Name of the view.
+    pub view: String,
+    /// Why it is shown: worst, median, best; may be empty.
+    pub why: &'static str,
+    /// Its scores.
+    pub scores: Scores,
+    /// The image.
+    pub truth: Picture,
+    /// The rendering, of the same size.
+    pub render: Frame,
+}
 
 /// The colour of a mean absolute error.
 fn heat(error: f32) -> [f32; 3] {

@@ -1,11 +1,9 @@
 //! The report of a run: one HTML file that needs nothing else, neither files nor network nor scripts.
 
-use super::report_picture::{GAIN, RAMP, triple};
+use super::report_picture::{Example, GAIN, RAMP, triple};
 use crate::error::{Error, Result};
 use crate::files::write_atomic;
 use crate::report::{Bar, Plot, Series, bars, escape};
-use crate::scene::Frame;
-use crate::scene::capture::Picture;
 use crate::settings::Constants;
 use crate::train::Config;
 use crate::train::Fall;
@@ -19,21 +17,6 @@ use std::path::Path;
 
 /// What writes a part of the page.
 type Written = std::result::Result<(), Box<dyn std::error::Error>>;
-
-/// A test view that the report shows.
-#[derive(Clone, Debug)]
-pub struct Example {
-    /// Name of the view.
-    pub view: String,
-    /// Why it is shown: worst, median, best; may be empty.
-    pub why: &'static str,
-    /// Its scores.
-    pub scores: Scores,
-    /// The image.
-    pub truth: Picture,
-    /// The rendering, of the same size.
-    pub render: Frame,
-}
 
 /// What a report tells of.
 pub struct Report<'a> {

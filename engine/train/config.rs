@@ -1,6 +1,5 @@
 //! All numbers of a training run, with their defaults (SPEC 6).
 
-use super::preset::PresetId;
 use crate::settings::Knobs;
 use crate::stage::{Accumulation, AdamMode, DepthSpace};
 use std::path::PathBuf;
@@ -498,4 +497,14 @@ impl Density {
         let is_due = last > first && step > first && (step - first).is_multiple_of(every);
         is_due.then_some(if step <= last { Round::Growth } else { Round::Removal })
     }
+}
+
+/// Tells a preset from others, and from itself before a change.
+#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PresetId {
+    /// Its name, or the stem of its file.
+    pub name: String,
+    /// The first 16 digits of the SHA-256 of its file.
+    pub hash: String,
 }

@@ -20,6 +20,7 @@ mod require;
 mod run;
 mod schedule;
 mod session;
+mod setting;
 mod setting_table;
 mod settings_check;
 mod setup;
@@ -28,7 +29,7 @@ mod trainer;
 pub use align::ColorMap;
 pub use checkpoint::{CameraState, Checkpoint, Owed};
 pub use config::{
-    Config, Density, FlowChoice, Init, LearningRates, Loss, Pace, Rate, Required, Resolution, Round, Strategy,
+    Config, Density, FlowChoice, Init, LearningRates, Loss, Pace, PresetId, Rate, Required, Resolution, Round, Strategy,
 };
 pub use density::{density_round, noise, regularisers};
 pub use depth_fit::{DepthFit, DepthFits, DepthSummary, Unfit, fit_depths};
@@ -41,7 +42,7 @@ pub use metrics::{
 };
 pub use offsets::{Agreement, OffsetFit, fit_offset, learnt_offsets, offset_pictures};
 pub use plan::{BoundBy, Class, INTERSECTIONS_PER_GAUSSIAN, Limits, Need, Plan, Workload};
-pub use preset::{PRESETS, Preset, PresetId, merge};
+pub use preset::{PRESETS, Preset, merge};
 pub use random::{Random, permutation};
 pub use require::{
     Due, Evidence, Fate, GridCheck, InTime, Review, Seen, affordable, carry_out, fates, merge_resting, review,
@@ -50,7 +51,8 @@ pub use require::{
 pub use run::{CaptureSummary, Run};
 pub use schedule::rates;
 pub use session::{Event, Notice, Phase, Priors, Session, SessionOptions, Watch, training_order};
+pub use setting::{Range, Setting};
 pub use setting_table::SETTINGS;
-pub use settings_check::{Range, Setting, check_name, check_settings};
+pub use settings_check::{check_name, check_settings};
 pub use setup::{Setup, near_plane};
 pub use trainer::{ProfiledStep, StepReport, Trainer};

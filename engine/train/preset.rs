@@ -1,6 +1,6 @@
 //! Presets: named settings of a run, as data.
 
-use super::config::Config;
+use super::config::{Config, PresetId};
 use super::settings_check::check_settings;
 use crate::error::{Error, Result};
 use crate::files::read_text;
@@ -17,16 +17,6 @@ pub const PRESETS: [(&str, &str); 6] = [
     ("preview", include_str!("../../assets/presets/preview.json")),
     ("small", include_str!("../../assets/presets/small.json")),
 ];
-
-/// Tells a preset from others, and from itself before a change.
-#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct PresetId {
-    /// Its name, or the stem of its file.
-    pub name: String,
-    /// The first 16 digits of the SHA-256 of its file.
-    pub hash: String,
-}
 
 /// Settings that differ from the defaults.
 #[derive(Clone, Debug, PartialEq)]

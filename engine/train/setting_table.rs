@@ -1,6 +1,6 @@
 //! The table of all settings of a run. A test holds it to the fields of [`super::Config`].
 
-use super::settings_check::{Range, Setting};
+use super::setting::{Range, Setting};
 use std::ops::Bound;
 
 /// The largest number of a setting that is kept in 32 bits.

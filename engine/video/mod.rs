@@ -102,7 +102,7 @@ impl Video {
             command: None,
         };
         video.sink = Some(if ending == "y4m" { Sink::File } else { video.encoder()? });
-        let header = y4m::header(&video.settings);
+        let header = y4m::header([width, height], fps);
         video.write(header.as_bytes())?;
         Ok(video)
     }

@@ -1,14 +1,11 @@
 //! YUV4MPEG2: pictures one after another, by planes of Y, Cb and Cr in full resolution, BT.709 in the narrow range.
 
-use super::VideoSettings;
-
 /// Of red, green and blue in the luma (BT.709).
 const LUMA: [f64; 3] = [0.2126, 0.7152, 0.0722];
 
-/// The line that begins a file.
-pub(super) fn header(settings: &VideoSettings) -> String {
-    let VideoSettings { width, height, fps, .. } = settings;
-    let (above, below) = rate(*fps);
+/// The line that begins a file of pictures of so many pixels, so many of them a second.
+pub(super) fn header([width, height]: [u32; 2], fps: f64) -> String {
+    let (above, below) = rate(fps);
     format!("YUV4MPEG2 W{width} H{height} F{above}:{below} Ip A1:1 C444 XCOLORRANGE=LIMITED\n")
 }
 

@@ -4,8 +4,8 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use glam::{DQuat, DVec3};
-use ivv::scene::Playhead;
 use ivv::formats::{Sound, Sounds};
+use ivv::scene::Playhead;
 use ivv::sound::geometry::Mode;
 use ivv::sound::hrtf::HrtfSet;
 use ivv::sound::live::{Chase, Live};

@@ -4,7 +4,8 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use super::{Clocks, Place, Source, SourceCamera, footage, opencv};
+use super::recording::{Clocks, Place, Source, SourceCamera};
+use super::{footage, opencv};
 use crate::error::{self, Error};
 use crate::files::read_text;
 use crate::scene::capture::Faults;

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::{Clocks, Footage, Place, Source, SourceCamera};
+use super::recording::{Clocks, Footage, Place, Source, SourceCamera};
 use crate::scene::capture::{
     Alpha, Camera, CaptureSettings, Draft, Faults, describe, has_alpha, images_folder, model_folder, tracks,
 };

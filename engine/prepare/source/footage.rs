@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use super::Footage;
+use super::recording::Footage;
 use crate::scene::capture::{Faults, Shot, is_image, relative};
 
 const VIDEOS: [&str; 9] = ["mp4", "mov", "mkv", "avi", "webm", "MP4", "MOV", "MKV", "AVI"];

@@ -2,7 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use super::{Place, Source, SourceCamera, footage, opencv};
+use super::recording::{Place, Source, SourceCamera};
+use super::{footage, opencv};
 use crate::error::{Error, Result};
 use crate::files::read_file;
 use crate::scene::capture::Faults;

@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 
 use roxmltree::{Document, Node};
 
-use super::{Place, Source, SourceCamera, footage, opencv};
+use super::recording::{Place, Source, SourceCamera};
+use super::{footage, opencv};
 use crate::files::read_text;
 use crate::scene::capture::{Faults, Pose};
 use crate::scene::rotation_of_vector;

@@ -4,7 +4,8 @@
 
 use std::collections::BTreeMap;
 
-use super::{Footage, Place, Source, SourceCamera, footage};
+use super::footage;
+use super::recording::{Footage, Place, Source, SourceCamera};
 use crate::scene::capture::{Faults, Posed, model_folder, read_images};
 
 /// Whether the cameras of the model have footage: a video, or more images than the model has of them.

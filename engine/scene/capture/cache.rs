@@ -5,7 +5,7 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use super::Capture;
+use super::opened::Capture;
 use super::picture::{Picture, Source, decode_or_fault};
 use super::priors::PriorPlan;
 use super::report::Fault;

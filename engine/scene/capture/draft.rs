@@ -3,18 +3,18 @@
 use std::collections::{BTreeMap, HashSet};
 use std::path::Path;
 
+use super::camera::{Camera, MAX_COORDINATE, Point};
 use super::header::{has_alpha, read_size};
+use super::opened::Capture;
 use super::picture::MAX_PIXELS;
 use super::points::FramePoints;
 use super::report::{Faults, Report};
-use super::{Alpha, Camera, Capture, CaptureSettings, Extent, Point, Pose};
+use super::settings::{Alpha, CaptureSettings};
 use crate::error::Error;
+use crate::scene::Similarity;
 use crate::scene::prior::{depth_size, flow_size};
 use crate::scene::undistort::{Distortion, Lens};
-use crate::scene::{FlowModel, Similarity, View};
 
-/// Largest magnitude of a coordinate, scene units; beyond it distances overflow single precision.
-pub(super) const MAX_COORDINATE: f64 = 1e9;
 /// Most frames of a clip.
 pub(super) const MAX_FRAMES: u32 = 1 << 20;
 /// Frames per second of a clip: from pictures hours apart to the fastest cameras.
@@ -224,7 +224,7 @@ impl Draft {
             let moving = camera.shots.iter().filter_map(|shot| Some((shot.frame, shot.world_to_camera.as_ref()?)));
             let fixed = moving.clone().next().is_none().then_some((0, &camera.world_to_camera));
             for (frame, pose) in moving.chain(fixed) {
-                let checked = view(camera, frame, self.n_frames, pose, settings.background).check();
+                let checked = camera.view(frame, self.n_frames, pose, settings.background).check();
                 let far = pose.iter().flatten().any(|v| v.abs() > MAX_COORDINATE);
                 if let Some((field, reason, remedy)) = checked {
                     faults.add(&self.calibration, format!("{place}, frame {frame}, {field}"), reason, remedy);
@@ -287,64 +287,4 @@ fn rescale(camera: &mut Camera) {
     (camera.width, camera.height) = (width, height);
     (camera.fx, camera.cx) = (camera.fx * x, camera.cx * x);
     (camera.fy, camera.cy) = (camera.fy * y, camera.cy * y);
-}
-
-/// The view of a camera with a pose.
-pub(super) fn view(camera: &Camera, frame: u32, n_frames: u32, pose: &Pose, background: [f32; 3]) -> View {
-    let name = if n_frames == 1 { camera.name.clone() } else { format!("{}_{frame:05}", camera.name) };
-    let n_frames = f64::from(n_frames.max(1));
-    View {
-        name,
-        width: camera.width,
-        height: camera.height,
-        fx: camera.fx,
-        fy: camera.fy,
-        cx: camera.cx,
-        cy: camera.cy,
-        world_to_camera: *pose,
-        time: f64::from(frame) / n_frames,
-        time_offset: 0.0,
-        flow_dt: 1.0 / n_frames,
-        background,
-        flow_model: FlowModel::Velocity,
-        next_world_to_camera: Some(*camera.pose(frame + 1)).filter(|next| next != pose),
-    }
-}
-
-/// How many times the reach of the lenses the points may be away, in the median, for the lenses to be the measure; and from how
-/// many times on that distance is.
-const MEASURED_BY: [f64; 2] = [3.0, 4.0];
-
-/// The line from `radius` where the median distance is the first of [`MEASURED_BY`] to that distance where it is the second.
-fn steep(median: f64, radius: f64) -> f64 {
-    let [from, to] = MEASURED_BY;
-    radius + (to - 1.0) / (to - from) * (median - from * radius)
-}
-
-/// See [`Capture::extent`].
-pub(super) fn extent(cameras: &[Camera], points: &[Point]) -> Extent {
-    let all_test = cameras.iter().all(|camera| camera.is_test);
-    let used = cameras.iter().filter(|camera| all_test || !camera.is_test);
-    let poses = used.flat_map(|camera| camera.shots.iter().map(|shot| camera.pose(shot.frame)));
-    let centers: Vec<[f64; 3]> = poses.map(camera_center).collect();
-    let n = centers.len().max(1) as f64;
-    let center: [f64; 3] = std::array::from_fn(|k| centers.iter().map(|c| c[k]).sum::<f64>() / n);
-    let distance = |p: &[f64; 3]| (0..3).map(|k| (p[k] - center[k]).powi(2)).sum::<f64>().sqrt();
-    let radius = 1.1 * centers.iter().map(distance).fold(0.0, f64::max);
-    let size = center.iter().fold(1.0_f64, |size, c| size.max(c.abs()));
-    let mut distances: Vec<f64> = points.iter().map(|point| distance(&point.position)).filter(|d| *d > 0.0).collect();
-    distances.sort_unstable_by(f64::total_cmp);
-    let median = distances.get(distances.len() / 2).copied();
-    let radius = match median {
-        // The scene of a rig that is small beside it is not measured by the rig.
-        Some(median) if radius > 1e-9 * size => radius.max(median.min(steep(median, radius))),
-        None if radius > 1e-9 * size => radius,
-        _ => median.unwrap_or(1.0),
-    };
-    Extent { center, radius }
-}
-
-/// Where a camera is, world: - R^T t.
-pub fn camera_center(pose: &Pose) -> [f64; 3] {
-    std::array::from_fn(|k| -(0..3).map(|row| pose[row][k] * pose[row][3]).sum::<f64>())
 }

@@ -3,10 +3,12 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use super::camera::{Camera, MAX_COORDINATE, Point, Pose, Shot};
 use super::draft::{Draft, MAX_FRAMES};
 use super::names::relative;
+use super::npz;
 use super::report::Faults;
-use super::{Camera, CaptureSettings, Point, Pose, Shot, npz};
+use super::settings::CaptureSettings;
 use crate::error::{self, Error};
 use crate::files::read_bytes;
 
@@ -161,7 +163,7 @@ fn points(path: &Path) -> error::Result<Vec<Point>> {
     }
     let mut points = Vec::new();
     for (row, values) in array.values.chunks_exact(n_columns).enumerate() {
-        if values[..6].iter().any(|v| !v.is_finite() || v.abs() > super::draft::MAX_COORDINATE) {
+        if values[..6].iter().any(|v| !v.is_finite() || v.abs() > MAX_COORDINATE) {
             let reason = format!("is {:?}: not finite or too large", &values[..6]);
             return Err(Error::data(path, format!("array `data`, row {row}"), reason, REMEDY));
         }

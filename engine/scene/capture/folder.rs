@@ -5,13 +5,14 @@ use std::ffi::{OsStr, OsString};
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
+use super::camera::{Camera, Shot};
 use super::colmap::{Posed, read_model};
 use super::draft::{Draft, MAX_FRAMES, check_names};
 use super::names::with_image_extension;
 use super::points::FramePoints;
 use super::report::Faults;
+use super::settings::CaptureSettings;
 use super::truth::read_true_offsets;
-use super::{Camera, CaptureSettings, Shot};
 use crate::error::{self, Error};
 use crate::files::{cannot_read, read_text, write_atomic};
 use crate::scene::prior::{DEPTH_EXTENSIONS, FLOW_EXTENSIONS};

@@ -1,23 +1,17 @@
 //! Decoded images of a capture, as the device takes them.
 
-use std::io::{BufRead, BufReader};
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 
-use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
+use image::{DynamicImage, ImageDecoder};
 
-use super::header::{BROKEN, fault, read_size, unreadable};
+use super::decoder::{DECODER_SLACK, decoder_of, guarded};
+use super::header::{BROKEN, fault, read_size};
 use super::priors::{PriorSource, Priors, prior_of, prior_word};
 use super::report::Fault;
 use crate::error;
-use crate::files::open_file;
 
-/// Largest width or height, pixels.
-pub(super) const MAX_SIDE: u32 = 1 << 16;
 /// Most pixels of an image: 1 GiB when decoded.
 pub(super) const MAX_PIXELS: u64 = 1 << 28;
-/// What a decoder may allocate beyond its pixels, bytes.
-pub(in crate::scene) const DECODER_SLACK: u64 = 64 << 20;
 
 /// A decoded image with its mask, as the device takes it.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -158,12 +152,6 @@ pub(crate) fn decode_image(path: &Path, width: u32, height: u32) -> error::Resul
     Ok(guarded(path, || pixels_of(path, &source))?)
 }
 
-/// Third-party decoders have panicked on damaged images before; here that is a fault of the image.
-pub(in crate::scene) fn guarded<T>(path: &Path, work: impl FnOnce() -> Result<T, Fault>) -> Result<T, Fault> {
-    let broken = |_| Err(fault(path, "its decoder gave up", BROKEN));
-    catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(broken)
-}
-
 fn pixels_of(path: &Path, source: &Source) -> Result<DynamicImage, Fault> {
     let pixels = u64::from(source.width) * u64::from(source.height);
     // Tells a file that is cut off, of which a decoder would make half a picture.
@@ -176,23 +164,6 @@ fn pixels_of(path: &Path, source: &Source) -> Result<DynamicImage, Fault> {
         return Err(fault(path, reason, "give an image of the size of the calibration"));
     }
     DynamicImage::from_decoder(decoder).map_err(|cause| fault(path, format!("does not decode: {cause}"), BROKEN))
-}
-
-pub(in crate::scene) fn decoder_of(path: &Path, max_bytes: u64) -> Result<impl ImageDecoder, Fault> {
-    let failed = |cause: std::io::Error| unreadable(path, &cause);
-    let mut file = BufReader::new(open_file(path).map_err(failed)?);
-    let start = file.fill_buf().map_err(failed)?;
-    let format = match image::guess_format(start) {
-        Ok(format @ (ImageFormat::Png | ImageFormat::Jpeg)) => format,
-        _ => return Err(fault(path, "is neither a PNG nor a JPEG", "convert the image to PNG")),
-    };
-    // Looking at the start has not taken it.
-    let mut reader = ImageReader::with_format(file, format);
-    let mut limits = Limits::default();
-    (limits.max_image_width, limits.max_image_height) = (Some(MAX_SIDE), Some(MAX_SIDE));
-    limits.max_alloc = Some(max_bytes);
-    reader.limits(limits);
-    reader.into_decoder().map_err(|cause| fault(path, format!("has a broken header: {cause}"), BROKEN))
 }
 
 /// Opaque pixels as they are; others over the background, in the stored values (SPEC 1: no gamma), rounded.

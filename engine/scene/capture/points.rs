@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
-use super::draft::MAX_COORDINATE;
+use super::camera::MAX_COORDINATE;
 use crate::error::{Error, Result};
 use crate::files::ply_header::{Element, Scalar};
 use crate::files::ply_rows::{Column, Rows};

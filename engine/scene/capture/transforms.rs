@@ -4,12 +4,13 @@
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
+use super::camera::{Camera, Pose, Shot};
+use super::decoder::MAX_SIDE;
 use super::draft::{Draft, MAX_FRAMES};
 use super::header::read_size;
 use super::names::{flat, is_image, relative, with_image_extension};
-use super::picture::MAX_SIDE;
 use super::report::Faults;
-use super::{Camera, CaptureSettings, Pose, Shot};
+use super::settings::CaptureSettings;
 use crate::error::{self, Error};
 use crate::files::read_bytes;
 use crate::scene::undistort::{self, Distortion};

@@ -6,10 +6,11 @@ use std::path::{Path, PathBuf};
 
 use sha2::{Digest, Sha256};
 
-use super::hrtf::{Measured, Meta, degrees};
-use super::wav;
+use super::measured::{Measured, Meta};
 use crate::error::{Error, Result};
 use crate::files::{read_file, read_text};
+use crate::sound::geometry::degrees;
+use crate::sound::wav;
 
 /// Names by which a licence lies in a folder or above it.
 const LICENCES: [&str; 4] = ["LICENSE", "LICENSE.txt", "LICENSE.md", "COPYING"];

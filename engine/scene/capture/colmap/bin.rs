@@ -4,10 +4,10 @@ use std::fs::File;
 use std::io::{BufReader, Read};
 use std::path::Path;
 
-use super::colmap::{DAMAGED, MODELS, RawCamera, RawImage, RawPoint};
-use super::report::Faults;
+use super::raw::{DAMAGED, MODELS, RawCamera, RawImage, RawPoint};
 use crate::error::{Error, Result};
 use crate::files::{cannot_read, open_file};
+use crate::scene::capture::report::Faults;
 
 /// Longest name of an image, bytes.
 const MAX_NAME_BYTES: usize = 4096;

@@ -10,10 +10,10 @@ use std::f64::consts::PI;
 use glam::DVec3;
 use realfft::num_complex::Complex64;
 
-use super::geometry::direction;
-use super::hrtf::{Measured, Meta};
-use super::spectrum::Spectra;
+use super::measured::{Measured, Meta};
 use crate::sound::FS;
+use crate::sound::geometry::direction;
+use crate::sound::spectrum::Spectra;
 
 /// Speed of sound of the model, metres per second.
 pub const SPEED_OF_SOUND: f64 = 343.0;

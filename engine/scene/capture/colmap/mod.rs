@@ -1,77 +1,23 @@
 //! COLMAP's sparse model, and a plain COLMAP project as a static capture.
 
+mod bin;
+mod raw;
+mod text;
+
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
-use super::draft::{Draft, MAX_COORDINATE};
-use super::names::{flat, relative};
-use super::picture::MAX_SIDE;
-use super::report::Faults;
-use super::{Camera, CaptureSettings, Point, Pose, Shot, colmap_bin, colmap_text};
+use self::raw::{DAMAGED, RawCamera, RawImage, RawPoint};
+use crate::scene::capture::camera::{Camera, MAX_COORDINATE, Point, Pose, Shot};
+use crate::scene::capture::decoder::MAX_SIDE;
+use crate::scene::capture::draft::Draft;
+use crate::scene::capture::names::{flat, relative};
+use crate::scene::capture::report::Faults;
+use crate::scene::capture::settings::CaptureSettings;
 use crate::scene::undistort::{Distortion, Lens};
 
 /// Largest deviation of a quaternion's length from 1; COLMAP writes all digits.
 const QUATERNION_TOLERANCE: f64 = 1e-3;
-pub(super) const DAMAGED: &str = "the model is damaged: copy or export it again";
-
-/// A camera model as the files spell it: number, name, number of parameters.
-pub(super) struct ModelKind {
-    pub id: i32,
-    pub name: &'static str,
-    pub n_params: usize,
-}
-
-const fn kind(id: i32, name: &'static str, n_params: usize) -> ModelKind {
-    ModelKind { id, name, n_params }
-}
-
-/// COLMAP's camera models (its `src/colmap/sensor/models.h`).
-pub(super) const MODELS: [ModelKind; 12] = [
-    kind(0, "SIMPLE_PINHOLE", 3),
-    kind(1, "PINHOLE", 4),
-    kind(2, "SIMPLE_RADIAL", 4),
-    kind(3, "RADIAL", 5),
-    kind(4, "OPENCV", 8),
-    kind(5, "OPENCV_FISHEYE", 8),
-    kind(6, "FULL_OPENCV", 12),
-    kind(7, "FOV", 5),
-    kind(8, "SIMPLE_RADIAL_FISHEYE", 4),
-    kind(9, "RADIAL_FISHEYE", 5),
-    kind(10, "THIN_PRISM_FISHEYE", 12),
-    kind(11, "RAD_TAN_THIN_PRISM_FISHEYE", 16),
-];
-
-/// A camera of `cameras.{bin,txt}`.
-pub(super) struct RawCamera {
-    pub place: String,
-    pub id: u32,
-    pub kind: &'static ModelKind,
-    pub width: u64,
-    pub height: u64,
-    /// As many as the model has.
-    pub params: Vec<f64>,
-}
-
-/// An image of `images.{bin,txt}`.
-pub(super) struct RawImage {
-    pub place: String,
-    pub id: u32,
-    /// w, x, y, z of the rotation from world to camera.
-    pub quaternion: [f64; 4],
-    pub translation: [f64; 3],
-    pub camera_id: u32,
-    pub name: String,
-}
-
-/// A point of `points3D.{bin,txt}`.
-pub(super) struct RawPoint {
-    pub place: String,
-    pub id: u64,
-    pub position: [f64; 3],
-    pub color: [u8; 3],
-    /// Ids of the images that saw it; an id may come twice.
-    pub seen_in: Vec<u32>,
-}
 
 /// An image of the model: where it is, and what took it.
 pub(crate) struct Posed {
@@ -111,17 +57,17 @@ fn read(folder: &Path, with_points: bool, faults: &mut Faults) -> Model {
     let binary = folder.join("cameras.bin").is_file();
     let file = |stem: &str| folder.join(format!("{stem}.{}", if binary { "bin" } else { "txt" }));
     let (cameras, images, points) = (file("cameras"), file("images"), file("points3D"));
-    let raw = if binary { colmap_bin::cameras(&cameras, faults) } else { colmap_text::cameras(&cameras, faults) };
+    let raw = if binary { bin::cameras(&cameras, faults) } else { text::cameras(&cameras, faults) };
     let known = check_cameras(&cameras, raw, faults);
-    let raw = if binary { colmap_bin::images(&images, faults) } else { colmap_text::images(&images, faults) };
+    let raw = if binary { bin::images(&images, faults) } else { text::images(&images, faults) };
     let ids: HashSet<u32> = raw.iter().map(|image| image.id).collect();
     let mut model = Model { images: check_images(&images, raw, &known, faults), points: Vec::new(), file: images };
     if with_points && points.is_file() {
         let mut checked = CheckedPoints::new(&points, &ids);
         if binary {
-            colmap_bin::points(&points, faults, |point, faults| checked.add(point, faults));
+            bin::points(&points, faults, |point, faults| checked.add(point, faults));
         } else {
-            colmap_text::points(&points, faults, |point, faults| checked.add(point, faults));
+            text::points(&points, faults, |point, faults| checked.add(point, faults));
         }
         model.points = checked.points;
     }
@@ -277,13 +223,13 @@ impl<'a> CheckedPoints<'a> {
 /// [`Error::Data`](crate::Error::Data) with the first fault.
 pub(crate) fn tracks(folder: &Path) -> crate::Result<Vec<(Point, Vec<PathBuf>)>> {
     let mut faults = Faults::default();
-    let raw = colmap_bin::images(&folder.join("images.bin"), &mut faults);
+    let raw = bin::images(&folder.join("images.bin"), &mut faults);
     let names: HashMap<u32, PathBuf> = raw.into_iter().map(|image| (image.id, PathBuf::from(image.name))).collect();
     let ids = names.keys().copied().collect();
     let mut tracks = Vec::new();
     let file = folder.join("points3D.bin");
     let mut checked = CheckedPoints::new(&file, &ids);
-    colmap_bin::points(&file, &mut faults, |point, faults| {
+    bin::points(&file, &mut faults, |point, faults| {
         let seen_in = point.seen_in.clone();
         let n_before = checked.points.len();
         checked.add(point, faults);

@@ -5,10 +5,10 @@ use std::io::{BufRead, BufReader};
 use std::path::Path;
 use std::str::{FromStr, SplitAsciiWhitespace};
 
-use super::colmap::{MODELS, RawCamera, RawImage, RawPoint};
-use super::report::Faults;
+use super::raw::{MODELS, RawCamera, RawImage, RawPoint};
 use crate::error;
 use crate::files::{cannot_read, open_file};
+use crate::scene::capture::report::Faults;
 
 const REMEDY: &str = "correct this line, or export the model again";
 

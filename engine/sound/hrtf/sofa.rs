@@ -14,9 +14,10 @@ use glam::DVec3;
 use sha2::{Digest, Sha256};
 use sofar::hdf::{DataFormat, DataObject, ParsedHdf, parse_with_children};
 
-use super::hrtf::{Measured, Meta, degrees};
+use super::measured::{Measured, Meta};
 use crate::error::{Error, Result};
 use crate::files::read_file;
+use crate::sound::geometry::degrees;
 
 /// Sets are far smaller: SADIE II's largest has 36 MB.
 const MAX_BYTES: u64 = 1 << 30;

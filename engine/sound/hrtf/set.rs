@@ -1,47 +1,21 @@
-//! Head-related transfer functions: what a direction does to a sound on its way to the two ears.
+//! A set of responses that is ready for any direction.
 
 use std::f64::consts::FRAC_PI_2;
 use std::path::Path;
 
 use glam::DVec3;
 
-use super::FS;
-use super::align::{Aligner, EXTRA, LEAD, before_onset, choose};
-use super::geometry::{angles, direction};
-use super::hull::Hull;
-use super::sinc::Resampler;
+use super::measured::{Measured, Meta};
 use super::{sadie, sofa, sphere};
 use crate::error::{Error, Result};
+use crate::sound::FS;
+use crate::sound::align::{Aligner, EXTRA, LEAD, before_onset, choose};
+use crate::sound::geometry::angles;
+use crate::sound::hull::Hull;
+use crate::sound::sinc::Resampler;
 
 /// Taps that a measured response may have, after resampling.
 const TAPS: std::ops::RangeInclusive<usize> = 8..=16_384;
-
-/// Where a set comes from.
-#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
-pub struct Meta {
-    /// What the file calls itself.
-    pub title: String,
-    /// Terms of use as the file states them.
-    pub licence: String,
-    /// Of the file, or of a folder's files in the order of their names; empty for what is computed.
-    pub sha256: String,
-}
-
-/// Responses as they were measured.
-pub struct Measured {
-    /// Samples per second.
-    pub fs: f64,
-    /// Directions in the head's frame, x forward, y left, z up; of any length.
-    pub directions: Vec<DVec3>,
-    /// By direction, the responses of the left and the right ear; all of one length.
-    pub irs: Vec<[Vec<f32>; 2]>,
-    /// By direction and ear, what the response is delayed by beyond its samples; samples.
-    pub delays: Vec<[f64; 2]>,
-    /// Distance of the source, metres.
-    pub radius_m: f64,
-    /// Where they come from.
-    pub meta: Meta,
-}
 
 /// How a response is looked up.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
@@ -377,9 +351,4 @@ fn distinct(directions: &[DVec3]) -> Vec<usize> {
     let mut seen = std::collections::HashSet::new();
     let key = |to: &DVec3| (to.normalize() * 1e5).to_array().map(|value| value.round() as i64);
     (0..directions.len()).filter(|at| seen.insert(key(&directions[*at]))).collect()
-}
-
-/// Unit vector of an azimuth and an elevation in degrees.
-pub fn degrees(az: f64, el: f64) -> DVec3 {
-    direction(az.to_radians(), el.to_radians())
 }

@@ -1,0 +1,142 @@
+//! What is prepared, and how; and how far it is.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use crate::error::{Error, Result};
+use crate::scene::capture::{CaptureSettings, RATES};
+
+/// Of images that are made as JPEG.
+pub(super) const JPEG_QUALITY: u8 = 95;
+
+/// The format of images that are made here; images that need no change are taken over as they are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+pub enum ImageFormat {
+    /// Lossless.
+    Png,
+    /// JPEG of quality 95: a quarter of the bytes or less.
+    Jpeg,
+}
+
+impl ImageFormat {
+    pub(super) fn extension(self) -> &'static str {
+        match self {
+            ImageFormat::Png => "png",
+            ImageFormat::Jpeg => "jpg",
+        }
+    }
+}
+
+/// Of which frames points are triangulated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+pub enum Triangulate {
+    /// Of none; points that the source has are kept, of single frames too.
+    None,
+    /// Of the reference frame.
+    Reference,
+    /// Of every n-th, beginning with the first; the other frames get a file without points.
+    Every(u32),
+}
+
+/// What is prepared, and how.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PrepareSettings {
+    /// Folder of the recordings and their calibration.
+    pub source: PathBuf,
+    /// Folder of the capture.
+    pub output: PathBuf,
+    /// Where videos and image sequences are, when not beside the calibration.
+    pub footage: Option<PathBuf>,
+    /// First frame of the source that is taken.
+    pub start: u32,
+    /// Most frames that are taken.
+    pub frames: Option<u32>,
+    /// Every n-th frame is taken.
+    pub every: u32,
+    /// By name, frames of the source by which the clip begins later in a camera's footage, or earlier where negative: for
+    /// cameras that did not begin to record at one time. The source's points of single frames lie at other times then, and are
+    /// not kept.
+    pub shifts: BTreeMap<String, i32>,
+    /// Size of the images relative to the source's, in (0, 1].
+    pub scale: f64,
+    /// Format of images that are made.
+    pub format: ImageFormat,
+    /// `None`: every frame, unless the source has points.
+    pub triangulate: Option<Triangulate>,
+    /// Estimates optical flow with OpenCV's DIS.
+    pub flow: bool,
+    /// How a source is read that is a capture; of every source the test cameras (those that it declares where there are
+    /// none) and the frames per second of image sequences, which do not say. `max_frames` is [`PrepareSettings::frames`]
+    /// here.
+    pub capture: CaptureSettings,
+    /// Replaces what other settings made, and files of a capture that was not made here.
+    pub force: bool,
+    /// Threads, and the most programs that run at once.
+    pub threads: usize,
+}
+
+impl PrepareSettings {
+    /// The settings that suit every source.
+    pub fn new(source: &Path, output: &Path) -> Self {
+        PrepareSettings {
+            source: source.to_owned(),
+            output: output.to_owned(),
+            footage: None,
+            start: 0,
+            frames: None,
+            every: 1,
+            shifts: BTreeMap::new(),
+            scale: 1.0,
+            format: ImageFormat::Png,
+            triangulate: None,
+            flow: false,
+            capture: CaptureSettings::default(),
+            force: false,
+            threads: std::thread::available_parallelism().map_or(1, std::num::NonZero::get),
+        }
+    }
+
+    /// See [`PrepareSettings::shifts`].
+    pub(super) fn shift(&self, camera: &str) -> i32 {
+        self.shifts.get(camera).copied().unwrap_or(0)
+    }
+
+    pub(super) fn check(&self) -> Result<()> {
+        let bad = |option: &str, reason: String, remedy: &str| Err(Error::data(&self.output, option, reason, remedy));
+        if !(self.scale > 0.0 && self.scale <= 1.0) {
+            return bad("--scale", format!("is {}", self.scale), "give a number above 0, at most 1");
+        }
+        let fps = self.capture.fps;
+        if !RATES.contains(&fps) {
+            let reason = format!("is {fps}, {} to {} are allowed", RATES.start(), RATES.end());
+            return bad("--fps", reason, "give the rate at which the pictures were taken");
+        }
+        let zero = [
+            ("--every", self.every == 0),
+            ("--frames", self.frames == Some(0)),
+            ("--triangulate", self.triangulate == Some(Triangulate::Every(0))),
+        ];
+        if let Some((option, _)) = zero.iter().find(|(_, zero)| *zero) {
+            return bad(option, "is 0".to_owned(), "give at least 1");
+        }
+        let absolute = |path: &Path| fs::canonicalize(path).or_else(|_| std::path::absolute(path)).unwrap_or_default();
+        if absolute(&self.source).starts_with(absolute(&self.output)) {
+            return bad("", "is the source or holds it".to_owned(), "choose another folder with -o");
+        }
+        Ok(())
+    }
+}
+
+/// Something that is done; told from any thread.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Progress<'a> {
+    /// The stage.
+    pub stage: &'static str,
+    /// Pieces of the stage that are done, those of earlier runs included.
+    pub done: usize,
+    /// Pieces of the stage.
+    pub total: usize,
+    /// The piece that is done now.
+    pub piece: &'a str,
+}

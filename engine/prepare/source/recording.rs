@@ -1,0 +1,80 @@
+//! A recording, as every source is read.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use crate::prepare::settings::PrepareSettings;
+use crate::scene::capture::{FramePoints, Point, Pose, Shot};
+use crate::scene::undistort::Lens;
+
+/// Where the pictures of a camera are.
+#[derive(Clone, Debug, PartialEq)]
+pub(in crate::prepare) enum Footage {
+    Video(PathBuf),
+    /// By frame of the source.
+    Images(Vec<Shot>),
+}
+
+impl Footage {
+    /// The video, or the folder of the images.
+    pub fn place(&self) -> &Path {
+        match self {
+            Footage::Video(path) => path,
+            Footage::Images(shots) => shots.first().and_then(|shot| shot.image.parent()).unwrap_or(Path::new("")),
+        }
+    }
+}
+
+/// A camera as its source describes it.
+#[derive(Clone, Debug, PartialEq)]
+pub(in crate::prepare) struct SourceCamera {
+    /// Unique; fit as a file name.
+    pub name: String,
+    pub lens: Lens,
+    /// World to camera.
+    pub pose: Pose,
+    /// The pose at frames of the source, when the camera moves.
+    pub poses: BTreeMap<u32, Pose>,
+    pub footage: Footage,
+    pub is_test: bool,
+}
+
+/// A point and the names of the cameras that saw it.
+pub(in crate::prepare) type SourcePoint = (Point, Vec<String>);
+
+/// What is known of the times that cameras' pictures show.
+#[derive(Debug, Default, PartialEq)]
+pub(in crate::prepare) enum Clocks {
+    #[default]
+    Unknown,
+    /// By camera, frames of the source by which its pictures show a later time than their number says.
+    Offsets(BTreeMap<String, f64>),
+    /// By camera, seconds of each frame of the source; the zero is the same for all.
+    Times(BTreeMap<String, Vec<Option<f64>>>),
+}
+
+/// A recording.
+#[derive(Debug, Default)]
+pub(in crate::prepare) struct Source {
+    pub format: &'static str,
+    /// The file that the cameras come from, for faults.
+    pub calibration: PathBuf,
+    /// By name.
+    pub cameras: Vec<SourceCamera>,
+    pub clocks: Clocks,
+    /// Of image sequences that say so.
+    pub fps: Option<f64>,
+    /// Of a static scene, or of frame 0.
+    pub points: Vec<SourcePoint>,
+    /// Of every frame.
+    pub frame_points: Option<FramePoints>,
+    pub notes: Vec<String>,
+}
+
+/// How a source is read: its folder and where its footage is.
+#[derive(Clone, Copy)]
+pub(super) struct Place<'a> {
+    pub settings: &'a PrepareSettings,
+    pub folder: &'a Path,
+    pub footage: &'a Path,
+}

@@ -1,0 +1,159 @@
+//! Cameras of a capture and their images; points, and how far all of it reaches.
+
+use std::path::PathBuf;
+
+use crate::scene::view::camera_center;
+use crate::scene::{FlowModel, View};
+
+/// Largest magnitude of a coordinate, scene units; beyond it distances overflow single precision.
+pub(super) const MAX_COORDINATE: f64 = 1e9;
+
+/// The rows of a 4 x 4 matrix from world to camera (x right, y down, z forward).
+pub type Pose = [[f64; 4]; 4];
+
+/// One image of a camera.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Shot {
+    /// Frame of the clip.
+    pub frame: u32,
+    /// PNG or JPEG.
+    pub image: PathBuf,
+    /// PNG of the camera's size; pixels of value 0 are to be ignored.
+    pub mask: Option<PathBuf>,
+    /// PNG of the camera's size; pixels of at least 128 show what moves. Only the first Gaussians are made from it. The image
+    /// itself where its alpha channel is meant ([`Alpha::Mask`](super::Alpha::Mask)).
+    pub foreground: Option<PathBuf>,
+    /// PNG of the camera's size, of a test camera; pixels of at least 128 show what a training camera sees too (co-visibility,
+    /// Gao et al. 2022). Only scores are made from it.
+    pub covisible: Option<PathBuf>,
+    /// Optical flow to the next frame, for [`read_flow`](crate::scene::prior::read_flow).
+    pub flow: Option<PathBuf>,
+    /// Monocular depth, for [`read_depth`](crate::scene::prior::read_depth).
+    pub depth: Option<PathBuf>,
+    /// The pose at this frame when the camera moves.
+    pub world_to_camera: Option<Pose>,
+}
+
+impl Shot {
+    /// The image and what is of its size.
+    pub fn pictures(&self) -> impl Iterator<Item = &PathBuf> {
+        [Some(&self.image), self.mask.as_ref(), self.foreground.as_ref(), self.covisible.as_ref()].into_iter().flatten()
+    }
+}
+
+/// A pinhole camera and its images.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Camera {
+    /// Unique; fit as a file name.
+    pub name: String,
+    /// Pixels.
+    pub width: u32,
+    /// Pixels.
+    pub height: u32,
+    /// Focal length in x, pixels.
+    pub fx: f64,
+    /// Focal length in y, pixels.
+    pub fy: f64,
+    /// Principal point in x, pixels; pixel (0, 0) has its centre at (0.5, 0.5).
+    pub cx: f64,
+    /// Principal point in y, pixels.
+    pub cy: f64,
+    /// The pose of every shot that has none of its own.
+    pub world_to_camera: Pose,
+    /// Kept for testing: no image of it is trained on.
+    pub is_test: bool,
+    /// By frame; a frame may be absent (every camera of a monocular clip has one).
+    pub shots: Vec<Shot>,
+}
+
+impl Camera {
+    /// The shot of a frame.
+    pub fn shot(&self, frame: u32) -> Option<&Shot> {
+        self.shots.binary_search_by_key(&frame, |shot| shot.frame).ok().map(|index| &self.shots[index])
+    }
+
+    /// The pose at a frame; of a moving camera without a shot there, that of its nearest earlier shot.
+    pub fn pose(&self, frame: u32) -> &Pose {
+        let index = self.shots.partition_point(|shot| shot.frame <= frame);
+        let shot = index.checked_sub(1).and_then(|index| self.shots.get(index));
+        shot.and_then(|shot| shot.world_to_camera.as_ref()).unwrap_or(&self.world_to_camera)
+    }
+
+    /// Its view with a pose.
+    pub(super) fn view(&self, frame: u32, n_frames: u32, pose: &Pose, background: [f32; 3]) -> View {
+        let name = if n_frames == 1 { self.name.clone() } else { format!("{}_{frame:05}", self.name) };
+        let n_frames = f64::from(n_frames.max(1));
+        View {
+            name,
+            width: self.width,
+            height: self.height,
+            fx: self.fx,
+            fy: self.fy,
+            cx: self.cx,
+            cy: self.cy,
+            world_to_camera: *pose,
+            time: f64::from(frame) / n_frames,
+            time_offset: 0.0,
+            flow_dt: 1.0 / n_frames,
+            background,
+            flow_model: FlowModel::Velocity,
+            next_world_to_camera: Some(*self.pose(frame + 1)).filter(|next| next != pose),
+        }
+    }
+}
+
+/// A point of a sparse reconstruction.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Point {
+    /// World, scene units.
+    pub position: [f64; 3],
+    /// Red, green, blue.
+    pub color: [u8; 3],
+    /// Different images that saw it; 0 when the format does not say.
+    pub n_views: u32,
+}
+
+/// Where the cameras are.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Extent {
+    /// Mean of the training cameras' centres, world.
+    pub center: [f64; 3],
+    /// 1.1 times the largest distance of a training camera from `center`, scene units (3DGS's scene extent). Where the points are
+    /// more than three times as far from there in the median, it goes over to that median distance, which it is from four times
+    /// on: around a small rig that looks outward the scene is as large as it is far. When the cameras coincide: that distance
+    /// too, or 1 when there are no points.
+    pub radius: f64,
+}
+
+/// How many times the reach of the lenses the points may be away, in the median, for the lenses to be the measure; and from how
+/// many times on that distance is.
+const MEASURED_BY: [f64; 2] = [3.0, 4.0];
+
+/// The line from `radius` where the median distance is the first of [`MEASURED_BY`] to that distance where it is the second.
+fn steep(median: f64, radius: f64) -> f64 {
+    let [from, to] = MEASURED_BY;
+    radius + (to - 1.0) / (to - from) * (median - from * radius)
+}
+
+/// See [`Capture::extent`].
+pub(super) fn extent(cameras: &[Camera], points: &[Point]) -> Extent {
+    let all_test = cameras.iter().all(|camera| camera.is_test);
+    let used = cameras.iter().filter(|camera| all_test || !camera.is_test);
+    let poses = used.flat_map(|camera| camera.shots.iter().map(|shot| camera.pose(shot.frame)));
+    let centers: Vec<[f64; 3]> = poses.map(camera_center).collect();
+    let n = centers.len().max(1) as f64;
+    let center: [f64; 3] = std::array::from_fn(|k| centers.iter().map(|c| c[k]).sum::<f64>() / n);
+    let distance = |p: &[f64; 3]| (0..3).map(|k| (p[k] - center[k]).powi(2)).sum::<f64>().sqrt();
+    let radius = 1.1 * centers.iter().map(distance).fold(0.0, f64::max);
+    let size = center.iter().fold(1.0_f64, |size, c| size.max(c.abs()));
+    let mut distances: Vec<f64> = points.iter().map(|point| distance(&point.position)).filter(|d| *d > 0.0).collect();
+    distances.sort_unstable_by(f64::total_cmp);
+    let median = distances.get(distances.len() / 2).copied();
+    let radius = match median {
+        // The scene of a rig that is small beside it is not measured by the rig.
+        Some(median) if radius > 1e-9 * size => radius.max(median.min(steep(median, radius))),
+        None if radius > 1e-9 * size => radius,
+        _ => median.unwrap_or(1.0),
+    };
+    Extent { center, radius }
+}

@@ -1,0 +1,203 @@
+//! A capture that has been read: its views, its pictures, its points.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+use super::camera::{Camera, Extent, Point, Shot, extent};
+use super::picture::{self, Picture};
+use super::points::{FramePoint, FramePoints};
+use super::priors::{PriorPlan, PriorSource};
+use super::settings::CaptureSettings;
+use crate::error::{Error, Result};
+use crate::scene::{Similarity, View};
+
+/// [`Extent::radius`] in the frame that training computes in: the geometric middle of SPEC 1's 1 to 10. Rates and limits
+/// in scene units, as those of velocities and the near plane, mean the same in every capture.
+pub const TRAINING_RADIUS: f64 = 3.0;
+
+/// A capture that has been read and has no fault.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Capture {
+    /// The folder.
+    pub path: PathBuf,
+    /// Frames per second.
+    pub fps: f64,
+    /// Frames of the clip; 1 for a static scene.
+    pub n_frames: u32,
+    /// The frame of the static points (SPEC 5).
+    pub reference_frame: u32,
+    /// Training and test cameras.
+    pub cameras: Vec<Camera>,
+    /// Sparse points; may be empty.
+    pub points: Vec<Point>,
+    /// Colour behind images that have an alpha channel, and of the views.
+    pub background: [f32; 3],
+    /// By camera, the frames by which its pictures show a later time than their number says, where `truth.json` of the folder
+    /// knows (`time_offsets_frames`). Training is not told; what it learns is compared with them.
+    pub true_offsets: BTreeMap<String, f64>,
+    /// Views that the scene will be seen from beside those of its cameras, where somebody says so; training keeps clear what
+    /// lies just before them. Empty unless set.
+    pub viewpoints: Vec<View>,
+    pub(super) frame_points: Option<FramePoints>,
+    /// How it was read.
+    pub(super) settings: CaptureSettings,
+    /// From the world of the files to this one's.
+    pub(super) moved: Similarity,
+}
+
+impl Capture {
+    /// How it was read.
+    pub fn settings(&self) -> &CaptureSettings {
+        &self.settings
+    }
+
+    /// The view of a camera at a frame: time is `frame / n_frames`, `flow_dt` is `1 / n_frames`. The view is named after
+    /// the camera, and the frame when there are several.
+    ///
+    /// # Errors
+    /// [`Error::Data`] when there is no such camera or frame. The frame need not have an image.
+    pub fn view(&self, camera: usize, frame: u32) -> Result<View> {
+        let Some(seen_by) = self.cameras.get(camera).filter(|_| frame < self.n_frames) else {
+            return Err(self.absent(camera, frame));
+        };
+        Ok(seen_by.view(frame, self.n_frames, seen_by.pose(frame), self.background))
+    }
+
+    /// (camera, frame) of every image of the training cameras, by frame and then by camera.
+    pub fn training_frames(&self) -> Vec<(usize, u32)> {
+        self.frames(false)
+    }
+
+    /// (camera, frame) of every image of the test cameras, by frame and then by camera.
+    pub fn test_frames(&self) -> Vec<(usize, u32)> {
+        self.frames(true)
+    }
+
+    /// A view of every pose of every training camera (one of a camera that rests, one for each image of a camera that moves),
+    /// and [`Capture::viewpoints`]. None of a test camera: training must not know where it will be tested.
+    pub fn lens_views(&self) -> Vec<View> {
+        let mut views = self.viewpoints.clone();
+        for (index, camera) in self.cameras.iter().enumerate().filter(|(_, camera)| !camera.is_test) {
+            let moves = camera.shots.iter().any(|shot| shot.world_to_camera.is_some());
+            let shots = camera.shots.iter().take(if moves { usize::MAX } else { 1 });
+            views.extend(shots.filter_map(|shot| self.view(index, shot.frame).ok()));
+        }
+        views
+    }
+
+    /// Decodes one image with its mask. [`FrameCache`](super::FrameCache) does so ahead of time.
+    ///
+    /// # Errors
+    /// [`Error::Data`] when there is no such image, when it does not decode or is of another size than its camera.
+    pub fn picture(&self, camera: usize, frame: u32) -> Result<Picture> {
+        picture::decode(&self.source(camera, frame, &PriorPlan::default())?)
+    }
+
+    /// As [`Capture::picture`], with the priors that `plan` names.
+    ///
+    /// # Errors
+    /// As [`Capture::picture`], for the priors too.
+    pub fn picture_with(&self, camera: usize, frame: u32, plan: &PriorPlan) -> Result<Picture> {
+        picture::decode(&self.source(camera, frame, plan)?)
+    }
+
+    /// Whether each pixel of an image, row by row, shows what moves; `None` when nothing says so.
+    ///
+    /// # Errors
+    /// As [`Capture::picture`].
+    pub fn foreground(&self, camera: usize, frame: u32) -> Result<Option<Vec<bool>>> {
+        self.bright(camera, frame, |shot| shot.foreground.as_ref())
+    }
+
+    /// Whether each pixel of a test image, row by row, shows what a training camera sees too; `None` when nothing says so.
+    ///
+    /// # Errors
+    /// As [`Capture::picture`].
+    pub fn covisible(&self, camera: usize, frame: u32) -> Result<Option<Vec<bool>>> {
+        self.bright(camera, frame, |shot| shot.covisible.as_ref())
+    }
+
+    /// Where a mask of an image is bright.
+    fn bright(&self, camera: usize, frame: u32, mask: fn(&Shot) -> Option<&PathBuf>) -> Result<Option<Vec<bool>>> {
+        let source = self.source(camera, frame, &PriorPlan::default())?;
+        let shot = self.cameras[camera].shot(frame);
+        shot.and_then(mask).map(|path| picture::bright(path, &source)).transpose()
+    }
+
+    /// Whether the capture has points of every frame.
+    pub fn has_frame_points(&self) -> bool {
+        self.frame_points.is_some()
+    }
+
+    /// The points that were triangulated from the images of a frame, in this capture's world.
+    ///
+    /// # Errors
+    /// [`Error::Data`] when the capture has no such points or no such frame, or when the file is damaged.
+    pub fn points_of(&self, frame: u32) -> Result<Vec<FramePoint>> {
+        let Some(points) = self.frame_points.as_ref().filter(|_| frame < self.n_frames) else {
+            let reason = format!("has no points of frame {frame}");
+            let remedy = "triangulate every frame: `ivv prepare` does, or ask for a frame of the clip";
+            return Err(Error::data(&self.path, "", reason, remedy));
+        };
+        let index = |name: &str| self.cameras.iter().position(|camera| camera.name == name);
+        let mut points = points.read(frame, index)?;
+        points.iter_mut().for_each(|point| point.position = self.moved.point(point.position));
+        Ok(points)
+    }
+
+    /// Where the training cameras are; of all cameras when every one is a test camera.
+    pub fn extent(&self) -> Extent {
+        extent(&self.cameras, &self.points)
+    }
+
+    /// The shift and scale to the frame that training computes in (SPEC 1): the origin at [`Extent::center`], and
+    /// [`Extent::radius`] [`TRAINING_RADIUS`].
+    pub fn normalisation(&self) -> Similarity {
+        let Extent { center, radius } = self.extent();
+        Similarity { origin: center, scale: TRAINING_RADIUS / radius }
+    }
+
+    /// The capture in another frame: its cameras and points move, its pictures stay the same.
+    pub fn transformed(mut self, to: &Similarity) -> Capture {
+        for camera in &mut self.cameras {
+            camera.world_to_camera = to.pose(&camera.world_to_camera);
+            let poses = camera.shots.iter_mut().filter_map(|shot| shot.world_to_camera.as_mut());
+            poses.for_each(|pose| *pose = to.pose(pose));
+        }
+        self.viewpoints.iter_mut().for_each(|view| view.world_to_camera = to.pose(&view.world_to_camera));
+        self.points.iter_mut().for_each(|point| point.position = to.point(point.position));
+        self.moved = self.moved.then(to);
+        self
+    }
+
+    fn frames(&self, is_test: bool) -> Vec<(usize, u32)> {
+        let cameras = self.cameras.iter().enumerate().filter(|(_, camera)| camera.is_test == is_test);
+        let mut frames: Vec<_> =
+            cameras.flat_map(|(index, camera)| camera.shots.iter().map(move |shot| (index, shot.frame))).collect();
+        frames.sort_unstable_by_key(|&(camera, frame)| (frame, camera));
+        frames
+    }
+
+    pub(super) fn source(&self, camera: usize, frame: u32, plan: &PriorPlan) -> Result<picture::Source> {
+        let found = self.cameras.get(camera).and_then(|camera| camera.shot(frame).map(|shot| (camera, shot)));
+        let depth_map = plan.depth.get(&(camera, frame));
+        let (camera, shot) = found.ok_or_else(|| self.absent(camera, frame))?;
+        Ok(picture::Source {
+            priors: PriorSource {
+                flow: shot.flow.clone().filter(|_| plan.flow),
+                depth: shot.depth.clone().zip(depth_map.copied()),
+            },
+            image: shot.image.clone(),
+            mask: shot.mask.clone(),
+            width: camera.width,
+            height: camera.height,
+            background: self.background,
+        })
+    }
+
+    fn absent(&self, camera: usize, frame: u32) -> Error {
+        let reason = format!("is not in the capture of {} cameras and {} frames", self.cameras.len(), self.n_frames);
+        let remedy = "ask for one of its training or test frames";
+        Error::data(&self.path, format!("camera {camera}, frame {frame}"), reason, remedy)
+    }
+}

@@ -1,0 +1,64 @@
+//! How a capture is read.
+
+use std::path::PathBuf;
+
+/// What the alpha channel of images is. Either way the background shows through where it is below 1.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Alpha {
+    /// No more than that.
+    #[default]
+    Background,
+    /// The foreground mask too, of images that have no other: what is at least half opaque.
+    Mask,
+}
+
+/// How a capture is read. The default suits every format.
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct CaptureSettings {
+    /// Names of the test cameras; `None` takes those that the format declares.
+    pub test_cameras: Option<Vec<String>>,
+    /// Plain COLMAP and `transforms.json` declare no test images: every n-th of the sorted names is one; 0 for none.
+    pub test_every: usize,
+    /// Colour behind images that have an alpha channel, and of the views; in [0, 1].
+    pub background: [f32; 3],
+    /// Uses only the first frames of the clip.
+    pub max_frames: Option<u32>,
+    /// Frames per second of a capture that does not say.
+    pub fps: f64,
+    /// Leaves out images whose file is absent, with a note, where each is a fault otherwise.
+    pub skip_missing: bool,
+    /// Takes the foreground masks of Dynamic3DGaussians (`seg/`) as masks too. Off: they label what moves, not what is
+    /// valid, and a training that ignores what they leave out has no background.
+    pub foreground_masks: bool,
+    /// Folder of the images of a plain COLMAP project, relative to the capture. Where it is absent the largest of `images_2`,
+    /// `images_4` and `images_8` is taken, with a note.
+    pub images: PathBuf,
+    /// Takes the folder of images of 1/N of the size, `images_N`, instead.
+    pub downscale: Option<u32>,
+    /// Scales a camera's intrinsics, along each axis, to the size of its images where it differs from the calibration.
+    /// Otherwise they are scaled, with a note, when the images of all cameras differ by one common factor, within rounding;
+    /// any other difference is a fault.
+    pub rescale: bool,
+    /// What the alpha channel of images is.
+    pub alpha: Alpha,
+}
+
+impl Default for CaptureSettings {
+    fn default() -> Self {
+        CaptureSettings {
+            test_cameras: None,
+            test_every: 8,
+            background: [0.0; 3],
+            max_frames: None,
+            fps: 30.0,
+            skip_missing: false,
+            foreground_masks: false,
+            images: PathBuf::from("images"),
+            downscale: None,
+            rescale: false,
+            alpha: Alpha::default(),
+        }
+    }
+}

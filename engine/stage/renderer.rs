@@ -1,0 +1,119 @@
+//! The renderer: a scene on the device, with what its frames are made in.
+
+use super::accumulation::Accumulation;
+use super::params::{Outputs, Purpose};
+use super::room::{Room, max_active};
+use super::scene::SceneBuffers;
+use super::second_eye::SecondEye;
+use super::window::Windows;
+use super::workspace::Workspace;
+use crate::error::Result;
+use crate::gpu::{Gpu, Slice};
+use crate::scene::{Splats, View};
+use crate::settings::Constants;
+use std::sync::Arc;
+
+/// Renders views of one scene.
+pub struct Renderer {
+    pub(super) gpu: Arc<Gpu>,
+    pub(super) scene: SceneBuffers,
+    pub(super) constants: Constants,
+    pub(super) work: Option<Workspace>,
+    pub(super) room: Room,
+    /// Slices of the host's memory that were copied to and are free again.
+    pub(super) spare: Vec<Slice>,
+    /// What the second of two eyes has of its own.
+    pub(super) second: Option<SecondEye>,
+    /// Where only what lives near a view's time is on the device.
+    pub(super) windows: Option<Windows>,
+}
+
+impl Renderer {
+    /// Uploads `splats`.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`](crate::Error::OutOfMemory) naming the buffer that does not fit.
+    pub fn new(gpu: Arc<Gpu>, splats: &Splats, constants: Constants) -> Result<Self> {
+        let constants = constants.knobs.on(constants);
+        let scene = SceneBuffers::upload(&gpu, splats, &constants, Purpose::Picture)?;
+        Ok(Self::of_scene(gpu, scene, constants, None))
+    }
+
+    /// As [`Renderer::new`], for a clip that may be longer than what the device holds. Where most dynamic Gaussians live for a
+    /// small part of the clip, only those that live near the time of a view are uploaded, anew whenever that leaves their window:
+    /// views in order of time are the fastest. Pictures are the same to the bit.
+    ///
+    /// # Errors
+    /// As [`Renderer::new`].
+    pub fn of_clip(gpu: Arc<Gpu>, splats: Arc<Splats>, constants: Constants) -> Result<Self> {
+        let constants = constants.knobs.on(constants);
+        let Some(mut windows) = Windows::of(&gpu, &splats, &constants) else {
+            return Self::new(gpu, &splats, constants);
+        };
+        let scene = windows.load_static(&gpu, &constants)?;
+        Ok(Self::of_scene(gpu, scene, constants, Some(windows)))
+    }
+
+    fn of_scene(gpu: Arc<Gpu>, scene: SceneBuffers, constants: Constants, windows: Option<Windows>) -> Self {
+        let active = room_for(&gpu, &scene);
+        let room = Room {
+            active,
+            intersections: active.saturating_mul(2).max(1 << 16),
+            tiles: 1,
+            pixels: 1,
+            outputs: Outputs::Color,
+            purpose: Purpose::Picture,
+            accumulation: Accumulation::default(),
+            camera: false,
+            depth_bits: constants.knobs.depth_bits,
+        };
+        Renderer { gpu, scene, constants, work: None, room, spare: Vec::new(), second: None, windows }
+    }
+
+    /// The device.
+    pub fn gpu(&self) -> &Arc<Gpu> {
+        &self.gpu
+    }
+
+    /// Starts with room for so few intersections; the first frame that needs more grows it.
+    pub fn limit_intersections(&mut self, n: u32) {
+        self.room.intersections = n.max(1);
+        self.work = None;
+    }
+
+    /// Adds gradients up in another way from now on.
+    ///
+    /// # Errors
+    /// [`Error::NoDevice`](crate::Error::NoDevice) when the device cannot.
+    pub fn accumulate(&mut self, accumulation: Accumulation) -> Result<()> {
+        accumulation.check(&self.gpu)?;
+        self.room.accumulation = accumulation;
+        Ok(())
+    }
+
+    /// Puts the Gaussians on the device that live near the time of `view`.
+    pub(super) fn load_window(&mut self, view: &View) -> Result<()> {
+        let Some(windows) = &mut self.windows else { return Ok(()) };
+        let Some(at) = windows.wanted(view) else { return Ok(()) };
+        // What pictures on their way still use goes with them.
+        self.work = None;
+        windows.load(&self.gpu, &self.constants, &mut self.scene, at)?;
+        self.room.active = room_for(&self.gpu, &self.scene);
+        Ok(())
+    }
+
+    /// Puts all Gaussians on the device, for what is asked of the scene as a whole.
+    pub(super) fn load_whole(&mut self) -> Result<()> {
+        if let Some(windows) = &self.windows {
+            self.scene = windows.load_whole(&self.gpu, &self.constants)?;
+            (self.work, self.windows) = (None, None);
+            self.room.active = room_for(&self.gpu, &self.scene);
+        }
+        Ok(())
+    }
+}
+
+/// Active Gaussians that a scene can have at a time.
+fn room_for(gpu: &Gpu, scene: &SceneBuffers) -> u32 {
+    scene.n.clamp(1, max_active(gpu))
+}
