@@ -1,6 +1,7 @@
 //! Two eyes that look the same way: they share the culling of the scene and the sort by depth.
 
 use super::blend::{Blend, Outputs, Purpose, SEGMENT};
+use super::cull::ARGS_FIRST_GROUP;
 use super::launch::{Destination, Extent, Job, Launched, Measure};
 use super::params::{Strip, moment, view_params};
 use super::project::Projected;
@@ -27,6 +28,8 @@ pub(super) struct SecondEye {
     view: Buf<ViewParams>,
     /// The view that both are culled for.
     union: Buf<ViewParams>,
+    /// Grids over the active Gaussians, of which the first eye's lists make grids over its intersections.
+    grids: Buf<[u32; 4]>,
     status: Buf<Status>,
     projected: Projected,
     blend: Blend,
@@ -39,6 +42,7 @@ impl SecondEye {
             room,
             view: gpu.alloc("second view", 1)?,
             union: gpu.alloc("view of both eyes", 1)?,
+            grids: gpu.alloc("second grids", ARGS_FIRST_GROUP)?,
             status: gpu.alloc("second status", 1)?,
             projected: Projected {
                 splats: work.projected.splats.clone(),
@@ -133,6 +137,8 @@ impl Renderer {
         rec.stage("cull");
         rec.fill(status.slice(), 0);
         cull.record(rec, scene, &second.union, status);
+        let grids = cull.args.range(0, ARGS_FIRST_GROUP).slice();
+        rec.copy(grids.clone(), second.grids.slice());
         projected.record(rec, scene, cull, &work.view, status);
         let order = tiles.record_order(rec, cull, projected);
         let lists = tiles.record(rec, cull, projected, &order, &work.view, status, extent.n_tiles, longest);
@@ -144,6 +150,7 @@ impl Renderer {
         let rec = &mut second_recording;
         rec.stage("view");
         rec.copy(second_view?, second.view.slice());
+        rec.copy(second.grids.slice(), grids);
         // What failed for both, and how many are active; what a picture counts begins anew.
         let words = |status: &Buf<Status>, from: usize, to: usize| status.cast::<u32>().range(from, to - from).slice();
         for (from, to) in [(0, STATUS_HEAD), (STATUS_TAIL, STATUS_WORDS)] {
