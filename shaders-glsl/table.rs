@@ -55,6 +55,7 @@ const fn spec(
 }
 
 const D: (&str, &str) = ("DYNAMIC", "1");
+const STEREO: (&str, &str) = ("STEREO", "1");
 const SH0: (&str, &str) = ("SH_DEGREE", "0");
 const SH1: (&str, &str) = ("SH_DEGREE", "1");
 const SH2: (&str, &str) = ("SH_DEGREE", "2");
@@ -95,6 +96,20 @@ pub const KERNELS: &[Spec] = &[
     spec("project_dynamic_sh1_half", "project/project.comp", &[D, SH1, HALF], "project", Count::Active, 175.0),
     spec("project_dynamic_sh2_half", "project/project.comp", &[D, SH2, HALF], "project", Count::Active, 195.0),
     spec("project_dynamic_sh3_half", "project/project.comp", &[D, SH3, HALF], "project", Count::Active, 230.0),
+    spec("project_stereo_static_sh0", "project/project.comp", &[SH0, STEREO], "project", Count::Active, 300.0),
+    spec("project_stereo_static_sh1", "project/project.comp", &[SH1, STEREO], "project", Count::Active, 325.0),
+    spec("project_stereo_static_sh2", "project/project.comp", &[SH2, STEREO], "project", Count::Active, 355.0),
+    spec("project_stereo_static_sh3", "project/project.comp", &[SH3, STEREO], "project", Count::Active, 415.0),
+    spec("project_stereo_static_sh1_half", "project/project.comp", &[SH1, HALF, STEREO], "project", Count::Active, 325.0),
+    spec("project_stereo_static_sh2_half", "project/project.comp", &[SH2, HALF, STEREO], "project", Count::Active, 355.0),
+    spec("project_stereo_static_sh3_half", "project/project.comp", &[SH3, HALF, STEREO], "project", Count::Active, 415.0),
+    spec("project_stereo_dynamic_sh0", "project/project.comp", &[D, SH0, STEREO], "project", Count::Active, 300.0),
+    spec("project_stereo_dynamic_sh1", "project/project.comp", &[D, SH1, STEREO], "project", Count::Active, 325.0),
+    spec("project_stereo_dynamic_sh2", "project/project.comp", &[D, SH2, STEREO], "project", Count::Active, 355.0),
+    spec("project_stereo_dynamic_sh3", "project/project.comp", &[D, SH3, STEREO], "project", Count::Active, 415.0),
+    spec("project_stereo_dynamic_sh1_half", "project/project.comp", &[D, SH1, HALF, STEREO], "project", Count::Active, 325.0),
+    spec("project_stereo_dynamic_sh2_half", "project/project.comp", &[D, SH2, HALF, STEREO], "project", Count::Active, 355.0),
+    spec("project_stereo_dynamic_sh3_half", "project/project.comp", &[D, SH3, HALF, STEREO], "project", Count::Active, 415.0),
     spec("sh_half", "project/sh_half.comp", &[], "project", Count::Gaussians, 60.0),
     spec("scan_reduce", "scan/scan_reduce.comp", &[], "scan", Count::Dispatches, 1000.0),
     spec("scan_spine", "scan/scan_spine.comp", &[], "scan", Count::Dispatches, 1000.0),

@@ -85,10 +85,14 @@ pub fn terms(kernel: &Spec) -> Option<Vec<Term>> {
         "bound" => vec![own(64.0 + motion + motion / 4.0, 60.0)],
         "cull" => vec![own(16.0 + 1.25 * motion + 0.125, 40.0)],
         "compact" => vec![own(0.125 + 4.0 / 128.0, 0.0), per(Active, 4.0, 0.0)],
-        "project" => vec![
-            per(Active, 48.0 + motion + 4.0 + 76.0, 260.0),
-            per(Visible, parameter_bytes(degree, false) - 48.0, sh_flops(degree)),
-        ],
+        "project" => {
+            // A second eye has a splat and a tile count of its own; rotation, scales and opacity are those of the first.
+            let (second, eyes) = if is("STEREO") { ([68.0, 200.0], 2.0) } else { ([0.0, 0.0], 1.0) };
+            vec![
+                per(Active, 48.0 + motion + 4.0 + 76.0 + second[0], 260.0 + second[1]),
+                per(Visible, parameter_bytes(degree, false) - 48.0, eyes * sh_flops(degree)),
+            ]
+        }
         "sort_count" => vec![own(4.5, 0.0)],
         "sort_scatter" => vec![own(16.5, 0.0)],
         "gather" => vec![own(12.0, 0.0)],

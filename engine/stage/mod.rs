@@ -49,7 +49,7 @@ pub use lpips_trunk::Trunk;
 pub use moments::{Moments, moment_word, moments_of};
 pub use params::{Strip, view_params};
 pub use priors::{DepthSpace, PriorLoss, PriorWeights};
-pub use project::Projected;
+pub use project::{Eye, Projected};
 pub use render::{FrameReport, Picture, Renderer};
 pub use scan::Scan;
 pub use scene::{Group, Planes, SceneBuffers, group_limit};

@@ -1,10 +1,10 @@
 //! Active Gaussians on the picture: splats, depth keys, tile counts.
 
 use super::cull::{ARGS_FIRST_GROUP, Cull, indirect};
-use super::scene::SceneBuffers;
+use super::scene::{Group, SceneBuffers};
 use crate::error::Result;
-use crate::gpu::generated::{self as g, Status, ViewParams, project_static_sh0};
-use crate::gpu::{Buf, Gpu, KernelInfo, Recording};
+use crate::gpu::generated::{self as g, Status, ViewParams, project_static_sh0, project_stereo_static_sh0};
+use crate::gpu::{Buf, Gpu, Grid, KernelInfo, Recording};
 
 /// vec4 per splat, `SPLAT_PLANES` of the shaders; the layout is told in `include/splat.glsl`.
 pub const SPLAT_PLANES: usize = 4;
@@ -21,28 +21,48 @@ pub struct Projected {
     pub tile_counts: Buf<u32>,
 }
 
-/// The kernel of a population and a degree, 1 at least with halves.
-fn kernel_of(dynamic: bool, degree: usize, is_half: bool) -> &'static KernelInfo {
+/// The kernels of a population and a degree, 1 at least with halves: for an eye, and for two.
+fn kernels_of(dynamic: bool, degree: usize, is_half: bool) -> [&'static KernelInfo; 2] {
     if is_half {
         return match (dynamic, degree) {
-            (false, 1) => g::project_static_sh1_half::INFO,
-            (false, 2) => g::project_static_sh2_half::INFO,
-            (false, _) => g::project_static_sh3_half::INFO,
-            (true, 1) => g::project_dynamic_sh1_half::INFO,
-            (true, 2) => g::project_dynamic_sh2_half::INFO,
-            (true, _) => g::project_dynamic_sh3_half::INFO,
+            (false, 1) => [g::project_static_sh1_half::INFO, g::project_stereo_static_sh1_half::INFO],
+            (false, 2) => [g::project_static_sh2_half::INFO, g::project_stereo_static_sh2_half::INFO],
+            (false, _) => [g::project_static_sh3_half::INFO, g::project_stereo_static_sh3_half::INFO],
+            (true, 1) => [g::project_dynamic_sh1_half::INFO, g::project_stereo_dynamic_sh1_half::INFO],
+            (true, 2) => [g::project_dynamic_sh2_half::INFO, g::project_stereo_dynamic_sh2_half::INFO],
+            (true, _) => [g::project_dynamic_sh3_half::INFO, g::project_stereo_dynamic_sh3_half::INFO],
         };
     }
     match (dynamic, degree) {
-        (false, 0) => g::project_static_sh0::INFO,
-        (false, 1) => g::project_static_sh1::INFO,
-        (false, 2) => g::project_static_sh2::INFO,
-        (false, _) => g::project_static_sh3::INFO,
-        (true, 0) => g::project_dynamic_sh0::INFO,
-        (true, 1) => g::project_dynamic_sh1::INFO,
-        (true, 2) => g::project_dynamic_sh2::INFO,
-        (true, _) => g::project_dynamic_sh3::INFO,
+        (false, 0) => [g::project_static_sh0::INFO, g::project_stereo_static_sh0::INFO],
+        (false, 1) => [g::project_static_sh1::INFO, g::project_stereo_static_sh1::INFO],
+        (false, 2) => [g::project_static_sh2::INFO, g::project_stereo_static_sh2::INFO],
+        (false, _) => [g::project_static_sh3::INFO, g::project_stereo_static_sh3::INFO],
+        (true, 0) => [g::project_dynamic_sh0::INFO, g::project_stereo_dynamic_sh0::INFO],
+        (true, 1) => [g::project_dynamic_sh1::INFO, g::project_stereo_dynamic_sh1::INFO],
+        (true, 2) => [g::project_dynamic_sh2::INFO, g::project_stereo_dynamic_sh2::INFO],
+        (true, _) => [g::project_dynamic_sh3::INFO, g::project_stereo_dynamic_sh3::INFO],
     }
+}
+
+/// One of two eyes: what it looks from, and where what it sees goes.
+#[derive(Clone, Copy)]
+pub struct Eye<'a> {
+    /// Where it looks from.
+    pub view: &'a Buf<ViewParams>,
+    /// What it counts.
+    pub status: &'a Buf<Status>,
+    /// What is projected.
+    pub projected: &'a Projected,
+}
+
+/// Bands 1 to 3 of a group, as halves where it has those; what it lacks is the constant one, which nobody reads there.
+fn bands_of(group: &Group) -> [Buf<[f32; 4]>; 3] {
+    let band = |b: usize| match group.halves.get(b) {
+        Some(half) => half.cast(),
+        None => group.params.bands.get(b).unwrap_or(&group.params.sh0).clone(),
+    };
+    [band(0), band(1), band(2)]
 }
 
 impl Projected {
@@ -57,6 +77,16 @@ impl Projected {
         })
     }
 
+    /// Room for as many of a second eye: with splats and tile counts of its own, and the order of the first.
+    pub fn beside(&self, gpu: &Gpu) -> Result<Self> {
+        Ok(Projected {
+            splats: gpu.alloc("second splats", self.splats.len())?,
+            depth_keys: self.depth_keys.clone(),
+            identity: self.identity.clone(),
+            tile_counts: gpu.alloc("second tile counts", self.tile_counts.len())?,
+        })
+    }
+
     /// Appends the projection of every group's active Gaussians.
     pub fn record(
         &self,
@@ -66,12 +96,7 @@ impl Projected {
         view: &Buf<ViewParams>,
         status: &Buf<Status>,
     ) {
-        rec.stage("project");
-        for (index, group) in scene.groups.iter().enumerate() {
-            rec.group(Some(index));
-            let halves: Vec<Buf<[f32; 4]>> = group.halves.iter().map(Buf::cast).collect();
-            let bands = if halves.is_empty() { &group.params.bands } else { &halves };
-            let band = |b: usize| bands.get(b).unwrap_or(&group.params.sh0);
+        each_group(rec, scene, cull, |rec, group, [sh1, sh2, sh3], [kernel, _], index, grid| {
             let args = project_static_sh0::Args {
                 view,
                 ranges: &cull.ranges,
@@ -84,17 +109,57 @@ impl Projected {
                 tile_counts: &self.tile_counts,
                 frame_status: status,
                 motion: group.params.motion.as_ref().unwrap_or(&group.params.sh0),
-                sh1: band(0),
-                sh2: band(1),
-                sh3: band(2),
+                sh1,
+                sh2,
+                sh3,
             };
-            rec.pass_variant(
-                kernel_of(group.params.motion.is_some(), group.degree(), !halves.is_empty()),
-                args,
-                project_static_sh0::Push { group: index as u32, first: group.first },
-                indirect(&cull.args, ARGS_FIRST_GROUP + index),
-            );
-        }
-        rec.group(None);
+            rec.pass_variant(kernel, args, project_static_sh0::Push { group: index, first: group.first }, grid);
+        });
     }
+
+    /// Appends the projection of every group's active Gaussians for two eyes of one time, which reads each Gaussian once. Depth keys
+    /// and identity are those of the first eye.
+    pub fn record_both(rec: &mut Recording, scene: &SceneBuffers, cull: &Cull, [first, second]: [Eye; 2]) {
+        each_group(rec, scene, cull, |rec, group, [sh1, sh2, sh3], [_, kernel], index, grid| {
+            let args = project_stereo_static_sh0::Args {
+                view: first.view,
+                ranges: &cull.ranges,
+                active_id: &cull.active_id,
+                geometry: &group.params.geometry,
+                sh0: &group.params.sh0,
+                splats: &first.projected.splats,
+                depth_keys: &first.projected.depth_keys,
+                identity: &first.projected.identity,
+                tile_counts: &first.projected.tile_counts,
+                frame_status: first.status,
+                motion: group.params.motion.as_ref().unwrap_or(&group.params.sh0),
+                sh1,
+                sh2,
+                sh3,
+                second_view: second.view,
+                second_splats: &second.projected.splats,
+                second_tile_counts: &second.projected.tile_counts,
+                second_status: second.status,
+            };
+            rec.pass_variant(kernel, args, project_stereo_static_sh0::Push { group: index, first: group.first }, grid);
+        });
+    }
+}
+
+/// Appends a pass for each group: `pass` has its bands, its kernels, its index and its grid.
+fn each_group(
+    rec: &mut Recording,
+    scene: &SceneBuffers,
+    cull: &Cull,
+    pass: impl Fn(&mut Recording, &Group, [&Buf<[f32; 4]>; 3], [&'static KernelInfo; 2], u32, Grid),
+) {
+    rec.stage("project");
+    for (index, group) in scene.groups.iter().enumerate() {
+        rec.group(Some(index));
+        let bands = bands_of(group);
+        let kernels = kernels_of(group.params.motion.is_some(), group.degree(), !group.halves.is_empty());
+        let grid = indirect(&cull.args, ARGS_FIRST_GROUP + index);
+        pass(rec, group, bands.each_ref(), kernels, index as u32, grid);
+    }
+    rec.group(None);
 }

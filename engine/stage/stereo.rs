@@ -1,10 +1,10 @@
-//! Two eyes that look the same way: they share the culling of the scene and the sort by depth.
+//! Two eyes that look the same way: they share the culling of the scene, its projection and the sort by depth.
 
 use super::blend::{Blend, Outputs, Purpose, SEGMENT};
 use super::cull::ARGS_FIRST_GROUP;
 use super::launch::{Destination, Extent, Job, Launched, Measure};
 use super::params::{Strip, moment, view_params};
-use super::project::Projected;
+use super::project::{Eye, Projected};
 use super::render::{FrameReport, Picture, Renderer};
 use super::workspace::{Room, Workspace};
 use crate::error::Result;
@@ -17,10 +17,6 @@ use crate::settings::Constants;
 const ALIKE: f64 = 1e-9;
 /// Part by which the near plane of both eyes is nearer than it is.
 const NEARER: f64 = 1e-5;
-/// Words of a status: `failed` and `n_active`, what a picture counts, capacities.
-const STATUS_HEAD: usize = 2;
-const STATUS_TAIL: usize = 6;
-const STATUS_WORDS: usize = size_of::<Status>() / 4;
 
 /// What the second eye has of its own.
 pub(super) struct SecondEye {
@@ -37,20 +33,14 @@ pub(super) struct SecondEye {
 
 impl SecondEye {
     fn new(gpu: &Gpu, work: &Workspace) -> Result<Self> {
-        let (room, n) = (work.room, work.room.active as usize);
+        let room = work.room;
         Ok(SecondEye {
             room,
             view: gpu.alloc("second view", 1)?,
             union: gpu.alloc("view of both eyes", 1)?,
             grids: gpu.alloc("second grids", ARGS_FIRST_GROUP)?,
             status: gpu.alloc("second status", 1)?,
-            projected: Projected {
-                splats: work.projected.splats.clone(),
-                tile_counts: work.projected.tile_counts.clone(),
-                // The order is that of the first eye, and stays where it is.
-                depth_keys: gpu.alloc("second depth keys", n)?,
-                identity: gpu.alloc("second depth order", n)?,
-            },
+            projected: work.projected.beside(gpu)?,
             blend: Blend::new(gpu, room.pixels, room.outputs, Purpose::Picture)?,
         })
     }
@@ -58,7 +48,7 @@ impl SecondEye {
 
 impl Renderer {
     /// Hands the pictures of two eyes to the device and does not wait for them. Eyes of one size, at one time, that look the same
-    /// way from places beside each other share culling and the sort by depth: the first one's picture is that of
+    /// way from places beside each other share culling, projection and the sort by depth: the first one's picture is that of
     /// [`Renderer::begin`], the second one's too but for Gaussians whose depths differ by less than single precision tells. Others
     /// share nothing.
     ///
@@ -120,7 +110,7 @@ impl Renderer {
         let statuses = [self.slice(size_of::<Status>())?, self.slice(size_of::<Status>())?];
         let work = Workspace::fit(&mut self.work, &self.gpu, &self.scene, self.room)?;
         let is_its_own = |second: &SecondEye| {
-            second.room == work.room && second.projected.splats.slice().overlaps(&work.projected.splats.slice())
+            second.room == work.room && second.projected.identity.slice().overlaps(&work.projected.identity.slice())
         };
         let second = match self.second.take().filter(is_its_own) {
             Some(second) => self.second.insert(second),
@@ -133,13 +123,20 @@ impl Renderer {
         let rec = &mut first_recording;
         rec.stage("view");
         rec.copy(view?, work.view.slice());
+        rec.copy(second_view?, second.view.slice());
         rec.copy(union?, second.union.slice());
         rec.stage("cull");
         rec.fill(status.slice(), 0);
         cull.record(rec, scene, &second.union, status);
         let grids = cull.args.range(0, ARGS_FIRST_GROUP).slice();
         rec.copy(grids.clone(), second.grids.slice());
-        projected.record(rec, scene, cull, &work.view, status);
+        // What failed for both, and how many are active; the rest is 0, and each eye counts its own from here on.
+        rec.copy(status.slice(), second.status.slice());
+        let eyes = [
+            Eye { view: &work.view, status, projected },
+            Eye { view: &second.view, status: &second.status, projected: &second.projected },
+        ];
+        Projected::record_both(rec, scene, cull, eyes);
         let order = tiles.record_order(rec, cull, projected);
         let lists = tiles.record(rec, cull, projected, &order, &work.view, status, extent.n_tiles, longest);
         blend.record(rec, tiles, &lists, projected, &work.view, extent.n_tiles, 1);
@@ -148,17 +145,9 @@ impl Renderer {
 
         let mut second_recording = Recording::new();
         let rec = &mut second_recording;
-        rec.stage("view");
-        rec.copy(second_view?, second.view.slice());
+        rec.stage("tiles");
         rec.copy(second.grids.slice(), grids);
-        // What failed for both, and how many are active; what a picture counts begins anew.
-        let words = |status: &Buf<Status>, from: usize, to: usize| status.cast::<u32>().range(from, to - from).slice();
-        for (from, to) in [(0, STATUS_HEAD), (STATUS_TAIL, STATUS_WORDS)] {
-            rec.copy(words(status, from, to), words(&second.status, from, to));
-        }
-        rec.fill(words(&second.status, STATUS_HEAD, STATUS_TAIL), 0);
         let (view, status, projected, blend) = (&second.view, &second.status, &second.projected, &second.blend);
-        projected.record(rec, scene, cull, view, status);
         let second_lists = tiles.record(rec, cull, projected, &order, view, status, extent.n_tiles, longest);
         blend.record(rec, tiles, &second_lists, projected, view, extent.n_tiles, 1);
         rec.stage("status");
