@@ -21,6 +21,7 @@ const DEGREE: Axis = Axis {
 };
 const PIXELS: Axis = switch("is_eight", &[("p4", ("PIXELS", "4")), ("p8", ("PIXELS", "8"))]);
 const OUTPUTS: Axis = switch("is_color", &[("", ("FULL", "1")), ("color", NONE)]);
+const EYES: Axis = switch("is_stereo", &[("", NONE), ("stereo", ("STEREO", "1"))]);
 const HALF: Axis = switch("is_half", &[("", NONE), ("half", ("SH_HALF", "1"))]);
 const MOMENTS: Axis = switch("is_16_bit", &[("", NONE), ("m16", ("MOMENTS_16", "1"))]);
 const STRIDE: Axis = switch("is_halved", &[("", NONE), ("s2", ("STRIDE", "2u"))]);
@@ -59,19 +60,24 @@ pub static FAMILIES: &[Family] = &[
     },
     Family { name: "prepare_active", file: "cull/prepare_active.comp", twin: "scan", ..ROW },
     Family {
-        name: "project", file: "project/project.comp", twin: "project", axes: &[POPULATION, DEGREE, HALF],
+        name: "project", file: "project/project.comp", twin: "project", axes: &[EYES, POPULATION, DEGREE, HALF],
         same: |choice| {
             // Degree 0 has no bands to halve.
-            if choice[1] == 0 {
-                choice[2] = 0;
+            if choice[2] == 0 {
+                choice[3] = 0;
             }
         },
         count: Count::Active,
-        limit_ns: |s| [160.0, 175.0, 195.0, 230.0][s.degree()],
+        limit_ns: |s| match s.is("STEREO") {
+            true => [300.0, 325.0, 355.0, 415.0][s.degree()],
+            false => [160.0, 175.0, 195.0, 230.0][s.degree()],
+        },
         cost: Some(|s| {
+            // A second eye has a splat and a tile count of its own; rotation, scales and opacity are those of the first.
+            let (bytes, flops, eyes) = if s.is("STEREO") { (68.0, 200.0, 2.0) } else { (0.0, 0.0, 1.0) };
             vec![
-                per(Count::Active, 48.0 + s.motion() + 4.0 + 76.0, 260.0),
-                per(Count::Visible, 16.0 + s.bands(), s.sh_flops()),
+                per(Count::Active, 48.0 + s.motion() + 4.0 + 76.0 + bytes, 260.0 + flops),
+                per(Count::Visible, 16.0 + s.bands(), eyes * s.sh_flops()),
             ]
         }),
         ..ROW

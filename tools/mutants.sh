@@ -10,7 +10,7 @@ log=$cache/mutant.log
 
 # name | file | sed expression | row or tests that must notice. "Row" in a name is one of the project's catalogue of failures.
 mutants='
-a record that is not finite is drawn|shaders-glsl/project/project.comp|s/if (!bad \&\& p.z > view.near/if (p.z > view.near/|n01
+a record that is not finite is drawn|shaders-glsl/project/project.comp|s/if (!bad \&\& splat.z > view.near/if (splat.z > view.near/|n01
 row 8, covariance without its scaling|shaders-glsl/include/conic.glsl|s/const float m = max(.*1e-18);/const float m = 1.0;/|n02
 row 1, determinant as a c - b^2|shaders-glsl/include/conic.glsl|s/precise float det = .*/precise float det = (a + blur_m) * (c + blur_m) * m * m - b * b * m * m;/;s/^ *+ blur \* blur_m;$//|n03
 row 2, exponent as a quadratic form|shaders-glsl/include/splat.glsl|s/precise float power = u \* u + w \* w;/precise float power = (m.x*m.x+m.z*m.z)*d.x*d.x + 2.0*(m.x*m.y+m.z*m.w)*d.x*d.y + (m.y*m.y+m.w*m.w)*d.y*d.y;/|n03

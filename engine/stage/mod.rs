@@ -55,7 +55,7 @@ pub use lpips_trunk::Trunk;
 pub use moments::{Moments, moment_word, moments_of};
 pub use params::{Outputs, Purpose, Strip, view_params};
 pub use priors::{DepthSpace, PriorLoss, PriorWeights};
-pub use project::Projected;
+pub use project::{Eye, Projected};
 pub use render::{FrameReport, Picture};
 pub use renderer::Renderer;
 pub use room::{Room, Verdict};

@@ -1,15 +1,17 @@
-//! Two eyes that look the same way: they share the culling of the scene and the sort by depth.
+//! Two eyes that look the same way: they share the culling of the scene, its projection and the sort by depth.
 
 use super::blend::SEGMENT;
+use super::cull::ARGS_FIRST_GROUP;
 use super::job::{Destination, Extent, Job, Launched, Measure};
 use super::params::{Outputs, Strip, moment, view_params};
+use super::project::{Eye, Projected};
 use super::render::{FrameReport, Picture};
 use super::renderer::Renderer;
 use super::second_eye::SecondEye;
 use super::workspace::Workspace;
 use crate::error::Result;
+use crate::gpu::Recording;
 use crate::gpu::generated::Status;
-use crate::gpu::{Buf, Recording};
 use crate::scene::{Frame, View};
 use crate::settings::Constants;
 
@@ -17,14 +19,10 @@ use crate::settings::Constants;
 const ALIKE: f64 = 1e-9;
 /// Part by which the near plane of both eyes is nearer than it is.
 const NEARER: f64 = 1e-5;
-/// Words of a status: `failed` and `n_active`, what a picture counts, capacities.
-const STATUS_HEAD: usize = 2;
-const STATUS_TAIL: usize = 6;
-const STATUS_WORDS: usize = size_of::<Status>() / 4;
 
 impl Renderer {
     /// Hands the pictures of two eyes to the device and does not wait for them. Eyes of one size, at one time, that look the same
-    /// way from places beside each other share culling and the sort by depth: the first one's picture is that of
+    /// way from places beside each other share culling, projection and the sort by depth: the first one's picture is that of
     /// [`Renderer::begin`], the second one's too but for Gaussians whose depths differ by less than single precision tells. Others
     /// share nothing.
     ///
@@ -86,7 +84,7 @@ impl Renderer {
         let statuses = [self.slice(size_of::<Status>())?, self.slice(size_of::<Status>())?];
         let work = Workspace::fit(&mut self.work, &self.gpu, &self.scene, self.room)?;
         let is_its_own = |second: &SecondEye| {
-            second.room == work.room && second.projected.splats.slice().overlaps(&work.projected.splats.slice())
+            second.room == work.room && second.projected.identity.slice().overlaps(&work.projected.identity.slice())
         };
         let second = match self.second.take().filter(is_its_own) {
             Some(second) => self.second.insert(second),
@@ -99,11 +97,20 @@ impl Renderer {
         let rec = &mut first_recording;
         rec.stage("view");
         rec.copy(view?, work.view.slice());
+        rec.copy(second_view?, second.view.slice());
         rec.copy(union?, second.union.slice());
         rec.stage("cull");
         rec.fill(status.slice(), 0);
         cull.record(rec, scene, &second.union, status);
-        projected.record(rec, scene, cull, &work.view, status);
+        let grids = cull.args.range(0, ARGS_FIRST_GROUP).slice();
+        rec.copy(grids.clone(), second.grids.slice());
+        // What failed for both, and how many are active; the rest is 0, and each eye counts its own from here on.
+        rec.copy(status.slice(), second.status.slice());
+        let eyes = [
+            Eye { view: &work.view, status, projected },
+            Eye { view: &second.view, status: &second.status, projected: &second.projected },
+        ];
+        Projected::record_both(rec, scene, cull, eyes);
         let order = tiles.record_order(rec, cull, projected);
         let lists = tiles.record(rec, cull, projected, &order, &work.view, status, extent.n_tiles, longest);
         blend.record(rec, tiles, &lists, projected, &work.view, extent.n_tiles, 1);
@@ -112,16 +119,9 @@ impl Renderer {
 
         let mut second_recording = Recording::new();
         let rec = &mut second_recording;
-        rec.stage("view");
-        rec.copy(second_view?, second.view.slice());
-        // What failed for both, and how many are active; what a picture counts begins anew.
-        let words = |status: &Buf<Status>, from: usize, to: usize| status.cast::<u32>().range(from, to - from).slice();
-        for (from, to) in [(0, STATUS_HEAD), (STATUS_TAIL, STATUS_WORDS)] {
-            rec.copy(words(status, from, to), words(&second.status, from, to));
-        }
-        rec.fill(words(&second.status, STATUS_HEAD, STATUS_TAIL), 0);
+        rec.stage("tiles");
+        rec.copy(second.grids.slice(), grids);
         let (view, status, projected, blend) = (&second.view, &second.status, &second.projected, &second.blend);
-        projected.record(rec, scene, cull, view, status);
         let second_lists = tiles.record(rec, cull, projected, &order, view, status, extent.n_tiles, longest);
         blend.record(rec, tiles, &second_lists, projected, view, extent.n_tiles, 1);
         rec.stage("status");

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-// Purpose   projects the active Gaussians of a group, evaluates their colour and counts the tiles they touch.
+// Purpose   projects the active Gaussians of a group for an eye or two, evaluates their colour and counts their tiles.
 // Equation  SPEC 3: x_c = R mu(t') + t, C = (J R M)(J R M)^T + blur I, alpha = opacity(t') exp(-d^T C^-1 d / 2).
 //           Flow: dt J0 R v, or pi'(mu(t' + dt)) - pi(mu(t')) where that lies before the camera one frame on.
 // Grid      one thread per active Gaussian of the group.
-// Reads     the parameters of the active Gaussians, by group-local index.
-// Writes    splats (four vec4 each), depth key, identity, tile count, by active index.
+// Reads     the parameters of the active Gaussians, by group-local index; once for both eyes, which have one time.
+// Writes    splats (four vec4 each), depth key, identity, tile count, by active index; of the second eye splats and tile
+//           count, since its order is that of the first.
 // Numerics  factored form of include/conic.glsl; a record with anything non-finite touches no tile and is counted.
 #version 460
 #extension GL_GOOGLE_include_directive : require
@@ -47,24 +48,114 @@ layout(set = 0, binding = 12) restrict readonly buffer Sh2 { vec4 sh2[]; };
 layout(set = 0, binding = 13) restrict readonly buffer Sh3 { vec4 sh3[]; };
 vec4 band(vec4 values) { return values; }
 #endif
+#ifdef STEREO
+layout(set = 0, binding = 14) uniform SecondView { ViewParams second_view; };
+layout(set = 0, binding = 15) restrict writeonly buffer SecondSplats { vec4 second_splats[]; };
+layout(set = 0, binding = 16) restrict writeonly buffer SecondTileCounts { uint second_tile_counts[]; };
+layout(set = 0, binding = 17) restrict buffer SecondStatus { Status second_status; };
+const uint EYES = 2u;
+// The statement for each eye k: a loop would keep the arrays out of registers.
+#define EACH_EYE(statement) { const uint k = 0u; statement } { const uint k = 1u; statement }
+#else
+const uint EYES = 1u;
+#define EACH_EYE(statement) { const uint k = 0u; statement }
+#endif
 
-// Before the clamp to >= 0, which would hide a NaN.
-vec3 color_of(uint i, vec3 dir) {
-    vec3 c = SH_0 * sh0[i].xyz;
+// What a Gaussian is at the view's time, whoever looks.
+struct Gaussian {
+    vec3 mean;
+    vec3 velocity;
+    float opacity;
+    float cut;
+    mat3 rotation;
+    vec3 scale;
+};
+
+// What an eye sees of it, but for the colour.
+struct Splat {
+    vec2 xy;
+    float z;
+    vec2 flow;
+    vec4 m;
+    vec3 ellipse;  // slope, chord, reach_y
+};
+
+Gaussian gaussian_of(uint i) {
+    const vec4 mean_opacity = geometry[plane_index(i, 3u, 0u)];
+    const vec4 q_raw = geometry[plane_index(i, 3u, 1u)];
+    const vec4 scale_t = geometry[plane_index(i, 3u, 2u)];
+    Gaussian g;
+    g.mean = mean_opacity.xyz;
+    g.velocity = vec3(0.0);
+    g.opacity = sigmoid(mean_opacity.w);
+#ifdef DYNAMIC
+    const vec4 v = motion[i];
+    g.mean = mean_at(g.mean, v, view.time);
+    g.velocity = v.xyz;
+    g.opacity *= temporal_weight(v.w, scale_t.w, view.time);
+#endif
+    g.cut = squared_reach(view, g.opacity);
+    float q_norm;
+    g.rotation = rotation_of(unit_quaternion(q_raw, q_norm));
+    g.scale = exp(scale_t.xyz);
+    return g;
+}
+
+Splat splat_of(ViewParams view, Gaussian g) {
+    Splat splat;
+    splat.flow = vec2(0.0);
+    vec3 later = g.mean;
+    const vec3 p = to_camera(view, g.mean);
+    const vec2 uv = p.xy / p.z;
+    const vec2 uv_j = clamp(uv, view.clamp_uv.xz, view.clamp_uv.yw);
+    const vec2 f_z = view.intrinsics.xy / p.z;
+#ifdef DYNAMIC
+    later = g.mean + view.background.w * g.velocity;
+    const vec3 v_cam = rotate_to_camera(view, g.velocity);
+    splat.flow = view.background.w * f_z * (v_cam.xy - uv * v_cam.z);
+#endif
+    const vec3 p_later = to_next_camera(view, later);
+    if (unfolded(view.flow_model) == FLOW_DISPLACEMENT && p_later.z > view.near) {
+        splat.flow = view.intrinsics.xy * (p_later.xy / p_later.z - uv);
+    }
+    const vec3 a0 = f_z.x * (view.row0.xyz - uv_j.x * view.row2.xyz);
+    const vec3 a1 = f_z.y * (view.row1.xyz - uv_j.y * view.row2.xyz);
+    const Conic conic = conic_of(a0 * g.rotation, a1 * g.rotation, g.scale, view.blur);
+    const float root_cut = sqrt(g.cut >= 0.0 ? g.cut : FADED_REACH);
+    splat.xy = view.intrinsics.xy * uv + view.intrinsics.zw;
+    splat.z = p.z;
+    splat.m = conic.m;
+    splat.ellipse = vec3(conic.slope, root_cut * conic.chord, root_cut * conic.sd_y);
+    return splat;
+}
+
+vec3 direction_from(ViewParams view, vec3 mean) {
+    const vec3 from_camera = mean - vec3(view.row0.w, view.row1.w, view.row2.w);
+    float inverse_distance;
+    return unit_direction(from_camera, inverse_distance);
+}
+
+// Seen along each direction, before the clamp to >= 0, which would hide a NaN. A coefficient is read once for all.
+void colors_of(uint i, vec3 dir[EYES], out vec3 colors[EYES]) {
+    const vec3 constant = SH_0 * sh0[i].xyz;
+    EACH_EYE(colors[k] = constant;)
 #if SH_DEGREE >= 1
     const uint b1 = plane_index(i, 3u, 0u);
-    c += sh_band1(band(sh1[b1]), band(sh1[b1 + 32u]), band(sh1[b1 + 64u]), dir);
+    const vec4 c1[3] = vec4[](band(sh1[b1]), band(sh1[b1 + 32u]), band(sh1[b1 + 64u]));
+    EACH_EYE(colors[k] += sh_band1(c1[0], c1[1], c1[2], dir[k]);)
 #endif
 #if SH_DEGREE >= 2
     const uint b2 = plane_index(i, 4u, 0u);
-    c += sh_band2(band(sh2[b2]), band(sh2[b2 + 32u]), band(sh2[b2 + 64u]), band(sh2[b2 + 96u]), dir);
+    const vec4 c2[4] = vec4[](band(sh2[b2]), band(sh2[b2 + 32u]), band(sh2[b2 + 64u]), band(sh2[b2 + 96u]));
+    EACH_EYE(colors[k] += sh_band2(c2[0], c2[1], c2[2], c2[3], dir[k]);)
 #endif
 #if SH_DEGREE >= 3
     const uint b3 = plane_index(i, 6u, 0u);
-    c += sh_band3(band(sh3[b3]), band(sh3[b3 + 32u]), band(sh3[b3 + 64u]), band(sh3[b3 + 96u]), band(sh3[b3 + 128u]),
-        band(sh3[b3 + 160u]), dir);
+    const vec4 c3[6] = vec4[](band(sh3[b3]), band(sh3[b3 + 32u]), band(sh3[b3 + 64u]), band(sh3[b3 + 96u]),
+        band(sh3[b3 + 128u]), band(sh3[b3 + 160u]));
+    EACH_EYE(colors[k] += sh_band3(c3[0], c3[1], c3[2], c3[3], c3[4], c3[5], dir[k]);)
 #endif
-    return c + 0.5;
+    EACH_EYE(colors[k] += 0.5;)
 }
 
 // Positive floats order as their bits do. A short key counts from the near plane on and is full 2^16 times as far: what lies
@@ -76,82 +167,75 @@ uint depth_key(ViewParams view, float z) {
     return shift == 0u ? bits : min(steps, (1u << (27u - shift)) - 1u);
 }
 
+// Tiles that the splat is listed for; whether it shows in one, and whether anything of it is not finite.
+uint tiles_of(ViewParams view, Splat splat, Gaussian g, vec3 color, out bool seen, out bool bad) {
+    uint n_tiles = 0u;
+    seen = false;
+    bad = !(finite2(splat.xy) && finite4(splat.m) && finite(g.opacity) && finite(splat.z) && finite3(color)
+        && finite2(splat.flow) && finite3(splat.ellipse));
+    const bool shows = g.cut >= 0.0;
+    if (!bad && splat.z > view.near && (shows || squared(view))) {
+        const uvec2 rows = tile_rows(view, splat.xy.y, splat.ellipse.z);
+        for (uint row = rows.x; row < rows.y; ++row) {
+            const uvec2 columns =
+                tile_columns(view, splat.xy, splat.ellipse.x, splat.ellipse.y, splat.ellipse.z, row);
+            n_tiles += columns.y - min(columns.x, columns.y);
+        }
+        seen = shows && n_tiles > 0u;
+        // Who is seen does not depend on the bound.
+        if (boxed(view) && (seen || !shows)) {
+            const uvec2 box_rows = listed_rows(view, splat.xy, g.opacity, splat.ellipse);
+            const uvec2 columns = listed_columns(view, splat.xy, g.opacity, splat.ellipse, 0u);
+            n_tiles = (box_rows.y - box_rows.x) * (columns.y - columns.x);
+        }
+    }
+    return n_tiles;
+}
+
+// What an eye is told of the Gaussian, and of the whole subgroup. Macros, since buffers are no arguments.
+#define PUT(splats, tile_counts, view, splat, color, seen, bad) {                   \
+    splats[SPLAT_PLANES * at] = vec4(splat.xy, splat.m.xy);                          \
+    splats[SPLAT_PLANES * at + 1u] = vec4(splat.m.zw, g.opacity, splat.z);           \
+    splats[SPLAT_PLANES * at + 2u] = vec4(max(color, vec3(0.0)), splat.flow.x);      \
+    splats[SPLAT_PLANES * at + 3u] = vec4(splat.flow.y, splat.ellipse);              \
+    tile_counts[at] = tiles_of(view, splat, g, color, seen, bad);                    \
+}
+#define COUNT(status, seen, bad) {                                                                                \
+    const uvec4 visible = subgroupBallot(seen);                                                                   \
+    const uvec4 faulty = subgroupBallot(bad);                                                                     \
+    if (gl_SubgroupInvocationID == 0u) {                                                                          \
+        if ((visible.x | visible.y) != 0u) atomicAdd(status.n_visible, bitCount(visible.x) + bitCount(visible.y)); \
+        if ((faulty.x | faulty.y) != 0u) atomicAdd(status.n_bad, bitCount(faulty.x) + bitCount(faulty.y));         \
+    }                                                                                                             \
+}
+
 void main() {
     const uvec2 range = ranges[pc.group];
     const uint at = range.x + linear_thread(gl_WorkGroupSize.x);
-    uint n_tiles = 0u;
-    bool seen = false;
-    bool bad = false;
+    bool seen[EYES];
+    bool bad[EYES];
+    EACH_EYE(seen[k] = bad[k] = false;)
     if (at < range.y) {
         const uint i = active_id[at] - pc.first;
-        const vec4 mean_opacity = geometry[plane_index(i, 3u, 0u)];
-        const vec4 q_raw = geometry[plane_index(i, 3u, 1u)];
-        const vec4 scale_t = geometry[plane_index(i, 3u, 2u)];
-        vec3 mean = mean_opacity.xyz;
-        float opacity = sigmoid(mean_opacity.w);
-        vec2 flow = vec2(0.0);
-        vec3 later = mean;
-#ifdef DYNAMIC
-        const vec4 v = motion[i];
-        mean = mean_at(mean, v, view.time);
-        opacity *= temporal_weight(v.w, scale_t.w, view.time);
-        later = mean + view.background.w * v.xyz;
+        const Gaussian g = gaussian_of(i);
+        const Splat splat = splat_of(view, g);
+        vec3 dir[EYES];
+        dir[0] = direction_from(view, g.mean);
+#ifdef STEREO
+        dir[1] = direction_from(second_view, g.mean);
 #endif
-        const vec3 p = to_camera(view, mean);
-        const vec2 uv = p.xy / p.z;
-        const vec2 uv_j = clamp(uv, view.clamp_uv.xz, view.clamp_uv.yw);
-        const vec2 f_z = view.intrinsics.xy / p.z;
-#ifdef DYNAMIC
-        const vec3 v_cam = rotate_to_camera(view, v.xyz);
-        flow = view.background.w * f_z * (v_cam.xy - uv * v_cam.z);
-#endif
-        const vec3 p_later = to_next_camera(view, later);
-        if (unfolded(view.flow_model) == FLOW_DISPLACEMENT && p_later.z > view.near) {
-            flow = view.intrinsics.xy * (p_later.xy / p_later.z - uv);
-        }
-        float q_norm;
-        const mat3 rotation = rotation_of(unit_quaternion(q_raw, q_norm));
-        const vec3 a0 = f_z.x * (view.row0.xyz - uv_j.x * view.row2.xyz);
-        const vec3 a1 = f_z.y * (view.row1.xyz - uv_j.y * view.row2.xyz);
-        const Conic conic = conic_of(a0 * rotation, a1 * rotation, exp(scale_t.xyz), view.blur);
-        const vec2 xy = view.intrinsics.xy * uv + view.intrinsics.zw;
-        const float cut = squared_reach(view, opacity);
-        const float root_cut = sqrt(cut >= 0.0 ? cut : FADED_REACH);
-        const vec3 from_camera = mean - vec3(view.row0.w, view.row1.w, view.row2.w);
-        float inverse_distance;
-        const vec3 color = color_of(i, unit_direction(from_camera, inverse_distance));
-        const float reach_y = root_cut * conic.sd_y;
-        const float chord = root_cut * conic.chord;
-        splats[SPLAT_PLANES * at] = vec4(xy, conic.m.xy);
-        splats[SPLAT_PLANES * at + 1u] = vec4(conic.m.zw, opacity, p.z);
-        splats[SPLAT_PLANES * at + 2u] = vec4(max(color, vec3(0.0)), flow.x);
-        splats[SPLAT_PLANES * at + 3u] = vec4(flow.y, conic.slope, chord, reach_y);
-        depth_keys[at] = depth_key(view, p.z);
+        vec3 color[EYES];
+        colors_of(i, dir, color);
+        depth_keys[at] = depth_key(view, splat.z);
         identity[at] = at;
-        bad = !(finite2(xy) && finite4(conic.m) && finite(opacity) && finite(p.z) && finite3(color) && finite2(flow)
-            && finite3(vec3(conic.slope, chord, reach_y)));
-        const bool shows = cut >= 0.0;
-        if (!bad && p.z > view.near && (shows || squared(view))) {
-            const uvec2 rows = tile_rows(view, xy.y, reach_y);
-            for (uint row = rows.x; row < rows.y; ++row) {
-                const uvec2 columns = tile_columns(view, xy, conic.slope, chord, reach_y, row);
-                n_tiles += columns.y - min(columns.x, columns.y);
-            }
-            seen = shows && n_tiles > 0u;
-            // Who is seen does not depend on the bound.
-            if (boxed(view) && (seen || !shows)) {
-                const vec3 ellipse = vec3(conic.slope, chord, reach_y);
-                const uvec2 box_rows = listed_rows(view, xy, opacity, ellipse);
-                const uvec2 columns = listed_columns(view, xy, opacity, ellipse, 0u);
-                n_tiles = (box_rows.y - box_rows.x) * (columns.y - columns.x);
-            }
-        }
-        tile_counts[at] = n_tiles;
+        PUT(splats, tile_counts, view, splat, color[0], seen[0], bad[0])
+#ifdef STEREO
+        const Splat second = splat_of(second_view, g);
+        PUT(second_splats, second_tile_counts, second_view, second, color[1], seen[1], bad[1])
+#endif
     }
-    const uvec4 visible = subgroupBallot(seen);
-    const uvec4 faulty = subgroupBallot(bad);
-    if (gl_SubgroupInvocationID == 0u) {
-        if ((visible.x | visible.y) != 0u) atomicAdd(status.n_visible, bitCount(visible.x) + bitCount(visible.y));
-        if ((faulty.x | faulty.y) != 0u) atomicAdd(status.n_bad, bitCount(faulty.x) + bitCount(faulty.y));
-    }
+    COUNT(status, seen[0], bad[0])
+#ifdef STEREO
+    COUNT(second_status, seen[1], bad[1])
+#endif
 }

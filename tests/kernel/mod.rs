@@ -6,6 +6,7 @@ mod blend;
 mod clock;
 mod cull;
 mod density;
+mod eyes;
 mod fisher;
 mod losses;
 mod lpips;

@@ -1,4 +1,4 @@
-//! Clips of which only a window is on the device, pictures that follow one another without a wait, two eyes.
+//! Clips of which only a window is on the device, pictures that follow one another without a wait.
 
 use crate::common::device::gpu;
 use crate::common::random::{self, Random, view};
@@ -33,7 +33,8 @@ fn at(time: f64) -> View {
     View { time, time_offset: 0.0, ..view() }
 }
 
-fn bits(frame: &Frame) -> Vec<u32> {
+/// Every number of a picture.
+pub fn bits(frame: &Frame) -> Vec<u32> {
     let all = frame.color.as_flattened().iter().chain(&frame.alpha).chain(&frame.depth);
     all.chain(&frame.inverse_depth).chain(frame.flow.as_flattened()).map(|x| x.to_bits()).collect()
 }
@@ -137,70 +138,5 @@ fn pictures_that_follow_one_another_are_those_that_are_waited_for() {
         });
         stream.unwrap();
         assert_eq!(n, 3, "whoever has enough ends it");
-    }
-}
-
-/// `view` from so far to the right, a picture's middle moved by `shift` pixels.
-fn eye(view: &View, right: f64, shift: f64) -> View {
-    let mut eye = View { cx: view.cx + shift, ..view.clone() };
-    eye.world_to_camera[0][3] -= right;
-    eye
-}
-
-#[test]
-fn two_eyes_that_share_their_order_see_what_each_sees_alone() {
-    let worst = |a: &Frame, b: &Frame| {
-        let differences = a.color.as_flattened().iter().zip(b.color.as_flattened()).map(|(a, b)| (a - b).abs());
-        differences.fold(0.0, f32::max)
-    };
-    for seed in 0..12 {
-        let mut random = Random::new(seed);
-        // Near ones, wide ones and ones beyond the border, of all degrees.
-        let mut splats = random::scene(seed, 3000, (seed % 4) as u32);
-        splats.scale.iter_mut().step_by(7).for_each(|scale| scale.iter_mut().for_each(|s| *s += 1.5));
-        splats.position.iter_mut().for_each(|[x, _, _]| *x *= 2.5);
-        let apart = random.uniform(0.0, 0.8);
-        let shift = random.uniform(-15.0, 15.0);
-        let (left, right) = (eye(&view(), -apart / 2.0, shift), eye(&view(), apart / 2.0, -shift));
-        let mut alone = Renderer::new(gpu().clone(), &splats, Constants::default()).unwrap();
-        let mut both = Renderer::new(gpu().clone(), &splats, Constants::default()).unwrap();
-        if seed % 3 == 0 {
-            both.limit_intersections(1);
-        }
-        for outputs in [Outputs::All, Outputs::Color, Outputs::Color] {
-            let [first, second] = both.stereo([&left, &right], outputs, Destination::Host).unwrap();
-            let expected = [&left, &right].map(|eye| alone.render(eye, outputs).unwrap());
-            assert_eq!(bits(&first.0), bits(&expected[0].0), "seed {seed}: the first eye");
-            let off = worst(&second.0, &expected[1].0);
-            assert!(off < 1e-4, "seed {seed}: {off}");
-            for (found, expected) in [first, second].iter().zip(&expected) {
-                // Culled for both, a few more reach a tile's part beyond the picture's border.
-                let numbers = |r: &FrameReport| [r.active, r.visible, r.intersections].map(|n| n as f64);
-                for (found, expected) in numbers(&found.1).into_iter().zip(numbers(&expected.1)) {
-                    assert!(found >= expected && found < 1.3 * expected, "seed {seed}: {found} for {expected}");
-                }
-            }
-        }
-    }
-}
-
-#[test]
-fn eyes_that_cannot_share_see_what_each_sees_alone() {
-    let splats = random::scene(5, 2000, 1);
-    let mut renderer = Renderer::new(gpu().clone(), &splats, Constants::default()).unwrap();
-    let first = view();
-    let mut nearer = eye(&first, 0.1, 0.0);
-    nearer.world_to_camera[2][3] -= 0.2;
-    let mut turned = eye(&first, 0.1, 0.0);
-    let (sin, cos) = 0.1f64.sin_cos();
-    (turned.world_to_camera[0][0], turned.world_to_camera[0][2]) = (cos, sin);
-    (turned.world_to_camera[2][0], turned.world_to_camera[2][2]) = (-sin, cos);
-    for other in [nearer, turned, View { time: 0.9, ..first.clone() }, random::small_view()] {
-        let found = renderer.stereo([&first, &other], Outputs::All, Destination::Host).unwrap();
-        for (view, (frame, report)) in [&first, &other].into_iter().zip(found) {
-            let (expected, alone) = renderer.render(view, Outputs::All).unwrap();
-            assert_eq!(bits(&frame), bits(&expected));
-            assert_eq!(report.active, alone.active);
-        }
     }
 }

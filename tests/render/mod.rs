@@ -5,3 +5,4 @@ mod golden;
 mod invariants;
 mod knobs;
 mod large;
+mod stereo;
