@@ -69,7 +69,7 @@ pub static FAMILIES: &[Family] = &[
         },
         count: Count::Active,
         limit_ns: |s| match s.is("STEREO") {
-            true => [300.0, 325.0, 355.0, 415.0][s.degree()],
+            true => [290.0, 320.0, 340.0, 375.0][s.degree()],
             false => [160.0, 175.0, 195.0, 230.0][s.degree()],
         },
         cost: Some(|s| {

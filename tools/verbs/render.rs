@@ -56,7 +56,7 @@ pub struct Args {
     profile: bool,
     /// Writes nothing: renders the views in turn for so many seconds, each while the host is busy with the one before, and tells
     /// frames per second and percentiles of their times: of frames that stay on the device and of such that are read back, and
-    /// of pairs for two eyes that share culling and the sort by depth and that share nothing.
+    /// of pairs for two eyes that share culling, projection and the sort by depth and that share nothing.
     #[arg(long, value_name = "SECONDS", num_args = 0..=1, default_missing_value = "5", conflicts_with_all = ["film", "profile", "output"])]
     bench: Option<f64>,
     #[command(flatten)]
