@@ -211,7 +211,7 @@ impl Optimiser {
         until: u64,
     ) {
         if self.mode == AdamMode::Lazy {
-            self.record_steps(rec, scene, &cull.ranges, &cull.active_id, status, until, |index, _| {
+            self.record_steps(rec, scene, (&cull.ranges, &cull.active_id), status, until, |index, _| {
                 (0, indirect(&cull.args, ARGS_FIRST_GROUP + index))
             });
         }
@@ -222,17 +222,15 @@ impl Optimiser {
         if self.mode == AdamMode::Lazy {
             // The ranges and the list are not read.
             let (ranges, ids) = (self.n_bad.cast(), &self.n_bad);
-            self.record_steps(rec, scene, &ranges, ids, status, until, |_, n| (1, Grid::Threads(n)));
+            self.record_steps(rec, scene, (&ranges, ids), status, until, |_, n| (1, Grid::Threads(n)));
         }
     }
 
-    #[expect(clippy::too_many_arguments, reason = "a buffer each")]
     fn record_steps(
         &self,
         rec: &mut Recording,
         scene: &SceneBuffers,
-        ranges: &Buf<[u32; 2]>,
-        active_id: &Buf<u32>,
+        (ranges, active_id): (&Buf<[u32; 2]>, &Buf<u32>),
         status: &Buf<Status>,
         until: u64,
         of: impl Fn(usize, u32) -> (u32, Grid),

@@ -6,14 +6,14 @@ use super::adam::Optimiser;
 use super::blend::{Blend, SEGMENT, coprime_stride};
 use super::cull::{ARGS_FIRST_GROUP, ARGS_THREADS, Cull, indirect};
 use super::params::{Outputs, Purpose, TILE};
-use super::project::Projected;
-use super::room::Room;
+use super::project::Eye;
+use super::room::{Room, Size};
 use super::scene::{Planes, SceneBuffers};
 use super::tiles::{Lists, Tiles};
 use crate::error::Result;
 use crate::gpu::generated::{
-    self, Status, ViewParams, background_sum, blend_bwd_p4, camera_sum, camera_total, constants, fixed_sums,
-    project_bwd_adam_static_sh0, project_bwd_static_sh0,
+    self, background_sum, blend_bwd_p4, camera_sum, camera_total, constants, fixed_sums, project_bwd_adam_static_sh0,
+    project_bwd_static_sh0,
 };
 use crate::gpu::{Buf, Gpu, Grid, Recording};
 
@@ -47,6 +47,23 @@ pub struct Backward {
     scale: f32,
     outputs: Outputs,
     blocks_per_tile: u32,
+}
+
+/// The forward pass that gradients are of, as it was recorded.
+#[derive(Clone, Copy)]
+pub struct Drawn<'a> {
+    /// What may be seen.
+    pub cull: &'a Cull,
+    /// What it was seen from.
+    pub eye: Eye<'a>,
+    /// The stage that made the lists.
+    pub tiles: &'a Tiles,
+    /// The lists of the tiles.
+    pub lists: &'a Lists,
+    /// The images.
+    pub blend: &'a Blend,
+    /// The strip.
+    pub size: Size,
 }
 
 /// What the backward pass ends in.
@@ -100,24 +117,9 @@ impl Backward {
 
     /// Appends the backward pass of a frame whose forward pass was recorded for it with the same arguments.
     /// `n_pixels` are those of the strip.
-    #[expect(clippy::too_many_arguments, reason = "each names a stage of the frame")]
-    pub fn record(
-        &self,
-        rec: &mut Recording,
-        scene: &SceneBuffers,
-        cull: &Cull,
-        projected: &Projected,
-        tiles: &Tiles,
-        lists: &Lists,
-        blend: &Blend,
-        view: &Buf<ViewParams>,
-        status: &Buf<Status>,
-        n_tiles: u32,
-        n_pixels: u32,
-        rounds: u32,
-        target: &Target,
-    ) {
-        self.record_blend(rec, cull, projected, tiles, lists, blend, view, n_tiles, rounds);
+    pub fn record(&self, rec: &mut Recording, scene: &SceneBuffers, drawn: Drawn, target: &Target) {
+        let Drawn { cull, eye: Eye { view, status, projected }, tiles, blend, size: Size { n_pixels, .. }, .. } = drawn;
+        self.record_blend(rec, drawn);
         match target {
             Target::Gradients => rec.stage("project bwd"),
             Target::Step(_) => rec.stage("project bwd adam"),
@@ -237,19 +239,9 @@ impl Backward {
         }
     }
 
-    #[expect(clippy::too_many_arguments, reason = "each names a stage of the frame")]
-    fn record_blend(
-        &self,
-        rec: &mut Recording,
-        cull: &Cull,
-        projected: &Projected,
-        tiles: &Tiles,
-        lists: &Lists,
-        blend: &Blend,
-        view: &Buf<ViewParams>,
-        n_tiles: u32,
-        rounds: u32,
-    ) {
+    fn record_blend(&self, rec: &mut Recording, drawn: Drawn) {
+        let Drawn { cull, eye: Eye { view, projected, .. }, tiles, lists, blend, size } = drawn;
+        let Size { n_tiles, rounds, .. } = size;
         let Some(tail) = &blend.tail else { unreachable!("the forward pass was recorded for a backward pass") };
         rec.stage("blend bwd");
         let kernel = self.accumulation.kernel(self.outputs, blend.pixels_per_lane());
@@ -298,6 +290,3 @@ impl Backward {
         }
     }
 }
-
-/// `SEGMENT` of the backward kernel is that of the forward one: both walk the same rounds.
-const _: () = assert!(SEGMENT == 32_768);

@@ -1,11 +1,11 @@
 //! Front-to-back blending of each tile's list.
 
 use super::params::{Outputs, Purpose, TILE};
-use super::project::Projected;
+use super::project::Eye;
 use super::tiles::{Lists, Tiles};
 use crate::error::Result;
 pub use crate::gpu::generated::constants::block::SEGMENT;
-use crate::gpu::generated::{self, ViewParams, blend_fwd_p4, blend_fwd_train_p4};
+use crate::gpu::generated::{self, blend_fwd_p4, blend_fwd_train_p4};
 use crate::gpu::{Buf, Gpu, Grid, KernelInfo, Recording};
 use crate::vk::DeviceKind;
 
@@ -69,17 +69,8 @@ impl Blend {
     }
 
     /// Appends blending of `lists` in `rounds` rounds, enough for lists of `rounds * SEGMENT` entries.
-    #[expect(clippy::too_many_arguments, reason = "each names a stage of the frame")]
-    pub fn record(
-        &self,
-        rec: &mut Recording,
-        tiles: &Tiles,
-        lists: &Lists,
-        projected: &Projected,
-        view: &Buf<ViewParams>,
-        n_tiles: u32,
-        rounds: u32,
-    ) {
+    pub fn record(&self, rec: &mut Recording, tiles: &Tiles, lists: &Lists, eye: Eye, n_tiles: u32, rounds: u32) {
+        let Eye { view, projected, .. } = eye;
         rec.stage("blend");
         let n_blocks = n_tiles * (TILE * TILE / (self.subgroup_size * self.pixels_per_lane));
         let subgroups_per_group = self.kernel.local / self.subgroup_size;

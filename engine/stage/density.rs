@@ -176,7 +176,8 @@ impl DensityRound {
         let sources = scratch.sorted_sources(gpu, n)?;
         let counts_by_bucket = std::array::from_fn(|bucket| counters[N_BUCKET + bucket] as usize);
         let scene = SceneBuffers::reshaped(gpu, scene, &counts_by_bucket)?;
-        self.carry(gpu, old, scene, &scratch, &sources, counts, constants)
+        let (moments, state) = self.carry(gpu, old, &scene, (&sources, &scratch.copies), constants)?;
+        Ok(Grown { scene, moments, state, counts })
     }
 
     /// The Gaussians that a round adds to `n` at most; exactly, where they are drawn.
@@ -286,19 +287,16 @@ impl DensityRound {
         Ok(())
     }
 
-    /// Fills `scene` and new moments and state from `old`, in the order of `sources`.
-    #[expect(clippy::too_many_arguments, reason = "the two ends of a transport")]
+    /// Fills `scene`, and new moments and state, from `old`: in the order of `sources`, with the numbers of copies.
     fn carry(
         &self,
         gpu: &Gpu,
         old: Before,
-        scene: SceneBuffers,
-        scratch: &Scratch,
-        sources: &Buf<u32>,
-        counts: Counts,
+        scene: &SceneBuffers,
+        (sources, copies): (&Buf<u32>, &Buf<u32>),
         constants: &Constants,
-    ) -> Result<Grown> {
-        let moments = old.moments.undefined(gpu, &scene)?;
+    ) -> Result<(Moments, Vec<Buf<[f32; 4]>>)> {
+        let moments = old.moments.undefined(gpu, scene)?;
         let state = scene.groups.iter().map(|g| gpu.alloc("state", g.n as usize)).collect::<Result<Vec<_>>>()?;
         let mut rec = Recording::new();
         rec.stage("density");
@@ -310,7 +308,7 @@ impl DensityRound {
                 }
                 let args = density_children::Args {
                     sources,
-                    copies: &scratch.copies,
+                    copies,
                     old: &source.params.geometry,
                     geometry: &group.params.geometry,
                 };
@@ -339,7 +337,7 @@ impl DensityRound {
         // Whatever could not be drawn was pruned or relocated.
         scene.record_bounds(&mut rec, constants, &gpu.upload("undrawable Gaussians", &[0])?);
         gpu.run(&rec)?;
-        Ok(Grown { scene, moments, state, counts })
+        Ok((moments, state))
     }
 }
 

@@ -38,7 +38,7 @@ mod workspace;
 
 pub use accumulation::{Accumulation, SLOT_PAIRS};
 pub use adam::{AdamMode, BETA1, BETA2, EPS, Optimiser, Rates, State, StepSettings, adam_params, lazy_sums};
-pub use backward::{Backward, Target};
+pub use backward::{Backward, Drawn, Target};
 pub use bilateral::{GRID_BYTES, GRID_NUMBERS, GRID_SIZE, GridState, GridStep, Grids};
 pub use blend::Blend;
 pub use clock::{ClockStep, Clocks, OFFSET_BOUND};
@@ -58,7 +58,7 @@ pub use priors::{DepthSpace, PriorLoss, PriorWeights};
 pub use project::{Eye, Projected};
 pub use render::{FrameReport, Picture};
 pub use renderer::Renderer;
-pub use room::{Room, Verdict};
+pub use room::{Room, Size, Verdict};
 pub use scan::Scan;
 pub use scene::{Group, Planes, SceneBuffers, group_limit};
 pub use show::{Layer, Screen};

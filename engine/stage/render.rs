@@ -5,10 +5,10 @@ use super::blend::SEGMENT;
 use super::counters::{Counters, PassReport, add_passes};
 use super::fisher::{Census, Fisher, Response};
 use super::gradients::Gradients;
-use super::job::{Destination, Job, Landed, Launched, Measure};
+use super::job::{Destination, Extent, Job, Landed, Launched, Measure};
 use super::params::{Outputs, Strip, TILE, moment, view_params};
 use super::renderer::Renderer;
-use super::room::Verdict;
+use super::room::{Size, Verdict};
 use super::scene::SceneBuffers;
 use super::show::{Layer, Screen};
 use super::workspace::Workspace;
@@ -185,11 +185,11 @@ impl Renderer {
         }
         let rounds = (report.max_tile_list as u32).div_ceil(SEGMENT).max(1);
         let strip = Strip::whole(view);
-        let (tiles_x, tiles_y) = strip.tiles(view);
+        let Extent { n_tiles, n_pixels, .. } = Extent::new(view, strip);
         let work = Workspace::fit(&mut self.work, &self.gpu, &self.scene, self.room)?;
         self.gpu.write(&work.view, &[view_params(view, &self.constants, self.scene.origin, strip)])?;
         let mut rec = Recording::new();
-        work.record_forward(&mut rec, &self.scene, tiles_x * tiles_y, rounds, |_| ());
+        work.record_forward(&mut rec, &self.scene, Size { n_tiles, n_pixels, rounds }, |_| ());
         self.gpu.run_capturing(rec, kernel)
     }
 

@@ -8,6 +8,17 @@ use crate::gpu::Gpu;
 use crate::gpu::generated::Status;
 use crate::gpu::generated::constants::types::{FAILED_ACTIVE, FAILED_INTERSECTIONS, FAILED_LIST};
 
+/// The size of a strip on its way through the stages.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Size {
+    /// Tiles.
+    pub n_tiles: u32,
+    /// Pixels.
+    pub n_pixels: u32,
+    /// Rounds of the blend, enough for lists of `rounds * SEGMENT` entries.
+    pub rounds: u32,
+}
+
 /// Capacities; they only grow, but for the strip.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Room {

@@ -106,14 +106,11 @@ impl Renderer {
         rec.copy(grids.clone(), second.grids.slice());
         // What failed for both, and how many are active; the rest is 0, and each eye counts its own from here on.
         rec.copy(status.slice(), second.status.slice());
-        let eyes = [
-            Eye { view: &work.view, status, projected },
-            Eye { view: &second.view, status: &second.status, projected: &second.projected },
-        ];
+        let eyes = [work.eye(), Eye { view: &second.view, status: &second.status, projected: &second.projected }];
         Projected::record_both(rec, scene, cull, eyes);
         let order = tiles.record_order(rec, cull, projected);
-        let lists = tiles.record(rec, cull, projected, &order, &work.view, status, extent.n_tiles, longest);
-        blend.record(rec, tiles, &lists, projected, &work.view, extent.n_tiles, 1);
+        let lists = tiles.record(rec, cull, eyes[0], &order, extent.n_tiles, longest);
+        blend.record(rec, tiles, &lists, eyes[0], extent.n_tiles, 1);
         rec.stage("status");
         rec.copy(status.slice(), statuses[0].clone());
 
@@ -121,11 +118,10 @@ impl Renderer {
         let rec = &mut second_recording;
         rec.stage("tiles");
         rec.copy(second.grids.slice(), grids);
-        let (view, status, projected, blend) = (&second.view, &second.status, &second.projected, &second.blend);
-        let second_lists = tiles.record(rec, cull, projected, &order, view, status, extent.n_tiles, longest);
-        blend.record(rec, tiles, &second_lists, projected, view, extent.n_tiles, 1);
+        let second_lists = tiles.record(rec, cull, eyes[1], &order, extent.n_tiles, longest);
+        second.blend.record(rec, tiles, &second_lists, eyes[1], extent.n_tiles, 1);
         rec.stage("status");
-        rec.copy(status.slice(), statuses[1].clone());
+        rec.copy(second.status.slice(), statuses[1].clone());
 
         let is_read = job.destination == Destination::Host;
         let images = [&work.blend, &second.blend].map(|blend| if is_read { blend.images() } else { Vec::new() });

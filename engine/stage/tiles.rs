@@ -1,13 +1,11 @@
 //! Intersections of Gaussians and tiles: placed in depth order, sorted by tile, listed per tile.
 
 use super::cull::{ARGS_SCAN, ARGS_SORT, ARGS_SORT_SCAN, ARGS_THREADS, Cull, indirect};
-use super::project::Projected;
+use super::project::{Eye, Projected};
 use super::scan::Scan;
 use super::sort::{Sort, SortGrids};
 use crate::error::Result;
-use crate::gpu::generated::{
-    Status, ViewParams, emit, emit_slots, gather, prepare_intersections, tile_buckets, tile_order, tile_ranges,
-};
+use crate::gpu::generated::{emit, emit_slots, gather, prepare_intersections, tile_buckets, tile_order, tile_ranges};
 use crate::gpu::table::Count;
 use crate::gpu::{Buf, Gpu, Grid, Recording};
 
@@ -97,20 +95,18 @@ impl Tiles {
         self.depth_sort.record(rec, &cull.n_active, &cull.n_digits, pairs, n_rounds, &grids).1
     }
 
-    /// Appends the binning of `projected`, in the `order` of their depths, into `n_tiles` tiles. A list of more than `longest`
+    /// Appends the binning of what `eye` sees, in the `order` of their depths, into `n_tiles` tiles. A list of more than `longest`
     /// entries is reported as a failure.
-    #[expect(clippy::too_many_arguments, reason = "each names a buffer or a size of the frame")]
     pub fn record(
         &self,
         rec: &mut Recording,
         cull: &Cull,
-        projected: &Projected,
+        eye: Eye,
         order: &Buf<u32>,
-        view: &Buf<ViewParams>,
-        status: &Buf<Status>,
         n_tiles: u32,
         longest: u32,
     ) -> Lists {
+        let Eye { view, status, projected } = eye;
         rec.stage("tiles");
         let (n_active, tile_counts, offsets) = (&cull.n_active, &projected.tile_counts, &self.offsets);
         let args = &cull.args;

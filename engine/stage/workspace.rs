@@ -1,11 +1,11 @@
 //! The buffers of all stages of a frame, and their passes in order.
 
-use super::backward::{Backward, Target};
+use super::backward::{Backward, Drawn, Target};
 use super::blend::{Blend, SEGMENT};
 use super::cull::Cull;
 use super::params::Purpose;
-use super::project::Projected;
-use super::room::Room;
+use super::project::{Eye, Projected};
+use super::room::{Room, Size};
 use super::scene::SceneBuffers;
 use super::tiles::{Lists, Tiles};
 use crate::error::Result;
@@ -76,10 +76,10 @@ impl Workspace {
         &self,
         rec: &mut Recording,
         scene: &SceneBuffers,
-        n_tiles: u32,
-        rounds: u32,
+        size: Size,
         seen: impl FnOnce(&mut Recording),
     ) -> Lists {
+        let Size { n_tiles, rounds, .. } = size;
         let (view, status) = (&self.view, &self.status);
         rec.stage("cull");
         let n_words = size_of::<Status>() / 4;
@@ -89,29 +89,28 @@ impl Workspace {
         seen(rec);
         self.projected.record(rec, scene, &self.cull, view, status);
         let order = self.tiles.record_order(rec, &self.cull, &self.projected);
-        let Workspace { cull, projected, .. } = self;
-        let lists = self.tiles.record(rec, cull, projected, &order, view, status, n_tiles, rounds * SEGMENT);
-        self.blend.record(rec, &self.tiles, &lists, &self.projected, view, n_tiles, rounds);
+        let lists = self.tiles.record(rec, &self.cull, self.eye(), &order, n_tiles, rounds * SEGMENT);
+        self.blend.record(rec, &self.tiles, &lists, self.eye(), n_tiles, rounds);
         lists
     }
 
     /// Appends the backward pass of the forward pass recorded just before, if the workspace has one.
-    #[expect(clippy::too_many_arguments, reason = "the forward pass's, and the target")]
     pub fn record_backward(
         &self,
         rec: &mut Recording,
         scene: &SceneBuffers,
         lists: &Lists,
-        n_tiles: u32,
-        n_pixels: u32,
-        rounds: u32,
+        size: Size,
         target: &Target,
     ) {
-        let Workspace { cull, projected, tiles, blend, view, status, .. } = self;
         if let Some(backward) = &self.backward {
-            backward.record(
-                rec, scene, cull, projected, tiles, lists, blend, view, status, n_tiles, n_pixels, rounds, target,
-            );
+            let Workspace { cull, tiles, blend, .. } = self;
+            backward.record(rec, scene, Drawn { cull, eye: self.eye(), tiles, lists, blend, size }, target);
         }
+    }
+
+    /// What it is seen from, and where what is seen lies.
+    pub(super) fn eye(&self) -> Eye<'_> {
+        Eye { view: &self.view, status: &self.status, projected: &self.projected }
     }
 }

@@ -17,7 +17,7 @@ use crate::scene::capture::Picture;
 use crate::scene::{Cone, Similarity, Splats, View};
 use crate::settings::Constants;
 use crate::stage::{
-    AdamMode, Counters, Counts, DensityRound, Lists, Moments, Optimiser, PassReport, Purpose, Room, SceneBuffers,
+    AdamMode, Counters, Counts, DensityRound, Lists, Moments, Optimiser, PassReport, Purpose, Room, SceneBuffers, Size,
     State, StepSettings, Strip, Target, Verdict, Workspace, adam_params, add_passes, lazy_sums, record_mcmc_noise,
     view_params,
 };
@@ -609,7 +609,8 @@ impl Trainer {
         self.objective.record_upload(&mut rec, work, truth, *camera);
         let status = &work.status;
         let is_lazy = self.config.adam == AdamMode::Lazy;
-        let lists = work.record_forward(&mut rec, scene, n_tiles, rounds, |rec| {
+        let size = Size { n_tiles, n_pixels, rounds };
+        let lists = work.record_forward(&mut rec, scene, size, |rec| {
             optimiser.record_catch_up(rec, scene, &work.cull, status, step - 1);
             if is_lazy {
                 scene.record_halves(rec);
@@ -617,7 +618,7 @@ impl Trainer {
         });
         if let Some(backward) = &work.backward {
             self.objective.record_loss(gpu, &mut rec, &work.blend, backward, truth)?;
-            work.record_backward(&mut rec, scene, &lists, n_tiles, n_pixels, rounds, &Target::Step(optimiser));
+            work.record_backward(&mut rec, scene, &lists, size, &Target::Step(optimiser));
             optimiser.record_idle(&mut rec, scene, &work.cull, status);
             self.objective.record_step(&mut rec, work, truth, *camera, *step, self.total);
             if let Some((rate, key)) = noise(&self.config, *step, self.total, self.setup.extent.radius) {

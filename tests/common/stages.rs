@@ -5,7 +5,7 @@ use ivv::Constants;
 use ivv::gpu::generated::{Status, ViewParams};
 use ivv::gpu::{Buf, Recording};
 use ivv::scene::{Splats, View};
-use ivv::stage::{Blend, Cull, Outputs, Projected, Purpose, SceneBuffers, Strip, Tiles, view_params};
+use ivv::stage::{Blend, Cull, Eye, Outputs, Projected, Purpose, SceneBuffers, Strip, Tiles, view_params};
 
 /// Pairs of a Gaussian and a tile that fit.
 const INTERSECTIONS: u32 = 1 << 16;
@@ -108,6 +108,10 @@ impl Rig {
         }
     }
 
+    fn eye(&self) -> Eye<'_> {
+        Eye { view: &self.view, status: &self.status, projected: &self.projected }
+    }
+
     /// Culls, projects and bins.
     pub fn bin(&self, view: &View) -> (Active, Lists) {
         let (tiles_x, tiles_y) = Strip::whole(view).tiles(view);
@@ -116,8 +120,7 @@ impl Rig {
         let tiles = Tiles::new(&self.gpu, active.ids.len().max(1) as u32, INTERSECTIONS, n_tiles, false).unwrap();
         let mut rec = Recording::new();
         let order = tiles.record_order(&mut rec, &self.cull, &self.projected);
-        let Rig { cull, projected, view, status, .. } = self;
-        let lists = tiles.record(&mut rec, cull, projected, &order, view, status, n_tiles, u32::MAX);
+        let lists = tiles.record(&mut rec, &self.cull, self.eye(), &order, n_tiles, u32::MAX);
         self.gpu.run(&rec).unwrap();
         let status: Status = self.gpu.read(&self.status).unwrap()[0];
         let mut entries = self.gpu.read(&lists.splat_ids).unwrap();
@@ -140,9 +143,8 @@ impl Rig {
         self.cull.record(&mut rec, &self.scene, &self.view, &self.status);
         self.projected.record(&mut rec, &self.scene, &self.cull, &self.view, &self.status);
         let order = tiles.record_order(&mut rec, &self.cull, &self.projected);
-        let Rig { cull, projected, view, status, .. } = self;
-        let lists = tiles.record(&mut rec, cull, projected, &order, view, status, n_tiles, u32::MAX);
-        blend.record(&mut rec, &tiles, &lists, &self.projected, &self.view, n_tiles, 1);
+        let lists = tiles.record(&mut rec, &self.cull, self.eye(), &order, n_tiles, u32::MAX);
+        blend.record(&mut rec, &tiles, &lists, self.eye(), n_tiles, 1);
         self.gpu.run(&rec).unwrap();
         assert_eq!(self.gpu.read(&self.status).unwrap()[0].failed, 0);
         let image1 = blend.image1.as_ref().unwrap();

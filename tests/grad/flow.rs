@@ -6,7 +6,9 @@ use crate::common::random::{scene, view};
 use ivv::Constants;
 use ivv::gpu::Recording;
 use ivv::scene::{FlowModel, Frame, View};
-use ivv::stage::{Accumulation, Outputs, Purpose, Renderer, Room, SceneBuffers, Strip, Target, Workspace, view_params};
+use ivv::stage::{
+    Accumulation, Outputs, Purpose, Renderer, Room, SceneBuffers, Size, Strip, Target, Workspace, view_params,
+};
 use ivv::twin::render_f64;
 
 /// [`view`], and a frame on turned by 0.05 about its y axis and shifted.
@@ -99,8 +101,9 @@ fn a_detached_depth_moves_places_and_no_opacities() {
     gpu.write(&backward.d_image0, &vec![[0.0; 4]; n_pixels as usize]).unwrap();
     gpu.write(backward.d_image1.as_ref().unwrap(), &image1).unwrap();
     let mut rec = Recording::new();
-    let lists = work.record_forward(&mut rec, &scene, room.tiles, 1, |_| ());
-    work.record_backward(&mut rec, &scene, &lists, room.tiles, n_pixels, 1, &Target::Gradients);
+    let size = Size { n_tiles: room.tiles, n_pixels, rounds: 1 };
+    let lists = work.record_forward(&mut rec, &scene, size, |_| ());
+    work.record_backward(&mut rec, &scene, &lists, size, &Target::Gradients);
     gpu.run(&rec).unwrap();
     let detached = scene.download(&gpu, backward.gradients.iter()).unwrap();
     assert!(flat(&attached, "opacity").iter().any(|x| *x != 0.0));

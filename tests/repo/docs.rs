@@ -4,7 +4,7 @@ use super::{below_root, exists, files, marked, quoted, root, table, text};
 use crate::common::device::gpu;
 use crate::common::random;
 use ivv::Constants;
-use ivv::gpu::table::KERNELS;
+use ivv::gpu::table::{Axis, FAMILIES, KERNELS, Spec};
 use ivv::stage::{Outputs, Renderer};
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -111,23 +111,27 @@ fn purpose(shader: &str) -> String {
 /// The table of kernels as Markdown.
 fn kernel_table() -> String {
     let mut lines = vec![
-        "| kernel | shader | variant | purpose | twin | time grows with | limit, ns |".to_owned(),
+        "| kernels | shader | choices | purpose | twin | time grows with | limits, ns |".to_owned(),
         "| --- | --- | --- | --- | --- | --- | --- |".to_owned(),
     ];
-    let mut last = "";
-    for row in KERNELS.iter() {
-        // Variants share their shader's purpose.
-        let purpose = if row.file == last { String::new() } else { purpose(row.file) };
-        last = row.file;
-        let defines: Vec<String> = row.defines.iter().map(|(name, value)| format!("`{name}={value}`")).collect();
+    for family in FAMILIES {
+        let choice = |axis: &Axis| {
+            let values = axis.values.iter().map(|(name, _)| if name.is_empty() { "-" } else { name });
+            format!("`{}`: {}", axis.name, values.collect::<Vec<_>>().join(", "))
+        };
+        let choices: Vec<String> = family.axes.iter().map(choice).collect();
+        let limits = KERNELS.iter().filter(|row| row.family.name == family.name).map(Spec::limit_ns);
+        let (least, most) = limits.fold((f64::INFINITY, 0.0), |(a, b), x| (x.min(a), x.max(b)));
         lines.push(format!(
-            "| `{}` | `{}` | {} | {purpose} | `{}` | {} | {} |",
-            row.name,
-            row.file,
-            defines.join(" "),
-            row.twin,
-            format!("{:?}", row.count).to_lowercase(),
-            row.limit_ns
+            "| `{}{}` | `{}` | {} | {} | `{}` | {} | {} |",
+            family.name,
+            if family.axes.is_empty() { "" } else { "*" },
+            family.file,
+            choices.join("; "),
+            purpose(family.file),
+            family.twin,
+            format!("{:?}", family.count).to_lowercase(),
+            if least < most { format!("{least} to {most}") } else { most.to_string() },
         ));
     }
     lines.join("\n") + "\n"
@@ -169,7 +173,7 @@ fn the_passes_of_a_gradient_in_architecture_md_are_kernels() {
     assert!(!rows.is_empty());
     for told in rows.iter().flat_map(|row| quoted(&row[0])) {
         let is_told = |name: &str| told.strip_suffix('*').map_or(name == told, |stem| name.starts_with(stem));
-        assert!(KERNELS.iter().any(|row| is_told(row.name)), "`{told}` is no kernel");
+        assert!(KERNELS.iter().any(|row| is_told(&row.name)), "`{told}` is no kernel");
     }
 }
 

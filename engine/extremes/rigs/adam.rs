@@ -7,7 +7,7 @@ use crate::gpu::{Gpu, Recording};
 use crate::scene::{Frame, Splats, View};
 use crate::settings::Constants;
 use crate::stage::{
-    Accumulation, AdamMode, Cull, Moments, Optimiser, Outputs, Purpose, Rates, Renderer, Room, SceneBuffers,
+    Accumulation, AdamMode, Cull, Moments, Optimiser, Outputs, Purpose, Rates, Renderer, Room, SceneBuffers, Size,
     StepSettings, Strip, Target, Workspace, adam_params, view_params,
 };
 use crate::twin::Adam;
@@ -164,8 +164,9 @@ impl Scene {
             gpu.write(d_image1, &vec![[0.0; 4]; n_pixels as usize])?;
         }
         let mut rec = Recording::new();
-        let lists = work.record_forward(&mut rec, &scene, room.tiles, 1, |_| ());
-        work.record_backward(&mut rec, &scene, &lists, room.tiles, n_pixels, 1, &Target::Step(&optimiser));
+        let size = Size { n_tiles: room.tiles, n_pixels, rounds: 1 };
+        let lists = work.record_forward(&mut rec, &scene, size, |_| ());
+        work.record_backward(&mut rec, &scene, &lists, size, &Target::Step(&optimiser));
         optimiser.record_idle(&mut rec, &scene, &work.cull, &work.status);
         gpu.run(&rec)?;
         Ok((Scene::download(gpu, &scene, &optimiser)?, gpu.read(&optimiser.n_bad)?[0]))
