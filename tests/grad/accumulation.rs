@@ -11,7 +11,7 @@ fn gradients(splats: &Splats, mode: Accumulation) -> Option<Gradients> {
     let (gpu, view) = (gpu(), view());
     let mut renderer = Renderer::new(gpu.clone(), splats, Constants::default()).unwrap();
     if let Err(reason) = renderer.accumulate(mode) {
-        eprintln!("skipped: {reason}");
+        crate::common::notes::skip(reason);
         return None;
     }
     let (found, report) = renderer.vjp(&view, &cotangents(3, &view, |_| false)).unwrap();

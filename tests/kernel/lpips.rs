@@ -2,8 +2,9 @@
 //! pictures and dead features: the rows N20 and N22 of `engine/extremes`.
 
 use crate::common::device::gpu;
+use crate::common::notes::shared;
 use crate::common::random::Random;
-use crate::scene::{Folder, fault, shared};
+use crate::scene::{Folder, fault};
 use ivv::Error;
 use ivv::extremes::rigs::lpips::{self as rigs, Pair, TRUNKS, Weights, narrow};
 use ivv::gpu::{Gpu, Recording};
@@ -247,7 +248,7 @@ fn the_published_examples_have_the_published_lpips() {
     };
     let trunk = data.join("squeeze.backbone.pth");
     let Ok(mixed) = convert(&trunk, "alex.pth") else {
-        eprintln!("skipped: python3 is not installed");
+        crate::common::notes::skip("python3 is not installed");
         return;
     };
     assert_eq!(mixed.status.code(), Some(3), "linear layers of another trunk");

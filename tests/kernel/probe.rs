@@ -93,7 +93,7 @@ fn gathered_rows_are_all_different_and_summed() {
 fn every_atomic_addition_arrives() {
     for probe in [Probe::Atomic, Probe::FloatAtomic] {
         if probe == Probe::FloatAtomic && !gpu().caps().float_atomics {
-            eprintln!("skipped: the device has no float atomics");
+            crate::common::notes::skip("the device has no float atomics");
             continue;
         }
         let (words, amount) = words(probe, 0);
@@ -124,7 +124,7 @@ fn dispatches_that_wait_for_one_another_count_up() {
 fn a_device_with_timestamps_has_peaks() {
     let gpu = gpu();
     if gpu.caps().timestamp_ns == 0.0 {
-        eprintln!("skipped: the device has no timestamps");
+        crate::common::notes::skip("the device has no timestamps");
         return;
     }
     let [between, whole] = dispatch_ns(&gpu).unwrap();

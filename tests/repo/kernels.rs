@@ -181,8 +181,7 @@ fn no_shader_has_more_than_24_bindings() {
 
 #[test]
 fn spirv_val_finds_no_fault() {
-    if Command::new("spirv-val").arg("--version").output().is_err() {
-        eprintln!("skipped: spirv-val is not installed (Debian: spirv-tools)");
+    if !crate::common::notes::has_program("spirv-val", "--version") {
         return;
     }
     for row in KERNELS {
