@@ -5,6 +5,7 @@ pub mod frames;
 pub mod golden;
 pub mod notes;
 pub mod stages;
+pub mod twins;
 
 use flate2::{Compression, write::DeflateEncoder};
 use rawzip::{CompressionMethod, ZipArchiveWriter};

@@ -4,6 +4,7 @@
 use crate::common::device::gpu;
 use crate::common::notes::shared;
 use crate::common::random::Random;
+use crate::common::twins::tested;
 use crate::scene::{Folder, fault};
 use ivv::Error;
 use ivv::extremes::rigs::lpips::{self as rigs, Pair, TRUNKS, Weights, narrow};
@@ -11,6 +12,16 @@ use ivv::gpu::{Gpu, Recording};
 use ivv::stage::{Compared, Cotangent, Lpips, Trunk};
 use std::path::{Path, PathBuf};
 use std::process::Command;
+
+tested! {
+    "lpips/lpips_input.comp" by lpips in lpips_and_cotangent_of_noise_are_those_of_dual_numbers;
+    "lpips/lpips_conv.comp" by lpips in lpips_and_cotangent_of_noise_are_those_of_dual_numbers;
+    "lpips/lpips_pool.comp" by lpips in lpips_and_cotangent_of_noise_are_those_of_dual_numbers;
+    "lpips/lpips_tap.comp" by lpips in lpips_and_cotangent_of_noise_are_those_of_dual_numbers;
+    "lpips/lpips_sum.comp" by lpips in lpips_and_cotangent_of_noise_are_those_of_dual_numbers;
+    "lpips/lpips_pool_bwd.comp" by lpips in lpips_and_cotangent_of_noise_are_those_of_dual_numbers;
+    "lpips/lpips_input_bwd.comp" by lpips in lpips_and_cotangent_of_noise_are_those_of_dual_numbers;
+}
 
 /// Writes weights to a file.
 fn save(folder: &Folder, weights: &Weights) -> PathBuf {

@@ -7,6 +7,7 @@ mod clock;
 mod cull;
 mod density;
 mod fisher;
+mod halves;
 mod losses;
 mod lpips;
 mod moments;
@@ -17,3 +18,27 @@ mod scan;
 mod show;
 mod sort;
 mod tiles;
+
+use crate::common::twins::Tested;
+
+/// Every kernel test that has a twin.
+pub const TESTED: &[&[Tested]] = &[
+    adam::TESTED,
+    bilateral::TESTED,
+    blend::TESTED,
+    clock::TESTED,
+    cull::TESTED,
+    density::TESTED,
+    fisher::TESTED,
+    halves::TESTED,
+    losses::TESTED,
+    lpips::TESTED,
+    moments::TESTED,
+    priors::TESTED,
+    probe::TESTED,
+    project::TESTED,
+    scan::TESTED,
+    show::TESTED,
+    sort::TESTED,
+    tiles::TESTED,
+];

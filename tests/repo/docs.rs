@@ -121,11 +121,11 @@ fn kernel_table() -> String {
         last = row.file;
         let defines: Vec<String> = row.defines.iter().map(|(name, value)| format!("`{name}={value}`")).collect();
         lines.push(format!(
-            "| `{}` | `{}` | {} | {purpose} | `{}` | {} | {} |",
+            "| `{}` | `{}` | {} | {purpose} | {} | {} | {} |",
             row.name,
             row.file,
             defines.join(" "),
-            row.twin,
+            if row.twin.is_empty() { String::new() } else { format!("`{}`", row.twin) },
             format!("{:?}", row.count).to_lowercase(),
             row.limit_ns
         ));
