@@ -14,8 +14,8 @@ use ivv::twin::{Density, Descent, Kind, normals, shared_opacity};
 
 tested! {
     "density/density_classify.comp" by Density in the_dead_are_relocated_as_in_the_twin_and_a_round_adds_five_in_a_hundred;
-    "density/density_choose.comp" by Density in the_dead_are_relocated_as_in_the_twin_and_a_round_adds_five_in_a_hundred;
-    "density/density_list.comp" by Density in the_dead_are_relocated_as_in_the_twin_and_a_round_adds_five_in_a_hundred;
+    "density/density_choose.comp" by Density in the_hardest_pulled_grow_and_the_faint_go_as_in_the_twin;
+    "density/density_list.comp" by Density in the_hardest_pulled_grow_and_the_faint_go_as_in_the_twin;
     "density/density_sample.comp" by Density in the_dead_are_relocated_as_in_the_twin_and_a_round_adds_five_in_a_hundred;
     "density/density_relocate.comp" by Density in the_dead_are_relocated_as_in_the_twin_and_a_round_adds_five_in_a_hundred;
     "density/density_gather.comp" by Density in the_dead_are_relocated_as_in_the_twin_and_a_round_adds_five_in_a_hundred;
