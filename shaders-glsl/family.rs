@@ -77,8 +77,8 @@ pub struct Family {
     pub axes: &'static [Axis],
     /// From a choice to the one whose kernel does the same, where it has none of its own.
     pub same: fn(&mut [usize]),
-    /// Its truth on the CPU.
-    pub twin: &'static str,
+    /// Its truth on the CPU, `module::name` of the engine's twins. Empty where it computes nothing.
+    pub twin: fn(&Spec) -> &'static str,
     /// What its time grows with.
     pub count: Count,
     /// The ideal-limit model on one core of a CPU driver: nanoseconds per unit.
@@ -97,8 +97,6 @@ pub struct Spec {
     pub file: &'static str,
     /// Preprocessor definitions that make this variant.
     pub defines: Vec<(&'static str, &'static str)>,
-    /// Its truth on the CPU.
-    pub twin: &'static str,
     /// What its time grows with.
     pub count: Count,
     /// Its family.
@@ -112,6 +110,11 @@ impl Spec {
     pub fn value(&self, name: &str) -> usize {
         let found = self.defines.iter().find(|(key, _)| *key == name);
         found.and_then(|(_, value)| value.trim_end_matches('u').parse().ok()).unwrap_or(0)
+    }
+
+    /// Its truth on the CPU, `module::name` of the engine's twins. Empty where it computes nothing.
+    pub fn twin(&self) -> &'static str {
+        (self.family.twin)(self)
     }
 
     /// Nanoseconds per unit that the ideal-limit model grants it.
@@ -215,7 +218,7 @@ pub const ROW: Family = Family {
     file: "",
     axes: &[],
     same: |_| {},
-    twin: "",
+    twin: |_| "",
     count: Count::Dispatches,
     limit_ns: |_| 1000.0,
     cost: Some(dispatch),
@@ -256,7 +259,6 @@ impl Family {
                 let values = self.axes.iter().zip(&choice).map(|(axis, value)| axis.values[*value].1);
                 values.filter(|define| *define != NONE).collect()
             },
-            twin: self.twin,
             count: self.count,
             family: self,
             choice,

@@ -37,30 +37,39 @@ const ACCUMULATION: Axis = Axis {
     ],
 };
 
+/// The truth of the backward projection: of gradients, of a step, of a step with rounded moments.
+fn stepping(spec: &Spec) -> &'static str {
+    match (spec.is("ADAM"), spec.is("MOMENTS_16")) {
+        (false, _) => "jvp::jvp",
+        (true, false) => "adam::Adam",
+        (true, true) => "adam::rounded_moment",
+    }
+}
+
 /// All families.
 #[rustfmt::skip]
 pub static FAMILIES: &[Family] = &[
     Family {
-        name: "bound", file: "cull/bound.comp", twin: "cull", axes: &[POPULATION], count: Count::Gaussians,
+        name: "bound", file: "cull/bound.comp", twin: |_| "tiles::tiles_truth", axes: &[POPULATION], count: Count::Gaussians,
         limit_ns: |_| 25.0,
         cost: Some(|s| vec![own(64.0 + 1.25 * s.motion(), 60.0)]),
         ..ROW
     },
     Family {
-        name: "cull", file: "cull/cull.comp", twin: "cull", axes: &[POPULATION], count: Count::Gaussians,
+        name: "cull", file: "cull/cull.comp", twin: |_| "tiles::tiles_truth", axes: &[POPULATION], count: Count::Gaussians,
         limit_ns: |_| 25.0,
         cost: Some(|s| vec![own(16.0 + 1.25 * s.motion() + 0.125, 40.0)]),
         ..ROW
     },
     Family {
-        name: "compact", file: "cull/compact.comp", twin: "scan", count: Count::Gaussians,
+        name: "compact", file: "cull/compact.comp", twin: |_| "scan::exclusive_scan", count: Count::Gaussians,
         limit_ns: |_| 5.0,
         cost: Some(|_| vec![own(0.125 + 4.0 / 128.0, 0.0), per(Count::Active, 4.0, 0.0)]),
         ..ROW
     },
-    Family { name: "prepare_active", file: "cull/prepare_active.comp", twin: "scan", ..ROW },
+    Family { name: "prepare_active", file: "cull/prepare_active.comp", twin: |_| "scan::exclusive_scan", ..ROW },
     Family {
-        name: "project", file: "project/project.comp", twin: "project", axes: &[EYES, POPULATION, DEGREE, HALF],
+        name: "project", file: "project/project.comp", twin: |_| "project::project", axes: &[EYES, POPULATION, DEGREE, HALF],
         same: |choice| {
             // Degree 0 has no bands to halve.
             if choice[2] == 0 {
@@ -84,36 +93,36 @@ pub static FAMILIES: &[Family] = &[
     },
     // A dispatch per band: their mean over the three.
     Family {
-        name: "sh_half", file: "project/sh_half.comp", twin: "project", count: Count::Gaussians,
+        name: "sh_half", file: "project/sh_half.comp", twin: |_| "sh::half_value", count: Count::Gaussians,
         limit_ns: |_| 60.0,
         cost: Some(|_| vec![own(208.0 / 3.0 * 1.5, 208.0 / 12.0)]),
         ..ROW
     },
-    Family { name: "scan_reduce", file: "scan/scan_reduce.comp", twin: "scan", ..ROW },
-    Family { name: "scan_spine", file: "scan/scan_spine.comp", twin: "scan", ..ROW },
-    Family { name: "scan_downsweep", file: "scan/scan_downsweep.comp", twin: "scan", ..ROW },
+    Family { name: "scan_reduce", file: "scan/scan_reduce.comp", twin: |_| "scan::exclusive_scan", ..ROW },
+    Family { name: "scan_spine", file: "scan/scan_spine.comp", twin: |_| "scan::exclusive_scan", ..ROW },
+    Family { name: "scan_downsweep", file: "scan/scan_downsweep.comp", twin: |_| "scan::exclusive_scan", ..ROW },
     Family {
-        name: "sort_count", file: "sort/sort_count.comp", twin: "sort", count: Count::Active,
+        name: "sort_count", file: "sort/sort_count.comp", twin: |_| "sort::radix_sort", count: Count::Active,
         limit_ns: |_| 12.0,
         cost: Some(|_| vec![own(4.5, 0.0)]),
         ..ROW
     },
     Family {
-        name: "sort_scatter", file: "sort/sort_scatter.comp", twin: "sort", count: Count::Active,
+        name: "sort_scatter", file: "sort/sort_scatter.comp", twin: |_| "sort::radix_sort", count: Count::Active,
         axes: &[switch("is_wide", &[("", ("SUBGROUPS", "16")), ("w32", ("SUBGROUPS", "2"))])],
         limit_ns: |_| 57.0,
         cost: Some(|_| vec![own(16.5, 0.0)]),
         ..ROW
     },
     Family {
-        name: "gather", file: "tiles/gather.comp", twin: "scan", count: Count::Active,
+        name: "gather", file: "tiles/gather.comp", twin: |_| "scan::exclusive_scan", count: Count::Active,
         limit_ns: |_| 5.0,
         cost: Some(|_| vec![own(12.0, 0.0)]),
         ..ROW
     },
-    Family { name: "prepare_intersections", file: "tiles/prepare_intersections.comp", twin: "scan", ..ROW },
+    Family { name: "prepare_intersections", file: "tiles/prepare_intersections.comp", twin: |_| "scan::exclusive_scan", ..ROW },
     Family {
-        name: "emit", file: "tiles/emit.comp", twin: "tiles", count: Count::Intersections,
+        name: "emit", file: "tiles/emit.comp", twin: |_| "tiles::tiles_truth", count: Count::Intersections,
         axes: &[switch("has_slots", &[("", NONE), ("slots", ("SLOTS", "1"))])],
         limit_ns: |s| s.either("SLOTS", 55.0, 50.0),
         cost: Some(|s| {
@@ -123,25 +132,25 @@ pub static FAMILIES: &[Family] = &[
         ..ROW
     },
     Family {
-        name: "tile_ranges", file: "tiles/tile_ranges.comp", twin: "tiles", count: Count::Intersections,
+        name: "tile_ranges", file: "tiles/tile_ranges.comp", twin: |_| "tiles::ranges", count: Count::Intersections,
         limit_ns: |_| 5.0,
         cost: Some(|_| vec![own(4.0, 0.0)]),
         ..ROW
     },
     Family {
-        name: "tile_buckets", file: "tiles/tile_buckets.comp", twin: "tiles", count: Count::Tiles,
+        name: "tile_buckets", file: "tiles/tile_buckets.comp", twin: |_| "tiles::ranges", count: Count::Tiles,
         limit_ns: |_| 20.0,
         cost: Some(|_| vec![own(8.0, 0.0)]),
         ..ROW
     },
     Family {
-        name: "tile_order", file: "tiles/tile_order.comp", twin: "tiles", count: Count::Tiles,
+        name: "tile_order", file: "tiles/tile_order.comp", twin: |_| "tiles::ranges", count: Count::Tiles,
         limit_ns: |_| 20.0,
         cost: Some(|_| vec![own(12.0, 0.0)]),
         ..ROW
     },
     Family {
-        name: "blend_fwd", file: "blend/blend_fwd.comp", twin: "blend", axes: &[switch("is_training", &[("", NONE), ("train", ("TRAIN", "1"))]), OUTPUTS, PIXELS], count: Count::Intersections,
+        name: "blend_fwd", file: "blend/blend_fwd.comp", twin: |_| "blend::render_f64", axes: &[switch("is_training", &[("", NONE), ("train", ("TRAIN", "1"))]), OUTPUTS, PIXELS], count: Count::Intersections,
         limit_ns: |_| 650.0,
         cost: Some(|s| {
             let pixels = 16.0 + s.either("FULL", 16.0, 0.0) + s.either("TRAIN", 8.0, 0.0);
@@ -151,7 +160,7 @@ pub static FAMILIES: &[Family] = &[
         ..ROW
     },
     Family {
-        name: "blend_bwd", file: "blend/blend_bwd.comp", twin: "jvp", axes: &[ACCUMULATION, OUTPUTS, PIXELS], count: Count::Intersections,
+        name: "blend_bwd", file: "blend/blend_bwd.comp", twin: |_| "jvp::jvp", axes: &[ACCUMULATION, OUTPUTS, PIXELS], count: Count::Intersections,
         limit_ns: |s| s.either("ACCUMULATE", 1000.0, 730.0),
         cost: Some(|s| {
             let listed = match s.value("ACCUMULATE") {
@@ -167,13 +176,13 @@ pub static FAMILIES: &[Family] = &[
         ..ROW
     },
     Family {
-        name: "fixed_sums", file: "blend/fixed_sums.comp", twin: "jvp", count: Count::Active,
+        name: "fixed_sums", file: "blend/fixed_sums.comp", twin: |_| "jvp::jvp", count: Count::Active,
         limit_ns: |_| 40.0,
         cost: Some(|_| vec![own(104.0 + 48.0, 24.0)]),
         ..ROW
     },
     Family {
-        name: "project_bwd", file: "project/project_bwd.comp", twin: "jvp", axes: &[switch("steps", &[("", NONE), ("adam", ("ADAM", "1"))]), POPULATION, DEGREE, MOMENTS],
+        name: "project_bwd", file: "project/project_bwd.comp", twin: stepping, axes: &[switch("steps", &[("", NONE), ("adam", ("ADAM", "1"))]), POPULATION, DEGREE, MOMENTS],
         same: |choice| {
             // Without the optimiser there are no moments.
             if choice[0] == 0 {
@@ -196,7 +205,7 @@ pub static FAMILIES: &[Family] = &[
         ..ROW
     },
     Family {
-        name: "fisher", file: "fisher/fisher.comp", twin: "fisher", axes: &[POPULATION, DEGREE], count: Count::Gaussians,
+        name: "fisher", file: "fisher/fisher.comp", twin: |_| "fisher::responses", axes: &[POPULATION, DEGREE], count: Count::Gaussians,
         limit_ns: |s| [60.0, 90.0, 130.0, 190.0][s.degree()] + s.either("DYNAMIC", 10.0, 0.0),
         cost: Some(|s| {
             // Position, opacity and times, their gradients and the colour's; the bands and theirs; sums there and back.
@@ -206,238 +215,238 @@ pub static FAMILIES: &[Family] = &[
         ..ROW
     },
     Family {
-        name: "camera_sum", file: "project/camera_sum.comp", twin: "jvp", count: Count::Active,
+        name: "camera_sum", file: "project/camera_sum.comp", twin: |_| "blend::render_f64", count: Count::Active,
         limit_ns: |_| 5.0,
         cost: Some(|_| vec![own(32.0, 8.0)]),
         ..ROW
     },
-    Family { name: "camera_total", file: "project/camera_total.comp", twin: "jvp", ..ROW },
+    Family { name: "camera_total", file: "project/camera_total.comp", twin: |_| "blend::render_f64", ..ROW },
     Family {
-        name: "background_sum", file: "blend/background_sum.comp", twin: "jvp", count: Count::Pixels,
+        name: "background_sum", file: "blend/background_sum.comp", twin: |_| "blend::render_f64", count: Count::Pixels,
         limit_ns: |_| 5.0,
         cost: Some(|_| vec![own(24.0, 6.0)]),
         ..ROW
     },
     // Eleven taps of four moments of three channels; of three partial derivatives of three channels on the way back.
     Family {
-        name: "ssim_rows", file: "loss/ssim_rows.comp", twin: "ssim", axes: &[STRIDE], count: Count::Pixels,
+        name: "ssim_rows", file: "loss/ssim_rows.comp", twin: |_| "ssim::photometric", axes: &[STRIDE], count: Count::Pixels,
         limit_ns: |s| s.either("STRIDE", 80.0, 128.0),
         cost: Some(|_| vec![own(20.0 + 48.0, 2.0 * 11.0 * 12.0)]),
         ..ROW
     },
     Family {
-        name: "ssim_columns", file: "loss/ssim_columns.comp", twin: "ssim", axes: &[STRIDE], count: Count::Pixels,
+        name: "ssim_columns", file: "loss/ssim_columns.comp", twin: |_| "ssim::photometric", axes: &[STRIDE], count: Count::Pixels,
         limit_ns: |s| s.either("STRIDE", 75.0, 243.0),
         cost: Some(|_| vec![own(48.0 + 20.0 + 48.0, 2.0 * 11.0 * 12.0 + 3.0 * 40.0)]),
         ..ROW
     },
     Family {
-        name: "ssim_bwd_rows", file: "loss/ssim_bwd_rows.comp", twin: "ssim", axes: &[STRIDE], count: Count::Pixels,
+        name: "ssim_bwd_rows", file: "loss/ssim_bwd_rows.comp", twin: |_| "ssim::photometric", axes: &[STRIDE], count: Count::Pixels,
         limit_ns: |s| s.either("STRIDE", 25.0, 90.0),
         cost: Some(|_| vec![own(48.0 + 48.0, 2.0 * 11.0 * 9.0)]),
         ..ROW
     },
     Family {
-        name: "ssim_bwd_columns", file: "loss/ssim_bwd_columns.comp", twin: "ssim", axes: &[STRIDE], count: Count::Pixels,
+        name: "ssim_bwd_columns", file: "loss/ssim_bwd_columns.comp", twin: |_| "ssim::photometric", axes: &[STRIDE], count: Count::Pixels,
         limit_ns: |s| s.either("STRIDE", 50.0, 90.0),
         cost: Some(|_| vec![own(48.0 + 20.0 + 16.0, 2.0 * 11.0 * 9.0 + 3.0 * 10.0)]),
         ..ROW
     },
     Family {
-        name: "l1", file: "loss/l1.comp", twin: "ssim", count: Count::Pixels,
+        name: "l1", file: "loss/l1.comp", twin: |_| "ssim::photometric", count: Count::Pixels,
         limit_ns: |_| 10.0,
         cost: Some(|_| vec![own(20.0 + 16.0, 12.0)]),
         ..ROW
     },
-    Family { name: "loss_sum", file: "loss/loss_sum.comp", twin: "ssim", ..ROW },
+    Family { name: "loss_sum", file: "loss/loss_sum.comp", twin: |_| "ssim::photometric", ..ROW },
     Family {
-        name: "prior_loss", file: "loss/prior_loss.comp", twin: "prior", count: Count::Pixels,
+        name: "prior_loss", file: "loss/prior_loss.comp", twin: |_| "prior::depth_loss", count: Count::Pixels,
         limit_ns: |_| 40.0,
         cost: Some(|_| vec![own(16.0 + 8.0 + 16.0, 20.0)]),
         ..ROW
     },
-    Family { name: "clock_apply", file: "clock/clock_apply.comp", twin: "clock", ..ROW },
-    Family { name: "clock_step", file: "clock/clock_step.comp", twin: "clock", ..ROW },
+    Family { name: "clock_apply", file: "clock/clock_apply.comp", twin: |_| "input::Camera", ..ROW },
+    Family { name: "clock_step", file: "clock/clock_step.comp", twin: |_| "clock::clock_step", ..ROW },
     // Recorded: pixels of the crop, multiply-adds of a convolution, vec4 of a map that is pooled or compared.
     Family {
-        name: "lpips_input", file: "lpips/lpips_input.comp", twin: "lpips", count: Count::Recorded,
+        name: "lpips_input", file: "lpips/lpips_input.comp", twin: |_| "lpips::lpips", count: Count::Recorded,
         limit_ns: |_| 30.0,
         cost: Some(|_| vec![own(20.0 + 32.0, 12.0)]),
         ..ROW
     },
     // Of a multiply-add; the maps are small beside them.
     Family {
-        name: "lpips_conv", file: "lpips/lpips_conv.comp", twin: "lpips", axes: &[DIRECTION], count: Count::Recorded,
+        name: "lpips_conv", file: "lpips/lpips_conv.comp", twin: |_| "lpips::lpips", axes: &[DIRECTION], count: Count::Recorded,
         limit_ns: |_| 0.53,
         cost: Some(|_| vec![own(0.0, 2.0)]),
         ..ROW
     },
     Family {
-        name: "lpips_pool", file: "lpips/lpips_pool.comp", twin: "lpips", count: Count::Recorded,
+        name: "lpips_pool", file: "lpips/lpips_pool.comp", twin: |_| "lpips::lpips", count: Count::Recorded,
         limit_ns: |_| 60.0,
         cost: Some(|_| vec![own(4.0 * 16.0 + 16.0 + 4.0, 0.0)]),
         ..ROW
     },
     Family {
-        name: "lpips_tap", file: "lpips/lpips_tap.comp", twin: "lpips", axes: &[DIRECTION], count: Count::Recorded,
+        name: "lpips_tap", file: "lpips/lpips_tap.comp", twin: |_| "lpips::lpips", axes: &[DIRECTION], count: Count::Recorded,
         limit_ns: |s| s.either("BACKWARD", 40.0, 20.0),
         cost: Some(|s| vec![own(s.either("BACKWARD", 48.0, 32.0), s.either("BACKWARD", 60.0, 28.0))]),
         ..ROW
     },
-    Family { name: "lpips_sum", file: "lpips/lpips_sum.comp", twin: "lpips", ..ROW },
+    Family { name: "lpips_sum", file: "lpips/lpips_sum.comp", twin: |_| "lpips::lpips", ..ROW },
     Family {
-        name: "lpips_pool_bwd", file: "lpips/lpips_pool_bwd.comp", twin: "lpips", count: Count::Recorded,
+        name: "lpips_pool_bwd", file: "lpips/lpips_pool_bwd.comp", twin: |_| "lpips::lpips", count: Count::Recorded,
         limit_ns: |_| 60.0,
         cost: Some(|_| vec![own(16.0 + 5.0 + 16.0, 4.0)]),
         ..ROW
     },
     Family {
-        name: "lpips_input_bwd", file: "lpips/lpips_input_bwd.comp", twin: "lpips", count: Count::Recorded,
+        name: "lpips_input_bwd", file: "lpips/lpips_input_bwd.comp", twin: |_| "lpips::lpips", count: Count::Recorded,
         limit_ns: |_| 30.0,
         cost: Some(|_| vec![own(12.0 + 16.0 + 16.0, 6.0)]),
         ..ROW
     },
     // Twelve numbers between eight cells, and the map.
     Family {
-        name: "bilateral_slice", file: "bilateral/bilateral_slice.comp", twin: "bilateral", axes: &[DIRECTION], count: Count::Pixels,
+        name: "bilateral_slice", file: "bilateral/bilateral_slice.comp", twin: |_| "bilateral::BilateralGrid", axes: &[DIRECTION], count: Count::Pixels,
         limit_ns: |s| s.either("BACKWARD", 17.0, 15.0),
         cost: Some(|s| vec![own(s.either("BACKWARD", 48.0, 32.0), s.either("BACKWARD", 420.0, 216.0))]),
         ..ROW
     },
     Family {
-        name: "bilateral_bwd", file: "bilateral/bilateral_bwd.comp", twin: "bilateral", count: Count::Pixels,
+        name: "bilateral_bwd", file: "bilateral/bilateral_bwd.comp", twin: |_| "bilateral::BilateralGrid", count: Count::Pixels,
         limit_ns: |_| 20.0,
         cost: Some(|_| vec![own(32.0, 216.0)]),
         ..ROW
     },
     // Per dispatch: the 24,576 numbers of a grid, with gradient, moments, variation; four parts around each.
     Family {
-        name: "bilateral_sum", file: "bilateral/bilateral_sum.comp", twin: "bilateral",
+        name: "bilateral_sum", file: "bilateral/bilateral_sum.comp", twin: |_| "bilateral::BilateralGrid",
         limit_ns: |_| 580_000.0,
         cost: Some(|_| vec![own(5.0 * 98_304.0, 4.0 * 24_576.0)]),
         ..ROW
     },
     Family {
-        name: "bilateral_adam", file: "bilateral/bilateral_adam.comp", twin: "bilateral",
+        name: "bilateral_adam", file: "bilateral/bilateral_adam.comp", twin: |_| "adam::Adam",
         limit_ns: |_| 400_000.0,
         cost: Some(|_| vec![own(7.0 * 98_304.0, 30.0 * 24_576.0)]),
         ..ROW
     },
     // Recorded: cameras.
     Family {
-        name: "bilateral_gauge", file: "bilateral/bilateral_gauge.comp", twin: "bilateral", count: Count::Recorded,
+        name: "bilateral_gauge", file: "bilateral/bilateral_gauge.comp", twin: |_| "bilateral::centred", count: Count::Recorded,
         limit_ns: |_| 10_000.0,
         cost: Some(|_| vec![own(2.0 * 98_304.0, 2.0 * 24_576.0)]),
         ..ROW
     },
     // Times the vec4 of the buffer: parameter and both moments, read and written.
     Family {
-        name: "adam_idle", file: "adam/adam_idle.comp", twin: "adam", axes: &[MOMENTS], count: Count::Idle,
+        name: "adam_idle", file: "adam/adam_idle.comp", twin: |s| if s.is("MOMENTS_16") { "adam::rounded_moment" } else { "adam::Adam" }, axes: &[MOMENTS], count: Count::Idle,
         limit_ns: |_| 33.0,
         cost: Some(|s| vec![own(s.either("MOMENTS_16", 64.0, 96.0), 48.0)]),
         ..ROW
     },
     Family {
-        name: "adam_catch_up", file: "adam/adam_catch_up.comp", twin: "adam", axes: &[MOMENTS], count: Count::Active,
+        name: "adam_catch_up", file: "adam/adam_catch_up.comp", twin: |s| if s.is("MOMENTS_16") { "adam::rounded_moment" } else { "adam::Adam" }, axes: &[MOMENTS], count: Count::Active,
         limit_ns: |_| 33.0,
         cost: Some(|s| vec![own(s.either("MOMENTS_16", 64.0, 96.0), 48.0)]),
         ..ROW
     },
     Family {
-        name: "density_classify", file: "density/density_classify.comp", twin: "density", axes: &[POPULATION], count: Count::Gaussians,
+        name: "density_classify", file: "density/density_classify.comp", twin: |_| "density::Density", axes: &[POPULATION], count: Count::Gaussians,
         limit_ns: |s| s.either("DYNAMIC", 50.0, 40.0),
         cost: None,
         ..ROW
     },
     Family {
-        name: "density_choose", file: "density/density_choose.comp", twin: "density", count: Count::Gaussians,
+        name: "density_choose", file: "density/density_choose.comp", twin: |_| "density::Density", count: Count::Gaussians,
         limit_ns: |_| 10.0,
         cost: None,
         ..ROW
     },
     Family {
-        name: "density_list", file: "density/density_list.comp", twin: "density", count: Count::Gaussians,
+        name: "density_list", file: "density/density_list.comp", twin: |_| "density::Density", count: Count::Gaussians,
         limit_ns: |_| 15.0,
         cost: None,
         ..ROW
     },
     Family {
-        name: "density_sample", file: "density/density_sample.comp", twin: "density", count: Count::Gaussians,
+        name: "density_sample", file: "density/density_sample.comp", twin: |_| "density::Density", count: Count::Gaussians,
         limit_ns: |_| 120.0,
         cost: None,
         ..ROW
     },
     Family {
-        name: "density_relocate", file: "density/density_relocate.comp", twin: "density", count: Count::Gaussians,
+        name: "density_relocate", file: "density/density_relocate.comp", twin: |_| "density::Density", count: Count::Gaussians,
         limit_ns: |_| 20.0,
         cost: None,
         ..ROW
     },
     Family {
-        name: "density_gather", file: "density/density_gather.comp", twin: "density", count: Count::Gaussians,
+        name: "density_gather", file: "density/density_gather.comp", twin: |_| "density::Density", count: Count::Gaussians,
         limit_ns: |_| 60.0,
         cost: None,
         ..ROW
     },
     Family {
-        name: "density_children", file: "density/density_children.comp", twin: "density", count: Count::Gaussians,
+        name: "density_children", file: "density/density_children.comp", twin: |_| "density::Density", count: Count::Gaussians,
         limit_ns: |_| 120.0,
         cost: None,
         ..ROW
     },
     Family {
-        name: "mcmc_noise", file: "density/mcmc_noise.comp", twin: "density", count: Count::Gaussians,
+        name: "mcmc_noise", file: "density/mcmc_noise.comp", twin: |_| "density::normals", count: Count::Gaussians,
         limit_ns: |_| 80.0,
         cost: Some(|_| vec![own(48.0 + 12.0, 120.0)]),
         ..ROW
     },
     // Its overlay is a few rows.
     Family {
-        name: "show", file: "screen/show.comp", twin: "show", count: Count::Pixels,
+        name: "show", file: "screen/show.comp", twin: |_| "show::shown", count: Count::Pixels,
         limit_ns: |_| 12.0,
         cost: Some(|_| vec![own(32.0 + 4.0, 12.0)]),
         ..ROW
     },
     // They measure what the limits of the others are made of, so they have none.
     Family {
-        name: "probe_copy", file: "probe/probe_copy.comp", twin: "probe", count: Count::Recorded,
+        name: "probe_copy", file: "probe/probe_copy.comp", twin: |_| "", count: Count::Recorded,
         limit_ns: |_| 0.0,
         cost: None,
         ..ROW
     },
     Family {
-        name: "probe_fma", file: "probe/probe_fma.comp", twin: "probe", count: Count::Recorded,
+        name: "probe_fma", file: "probe/probe_fma.comp", twin: |_| "probe::fma_sum", count: Count::Recorded,
         limit_ns: |_| 0.0,
         cost: None,
         ..ROW
     },
     Family {
-        name: "probe_exp2", file: "probe/probe_exp2.comp", twin: "probe", count: Count::Recorded,
+        name: "probe_exp2", file: "probe/probe_exp2.comp", twin: |_| "probe::exp2_solution", count: Count::Recorded,
         limit_ns: |_| 0.0,
         cost: None,
         ..ROW
     },
     Family {
-        name: "probe_shuffle", file: "probe/probe_shuffle.comp", twin: "probe", count: Count::Recorded,
+        name: "probe_shuffle", file: "probe/probe_shuffle.comp", twin: |_| "probe::turned_lane", count: Count::Recorded,
         limit_ns: |_| 0.0,
         cost: None,
         ..ROW
     },
     Family {
-        name: "probe_gather", file: "probe/probe_gather.comp", twin: "probe", count: Count::Recorded,
+        name: "probe_gather", file: "probe/probe_gather.comp", twin: |_| "probe::scattered_rows", count: Count::Recorded,
         limit_ns: |_| 0.0,
         cost: None,
         ..ROW
     },
     Family {
-        name: "probe_atomic", file: "probe/probe_atomic.comp", twin: "probe", count: Count::Recorded,
+        name: "probe_atomic", file: "probe/probe_atomic.comp", twin: |_| "probe::scattered_rows", count: Count::Recorded,
         axes: &[switch("is_float", &[("", NONE), ("float", ("FLOAT", "1"))])],
         limit_ns: |_| 0.0,
         cost: None,
         ..ROW
     },
     Family {
-        name: "probe_dispatch", file: "probe/probe_dispatch.comp", twin: "probe",
+        name: "probe_dispatch", file: "probe/probe_dispatch.comp", twin: |_| "",
         limit_ns: |_| 0.0,
         cost: None,
         ..ROW

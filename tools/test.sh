@@ -62,6 +62,14 @@ skip() {
 # tests VARIABLE=VALUE...
 tests() { env "$@" cargo test --locked "${arguments[@]}"; }
 
+# The tests marked #[ignore = "slow: ..."], and no others.
+long_tests() {
+    case " ${arguments[*]} " in
+        *" -- "*) cargo test --locked "${arguments[@]}" --ignored ;;
+        *) cargo test --locked "${arguments[@]}" -- --ignored ;;
+    esac
+}
+
 # Out of Debian's chromium-common, unpacked below the cache folder and not installed: Google's software driver, and a
 # validation layer years newer than Debian's, which sees hazards between dispatches. Prints the folder or, on failure, the
 # reason.
@@ -95,9 +103,31 @@ EOT
     [ -f "$folder/VkLayer_khronos_validation.json" ] && echo "$folder"
 }
 
+# Tests note there what did not run and what is out of date: tests/common/notes.rs.
+notes=$CARGO_TARGET_DIR/tmp/test-notes.tsv
+
+# told KIND WHAT: the notes of a kind, each reason once, with how often it was noted and by how many tests.
+told() {
+    local what=$2
+    awk -F '\t' -v kind="$1" -v what="$what" '
+        $1 == kind {
+            n[$3]++
+            total++
+            if (!(($3, $2) in seen)) { seen[$3, $2] = 1; tests[$3]++; if (tests[$3] <= 3) names[$3] = names[$3] ", " $2 }
+        }
+        END {
+            printf "\n=== %d %s\n", total, what
+            for (reason in n) {
+                more = tests[reason] > 3 ? sprintf(" and %d more", tests[reason] - 3) : ""
+                printf "%5d x %s (%s%s)\n", n[reason], reason, substr(names[reason], 3), more | "sort -rn"
+            }
+        }' "$notes"
+}
+
 tools/setup.sh test
 own_the_target_folder
 cargo test --locked --no-run
+mkdir -p "${notes%/*}" && : >"$notes"
 if [ $slow = no ]; then
     lane "default device" tests
 else
@@ -107,7 +137,7 @@ else
     lane "lavapipe, one thread" tests IVV_TEST_DEVICE=llvmpipe LP_NUM_THREADS=1
     lane "no push descriptors" tests IVV_TEST_NO_PUSH_DESCRIPTORS=1
     lane "synchronisation validation" tests IVV_TEST_SYNC_VALIDATION=1
-    lane "long tests" tests IVV_TEST_SLOW=1
+    lane "long tests" long_tests
     if folder=$(chromium); then
         lane "synchronisation between dispatches" tests VK_LAYER_PATH="$folder" IVV_TEST_SYNC_VALIDATION=1 \
             VK_KHRONOS_VALIDATION_VALIDATE_SYNC=1 VK_KHRONOS_VALIDATION_SYNCVAL_SHADER_ACCESSES_HEURISTIC=true
@@ -120,6 +150,8 @@ else
     fi
     lane "mutations" tools/mutants.sh
 fi
+told skipped "skips: tests, or cases of them, that did not run in a lane that passed"
+told stale "notes of shipped measurements that are out of date"
 printf '\nlanes: %d passed, %d failed' $passed $failed
 [ $skipped -eq 0 ] || printf ', %d skipped' $skipped
 printf '\n'

@@ -6,21 +6,11 @@ use super::row::{Bench, Tally};
 use crate::gpu::generated::sh_half;
 use crate::gpu::{Grid, Recording};
 use crate::stage::{StepSettings, adam_params, moment_word, moments_of};
+use crate::twin::half_value as value;
 use anyhow::{Result, ensure};
 use std::num::FpCategory;
 
 const GUARD: [u32; 2] = [0xdead_beef, 0x1234_5678];
-
-/// The value of a half.
-fn value(bits: u32) -> f64 {
-    let (exponent, fraction) = ((bits >> 10 & 31) as i32, f64::from(bits & 1023) / 1024.0);
-    let size = match exponent {
-        0 => fraction * 2f64.powi(-14),
-        31 => f64::INFINITY,
-        _ => (1.0 + fraction) * 2f64.powi(exponent - 15),
-    };
-    if bits & 0x8000 != 0 { -size } else { size }
-}
 
 /// The halves of `values` by the device, as bits.
 fn halves(bench: &Bench, values: &[[f32; 4]]) -> Result<Vec<[u32; 4]>> {

@@ -16,17 +16,29 @@ pub use dispatch::{Bound, Dispatch, kernel as kernel_named};
 pub use kernel::{Buf, Kernel, KernelInfo, Slice};
 pub use record::{Grid, Pass, Recording, Work};
 pub use run::{Gpu, Options, PassTime, Running};
+use std::collections::BTreeMap;
 #[cfg(feature = "play")]
 pub use window::Window;
 
-/// A hash of all kernels as they are committed, 16 digits: what a measurement was made with. Those that only fill a window are
-/// in none.
+/// Hashes of the kernels' SPIR-V as it is committed, by kernel: what a measurement was made with. Kernels that only fill a
+/// window or probe the device are left out, and an edit of a source that leaves the SPIR-V as it was changes none.
+pub fn spirv_hashes() -> BTreeMap<String, String> {
+    let is_measured = |name: &str| {
+        let of = |row: &&table::Spec| row.name == name;
+        let row = table::KERNELS.iter().find(of);
+        row.is_some_and(|row| !["screen/", "probe/"].iter().any(|folder| row.file.starts_with(folder)))
+    };
+    // A kernel, the hash of its sources, the hash of its SPIR-V.
+    let cells = |line: &'static str| line.split_once(' ').zip(line.rsplit_once(' '));
+    let lines = include_str!("../../shaders-glsl/spv/MANIFEST").lines().filter_map(cells);
+    let hashes = lines.map(|((name, _), (_, spirv))| (name.to_owned(), spirv.to_owned()));
+    hashes.filter(|(name, _)| is_measured(name)).collect()
+}
+
+/// A hash of [`spirv_hashes`], 16 digits.
 pub fn shaders_hash() -> String {
     use sha2::{Digest, Sha256};
-    let is_shown = |line: &&str| {
-        table::KERNELS.iter().any(|row| row.file.starts_with("screen/") && line.starts_with(&format!("{} ", row.name)))
-    };
-    let lines = include_str!("../../shaders-glsl/spv/MANIFEST").split_inclusive('\n').filter(|line| !is_shown(line));
-    let digest = lines.fold(Sha256::new(), |hash, line| hash.chain_update(line)).finalize();
+    let add = |hash: Sha256, (name, spirv): (String, String)| hash.chain_update(format!("{name} {spirv}\n"));
+    let digest = spirv_hashes().into_iter().fold(Sha256::new(), add).finalize();
     digest.iter().take(8).map(|byte| format!("{byte:02x}")).collect()
 }

@@ -6,7 +6,7 @@ use crate::report::escape;
 use crate::train::Preset;
 use crate::words::count;
 use serde_json::Value;
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 
 /// Mean PSNR, dB, within which two settings are taken for equivalent.
@@ -267,6 +267,8 @@ pub struct Circumstances {
     pub date: String,
     /// [`crate::gpu::shaders_hash`].
     pub shaders: String,
+    /// [`crate::gpu::spirv_hashes`].
+    pub kernels: BTreeMap<String, String>,
     /// What was trained on.
     pub capture: String,
     /// Steps of each run.
@@ -375,9 +377,10 @@ impl Trade {
 
     /// The tables in Markdown.
     pub fn markdown(&self) -> String {
-        let Circumstances { device, driver, date, shaders, capture, steps, seeds } = &self.at;
+        let Circumstances { device, driver, date, shaders, kernels: _, capture, steps, seeds } = &self.at;
         let mut text = format!(
-            "# What settings buy\n\n{device}, {driver}, {date}; shaders {shaders}. `{capture}`, {steps} steps, {}.\n\n\
+            "# What settings buy\n\n{device}, {driver}, {date}; shaders {shaders}. `{capture}`, {steps} steps, {}. The hash \
+             is of the shaders' SPIR-V: where it is no longer that of the kernels, these are numbers of older ones.\n\n\
              Blocks of steps of all settings were run in turn in one process. *Speed*: how many times as fast a step is as with \
              `exact`, over whole runs, median (lowest to highest seed); *of reference*: the same as with `reference`. *To quality*: how many times as soon a run reaches the \
              final PSNR of `exact` minus {QUALITY_GAP_DB} dB; in brackets with how many seeds. Differences are to `exact`, \
@@ -569,6 +572,7 @@ mod tests {
                 driver: "a driver 1.2".into(),
                 date: "2026-11-21".into(),
                 shaders: "0123".into(),
+                kernels: BTreeMap::new(),
                 capture: "small".into(),
                 steps: 20,
                 seeds: vec![1, 2, 3],

@@ -17,6 +17,14 @@ pub struct BilateralGrid<R> {
     pub cells: Vec<Map<R>>,
 }
 
+/// The numbers of all cameras' grids without their mean deviation from the identity: a tint of all cameras is one of the scene.
+pub fn centred(grids: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    // Of a map's 12 numbers, row by row.
+    let identity = |i: usize| f64::from(u8::from([0, 5, 10].contains(&(i % 12))));
+    let mean = |i: usize| grids.iter().map(|grid| grid[i] - identity(i)).sum::<f64>() / grids.len() as f64;
+    grids.iter().map(|grid| grid.iter().enumerate().map(|(i, x)| x - mean(i)).collect()).collect()
+}
+
 impl<R: Real> BilateralGrid<R> {
     /// From 12 numbers for each cell.
     pub fn new(numbers: &[R]) -> Self {

@@ -27,7 +27,7 @@ mod ssim;
 mod tiles;
 
 pub use adam::{Adam, rounded_moment};
-pub use bilateral::BilateralGrid;
+pub use bilateral::{BilateralGrid, centred};
 pub use blend::{Outputs, render, render_f64};
 pub use clock::{Clock, ClockRule, clock_step};
 pub use cull::visible;
@@ -42,7 +42,7 @@ pub use probe::{exp2_solution, fma_sum, scattered_rows, turned_lane};
 pub use project::{Footprint, Projected, footprint, power, project};
 pub use real::Real;
 pub use scan::{Scan, exclusive_scan};
-pub use sh::{basis, color};
+pub use sh::{basis, color, half_value};
 pub use show::{laid_over, shown};
 pub use sort::{DIGITS, block_histograms, float_key, radix_sort};
 pub use ssim::{Photometry, photometric, ssim_map};

@@ -12,7 +12,7 @@ mod settings;
 pub mod transforms;
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
 use ivv::scene::capture::{Capture, CaptureSettings, Report, check_capture};
@@ -81,14 +81,4 @@ pub fn assert_told(report: &Report, says: &[&str]) {
     for say in says {
         assert!(told.contains(say), "no fault says {say:?}:\n{told}");
     }
-}
-
-/// A path below the data shared between sessions, or `None` with a notice when it is absent.
-pub fn shared(path: &str) -> Option<PathBuf> {
-    let full = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared")).join(path);
-    if !full.exists() {
-        eprintln!("skipped: ../shared/{path} is absent");
-        return None;
-    }
-    Some(full)
 }

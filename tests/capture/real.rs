@@ -2,7 +2,8 @@
 
 use ivv::scene::capture::{Capture, CaptureSettings, FrameCache, PriorPlan, check_capture};
 
-use super::{Folder, assert_told, dynamic, shared};
+use super::{Folder, assert_told, dynamic};
+use crate::common::notes::shared;
 
 #[test]
 fn the_fox_has_its_published_test_views() {

@@ -76,20 +76,11 @@ pub fn options() -> Options {
     }
 }
 
-/// Calls `run` with the bench of rows on this device.
-pub fn bench<T>(run: impl FnOnce(&Bench) -> T) -> T {
-    run(&Bench { lend: &|| Box::new(gpu()), slow: is_set("IVV_TEST_SLOW") })
+/// Calls `run` with the bench of rows on this device, which runs the cases that take minutes where they are asked for.
+pub fn bench<T>(slow: bool, run: impl FnOnce(&Bench) -> T) -> T {
+    run(&Bench { lend: &|| Box::new(gpu()), slow })
 }
 
 fn is_set(variable: &str) -> bool {
     std::env::var_os(variable).is_some_and(|value| value != "0")
-}
-
-/// Whether the slow lane runs (`IVV_TEST_SLOW`); says so where it does not.
-pub fn is_slow_lane() -> bool {
-    let is_slow = is_set("IVV_TEST_SLOW");
-    if !is_slow {
-        eprintln!("skipped: IVV_TEST_SLOW is not set");
-    }
-    is_slow
 }

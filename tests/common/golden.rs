@@ -1,4 +1,5 @@
-//! Reads the golden cases beside the repository (`../shared/golden`): an independent float64 implementation of SPEC.
+//! Reads the golden cases: scenes with their pictures and gradients by other implementations of the formulas in double
+//! precision. One is shipped (`assets/golden`, made by `tools/golden.py`); the others lie beside the repository.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -7,8 +8,8 @@ pub use ivv::extremes::adjoint::group;
 use ivv::scene::{Motion, Splats, View};
 use ivv::twin::Params;
 
-/// The golden cases.
-pub const CASES: [&str; 4] = ["static-small", "dynamic-small", "dynamic-offcentre", "occluders"];
+/// The golden cases; the first is shipped.
+pub const CASES: [&str; 5] = ["room", "static-small", "dynamic-small", "dynamic-offcentre", "occluders"];
 
 /// Tensors by name, flat and row-major, in double precision.
 pub type Tensors = BTreeMap<String, Vec<f64>>;
@@ -23,13 +24,19 @@ pub struct Golden {
     pub gradients: Tensors,
 }
 
-/// Reads a case; prints a notice and gives `None` when the folder is absent.
-pub fn load(case: &str) -> Option<Golden> {
-    let folder = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/golden")).join(case);
-    if !folder.exists() {
-        eprintln!("skipped: ../shared/golden/{case} is absent");
-        return None;
+/// The folder of a case. None, and a skip is noted, where it is one of those beside the repository and absent.
+#[track_caller]
+pub fn folder(case: &str) -> Option<PathBuf> {
+    if case == CASES[0] {
+        return Some(Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/golden").join(case));
     }
+    super::notes::shared(&format!("golden/{case}"))
+}
+
+/// Reads a case. None, and a skip is noted, where its folder is absent.
+#[track_caller]
+pub fn load(case: &str) -> Option<Golden> {
+    let folder = folder(case)?;
     let (view, background) = read_view(&folder.join("camera.json"));
     let splats = read_splats(&folder.join("scene.ply"));
     // The view's colour is f32; the golden program read the decimals of the file.
@@ -68,7 +75,8 @@ fn read_tensors(file: &Path) -> Tensors {
     tensors.iter().map(|(name, tensor)| (name.to_owned(), values(&tensor))).collect()
 }
 
-/// A 3DGS PLY whose properties are all little-endian floats. Every Gaussian is dynamic when the file has velocities.
+/// A 3DGS PLY whose properties are all little-endian floats. Where the file has velocities, those Gaussians are static that
+/// come before the first with a finite `t_scale`.
 fn read_splats(file: &Path) -> Splats {
     let bytes = std::fs::read(file).unwrap();
     let end = b"end_header\n";
@@ -84,9 +92,9 @@ fn read_splats(file: &Path) -> Splats {
         floats[row * names.len() + column]
     };
     let n_rest = names.iter().filter(|x| x.starts_with("f_rest_")).count() / 3;
-    let dynamic = names.contains(&"velocity_0");
+    let has_motion = names.contains(&"velocity_0");
     let mut splats = Splats {
-        n_static: if dynamic { 0 } else { n },
+        n_static: (0..n).find(|row| has_motion && at(*row, "t_scale").is_finite()).unwrap_or(n),
         sh_degree: (n_rest + 1).isqrt() as u32 - 1,
         ..Splats::default()
     };
@@ -100,7 +108,7 @@ fn read_splats(file: &Path) -> Splats {
         for k in 0..n_rest {
             splats.sh.push(std::array::from_fn(|channel| group("f_rest", channel * n_rest + k)));
         }
-        if dynamic {
+        if i >= splats.n_static {
             splats.motion.push(Motion {
                 velocity: std::array::from_fn(|k| group("velocity", k)),
                 t_center: at(i, "t_center"),

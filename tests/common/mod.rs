@@ -3,7 +3,9 @@
 pub mod device;
 pub mod frames;
 pub mod golden;
+pub mod notes;
 pub mod stages;
+pub mod twins;
 
 use flate2::{Compression, write::DeflateEncoder};
 use rawzip::{CompressionMethod, ZipArchiveWriter};
@@ -30,7 +32,8 @@ pub fn quick_folder() -> std::path::PathBuf {
     if memory.is_dir() { memory } else { std::env::temp_dir() }
 }
 
-/// A Python that has `module`: `python3`, or that of `tools/setup.sh player`. None with a notice where neither has it.
+/// A Python that has `module`: `python3`, or that of `tools/setup.sh player`. Where neither has it, a skip is noted.
+#[track_caller]
 pub fn python_with(module: &str) -> Option<std::path::PathBuf> {
     let home = || std::env::var_os("HOME").map(|home| std::path::PathBuf::from(home).join(".cache"));
     let cache = std::env::var_os("XDG_CACHE_HOME").map(std::path::PathBuf::from).or_else(home);
@@ -40,7 +43,7 @@ pub fn python_with(module: &str) -> Option<std::path::PathBuf> {
         output.is_ok_and(|output| output.status.success())
     });
     if found.is_none() {
-        eprintln!("skipped: no python3 has the package {module}; tools/setup.sh player installs it");
+        notes::skip(format!("no python3 has the package {module}; tools/setup.sh player installs it"));
     }
     found
 }

@@ -7,7 +7,6 @@ mod built;
 mod runs;
 mod sweep;
 
-pub use crate::common::device::is_slow_lane;
 use runs::{Bed, Ended, Verb};
 use std::collections::BTreeMap;
 
@@ -47,10 +46,8 @@ fn training_survives_faults_of_the_device_and_goes_on() {
 }
 
 #[test]
+#[ignore = "slow: hundreds of runs of ivv"]
 fn all_verbs_survive_faults_at_many_calls() {
-    if !is_slow_lane() {
-        return;
-    }
     let bed = Bed::new("wide", &["offsets=true"]);
     for (verb, name) in [(Verb::Render, "render"), (Verb::Train, "train"), (Verb::Eval, "eval")] {
         sweep::sweep(&bed, verb, sweep::many, 1).print(name);

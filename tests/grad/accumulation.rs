@@ -1,26 +1,36 @@
 //! The four ways of adding gradients up.
 
-use super::check::{bits, cotangents, dot, flat};
+use super::check::{bits, cotangents, dot, flat, smooth_cotangents};
 use crate::common::device::gpu;
 use crate::common::random::{scene, view};
+use crate::common::twins::tested;
 use ivv::Constants;
-use ivv::scene::Splats;
+use ivv::extremes::adjoint::group_error;
+use ivv::scene::{Frame, Splats};
 use ivv::stage::{Accumulation, Gradients, Renderer};
 
+tested! {
+    "blend/fixed_sums.comp" by jvp in all_ways_agree_with_each_other_and_with_dual_numbers;
+}
+
 fn gradients(splats: &Splats, mode: Accumulation) -> Option<Gradients> {
+    gradients_of(splats, mode, &cotangents(3, &view(), |_| false))
+}
+
+fn gradients_of(splats: &Splats, mode: Accumulation, cotangents: &Frame) -> Option<Gradients> {
     let (gpu, view) = (gpu(), view());
     let mut renderer = Renderer::new(gpu.clone(), splats, Constants::default()).unwrap();
     if let Err(reason) = renderer.accumulate(mode) {
-        eprintln!("skipped: {reason}");
+        crate::common::notes::skip(reason);
         return None;
     }
-    let (found, report) = renderer.vjp(&view, &cotangents(3, &view, |_| false)).unwrap();
+    let (found, report) = renderer.vjp(&view, cotangents).unwrap();
     assert!(report.intersections > 0);
     Some(found)
 }
 
 #[test]
-fn all_ways_agree() {
+fn all_ways_agree_with_each_other_and_with_dual_numbers() {
     let splats = scene(8, 300, 1);
     let slots = gradients(&splats, Accumulation::Slots).unwrap();
     for mode in Accumulation::ALL {
@@ -32,6 +42,15 @@ fn all_ways_agree() {
             let norm = dot(&b, &b).sqrt();
             let error = dot(&difference, &difference).sqrt() / norm;
             assert!(norm > 0.0 && error <= 2e-6, "{mode:?}: {name} differs by {error:e}");
+        }
+    }
+    let (splats, view) = (scene(31, 60, 1), view());
+    let smooth = smooth_cotangents(4, &splats, &view);
+    for mode in Accumulation::ALL {
+        let Some(found) = gradients_of(&splats, mode, &smooth) else { continue };
+        for name in ["position", "rotation", "scale", "opacity", "sh", "velocity", "t_center", "t_scale"] {
+            let error = group_error(&found, name, &splats, &view, &smooth).expect("a gradient");
+            assert!(error <= 1e-5, "{mode:?}: {name} is off by {error:e}");
         }
     }
 }

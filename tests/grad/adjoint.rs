@@ -4,10 +4,16 @@ use super::check::{bits, check_adjoint, is_finite, smooth_cotangents, vjp};
 use crate::common::device::gpu;
 use crate::common::one::{One, camera, round, scene_of};
 use crate::common::random::{Random, scene, view};
+use crate::common::twins::tested;
 use ivv::Constants;
 use ivv::scene::{Motion, Splats, View};
 use ivv::stage::Renderer;
 use ivv::twin::Camera;
+
+tested! {
+    "blend/blend_bwd.comp" by jvp in the_backward_pass_is_the_adjoint_in_every_group_of_every_population_and_degree;
+    "project/project_bwd.comp" by jvp in the_backward_pass_is_the_adjoint_in_every_group_of_every_population_and_degree;
+}
 
 /// The numbers of Gaussians by population.
 fn population(splats: &Splats, is_static: bool) -> Splats {

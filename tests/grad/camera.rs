@@ -2,9 +2,16 @@
 
 use super::check::{smooth_cotangents, vjp};
 use crate::common::random::{scene, view};
+use crate::common::twins::tested;
 use ivv::Constants;
 use ivv::scene::{Frame, Splats, View};
 use ivv::twin::render_f64;
+
+tested! {
+    "project/camera_sum.comp" by render_f64 in pose_and_background_gradients_are_the_differences_of_the_truth;
+    "project/camera_total.comp" by render_f64 in pose_and_background_gradients_are_the_differences_of_the_truth;
+    "blend/background_sum.comp" by render_f64 in pose_and_background_gradients_are_the_differences_of_the_truth;
+}
 
 /// `view` turned by `turn` (radians about its own axes) and shifted by `shift` along them.
 fn moved(view: &View, turn: [f64; 3], shift: [f64; 3]) -> View {

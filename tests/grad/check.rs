@@ -31,6 +31,6 @@ pub fn check_adjoint(
     allowed: f64,
     least: usize,
 ) -> Result<(), String> {
-    let checked = bench(|bench| adjoint::check_adjoint(bench, splats, view, cotangents, allowed, least));
+    let checked = bench(false, |bench| adjoint::check_adjoint(bench, splats, view, cotangents, allowed, least));
     checked.map(drop).map_err(|fault| fault.to_string())
 }

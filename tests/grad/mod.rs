@@ -6,3 +6,8 @@ mod camera;
 mod check;
 mod flow;
 mod golden;
+
+use crate::common::twins::Tested;
+
+/// Every gradient test that has a twin.
+pub const TESTED: &[&[Tested]] = &[accumulation::TESTED, adjoint::TESTED, camera::TESTED];

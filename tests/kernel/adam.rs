@@ -2,11 +2,18 @@
 
 use crate::common::device::gpu;
 use crate::common::random::{scene, view};
+use crate::common::twins::tested;
 use ivv::Constants;
 use ivv::extremes::rigs::adam::{Scene, Step, cotangents, gradients, half_seen, numbers, rates};
 use ivv::gpu::Recording;
 use ivv::gpu::generated::Status;
 use ivv::stage::{AdamMode, Rates, StepSettings, Strip, adam_params, lazy_sums, view_params};
+
+tested! {
+    "adam/adam_idle.comp" by Adam in a_step_of_every_parameter_seen_or_not_is_the_twins;
+    "adam/adam_catch_up.comp" by Adam in lazy_steps_catch_up_with_the_twins_to_2e_5_of_the_way;
+    "project/project_bwd.comp" by Adam in a_step_of_every_parameter_seen_or_not_is_the_twins;
+}
 
 /// Error of a step, in units of the rate or of the step, where that is longer.
 const ALLOWED: f64 = 1e-6;

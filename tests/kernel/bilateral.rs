@@ -3,9 +3,18 @@
 
 use crate::common::device::gpu;
 use crate::common::random::Random;
+use crate::common::twins::tested;
 use ivv::extremes::rigs::grids::{Case, Found, random_grid, step};
 use ivv::stage::{GRID_NUMBERS, GRID_SIZE, GridState, GridStep, Grids};
-use ivv::twin::{Adam, BilateralGrid, Dual};
+use ivv::twin::{Adam, BilateralGrid, Dual, centred};
+
+tested! {
+    "bilateral/bilateral_slice.comp" by BilateralGrid in slices_are_the_twins_to_1e_6_at_any_size;
+    "bilateral/bilateral_bwd.comp" by BilateralGrid in the_backward_pass_is_the_adjoint_of_the_derivative;
+    "bilateral/bilateral_sum.comp" by BilateralGrid in the_backward_pass_is_the_adjoint_of_the_derivative;
+    "bilateral/bilateral_adam.comp" by Adam in a_step_is_the_twins_and_a_gradient_that_is_not_finite_moves_nothing;
+    "bilateral/bilateral_gauge.comp" by centred in the_gauge_takes_off_what_the_twin_does;
+}
 
 /// Edges: a pixel, lines, fewer pixels than cells, several parts of a panel, wider and higher.
 const SIZES: [[u32; 2]; 9] = [[1, 1], [1, 33], [33, 1], [5, 4], [15, 15], [16, 16], [97, 20], [20, 151], [61, 47]];
@@ -211,6 +220,28 @@ fn total_variation_and_its_gradient_are_the_twins() {
         // The first step's mean is a tenth of the gradient.
         let found = f64::from(found.first[12 * cell + entry]) / f64::from(1.0 - 0.9f32);
         assert!(truth != 0.0 && (found - truth).abs() <= 1e-6 * truth.abs() + 1e-9, "cell {cell}: {found} for {truth}");
+    }
+}
+
+#[test]
+fn the_gauge_takes_off_what_the_twin_does() {
+    let gpu = gpu();
+    let mut random = Random::new(18);
+    for n_cameras in [2, 3, 7] {
+        let states: Vec<GridState> = (0..n_cameras).map(|_| random_grid(&mut random, 0.5)).collect();
+        let grids = Grids::upload(&gpu, &states).unwrap();
+        // A rate of 0, so that the gauge alone moves numbers.
+        let numbers = GridStep { step: n_cameras, is_free: true, camera_step: 1, rate: 0.0, tv_weight: 0.0 };
+        step(&gpu, &grids, 0, &[0.0; GRID_NUMBERS], &numbers, 0).unwrap();
+        let before: Vec<Vec<f64>> = states.iter().map(|state| wide(&state.grid)).collect();
+        let truth = centred(&before);
+        let moved = |(a, b): (&Vec<f64>, &Vec<f64>)| a.iter().zip(b).any(|(a, b)| (a - b).abs() > 0.1);
+        assert!(truth.iter().zip(&before).all(moved), "the gauge has nothing to do");
+        for (found, truth) in grids.download(&gpu).unwrap().iter().zip(&truth) {
+            let differences = found.grid.iter().zip(truth).map(|(a, b)| (f64::from(*a) - b).abs());
+            let error = differences.fold(0.0, f64::max);
+            assert!(error <= 1e-6, "{n_cameras} cameras: {error:.1e}");
+        }
     }
 }
 

@@ -4,10 +4,15 @@ use crate::common::frames::{Tolerance, compare, pixels, render, render_with};
 use crate::common::one::camera;
 use crate::common::random::{scene, view, wild_scene};
 use crate::common::stages::Rig;
+use crate::common::twins::tested;
 use ivv::Constants;
 use ivv::scene::View;
 use ivv::stage::Strip;
 use ivv::twin::render_f64;
+
+tested! {
+    "blend/blend_fwd.comp" by render_f64 in frames_of_random_scenes_are_those_of_float64;
+}
 
 #[test]
 fn frames_of_random_scenes_are_those_of_float64() {

@@ -2,11 +2,17 @@
 
 use crate::common::device::gpu;
 use crate::common::random::Random;
+use crate::common::twins::tested;
 use ivv::Constants;
 use ivv::extremes::rigs::clocks::on_device;
 use ivv::gpu::Recording;
 use ivv::stage::{Clocks, OFFSET_BOUND, Strip, view_params};
-use ivv::twin::{Clock, ClockRule, clock_step};
+use ivv::twin::{Camera, Clock, ClockRule, clock_step};
+
+tested! {
+    "clock/clock_apply.comp" by Camera in a_clock_shifts_the_view_by_its_offset_in_frames;
+    "clock/clock_step.comp" by clock_step in offsets_are_the_twins_for_any_number_of_cameras;
+}
 
 #[test]
 fn offsets_are_the_twins_for_any_number_of_cameras() {
@@ -61,7 +67,8 @@ fn a_clock_shifts_the_view_by_its_offset_in_frames() {
         clocks.record_apply(&mut rec, &buffer, camera);
         gpu.run(&rec).unwrap();
         let shifted = gpu.read(&buffer).unwrap()[0];
-        let truth = f64::from(params.time) + offset * f64::from(params.background[3]);
+        let (time, flow_dt) = (f64::from(params.time), f64::from(params.background[3]));
+        let truth = Camera::<f64> { time, flow_dt, ..Camera::new(&view) }.shifted_time(offset);
         assert!((f64::from(shifted.time) - truth).abs() <= 1e-7 && shifted.time != params.time, "{}", shifted.time);
         assert_eq!(bytemuck::bytes_of(&shifted)[..128], bytemuck::bytes_of(&params)[..128], "the rest is left alone");
     }

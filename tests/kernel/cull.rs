@@ -4,12 +4,20 @@ use crate::common::device::gpu;
 use crate::common::one::{One, camera, round, scene_of};
 use crate::common::random::{Random, view, wild_scene};
 use crate::common::stages::Rig;
+use crate::common::twins::tested;
 use ivv::Constants;
 use ivv::gpu::generated::compact;
 use ivv::gpu::{Grid, Recording};
 use ivv::scene::Motion;
 use ivv::stage::{Purpose, SceneBuffers};
-use ivv::twin::{Camera, Params, Rules, project, tiles_truth};
+use ivv::twin::{Camera, Params, Rules, exclusive_scan, project, tiles_truth};
+
+tested! {
+    "cull/bound.comp" by tiles_truth in no_gaussian_that_contributes_to_a_pixel_is_culled;
+    "cull/cull.comp" by tiles_truth in no_gaussian_that_contributes_to_a_pixel_is_culled;
+    "cull/compact.comp" by exclusive_scan in compaction_works_around_the_limit_of_65535_workgroups;
+    "cull/prepare_active.comp" by exclusive_scan in the_active_list_of_any_mix_of_sizes_is_the_list_of_the_marked_ones_in_order;
+}
 
 /// `Status::failed` when the active list overflows, `FAILED_ACTIVE` of the shaders.
 const FAILED_ACTIVE: u32 = 1;
@@ -80,14 +88,15 @@ fn the_active_list_of_any_mix_of_sizes_is_the_list_of_the_marked_ones_in_order()
         rig.cull.active_id = rig.gpu.upload("guarded ids", &vec![GUARD; n + 4]).unwrap();
 
         let mut expected = Vec::new();
-        let mut ranges = Vec::new();
         let mut first = 0;
-        for seen in [seen_static, seen_dynamic].iter().filter(|seen| !seen.is_empty()) {
-            let begin = expected.len() as u32;
+        let groups: Vec<Vec<bool>> = [seen_static, seen_dynamic].into_iter().filter(|seen| !seen.is_empty()).collect();
+        for seen in &groups {
             expected.extend((0u32..).zip(seen).filter(|(_, seen)| **seen).map(|(i, _)| first + i));
             first += (seen.len() as u32).next_multiple_of(BLOCK);
-            ranges.push([begin, expected.len() as u32]);
         }
+        let counts: Vec<u32> = groups.iter().map(|seen| seen.iter().filter(|seen| **seen).count() as u32).collect();
+        let ranges: Vec<[u32; 2]> =
+            exclusive_scan(&counts).offsets.iter().zip(&counts).map(|(begin, n)| [*begin, begin + n]).collect();
         let (status, ids) = rig.cull();
         let what = format!("{n_static} static, {n_dynamic} dynamic");
         assert_eq!(ids, expected, "{what}");
@@ -186,15 +195,8 @@ fn compaction_works_around_the_limit_of_65535_workgroups() {
         for i in &marked {
             bits[*i as usize / 32] |= 1 << (i % 32);
         }
-        let mut sum = 0;
-        let offsets: Vec<u32> = bits
-            .chunks(4)
-            .map(|words| {
-                let before = sum;
-                sum += words.iter().map(|word| word.count_ones()).sum::<u32>();
-                before
-            })
-            .collect();
+        let counts: Vec<u32> = bits.chunks(4).map(|words| words.iter().map(|word| word.count_ones()).sum()).collect();
+        let offsets = exclusive_scan(&counts).offsets;
         let ids = gpu.upload("ids", &vec![GUARD; marked.len() + 4]).unwrap();
         let (bits, offsets) = (gpu.upload("bits", &bits).unwrap(), gpu.upload("offsets", &offsets).unwrap());
         let others = gpu.upload("others", &vec![GUARD; n as usize - marked.len() + 4]).unwrap();

@@ -4,12 +4,24 @@
 use crate::common::device::{Watched, gpu};
 use crate::common::one::{One, camera, logit, round, scene_of};
 use crate::common::random::Random;
+use crate::common::twins::tested;
 use ivv::Constants;
 use ivv::gpu::generated::Status;
 use ivv::gpu::{Buf, Recording};
 use ivv::scene::{Cone, Motion, Splats};
 use ivv::stage::{Choice, Counts, DensityRound, Grown, Moments, Outputs, Renderer, SceneBuffers, record_mcmc_noise};
 use ivv::twin::{Density, Descent, Kind, normals, shared_opacity};
+
+tested! {
+    "density/density_classify.comp" by Density in the_dead_are_relocated_as_in_the_twin_and_a_round_adds_five_in_a_hundred;
+    "density/density_choose.comp" by Density in the_hardest_pulled_grow_and_the_faint_go_as_in_the_twin;
+    "density/density_list.comp" by Density in the_hardest_pulled_grow_and_the_faint_go_as_in_the_twin;
+    "density/density_sample.comp" by Density in the_dead_are_relocated_as_in_the_twin_and_a_round_adds_five_in_a_hundred;
+    "density/density_relocate.comp" by Density in the_dead_are_relocated_as_in_the_twin_and_a_round_adds_five_in_a_hundred;
+    "density/density_gather.comp" by Density in the_dead_are_relocated_as_in_the_twin_and_a_round_adds_five_in_a_hundred;
+    "density/density_children.comp" by Density in the_dead_are_relocated_as_in_the_twin_and_a_round_adds_five_in_a_hundred;
+    "density/mcmc_noise.comp" by normals in noise_moves_the_faint_along_their_covariance_and_nothing_when_the_step_failed;
+}
 
 const PULLED: Choice = Choice::Pulled { gradient: 2e-4, split_above: 0.03, prune_scale: 1.5 };
 

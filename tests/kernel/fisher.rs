@@ -2,10 +2,15 @@
 
 use crate::common::device::gpu;
 use crate::common::random::{Random, scene, view};
+use crate::common::twins::tested;
 use ivv::Constants;
 use ivv::scene::{Frame, Splats, View};
 use ivv::stage::{Census, Outputs, Renderer, Response};
 use ivv::twin::responses;
+
+tested! {
+    "fisher/fisher.comp" by responses in sums_over_views_are_those_of_the_gradients;
+}
 
 const CAMERAS: [[f64; 3]; 3] = [[0.0, 0.0, -4.0], [3.0, 0.5, -2.0], [-2.0, 1.0, -3.0]];
 

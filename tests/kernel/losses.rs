@@ -3,8 +3,18 @@
 
 use crate::common::device::gpu;
 use crate::common::random::Random;
+use crate::common::twins::tested;
 use ivv::extremes::rigs::photometric::Pair;
 use ivv::stage::{SSIM_WEIGHT, Structure};
+
+tested! {
+    "loss/ssim_rows.comp" by photometric in loss_and_cotangent_of_noise_are_those_of_dual_numbers_at_any_size_and_mask;
+    "loss/ssim_columns.comp" by photometric in loss_and_cotangent_of_noise_are_those_of_dual_numbers_at_any_size_and_mask;
+    "loss/ssim_bwd_rows.comp" by photometric in loss_and_cotangent_of_noise_are_those_of_dual_numbers_at_any_size_and_mask;
+    "loss/ssim_bwd_columns.comp" by photometric in loss_and_cotangent_of_noise_are_those_of_dual_numbers_at_any_size_and_mask;
+    "loss/loss_sum.comp" by photometric in loss_and_cotangent_of_noise_are_those_of_dual_numbers_at_any_size_and_mask;
+    "loss/l1.comp" by photometric in ssim_at_every_second_place_and_no_ssim_at_all_are_those_of_dual_numbers;
+}
 
 fn dot(a: &[[f64; 3]], b: &[[f64; 3]]) -> f64 {
     a.as_flattened().iter().zip(b.as_flattened()).map(|(a, b)| a * b).sum()

@@ -2,14 +2,26 @@
 //! pictures and dead features: the rows N20 and N22 of `engine/extremes`.
 
 use crate::common::device::gpu;
+use crate::common::notes::shared;
 use crate::common::random::Random;
-use crate::scene::{Folder, fault, shared};
+use crate::common::twins::tested;
+use crate::scene::{Folder, fault};
 use ivv::Error;
 use ivv::extremes::rigs::lpips::{self as rigs, Pair, TRUNKS, Weights, narrow};
 use ivv::gpu::{Gpu, Recording};
 use ivv::stage::{Compared, Cotangent, Lpips, Trunk};
 use std::path::{Path, PathBuf};
 use std::process::Command;
+
+tested! {
+    "lpips/lpips_input.comp" by lpips in lpips_and_cotangent_of_noise_are_those_of_dual_numbers;
+    "lpips/lpips_conv.comp" by lpips in lpips_and_cotangent_of_noise_are_those_of_dual_numbers;
+    "lpips/lpips_pool.comp" by lpips in lpips_and_cotangent_of_noise_are_those_of_dual_numbers;
+    "lpips/lpips_tap.comp" by lpips in lpips_and_cotangent_of_noise_are_those_of_dual_numbers;
+    "lpips/lpips_sum.comp" by lpips in lpips_and_cotangent_of_noise_are_those_of_dual_numbers;
+    "lpips/lpips_pool_bwd.comp" by lpips in lpips_and_cotangent_of_noise_are_those_of_dual_numbers;
+    "lpips/lpips_input_bwd.comp" by lpips in lpips_and_cotangent_of_noise_are_those_of_dual_numbers;
+}
 
 /// Writes weights to a file.
 fn save(folder: &Folder, weights: &Weights) -> PathBuf {
@@ -247,7 +259,7 @@ fn the_published_examples_have_the_published_lpips() {
     };
     let trunk = data.join("squeeze.backbone.pth");
     let Ok(mixed) = convert(&trunk, "alex.pth") else {
-        eprintln!("skipped: python3 is not installed");
+        crate::common::notes::skip("python3 is not installed");
         return;
     };
     assert_eq!(mixed.status.code(), Some(3), "linear layers of another trunk");

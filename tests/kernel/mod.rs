@@ -8,6 +8,7 @@ mod cull;
 mod density;
 mod eyes;
 mod fisher;
+mod halves;
 mod losses;
 mod lpips;
 mod moments;
@@ -18,3 +19,27 @@ mod scan;
 mod show;
 mod sort;
 mod tiles;
+
+use crate::common::twins::Tested;
+
+/// Every kernel test that has a twin.
+pub const TESTED: &[&[Tested]] = &[
+    adam::TESTED,
+    bilateral::TESTED,
+    blend::TESTED,
+    clock::TESTED,
+    cull::TESTED,
+    density::TESTED,
+    fisher::TESTED,
+    halves::TESTED,
+    losses::TESTED,
+    lpips::TESTED,
+    moments::TESTED,
+    priors::TESTED,
+    probe::TESTED,
+    project::TESTED,
+    scan::TESTED,
+    show::TESTED,
+    sort::TESTED,
+    tiles::TESTED,
+];

@@ -3,6 +3,7 @@
 
 use crate::common::device::gpu;
 use crate::common::random::{Random, scene, view};
+use crate::common::twins::tested;
 use ivv::Constants;
 use ivv::extremes::rigs::adam::{Scene, Step, cotangents, half_seen, numbers, rates};
 use ivv::gpu::Recording;
@@ -12,6 +13,12 @@ use ivv::stage::{
     AdamMode, Purpose, Rates, SceneBuffers, StepSettings, adam_params, lazy_sums, moment_word, moments_of,
 };
 use ivv::twin::{random_bits, rounded_moment};
+
+tested! {
+    "adam/adam_idle.comp" by rounded_moment in moments_fade_to_the_twins_bits_in_groups_of_any_size;
+    "adam/adam_catch_up.comp" by rounded_moment in lazy_steps_catch_up_and_round_once;
+    "project/project_bwd.comp" by rounded_moment in a_step_computes_in_32_bits_and_rounds_what_it_stores_as_the_twin_does;
+}
 
 /// The Gaussian, plane and component of each of [`numbers`], as `moments.glsl` counts them.
 fn places(splats: &Splats) -> Vec<(usize, u32, u32)> {

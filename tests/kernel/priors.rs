@@ -3,8 +3,13 @@
 
 use crate::common::device::gpu;
 use crate::common::random::Random;
+use crate::common::twins::tested;
 use ivv::extremes::rigs::priors::Case;
 use ivv::stage::DepthSpace;
+
+tested! {
+    "loss/prior_loss.comp" by depth_loss in values_and_cotangents_are_those_of_dual_numbers;
+}
 
 const SPACES: [DepthSpace; 2] = [DepthSpace::Inverse, DepthSpace::Metric];
 

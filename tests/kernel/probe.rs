@@ -1,8 +1,17 @@
 //! The probes leave what their twins say: what they time is the work that they count.
 
 use crate::common::device::gpu;
+use crate::common::twins::tested;
 use ivv::profile::{Peaks, Prepared, Probe, dispatch_ns, dispatches};
 use ivv::twin::{exp2_solution, fma_sum, scattered_rows, turned_lane};
+
+tested! {
+    "probe/probe_fma.comp" by fma_sum in chains_of_multiply_adds_take_every_step;
+    "probe/probe_exp2.comp" by exp2_solution in chains_of_exp2_converge;
+    "probe/probe_shuffle.comp" by turned_lane in shuffles_turn_every_lane_every_step;
+    "probe/probe_gather.comp" by scattered_rows in gathered_rows_are_all_different_and_summed;
+    "probe/probe_atomic.comp" by scattered_rows in every_atomic_addition_arrives;
+}
 
 /// Words that a probe leaves at a size, and the amount that it counts.
 fn words(probe: Probe, size: u32) -> (Vec<u32>, f64) {
@@ -93,7 +102,7 @@ fn gathered_rows_are_all_different_and_summed() {
 fn every_atomic_addition_arrives() {
     for probe in [Probe::Atomic, Probe::FloatAtomic] {
         if probe == Probe::FloatAtomic && !gpu().caps().float_atomics {
-            eprintln!("skipped: the device has no float atomics");
+            crate::common::notes::skip("the device has no float atomics");
             continue;
         }
         let (words, amount) = words(probe, 0);
@@ -124,7 +133,7 @@ fn dispatches_that_wait_for_one_another_count_up() {
 fn a_device_with_timestamps_has_peaks() {
     let gpu = gpu();
     if gpu.caps().timestamp_ns == 0.0 {
-        eprintln!("skipped: the device has no timestamps");
+        crate::common::notes::skip("the device has no timestamps");
         return;
     }
     let [between, whole] = dispatch_ns(&gpu).unwrap();

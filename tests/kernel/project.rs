@@ -2,9 +2,14 @@
 
 use crate::common::random::{scene, view};
 use crate::common::stages::{Active, Rig};
+use crate::common::twins::tested;
 use ivv::Constants;
 use ivv::scene::{Splats, View};
 use ivv::twin::{Camera, Params, Projected, Rules, basis, power, project, tiles_truth};
+
+tested! {
+    "project/project.comp" by project in records_of_every_degree_and_population_are_those_of_float64;
+}
 
 /// One unit of f32 in the last place, relative.
 const ULP: f64 = f32::EPSILON as f64;

@@ -2,9 +2,16 @@
 
 use crate::common::device::gpu;
 use crate::common::random::Random;
+use crate::common::twins::tested;
 use ivv::gpu::{Grid, Recording};
 use ivv::stage::Scan;
 use ivv::twin::exclusive_scan;
+
+tested! {
+    "scan/scan_reduce.comp" by exclusive_scan in the_prefix_sum_of_any_length_is_the_twins;
+    "scan/scan_spine.comp" by exclusive_scan in the_prefix_sum_of_any_length_is_the_twins;
+    "scan/scan_downsweep.comp" by exclusive_scan in the_prefix_sum_of_any_length_is_the_twins;
+}
 
 /// Lengths around the block (1,024), the spine's step (128 blocks) and one.
 const SIZES: [usize; 11] = [0, 1, 7, 127, 1023, 1024, 1025, 4096, 131_071, 131_072, 131_073];

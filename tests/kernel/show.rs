@@ -2,10 +2,15 @@
 
 use crate::common::device::gpu;
 use crate::common::random::Random;
+use crate::common::twins::tested;
 use ivv::gpu::Recording;
 use ivv::scene::Frame;
 use ivv::stage::{Layer, Screen};
 use ivv::twin::{laid_over, shown};
+
+tested! {
+    "screen/show.comp" by shown in every_output_is_the_twins_to_the_rounding;
+}
 
 const HIGH: f32 = 3.0;
 const LAYERS: [Layer; 4] = [Layer::Color, Layer::Alpha, Layer::Depth { high: HIGH }, Layer::Flow { high: HIGH }];

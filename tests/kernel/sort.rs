@@ -2,9 +2,15 @@
 
 use crate::common::device::gpu;
 use crate::common::random::Random;
+use crate::common::twins::tested;
 use ivv::gpu::{Grid, Recording};
 use ivv::stage::{Sort, SortGrids};
 use ivv::twin::radix_sort;
+
+tested! {
+    "sort/sort_count.comp" by radix_sort in the_sort_of_any_length_is_the_twins_and_stable;
+    "sort/sort_scatter.comp" by radix_sort in the_sort_of_any_length_is_the_twins_and_stable;
+}
 
 fn sort_on_device(keys: &[u32], values: &[u32], n_passes: u32) -> (Vec<u32>, Vec<u32>) {
     let gpu = gpu();

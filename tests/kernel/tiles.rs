@@ -2,9 +2,19 @@
 
 use crate::common::random::{scene, view, wild_scene};
 use crate::common::stages::Rig;
+use crate::common::twins::tested;
 use ivv::Constants;
 use ivv::scene::{Splats, View};
-use ivv::twin::{Camera, Params, Rules, project, ranges, tiles_truth};
+use ivv::twin::{Camera, Params, Rules, exclusive_scan, project, ranges, tiles_truth};
+
+tested! {
+    "tiles/gather.comp" by exclusive_scan in the_lists_hold_every_needed_pair_and_few_others_in_depth_order;
+    "tiles/prepare_intersections.comp" by exclusive_scan in the_lists_hold_every_needed_pair_and_few_others_in_depth_order;
+    "tiles/emit.comp" by tiles_truth in the_lists_hold_every_needed_pair_and_few_others_in_depth_order;
+    "tiles/tile_ranges.comp" by ranges in the_lists_hold_every_needed_pair_and_few_others_in_depth_order;
+    "tiles/tile_buckets.comp" by ranges in the_lists_hold_every_needed_pair_and_few_others_in_depth_order;
+    "tiles/tile_order.comp" by ranges in the_lists_hold_every_needed_pair_and_few_others_in_depth_order;
+}
 
 /// Checks the lists of one scene; gives the numbers of pairs found and needed.
 fn check(what: &str, splats: &Splats, view: &View) -> [usize; 2] {
@@ -12,7 +22,7 @@ fn check(what: &str, splats: &Splats, view: &View) -> [usize; 2] {
     let (active, lists) = rig.bin(view);
     let n_tiles = lists.ranges.len();
     assert_eq!((lists.status.failed, active.status.n_bad), (0, 0), "{what}");
-    assert_eq!(lists.entries.len(), active.tile_counts.iter().sum::<u32>() as usize, "{what}");
+    assert_eq!(lists.entries.len(), exclusive_scan(&active.tile_counts).total as usize, "{what}");
 
     // The ranges follow one another, as those of a sorted list do.
     let sorted: Vec<u32> = (0u32..)

@@ -72,7 +72,7 @@ fn corners_of_a_board_tell_clocks_and_poses() {
         let output = Command::new(python).args(["-c", "import cv2, numpy, tomllib"]).output();
         output.is_ok_and(|output| output.status.success())
     }) else {
-        return eprintln!("skipped: no python3 with OpenCV and NumPy is installed");
+        return crate::common::notes::skip("no python3 with OpenCV and NumPy is installed");
     };
     let folder = Folder::new("board");
     write_session(&folder);

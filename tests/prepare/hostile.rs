@@ -6,8 +6,9 @@ use std::process::{Command, Output};
 use ivv::prepare::{PrepareSettings, Triangulate};
 use ivv::scene::capture::CaptureSettings;
 
-use super::{done, has, rate, run, settings, video};
+use super::{done, rate, run, settings, video};
 use crate::capture::{Folder, assert_told, png};
+use crate::common::notes::has_program;
 
 /// caliscope's calibration of two cameras, the numbers of the first as they are given.
 fn caliscope(folder: &Folder, matrix: &str, distortions: &str) {
@@ -81,7 +82,7 @@ fn a_program_that_is_missing_is_told_before_anything_is_decoded() {
 
 #[test]
 fn a_colon_in_a_path_is_no_protocol() {
-    if !has("ffmpeg", "-version") {
+    if !has_program("ffmpeg", "-version") {
         return;
     }
     let folder = Folder::new("prepare-colon");
@@ -103,7 +104,7 @@ fn a_colon_in_a_path_is_no_protocol() {
 
 #[test]
 fn a_video_that_is_a_list_of_files_opens_none_of_them() {
-    if !has("ffmpeg", "-version") {
+    if !has_program("ffmpeg", "-version") {
         return;
     }
     let folder = Folder::new("prepare-playlist");

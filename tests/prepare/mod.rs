@@ -52,16 +52,6 @@ fn open(settings: &PrepareSettings) -> Capture {
     Capture::open(&settings.output).unwrap()
 }
 
-/// Whether a program is there; says so when it is not.
-fn has(program: &str, argument: &str) -> bool {
-    let mut command = std::process::Command::new(program);
-    let found = command.arg(argument).stdout(std::process::Stdio::null()).stderr(std::process::Stdio::null()).status();
-    if found.is_err() {
-        eprintln!("skipped: {program} is not installed");
-    }
-    found.is_ok()
-}
-
 /// A 4-frame video of 64 x 48 at 10 frames per second.
 fn video(path: &Path, n_frames: u32) {
     std::fs::create_dir_all(path.parent().unwrap()).unwrap();

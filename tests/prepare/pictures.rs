@@ -7,10 +7,10 @@ use std::process::{Command, Output};
 use ivv::prepare::{PrepareSettings, Triangulate, forecast, prepare, recognise};
 use ivv::scene::capture::{Capture, Manifest};
 
-use super::{has, settings, video};
+use super::{settings, video};
 use crate::capture::model::{Model, binary};
-use crate::capture::{Folder, png, shared};
-use crate::common::device::is_slow_lane;
+use crate::capture::{Folder, png};
+use crate::common::notes::{has_program, shared};
 
 /// A program in the place of COLMAP that writes what it is called with, tells progress as COLMAP does, and has the mapper find
 /// the model in `model/`.
@@ -111,7 +111,7 @@ fn photos_that_cannot_be_placed_are_told() {
 
 #[test]
 fn videos_of_one_moment_become_a_capture_of_their_frames() {
-    if !has("ffmpeg", "-version") {
+    if !has_program("ffmpeg", "-version") {
         return;
     }
     let folder = Folder::new("prepare-videos");
@@ -135,7 +135,7 @@ fn videos_of_one_moment_become_a_capture_of_their_frames() {
 
 #[test]
 fn a_video_of_what_stands_still_becomes_a_capture_of_one_moment() {
-    if !has("ffmpeg", "-version") {
+    if !has_program("ffmpeg", "-version") {
         return;
     }
     let folder = Folder::new("prepare-walk");
@@ -196,9 +196,10 @@ fn what_is_no_capture_yet_is_told_by_its_name_and_the_command() {
 
 /// COLMAP itself, on seven photos.
 #[test]
-fn slow_colmap_places_photos() {
+#[ignore = "slow: all of COLMAP on seven photographs"]
+fn colmap_places_photos() {
     let Some(source) = shared("data/colmap_simple_radial_7img/images") else { return };
-    if !is_slow_lane() || !has("colmap", "help") {
+    if !has_program("colmap", "help") {
         return;
     }
     let folder = Folder::new("prepare-colmap");

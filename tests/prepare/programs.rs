@@ -6,10 +6,10 @@ use ivv::scene::prior::read_flow;
 use ivv::synth::{Options, Preset, write_capture};
 use std::path::Path;
 
-use super::{done, has, open, run, settings, video};
+use super::{done, open, run, settings, video};
 use crate::capture::model::{Model, binary};
 use crate::capture::{Folder, assert_told};
-use crate::common::device::is_slow_lane;
+use crate::common::notes::has_program;
 
 /// ImViD's layout: cameras and images of COLMAP, a video of each camera; `left` distorts.
 fn imvid(folder: &Folder) {
@@ -31,7 +31,7 @@ fn imvid(folder: &Folder) {
 
 #[test]
 fn videos_are_decoded_gone_on_with_and_compared() {
-    if !has("ffmpeg", "-version") {
+    if !has_program("ffmpeg", "-version") {
         return;
     }
     let folder = Folder::new("prepare-video");
@@ -65,7 +65,7 @@ fn videos_are_decoded_gone_on_with_and_compared() {
 
 #[test]
 fn damaged_videos_are_told_in_the_words_of_ffmpeg() {
-    if !has("ffmpeg", "-version") {
+    if !has_program("ffmpeg", "-version") {
         return;
     }
     let folder = Folder::new("prepare-damaged");
@@ -97,7 +97,7 @@ fn noise(folder: &Folder) {
 
 #[test]
 fn a_frame_without_matches_has_no_points() {
-    if !has("colmap", "help") {
+    if !has_program("colmap", "help") {
         return;
     }
     let folder = Folder::new("prepare-blank");
@@ -114,8 +114,9 @@ fn a_frame_without_matches_has_no_points() {
 
 /// COLMAP's threads at times wait for each other for ever.
 #[test]
-fn slow_a_program_that_sleeps_is_begun_again() {
-    if !is_slow_lane() || !has("colmap", "help") {
+#[ignore = "slow: it waits until a program counts as asleep"]
+fn a_program_that_sleeps_is_begun_again() {
+    if !has_program("colmap", "help") {
         return;
     }
     let folder = Folder::new("prepare-asleep");
@@ -136,7 +137,7 @@ fn slow_a_program_that_sleeps_is_begun_again() {
 
 #[test]
 fn colmap_triangulates_and_opencv_estimates_flow() {
-    if !has("colmap", "help") || !has("/usr/bin/python3", "--version") {
+    if !has_program("colmap", "help") || !has_program("/usr/bin/python3", "--version") {
         return;
     }
     let folder = Folder::new("prepare-points");
@@ -153,7 +154,7 @@ fn colmap_triangulates_and_opencv_estimates_flow() {
     let settings = PrepareSettings { triangulate: Some(Triangulate::Every(1)), flow: true, ..settings(&folder) };
     let prepared = match run(&settings) {
         Ok((prepared, _)) => prepared,
-        Err(error) if error.to_string().contains("not installed") => return eprintln!("skipped: {error}"),
+        Err(error) if error.to_string().contains("not installed") => return crate::common::notes::skip(error),
         Err(error) => panic!("{error}"),
     };
     assert_eq!(crate::capture::told(&prepared.report), "");

@@ -4,7 +4,7 @@ use image::ImageReader;
 use ivv::scene::capture::Capture;
 use ivv::scene::undistort::{Distortion, Lens, Undistortion};
 
-use crate::capture::shared;
+use crate::common::notes::shared;
 
 const SIZE: (u32, u32) = (64, 48);
 

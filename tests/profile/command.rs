@@ -25,7 +25,7 @@ fn works(arguments: &[&str]) -> String {
 #[test]
 fn a_scene_is_profiled_into_tables_a_page_and_a_trace_and_its_kernels_are_captured() {
     if super::gpu().caps().timestamp_ns == 0.0 {
-        eprintln!("skipped: the device has no timestamps");
+        crate::common::notes::skip("the device has no timestamps");
         return;
     }
     let folder = Folder::new("command");

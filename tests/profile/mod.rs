@@ -95,7 +95,7 @@ fn pairs_counted_on_the_host_are_those_of_the_twin() {
     let mut renderer = Renderer::new(gpu.clone(), &splats, Constants::default()).unwrap();
     let report = renderer.profile(&view, Outputs::Color).unwrap();
     if report.passes.is_empty() {
-        eprintln!("skipped: the device has no timestamps");
+        crate::common::notes::skip("the device has no timestamps");
         return;
     }
     let twin = ivv::twin::render_f64(&splats, &view, &Constants::default());
@@ -187,7 +187,7 @@ pub fn captured() -> Dispatch {
 fn a_captured_dispatch_gives_the_same_bits_again_and_so_does_its_variant() {
     let gpu = gpu();
     if gpu.caps().timestamp_ns == 0.0 {
-        eprintln!("skipped: the device has no timestamps");
+        crate::common::notes::skip("the device has no timestamps");
         return;
     }
     let folder = Folder::new("replay");

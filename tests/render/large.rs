@@ -1,6 +1,6 @@
 //! Scenes and pictures at the size of the paper's; in the slow lane.
 
-use crate::common::device::{gpu, is_slow_lane};
+use crate::common::device::gpu;
 use crate::common::random::{Random, view};
 use ivv::Constants;
 use ivv::scene::{Splats, View};
@@ -30,10 +30,8 @@ fn large(width: u32, height: u32) -> View {
 }
 
 #[test]
-fn slow_two_million_gaussians_at_2656_x_1494_fit_lavapipes_bindings_and_8_gib() {
-    if !is_slow_lane() {
-        return;
-    }
+#[ignore = "slow: 2 million Gaussians"]
+fn two_million_gaussians_at_2656_x_1494_fit_lavapipes_bindings_and_8_gib() {
     let gpu = gpu();
     let splats = crowd(2_000_000);
     let mut renderer = Renderer::new(gpu.clone(), &splats, Constants::default()).unwrap();
@@ -46,10 +44,8 @@ fn slow_two_million_gaussians_at_2656_x_1494_fit_lavapipes_bindings_and_8_gib() 
 }
 
 #[test]
-fn slow_8k_renders_in_strips_that_join_without_a_seam() {
-    if !is_slow_lane() {
-        return;
-    }
+#[ignore = "slow: 33 million pixels"]
+fn pictures_of_8k_are_rendered_in_strips_that_join_without_a_seam() {
     let gpu = gpu();
     let splats = crowd(20_000);
     let mut renderer = Renderer::new(gpu.clone(), &splats, Constants::default()).unwrap();

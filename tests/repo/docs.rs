@@ -122,14 +122,17 @@ fn kernel_table() -> String {
         let choices: Vec<String> = family.axes.iter().map(choice).collect();
         let limits = KERNELS.iter().filter(|row| row.family.name == family.name).map(Spec::limit_ns);
         let (least, most) = limits.fold((f64::INFINITY, 0.0), |(a, b), x| (x.min(a), x.max(b)));
+        let of = KERNELS.iter().filter(|row| row.family.name == family.name && !row.twin().is_empty());
+        let mut twins: Vec<String> = of.map(|row| format!("`{}`", row.twin())).collect();
+        twins.dedup();
         lines.push(format!(
-            "| `{}{}` | `{}` | {} | {} | `{}` | {} | {} |",
+            "| `{}{}` | `{}` | {} | {} | {} | {} | {} |",
             family.name,
             if family.axes.is_empty() { "" } else { "*" },
             family.file,
             choices.join("; "),
             purpose(family.file),
-            family.twin,
+            twins.join(", "),
             format!("{:?}", family.count).to_lowercase(),
             if least < most { format!("{least} to {most}") } else { most.to_string() },
         ));
@@ -151,7 +154,7 @@ fn the_table_in_the_shaders_readme_is_the_table_of_kernels() {
 fn the_frame_in_architecture_md_is_the_frame_that_runs() {
     let gpu = gpu();
     if gpu.caps().timestamp_ns == 0.0 {
-        eprintln!("skipped: the device has no timestamps, so there is no list of passes");
+        crate::common::notes::skip("the device has no timestamps, so there is no list of passes");
         return;
     }
     let rows = table(&text("engine/ARCHITECTURE.md"), "frame");
@@ -200,6 +203,34 @@ fn nothing_is_left_to_be_done_by_nobody_or_kept_alike_by_hand() {
         assert!(without_owner.is_none(), "{file}: a task without an owner");
     }
     assert!(n_files > 80, "only {n_files} files were read");
+}
+
+#[test]
+fn tests_say_through_one_function_that_they_do_not_run() {
+    let told = ["\"skip", "ped: "].concat();
+    let by_variable = ["IVV_TEST", "_SLOW"].concat();
+    let mut n_files = 0;
+    for file in files("tests").into_iter().filter(|file| file.ends_with(".rs")) {
+        let text = text(&file);
+        n_files += 1;
+        assert!(!text.contains(&told), "{file}: libtest hides what a test prints; call common::notes::skip");
+        assert!(!text.contains(&by_variable), "{file}: a slow test is #[ignore = \"slow: why\"]");
+        // What looks for data or programs notes a skip; of a case it must not leave the others out too.
+        let mut loops: Vec<usize> = Vec::new();
+        for (n, line) in text.lines().enumerate() {
+            let indent = line.len() - line.trim_start().len();
+            if !line.trim().is_empty() {
+                loops.retain(|begun| indent > *begun);
+            }
+            let leaves = ["shared(", "golden::load(", " load(", "has_program("].iter().any(|call| line.contains(call));
+            let is_bad = !loops.is_empty() && leaves && line.contains("return");
+            assert!(!is_bad, "{file}:{}: `return` leaves out the cases that follow; `continue`", n + 1);
+            if line.trim_start().starts_with("for ") {
+                loops.push(indent);
+            }
+        }
+    }
+    assert!(n_files > 100, "only {n_files} files were read");
 }
 
 #[test]

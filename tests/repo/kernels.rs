@@ -1,7 +1,8 @@
 //! The table of kernels against the shaders, the twins and the committed SPIR-V, and the rules of the dialect.
 
-use super::{exists, files, text, without_comments, words};
-use ivv::gpu::table::KERNELS;
+use super::{files, text, without_comments, words};
+use crate::common::twins::Tested;
+use ivv::gpu::table::{KERNELS, Spec};
 use std::collections::BTreeSet;
 use std::process::Command;
 
@@ -83,10 +84,56 @@ fn every_shader_opens_with_licence_purpose_equation_grid_and_numerics() {
     }
 }
 
+/// Kernels without a twin, and why.
+const WITHOUT_TWIN: [(&str, &str); 2] = [
+    ("probe_copy", "it computes nothing: kernel::probe reads every copied row"),
+    ("probe_dispatch", "it counts dispatches: kernel::probe reads the count"),
+];
+
+/// What a test's file says besides its list of twins, with the rigs of `engine/extremes` that it runs its cases by.
+fn of_test(file: &str) -> String {
+    let own = text(file);
+    let (before, rest) = own.split_once("tested! {").unwrap_or_else(|| panic!("{file}: no list of twins"));
+    let mut all = [before, rest.split_once("\n}\n").unwrap().1].concat();
+    for rig in own.split("extremes::rigs::").skip(1).filter_map(|rest| words(rest).next()) {
+        all += &text(&format!("engine/extremes/rigs/{rig}.rs"));
+    }
+    if own.contains("check_adjoint") || own.contains("adjoint::group_error") {
+        all += &text("engine/extremes/adjoint.rs");
+    }
+    without_comments(&all)
+}
+
 #[test]
-fn every_kernel_has_a_twin() {
+fn every_kernel_has_a_twin_and_a_test_that_compares_them() {
+    let tested: Vec<&Tested> = [crate::kernel::TESTED, crate::grad::TESTED].concat().into_iter().flatten().collect();
     for row in KERNELS.iter() {
-        assert!(exists(&format!("engine/twin/{}.rs", row.twin)), "{}: no engine/twin/{}.rs", row.name, row.twin);
+        if WITHOUT_TWIN.iter().any(|(name, _)| *name == row.name) {
+            assert_eq!(row.twin(), "", "{}: it has a twin after all", row.name);
+            continue;
+        }
+        let (module, name) = row.twin().split_once("::").unwrap_or_else(|| panic!("{}: twin {}", row.name, row.twin()));
+        let twins = text(&format!("engine/twin/{module}.rs"));
+        let is_there = ["pub fn ", "pub struct "].iter().any(|kind| {
+            let after = twins.split(&format!("{kind}{name}")).nth(1);
+            after.is_some_and(|rest| rest.starts_with(['(', '<', ' ']))
+        });
+        assert!(is_there, "{}: engine/twin/{module}.rs has no {name}", row.name);
+        let is_tested = tested.iter().any(|test| (test.shader, test.twin) == (row.file, name));
+        assert!(is_tested, "{}: no test says `\"{}\" by {name} in TEST;` in a tested! list", row.name, row.file);
+    }
+    for Tested { shader, twin, test, file } in tested {
+        let is_of_a_row = |row: &Spec| row.file == *shader && row.twin().ends_with(&format!("::{twin}"));
+        assert!(KERNELS.iter().any(is_of_a_row), "{file}: `\"{shader}\" by {twin}` is of no kernel");
+        // It runs: an ignored test would have another line between.
+        assert!(
+            text(file).contains(&format!("#[test]\nfn {test}() {{\n")),
+            "{file}: {test} is no test that always runs"
+        );
+        assert!(
+            words(&of_test(file)).any(|word| word == *twin),
+            "{file}: {test} is to compare with {twin}, unnamed there"
+        );
     }
 }
 
@@ -181,8 +228,7 @@ fn no_shader_has_more_than_24_bindings() {
 
 #[test]
 fn spirv_val_finds_no_fault() {
-    if Command::new("spirv-val").arg("--version").output().is_err() {
-        eprintln!("skipped: spirv-val is not installed (Debian: spirv-tools)");
+    if !crate::common::notes::has_program("spirv-val", "--version") {
         return;
     }
     for row in KERNELS.iter() {

@@ -7,7 +7,8 @@ use std::path::Path;
 use ivv::formats::{read_ply, read_scene, read_splat, read_spz};
 use ivv::scene::Splats;
 
-use super::{Folder, fault, shared};
+use super::{Folder, fault};
+use crate::common::notes::shared;
 
 /// What the quantisation of both formats can tell apart on the model they share.
 #[derive(Debug, Default)]

@@ -1,7 +1,8 @@
 //! `.4dgs`: the format's own fixtures, and scenes of ours there and back.
 
-use super::{Folder, fault, shared};
+use super::{Folder, fault};
 use crate::common::device::gpu;
+use crate::common::notes::shared;
 use crate::common::random;
 use ivv::Constants;
 use ivv::formats::{Clock, Contents, Encoded, FourDgs, Grades, Sounds, World, read_scene};

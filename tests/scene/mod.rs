@@ -47,16 +47,6 @@ impl Drop for Folder {
     }
 }
 
-/// A path below the data shared between sessions, or `None` with a notice when it is absent.
-pub(crate) fn shared(path: &str) -> Option<PathBuf> {
-    let full = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared").join(path);
-    if !full.exists() {
-        eprintln!("skipped: ../shared/{path} is absent");
-        return None;
-    }
-    Some(full)
-}
-
 /// The (place, reason, remedy) of a data error that names `path`, all of them told.
 pub(crate) fn fault<T: std::fmt::Debug>(outcome: ivv::Result<T>, path: &Path) -> String {
     match outcome {

@@ -7,7 +7,8 @@ use exr::prelude::read_first_flat_layer_from_file;
 use ivv::files::{Tensor, read_tensors, write_tensors};
 use ivv::scene::Frame;
 
-use super::{Folder, fault, shared};
+use super::{Folder, fault};
+use crate::common::golden::{self, CASES};
 
 /// Every value different, some outside [0, 1], one NaN.
 fn frame() -> Frame {
@@ -161,16 +162,15 @@ fn damaged_tensor_files_give_errors() {
 
 #[test]
 fn the_golden_tensors_are_read_in_double_precision() {
-    for case in ["dynamic-small", "static-small", "dynamic-offcentre", "occluders"] {
-        let Some(path) = shared(&format!("golden/{case}/outputs.safetensors")) else { return };
-        let tensors = read_tensors(&path).unwrap();
+    for case in CASES {
+        let Some(folder) = golden::folder(case) else { continue };
+        let tensors = read_tensors(&folder.join("outputs.safetensors")).unwrap();
         let color = &tensors["color"];
         assert_eq!((color.shape.len(), color.shape[2]), (3, 3), "{case}");
         assert_eq!(color.data.len(), color.shape.iter().product::<usize>());
         assert!(color.data.iter().all(|c| c.is_finite()) && color.data.iter().any(|&c| c > 0.1));
         for name in ["gradients", "cotangents"] {
-            let Some(path) = shared(&format!("golden/{case}/{name}.safetensors")) else { return };
-            assert!(!read_tensors(&path).unwrap().is_empty());
+            assert!(!read_tensors(&folder.join(format!("{name}.safetensors"))).unwrap().is_empty());
         }
     }
 }

@@ -6,7 +6,8 @@ use std::path::Path;
 use ivv::formats::{read_ply, read_scene, write_ply};
 use ivv::scene::Splats;
 
-use super::{Folder, fault, sample, shared};
+use super::{Folder, fault, sample};
+use crate::common::golden::{self, CASES};
 
 /// A plain PLY in the given encoding, written property by property independently of the project's writer.
 fn by_hand(encoding: &str, names: &[&str], types: &[&str], rows: &[Vec<f64>]) -> Vec<u8> {
@@ -298,8 +299,8 @@ fn a_failed_write_leaves_the_old_file_and_nothing_else() {
 #[test]
 fn the_golden_scenes_are_written_again_byte_for_byte() {
     let folder = Folder::new("golden");
-    for (case, n) in [("dynamic-small", 300), ("static-small", 200), ("dynamic-offcentre", 400), ("occluders", 500)] {
-        let Some(path) = shared(&format!("golden/{case}/scene.ply")) else { return };
+    for (case, n) in CASES.into_iter().zip([52, 200, 300, 400, 500]) {
+        let Some(path) = golden::folder(case).map(|folder| folder.join("scene.ply")) else { continue };
         let scene = read_ply(&path).unwrap();
         assert_eq!(scene.len(), n, "{case}");
         let again = folder.file("again.ply");

@@ -31,10 +31,11 @@ with zipfile.ZipFile(sys.argv[1], "w") as archive:
     member(archive, "height", "<i8", (), array.array("q", [48]))
 "#;
 
+#[track_caller]
 fn python(arguments: &[&Path]) -> Option<Output> {
     let output = Command::new("python3").args(arguments).output();
     if output.is_err() {
-        eprintln!("skipped: python3 is not installed");
+        crate::common::notes::skip("python3 is not installed");
     }
     output.ok()
 }

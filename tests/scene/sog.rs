@@ -7,7 +7,8 @@ use ivv::formats::{read_scene, read_sog};
 
 use crate::common::zip;
 
-use super::{Folder, fault, shared};
+use super::{Folder, fault};
+use crate::common::notes::shared;
 
 #[test]
 fn the_levels_of_a_real_scene_agree() {

@@ -2,7 +2,8 @@
 
 use ivv::scene::{FlowModel, View, read_views, write_views};
 
-use super::{Folder, fault, shared};
+use super::{Folder, fault};
+use crate::common::golden;
 
 fn view(name: &str) -> View {
     View {
@@ -153,9 +154,9 @@ fn every_fault_of_a_file_is_named_by_the_reader() {
 
 #[test]
 fn the_golden_cameras_are_read() {
-    for case in ["dynamic-small", "static-small", "dynamic-offcentre", "occluders"] {
-        let Some(path) = shared(&format!("golden/{case}/camera.json")) else { return };
-        let views = read_views(&path).unwrap();
+    for case in golden::CASES {
+        let Some(folder) = golden::folder(case) else { continue };
+        let views = read_views(&folder.join("camera.json")).unwrap();
         assert_eq!(views.len(), 1, "{case}");
         assert_eq!(views[0].name, case);
         assert!(views[0].width > 32 && views[0].fx > 32.0);

@@ -10,7 +10,8 @@ use ivv::sound::metrics::{energy, itd, lsd_db};
 use ivv::sound::sphere::{SPEED_OF_SOUND, Sphere};
 use ivv::sound::wola::Baker;
 
-use super::{db, horizon, noise, sadie, shared, sphere};
+use super::{db, horizon, noise, sadie, sphere};
+use crate::common::notes::shared;
 
 fn directions(n: usize, seed: u64) -> Vec<DVec3> {
     noise(3 * n, seed).chunks(3).map(|v| DVec3::new(v[0].into(), v[1].into(), v[2].into()).normalize()).collect()
@@ -110,9 +111,11 @@ fn t12_in_a_measured_direction_the_measured_response_sounds() {
 }
 
 /// MIT's KEMAR, where it is there.
+#[track_caller]
 fn kemar() -> Option<&'static HrtfSet> {
-    static SET: OnceLock<Option<HrtfSet>> = OnceLock::new();
-    SET.get_or_init(|| Some(HrtfSet::open(&shared("hrtf_sofa/share/MIT_KEMAR_normal_pinna.sofa")?).unwrap())).as_ref()
+    static SET: OnceLock<HrtfSet> = OnceLock::new();
+    let file = shared("data/hrtf_sofa/share/MIT_KEMAR_normal_pinna.sofa")?;
+    Some(SET.get_or_init(|| HrtfSet::open(&file).unwrap()))
 }
 
 /// Errors of a set in directions that were left out of it: mean and 95th percentile of time between the ears in
@@ -194,7 +197,7 @@ fn t13_directions_left_out_are_met_on_sadie() {
 
 #[test]
 fn a_set_of_a_human_is_taken() {
-    let Some(path) = shared("hrtf_sofa/tests/LISTEN_1002_IRC_1002_C_HRIR.sofa") else { return };
+    let Some(path) = shared("data/hrtf_sofa/tests/LISTEN_1002_IRC_1002_C_HRIR.sofa") else { return };
     let set = HrtfSet::open(&path).unwrap();
     assert_eq!(set.directions().len(), 187);
     let left = set.filter(DVec3::Y, Lookup::Aligned);

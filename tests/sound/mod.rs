@@ -25,6 +25,7 @@ mod whole;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
+use crate::common::notes::shared;
 use glam::{DQuat, DVec3};
 use ivv::sound::hrtf::{HrtfSet, degrees};
 use ivv::sound::pose::{Pose, PoseTrack};
@@ -32,16 +33,6 @@ use ivv::sound::scene_file::{Mic, SoundScene, Source};
 use ivv::sound::source_track::{Flag, SourceSample, SourceTrack};
 use ivv::sound::sphere::Sphere;
 use ivv::sound::wav::Channel;
-
-/// A file shared with the project, where it is there.
-fn shared(path: &str) -> Option<PathBuf> {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data").join(path);
-    if !path.exists() {
-        println!("skipped: {} is absent", path.display());
-        return None;
-    }
-    Some(path)
-}
 
 /// The head as a sphere, coarse: 92 directions.
 fn sphere() -> &'static HrtfSet {
@@ -63,13 +54,11 @@ fn horizon_of(n: u32) -> HrtfSet {
 }
 
 /// SADIE's subject 002, where it is there.
+#[track_caller]
 fn sadie() -> Option<&'static HrtfSet> {
-    static SET: OnceLock<Option<HrtfSet>> = OnceLock::new();
-    let open = || {
-        let folder = shared("hrtf_sadie_subject002/WAV/Subject_002/DFC/48K_24bit")?;
-        Some(HrtfSet::open(&folder).unwrap())
-    };
-    SET.get_or_init(open).as_ref()
+    static SET: OnceLock<HrtfSet> = OnceLock::new();
+    let folder = shared("data/hrtf_sadie_subject002/WAV/Subject_002/DFC/48K_24bit")?;
+    Some(SET.get_or_init(|| HrtfSet::open(&folder).unwrap()))
 }
 
 fn sample(t: f64, p: DVec3) -> SourceSample {

@@ -5,11 +5,12 @@ use ivv::sound::metrics::ear_course;
 use ivv::sound::render::{RenderConfig, render_signals};
 use ivv::sound::wav::{Channel, read_channel};
 
-use super::{head, sadie, scene, shared, track};
+use super::{head, sadie, scene, track};
+use crate::common::notes::shared;
 
 #[test]
 fn speech_on_a_circle_leads_in_the_ear_on_its_side_throughout() {
-    let Some(path) = shared("mono_speech_music/input_samples/cmu_arctic_us_aew_a0001.wav") else { return };
+    let Some(path) = shared("data/mono_speech_music/input_samples/cmu_arctic_us_aew_a0001.wav") else { return };
     let Some(hrtf) = sadie() else { return };
     let speech = read_channel(&path, Channel::Left, 0.0).unwrap();
     let seconds = speech.len() as f64 / 48_000.0;

@@ -14,7 +14,8 @@ use ivv::sound::sphere::{Sphere, icosphere};
 use ivv::sound::wav::{Depth, write};
 use realfft::RealFftPlanner;
 
-use super::{head, noise, scene, shared, sphere, track};
+use super::{head, noise, scene, sphere, track};
+use crate::common::notes::shared;
 
 /// A sphere with its ears at the sides and sources far away, as the closed formulas have it.
 fn far_sphere() -> Sphere {
@@ -253,7 +254,7 @@ fn t17_what_is_no_set_of_responses_is_refused() {
 
 #[test]
 fn t17_damaged_sofa_files_are_refused() {
-    let Some(folder) = shared("hrtf_sofa/tests") else { return };
+    let Some(folder) = shared("data/hrtf_sofa/tests") else { return };
     let mut n = 0;
     for entry in fs::read_dir(folder).unwrap() {
         let path = entry.unwrap().path();
@@ -269,7 +270,7 @@ fn t17_damaged_sofa_files_are_refused() {
 
 #[test]
 fn t17_a_cut_sofa_file_is_refused() {
-    let Some(path) = shared("hrtf_sofa/tests/Pulse.sofa") else { return };
+    let Some(path) = shared("data/hrtf_sofa/tests/Pulse.sofa") else { return };
     let bytes = fs::read(path).unwrap();
     let folder = std::env::temp_dir().join(format!("ivv-sofa-{}", std::process::id()));
     fs::create_dir_all(&folder).unwrap();

@@ -8,7 +8,7 @@ use ivv::sound::rig::RigCamera;
 use ivv::sound::triangulate::{Sight, triangulate, triangulate_all};
 
 use super::rigs::{normal, pixel, rig, sights};
-use crate::capture::shared;
+use crate::common::notes::shared;
 use crate::common::random::Random;
 
 fn place(random: &mut Random) -> DVec3 {

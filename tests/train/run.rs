@@ -145,7 +145,7 @@ fn check_totals(run: &Path) {
     assert!(steps.len() >= 10 && steps.iter().all(|line| line["loss"].is_number() && line["seconds"].is_number()));
     let profiled: Vec<u64> = lines(run, "profile").iter().map(|line| line["step"].as_u64().unwrap()).collect();
     if totals["device"]["timestamp_ns"].as_f64() == Some(0.0) {
-        eprintln!("skipped: the device has no timestamps");
+        crate::common::notes::skip("the device has no timestamps");
         return;
     }
     assert_eq!(profiled, [5, 15, 25, 35, 45]);
@@ -185,7 +185,7 @@ fn memory_does_not_grow_with_the_steps() {
         json(&run.join("train.json"))["host_peak_bytes"].as_f64()
     };
     let (Some(few), Some(many)) = (peak("40"), peak("160")) else {
-        return println!("skipped: this system does not tell how much memory a process held");
+        return crate::common::notes::skip("this system does not tell how much memory a process held");
     };
     assert!(few > 1e7 && many < few + 4e7, "{few} bytes after 40 steps, {many} after 160");
 }

@@ -12,11 +12,8 @@ fn grey(path: &str) -> (Vec<f64>, [usize; 2]) {
 
 #[test]
 fn ssim_of_a_noisy_photograph_is_the_published_value() {
-    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data/ssim_reference");
-    if !std::path::Path::new(folder).exists() {
-        eprintln!("skipped: ../shared/data/ssim_reference is absent");
-        return;
-    }
+    let Some(folder) = crate::common::notes::shared("data/ssim_reference") else { return };
+    let folder = folder.display();
     let (x, size) = grey(&format!("{folder}/camera.png"));
     let (y, other) = grey(&format!("{folder}/derived/cam_noisy.png"));
     assert_eq!((size, other), ([512, 512], size));

@@ -16,12 +16,9 @@ const SIZE: (u32, u32) = (32, 18);
 const FLASH: usize = 17;
 const N_FRAMES: usize = 40;
 
+#[track_caller]
 fn has_ffmpeg() -> bool {
-    let found = Command::new("ffmpeg").arg("-version").output().is_ok();
-    if !found {
-        eprintln!("skipped: ffmpeg is not installed");
-    }
-    found
+    crate::common::notes::has_program("ffmpeg", "-version")
 }
 
 fn frame(color: [f32; 3]) -> Frame {

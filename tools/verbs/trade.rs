@@ -10,7 +10,7 @@ use crate::settings::{SettingArgs, patch};
 use anyhow::Context;
 use ivv::Constants;
 use ivv::files::write_atomic;
-use ivv::gpu::{Gpu, shaders_hash};
+use ivv::gpu::{Gpu, shaders_hash, spirv_hashes};
 use ivv::scene::Splats;
 use ivv::scene::capture::{Capture, FrameCache, Picture};
 use ivv::scene::prior::read_flow;
@@ -116,6 +116,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         driver: caps.driver.clone(),
         date: today(),
         shaders: shaders_hash(),
+        kernels: spirv_hashes(),
         capture: args.capture.file_name().map_or(String::new(), |name| name.to_string_lossy().into_owned()),
         steps,
         seeds: args.seeds.clone(),
