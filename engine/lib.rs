@@ -15,6 +15,7 @@ pub mod gpu;
 mod parallel;
 pub mod prepare;
 pub mod profile;
+pub mod random;
 mod report;
 pub mod scene;
 pub mod settings;

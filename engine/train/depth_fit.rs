@@ -5,11 +5,11 @@
 
 use crate::error::Result;
 use crate::parallel::in_parallel;
+use crate::random::Keyed;
 use crate::scene::capture::{Capture, FramePoint};
 use crate::scene::prior::read_depth;
 use crate::stage::DepthSpace;
 use crate::train::pinhole::Pinhole;
-use crate::train::random::Random;
 use glam::DVec3;
 use std::collections::BTreeMap;
 use std::fmt;
@@ -185,7 +185,7 @@ fn fit_line(pairs: &[(f64, f64)]) -> std::result::Result<DepthFit, Unfit> {
     if n < FEWEST {
         return Err(Unfit::FewPoints);
     }
-    let random = Random::new(&[KEY, n as u64]);
+    let random = Keyed::new(&[KEY, n as u64]);
     let mut best = (f64::INFINITY, (0.0, 0.0));
     for line in 0..LINES {
         let [(x0, y0), (x1, y1)] = [2 * line, 2 * line + 1].map(|i| pairs[(random.bits(i) % n as u64) as usize]);
@@ -247,7 +247,7 @@ mod tests {
 
     /// Points on the line 0.5 x - 0.2 but for noise, every `every`-th anywhere.
     fn pairs(n: u64, noise: f64, every: u64) -> Vec<(f64, f64)> {
-        let random = Random::new(&[3]);
+        let random = Keyed::new(&[3]);
         let pair = |i: u64| {
             let x = 1.0 + random.uniform(3 * i);
             let y = 0.5 * x - 0.2 + noise * random.normal(1000 + i);

@@ -1,9 +1,9 @@
 //! Gaussians at points: of a reconstruction, at random, or found by the other modules here.
 
+use crate::random::Keyed;
 use crate::scene::capture::{Camera, Capture, Point, camera_center};
 use crate::scene::{Motion, SH_C0, Splats};
 use crate::train::config::Config;
-use crate::train::random::Random;
 use std::collections::HashMap;
 
 /// Opacity to begin with (SPEC 5).
@@ -78,7 +78,7 @@ pub(super) fn median_color(mut colors: Vec<[f32; 3]>) -> Option<[f32; 3]> {
 /// Grey points, uniform in the ball that the capture's cameras look at.
 pub fn random_points(capture: &Capture, config: &Config) -> Vec<Point> {
     let extent = capture.extent();
-    let random = Random::new(&[config.seed, 0x0070_6f69_6e74]);
+    let random = Keyed::new(&[config.seed, 0x0070_6f69_6e74]);
     (0..config.init_points as u64)
         .map(|i| {
             let direction: [f64; 3] = std::array::from_fn(|k| random.normal(4 * i + k as u64));

@@ -1,8 +1,8 @@
 //! Which parts of which Gaussians pay (SPEC 12): a part stays when the pictures need it more than its numbers cost.
 
+use crate::random::Keyed;
 use crate::scene::Splats;
 use crate::stage::Response;
-use crate::train::random::Random;
 use crate::train::require::evidence::Evidence;
 use crate::train::require::look::Seen;
 
@@ -95,7 +95,7 @@ pub fn affordable(
 /// Fates of all Gaussians. `frame_times` are the normalised times of the training frames; `price` multiplies the cost of a
 /// number that may go, one that comes must pay in full; what too little was seen of stays as it is; `key` chooses which of those that are not worth their numbers go now.
 pub fn fates(splats: &Splats, evidence: &Evidence, frame_times: &[f64], price: f64, key: &[u64]) -> Vec<Fate> {
-    let random = Random::new(key);
+    let random = Keyed::new(key);
     let overdispersion = overdispersion(splats, evidence);
     let of = |i: usize| {
         let (information, slope, seen) = (&evidence.information[i], &evidence.slope[i], &evidence.seen[i]);
