@@ -16,7 +16,7 @@ mod parallel;
 pub mod prepare;
 pub mod profile;
 pub mod random;
-mod report;
+pub mod report;
 pub mod scene;
 pub mod settings;
 pub mod sound;

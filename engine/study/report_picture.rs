@@ -1,11 +1,26 @@
 //! Pictures of the report: truth, rendering and error map as inline PNG.
 
-use super::run_report::Example;
 use crate::scene::Frame;
 use crate::scene::capture::Picture;
+use crate::train::Scores;
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD as BASE64;
 use image::{ExtendedColorType, ImageEncoder, ImageError, codecs::png::PngEncoder};
+
+/// A test view that the report shows.
+#[derive(Clone, Debug)]
+pub struct Example {
+    /// Name of the view.
+    pub view: String,
+    /// Why it is shown: worst, median, best; may be empty.
+    pub why: &'static str,
+    /// Its scores.
+    pub scores: Scores,
+    /// The image.
+    pub truth: Picture,
+    /// The rendering, of the same size.
+    pub render: Frame,
+}
 
 /// Longest row of a picture in the report, pixels; larger pictures are averaged over squares.
 const MAX_WIDTH: u32 = 480;

@@ -1,6 +1,7 @@
 //! Gaussians at points: of a reconstruction, at random, or found by the other modules here.
 
 use crate::random::Keyed;
+use crate::report::statistics::mean;
 use crate::scene::capture::{Camera, Capture, Point, camera_center};
 use crate::scene::{Motion, SH_C0, Splats};
 use crate::train::config::Config;
@@ -155,10 +156,9 @@ pub(super) fn spacings(found: &[Found], reach: &Reach) -> Vec<f64> {
                     break;
                 }
             }
-            let found: Vec<f64> = nearest.iter().filter(|d| d.is_finite()).map(|d| d.sqrt()).collect();
-            let mean = found.iter().sum::<f64>() / found.len().max(1) as f64;
             let widest = reach.widest(*p);
-            if found.is_empty() { widest } else { mean.clamp(1e-7 * radius, widest) }
+            let found = mean(nearest.iter().filter(|d| d.is_finite()).map(|d| d.sqrt()));
+            found.map_or(widest, |mean| mean.clamp(1e-7 * radius, widest))
         })
         .collect()
 }

@@ -1,7 +1,7 @@
 //! What lies over the picture: the time bar, and a graph of the frames' times with the slowest passes.
 
 use font8x8::legacy::BASIC_LEGACY;
-use ivv::profile::quantile;
+use ivv::report::statistics::{mean, quantile};
 use ivv::stage::FrameReport;
 use std::collections::VecDeque;
 
@@ -60,7 +60,7 @@ impl Frames {
     fn numbers(&self) -> String {
         let ms: Vec<f64> = self.ms.iter().copied().collect();
         let q = |q| if ms.is_empty() { 0.0 } else { quantile(&ms, q) };
-        let mean = self.between.iter().sum::<f64>() / self.between.len().max(1) as f64;
+        let mean = mean(self.between.iter().copied()).unwrap_or(0.0);
         let FrameReport { active, gaussians, intersections, .. } = self.report;
         format!(
             "{:.0} fps  engine {:.1} ms, 95% {:.1}  {active} of {gaussians} active, {intersections} intersections",

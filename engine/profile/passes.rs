@@ -1,0 +1,208 @@
+//! The passes of frames or steps, against what the device was measured to do.
+
+use super::limit::{Bound, Peaks};
+use crate::gpu::cost::Cost;
+use crate::report::statistics::{Ratio, mean, median, paired_ratio, quantile};
+use crate::stage::{Counters, PassReport};
+use crate::vk::{Caps, DeviceKind};
+use serde::Serialize;
+
+/// One frame or step whose passes were timed.
+#[derive(Clone, Debug)]
+pub struct Sample {
+    /// Its passes, by label.
+    pub passes: Vec<PassReport>,
+    /// What they had to do.
+    pub counters: Counters,
+}
+
+/// All passes with one label, over the samples that have it.
+#[derive(Clone, Debug, Serialize)]
+pub struct Line {
+    /// Stage and kernel.
+    pub label: String,
+    /// Samples that have it.
+    pub samples: usize,
+    /// Passes of a sample.
+    pub dispatches: f64,
+    /// Median of the samples' times, milliseconds.
+    pub median_ms: f64,
+    /// 95th percentile, milliseconds.
+    pub p95_ms: f64,
+    /// Part of all passes' time.
+    pub share: f64,
+    /// What the time grows with, mean of the samples.
+    pub units: f64,
+    /// The least that must be done, mean of the samples.
+    pub cost: Cost,
+    /// The least time by the roofline, milliseconds, mean of the samples.
+    pub limit_ms: f64,
+    /// The fraction of the roofline's speed that is reached.
+    pub of_limit: f64,
+    /// What limits it; nothing alone limits a whole sample.
+    pub bound: Option<Bound>,
+    /// On a CPU driver, the time of kernels that are well written for it, by the units of the table of kernels.
+    pub unit_limit_ms: Option<f64>,
+    /// The fraction of that speed that is reached.
+    pub of_unit_limit: Option<f64>,
+}
+
+/// What timestamps cost: steps with them and steps without, in turns.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Overhead {
+    /// Median of the steps without, milliseconds of the host's clock.
+    pub plain_ms: f64,
+    /// Median of the steps with them.
+    pub timed_ms: f64,
+    /// Time with over time without.
+    pub ratio: Ratio,
+}
+
+/// A profile.
+#[derive(Clone, Debug, Serialize)]
+pub struct Profile {
+    /// What was profiled.
+    pub subject: String,
+    /// What a sample is: a step or a view.
+    pub sample: &'static str,
+    /// Samples.
+    pub samples: usize,
+    /// The device.
+    pub device: Caps,
+    /// Hash of the kernels, see [`crate::gpu::shaders_hash`].
+    pub shaders: String,
+    /// What the device was measured to do.
+    pub peaks: Peaks,
+    /// What the samples had to do, on average.
+    pub counters: Counters,
+    /// The passes, in the order of their first.
+    pub lines: Vec<Line>,
+    /// Their sum.
+    pub total: Line,
+    /// What the measuring costs.
+    pub overhead: Overhead,
+}
+
+impl Profile {
+    /// Of at least one sample on the device with `caps`; `threads` are those of a CPU driver.
+    pub fn new(
+        subject: String,
+        sample: &'static str,
+        caps: &Caps,
+        threads: f64,
+        peaks: Peaks,
+        samples: &[Sample],
+        overhead: Overhead,
+    ) -> Self {
+        let n = samples.len().max(1) as f64;
+        let mut counters = Counters::default();
+        samples.iter().for_each(|sample| counters.add(&sample.counters));
+        let passes = || samples.iter().flat_map(|sample| &sample.passes);
+        let sum: f64 = passes().map(|pass| pass.ns).sum();
+        let mut labels: Vec<&str> = Vec::new();
+        for pass in passes() {
+            if !labels.contains(&pass.label.as_str()) {
+                labels.push(&pass.label);
+            }
+        }
+        // The unit costs are lavapipe's.
+        let threads = (caps.kind == DeviceKind::Cpu).then_some(threads);
+        let line = |label: &str| {
+            let of: Vec<&PassReport> = passes().filter(|pass| pass.label == label).collect();
+            Line::new(label, &of, &peaks, threads, sum)
+        };
+        let lines: Vec<Line> = labels.into_iter().map(line).collect();
+        let times: Vec<f64> =
+            samples.iter().map(|sample| sample.passes.iter().map(|pass| pass.ns).sum::<f64>() / 1e6).collect();
+        Profile {
+            total: Line::total(sample, &lines, &times),
+            subject,
+            sample,
+            samples: samples.len(),
+            device: caps.clone(),
+            shaders: crate::gpu::shaders_hash(),
+            peaks,
+            counters: counters.over(n),
+            lines,
+            overhead,
+        }
+    }
+
+    /// Pixels that are finished before their list's end, as a fraction of all.
+    pub fn early_stop_rate(&self) -> f64 {
+        self.counters.finished / self.counters.pixels.max(1.0)
+    }
+
+    /// Its lines, those that take most time first.
+    pub fn by_time(&self) -> Vec<&Line> {
+        let mut lines: Vec<&Line> = self.lines.iter().collect();
+        lines.sort_by(|a, b| b.share.total_cmp(&a.share));
+        lines
+    }
+}
+
+impl Line {
+    fn new(label: &str, passes: &[&PassReport], peaks: &Peaks, threads: Option<f64>, sum: f64) -> Self {
+        let n = passes.len().max(1) as f64;
+        let mean = |f: &dyn Fn(&PassReport) -> f64| mean(passes.iter().map(|pass| f(pass))).unwrap_or(0.0);
+        let ms: Vec<f64> = passes.iter().map(|pass| pass.ns / 1e6).collect();
+        let mut cost = Cost::default();
+        passes.iter().for_each(|pass| cost.add(&pass.cost, 1.0 / n));
+        let dispatches = mean(&|pass| pass.dispatches as f64);
+        // Copies and fills are no dispatches.
+        let is_kernel = cost.copied + cost.filled == 0.0;
+        let dispatched = if is_kernel { dispatches } else { 0.0 };
+        let (limit_ns, bound) = peaks.limit(&cost, dispatched);
+        let median_ms = median(&ms);
+        let of = |limit_ms: f64| if median_ms > 0.0 { limit_ms / median_ms } else { 0.0 };
+        let unit_ns = |threads| mean(&|pass| pass.limit_ns) / threads + dispatched * peaks.dispatch_ns;
+        let unit_limit_ms = threads.filter(|_| is_kernel).map(|threads| unit_ns(threads) / 1e6);
+        Line {
+            label: label.to_owned(),
+            samples: passes.len(),
+            dispatches,
+            median_ms,
+            p95_ms: quantile(&ms, 0.95),
+            share: passes.iter().map(|pass| pass.ns).sum::<f64>() / sum,
+            units: mean(&|pass| pass.units),
+            cost,
+            limit_ms: limit_ns / 1e6,
+            of_limit: of(limit_ns / 1e6),
+            bound: Some(bound),
+            unit_limit_ms,
+            of_unit_limit: unit_limit_ms.map(of),
+        }
+    }
+
+    fn total(sample: &str, lines: &[Line], ms: &[f64]) -> Self {
+        let limit_ms: f64 = lines.iter().map(|line| line.limit_ms).sum();
+        // Copies and fills have no unit time.
+        let unit_limits: Vec<f64> = lines.iter().filter_map(|line| line.unit_limit_ms).collect();
+        let unit_limit_ms = (!unit_limits.is_empty()).then(|| unit_limits.iter().sum());
+        let median_ms = median(ms);
+        let mut cost = Cost::default();
+        lines.iter().for_each(|line| cost.add(&line.cost, 1.0));
+        Line {
+            label: sample.to_owned(),
+            samples: ms.len(),
+            dispatches: lines.iter().map(|line| line.dispatches).sum(),
+            median_ms,
+            p95_ms: quantile(ms, 0.95),
+            share: 1.0,
+            units: 1.0,
+            cost,
+            limit_ms,
+            of_limit: limit_ms / median_ms,
+            bound: None,
+            unit_limit_ms,
+            of_unit_limit: unit_limit_ms.map(|limit: f64| limit / median_ms),
+        }
+    }
+}
+
+impl Overhead {
+    /// Of steps with timestamps and steps without, milliseconds, in pairs.
+    pub fn new(timed: &[f64], plain: &[f64]) -> Self {
+        Overhead { plain_ms: median(plain), timed_ms: median(timed), ratio: paired_ratio(timed, plain) }
+    }
+}
