@@ -73,10 +73,16 @@ impl Axis {
         Axis { label: label.to_owned(), is_log: false, span, ticks, has_grid: true }
     }
 
-    /// The same axis with ticks at whole numbers only.
-    pub fn in_whole_numbers(mut self) -> Self {
-        self.ticks.retain(|(value, _)| value.fract() == 0.0);
-        self
+    /// A linear axis with about `n` ticks instead.
+    pub fn with_ticks(self, n: u32) -> Self {
+        Axis::ticked(&self.label, self.span, f64::from(n))
+    }
+
+    /// A linear axis with ticks at whole numbers only.
+    pub fn in_whole_numbers(self) -> Self {
+        let mut axis = self.with_ticks(5);
+        axis.ticks.retain(|(value, _)| value.fract() == 0.0);
+        axis
     }
 
     /// The values at both ends.
@@ -155,7 +161,8 @@ mod tests {
         assert_eq!(told(&Axis::between("", 0.0, 1.2e7)).last().unwrap().1, "10M");
         assert_eq!(Axis::around("", [1.0, 3.0], 0.1).ends(), [0.88, 3.12]);
         let half = Axis::between("", 1.0, 3.0);
-        assert_eq!((half.ticks.len(), half.in_whole_numbers().ticks.len()), (5, 3));
+        let tenths = half.clone().with_ticks(20);
+        assert_eq!((half.ticks.len(), half.in_whole_numbers().ticks.len(), tenths.ticks.len()), (5, 3, 21));
     }
 
     #[test]

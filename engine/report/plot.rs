@@ -199,6 +199,8 @@ impl Panel {
                     series.marks.iter().map(|mark| format!("{:.1},{:.1}", x(mark.at[0]), y(mark.at[1]))).collect();
                 let _ = writeln!(svg, "<polyline class=\"line {class}\" points=\"{}\"/>", at.join(" "));
             }
+            // Dots without a line may lie upon each other.
+            let class = if series.is_joined { class } else { class + " loose" };
             svg.extend(series.marks.iter().map(|mark| mark.draw(&class, &x, &y)));
         }
         for Note { at, shift, anchor, look, text: words } in &self.notes {

@@ -10,6 +10,8 @@ use std::fmt::Write;
 
 /// Width and height of the picture.
 const SIZE: [f64; 2] = [770.0, 460.0];
+/// Room left of its axes, above, right and below.
+const MARGIN: [f64; 4] = [70.0, 30.0, 80.0, 40.0];
 /// Ticks of its horizontal axis.
 const SPEEDS: [f64; 12] = [0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0];
 const HEADS: [&str; 13] = [
@@ -85,7 +87,7 @@ impl Trade {
             .collect();
         let kinds = [Kind::Preset, Kind::Single, Kind::Without];
         let x = Axis::log("speed of a step, times that of exact", points.iter().map(|p| p.1), 2.0, &SPEEDS);
-        let y = Axis::around("", points.iter().map(|p| p.2.mean), 0.2);
+        let y = Axis::around("", points.iter().map(|p| p.2.mean), 0.2).with_ticks(8);
         let [low, high] = y.ends();
         let mark = |(arm, speed, gain): &(&TradeArm, f64, Estimate)| {
             let half = gain.half_width.filter(|_| arm.kind == Kind::Preset && arm.name != "exact");
@@ -106,7 +108,7 @@ impl Trade {
         let front = Series { colour: None, is_joined: true, marks: front };
         let panel = Panel {
             title: "PSNR difference from exact, dB; bars: 95 %".to_owned(),
-            margin: [70.0, 30.0, 80.0, 40.0],
+            margin: MARGIN,
             notes: names(&points, &x, &y),
             series: [front].into_iter().chain(kinds.iter().enumerate().map(of_kind)).collect(),
             list: Vec::new(),
@@ -125,10 +127,12 @@ fn is_beaten((_, speed, gain): &(&TradeArm, f64, Estimate), all: &[(&TradeArm, f
 
 /// The names of the presets: each above its point, or below where another is in the way.
 fn names(points: &[(&TradeArm, f64, Estimate)], x: &Axis, y: &Axis) -> Vec<Note> {
+    let [left, top, right, bottom] = MARGIN;
+    let (width, height) = (SIZE[0] - left - right, SIZE[1] - top - bottom);
     let mut taken: Vec<[f64; 2]> = Vec::new();
     let presets = points.iter().filter(|(arm, ..)| arm.kind == Kind::Preset);
     let name = |(arm, speed, gain): &(&TradeArm, f64, Estimate)| {
-        let place = [SIZE[0] * x.part(*speed), SIZE[1] * y.part(gain.mean)];
+        let place = [width * x.part(*speed), height * y.part(gain.mean)];
         let is_hit = taken.iter().any(|[x, y]| (x - place[0]).abs() < 90.0 && (y - place[1]).abs() < 20.0);
         taken.push(place);
         Note {
