@@ -3,7 +3,7 @@
 use crate::interrupt::Stop;
 use crate::progress::Progress;
 use crate::screen::out;
-use ivv::profile::{median, quantile};
+use ivv::report::statistics::{mean, median, quantile};
 use ivv::scene::{Splats, View};
 use ivv::stage::{Destination, Outputs, Renderer};
 use std::collections::BTreeMap;
@@ -43,8 +43,13 @@ pub struct Bench {
 impl Rate {
     fn of(seconds: &[f64]) -> Self {
         let ms = |q: f64| 1e3 * quantile(seconds, q);
-        let mean = seconds.iter().sum::<f64>() / seconds.len() as f64;
-        Rate { frames_per_second: 1.0 / mean, median_ms: ms(0.5), p95_ms: ms(0.95), p99_ms: ms(0.99) }
+        let mean = mean(seconds.iter().copied());
+        Rate {
+            frames_per_second: mean.map_or(f64::NAN, |mean| 1.0 / mean),
+            median_ms: ms(0.5),
+            p95_ms: ms(0.95),
+            p99_ms: ms(0.99),
+        }
     }
 }
 

@@ -4,6 +4,7 @@ use crate::files::write_json;
 use crate::progress::watch;
 use crate::screen::out;
 use crate::verbs::eval::Scorer;
+use ivv::report::statistics::mean;
 use ivv::scene::capture::{Camera, Capture};
 use ivv::train::{Agreement, Notice, OffsetFit, Phase, Trainer, learnt_offsets};
 use std::collections::BTreeMap;
@@ -71,7 +72,7 @@ fn rows(capture: &Capture, learns: &[bool], fits: &BTreeMap<usize, OffsetFit>) -
         .filter(|camera| learnt(*camera))
         .filter_map(|camera| truth.get(&capture.cameras[camera].name).copied())
         .collect();
-    let mean = known.iter().sum::<f64>() / known.len().max(1) as f64;
+    let mean = mean(known).unwrap_or(0.0);
     let row = |(index, camera): (usize, &Camera)| {
         let fit = fits.get(&index);
         Row {

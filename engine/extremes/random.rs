@@ -3,39 +3,7 @@
 use crate::scene::capture::Picture;
 use crate::scene::{FlowModel, Motion, Splats, View};
 
-/// SplitMix64: enough for cases, and the same on every machine.
-pub struct Random(u64);
-
-impl Random {
-    /// Of a seed.
-    pub fn new(seed: u64) -> Self {
-        Random(seed)
-    }
-
-    /// 64 random bits.
-    pub fn bits(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
-    }
-
-    /// Uniform in `[low, high)`.
-    pub fn uniform(&mut self, low: f64, high: f64) -> f64 {
-        low + (high - low) * (self.bits() >> 11) as f64 / (1u64 << 53) as f64
-    }
-
-    /// Numbers, each uniform in `[low, high)`.
-    pub fn vector<const N: usize>(&mut self, low: f64, high: f64) -> [f32; N] {
-        std::array::from_fn(|_| self.uniform(low, high) as f32)
-    }
-
-    /// One of `choices`.
-    pub fn pick(&mut self, choices: &[f64]) -> f64 {
-        choices[(self.bits() % choices.len() as u64) as usize]
-    }
-}
+pub use crate::random::Random;
 
 /// A camera at (0, 0, -4) that looks along z, 80 x 56 pixels.
 pub fn view() -> View {

@@ -1,8 +1,8 @@
 //! Two profiles side by side, pass by pass, from the files that `ivv profile` wrote; no device is needed.
 
-use super::page::{Table, plain};
 use crate::error::{Error, Result};
 use crate::files::read_file;
+use crate::report::Table;
 use serde::{Deserialize, Serialize};
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
@@ -266,8 +266,7 @@ impl Comparison {
         if !self.differences.is_empty() {
             let rows =
                 self.differences.iter().map(|other| vec![other.what.to_owned(), shown(&other.a), shown(&other.b)]);
-            let title = "What differs beside the times".to_owned();
-            text += &plain(&[Table { title, heads: vec!["", "A", "B"], rows: rows.collect() }]);
+            text += &format!("What differs beside the times\n{}", Table::new(&["", "A", "B"], rows).plain());
         }
         let spoils: Vec<&str> = self.differences.iter().filter(|other| other.spoils).map(|other| other.what).collect();
         if !spoils.is_empty() {
@@ -287,11 +286,10 @@ impl Comparison {
                 line.verdict.map_or("", Verdict::name).to_owned(),
             ]
         };
-        text + &plain(&[Table {
-            title: "Medians of the passes, the largest change first".to_owned(),
-            heads: vec!["pass", "A, ms", "B, ms", "B - A, ms", if spoils.is_empty() { "B / A" } else { "(B / A)" }, ""],
-            rows: self.passes.iter().chain([&self.total, &self.host]).map(row).collect(),
-        }])
+        let ratio = if spoils.is_empty() { "B / A" } else { "(B / A)" };
+        let rows = self.passes.iter().chain([&self.total, &self.host]).map(row);
+        let table = Table::new(&["pass", "A, ms", "B, ms", "B - A, ms", ratio, ""], rows);
+        text + "Medians of the passes, the largest change first\n" + &table.plain()
     }
 }
 

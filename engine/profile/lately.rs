@@ -1,6 +1,6 @@
 //! What frames took lately, for whoever watches them as they come.
 
-use super::quantile;
+use crate::report::statistics::quantile;
 use crate::stage::FrameReport;
 use std::collections::VecDeque;
 

@@ -1,20 +1,14 @@
 //! A profile as a page and as Markdown: the same tables.
 
+use super::limit::Bound;
+use super::passes::{Line, Profile};
 use super::probe::Probe;
 use super::roofline::si;
-use super::{Line, Profile};
-use crate::report::escape;
+use crate::report::{Table, note, page, section};
 use std::fmt::Write;
 
-/// A table: its title, its heads, its rows; the first column is text.
-pub(super) struct Table {
-    pub title: String,
-    pub heads: Vec<&'static str>,
-    pub rows: Vec<Vec<String>>,
-}
-
-/// The tables, with the passes of `lines`.
-fn tables(profile: &Profile, lines: &[&Line]) -> Vec<Table> {
+/// The tables with their titles, passes that take most time first.
+fn tables(profile: &Profile) -> [(String, Table); 4] {
     let Profile { peaks, counters, overhead, sample, .. } = profile;
     let mut peak_rows: Vec<Vec<String>> = Probe::ALL
         .into_iter()
@@ -52,29 +46,22 @@ fn tables(profile: &Profile, lines: &[&Line]) -> Vec<Table> {
             format!("{:.3}", line.cost.flops / 1e6),
             format!("{:.3}", line.limit_ms),
             percent(line.of_limit),
-            line.bound.map_or("", super::Bound::name).to_owned(),
+            line.bound.map_or("", Bound::name).to_owned(),
         ];
         row.extend(has_units.then(|| line.of_unit_limit.map_or(String::new(), percent)));
         row
     };
-    let ratio = overhead.ratio;
-    vec![
-        Table {
-            title: format!("Passes of a {sample}"),
-            heads,
-            rows: lines.iter().copied().chain([&profile.total]).map(row).collect(),
-        },
-        Table { title: format!("What a {sample} had to do"), heads: vec!["count", "mean"], rows: counter_rows },
-        Table { title: "What the device can do".to_owned(), heads: vec!["probe", "rate"], rows: peak_rows },
-        Table {
-            title: "What the measuring costs".to_owned(),
-            heads: vec!["", ""],
-            rows: vec![
-                vec![format!("{sample} with timestamps, host's clock"), format!("{:.2} ms", overhead.timed_ms)],
-                vec![format!("{sample} without"), format!("{:.2} ms", overhead.plain_ms)],
-                vec!["ratio, 95 % interval".to_owned(), ratio.to_string()],
-            ],
-        },
+    let costs = [
+        vec![format!("{sample} with timestamps, host's clock"), format!("{:.2} ms", overhead.timed_ms)],
+        vec![format!("{sample} without"), format!("{:.2} ms", overhead.plain_ms)],
+        vec!["ratio, 95 % interval".to_owned(), overhead.ratio.to_string()],
+    ];
+    let passes = profile.by_time().into_iter().chain([&profile.total]).map(row);
+    [
+        (format!("Passes of a {sample}"), Table::new(&heads, passes)),
+        (format!("What a {sample} had to do"), Table::new(&["count", "mean"], counter_rows)),
+        ("What the device can do".to_owned(), Table::new(&["probe", "rate"], peak_rows)),
+        ("What the measuring costs".to_owned(), Table::new(&["", ""], costs)),
     ]
 }
 
@@ -93,34 +80,29 @@ fn told(profile: &Profile) -> String {
     )
 }
 
-pub(super) fn html(profile: &Profile) -> String {
-    let title = escape(&profile.subject);
-    let mut page = format!(
-        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
-         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n<title>Profile of {title}</title>\n\
-         <style>\n{}</style>\n</head>\n<body>\n<header>\n<h1>Profile of {title}</h1>\n\
-         <p class=\"note\">{}</p>\n</header>\n<section>\n<h2>Roofline</h2>\n{}\
-         <p class=\"note\">{}</p>\n",
-        crate::report::STYLE,
-        escape(&told(profile)),
-        profile.roofline(),
-        MEANING
-    );
-    if profile.total.of_unit_limit.is_some() {
-        let _ = writeln!(page, "<p class=\"note\">{}</p>", UNITS.replace('`', ""));
+impl Profile {
+    /// The page: one HTML file that needs nothing else.
+    pub fn html(&self) -> String {
+        let units = if self.total.of_unit_limit.is_some() { note(&UNITS.replace('`', "")) } else { String::new() };
+        let mut body = section("Roofline", &format!("{}{}{units}", self.inline_roofline(), note(MEANING)));
+        body.extend(tables(self).iter().map(|(title, table)| section(title, &table.html())));
+        page(&format!("Profile of {}", self.subject), &note(&told(self)), &body)
     }
-    page += "</section>\n";
-    for Table { title, heads, rows } in tables(profile, &profile.by_time()) {
-        let class = |column: usize| if column == 0 { "" } else { " class=\"n\"" };
-        let heads: String = heads.iter().enumerate().map(|(k, head)| format!("<th{}>{head}</th>", class(k))).collect();
-        let _ = writeln!(page, "<section>\n<h2>{title}</h2>\n<div class=\"scroll\"><table>\n<tr>{heads}</tr>");
-        for row in rows {
-            let cells = row.iter().enumerate().map(|(k, cell)| format!("<td{}>{}</td>", class(k), escape(cell)));
-            let _ = writeln!(page, "<tr>{}</tr>", cells.collect::<String>());
+
+    /// Peaks, counters and passes as Markdown.
+    pub fn markdown(&self) -> String {
+        let units = if self.total.of_unit_limit.is_some() { UNITS } else { "" };
+        let mut text = format!("{}.\n\n{MEANING} {units}\n", told(self));
+        for (title, table) in tables(self) {
+            let _ = write!(text, "\n## {title}\n\n{}", table.markdown());
         }
-        let _ = writeln!(page, "</table></div>\n</section>");
+        text
     }
-    page + "</body>\n</html>\n"
+
+    /// The tables for a terminal, passes that take most time first.
+    pub fn terminal(&self) -> String {
+        tables(self).iter().map(|(title, table)| format!("{title}\n{}", table.plain())).collect()
+    }
 }
 
 const MEANING: &str = "A circle's area grows with its pass's share of the time. The limit of a pass is the time that its \
@@ -130,39 +112,3 @@ const MEANING: &str = "A circle's area grows with its pass's share of the time. 
 /// What the last column says, where there is one.
 const UNITS: &str = "The last column is another measure, for CPU drivers alone: the unit times of `shaders-glsl/table.rs`, \
     what kernels took that were written for lavapipe and nothing else, over the time measured.";
-
-pub(super) fn markdown(profile: &Profile) -> String {
-    let units = if profile.total.of_unit_limit.is_some() { UNITS } else { "" };
-    let mut text = format!("{}.\n\n{MEANING} {units}\n", told(profile));
-    for Table { title, heads, rows } in tables(profile, &profile.by_time()) {
-        let rule: Vec<&str> = heads.iter().enumerate().map(|(k, _)| if k == 0 { "---" } else { "---:" }).collect();
-        let _ = writeln!(text, "\n## {title}\n\n| {} |\n| {} |", heads.join(" | "), rule.join(" | "));
-        for row in rows {
-            let _ = writeln!(text, "| {} |", row.join(" | "));
-        }
-    }
-    text
-}
-
-pub(super) fn terminal(profile: &Profile) -> String {
-    plain(&tables(profile, &profile.by_time()))
-}
-
-/// Tables for a terminal.
-pub(super) fn plain(tables: &[Table]) -> String {
-    let mut text = String::new();
-    for Table { title, heads, rows } in tables {
-        let heads: Vec<String> = heads.iter().map(|head| (*head).to_owned()).collect();
-        let width =
-            |column: usize| rows.iter().chain([&heads]).map(|row| row[column].chars().count()).max().unwrap_or(0);
-        let widths: Vec<usize> = (0..heads.len()).map(width).collect();
-        let _ = writeln!(text, "{title}");
-        for row in [&heads].into_iter().chain(rows) {
-            let cells = row.iter().zip(&widths).enumerate().map(|(column, (cell, width))| {
-                if column == 0 { format!("{cell:<width$}") } else { format!("  {cell:>width$}") }
-            });
-            let _ = writeln!(text, "  {}", cells.collect::<String>().trim_end());
-        }
-    }
-    text
-}

@@ -1,11 +1,11 @@
 //! What the device itself can do: small kernels that each saturate one resource.
 
-use super::statistics::median;
 use crate::error::{Error, Result};
 use crate::gpu::generated::{
     probe_atomic, probe_atomic_float, probe_copy, probe_dispatch, probe_exp2, probe_fma, probe_gather, probe_shuffle,
 };
 use crate::gpu::{Buf, Gpu, Grid, Recording};
+use crate::report::statistics::median;
 use crate::vk::DeviceKind;
 use serde::Serialize;
 

@@ -1,9 +1,9 @@
 //! Runs a captured dispatch again: variants of its kernel side by side, with their times and their differences.
 
-use super::statistics::{Ratio, mad, median, paired_ratio};
 use crate::error::{Error, Result};
 use crate::gpu::table::{self, Spec};
 use crate::gpu::{Dispatch, Gpu, Grid, KernelInfo, Recording, Slice};
+use crate::report::statistics::{Ratio, mad, median, paired_ratio};
 use serde::Serialize;
 
 /// How far two outputs lie apart, over all that a kernel writes.

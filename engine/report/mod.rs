@@ -1,10 +1,14 @@
-//! What all reports are made of: plots as SVG, and text for HTML.
+//! What all reports are made of: plots as SVG, tables, pages and statistics.
 
-mod chart;
+mod axis;
+mod bars;
+mod page;
 mod plot;
+pub mod statistics;
+mod table;
 
-pub(crate) use chart::{Chart, Line, Panel, Row};
-pub(crate) use plot::{Bar, Plot, Series, bars, escape};
-
-/// The style sheet of every page.
-pub(crate) const STYLE: &str = include_str!("style.css");
+pub use axis::Axis;
+pub use bars::{Bar, bars};
+pub use page::{escape, note, page, section};
+pub use plot::{Anchor, Chart, Look, Mark, Note, Panel, Row, Series};
+pub use table::Table;

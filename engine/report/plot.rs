@@ -1,218 +1,318 @@
-//! Plots of the report: SVG as text, coloured by the page's style sheet.
+//! Plots as SVG. Axes, ticks, marks and legends are drawn here, all in one way; what differs from plot to plot is data.
 
+use super::axis::Axis;
+use super::page::escape;
 use std::fmt::Write;
 
-/// Size of a plot, in units of its own; the page scales it.
-const SIZE: [f64; 2] = [440.0, 230.0];
-/// Room left, right, above and below the axes.
-const MARGIN: [f64; 4] = [52.0, 14.0, 12.0, 36.0];
-/// Points of a line at most; more are averaged, which also calms a curve of single images.
-const MAX_POINTS: usize = 240;
-/// Height of a bar with its distance to the next.
-const BAR: f64 = 26.0;
+const STYLE: &str = include_str!("plot.css");
+/// Colours that the style sheet has.
+const COLOURS: usize = 8;
+/// Height of a line of the legend, and of what stands above a row.
+const LINE: f64 = 18.0;
+const HEADING: f64 = 24.0;
 
-/// A curve.
-pub(crate) struct Series<'a> {
-    /// For the legend; a plot of one series has none.
-    pub name: &'a str,
-    /// (x, y), in order of x.
-    pub points: Vec<[f64; 2]>,
+/// Panels in rows below a legend.
+#[derive(Clone, Debug, Default)]
+pub struct Chart {
+    /// Width and height of a panel.
+    pub panel: [f64; 2],
+    /// What the colours mean, from the first on; may be empty.
+    pub legend: Vec<String>,
+    /// From the top.
+    pub rows: Vec<Row>,
 }
 
-/// How a plot is drawn.
-pub(crate) struct Plot<'a> {
-    /// Its id in the page.
-    pub id: &'a str,
-    /// What the vertical axis shows.
-    pub title: &'a str,
-    /// Whether the vertical axis begins at 0.
-    pub from_zero: bool,
-    /// Whether every point has a mark, with its value as tooltip; lines are averaged otherwise.
-    pub marked: bool,
+/// Panels side by side.
+#[derive(Clone, Debug)]
+pub struct Row {
+    /// What they all show; may be empty.
+    pub heading: String,
+    /// From the left.
+    pub panels: Vec<Panel>,
 }
 
-impl Plot<'_> {
-    /// A figure with the series over the steps; without any point, with a note instead.
-    pub fn figure(&self, series: &[Series]) -> String {
-        let title = escape(self.title);
-        let series: Vec<(&str, Vec<[f64; 2]>)> =
-            series.iter().map(|s| (s.name, if self.marked { s.points.clone() } else { thinned(&s.points) })).collect();
-        let finite = series.iter().flat_map(|(_, p)| p).filter(|p| p[0].is_finite() && p[1].is_finite());
-        let Some(bounds) = Bounds::of(finite, self.from_zero) else {
-            return format!("<figure><figcaption>{title}</figcaption><p class=\"note\">No data.</p></figure>\n");
-        };
-        let mut svg = String::new();
-        bounds.axes(&mut svg);
-        for (index, (_, points)) in series.iter().enumerate() {
-            let at: Vec<String> =
-                points.iter().map(|p| format!("{:.1},{:.1}", bounds.x(p[0]), bounds.y(p[1]))).collect();
-            let _ = writeln!(svg, "<polyline class=\"line s{index}\" points=\"{}\"/>", at.join(" "));
-            for [x, y] in points.iter().filter(|_| self.marked) {
-                let (cx, cy) = (bounds.x(*x), bounds.y(*y));
-                let _ = writeln!(
-                    svg,
-                    "<circle class=\"mark s{index}\" cx=\"{cx:.1}\" cy=\"{cy:.1}\" r=\"4\">\
-                     <title>step {x}: {y:.4}</title></circle>"
-                );
-            }
-        }
-        let keys = series.iter().enumerate().filter(|_| series.len() > 1);
-        let keys = keys.map(|(index, (name, _))| format!(" <span class=\"key s{index}\">{}</span>", escape(name)));
-        let [w, h] = SIZE;
+/// A plot. The vertical axis runs upwards, or as its ends say.
+#[derive(Clone, Debug)]
+pub struct Panel {
+    /// What it shows; may be empty.
+    pub title: String,
+    /// Room left of the axes, above, right and below.
+    pub margin: [f64; 4],
+    /// The horizontal axis.
+    pub x: Axis,
+    /// The vertical axis.
+    pub y: Axis,
+    /// What is drawn, the last on top.
+    pub series: Vec<Series>,
+    /// What is written into it.
+    pub notes: Vec<Note>,
+    /// Lines of text to the right of the axes.
+    pub list: Vec<String>,
+}
+
+/// Marks of one colour.
+#[derive(Clone, Debug)]
+pub struct Series {
+    /// One of the colours; none is grey.
+    pub colour: Option<usize>,
+    /// Whether a line joins them.
+    pub is_joined: bool,
+    /// In the order of the line.
+    pub marks: Vec<Mark>,
+}
+
+/// A point.
+#[derive(Clone, Debug, Default)]
+pub struct Mark {
+    /// On the two axes.
+    pub at: [f64; 2],
+    /// The ends of an upright line through it.
+    pub range: Option<[f64; 2]>,
+    /// Of its circle, in units of the picture; 0 for none.
+    pub radius: f64,
+    /// What is told when it is pointed at; may be empty.
+    pub title: String,
+}
+
+/// Words in a plot.
+#[derive(Clone, Debug)]
+pub struct Note {
+    /// On the two axes.
+    pub at: [f64; 2],
+    /// Further right and down, in units of the picture.
+    pub shift: [f64; 2],
+    /// Which part of the text is there.
+    pub anchor: Anchor,
+    /// How it looks.
+    pub look: Look,
+    /// What is written.
+    pub text: String,
+}
+
+/// The part of a text that is where it is put.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Anchor {
+    /// Its beginning.
+    Start,
+    /// Its middle.
+    Middle,
+    /// Its end.
+    End,
+}
+
+/// How a text looks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Look {
+    /// Like all other text.
+    Plain,
+    /// A number in a circle.
+    Number,
+    /// The name of what has this colour.
+    Name(usize),
+}
+
+impl Chart {
+    /// A chart of one panel of this size.
+    pub fn of(panel: Panel, size: [f64; 2]) -> Self {
+        Chart { panel: size, legend: Vec::new(), rows: vec![Row { heading: String::new(), panels: vec![panel] }] }
+    }
+
+    /// The same with a legend.
+    pub fn with_legend(self, names: &[&str]) -> Self {
+        Chart { legend: names.iter().map(|name| (*name).to_owned()).collect(), ..self }
+    }
+
+    /// The picture as a file.
+    pub fn svg(&self) -> String {
+        let ([w, h], body) = self.draw();
         format!(
-            "<figure><figcaption>{title}{}</figcaption>\n\
-             <svg id=\"{}\" viewBox=\"0 0 {w} {h}\" role=\"img\" aria-label=\"{title} over steps\">\n\
-             {svg}</svg></figure>\n",
-            keys.collect::<String>(),
-            self.id
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {w} {h}\" width=\"{w}\" height=\"{h}\">\n\
+             <style>\n{STYLE}</style>\n{body}</svg>\n"
         )
     }
-}
 
-/// What the axes span.
-struct Bounds {
-    x: [f64; 2],
-    y: [f64; 2],
-    /// Distance of ticks.
-    step: [f64; 2],
-}
+    /// The picture for a page: its id there, and what it shows for those who do not see it.
+    pub fn inline(&self, id: &str, label: &str) -> String {
+        let (size, body) = self.draw();
+        inline(id, label, size, &body)
+    }
 
-impl Bounds {
-    fn of<'a>(points: impl Iterator<Item = &'a [f64; 2]>, from_zero: bool) -> Option<Self> {
-        let mut span = [[f64::INFINITY, f64::NEG_INFINITY]; 2];
-        for point in points {
-            for (span, value) in span.iter_mut().zip(point) {
-                *span = [span[0].min(*value), span[1].max(*value)];
+    fn draw(&self) -> ([f64; 2], String) {
+        let [width, height] = self.panel;
+        let columns = self.rows.iter().map(|row| row.panels.len()).max().unwrap_or(0).max(1);
+        let mut svg = String::new();
+        let mut top = if self.legend.is_empty() { 0.0 } else { 8.0 + LINE * self.legend.len() as f64 };
+        for (index, name) in self.legend.iter().enumerate() {
+            let (y, class) = (6.0 + LINE * index as f64, colour(Some(index)));
+            let _ = writeln!(svg, "<rect class=\"key {class}\" x=\"10\" y=\"{y}\" width=\"12\" height=\"12\"/>");
+            svg += &text([28.0, y + 10.0], Anchor::Start, "", name);
+        }
+        for row in &self.rows {
+            if !row.heading.is_empty() {
+                svg += &text([10.0, top + 16.0], Anchor::Start, "heading", &row.heading);
+                top += HEADING;
             }
+            for (column, panel) in row.panels.iter().enumerate() {
+                let x = width * column as f64;
+                let _ = write!(svg, "<g transform=\"translate({x} {top})\">\n{}</g>\n", panel.draw(self.panel));
+            }
+            top += height;
         }
-        let [[_, x1], [y0, y1]] = span;
-        if x1 == f64::NEG_INFINITY {
-            return None;
+        ([width * columns as f64, top], svg)
+    }
+}
+
+impl Panel {
+    fn draw(&self, size: [f64; 2]) -> String {
+        let [left, top] = [self.margin[0], self.margin[1]];
+        let (right, bottom) = (size[0] - self.margin[2], size[1] - self.margin[3]);
+        let x = |value: f64| left + self.x.part(value) * (right - left);
+        let y = |value: f64| bottom - self.y.part(value) * (bottom - top);
+        let mut svg = String::new();
+        if !self.title.is_empty() {
+            svg += &text([left, top - 8.0], Anchor::Start, "title", &self.title);
         }
-        let y0 = if from_zero { y0.min(0.0) } else { y0 };
-        // A constant still needs an axis of some length.
-        let height = if y1 > y0 { y1 - y0 } else { 1e-3 * y1.abs().max(1.0) };
-        let step = [round_step(x1.max(1.0) / 5.0), round_step(height / 4.0)];
-        let y = [(y0 / step[1]).floor() * step[1], ((y0 + height) / step[1]).ceil() * step[1]];
-        Some(Bounds { x: [0.0, x1.max(1.0)], y, step })
-    }
-
-    fn x(&self, x: f64) -> f64 {
-        MARGIN[0] + (x - self.x[0]) / (self.x[1] - self.x[0]) * (SIZE[0] - MARGIN[0] - MARGIN[1])
-    }
-
-    fn y(&self, y: f64) -> f64 {
-        SIZE[1] - MARGIN[3] - (y - self.y[0]) / (self.y[1] - self.y[0]) * (SIZE[1] - MARGIN[2] - MARGIN[3])
-    }
-
-    fn axes(&self, svg: &mut String) {
-        let (left, right) = (MARGIN[0], SIZE[0] - MARGIN[1]);
-        let bottom = SIZE[1] - MARGIN[3];
-        for tick in ticks(self.y, self.step[1]) {
-            let y = self.y(tick);
-            let text = number(tick, self.step[1]);
-            let _ = writeln!(svg, "<line class=\"grid\" x1=\"{left}\" x2=\"{right}\" y1=\"{y:.1}\" y2=\"{y:.1}\"/>");
-            let _ = writeln!(svg, "<text x=\"{}\" y=\"{:.1}\" text-anchor=\"end\">{text}</text>", left - 6.0, y + 4.0);
+        let mut line = |class: &str, [x1, x2]: [f64; 2], [y1, y2]: [f64; 2]| {
+            let _ =
+                writeln!(svg, "<line class=\"{class}\" x1=\"{x1:.1}\" x2=\"{x2:.1}\" y1=\"{y1:.1}\" y2=\"{y2:.1}\"/>");
+        };
+        for at in self.y.ticks().filter(|_| self.y.has_grid).map(|(part, _)| bottom - part * (bottom - top)) {
+            line("grid", [left, right], [at, at]);
         }
-        for tick in ticks(self.x, self.step[0]) {
-            let text = number(tick, self.step[0]);
+        for at in self.x.ticks().filter(|_| self.x.has_grid).map(|(part, _)| left + part * (right - left)) {
+            line("grid", [at, at], [top, bottom]);
+        }
+        line("axis", [left, right], [bottom, bottom]);
+        for (part, name) in self.y.ticks() {
+            svg += &text([left - 6.0, bottom - part * (bottom - top) + 4.0], Anchor::End, "", name);
+        }
+        for (part, name) in self.x.ticks() {
+            svg += &text([left + part * (right - left), bottom + 15.0], Anchor::Middle, "", name);
+        }
+        if !self.x.label.is_empty() {
+            svg += &text([right, bottom + 30.0], Anchor::End, "", &self.x.label);
+        }
+        for series in &self.series {
+            let class = colour(series.colour);
+            if series.is_joined {
+                let at: Vec<String> =
+                    series.marks.iter().map(|mark| format!("{:.1},{:.1}", x(mark.at[0]), y(mark.at[1]))).collect();
+                let _ = writeln!(svg, "<polyline class=\"line {class}\" points=\"{}\"/>", at.join(" "));
+            }
+            // Dots without a line may lie upon each other.
+            let class = if series.is_joined { class } else { class + " loose" };
+            svg.extend(series.marks.iter().map(|mark| mark.draw(&class, &x, &y)));
+        }
+        for Note { at, shift, anchor, look, text: words } in &self.notes {
+            let class = match look {
+                Look::Plain => String::new(),
+                Look::Number => "number".to_owned(),
+                Look::Name(index) => format!("name {}", colour(Some(*index))),
+            };
+            svg += &text([x(at[0]) + shift[0], y(at[1]) + shift[1]], *anchor, &class, words);
+        }
+        for (index, words) in self.list.iter().enumerate() {
+            svg += &text([right + 30.0, top + LINE * index as f64], Anchor::Start, "", words);
+        }
+        svg
+    }
+}
+
+impl Mark {
+    fn draw(&self, class: &str, x: &impl Fn(f64) -> f64, y: &impl Fn(f64) -> f64) -> String {
+        let (cx, cy) = (x(self.at[0]), y(self.at[1]));
+        let mut svg = String::new();
+        if let Some(ends) = self.range {
+            let [y1, y2] = ends.map(y);
             let _ = writeln!(
                 svg,
-                "<text x=\"{:.1}\" y=\"{}\" text-anchor=\"middle\">{text}</text>",
-                self.x(tick),
-                bottom + 16.0
+                "<line class=\"range {class}\" x1=\"{cx:.1}\" x2=\"{cx:.1}\" y1=\"{y1:.1}\" y2=\"{y2:.1}\"/>"
             );
         }
-        let _ = writeln!(svg, "<line class=\"axis\" x1=\"{left}\" x2=\"{right}\" y1=\"{bottom}\" y2=\"{bottom}\"/>");
-        let _ = writeln!(svg, "<text x=\"{right}\" y=\"{}\" text-anchor=\"end\">steps</text>", bottom + 32.0);
-    }
-}
-
-/// A row of [`bars`].
-pub(crate) struct Bar {
-    /// What took the time.
-    pub label: String,
-    /// Milliseconds.
-    pub ms: f64,
-    /// The ideal-limit model's milliseconds, where there is a model.
-    pub limit_ms: Option<f64>,
-}
-
-/// Horizontal bars of milliseconds, each with a tick at the model's time.
-pub(crate) fn bars(id: &str, title: &str, rows: &[Bar]) -> String {
-    let longest = rows.iter().flat_map(|row| [row.ms, row.limit_ms.unwrap_or(0.0)]).fold(1e-9, f64::max);
-    let total: f64 = rows.iter().map(|row| row.ms).sum();
-    let (left, width) = (130.0, 190.0);
-    let mut svg = String::new();
-    for (index, row) in rows.iter().enumerate() {
-        let top = BAR * index as f64;
-        let model = row.limit_ms.map_or(String::new(), |limit| format!(", model {limit:.2}"));
-        let length = width * row.ms / longest;
-        let _ = writeln!(
-            svg,
-            "<text x=\"{}\" y=\"{}\" text-anchor=\"end\">{}</text>\n\
-             <rect class=\"bar\" x=\"{left}\" y=\"{}\" width=\"{length:.1}\" height=\"14\" rx=\"2\"/>",
-            left - 8.0,
-            top + 16.0,
-            escape(&row.label),
-            top + 5.0
-        );
-        let mut end = left + length;
-        if let Some(limit) = row.limit_ms {
-            let x = left + width * limit / longest;
-            end = end.max(x);
-            let (y1, y2) = (top + 2.0, top + 22.0);
-            let _ = writeln!(svg, "<line class=\"limit\" x1=\"{x:.1}\" x2=\"{x:.1}\" y1=\"{y1}\" y2=\"{y2}\"/>");
+        if self.radius > 0.0 {
+            let title = match self.title.as_str() {
+                "" => String::new(),
+                title => format!("<title>{}</title>", escape(title)),
+            };
+            let r = self.radius;
+            let _ = writeln!(
+                svg,
+                "<circle class=\"mark {class}\" cx=\"{cx:.1}\" cy=\"{cy:.1}\" r=\"{r:.1}\">{title}</circle>"
+            );
         }
-        let share = 100.0 * row.ms / total;
-        let _ = writeln!(
-            svg,
-            "<text x=\"{:.1}\" y=\"{}\">{:.2} ms, {share:.0} %{model}</text>",
-            end + 6.0,
-            top + 16.0,
-            row.ms
-        );
+        svg
     }
-    let (w, h) = (left + width + 190.0, BAR * rows.len() as f64);
-    let title = escape(title);
-    format!(
-        "<figure class=\"stages\"><figcaption>{title}</figcaption>\n\
-         <svg id=\"{id}\" viewBox=\"0 0 {w} {h}\" role=\"img\" aria-label=\"{title}\">\n{svg}</svg></figure>\n"
-    )
 }
 
-/// The mean of each of at most [`MAX_POINTS`] runs of neighbours.
-fn thinned(points: &[[f64; 2]]) -> Vec<[f64; 2]> {
-    let mean = |part: &[[f64; 2]], k: usize| part.iter().map(|p| p[k]).sum::<f64>() / part.len() as f64;
-    points.chunks(points.len().div_ceil(MAX_POINTS).max(1)).map(|part| [mean(part, 0), mean(part, 1)]).collect()
+/// The class of a colour; they come again after the last.
+fn colour(index: Option<usize>) -> String {
+    index.map_or("grey".to_owned(), |index| format!("s{}", index % COLOURS))
 }
 
-/// The smallest of 1, 2 or 5 times a power of ten that is not below `least`.
-pub(crate) fn round_step(least: f64) -> f64 {
-    let power = 10f64.powf(least.log10().floor());
-    [1.0, 2.0, 5.0].into_iter().map(|m| m * power).find(|step| *step >= 0.999_999 * least).unwrap_or(10.0 * power)
+/// Words in a picture.
+pub(super) fn text([x, y]: [f64; 2], anchor: Anchor, class: &str, words: &str) -> String {
+    let class = if class.is_empty() { String::new() } else { format!(" class=\"{class}\"") };
+    let anchor = match anchor {
+        Anchor::Start => "",
+        Anchor::Middle => " text-anchor=\"middle\"",
+        Anchor::End => " text-anchor=\"end\"",
+    };
+    format!("<text{class} x=\"{x:.1}\" y=\"{y:.1}\"{anchor}>{}</text>\n", escape(words))
 }
 
-/// The multiples of `step` from the first to the last.
-pub(crate) fn ticks([first, last]: [f64; 2], step: f64) -> impl Iterator<Item = f64> {
-    let begin = (first / step).ceil();
-    let n = ((last / step + 1e-6).floor() - begin) as i64;
-    (0..=n).map(move |k| (begin + k as f64) * step)
+/// A picture of a page.
+pub(super) fn inline(id: &str, label: &str, [w, h]: [f64; 2], body: &str) -> String {
+    let label = escape(label);
+    format!("<svg id=\"{id}\" viewBox=\"0 0 {w} {h}\" role=\"img\" aria-label=\"{label}\">\n{body}</svg>\n")
 }
 
-/// A tick's number with as many digits as `step` asks for.
-pub(crate) fn number(value: f64, step: f64) -> String {
-    for (unit, suffix) in [(1e6, "M"), (1e3, "k")] {
-        if step >= unit / 10.0 && value.abs() >= unit {
-            let decimals = usize::from(step < unit);
-            return format!("{:.decimals$}{suffix}", value / unit);
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn marks_lines_and_words_are_where_the_axes_put_them() {
+        let mark = |x: f64, y: f64| Mark { at: [x, y], radius: 3.0, title: "<m>".to_owned(), ..Mark::default() };
+        let marks = vec![mark(0.0, 0.0), Mark { range: Some([0.0, 2.0]), ..mark(5.0, 1.0) }];
+        let panel = Panel {
+            title: "a & b".to_owned(),
+            margin: [20.0, 30.0, 0.0, 10.0],
+            x: Axis::between("x", 0.0, 10.0),
+            y: Axis::between("", 0.0, 2.0),
+            series: vec![
+                Series { colour: Some(9), is_joined: true, marks },
+                Series { colour: None, is_joined: false, marks: vec![Mark::default()] },
+            ],
+            notes: vec![Note {
+                at: [5.0, 1.0],
+                shift: [1.0, -2.0],
+                anchor: Anchor::Middle,
+                look: Look::Name(2),
+                text: "here".to_owned(),
+            }],
+            list: vec!["aside".to_owned()],
+        };
+        let svg = Chart::of(panel, [120.0, 140.0]).with_legend(&["first"]).svg();
+        for told in [
+            "viewBox=\"0 0 120 166\"",
+            "<g transform=\"translate(0 26)\">",
+            ">a &amp; b</text>",
+            "points=\"20.0,130.0 70.0,80.0\"",
+            "<line class=\"range s1\" x1=\"70.0\" x2=\"70.0\" y1=\"130.0\" y2=\"30.0\"/>",
+            "cx=\"70.0\" cy=\"80.0\" r=\"3.0\"><title>&lt;m&gt;</title>",
+            "<text class=\"name s2\" x=\"71.0\" y=\"78.0\" text-anchor=\"middle\">here</text>",
+            ">first</text>",
+            ">aside</text>",
+        ] {
+            assert!(svg.contains(told), "{told}:\n{svg}");
         }
+        assert_eq!((svg.matches("<circle").count(), svg.matches("<polyline").count()), (2, 1));
     }
-    let decimals = (-step.log10().floor()).clamp(0.0, 9.0) as usize;
-    format!("{value:.decimals$}")
-}
 
-/// Text for HTML and SVG.
-pub fn escape(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+    #[test]
+    fn a_page_has_a_picture_without_a_style_of_its_own() {
+        let inline = Chart::default().inline("a", "\"b\"");
+        assert!(inline.starts_with("<svg id=\"a\"") && inline.contains("aria-label=\"&quot;b&quot;\""), "{inline}");
+        assert!(!inline.contains("<style>") && !inline.contains("http"));
+    }
 }

@@ -6,6 +6,7 @@
 use super::splats::dc_of_color;
 use super::splats::{Motion, Splats};
 use super::view::{FlowModel, View};
+use crate::random::Random;
 
 type Vec3 = [f64; 3];
 
@@ -29,7 +30,7 @@ const BOX: (Vec3, f64) = ([0.85, FLOOR_Y - 0.38, 0.75], 0.38);
 /// Floor, walls, a sphere and a box are static; a ball crosses the floor; a ring fades in and out at half time. Units:
 /// the room is 4 wide, x right, y down, z away from the cameras.
 pub fn demo() -> (Splats, Vec<View>) {
-    let mut scene = Builder { splats: Splats::new(1), noise: SplitMix64(0x69_76_76), motion: None };
+    let mut scene = Builder { splats: Splats::new(1), noise: Random::new(0x69_76_76), motion: None };
     scene.floor();
     scene.walls();
     scene.sphere(SPHERE.0, SPHERE.1, 700, |_, unit| {
@@ -51,24 +52,10 @@ pub fn demo() -> (Splats, Vec<View>) {
     (scene.splats, views())
 }
 
-/// Steele, Lea and Flood's generator: 64 bits of state, the same everywhere.
-struct SplitMix64(u64);
-
-impl SplitMix64 {
-    /// A number in [-1, 1).
-    fn next(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let z = (self.0 ^ self.0 >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
-        let bits = (z ^ z >> 31) >> 11;
-        bits as f64 / (1_u64 << 52) as f64 - 1.0
-    }
-}
-
 /// Surfaces as flat oriented Gaussians.
 struct Builder {
     splats: Splats,
-    noise: SplitMix64,
+    noise: Random,
     /// Of the Gaussians that are added; `None` while the static ones are.
     motion: Option<Motion>,
 }
@@ -78,7 +65,7 @@ impl Builder {
     fn surface(&mut self, at: Vec3, normal: Vec3, spacing: f64, color: Vec3) {
         let std = STD_PER_SPACING * spacing;
         let shade = 0.62 + 0.38 * dot(normal, LIGHT).max(0.0);
-        let grain = 1.0 + 0.04 * self.noise.next();
+        let grain = 1.0 + 0.04 * self.noise.uniform(-1.0, 1.0);
         // A surface is a little brighter when it is looked at along its normal: dir . normal is -1 there.
         let sheen = -0.07 / SH_C1;
         let [nx, ny, nz] = normal;
@@ -86,7 +73,7 @@ impl Builder {
         splats.position.push(at.map(|v| v as f32));
         splats.rotation.push(z_axis_to(normal).map(|v| v as f32));
         splats.scale.push([ln(std), ln(std), ln(std * FLATNESS)].map(|v| v as f32));
-        splats.opacity.push((3.2 + 0.6 * self.noise.next()) as f32);
+        splats.opacity.push((3.2 + 0.6 * self.noise.uniform(-1.0, 1.0)) as f32);
         splats.sh.push(color.map(|c| dc_of_color(c * shade * grain)));
         // 3DGS's degree-1 basis is C1 (-y, z, -x), so sheen * C1 * (dir . normal) takes these signs.
         splats.sh.extend([-ny, nz, -nx].map(|n| [(sheen * n) as f32; 3]));

@@ -3,6 +3,7 @@
 use glam::{DMat3, DVec3};
 
 use super::view::{View, camera_center};
+use crate::report::statistics::median_high;
 
 /// Least eigenvalue of the axes' system, by its largest, at which the point that is nearest to them is well defined: axes that
 /// differ by a few degrees.
@@ -57,8 +58,8 @@ impl Orbit {
         if 2 * n_towards <= lenses.len() || !middle.is_finite() {
             return None;
         }
-        let distance = median(lenses.iter().map(|(lens, _)| lens.distance(middle)));
-        let height = median(lenses.iter().map(|(lens, _)| up.dot(lens - middle)));
+        let distance = median_high(lenses.iter().map(|(lens, _)| lens.distance(middle)))?;
+        let height = median_high(lenses.iter().map(|(lens, _)| up.dot(lens - middle)))?;
         // Of cameras that hang overhead the circle still goes around.
         let radius = (distance * distance - height * height).max(0.01 * distance * distance).sqrt();
         let first = lenses[0].0 - middle;
@@ -72,11 +73,4 @@ impl Orbit {
         let around = cos * self.ahead + sin * self.up.cross(self.ahead);
         self.middle + self.radius * around + self.height * self.up
     }
-}
-
-/// The value in the middle of at least one.
-fn median(values: impl Iterator<Item = f64>) -> f64 {
-    let mut values: Vec<f64> = values.collect();
-    values.sort_unstable_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
 }

@@ -5,6 +5,7 @@ use std::f64::consts::PI;
 use realfft::num_complex::Complex64;
 
 use super::spectrum::{Spectra, good_length};
+use crate::report::statistics::median;
 
 /// Samples before the onset that an aligned response keeps at least: most measured responses ring a little before it.
 pub const LEAD: usize = 64;
@@ -142,11 +143,11 @@ pub fn choose(candidates: &[Vec<Candidate>], expected: &[f64], neighbours: &[Vec
         best.map_or(wanted, |candidate| candidate.delay)
     };
     let highest = candidates.iter().zip(expected).map(|(found, model)| found[0].delay - model);
-    let offset = median(highest.collect());
+    let offset = median(&highest.collect::<Vec<_>>());
     let mut chosen: Vec<f64> = (0..candidates.len()).map(|at| best(at, expected[at] + offset, FROM_MODEL)).collect();
     // It settles in a few rounds; a pair that goes on swapping is as good either way.
     for _ in 0..20 {
-        let around = |at: usize| median(neighbours[at].iter().map(|other| chosen[*other]).collect());
+        let around = |at: usize| median(&neighbours[at].iter().map(|other| chosen[*other]).collect::<Vec<_>>());
         let next: Vec<f64> = (0..candidates.len()).map(|at| best(at, around(at), FROM_NEIGHBOURS)).collect();
         if next == chosen {
             break;
@@ -154,10 +155,4 @@ pub fn choose(candidates: &[Vec<Candidate>], expected: &[f64], neighbours: &[Vec
         chosen = next;
     }
     chosen
-}
-
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    let n = values.len();
-    if n == 0 { 0.0 } else { 0.5 * (values[(n - 1) / 2] + values[n / 2]) }
 }

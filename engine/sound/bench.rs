@@ -14,6 +14,7 @@ use super::render::{RenderConfig, SPEED_OF_SOUND, render_signals};
 use super::scene_file::SoundScene;
 use super::simulate::{Motion, Simulated, simulate};
 use crate::error::{Error, Result};
+use crate::report::statistics::{mean, quantile};
 
 /// Samples over which direction and level are judged.
 const FRAME: usize = 4096;
@@ -69,10 +70,9 @@ pub fn compare(
             "give a longer sound, 0.2 s and more",
         ));
     }
-    azimuths.sort_by(f64::total_cmp);
-    let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
-    let last = azimuths[(azimuths.len() * 95 / 100).min(azimuths.len() - 1)];
-    Ok(Difference { azimuth: mean(&azimuths), azimuth_95: last, level: mean(&levels), frames: azimuths.len() })
+    let mean = |values: &[f64]| mean(values.iter().copied()).unwrap_or(0.0);
+    let azimuth_95 = quantile(&azimuths, 0.95);
+    Ok(Difference { azimuth: mean(&azimuths), azimuth_95, level: mean(&levels), frames: azimuths.len() })
 }
 
 /// By how much later a scene's first source is heard by a head than in the recording, seconds.
@@ -195,5 +195,5 @@ fn spectral_error(full: &HrtfSet, hrtf: &HrtfSet, lookup: Lookup) -> f64 {
         let (wanted, given) = (full.filter(to, Lookup::Aligned), hrtf.filter(to, lookup));
         distances.extend([0, 1].map(|ear| lsd_db(&given.responses[ear], &wanted.responses[ear])));
     }
-    distances.iter().sum::<f64>() / distances.len().max(1) as f64
+    mean(distances).unwrap_or(0.0)
 }

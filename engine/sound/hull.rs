@@ -1,8 +1,8 @@
 //! Triangles of directions: the convex hull of points on a sphere, which is their spherical Delaunay triangulation.
 
-use std::collections::{HashMap, HashSet};
-
+use crate::random::Random;
 use glam::DVec3;
+use std::collections::{HashMap, HashSet};
 
 /// Rings of a measurement hold four and more points on a plane; this moves each a little, always the same way.
 const JITTER: f64 = 1e-9;
@@ -96,16 +96,8 @@ impl Hull {
 
 /// A small vector that depends on the index only.
 fn jitter(index: usize) -> DVec3 {
-    let mut state = index as u64 + 1;
-    let mut next = || {
-        // SplitMix64.
-        state = state.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut z = state;
-        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 52) as f64 - 1.0
-    };
-    DVec3::new(next(), next(), next()) * JITTER
+    let mut random = Random::new(index as u64 + 1);
+    DVec3::from_array([(); 3].map(|()| random.uniform(-1.0, 1.0))) * JITTER
 }
 
 /// Outward normal and distance from the origin.

@@ -11,6 +11,7 @@ use super::rig::{Rig, RigCamera};
 use super::smooth::{Motion, smooth};
 use super::source_track::{Flag, SourceSample, SourceTrack};
 use super::triangulate::{Fix, Sight, triangulate_all};
+use crate::report::statistics::{mean, median_high};
 
 /// Clocks that are off by less are not interpolated, seconds.
 const SAME_TIME: f64 = 2e-3;
@@ -147,8 +148,7 @@ pub fn localize(rig: &Rig, mouths: &[Mouths], settings: &LocalizeSettings) -> Lo
         let track = SourceTrack { id: format!("p{index}"), samples, fps: rig.fps };
         let opening = |frame: usize| {
             let sights = by_frame.get(&frame).map_or(&[][..], |fix| &fix.sights);
-            let found: Vec<f64> = sights.iter().filter_map(|sight| seen[frame][*sight].1.opening).collect();
-            found.iter().sum::<f64>() / found.len() as f64
+            mean(sights.iter().filter_map(|sight| seen[frame][*sight].1.opening)).unwrap_or(f64::NAN)
         };
         localized.openings.push((0..n_frames).map(opening).collect());
         localized.report.sources.push(report(&track));
@@ -165,9 +165,7 @@ fn report(track: &SourceTrack) -> SourceReport {
     let mut flags = BTreeMap::new();
     track.samples.iter().for_each(|sample| *flags.entry(sample.flag.name()).or_insert(0) += 1);
     let seen: Vec<&SourceSample> = track.samples.iter().filter(|sample| sample.views > 0).collect();
-    let mean = |value: &dyn Fn(&SourceSample) -> f64| {
-        seen.iter().map(|sample| value(sample)).sum::<f64>() / seen.len().max(1) as f64
-    };
+    let mean = |value: &dyn Fn(&SourceSample) -> f64| mean(seen.iter().map(|sample| value(sample))).unwrap_or(0.0);
     SourceReport {
         id: track.id.clone(),
         flags,
@@ -265,8 +263,7 @@ fn scale(seen: &[Vec<(Sight, Mouth)>], fixes: &[Vec<Fix>]) -> Option<f64> {
         widths.push(fix.sights.iter().map(width).fold(0.0, f64::max));
     }
     widths.retain(|width| *width > 0.0);
-    widths.sort_by(f64::total_cmp);
-    widths.get(widths.len() / 2).map(|width| MOUTH_WIDTH / width)
+    median_high(widths).map(|width| MOUTH_WIDTH / width)
 }
 
 /// A sample for each frame of the clip.

@@ -1,9 +1,7 @@
 //! The paper's ablations: which settings are compared, by what, and how sure the differences are.
 
-use crate::report::escape;
+use crate::report::statistics::Estimate;
 use crate::train::{Config, Init, LearningRates, Pace, Rate};
-use crate::words::count;
-use std::fmt::Write;
 
 /// A quantity that runs are compared by.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize, serde::Deserialize)]
@@ -60,7 +58,8 @@ impl Measure {
         }
     }
 
-    fn decimals(self) -> usize {
+    /// Decimals that are shown.
+    pub(super) fn decimals(self) -> usize {
         match self {
             Measure::FirstGaussians | Measure::LastGaussians | Measure::SceneBytes | Measure::Seconds => 0,
             Measure::Lpips => 4,
@@ -289,31 +288,6 @@ pub const STUDIES: [Study; 5] = [
 /// Reviews of what the scene requires.
 const REVIEWS: u32 = 2;
 
-/// A mean with the half-width of its interval of 95 % confidence.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-pub struct Estimate {
-    /// The mean.
-    pub mean: f64,
-    /// Student's interval is the mean plus and minus this; none for less than two values.
-    pub half_width: Option<f64>,
-}
-
-impl Estimate {
-    /// That of `values`; none when there is no value.
-    pub fn new(values: &[f64]) -> Option<Self> {
-        // Student's t at 0.975 for 1 to 9 degrees of freedom; above, 1.96 + 2.5 / dof is within 1 %.
-        const T: [f64; 9] = [12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262];
-        let n = values.len() as f64;
-        if values.is_empty() {
-            return None;
-        }
-        let mean = values.iter().sum::<f64>() / n;
-        let variance = values.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / (n - 1.0);
-        let t = T.get(values.len().wrapping_sub(2)).copied().unwrap_or(1.96 + 2.5 / (n - 1.0));
-        Some(Estimate { mean, half_width: (values.len() > 1).then(|| t * (variance / n).sqrt()) })
-    }
-}
-
 /// What the runs of an arm came to, by measure of the study: one number per seed, the same seeds for all arms.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct ArmResult {
@@ -344,93 +318,14 @@ impl StudyResult<'_> {
         let differences: Vec<f64> = own.iter().zip(first).map(|(own, first)| own - first).collect();
         Estimate::new(&differences)
     }
-
-    /// A table in Markdown, the paper's figures in brackets.
-    pub fn markdown(&self) -> String {
-        let Study { title, measures, arms, .. } = self.study;
-        let n_seeds = self.arms.iter().flat_map(|arm| &arm.values).map(Vec::len).max().unwrap_or(0);
-        let heads: Vec<&str> = measures.iter().map(|measure| measure.title()).collect();
-        let of = if self.base == Base::Paper { ", the paper's weights and rates" } else { "" };
-        let mut text = format!(
-            "### {title}{of}\n\n| | {} | difference |\n|---|{}---|\n",
-            heads.join(" | "),
-            "---|".repeat(heads.len())
-        );
-        let decimals = measures.last().map_or(2, |measure| measure.decimals().max(2));
-        for (index, (arm, result)) in arms.iter().zip(&self.arms).enumerate() {
-            let _ = write!(text, "| {} |", arm.name);
-            for (k, measure) in measures.iter().enumerate() {
-                let own = result.values.get(k).and_then(|values| Estimate::new(values));
-                let own = own.map_or("-".to_owned(), |own| format!("{:.*}", measure.decimals(), own.mean));
-                let paper = arm.paper.get(k).filter(|paper| !paper.is_empty());
-                let paper = paper.map_or(String::new(), |paper| format!(" ({paper})"));
-                let _ = write!(text, " {own}{paper} |");
-            }
-            let difference = self.difference(index).filter(|_| index > 0);
-            let difference = difference.map_or(String::new(), |d| match d.half_width {
-                Some(half) => format!("{:+.decimals$} +- {half:.decimals$}", d.mean),
-                None => format!("{:+.decimals$}", d.mean),
-            });
-            let _ = writeln!(text, " {difference} |");
-        }
-        let _ = writeln!(
-            text,
-            "\nMeans over {}; in brackets the paper's, of another capture. The difference is to the first row, \
-             paired by seed, with its 95 % interval.",
-            count(n_seeds, "seed")
-        );
-        if let Some(budget) = self.budget {
-            let _ = writeln!(text, "Each arm may have {budget} Gaussians, twice as many as the largest start.");
-        }
-        if let (Some(trunk), true) = (&self.trunk, measures.contains(&Measure::Lpips)) {
-            let _ = writeln!(text, "LPIPS is by {trunk}; the paper's is by AlexNet.");
-        }
-        text
-    }
-
-    /// The last measure of every arm as a picture: a dot per seed and a bar at the mean.
-    pub fn svg(&self) -> String {
-        let (measure, decimals) =
-            self.study.measures.last().map_or(("", 2), |measure| (measure.title(), measure.decimals()));
-        let all = self.arms.iter().filter_map(|arm| arm.values.last()).flatten();
-        let (low, high) = all.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(*x), h.max(*x)));
-        let (low, high) = if high > low { (low, high) } else { (low - 0.5, low + 0.5) };
-        let (left, width, row) = (170.0, 360.0, 30.0);
-        let x = |value: f64| left + width * (value - low) / (high - low);
-        let mut body = String::new();
-        for (index, (arm, result)) in self.study.arms.iter().zip(&self.arms).enumerate() {
-            let y = 44.0 + row * index as f64;
-            let name = escape(arm.name);
-            let _ = writeln!(body, "<text x=\"{}\" y=\"{}\" text-anchor=\"end\">{name}</text>", left - 14.0, y + 4.0);
-            let values = result.values.last().map_or(&[][..], |values| values);
-            for value in values {
-                let _ = writeln!(body, "<circle cx=\"{:.1}\" cy=\"{y}\" r=\"4\"/>", x(*value));
-            }
-            if let Some(Estimate { mean, .. }) = Estimate::new(values) {
-                let (at, top, bottom) = (x(mean), y - 9.0, y + 9.0);
-                let _ = writeln!(body, "<line x1=\"{at:.1}\" x2=\"{at:.1}\" y1=\"{top}\" y2=\"{bottom}\"/>");
-                let _ =
-                    writeln!(body, "<text x=\"{}\" y=\"{}\">{mean:.decimals$}</text>", left + width + 16.0, y + 4.0);
-            }
-        }
-        let (w, h) = (left + width + 70.0, 44.0 + row * self.arms.len() as f64);
-        format!(
-            "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {w} {h}\" width=\"{w}\" height=\"{h}\">\n\
-             <style>text {{ font: 13px sans-serif; fill: #555 }} circle {{ fill: #2a78c2; fill-opacity: 0.45 }} \
-             line {{ stroke: #2a78c2; stroke-width: 3 }}</style>\n\
-             <text x=\"14\" y=\"20\">{}: {}</text>\n{body}</svg>\n",
-            escape(self.study.title),
-            escape(measure)
-        )
-    }
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
     use crate::train::Loss;
 
-    fn result(values: [[f64; 3]; 4]) -> StudyResult<'static> {
+    pub(in crate::study) fn result(values: [[f64; 3]; 4]) -> StudyResult<'static> {
         let arms = values.iter().zip(STUDIES[1].arms);
         let values = |v: &[f64; 3]| vec![vec![0.1; 3], Vec::new(), v.to_vec()];
         let arms = arms.map(|(v, arm)| ArmResult { name: arm.name.to_owned(), values: values(v) });
@@ -438,27 +333,12 @@ mod tests {
     }
 
     #[test]
-    fn intervals_are_students_and_pairs_take_out_what_seeds_share() {
-        let e = Estimate::new(&[1.0, 2.0, 3.0]).unwrap();
-        assert!((e.mean - 2.0).abs() < 1e-12 && (e.half_width.unwrap() - 4.303 / 3f64.sqrt()).abs() < 1e-9);
-        assert_eq!(Estimate::new(&[5.0]).unwrap(), Estimate { mean: 5.0, half_width: None });
-        assert!(Estimate::new(&[]).is_none());
+    fn pairs_take_out_what_seeds_share() {
         // The seeds differ by 10 dB, the arms by 1 dB on each.
         let found = result([[10.0, 20.0, 30.0], [11.0, 21.0, 31.0], [9.0, 19.0, 29.5], [10.0; 3]]);
         let d = found.difference(1).unwrap();
         assert!((d.mean - 1.0).abs() < 1e-12 && d.half_width.unwrap() < 1e-9);
         assert!(found.difference(2).unwrap().mean < 0.0 && found.difference(4).is_none());
-    }
-
-    #[test]
-    fn tables_and_pictures_hold_every_arm() {
-        let found = result([[10.0, 11.0, 12.0], [11.0; 3], [12.0; 3], [13.0; 3]]);
-        let (table, svg) = (found.markdown(), found.svg());
-        for arm in STUDIES[1].arms {
-            assert!(table.contains(arm.name) && svg.contains(arm.name), "{}", arm.name);
-        }
-        assert!(table.contains("11.00 (29.93)") && table.contains("3 seeds"), "{table}");
-        assert_eq!(svg.matches("<circle").count(), 12);
     }
 
     #[test]
@@ -497,15 +377,5 @@ mod tests {
         let LearningRates { position, velocity, t_center, t_scale, .. } = config.lr;
         assert_eq!((position.start, position.end), (1.6e-4, 1.6e-6));
         assert_eq!((velocity.start, t_center.start, t_scale.start), (2e-3, 1e-5, 3e-2));
-    }
-
-    #[test]
-    fn the_table_says_the_budget_of_all_arms_and_whose_features_lpips_compares() {
-        let mut found = result([[10.0, 11.0, 12.0], [11.0; 3], [12.0; 3], [13.0; 3]]);
-        (found.base, found.budget, found.trunk) = (Base::Paper, Some(48_000), Some("SqueezeNet 1.1".to_owned()));
-        let table = found.markdown();
-        for part in ["the paper's weights and rates", "48000 Gaussians", "LPIPS is by SqueezeNet 1.1"] {
-            assert!(table.contains(part), "{part} is not in {table}");
-        }
     }
 }

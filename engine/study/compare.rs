@@ -2,13 +2,13 @@
 
 use crate::error::{Error, Result};
 use crate::files::read_file;
-use crate::report::{Chart, Line, Panel, Row};
+use crate::report::statistics::{mean, range};
+use crate::report::{Axis, Chart, Mark, Panel, Row, Series, Table};
 use crate::train::Config;
 use crate::train::Run;
 use crate::train::{Preset, merge};
 use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
-use std::fmt::Write;
 use std::path::Path;
 
 /// Settings that are not listed: they have columns of their own, or the preset stands before all others.
@@ -102,7 +102,7 @@ impl RunResult {
         for view in &scored.views {
             cameras.entry(&view.camera).or_default().push(view.psnr);
         }
-        let means = cameras.iter().map(|(camera, psnr)| (*camera, mean(psnr)));
+        let means = cameras.iter().map(|(camera, psnr)| (*camera, mean(psnr.iter().copied()).unwrap_or(0.0)));
         let Some((worst_camera, worst_psnr)) = means.min_by(|a, b| a.1.total_cmp(&b.1)) else {
             let remedy = "compare runs that have test images";
             return Err(Error::data(&folder.join("eval.json"), "views", "holds no view", remedy));
@@ -225,8 +225,20 @@ const TIMES: [(&str, &str); 2] = [("seconds", "seconds"), ("cpu_seconds", "secon
 #[derive(Clone, Debug, PartialEq)]
 pub struct RunTable(pub Vec<RunGroup>);
 
-fn mean(values: &[f64]) -> f64 {
-    values.iter().sum::<f64>() / values.len().max(1) as f64
+impl RunGroup {
+    /// A score's mean, of several runs with the least and the most; the worst camera with its name, where that is one.
+    fn told(&self, name: &str, digits: usize) -> String {
+        let Some([mean, least, most]) = self.scores.get(name) else { return "-".to_owned() };
+        let mut told = format!("{mean:.digits$}");
+        if self.runs.len() > 1 {
+            told += &format!(" ({least:.digits$} to {most:.digits$})");
+        }
+        let worst: BTreeSet<&str> = self.runs.iter().map(|run| run.worst_camera.as_str()).collect();
+        if name == "worst_psnr" && worst.len() == 1 {
+            told.extend([" "].into_iter().chain(worst));
+        }
+        told
+    }
 }
 
 impl RunTable {
@@ -241,8 +253,8 @@ impl RunTable {
             runs.sort_by_key(|run| run.seed);
             let scores = SCORES.iter().filter_map(|(name, .., of)| {
                 let values: Vec<f64> = runs.iter().filter_map(of).collect();
-                let ends = values.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[l, h], v| [l.min(*v), h.max(*v)]);
-                (!values.is_empty()).then(|| (*name, [mean(&values), ends[0], ends[1]]))
+                let [least, most] = range(values.iter().copied());
+                mean(values).map(|mean| (*name, [mean, least, most]))
             });
             RunGroup {
                 capture: capture.to_owned(),
@@ -258,33 +270,16 @@ impl RunTable {
 
     /// The groups as a table of Markdown: means over the seeds, with the least and the most in brackets.
     pub fn markdown(&self) -> String {
-        let groups = &self.0;
-        let mut text = String::from("| capture | settings | steps | seeds |");
-        SCORES.iter().for_each(|(_, heading, ..)| {
-            let _ = write!(text, " {heading} |");
-        });
-        let _ = write!(text, "\n|{}\n", "---|".repeat(4 + SCORES.len()));
-        for group in groups {
+        let row = |group: &RunGroup| {
             let seeds: Vec<String> = group.seeds.iter().map(u64::to_string).collect();
-            let settings =
-                if group.settings == "defaults" { "defaults".to_owned() } else { format!("`{}`", group.settings) };
-            let _ = write!(text, "| {} | {settings} | {} | {} |", group.capture, group.steps, seeds.join(" "));
-            for (name, _, digits, _) in SCORES {
-                let told = group.scores.get(name).map_or("-".to_owned(), |[mean, least, most]| {
-                    let range = format!(" ({least:.digits$} to {most:.digits$})");
-                    format!("{mean:.digits$}{}", if group.runs.len() > 1 { range } else { String::new() })
-                });
-                let worst: BTreeSet<&str> = group.runs.iter().map(|run| run.worst_camera.as_str()).collect();
-                let whose = if name == "worst_psnr" && worst.len() == 1 {
-                    format!(" {}", worst.into_iter().collect::<String>())
-                } else {
-                    String::new()
-                };
-                let _ = write!(text, " {told}{whose} |");
-            }
-            text += "\n";
-        }
-        text
+            let is_default = group.settings == "defaults";
+            let settings = if is_default { group.settings.clone() } else { format!("`{}`", group.settings) };
+            let mut row = vec![group.capture.clone(), settings, group.steps.to_string(), seeds.join(" ")];
+            row.extend(SCORES.map(|(name, _, digits, _)| group.told(name, digits)));
+            row
+        };
+        let heads = ["capture", "settings", "steps", "seeds"].into_iter().chain(SCORES.map(|(_, heading, ..)| heading));
+        Table::new(&heads.collect::<Vec<_>>(), self.0.iter().map(row)).with_text(2).markdown()
     }
 
     /// The groups as a picture: a row a capture; scores against steps, seconds and seconds of processors; a line for each kind
@@ -304,22 +299,49 @@ impl RunTable {
                         let own = groups.iter().filter(|group| group.capture == capture && group.settings == *kind);
                         let point = |group: &RunGroup| {
                             let x = if axis == "steps" { group.steps as f64 } else { group.scores.get(axis)?[0] };
-                            group.scores.get(name).map(|score| (x, *score))
+                            group.scores.get(name).map(|score| mark(x, &format!("{x:.0}"), *score))
                         };
-                        Line { colour, points: own.filter_map(point).collect() }
+                        Series { colour: Some(colour), is_joined: true, marks: own.filter_map(point).collect() }
                     };
-                    let lines: Vec<Line> = kinds.iter().enumerate().map(line).collect();
-                    if lines.iter().any(|line| !line.points.is_empty()) {
-                        let title = title.to_owned();
-                        let axis = axis.replace("cpu_seconds", "seconds of processors");
-                        row.push(Panel { title, axis, is_log: true, names: Vec::new(), lines });
-                    }
+                    let lines: Vec<Series> = kinds.iter().enumerate().map(line).collect();
+                    let x = logarithmic(&axis.replace("cpu_seconds", "seconds of processors"), &lines);
+                    row.extend(panel(title, x, lines));
                 }
             }
             rows.push(Row { heading: capture.to_owned(), panels: row });
         }
-        Chart { rows, legend: kinds.into_iter().map(str::to_owned).collect() }.svg()
+        Chart { panel: PANEL, rows, legend: kinds.into_iter().map(str::to_owned).collect() }.svg()
     }
+}
+
+/// Width and height of a panel.
+const PANEL: [f64; 2] = [250.0, 190.0];
+
+/// A point with its mean, least and most, and what is told of it.
+fn mark(x: f64, name: &str, [mean, least, most]: [f64; 3]) -> Mark {
+    let title = format!("{name}: {mean:.4} ({least:.4} to {most:.4})");
+    Mark { at: [x, mean], range: Some([least, most]), radius: 3.0, title }
+}
+
+/// A logarithmic axis with ticks where points are, if these are few and whole numbers, else at powers of ten.
+fn logarithmic(label: &str, lines: &[Series]) -> Axis {
+    let mut values: Vec<f64> = lines.iter().flat_map(|line| &line.marks).map(|mark| mark.at[0]).collect();
+    values.sort_by(f64::total_cmp);
+    values.dedup();
+    let powers: Vec<f64> = (-2..8).flat_map(|k| [1.0, 3.0].map(|m| m * 10f64.powi(k))).collect();
+    let is_told = values.len() <= 6 && values.iter().all(|x| x.fract() == 0.0);
+    Axis::log(label, values.iter().copied(), 1.1, if is_told { &values } else { &powers })
+}
+
+/// A panel, where there is anything to show.
+fn panel(title: &str, x: Axis, series: Vec<Series>) -> Option<Panel> {
+    let marks = || series.iter().flat_map(|line| &line.marks);
+    // Changes of less than a hundredth look as small as they are.
+    let largest = marks().map(|mark| mark.at[1].abs()).fold(1e-3, f64::max);
+    let y = Axis::around("", marks().flat_map(|mark| mark.range).flatten(), 0.02 * largest);
+    let (title, margin) = (title.to_owned(), [56.0, 24.0, 10.0, 42.0]);
+    let is_shown = marks().next().is_some();
+    is_shown.then(|| Panel { title, margin, x, y, series, notes: Vec::new(), list: Vec::new() })
 }
 
 /// One time of measuring, of a file of them.
@@ -347,22 +369,21 @@ impl History {
         let kinds: BTreeSet<(&str, &str, u64)> =
             measured.iter().flatten().map(|group| (&*group.capture, &*group.settings, group.steps)).collect();
         let row = |(capture, settings, steps): (&str, &str, u64)| {
-            let panel = |(name, title): (&str, &str)| {
-                let point = |(index, groups): (usize, &Vec<RunGroup>)| {
+            let of = |(name, title): (&str, &str)| {
+                let point = |((index, groups), entry): ((usize, &Vec<RunGroup>), &String)| {
                     let own =
                         groups.iter().find(|g| (&*g.capture, &*g.settings, g.steps) == (capture, settings, steps))?;
-                    own.scores.get(name).map(|score| ((index + 1) as f64, *score))
+                    own.scores.get(name).map(|score| mark((index + 1) as f64, entry, *score))
                 };
-                let line = Line { colour: 0, points: measured.iter().enumerate().filter_map(point).collect() };
-                let title = title.to_owned();
-                Panel { title, axis: "measurement".to_owned(), is_log: false, names: names.clone(), lines: vec![line] }
+                let marks: Vec<Mark> = measured.iter().enumerate().zip(&names).filter_map(point).collect();
+                let x = Axis::around("measurement", marks.iter().map(|mark| mark.at[0]), 1.0).in_whole_numbers();
+                panel(title, x, vec![Series { colour: Some(0), is_joined: true, marks }])
             };
-            let drawn = DRAWN.into_iter().chain(TIMES).map(panel);
-            let panels = drawn.filter(|panel| panel.lines.iter().any(|line| !line.points.is_empty())).collect();
+            let panels = DRAWN.into_iter().chain(TIMES).filter_map(of).collect();
             let heading = format!("{capture}, {steps} steps, {settings}");
             Row { heading, panels }
         };
-        Chart { rows: kinds.into_iter().map(row).collect(), legend: Vec::new() }.svg()
+        Chart { panel: PANEL, rows: kinds.into_iter().map(row).collect(), legend: Vec::new() }.svg()
     }
 }
 

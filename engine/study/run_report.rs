@@ -1,9 +1,10 @@
 //! The report of a run: one HTML file that needs nothing else, neither files nor network nor scripts.
 
+use super::curves::{Curve, Plot};
 use super::report_picture::{Example, GAIN, RAMP, triple};
 use crate::error::{Error, Result};
 use crate::files::write_atomic;
-use crate::report::{Bar, Plot, Series, bars, escape};
+use crate::report::{Bar, Table, bars, escape, note, page, section};
 use crate::settings::Constants;
 use crate::train::Config;
 use crate::train::Fall;
@@ -47,44 +48,35 @@ impl Report<'_> {
     }
 
     fn html(&self) -> std::result::Result<String, Box<dyn std::error::Error>> {
-        let name = escape(self.name);
-        let mut page = format!(
-            "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
-             <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n<title>{name}</title>\n\
-             <style>\n{}</style>\n</head>\n<body>\n<header>\n<h1>{name}</h1>\n",
-            crate::report::STYLE
-        );
-        self.header(&mut page)?;
-        page += "</header>\n<section>\n<h2>Course</h2>\n<div class=\"plots\">\n";
-        self.plots(&mut page);
-        page += "</div>\n</section>\n";
-        self.views(&mut page)?;
-        self.offsets(&mut page)?;
-        self.time(&mut page)?;
-        self.settings(&mut page)?;
-        writeln!(page, "<footer>")?;
+        let mut header = String::new();
+        self.header(&mut header)?;
+        let mut body = section("Course", &format!("<div class=\"plots\">\n{}</div>\n", self.plots()));
+        self.views(&mut body)?;
+        self.offsets(&mut body)?;
+        body += &section("Time and memory of a step", &self.time());
+        body += &section("Settings", &self.settings()?);
+        writeln!(body, "<footer>")?;
         for (metric, definition) in self.scores.iter().flat_map(|scores| &scores.metrics) {
-            writeln!(page, "<p>{}: {}.</p>", metric.to_uppercase().replace('_', " "), escape(definition))?;
+            writeln!(body, "<p>{}: {}.</p>", metric.to_uppercase().replace('_', " "), escape(definition))?;
         }
-        writeln!(page, "<p>Scores are of {METRICS_OF}.</p>\n</footer>\n</body>\n</html>")?;
-        Ok(page)
+        writeln!(body, "<p>Scores are of {METRICS_OF}.</p>\n</footer>")?;
+        Ok(page(self.name, &header, &body))
     }
 
     fn header(&self, page: &mut String) -> std::fmt::Result {
         let held = &self.run.held;
         let [width, height] = held.largest_image;
-        writeln!(
-            page,
-            "<p class=\"note\">{}: {}, {}, {} and {} of up to {width} x {height}, {}</p>",
-            escape(&self.run.capture.display().to_string()),
+        *page += &note(&format!(
+            "{}: {}, {}, {} and {} of up to {width} x {height}, {}",
+            self.run.capture.display(),
             count(held.cameras, "camera"),
             count(held.frames, "frame"),
             count(held.training_images, "training image"),
             count(held.test_images, "test image"),
             count(held.points, "point")
-        )?;
+        ));
         if self.config.loss.lpips > 0.0 && self.config.loss.lpips_weights.is_none() {
-            writeln!(page, "<p class=\"note\">LPIPS was off: the run had no weights for it.</p>")?;
+            *page += &note("LPIPS was off: the run had no weights for it.");
         }
         for line in self.log.lines(Kind::Fall) {
             if let Ok(fall) = serde_json::from_value::<Fall>(line.clone()) {
@@ -124,30 +116,32 @@ impl Report<'_> {
         writeln!(page, "</dl>")
     }
 
-    fn plots(&self, page: &mut String) {
-        let step = |name, key| Series { name, points: self.log.series(Kind::Step, key) };
-        let test = |name, key| Series { name, points: self.log.series(Kind::Evaluation, key) };
+    fn plots(&self) -> String {
+        let mut plots = String::new();
+        let step = |name, key| Curve { name, points: self.log.series(Kind::Step, key) };
+        let test = |name, key| Curve { name, points: self.log.series(Kind::Evaluation, key) };
         let plot = |id, title, from_zero, marked| Plot { id, title, from_zero, marked };
         let n = self.log.lines(Kind::Evaluation).last().and_then(|line| line["views"].as_array()).map_or(0, Vec::len);
         let psnr = format!("PSNR of the same {n} test images, dB");
-        *page += &plot("plot-psnr", &psnr, false, true).figure(&[test("PSNR", "psnr")]);
-        *page += &plot("plot-loss", "Loss of training images", true, false).figure(&[step("loss", "loss")]);
-        *page += &plot("plot-l1", "L1 of training images", true, false).figure(&[step("L1", "l1")]);
-        *page += &plot("plot-ssim", "SSIM of training images", false, false).figure(&[step("SSIM", "ssim")]);
+        plots += &plot("plot-psnr", &psnr, false, true).figure(&[test("PSNR", "psnr")]);
+        plots += &plot("plot-loss", "Loss of training images", true, false).figure(&[step("loss", "loss")]);
+        plots += &plot("plot-l1", "L1 of training images", true, false).figure(&[step("L1", "l1")]);
+        plots += &plot("plot-ssim", "SSIM of training images", false, false).figure(&[step("SSIM", "ssim")]);
         for (id, title, key) in [
             ("plot-depth", "Error of the depth against its priors", "depth"),
             ("plot-flow", "End-point error of the flow, pixels", "flow"),
             ("plot-lpips", "LPIPS of training images", "lpips"),
         ] {
-            let series = step(title, key);
-            if !series.points.is_empty() {
-                *page += &plot(id, title, true, false).figure(&[series]);
+            let curve = step(title, key);
+            if !curve.points.is_empty() {
+                plots += &plot(id, title, true, false).figure(&[curve]);
             }
         }
         let counts = [step("all", "gaussians"), step("live", "active")];
-        *page += &plot("plot-gaussians", "Gaussians", true, false).figure(&counts);
-        *page += &plot("plot-intersections", "Pairs of a Gaussian and a tile", true, false)
+        plots += &plot("plot-gaussians", "Gaussians", true, false).figure(&counts);
+        plots += &plot("plot-intersections", "Pairs of a Gaussian and a tile", true, false)
             .figure(&[step("pairs", "intersections")]);
+        plots
     }
 
     fn views(&self, page: &mut String) -> Written {
@@ -185,7 +179,7 @@ impl Report<'_> {
             let [psnr, aligned] = [s.psnr, s.psnr_aligned].map(|psnr| format!("{psnr:.3}"));
             vec![view.to_owned(), psnr, aligned, format!("{:.4}", s.ssim), format!("{:.5}", s.l1)]
         });
-        details(page, "Scores of every view", &["view", "PSNR, dB", "aligned", "SSIM", "L1"], rows)?;
+        *page += &Table::new(&["view", "PSNR, dB", "aligned", "SSIM", "L1"], rows).folded("Scores of every view");
         writeln!(page, "</section>").map_err(Into::into)
     }
 
@@ -194,25 +188,25 @@ impl Report<'_> {
         if rows.is_empty() {
             return Ok(());
         }
-        writeln!(page, "<section>\n<h2>Time offsets of the cameras</h2>")?;
+        let mut told = String::new();
         if let Some(error) = self.totals["offset_error"].as_f64() {
             let correlation = self.totals["offset_correlation"].as_f64();
             let correlation =
                 correlation.map_or(String::new(), |r| format!("; their correlation with the truth is {r:.3}"));
-            writeln!(page, "<p>Those learnt are {error:.3} frames off (root mean square){correlation}.</p>")?;
+            writeln!(told, "<p>Those learnt are {error:.3} frames off (root mean square){correlation}.</p>")?;
         }
         let rows = rows.iter().map(|row| {
             let frames = |key: &str| row[key].as_f64().map_or("-".to_owned(), |x| format!("{x:.3}"));
             let text = |key: &str| row[key].as_str().unwrap_or_default().to_owned();
             vec![text("camera"), frames("offset"), frames("standard_error"), frames("truth"), text("how")]
         });
-        details(page, "Frames, with the scene held fixed", &["camera", "offset", "+-", "true", "how"], rows)?;
-        writeln!(page, "</section>")
+        let table = Table::new(&["camera", "offset", "+-", "true", "how"], rows);
+        *page += &section("Time offsets of the cameras", &(told + &table.folded("Frames, with the scene held fixed")));
+        Ok(())
     }
 
-    fn time(&self, page: &mut String) -> std::fmt::Result {
+    fn time(&self) -> String {
         let profile = &self.totals["profile"];
-        writeln!(page, "<section>\n<h2>Time and memory of a step</h2>")?;
         let passes = profile["passes"].as_array().map_or(&[][..], Vec::as_slice);
         let mut stages: Vec<Bar> = Vec::new();
         for pass in passes {
@@ -227,8 +221,9 @@ impl Report<'_> {
                 None => stages.push(Bar { label: stage.to_owned(), ms, limit_ms: limit }),
             }
         }
+        let mut told = String::new();
         if stages.is_empty() {
-            writeln!(page, "<p class=\"note\">The device has no timestamps, or the run was not timed.</p>")?;
+            told += &note("The device has no timestamps, or the run was not timed.");
         } else {
             let n = profile["steps"].as_array().map_or(0, Vec::len);
             let tick = if stages[0].limit_ms.is_some() {
@@ -236,68 +231,39 @@ impl Report<'_> {
             } else {
                 ""
             };
-            *page += &bars("plot-stages", &format!("Stages, mean of {n} steps spread over the run{tick}"), &stages);
+            told += &bars("plot-stages", &format!("Stages, mean of {n} steps spread over the run{tick}"), &stages);
         }
         let rows = passes.iter().map(|pass| {
             let model = pass["limit_ms"].as_f64().map_or("-".to_owned(), |ms| format!("{ms:.3}"));
             let label = pass["label"].as_str().unwrap_or_default().to_owned();
             vec![label, pass["dispatches"].to_string(), format!("{:.3}", pass["ms"].as_f64().unwrap_or(0.0)), model]
         });
-        details(page, "Passes", &["pass", "dispatches", "ms", "model, ms"], rows)?;
+        told += &Table::new(&["pass", "dispatches", "ms", "model, ms"], rows).folded("Passes");
         let buffers = self.totals["bytes_by_buffer"].as_object().into_iter().flatten();
         let mut buffers: Vec<(&str, f64)> =
             buffers.map(|(name, n)| (name.as_str(), n.as_f64().unwrap_or(0.0))).collect();
         buffers.sort_by(|a, b| b.1.total_cmp(&a.1));
         let rows = buffers.into_iter().map(|(name, bytes)| vec![name.to_owned(), format!("{:.3}", mib(bytes))]);
-        details(page, "Device buffers", &["buffer", "MiB"], rows)?;
-        writeln!(page, "</section>")
+        told + &Table::new(&["buffer", "MiB"], rows).folded("Device buffers")
     }
 
-    fn settings(&self, page: &mut String) -> Written {
-        writeln!(page, "<section>\n<h2>Settings</h2>\n<div class=\"scroll\"><table>")?;
-        writeln!(page, "<tr><th>setting</th><th>value</th><th>default</th></tr>")?;
+    fn settings(&self) -> serde_json::Result<String> {
         let mut rows = Vec::new();
         flatten("", &as_written(self.config)?, &as_written(&Config::default())?, &mut rows);
         flatten("render", &as_written(&self.run.constants)?, &as_written(&Constants::default())?, &mut rows);
-        for (key, value, default) in rows {
-            let class = if value == default { "" } else { " class=\"changed\"" };
-            let shown = if value == default { "" } else { &default };
-            writeln!(page, "<tr{class}><td>{key}</td><td>{}</td><td>{}</td></tr>", escape(&value), escape(shown))?;
-        }
-        writeln!(page, "</table></div>")?;
+        let is_changed: Vec<bool> = rows.iter().map(|(_, value, default)| value != default).collect();
+        let shown = rows.into_iter().zip(&is_changed).map(|((key, value, default), is_changed)| {
+            vec![key, value, if *is_changed { default } else { String::new() }]
+        });
+        let table = Table::new(&["setting", "value", "default"], shown).with_text(3);
         let rows = ["version", "revision"].map(|key| (key, &self.totals[key]));
         let device = [("device", "name"), ("driver", "driver"), ("Vulkan", "api"), ("subgroups of", "subgroup_size")];
         let device = device.map(|(what, key)| (what, &self.totals["device"][key]));
         let told = rows.into_iter().chain(device).filter(|(_, value)| !value.is_null());
         let told: Vec<String> =
             told.map(|(key, v)| format!("{key} {}", v.as_str().unwrap_or(&v.to_string()))).collect();
-        writeln!(page, "<p class=\"note\">{}</p>\n</section>", escape(&told.join(", ")))?;
-        Ok(())
+        Ok(table.html_marked(|row| is_changed[row]) + &note(&told.join(", ")))
     }
-}
-
-/// A table behind a fold; the first column is text, the others are numbers. Nothing when there is no row.
-fn details(
-    page: &mut String,
-    title: &str,
-    heads: &[&str],
-    rows: impl Iterator<Item = Vec<String>>,
-) -> std::fmt::Result {
-    let class = |column: usize| if column == 0 { "" } else { " class=\"n\"" };
-    let mut body = String::new();
-    for row in rows {
-        let cells = row.iter().enumerate().map(|(k, cell)| format!("<td{}>{}</td>", class(k), escape(cell)));
-        writeln!(body, "<tr>{}</tr>", cells.collect::<String>())?;
-    }
-    if body.is_empty() {
-        return Ok(());
-    }
-    let heads: String = heads.iter().enumerate().map(|(k, head)| format!("<th{}>{head}</th>", class(k))).collect();
-    writeln!(
-        page,
-        "<details><summary>{title}</summary>\n<div class=\"scroll\"><table>\n<tr>{heads}</tr>\n\
-         {body}</table></div></details>"
-    )
 }
 
 /// The value as its file has it: the shortest decimals that are the number.

@@ -1,13 +1,10 @@
 //! Speed against accuracy: what settings buy, from runs that were timed in turn, and how sure that is.
 
-use super::ablation::Estimate;
 use crate::error::Result;
-use crate::report::escape;
+use crate::report::statistics::{Estimate, Spread, is_equivalent, mean, quantile};
 use crate::train::Preset;
-use crate::words::count;
 use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
-use std::fmt::Write;
 
 /// Mean PSNR, dB, within which two settings are taken for equivalent.
 pub const MARGIN_DB: f64 = 0.05;
@@ -160,27 +157,6 @@ impl TradeRun {
     }
 }
 
-/// A median with the lowest and the highest value.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
-pub struct Spread {
-    /// The middle value, or the mean of the two.
-    pub median: f64,
-    /// The lowest.
-    pub low: f64,
-    /// The highest.
-    pub high: f64,
-}
-
-impl Spread {
-    /// That of `values`; none without any.
-    pub fn new(mut values: Vec<f64>) -> Option<Self> {
-        values.sort_by(f64::total_cmp);
-        let (low, high) = (*values.first()?, *values.last()?);
-        let (a, b) = (values[(values.len() - 1) / 2], values[values.len() / 2]);
-        Some(Spread { median: 0.5 * (a + b), low, high })
-    }
-}
-
 /// What can be said of a difference to `exact`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
@@ -210,17 +186,6 @@ impl Verdict {
     }
 }
 
-/// Whether two one-sided t-tests at 5 % put the mean of `values` within `margin` of 0.
-pub fn is_equivalent(values: &[f64], margin: f64) -> bool {
-    // Student's t at 0.95 for 1 to 9 degrees of freedom; above, 1.645 + 1.6 / dof is within 1 %.
-    const T: [f64; 9] = [6.314, 2.920, 2.353, 2.132, 2.015, 1.943, 1.895, 1.860, 1.833];
-    let n = values.len() as f64;
-    let mean = values.iter().sum::<f64>() / n;
-    let variance = values.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / (n - 1.0);
-    let t = values.len().checked_sub(2).map(|at| T.get(at).copied().unwrap_or(1.645 + 1.6 / (n - 1.0)));
-    t.is_some_and(|t| mean.abs() + t * (variance / n).sqrt() < margin)
-}
-
 /// The largest error of a rendering, in levels of 255, the one that 0.1 % exceed, and its PSNR, dB.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct KernelError {
@@ -238,15 +203,14 @@ impl KernelError {
     /// That of the colours `found` against `truth`.
     pub fn new(name: &str, found: &[[f32; 3]], truth: &[[f64; 3]]) -> Self {
         let pairs = found.as_flattened().iter().zip(truth.as_flattened());
-        let mut errors: Vec<f64> = pairs.map(|(found, truth)| (f64::from(*found) - truth).abs()).collect();
-        errors.sort_by(f64::total_cmp);
-        let n = errors.len();
-        let mse = errors.iter().map(|e| e * e).sum::<f64>() / n.max(1) as f64;
-        let at = |rank: usize| 255.0 * errors.get(rank.min(n.saturating_sub(1))).copied().unwrap_or(0.0);
-        KernelError { name: name.to_owned(), max: at(n), p999: at(n * 999 / 1000), psnr: crate::train::psnr(mse) }
+        let errors: Vec<f64> = pairs.map(|(found, truth)| (f64::from(*found) - truth).abs()).collect();
+        let mse = mean(errors.iter().map(|e| e * e)).unwrap_or(0.0);
+        let at = |q: f64| if errors.is_empty() { 0.0 } else { 255.0 * quantile(&errors, q) };
+        KernelError { name: name.to_owned(), max: at(1.0), p999: at(0.999), psnr: crate::train::psnr(mse) }
     }
 
-    fn class(&self) -> &'static str {
+    /// What its PSNR is at least.
+    pub(super) fn class(&self) -> &'static str {
         match self.psnr {
             p if p >= 60.0 => "60 dB",
             p if p >= 50.0 => "50 dB",
@@ -353,10 +317,10 @@ impl Trade {
             }
         });
         Comparison {
-            speed: Spread::new(pairs.iter().map(|(own, first)| first.seconds() / own.seconds()).collect()),
+            speed: Spread::new(&pairs.iter().map(|(own, first)| first.seconds() / own.seconds()).collect::<Vec<_>>()),
             speed_of_reference: self.speed_of_reference(index),
             n_reached: reached.len(),
-            quality_speed: Spread::new(reached),
+            quality_speed: Spread::new(&reached),
             psnr: mean(|run| Some(run.psnr)),
             psnr_gain,
             worst_gain: Estimate::new(&worst_gains),
@@ -372,178 +336,12 @@ impl Trade {
     fn speed_of_reference(&self, index: usize) -> Option<Spread> {
         let reference = self.arms.iter().position(|arm| arm.name == "reference")?;
         let ratio = |arms: &Vec<TradeRun>| Some(arms.get(reference)?.seconds() / arms.get(index)?.seconds());
-        Spread::new(self.runs.iter().filter_map(ratio).collect())
+        Spread::new(&self.runs.iter().filter_map(ratio).collect::<Vec<_>>())
     }
-
-    /// The tables in Markdown.
-    pub fn markdown(&self) -> String {
-        let Circumstances { device, driver, date, shaders, kernels: _, capture, steps, seeds } = &self.at;
-        let mut text = format!(
-            "# What settings buy\n\n{device}, {driver}, {date}; shaders {shaders}. `{capture}`, {steps} steps, {}. The hash \
-             is of the shaders' SPIR-V: where it is no longer that of the kernels, these are numbers of older ones.\n\n\
-             Blocks of steps of all settings were run in turn in one process. *Speed*: how many times as fast a step is as with \
-             `exact`, over whole runs, median (lowest to highest seed); *of reference*: the same as with `reference`. *To quality*: how many times as soon a run reaches the \
-             final PSNR of `exact` minus {QUALITY_GAP_DB} dB; in brackets with how many seeds. Differences are to `exact`, \
-             paired by seed, with Student's interval of 95 %. *Equivalent*: two one-sided tests at 5 % put it within \
-             {MARGIN_DB} dB, and the worst frame within {WORST_MARGIN_DB} dB. Scores are of the test views, rendered exactly.\n",
-            count(seeds.len(), "seed")
-        );
-        for (kind, title) in [
-            (Kind::Preset, "Presets"),
-            (Kind::Single, "One setting changed from `exact`"),
-            (Kind::Without, "A preset but for one setting"),
-        ] {
-            let of_kind = self.arms.iter().enumerate().filter(|(_, arm)| arm.kind == kind);
-            let rows: Vec<String> = of_kind.map(|(index, arm)| row(arm, &self.comparison(index))).collect();
-            if !rows.is_empty() {
-                let _ = write!(text, "\n## {title}\n\n{HEAD}{}", rows.concat());
-            }
-        }
-        if !self.kernel_errors.is_empty() {
-            text += "\n## Error of a rendering\n\nOf the scene that `exact` ends with, one test view, against the twin in double \
-                     precision; levels of 255.\n\n| | largest | 99.9 % below | PSNR, dB | class |\n|---|---|---|---|---|\n";
-        }
-        for error in &self.kernel_errors {
-            let KernelError { name, max, p999, psnr } = error;
-            let _ = writeln!(text, "| {name} | {max:.4} | {p999:.4} | {psnr:.1} | {} |", error.class());
-        }
-        text
-    }
-
-    /// Speed against PSNR of every arm as a picture; arms that no other beats in both are joined.
-    pub fn svg(&self) -> String {
-        let points: Vec<(&TradeArm, f64, Estimate)> = (0..self.arms.len())
-            .filter_map(|index| {
-                let Comparison { speed, psnr_gain, .. } = self.comparison(index);
-                Some((&self.arms[index], speed?.median, psnr_gain?))
-            })
-            .collect();
-        let reach = |values: &mut dyn Iterator<Item = f64>| {
-            values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(x), high.max(x)))
-        };
-        let (x_low, x_high) = reach(&mut points.iter().map(|p| p.1.log2()));
-        let (y_low, y_high) = reach(&mut points.iter().map(|p| p.2.mean));
-        let pad = |low: f64, high: f64, least: f64| {
-            (low - 0.08 * (high - low).max(least), high + 0.08 * (high - low).max(least))
-        };
-        let ((x_low, x_high), (y_low, y_high)) = (pad(x_low, x_high, 1.0), pad(y_low, y_high, 0.2));
-        let (left, top, width, height) = (70.0, 30.0, 620.0, 380.0);
-        let x = |speed: f64| left + width * (speed.log2() - x_low) / (x_high - x_low);
-        let y = |gain: f64| top + height * (y_high - gain) / (y_high - y_low);
-        let mut body = String::new();
-        for tick in [0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0] {
-            if (x_low..x_high).contains(&f64::log2(tick)) {
-                let (at, bottom) = (x(tick), top + height);
-                let _ =
-                    writeln!(body, "<line class=\"grid\" x1=\"{at:.1}\" x2=\"{at:.1}\" y1=\"{top}\" y2=\"{bottom}\"/>");
-                let _ = writeln!(
-                    body,
-                    "<text x=\"{at:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{tick}</text>",
-                    bottom + 18.0
-                );
-            }
-        }
-        let step =
-            [0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0].into_iter().find(|s| (y_high - y_low) / s < 9.0).unwrap_or(10.0);
-        let ticks = (y_low / step).ceil() as i64..=(y_high / step).floor() as i64;
-        for tick in ticks.map(|k| k as f64 * step) {
-            let (at, right) = (y(tick), left + width);
-            let _ = writeln!(body, "<line class=\"grid\" x1=\"{left}\" x2=\"{right}\" y1=\"{at:.1}\" y2=\"{at:.1}\"/>");
-            let _ =
-                writeln!(body, "<text x=\"{}\" y=\"{:.1}\" text-anchor=\"end\">{tick:.2}</text>", left - 8.0, at + 4.0);
-        }
-        let beaten = |speed: f64, gain: f64| {
-            points.iter().any(|p| p.1 >= speed && p.2.mean >= gain && (p.1, p.2.mean) != (speed, gain))
-        };
-        let mut front: Vec<(f64, f64)> =
-            points.iter().map(|p| (p.1, p.2.mean)).filter(|(speed, gain)| !beaten(*speed, *gain)).collect();
-        front.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let front: Vec<String> =
-            front.iter().map(|(speed, gain)| format!("{:.1},{:.1}", x(*speed), y(*gain))).collect();
-        let _ = writeln!(body, "<polyline class=\"front\" points=\"{}\"/>", front.join(" "));
-        let mut labels: Vec<(f64, f64)> = Vec::new();
-        for (arm, speed, gain) in &points {
-            let (cx, cy) = (x(*speed), y(gain.mean));
-            let class = match arm.kind {
-                Kind::Preset => "preset",
-                Kind::Single => "single",
-                Kind::Without => "without",
-            };
-            let bar = gain.half_width.filter(|_| arm.kind == Kind::Preset && arm.name != "exact");
-            let (high, low) =
-                (y((gain.mean + bar.unwrap_or(0.0)).min(y_high)), y((gain.mean - bar.unwrap_or(0.0)).max(y_low)));
-            let _ = writeln!(
-                body,
-                "<line class=\"{class}\" x1=\"{cx:.1}\" x2=\"{cx:.1}\" y1=\"{high:.1}\" y2=\"{low:.1}\"/>"
-            );
-            let title = format!("{}: {speed:.2} times, {:+.2} dB", escape(&arm.name), gain.mean);
-            let _ = writeln!(
-                body,
-                "<circle class=\"{class}\" cx=\"{cx:.1}\" cy=\"{cy:.1}\" r=\"5\"><title>{title}</title></circle>"
-            );
-            if arm.kind == Kind::Preset {
-                // Above its point, or below where another name is in the way.
-                let is_hit = |(x, y): &(f64, f64)| (x - cx).abs() < 80.0 && (y - cy).abs() < 18.0;
-                let below = if labels.iter().any(is_hit) { 20.0 } else { -8.0 };
-                labels.push((cx, cy));
-                let (at, name) = (cx + 9.0, escape(&arm.name));
-                let _ = writeln!(body, "<text class=\"{class}\" x=\"{at:.1}\" y=\"{:.1}\">{name}</text>", cy + below);
-            }
-        }
-        let (w, h) = (left + width + 80.0, top + height + 48.0);
-        let (middle, bottom) = (left + width / 2.0, top + height + 40.0);
-        format!(
-            "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {w} {h}\" width=\"{w}\" height=\"{h}\">\n\
-             <style>text {{ font: 13px sans-serif; fill: #555 }} .grid {{ stroke: #8884; stroke-width: 1 }} \
-             .front {{ fill: none; stroke: #8888; stroke-width: 2 }} \
-             .preset {{ fill: #2a78c2; stroke: #2a78c2 }} .single {{ fill: #2e9e6b; stroke: #2e9e6b }} \
-             .without {{ fill: #c9822b; stroke: #c9822b }} circle {{ fill-opacity: 0.7 }} text.preset {{ stroke: none; font-weight: bold }}\
-             </style>\n{body}<text x=\"{middle}\" y=\"{bottom}\" text-anchor=\"middle\">speed of a step, times that of exact</text>\n\
-             <text x=\"{left}\" y=\"18\">PSNR difference from exact, dB; bars: 95 %. \
-             <tspan fill=\"#2a78c2\">presets</tspan>, <tspan fill=\"#2e9e6b\">one setting</tspan>, \
-             <tspan fill=\"#c9822b\">a preset but for one</tspan></text>\n</svg>\n"
-        )
-    }
-}
-
-const HEAD: &str = "| | speed | of reference | to quality | PSNR, dB | difference, dB | worst frame, dB | | SSIM | \
-                    flicker | flow, px | offsets, frames | MiB |\n|---|---|---|---|---|---|---|---|---|---|---|---|---|\n";
-
-fn row(arm: &TradeArm, compared: &Comparison) -> String {
-    let times = |spread: &Option<Spread>| {
-        spread.map_or("-".to_owned(), |s| format!("{:.2} ({:.2} to {:.2})", s.median, s.low, s.high))
-    };
-    let to_quality =
-        compared.quality_speed.map_or("-".to_owned(), |s| format!("{:.2} ({})", s.median, compared.n_reached));
-    let of = |estimate: &Option<Estimate>, decimals: usize, scale: f64| {
-        estimate.map_or("-".to_owned(), |e| format!("{:.decimals$}", scale * e.mean))
-    };
-    let difference = |estimate: &Option<Estimate>| match (arm.name.as_str(), estimate) {
-        ("exact", _) | (_, None) => String::new(),
-        (_, Some(Estimate { mean, half_width: Some(half) })) => format!("{mean:+.2} +- {half:.2}"),
-        (_, Some(Estimate { mean, half_width: None })) => format!("{mean:+.2}"),
-    };
-    let verdict = compared.verdict.filter(|_| arm.name != "exact").map_or("", Verdict::words);
-    format!(
-        "| {} | {} | {} | {} | {} | {} | {} | {} | {} | {} | {} | {} | {} |\n",
-        arm.name,
-        times(&compared.speed),
-        compared.speed_of_reference.map_or("-".to_owned(), |s| format!("{:.2}", s.median)),
-        to_quality,
-        of(&compared.psnr, 2, 1.0),
-        difference(&compared.psnr_gain),
-        difference(&compared.worst_gain),
-        verdict,
-        of(&compared.ssim, 4, 1.0),
-        of(&compared.flicker, 2, 1.0),
-        of(&compared.flow_error, 3, 1.0),
-        of(&compared.offset_error, 3, 1.0),
-        of(&compared.device_bytes, 1, 1.0 / f64::from(1 << 20)),
-    )
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
     use serde_json::json;
 
@@ -563,7 +361,7 @@ mod tests {
         }
     }
 
-    fn trade(others: [[f64; 3]; 2]) -> Trade {
+    pub(in crate::study) fn trade(others: [[f64; 3]; 2]) -> Trade {
         let arm = |name: &str, kind| TradeArm { name: name.to_owned(), kind, settings: json!({}) };
         let seeds = [20.0, 25.0, 30.0].into_iter().enumerate();
         Trade {
@@ -600,32 +398,6 @@ mod tests {
         assert_eq!(close.comparison(2).verdict, Some(Verdict::Better));
         assert_eq!(close.comparison(1).n_reached, 3);
         assert!((close.comparison(1).quality_speed.unwrap().median - 4.0).abs() < 0.2);
-    }
-
-    #[test]
-    fn equivalence_is_two_tests_and_needs_two_seeds() {
-        assert!(is_equivalent(&[0.01, -0.01, 0.0], 0.05) && !is_equivalent(&[0.04, 0.05, 0.045], 0.05));
-        assert!(!is_equivalent(&[0.0], 0.05) && !is_equivalent(&[], 0.05) && !is_equivalent(&[0.2, -0.2], 0.05));
-        // Student's t at 0.95 of two degrees of freedom: 2.92 * 0.01 / sqrt 3.
-        assert!(is_equivalent(&[0.0, 0.01, -0.01], 0.0169) && !is_equivalent(&[0.0, 0.01, -0.01], 0.0168));
-    }
-
-    #[test]
-    fn tables_and_picture_hold_every_arm_and_where_it_was_measured() {
-        let found = trade([[-1.0, -1.1, -0.9], [0.3, -0.4, 0.2]]);
-        let (table, svg) = (found.markdown(), found.svg());
-        for told in [
-            "a device, a driver 1.2, 2026-11-21; shaders 0123",
-            "| fast | 4.00 (4.00 to 4.00) | - | - | 24.00 | -1.00 +- 0.25 |",
-            "not distinguishable",
-            "| exact |",
-            "| 1.50 |",
-        ] {
-            assert!(table.contains(told), "{told}:\n{table}");
-        }
-        assert!(table.contains("| fast | 63.7500 |") && table.contains("below 40 dB"), "{table}");
-        assert_eq!(svg.matches("<circle").count(), 3);
-        assert!(svg.contains(">fast</text>") && svg.contains("loss.ssim_every=2: 1.25 times"));
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! One picture by casting rays, with what is true of each pixel.
 
-use super::math::{Random, Stream};
+use super::math::{self, Stream, normal3};
 use super::options::{Noise, Options};
 use super::rig::Camera;
 use super::world::{Hit, Snapshot, World};
@@ -30,7 +30,7 @@ pub(super) fn picture(world: &World, options: &Options, index: usize, camera: &C
     let time = f64::from(frame) + camera.time_offset;
     let (now, next) = (world.at(time), world.at(time + 1.0));
     let (camera, then) = (&camera.at(time), camera.at(time + 1.0));
-    let mut noise = Random::new(options.seed, Stream::Sensor, index, frame);
+    let mut noise = math::random(options.seed, Stream::Sensor, index, frame);
     let n = camera.width as usize * camera.height as usize;
     let mut picture = Picture {
         rgb: Vec::with_capacity(3 * n),
@@ -50,7 +50,7 @@ pub(super) fn picture(world: &World, options: &Options, index: usize, camera: &C
         picture.body.push(hit.as_ref().map_or(0, |hit| hit.body));
         let (color, dynamic) = pixel(&now, camera, corner, options.samples);
         let seen = if camera.is_hooded(column, row) { HOOD } else { transformed(camera, color) };
-        let sensor = if options.noise == Noise::All { noise.normal3() * SENSOR_NOISE } else { DVec3::ZERO };
+        let sensor = if options.noise == Noise::All { normal3(&mut noise) * SENSOR_NOISE } else { DVec3::ZERO };
         // A float becomes an integer by saturation.
         picture.rgb.extend((seen + sensor).to_array().map(|c| (c.clamp(0.0, 1.0) * 255.0 + 0.5) as u8));
         picture.dynamic.push(dynamic || hit.is_some_and(|hit| now.placed[hit.body].body.dynamic));

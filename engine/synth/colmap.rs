@@ -1,7 +1,7 @@
 //! The calibration as COLMAP writes it, in binary and in text, and the points of single frames.
 
 use super::files;
-use super::math::{Random, Stream, quaternion};
+use super::math::{self, Stream, quaternion};
 use super::options::{Noise, Options};
 use super::points::Point;
 use super::rig::Camera;
@@ -78,7 +78,7 @@ impl Image {
 
 impl<'a> Model<'a> {
     fn new(options: &Options, cameras: &'a [Camera], points: &'a [Point]) -> Self {
-        let mut random = Random::new(options.seed, Stream::Observations, 0, REFERENCE_FRAME);
+        let mut random = math::random(options.seed, Stream::Observations, 0, REFERENCE_FRAME);
         let spread = if options.noise == Noise::None { 0.0 } else { OBSERVATION_NOISE };
         let frames = |camera: &Camera| camera.way.map_or(REFERENCE_FRAME..REFERENCE_FRAME + 1, |frames| 0..frames);
         let of_camera = |(index, camera): (usize, &'a Camera)| {
@@ -94,7 +94,7 @@ impl<'a> Model<'a> {
             for &index in &seen.seen_by {
                 let image = reference[index];
                 let camera = &images[image].posed;
-                let step = DVec2::new(random.normal(), random.normal()) * spread;
+                let step = DVec2::new(random.nearly_normal(), random.nearly_normal()) * spread;
                 // A point is noted only for cameras that it projects into.
                 let Some((exact, _)) = camera.project(seen.position) else { continue };
                 let size = DVec2::new(f64::from(camera.width), f64::from(camera.height));

@@ -1,5 +1,6 @@
 //! Arithmetic that gives the same bits on every machine: IEEE 754 fixes +, -, *, / and sqrt, not sin or cos.
 
+use crate::random::{Random, hash, unit};
 use crate::scene;
 use glam::{DMat3, DVec3};
 use std::f64::consts::FRAC_2_PI;
@@ -44,18 +45,6 @@ pub(super) fn quaternion(rotation: &DMat3) -> [f64; 4] {
     scene::quaternion(&rotation.transpose().to_cols_array_2d())
 }
 
-/// Steele, Lea and Flood's mixing function.
-fn mix(value: u64) -> u64 {
-    let z = (value ^ value >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    let z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
-    z ^ z >> 31
-}
-
-/// A hash of several numbers.
-pub(super) fn hash(parts: &[u64]) -> u64 {
-    parts.iter().fold(0, |state: u64, part| mix(state.wrapping_add(0x9e37_79b9_7f4a_7c15) ^ mix(*part)))
-}
-
 /// What a stream of random numbers is for; each stream is independent of the others.
 #[derive(Clone, Copy)]
 pub(super) enum Stream {
@@ -73,41 +62,15 @@ pub(super) enum Stream {
     Keypoints,
 }
 
-/// SplitMix64.
-pub(super) struct Random(u64);
-
-impl Random {
-    /// The stream for one purpose and one item, whatever was drawn for other items, and in whatever order.
-    pub fn new(seed: u64, stream: Stream, camera: usize, frame: u32) -> Self {
-        Random(hash(&[seed, stream as u64, camera as u64, u64::from(frame)]))
-    }
-
-    pub fn bits(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        mix(self.0)
-    }
-
-    /// Uniform in `[low, high)`.
-    pub fn uniform(&mut self, low: f64, high: f64) -> f64 {
-        low + (high - low) * ((self.bits() >> 11) as f64 / (1_u64 << 53) as f64)
-    }
-
-    /// Nearly normal with mean 0 and standard deviation 1: four uniform numbers summed, so never beyond
-    /// [`NORMAL_BOUND`].
-    pub fn normal(&mut self) -> f64 {
-        let bits = self.bits();
-        let sum: u64 = (0..4).map(|i| bits >> (16 * i) & 0xffff).sum();
-        // Each of the four has the variance 1/12 of its range.
-        (sum as f64 / 65_536.0 - 2.0) * NORMAL_BOUND / 2.0
-    }
-
-    pub fn normal3(&mut self) -> DVec3 {
-        DVec3::new(self.normal(), self.normal(), self.normal())
-    }
+/// The numbers for one purpose and one item, whatever was drawn for other items, and in whatever order.
+pub(super) fn random(seed: u64, stream: Stream, camera: usize, frame: u32) -> Random {
+    Random::of_key(&[seed, stream as u64, camera as u64, u64::from(frame)])
 }
 
-/// Largest magnitude of [`Random::normal`], 2 sqrt 3.
-pub(super) const NORMAL_BOUND: f64 = 3.464_101_615_137_755;
+/// Nearly normal numbers along three axes.
+pub(super) fn normal3(random: &mut Random) -> DVec3 {
+    DVec3::from_array(std::array::from_fn(|_| random.nearly_normal()))
+}
 
 /// Smooth noise in [0, 1]: random values on the integer lattice, blended between.
 pub(super) fn value_noise(at: DVec3, seed: u64) -> f64 {
@@ -118,7 +81,7 @@ pub(super) fn value_noise(at: DVec3, seed: u64) -> f64 {
     for corner in 0..8_u32 {
         let side = DVec3::new(f64::from(corner & 1), f64::from(corner >> 1 & 1), f64::from(corner >> 2));
         let lattice = (cell + side).to_array().map(|v| v as i64 as u64);
-        let value = (hash(&[seed, lattice[0], lattice[1], lattice[2]]) >> 11) as f64 / (1_u64 << 53) as f64;
+        let value = unit(hash(&[seed, lattice[0], lattice[1], lattice[2]]));
         let weight = side * blend + (DVec3::ONE - side) * (DVec3::ONE - blend);
         sum += value * weight.x * weight.y * weight.z;
     }

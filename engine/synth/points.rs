@@ -1,7 +1,7 @@
 //! Points as a triangulator would find them in one frame: noisy, some of them wrong, each with who saw it.
 
 use super::cast::sees;
-use super::math::{Random, Stream};
+use super::math::{self, Stream, normal3};
 use super::options::{Noise, Options};
 use super::rig::Camera;
 use super::world::{Hit, Snapshot, World};
@@ -31,7 +31,7 @@ pub(super) struct Point {
 pub(super) fn points(world: &World, options: &Options, cameras: &[Camera], frame: u32) -> Vec<Point> {
     let now = world.at(f64::from(frame));
     let cameras: Vec<Camera> = cameras.iter().map(|camera| camera.of_frame(frame)).collect();
-    let mut random = Random::new(options.seed, Stream::Points, 0, frame);
+    let mut random = math::random(options.seed, Stream::Points, 0, frame);
     let training: Vec<usize> = (0..cameras.len()).filter(|&index| !cameras[index].is_test).collect();
     let noisy = options.noise != Noise::None;
     let mut points = Vec::new();
@@ -55,7 +55,7 @@ pub(super) fn points(world: &World, options: &Options, cameras: &[Camera], frame
         let position = if outlier {
             camera.center + (hit.at - camera.center) * random.uniform(low, high)
         } else if noisy {
-            hit.at + random.normal3() * POINT_NOISE
+            hit.at + normal3(&mut random) * POINT_NOISE
         } else {
             hit.at
         };

@@ -1,7 +1,8 @@
 //! Cameras: where they stand, which are held out, how far their clocks and colours are off.
 
-use super::math::{Random, Stream, rotation, sin_cos};
+use super::math::{self, Stream, rotation, sin_cos};
 use super::options::{Options, Rig};
+use crate::random::Random;
 use glam::{DMat3, DVec2, DVec3};
 use std::f64::consts::PI;
 
@@ -118,7 +119,7 @@ fn moved(center: DVec3, turn: DMat3, shift: DVec3) -> DVec3 {
 
 /// The cameras in the order of their names.
 pub(super) fn rig(options: &Options) -> Vec<Camera> {
-    let mut random = Random::new(options.seed, Stream::Rig, 0, 0);
+    let mut random = math::random(options.seed, Stream::Rig, 0, 0);
     let tests = test_indices(options);
     let mut cameras: Vec<Camera> = (0..options.cameras).map(|index| camera(options, index, &mut random)).collect();
     for index in tests {
@@ -126,7 +127,7 @@ pub(super) fn rig(options: &Options) -> Vec<Camera> {
     }
     let training: Vec<usize> = (0..cameras.len()).filter(|&i| !cameras[i].is_test).collect();
     if options.offsets {
-        let mut random = Random::new(options.seed, Stream::TimeOffsets, 0, 0);
+        let mut random = math::random(options.seed, Stream::TimeOffsets, 0, 0);
         let drawn: Vec<f64> = training.iter().map(|_| random.uniform(-MAX_OFFSET, MAX_OFFSET)).collect();
         for (&index, offset) in training.iter().zip(without_mean(&drawn)) {
             cameras[index].time_offset = offset;
@@ -205,7 +206,7 @@ fn test_indices(options: &Options) -> Vec<u32> {
 
 /// Gains, a little mixing and shifts; their mean over the training cameras is the identity.
 fn set_colors(cameras: &mut [Camera], training: &[usize], seed: u64) {
-    let mut random = Random::new(seed, Stream::Colors, 0, 0);
+    let mut random = math::random(seed, Stream::Colors, 0, 0);
     for row in 0..3 {
         for column in 0..4 {
             let most = match column {

@@ -1,6 +1,6 @@
 //! The furniture of the room and what moves in it. World: x right, y down, z away from the inward rig, metres.
 
-use super::math::{Random, Stream};
+use super::math::{self, Stream};
 use super::options::{Options, Rig};
 use super::shape::Shape;
 use super::texture::Texture;
@@ -18,7 +18,7 @@ pub(super) const HEAD: f64 = 0.17;
 pub(super) fn room(options: &Options) -> World {
     let Options { seed, rig, frames, still_frames: still, .. } = *options;
     let half = if rig == Rig::Inward { HALF } else { WIDE_HALF };
-    let mut builder = Builder { bodies: Vec::new(), jitter: Jitter(Random::new(seed, Stream::World, 0, 0)), half };
+    let mut builder = Builder { bodies: Vec::new(), jitter: Jitter(math::random(seed, Stream::World, 0, 0)), half };
     builder.shell();
     builder.furniture();
     builder.small_things();

@@ -1,6 +1,6 @@
 //! The speaker: what its mouth says, what the microphones at the cameras record, and where detectors see its face.
 
-use super::math::{Random, Stream, sin_cos};
+use super::math::{self, Stream, sin_cos};
 use super::options::{Noise, Options};
 use super::rig::Camera;
 use super::room::HEAD;
@@ -33,7 +33,7 @@ pub(super) struct Voice {
 impl Voice {
     /// The voice of a seed.
     pub fn new(seed: u64) -> Self {
-        let mut random = Random::new(seed, Stream::Sound, 0, 0);
+        let mut random = math::random(seed, Stream::Sound, 0, 0);
         Voice { tones: (0..N_TONES).map(|_| (TAU * random.uniform(150.0, 5000.0), random.uniform(0.0, TAU))).collect() }
     }
 
@@ -105,7 +105,7 @@ pub(super) fn keypoints(world: &World, options: &Options, index: usize, camera: 
 }
 
 fn detect(world: &World, options: &Options, index: usize, camera: &Camera, frame: u32) -> Vec<Instance> {
-    let mut random = Random::new(options.seed, Stream::Keypoints, index, frame);
+    let mut random = math::random(options.seed, Stream::Keypoints, index, frame);
     let now = world.at(f64::from(frame) + camera.time_offset);
     let camera = &camera.of_frame(frame);
     let head = &now.placed[world.head];
@@ -123,7 +123,7 @@ fn detect(world: &World, options: &Options, index: usize, camera: &Camera, frame
             (_, true) => KEYPOINT_NOISE,
             (_, false) => GUESS_NOISE,
         };
-        keypoints[number] = [at.x + spread * random.normal(), at.y + spread * random.normal()];
+        keypoints[number] = [at.x + spread * random.nearly_normal(), at.y + spread * random.nearly_normal()];
         scores[number] = if visible { 0.92 } else { 0.15 };
         for axis in 0..2 {
             corners[0][axis] = corners[0][axis].min(keypoints[number][axis]);

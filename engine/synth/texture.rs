@@ -1,6 +1,7 @@
 //! What surfaces look like: colours as functions of a point in the surface's own frame.
 
-use super::math::{fractal_noise, hash, value_noise};
+use super::math::{fractal_noise, value_noise};
+use crate::random::hash;
 use glam::DVec3;
 
 /// A procedural texture; colours are albedos in [0, 1], lengths scene units.

@@ -1,8 +1,9 @@
 //! The bodies of the room, how they move, and where rays meet them at a time.
 
-use super::math::{Random, rotation, sin_cos};
+use super::math::{rotation, sin_cos};
 use super::shape::{Shape, Touch};
 use super::texture::Texture;
+use crate::random::Random;
 use glam::{DMat3, DVec3};
 use std::f64::consts::TAU;
 

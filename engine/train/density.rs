@@ -2,8 +2,8 @@
 //! ([`DensityRound`]).
 
 use super::config::{Config, Density, Round, Strategy};
-use super::random::Random;
 use super::schedule::rates;
+use crate::random::Keyed;
 use crate::scene::capture::Extent;
 use crate::stage::{Choice, DensityRound, StepSettings};
 
@@ -76,5 +76,5 @@ pub fn regularisers(config: &Config) -> StepSettings {
 
 /// Key of the device's random numbers.
 fn key(config: &Config, step: u64, purpose: u64) -> u32 {
-    Random::new(&[config.seed, step, purpose]).bits(0) as u32
+    Keyed::new(&[config.seed, step, purpose]).bits(0) as u32
 }

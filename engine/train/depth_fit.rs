@@ -5,11 +5,12 @@
 
 use crate::error::Result;
 use crate::parallel::in_parallel;
+use crate::random::Keyed;
+use crate::report::statistics::{mean, median_high};
 use crate::scene::capture::{Capture, FramePoint};
 use crate::scene::prior::read_depth;
 use crate::stage::DepthSpace;
 use crate::train::pinhole::Pinhole;
-use crate::train::random::Random;
 use glam::DVec3;
 use std::collections::BTreeMap;
 use std::fmt;
@@ -185,13 +186,15 @@ fn fit_line(pairs: &[(f64, f64)]) -> std::result::Result<DepthFit, Unfit> {
     if n < FEWEST {
         return Err(Unfit::FewPoints);
     }
-    let random = Random::new(&[KEY, n as u64]);
+    // Of at least one value.
+    let middle = |values: &mut dyn Iterator<Item = f64>| median_high(values).unwrap_or(f64::NAN);
+    let random = Keyed::new(&[KEY, n as u64]);
     let mut best = (f64::INFINITY, (0.0, 0.0));
     for line in 0..LINES {
         let [(x0, y0), (x1, y1)] = [2 * line, 2 * line + 1].map(|i| pairs[(random.bits(i) % n as u64) as usize]);
         let scale = (y1 - y0) / (x1 - x0);
         let line = (scale, y0 - scale * x0);
-        let off = median(pairs.iter().map(|pair| residual(line, pair).abs()));
+        let off = middle(&mut pairs.iter().map(|pair| residual(line, pair).abs()));
         // Written so that a line through points of one prior, which is not finite, is not taken.
         if off < best.0 {
             best = (off, line);
@@ -201,21 +204,21 @@ fn fit_line(pairs: &[(f64, f64)]) -> std::result::Result<DepthFit, Unfit> {
     if !off.is_finite() {
         return Err(Unfit::Flat);
     }
-    let typical = median(pairs.iter().map(|(_, depth)| depth.abs()));
+    let typical = middle(&mut pairs.iter().map(|(_, depth)| depth.abs()));
     let (mut n_near, mut spread, mut sigma) = (0, 0.0, 0.0);
     for _ in 0..ROUNDS {
         // The floor keeps points that lie on the line but for rounding.
         let reach = NEAR * PER_MEDIAN * off + 1e-9 * typical;
         let near: Vec<(f64, f64)> = pairs.iter().copied().filter(|pair| residual(line, pair).abs() <= reach).collect();
         n_near = near.len();
-        let mean = |of: fn(&(f64, f64)) -> f64| near.iter().map(of).sum::<f64>() / n_near as f64;
+        let mean = |of: fn(&(f64, f64)) -> f64| mean(near.iter().map(of)).unwrap_or(f64::NAN);
         let (mean_x, mean_y) = (mean(|pair| pair.0), mean(|pair| pair.1));
         let sum = |of: &dyn Fn(f64, f64) -> f64| near.iter().map(|(x, y)| of(x - mean_x, y - mean_y)).sum::<f64>();
         spread = sum(&|x, _| x * x);
         let scale = sum(&|x, y| x * y) / spread;
         line = (scale, mean_y - scale * mean_x);
         sigma = (sum(&|x, y| (y - scale * x).powi(2)) / n_near as f64).sqrt();
-        off = median(near.iter().map(|pair| residual(line, pair).abs()));
+        off = middle(&mut near.iter().map(|pair| residual(line, pair).abs()));
     }
     let (scale, shift) = line;
     let fit = DepthFit { scale, shift, n_points: n_near, residual: off / typical };
@@ -234,20 +237,13 @@ fn residual((scale, shift): (f64, f64), (x, y): &(f64, f64)) -> f64 {
     y - (scale * x + shift)
 }
 
-/// The upper median; NaN counts as largest.
-fn median(values: impl Iterator<Item = f64>) -> f64 {
-    let mut values: Vec<f64> = values.collect();
-    let middle = values.len() / 2;
-    if values.is_empty() { f64::NAN } else { *values.select_nth_unstable_by(middle, f64::total_cmp).1 }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     /// Points on the line 0.5 x - 0.2 but for noise, every `every`-th anywhere.
     fn pairs(n: u64, noise: f64, every: u64) -> Vec<(f64, f64)> {
-        let random = Random::new(&[3]);
+        let random = Keyed::new(&[3]);
         let pair = |i: u64| {
             let x = 1.0 + random.uniform(3 * i);
             let y = 0.5 * x - 0.2 + noise * random.normal(1000 + i);

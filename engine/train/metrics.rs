@@ -4,6 +4,7 @@ use super::align::{aligned_mse, visible_pairs};
 use super::config::Config;
 use crate::error::{Error, Result};
 use crate::gpu::{Gpu, Recording};
+use crate::report::statistics::{mean, median_high};
 use crate::scene::capture::{Capture, Picture};
 use crate::scene::{Frame, Splats, View};
 use crate::stage::{Compared, Lpips, Outputs, Photometric, Renderer, Structure, Trunk};
@@ -87,19 +88,16 @@ pub struct Evaluation {
 impl Evaluation {
     /// The evaluation of `views` after `step` steps; none when there is no view.
     pub fn new(step: u64, views: Vec<ViewScores>) -> Option<Self> {
-        let mean = |score: fn(&Scores) -> f64| views.iter().map(|v| score(&v.scores)).sum::<f64>() / views.len() as f64;
+        let all = |score: fn(&Scores) -> f64| mean(views.iter().map(|v| score(&v.scores))).unwrap_or(f64::NAN);
         // Of those views that have it.
-        let some = |score: fn(&Scores) -> Option<f64>| {
-            let of: Vec<f64> = views.iter().filter_map(|v| score(&v.scores)).collect();
-            (!of.is_empty()).then(|| of.iter().sum::<f64>() / of.len() as f64)
-        };
+        let some = |score: fn(&Scores) -> Option<f64>| mean(views.iter().filter_map(|v| score(&v.scores)));
         let mean = Scores {
-            psnr: mean(|s| s.psnr),
-            psnr_aligned: mean(|s| s.psnr_aligned),
+            psnr: all(|s| s.psnr),
+            psnr_aligned: all(|s| s.psnr_aligned),
             psnr_foreground: some(|s| s.psnr_foreground),
             psnr_covisible: some(|s| s.psnr_covisible),
-            ssim: mean(|s| s.ssim),
-            l1: mean(|s| s.l1),
+            ssim: all(|s| s.ssim),
+            l1: all(|s| s.l1),
             lpips: some(|s| s.lpips),
         };
         (!views.is_empty()).then_some(Evaluation { step, mean, views })
@@ -113,9 +111,7 @@ impl Evaluation {
 
     /// Pictures per second: of the median time of a rendering.
     pub fn frames_per_second(&self) -> f64 {
-        let mut times: Vec<f64> = self.views.iter().map(|v| v.render_ms).collect();
-        times.sort_by(f64::total_cmp);
-        times.get(times.len() / 2).map_or(0.0, |ms| 1e3 / ms.max(1e-6))
+        median_high(self.views.iter().map(|v| v.render_ms)).map_or(0.0, |ms| 1e3 / ms.max(1e-6))
     }
 
     /// At most `n` views that show how it went, as (index, why), by frame: the worst, the median and the best by PSNR,

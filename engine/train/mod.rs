@@ -15,7 +15,6 @@ mod offsets;
 mod pinhole;
 mod plan;
 mod preset;
-mod random;
 mod require;
 mod run;
 mod schedule;
@@ -43,7 +42,6 @@ pub use metrics::{
 pub use offsets::{Agreement, OffsetFit, fit_offset, learnt_offsets, offset_pictures};
 pub use plan::{BoundBy, Class, INTERSECTIONS_PER_GAUSSIAN, Limits, Need, Plan, Workload};
 pub use preset::{PRESETS, Preset, merge};
-pub use random::{Random, permutation};
 pub use require::{
     Due, Evidence, Fate, GridCheck, InTime, Review, Seen, affordable, carry_out, fates, merge_resting, review,
     review_due,

@@ -2,10 +2,10 @@
 
 use super::checkpoint::CameraState;
 use super::config::Config;
-use super::random::Random;
 use super::setup::Setup;
 use crate::error::{Error, Result};
 use crate::gpu::{Buf, Gpu, Recording, Slice};
+use crate::random::Keyed;
 use crate::scene::capture::Picture;
 use crate::stage::{
     Backward, Blend, ClockStep, Clocks, Compared, Cotangent, GridStep, Grids, Lpips, Outputs, Photometric, PriorLoss,
@@ -174,7 +174,7 @@ impl Objective {
         let structure = is_due.then_some(Structure { stride: loss.ssim_stride, times });
         let crop = (self.lpips.is_some() && step.is_multiple_of(loss.lpips_every)).then(|| {
             let crop = size.map(|side| if loss.lpips_crop == 0 { side } else { side.min(loss.lpips_crop) });
-            let random = Random::new(&[self.config.seed, step, CROP]);
+            let random = Keyed::new(&[self.config.seed, step, CROP]);
             let place = |axis: usize| (random.bits(axis as u64) % u64::from(size[axis] - crop[axis] + 1)) as u32;
             [[place(0), place(1)], crop]
         });

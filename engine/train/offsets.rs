@@ -3,6 +3,7 @@
 use super::trainer::Trainer;
 use crate::error::Result;
 use crate::gpu::Gpu;
+use crate::report::statistics::mean;
 use crate::scene::View;
 use crate::scene::capture::{Capture, Picture};
 use crate::settings::Constants;
@@ -54,8 +55,7 @@ pub struct Agreement {
 impl Agreement {
     /// Of pairs of a learnt and a true offset, frames; none without a pair.
     pub fn of(pairs: &[(f64, f64)]) -> Option<Agreement> {
-        let mean =
-            |of: &dyn Fn(f64, f64) -> f64| pairs.iter().map(|(a, b)| of(*a, *b)).sum::<f64>() / pairs.len() as f64;
+        let mean = |of: &dyn Fn(f64, f64) -> f64| mean(pairs.iter().map(|(a, b)| of(*a, *b))).unwrap_or(f64::NAN);
         let (learnt, truth) = (mean(&|a, _| a), mean(&|_, b| b));
         let [both, spread, true_spread] = [
             mean(&|a, b| (a - learnt) * (b - truth)),

@@ -1,4 +1,4 @@
-//! Profiles: statistics, limits, traces, and dispatches that are captured and run again.
+//! Profiles: limits, traces, and dispatches that are captured and run again.
 
 mod command;
 mod compare;
@@ -7,24 +7,10 @@ use crate::common::device::gpu;
 use crate::common::random;
 use ivv::gpu::table::{Cost, Count, KERNELS};
 use ivv::gpu::{Dispatch, PassTime, kernel_named};
-use ivv::profile::{
-    Bound, Difference, Lately, Moment, Peaks, Replay, mad, median, paired_ratio, quantile, read_dispatch, trace,
-    write_dispatch,
-};
+use ivv::profile::{Bound, Difference, Lately, Moment, Peaks, Replay, read_dispatch, trace, write_dispatch};
 use ivv::stage::{FrameReport, Outputs, Renderer};
 use ivv::{Constants, Error};
 use std::path::{Path, PathBuf};
-
-#[test]
-fn quantiles_and_deviations_are_those_of_known_numbers() {
-    let values = [9.0, 1.0, 4.0, 2.0, 100.0];
-    assert_eq!((median(&values), mad(&values)), (4.0, 3.0));
-    assert_eq!((quantile(&values, 0.0), quantile(&values, 1.0), quantile(&values, 0.25)), (1.0, 100.0, 2.0));
-    // Between the fourth (9) and the fifth (100), 0.8 of the way.
-    assert!((quantile(&values, 0.95) - (9.0 + 0.8 * 91.0)).abs() < 1e-12);
-    assert_eq!(median(&[3.0, 1.0]), 2.0);
-    assert!(median(&[]).is_nan() && mad(&[]).is_nan());
-}
 
 #[test]
 fn of_the_last_frames_it_knows_the_rate_the_quantiles_and_the_slowest_passes() {
@@ -50,19 +36,6 @@ fn of_the_last_frames_it_knows_the_rate_the_quantiles_and_the_slowest_passes() {
     }
     near(&lately.slowest(9), &[("cull", 1.0)]);
     assert_eq!((lately.ms.len(), lately.rate(), lately.quantile(1.0)), (Lately::FRAMES, 25.0, 2.0));
-}
-
-#[test]
-fn the_interval_of_a_paired_ratio_is_that_of_the_sign_test() {
-    // 20 ratios 1.01 to 1.20: of 20 throws of a coin, 5 or fewer are heads with 2.07 %, 6 or fewer with 5.77 %.
-    let under: Vec<f64> = (0..20).map(|i| 1.0 + f64::from(i)).collect();
-    let over: Vec<f64> = under.iter().zip(1..).map(|(under, i)| under * (1.0 + 0.01 * f64::from(i))).collect();
-    let ratio = paired_ratio(&over, &under);
-    assert!((ratio.median - 1.105).abs() < 1e-12);
-    assert!((ratio.low - 1.06).abs() < 1e-12 && (ratio.high - 1.15).abs() < 1e-12, "{ratio:?}");
-    // Too few pairs to leave any out.
-    let few = paired_ratio(&[1.0, 2.0, 3.0], &[1.0, 1.0, 1.0]);
-    assert_eq!((few.low, few.median, few.high), (1.0, 2.0, 3.0));
 }
 
 #[test]

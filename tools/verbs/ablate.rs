@@ -6,6 +6,7 @@ use crate::settings::SettingArgs;
 use anyhow::Context;
 use clap::builder::PossibleValuesParser;
 use ivv::files::write_atomic;
+use ivv::report::statistics::mean;
 use ivv::scene::capture::{Capture, camera_center};
 use ivv::study::{Arm, ArmResult, Base, Measure, STUDIES, Study, StudyResult};
 use ivv::train::{Config, initialise};
@@ -223,9 +224,9 @@ fn value(measure: Measure, eval: &Value, train: &Value, peripheral: &str) -> Opt
         Measure::Psnr => eval["psnr"].as_f64(),
         Measure::PsnrForeground => eval["psnr_foreground"].as_f64(),
         Measure::PsnrCovisible => eval["psnr_covisible"].as_f64(),
-        Measure::PsnrPeripheral => mean(&scores(eval, "psnr", |camera| camera == peripheral)?),
-        Measure::PsnrPeripheralCovisible => mean(&scores(eval, "psnr_covisible", |camera| camera == peripheral)?),
-        Measure::PsnrInner => mean(&scores(eval, "psnr", |camera| camera != peripheral)?),
+        Measure::PsnrPeripheral => mean(scores(eval, "psnr", |camera| camera == peripheral)?),
+        Measure::PsnrPeripheralCovisible => mean(scores(eval, "psnr_covisible", |camera| camera == peripheral)?),
+        Measure::PsnrInner => mean(scores(eval, "psnr", |camera| camera != peripheral)?),
         Measure::PsnrInnerWorst => {
             scores(eval, "psnr", |camera| camera != peripheral)?.into_iter().min_by(f64::total_cmp)
         }
@@ -242,8 +243,4 @@ fn scores(eval: &Value, score: &str, of: impl Fn(&str) -> bool) -> Option<Vec<f6
     let views = eval["views"].as_array()?.iter();
     let some = views.filter(|view| view["camera"].as_str().is_some_and(&of));
     Some(some.filter_map(|view| view[score].as_f64()).collect())
-}
-
-fn mean(values: &[f64]) -> Option<f64> {
-    (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
 }

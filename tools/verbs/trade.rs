@@ -11,6 +11,7 @@ use anyhow::Context;
 use ivv::Constants;
 use ivv::files::write_atomic;
 use ivv::gpu::{Gpu, shaders_hash, spirv_hashes};
+use ivv::report::statistics::{deviation_of_sums, mean};
 use ivv::scene::Splats;
 use ivv::scene::capture::{Capture, FrameCache, Picture};
 use ivv::scene::prior::read_flow;
@@ -324,7 +325,7 @@ impl Bench<'_> {
             let error = |(a, b): (&[f32; 2], &[f32; 2])| f64::from(a[0] - b[0]).hypot(f64::from(a[1] - b[1]));
             errors.extend(rendered.flow.iter().zip(&truth).map(error).filter(|error| error.is_finite()));
         }
-        run.flow_error = mean(errors.into_iter());
+        run.flow_error = mean(errors);
         Ok(())
     }
 
@@ -377,13 +378,8 @@ impl Residuals {
     fn deviations(&self) -> impl Iterator<Item = f64> {
         let n = self.n;
         let still = self.sums.iter().filter(move |(_, moved)| !moved && n > 1.0);
-        still.map(move |([sum, squares], _)| ((squares - sum * sum / n) / (n - 1.0)).max(0.0).sqrt())
+        still.map(move |([sum, squares], _)| deviation_of_sums(n, *sum, *squares))
     }
-}
-
-fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
-    let (n, sum) = values.fold((0.0, 0.0), |(n, sum), value| (n + 1.0, sum + value));
-    (n > 0.0).then(|| sum / n)
 }
 
 /// Tells scenes apart by any bit.

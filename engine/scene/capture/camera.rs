@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use crate::report::statistics::median_high;
 use crate::scene::view::camera_center;
 use crate::scene::{FlowModel, View};
 
@@ -146,9 +147,7 @@ pub(super) fn extent(cameras: &[Camera], points: &[Point]) -> Extent {
     let distance = |p: &[f64; 3]| (0..3).map(|k| (p[k] - center[k]).powi(2)).sum::<f64>().sqrt();
     let radius = 1.1 * centers.iter().map(distance).fold(0.0, f64::max);
     let size = center.iter().fold(1.0_f64, |size, c| size.max(c.abs()));
-    let mut distances: Vec<f64> = points.iter().map(|point| distance(&point.position)).filter(|d| *d > 0.0).collect();
-    distances.sort_unstable_by(f64::total_cmp);
-    let median = distances.get(distances.len() / 2).copied();
+    let median = median_high(points.iter().map(|point| distance(&point.position)).filter(|d| *d > 0.0));
     let radius = match median {
         // The scene of a rig that is small beside it is not measured by the rig.
         Some(median) if radius > 1e-9 * size => radius.max(median.min(steep(median, radius))),

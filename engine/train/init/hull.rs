@@ -2,7 +2,7 @@
 
 use super::eye::{Eye, Ground};
 use super::points::{Found, median_color};
-use crate::train::random::permutation;
+use crate::random::permutation;
 use glam::{IVec3, Mat3, Vec2, Vec3};
 use std::collections::HashSet;
 

@@ -1,9 +1,10 @@
 //! Gaussians at points: of a reconstruction, at random, or found by the other modules here.
 
+use crate::random::Keyed;
+use crate::report::statistics::mean;
 use crate::scene::capture::{Camera, Capture, Point, camera_center};
 use crate::scene::{Motion, SH_C0, Splats};
 use crate::train::config::Config;
-use crate::train::random::Random;
 use std::collections::HashMap;
 
 /// Opacity to begin with (SPEC 5).
@@ -78,7 +79,7 @@ pub(super) fn median_color(mut colors: Vec<[f32; 3]>) -> Option<[f32; 3]> {
 /// Grey points, uniform in the ball that the capture's cameras look at.
 pub fn random_points(capture: &Capture, config: &Config) -> Vec<Point> {
     let extent = capture.extent();
-    let random = Random::new(&[config.seed, 0x0070_6f69_6e74]);
+    let random = Keyed::new(&[config.seed, 0x0070_6f69_6e74]);
     (0..config.init_points as u64)
         .map(|i| {
             let direction: [f64; 3] = std::array::from_fn(|k| random.normal(4 * i + k as u64));
@@ -155,10 +156,9 @@ pub(super) fn spacings(found: &[Found], reach: &Reach) -> Vec<f64> {
                     break;
                 }
             }
-            let found: Vec<f64> = nearest.iter().filter(|d| d.is_finite()).map(|d| d.sqrt()).collect();
-            let mean = found.iter().sum::<f64>() / found.len().max(1) as f64;
             let widest = reach.widest(*p);
-            if found.is_empty() { widest } else { mean.clamp(1e-7 * radius, widest) }
+            let found = mean(nearest.iter().filter(|d| d.is_finite()).map(|d| d.sqrt()));
+            found.map_or(widest, |mean| mean.clamp(1e-7 * radius, widest))
         })
         .collect()
 }

@@ -1,8 +1,9 @@
 //! Which parts of which Gaussians pay (SPEC 12): a part stays when the pictures need it more than its numbers cost.
 
+use crate::random::Keyed;
+use crate::report::statistics::median_high;
 use crate::scene::Splats;
 use crate::stage::Response;
-use crate::train::random::Random;
 use crate::train::require::evidence::Evidence;
 use crate::train::require::look::Seen;
 
@@ -95,7 +96,7 @@ pub fn affordable(
 /// Fates of all Gaussians. `frame_times` are the normalised times of the training frames; `price` multiplies the cost of a
 /// number that may go, one that comes must pay in full; what too little was seen of stays as it is; `key` chooses which of those that are not worth their numbers go now.
 pub fn fates(splats: &Splats, evidence: &Evidence, frame_times: &[f64], price: f64, key: &[u64]) -> Vec<Fate> {
-    let random = Random::new(key);
+    let random = Keyed::new(key);
     let overdispersion = overdispersion(splats, evidence);
     let of = |i: usize| {
         let (information, slope, seen) = (&evidence.information[i], &evidence.slope[i], &evidence.seen[i]);
@@ -155,13 +156,11 @@ fn score(i: usize, evidence: &Evidence) -> f64 {
 /// successive frames are alike. The median tells, as most of what stands still does so rightly (genomic control, Devlin and
 /// Roeder 1999).
 fn overdispersion(splats: &Splats, evidence: &Evidence) -> f64 {
-    let mut scores: Vec<f64> = (0..splats.n_static)
+    let scores = (0..splats.n_static)
         .filter(|&i| evidence.seen[i].tells_something())
         .map(|i| score(i, evidence))
-        .filter(|score| score.is_finite())
-        .collect();
-    scores.sort_unstable_by(f64::total_cmp);
-    scores.get(scores.len() / 2).map_or(1.0, |median| (median / MEDIAN_OF_5).max(1.0))
+        .filter(|score| score.is_finite());
+    median_high(scores).map_or(1.0, |median| (median / MEDIAN_OF_5).max(1.0))
 }
 
 /// log tau of a Gaussian that begins to move.

@@ -1,12 +1,12 @@
 //! What the training pictures say of each part of each Gaussian.
 
 use crate::error::Result;
+use crate::random::Keyed;
 use crate::scene::capture::camera_center;
 use crate::scene::{Frame, Splats, View};
 use crate::stage::{Census, Renderer, Response};
 use crate::train::align::ColorMap;
 use crate::train::metrics::Sight;
-use crate::train::random::Random;
 use crate::train::require::look::{Album, Seen};
 
 /// Sums over some of the training pictures, by Gaussian.
@@ -58,7 +58,7 @@ impl Evidence {
             let total = evidence.pictures + chosen.len();
             for at in chosen {
                 let (camera, frame) = album.shot(at);
-                let random = Random::new(&[key, &[evidence.pictures as u64]].concat());
+                let random = Keyed::new(&[key, &[evidence.pictures as u64]].concat());
                 let is_mapped = has_grid.get(camera).copied().unwrap_or(false);
                 let (own_squares, own_values) = look(renderer, &census, sight, (camera, frame), is_mapped, random)?;
                 (squares, n_values) = (squares + own_squares, n_values + own_values);
@@ -84,7 +84,7 @@ fn look(
     sight: &Sight,
     (camera, frame): (usize, u32),
     is_mapped: bool,
-    random: Random,
+    random: Keyed,
 ) -> Result<(f64, u64)> {
     let picture = sight.capture.picture(camera, frame)?;
     let view = sight.view(camera, frame)?;
@@ -107,7 +107,7 @@ fn look(
 }
 
 /// Cotangents of the colours of `view`: a random sign each, 0 where the mask in `truth` hides the pixel.
-fn signs(view: &View, truth: &[u32], random: Random) -> Frame {
+fn signs(view: &View, truth: &[u32], random: Keyed) -> Frame {
     let color = truth.iter().zip(0..).map(|(word, pixel)| {
         let bits = random.bits(pixel);
         let sign = |c: usize| if bits >> c & 1 == 0 { 1.0 } else { -1.0 };

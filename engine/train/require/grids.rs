@@ -100,11 +100,11 @@ fn gain(blocks: &[Means]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::{Means, gain};
-    use crate::train::random::Random;
+    use crate::random::Keyed;
 
     /// Blocks of a camera whose colours are `map` of what is shown, with errors of standard deviation `error`.
     fn blocks(error: f64, map: impl Fn(f64) -> f64) -> Vec<Means> {
-        let random = Random::new(&[3]);
+        let random = Keyed::new(&[3]);
         let block = |i: u64| {
             let shown: [f64; 3] = std::array::from_fn(|c| random.uniform(100 + 3 * i + c as u64));
             (shown, std::array::from_fn(|c| map(shown[c]) + error * random.normal(1000 + 3 * i + c as u64)))

@@ -2,10 +2,10 @@
 
 use crate::error::Result;
 use crate::parallel::in_parallel;
+use crate::random::permutation;
 use crate::scene::Splats;
 use crate::train::metrics::Sight;
 use crate::train::pinhole::Pinhole;
-use crate::train::random::permutation;
 use glam::DVec3;
 
 /// Pictures in which a Gaussian must have been seen before anything of it is judged.

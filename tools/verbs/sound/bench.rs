@@ -2,6 +2,7 @@
 
 use super::render::ConfigArgs;
 use crate::screen::out;
+use ivv::report::Table;
 use ivv::sound::bench::{Ablation, Difference, Trade, ablation, compare, lateness, trade};
 use ivv::sound::geometry::Mode;
 use ivv::sound::hrtf::HrtfSet;
@@ -79,24 +80,24 @@ fn built_in(args: &Args, json: bool) -> anyhow::Result<()> {
         return Ok(());
     }
     out!("ears: {}\n", hrtf.meta.title);
-    out!("| rendered | azimuth off, degrees | level off, dB |\n| --- | --- | --- |");
-    for Ablation { direction, distance, error } in rows {
+    let row = |Ablation { direction, distance, error }| {
         let name = match (direction, distance) {
             (false, false) => "neither",
             (false, true) => "distance",
             (true, false) => "direction",
             (true, true) => "both",
         };
-        out!("| {name} | {:.1} | {:.2} |", error.azimuth, error.level);
-    }
-    out!("\n| setting | azimuth off, degrees | level off, dB | splatter, dB | filters off, dB | times real time |");
-    out!("| --- | --- | --- | --- | --- | --- |");
-    for Trade { setting, error, splatter, spectrum, real_time } in table {
-        out!(
-            "| {setting} | {:.2} | {:.2} | {splatter:.0} | {spectrum:.2} | {real_time:.0} |",
-            error.azimuth,
-            error.level
-        );
-    }
+        vec![name.to_owned(), format!("{:.1}", error.azimuth), format!("{:.2}", error.level)]
+    };
+    let heads = ["rendered", "azimuth off, degrees", "level off, dB"];
+    out!("{}", Table::new(&heads, rows.into_iter().map(row)).markdown());
+    let row = |Trade { setting, error, splatter, spectrum, real_time }| {
+        let [azimuth, level] = [error.azimuth, error.level].map(|off| format!("{off:.2}"));
+        let costs = [format!("{splatter:.0}"), format!("{spectrum:.2}"), format!("{real_time:.0}")];
+        [vec![setting.to_string(), azimuth, level], costs.to_vec()].concat()
+    };
+    let heads =
+        ["setting", "azimuth off, degrees", "level off, dB", "splatter, dB", "filters off, dB", "times real time"];
+    out!("{}", Table::new(&heads, table.into_iter().map(row)).markdown().trim_end());
     Ok(())
 }

@@ -1,6 +1,6 @@
 //! `ivv sound render`.
 
-use super::plot::{Panel, plot};
+use super::plot::plot;
 use crate::files::write_json;
 use crate::film::Axes;
 use crate::screen::out;
@@ -175,12 +175,12 @@ fn print(rendered: &Rendered, output: &Path, seconds: f64) {
 fn draw(rendered: &Rendered, path: &Path) -> anyhow::Result<()> {
     let cues = rendered.cues.first().map(Vec::as_slice).unwrap_or_default();
     let course = ear_course(&rendered.samples);
-    let panels = [
-        Panel { title: "azimuth, degrees", points: cues.iter().map(|cue| (cue.t, cue.az.to_degrees())).collect() },
-        Panel { title: "the left ear leads by, us", points: course.iter().map(|at| (at.t, 1e6 * at.itd)).collect() },
-        Panel { title: "the left ear is louder by, dB", points: course.iter().map(|at| (at.t, at.ild_db)).collect() },
+    let curves = [
+        ("azimuth, degrees", cues.iter().map(|cue| [cue.t, cue.az.to_degrees()]).collect()),
+        ("the left ear leads by, us", course.iter().map(|at| [at.t, 1e6 * at.itd]).collect()),
+        ("the left ear is louder by, dB", course.iter().map(|at| [at.t, at.ild_db]).collect()),
     ];
-    let svg = plot(&panels);
+    let svg = plot(&curves);
     ivv::files::write_atomic(path, |to| to.write_all(svg.as_bytes()))?;
     Ok(())
 }

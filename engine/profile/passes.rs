@@ -1,8 +1,8 @@
-//! A profile: the passes of samples, line by line.
+//! The passes of frames or steps, against what the device was measured to do.
 
 use super::limit::{Bound, Peaks};
-use super::statistics::{Ratio, median, paired_ratio, quantile};
 use crate::gpu::table::Cost;
+use crate::report::statistics::{Ratio, mean, median, paired_ratio, quantile};
 use crate::stage::{Counters, PassReport};
 use crate::vk::{Caps, DeviceKind};
 use serde::Serialize;
@@ -144,7 +144,7 @@ impl Profile {
 impl Line {
     fn new(label: &str, passes: &[&PassReport], peaks: &Peaks, threads: Option<f64>, sum: f64) -> Self {
         let n = passes.len().max(1) as f64;
-        let mean = |f: &dyn Fn(&PassReport) -> f64| passes.iter().map(|pass| f(pass)).sum::<f64>() / n;
+        let mean = |f: &dyn Fn(&PassReport) -> f64| mean(passes.iter().map(|pass| f(pass))).unwrap_or(0.0);
         let ms: Vec<f64> = passes.iter().map(|pass| pass.ns / 1e6).collect();
         let mut cost = Cost::default();
         passes.iter().for_each(|pass| cost.add(&pass.cost, 1.0 / n));
