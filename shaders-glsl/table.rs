@@ -39,7 +39,7 @@ pub struct Spec {
     pub twin: &'static str,
     /// What its time grows with.
     pub count: Count,
-    /// The ideal-limit model on one core of a CPU driver: nanoseconds per unit (research, kernels.md 6).
+    /// The ideal-limit model on one core of a CPU driver: nanoseconds per unit.
     pub limit_ns: f64,
 }
 

@@ -1,5 +1,5 @@
 //! What kernels must do at least, per unit of what they grow with: the analytic model behind their ideal limits
-//! (research, kernels.md 6). Bytes are those of data that must come from memory or go there once, whatever the caches;
+//! in profiles. Bytes are those of data that must come from memory or go there once, whatever the caches;
 //! flops are float additions and multiplications, without those of addresses; loads that caches serve are not counted.
 
 use super::table::{Count, Spec};
