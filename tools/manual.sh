@@ -40,6 +40,8 @@ pages() {
 # DIR/NUMBER.line.
 split() {
     awk -v dir="$2" '
+        # A block or a comment of a list is indented by three.
+        (!inside && /^   (```|<!--)/) || (inside && listed) { listed = 1; sub(/^   /, "") }
         /^```/ && !inside {
             inside = 1; kept = ($0 == "```sh" || how ~ /^file: /)
             if (kept) {
@@ -51,7 +53,7 @@ split() {
             }
             next
         }
-        /^```$/ && inside { inside = 0; if (kept) close(body); how = ""; next }
+        /^```$/ && inside { inside = 0; listed = 0; if (kept) close(body); how = ""; next }
         inside { if (kept) print > body; next }
         /^<!-- (before|until interrupted|not run|file)/ { how = $0; sub(/^<!-- /, "", how); sub(/ -->$/, "", how); next }
         /./ { how = "" }

@@ -180,12 +180,14 @@ fn every_file_and_folder_that_a_document_names_exists() {
             assert!(bare || exists(&path) || exists(beside.to_str().unwrap()), "{document} names `{path}`");
         }
     }
-    let of_manual: Vec<(String, BTreeSet<String>)> =
-        manual().into_iter().map(|(page, text)| (page, named_paths(&text, false))).collect();
-    assert!(of_manual.iter().map(|(_, named)| named.len()).sum::<usize>() > 50);
-    for (page, path) in of_manual.iter().flat_map(|(page, named)| named.iter().map(move |path| (page, path))) {
-        assert!(exists(path), "{page} names `{path}`");
+    let (mut n_named, mut absent) = (0, Vec::new());
+    for (page, whole) in manual() {
+        let named = named_paths(&whole, false);
+        n_named += named.len();
+        absent.extend(named.into_iter().filter(|path| !exists(path)).map(|path| format!("{page} names `{path}`")));
     }
+    assert_eq!(absent, Vec::<String>::new());
+    assert!(n_named > 50, "only {n_named} paths were found");
 }
 
 /// The names that mdBook gives the headings of a page.
@@ -241,6 +243,16 @@ fn every_page_is_in_the_summary_and_what_is_included_has_no_link_that_breaks_the
         assert_eq!(relative, None, "{document} is a page of the book: name the path in code instead");
         // `tools/manual.sh` reads the pages alone.
         assert!(!there.contains("\n```sh\n"), "{document}: its commands are not run, so call the block `text`");
+    }
+}
+
+#[test]
+fn every_block_of_the_manual_is_run_or_says_that_it_is_no_command() {
+    for page in pages().into_iter().chain(["README.md".to_owned()]) {
+        let text = text(&page);
+        let fences = text.lines().filter_map(|line| line.trim_start().strip_prefix("```"));
+        let unknown = fences.step_by(2).find(|kind| !["sh", "text", "python", "yaml"].contains(kind));
+        assert_eq!(unknown, None, "{page}: `tools/manual.sh` runs `sh` alone");
     }
 }
 
