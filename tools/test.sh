@@ -30,6 +30,7 @@ if [ "${1:-}" = --play ]; then
     exec cargo test --locked --features play --test play
 fi
 if [ "${1:-}" = --manual ]; then
+    tools/setup.sh manual
     build_ivv
     exec tools/manual.sh run "$ivv"
 fi
