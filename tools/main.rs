@@ -1,4 +1,5 @@
-//! `ivv`: the command line. `verbs` has one file per verb, what they share lies beside this file; README.md lists the exit codes.
+//! `ivv`: the command line. `verbs` has one file per verb, what they share lies beside this file; the manual's page
+//! `headless.md` lists the exit codes.
 
 mod bench;
 mod capture;

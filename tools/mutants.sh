@@ -8,7 +8,7 @@ source tools/env.sh
 copy=$cache/mutant
 log=$cache/mutant.log
 
-# name | file | sed expression | row or tests that must notice. "Row" in a name is one of the project's catalogue of failures.
+# name | file | sed expression | row or tests that must notice. "Row" in a name is one of `ivv extremes`.
 mutants='
 a record that is not finite is drawn|shaders-glsl/project/project.comp|s/if (!bad \&\& splat.z > view.near/if (splat.z > view.near/|n01
 row 8, covariance without its scaling|shaders-glsl/include/conic.glsl|s/const float m = max(.*1e-18);/const float m = 1.0;/|n02

@@ -1,12 +1,13 @@
 #!/usr/bin/env bash
 # Installs what a fresh Debian 12 lacks, and nothing that is there already.
-#   tools/setup.sh [run] [test] [shaders] [prepare] [player] [play]      default: run
+#   tools/setup.sh [run] [test] [shaders] [prepare] [player] [play] [manual]      default: run
 #     run      the Vulkan loader, Mesa's drivers (lavapipe among them), a linker, a Rust toolchain
 #     test     run, and the validation layer, spirv-val, rustfmt, clippy
 #     shaders  run, and what shaderc's C++ needs to build (only for `cargo build --features shaders`)
 #     prepare  run, and the programs that `ivv prepare` calls: ffmpeg, COLMAP, OpenCV for Python
 #     player   run, and what the tests of the browser player need: Chromium, node, packages of npm, the .4dgs package for Python
 #     play     run, and what `ivv play` needs to build and to open windows, and its tests: a display in memory, keys and pointer
+#     manual   run, and what builds the manual and its commands need: mdBook, ffmpeg, Pillow for Python
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 export PATH="${CARGO_HOME:-$HOME/.cargo}/bin:$PATH"
@@ -113,9 +114,19 @@ install_player_packages() {
         fail network "pip install fourdgs" "check the network, then run this again"
 }
 
+# Below the cache folder, where `tools/manual.sh` looks. Two minutes of two cores, once.
+install_mdbook() {
+    local version=0.5.4 folder=${XDG_CACHE_HOME:-$HOME/.cache}/ivv/manual
+    [ "$("$folder/bin/mdbook" --version 2>/dev/null || true)" != "mdbook v$version" ] || return 0
+    say "building mdBook $version"
+    cargo install mdbook --locked --version "$version" --no-default-features --features search --root "$folder" --quiet ||
+        fail network "cargo install mdbook" "check the network, then run this again"
+}
+
 packages=(libvulkan1 mesa-vulkan-drivers gcc libc6-dev)
 components=no
 player=no
+manual=no
 for part in "${@:-run}"; do
     case $part in
     run) ;;
@@ -132,8 +143,9 @@ for part in "${@:-run}"; do
         packages+=(libasound2-dev pkg-config libx11-6 libx11-xcb1 libxcursor1 libxi6 libxrandr2 libxkbcommon-x11-0)
         packages+=(xvfb xdotool vulkan-validationlayers)
         ;;
+    manual) packages+=(ffmpeg python3-numpy python3-pil) manual=yes ;;
     *)
-        echo "usage: tools/setup.sh [run] [test] [shaders] [prepare] [player] [play]" >&2
+        echo "usage: tools/setup.sh [run] [test] [shaders] [prepare] [player] [play] [manual]" >&2
         exit 2
         ;;
     esac
@@ -142,4 +154,5 @@ install_packages "${packages[@]}"
 install_rust
 [ $components = no ] || install_components
 [ $player = no ] || install_player_packages
+[ $manual = no ] || install_mdbook
 say "ready (${*:-run})"

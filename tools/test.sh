@@ -6,6 +6,7 @@
 #                                  calls), SwiftShader, mutations
 #   tools/test.sh --player         the browser player in Chromium: files, pictures against the engine's, page, sound, headset
 #   tools/test.sh --play           the window of `ivv play` under Xvfb: pictures, resizes, faults of the surface, sound
+#   tools/test.sh --manual         every command of the README and the manual, on a small synthetic capture
 #   tools/test.sh --fuzz [SECONDS] every reader on damaged files, so long for all formats together; an hour without
 # ARGS go to cargo test.
 set -euo pipefail
@@ -27,6 +28,11 @@ if [ "${1:-}" = --play ]; then
     tools/setup.sh play
     own_the_target_folder
     exec cargo test --locked --features play --test play
+fi
+if [ "${1:-}" = --manual ]; then
+    tools/setup.sh manual
+    build_ivv
+    exec tools/manual.sh run "$ivv"
 fi
 slow=no
 if [ "${1:-}" = --slow ]; then

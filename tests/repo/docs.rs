@@ -1,104 +1,13 @@
-//! The documents against the tree: what they name exists, what they tabulate is generated or compared.
+//! What documents tabulate is generated or compared.
 
-use super::{below_root, exists, files, marked, quoted, root, table, text};
+use super::{files, marked, quoted, root, table, text};
 use crate::common::device::gpu;
 use crate::common::random;
 use ivv::Constants;
 use ivv::gpu::table::{Axis, FAMILIES, KERNELS, Spec};
 use ivv::stage::{Outputs, Renderer};
-use std::collections::BTreeSet;
-use std::path::Path;
-use std::process::Command;
 
-const DOCUMENTS: [&str; 7] = [
-    "README.md",
-    "engine/ARCHITECTURE.md",
-    "engine/TRAINING.md",
-    "engine/sound/README.md",
-    "shaders-glsl/README.md",
-    "assets/README.md",
-    "assets/measured.md",
-];
 const KERNEL_TABLE: &str = "shaders-glsl/README.md";
-
-/// Code of a document: each inline span, each line of a fenced block.
-fn code(document: &str) -> Vec<String> {
-    let mut found = Vec::new();
-    let mut fenced = false;
-    for line in document.lines() {
-        if line.starts_with("```") {
-            fenced = !fenced;
-        } else if fenced {
-            found.push(line.to_owned());
-        } else {
-            found.extend(quoted(line));
-        }
-    }
-    assert!(!fenced, "a fence is not closed");
-    found
-}
-
-/// Files and folders that a document names: in code, what ends like a file or a folder or begins with a folder of the
-/// root; and the targets of links.
-fn named_paths(document: &str) -> BTreeSet<String> {
-    const FOLDERS: [&str; 6] = [".ci/", "assets/", "engine/", "shaders-glsl/", "tests/", "tools/"];
-    const ENDINGS: [&str; 11] = ["/", ".comp", ".exr", ".glsl", ".json", ".md", ".ply", ".png", ".py", ".rs", ".sh"];
-    let is_path = |word: &&str| {
-        word.chars().all(|c| c.is_ascii_alphanumeric() || "_./-".contains(c))
-            && !["../", "/", "out/", "."].iter().any(|start| word.starts_with(start) && !word.starts_with(".ci/"))
-            && (FOLDERS.iter().any(|f| word.starts_with(f)) || ENDINGS.iter().any(|e| word.ends_with(e)))
-    };
-    let code = code(document);
-    let in_code = code.iter().flat_map(|span| span.split_whitespace()).filter(is_path);
-    let links = document.split("](").skip(1).filter_map(|rest| rest.split_once(')')).map(|(target, _)| target);
-    let links = links.filter(|target| !target.starts_with("http") && !target.starts_with('#'));
-    in_code.chain(links).map(str::to_owned).collect()
-}
-
-#[test]
-fn documents_are_read_as_markdown() {
-    let document = "See `tools/a.sh run` and `f32/f64`, [b](c/d.png).\n```\nivv x engine/e y.ply out/z.png\n```\n`g/`";
-    let named: Vec<String> = named_paths(document).into_iter().collect();
-    assert_eq!(named, ["c/d.png", "engine/e", "g/", "tools/a.sh", "y.ply"]);
-    assert_eq!(verbs(document), BTreeSet::from(["x".to_owned()]));
-}
-
-#[test]
-fn every_file_and_folder_that_a_document_names_exists() {
-    let tree = files("");
-    for document in DOCUMENTS {
-        let folder = below_root(root().join(document).parent().unwrap());
-        let named = named_paths(&text(document));
-        assert!(!named.is_empty(), "{document} names no file");
-        for path in named {
-            let beside = Path::new(&folder).join(&path);
-            let bare = !path.contains('/') && tree.iter().any(|file| file.ends_with(&format!("/{path}")));
-            assert!(bare || exists(&path) || exists(beside.to_str().unwrap()), "{document} names `{path}`");
-        }
-    }
-}
-
-/// The verbs of `ivv` that a document's code uses.
-fn verbs(document: &str) -> BTreeSet<String> {
-    let after_ivv = |span: String| {
-        let words: Vec<String> = span.split_whitespace().map(str::to_owned).collect();
-        let found = words.windows(2).filter(|pair| pair[0] == "ivv" && !pair[1].starts_with('-'));
-        found.map(|pair| pair[1].clone()).collect::<Vec<_>>()
-    };
-    code(document).into_iter().flat_map(after_ivv).collect()
-}
-
-#[test]
-fn the_readme_shows_the_verbs_that_ivv_has() {
-    let output = Command::new(env!("CARGO_BIN_EXE_ivv")).arg("--help").output().unwrap();
-    let help = String::from_utf8(output.stdout).unwrap();
-    let listed = help.lines().skip_while(|line| *line != "Commands:").skip(1).take_while(|line| !line.is_empty());
-    let mut has: BTreeSet<String> =
-        listed.filter_map(|line| line.strip_prefix("  ")?.split(' ').next().map(str::to_owned)).collect();
-    has.retain(|verb| !verb.is_empty() && verb != "help");
-    assert!(has.len() > 2, "ivv --help says:\n{help}");
-    assert_eq!(verbs(&text("README.md")), has);
-}
 
 /// What follows `// Purpose` in a shader's header, up to its first full stop.
 fn purpose(shader: &str) -> String {

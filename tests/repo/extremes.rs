@@ -39,7 +39,7 @@ fn every_row_has_a_mutant_and_every_mutant_changes_its_file() {
     assert_eq!(without, Vec::<&str>::new(), "rows without a mutant");
     for row in [1, 2, 10, 27, 36, 42] {
         let begin = format!("row {row}, ");
-        assert!(mutants.iter().any(|[name, ..]| name.starts_with(&begin)), "row {row} of the catalogue has no mutant");
+        assert!(mutants.iter().any(|[name, ..]| name.starts_with(&begin)), "row {row} of `ivv extremes` has no mutant");
     }
 }
 

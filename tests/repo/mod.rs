@@ -5,6 +5,7 @@ mod docs;
 mod extremes;
 mod hazards;
 mod kernels;
+mod manual;
 mod screen;
 mod supply;
 mod trade;

@@ -1,4 +1,4 @@
-//! The sound field; T-numbers are those of research/sound_playback.md F.5.
+//! The sound field; T-numbers are those of the table of tests in `engine/sound/README.md`.
 
 mod clip;
 mod command;

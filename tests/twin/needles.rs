@@ -1,4 +1,4 @@
-//! The factored covariance in f32: needles (N3) and extreme scales (N2) of `research/numerics_reliability.md`.
+//! The factored covariance in f32: needles and extreme scales, rows n03 and n02 of `ivv extremes`.
 
 use ivv::twin::{Footprint, footprint, power};
 
