@@ -10,7 +10,7 @@ use crate::settings::Constants;
 use crate::train::Config;
 use crate::train::Fall;
 use crate::train::Run;
-use crate::train::{Kind, Log};
+use crate::train::{Kind, Log, Logged, logged};
 use crate::train::{METRICS_OF, SceneScores, Scores};
 use crate::words::count;
 use serde_json::Value;
@@ -100,7 +100,7 @@ impl Report<'_> {
             count(held.test_images, "test image"),
             count(held.points, "point")
         )?;
-        if self.config.loss.lpips > 0.0 && self.config.loss.lpips_weights.is_none() {
+        if self.config.loss.lacks_lpips_weights() {
             writeln!(page, "<p class=\"note\">LPIPS was off: the run had no weights for it.</p>")?;
         }
         for line in self.log.lines(Kind::Fall) {
@@ -149,16 +149,11 @@ impl Report<'_> {
         let psnr = format!("PSNR of the same {n} test images, dB");
         *page += &plot("plot-psnr", &psnr, false, true).figure(&[test("PSNR", "psnr")]);
         *page += &plot("plot-loss", "Loss of training images", true, false).figure(&[step("loss", "loss")]);
-        *page += &plot("plot-l1", "L1 of training images", true, false).figure(&[step("L1", "l1")]);
-        *page += &plot("plot-ssim", "SSIM of training images", false, false).figure(&[step("SSIM", "ssim")]);
-        for (id, title, key) in [
-            ("plot-depth", "Error of the depth against its priors", "depth"),
-            ("plot-flow", "End-point error of the flow, pixels", "flow"),
-            ("plot-lpips", "LPIPS of training images", "lpips"),
-        ] {
+        for Logged { key, plot: title, from_zero } in logged().filter(|logged| !logged.plot.is_empty()) {
             let series = step(title, key);
             if !series.points.is_empty() {
-                *page += &plot(id, title, true, false).figure(&[series]);
+                let id = format!("plot-{key}");
+                *page += &Plot { id: &id, title, from_zero: *from_zero, marked: false }.figure(&[series]);
             }
         }
         let counts = [step("all", "gaussians"), step("live", "active")];

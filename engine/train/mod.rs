@@ -1,6 +1,7 @@
 //! Training: Gaussians fitted to the images of a capture, one image a step (SPEC 4 and 6).
 
 mod align;
+mod cameras;
 mod checkpoint;
 mod config;
 mod density;
@@ -20,9 +21,11 @@ mod require;
 mod run;
 mod schedule;
 mod session;
+mod setting;
 mod setting_table;
 mod settings_check;
 mod setup;
+mod terms;
 mod trainer;
 
 pub use align::ColorMap;
@@ -50,7 +53,9 @@ pub use require::{
 pub use run::{CaptureSummary, Run};
 pub use schedule::rates;
 pub use session::{Event, Notice, Phase, Priors, Session, SessionOptions, Watch, training_order};
+pub use setting::{Range, Setting};
 pub use setting_table::SETTINGS;
-pub use settings_check::{Range, Setting, check_name, check_settings};
+pub use settings_check::{check_name, check_settings};
 pub use setup::{Setup, near_plane};
+pub use terms::{Logged, TermData, logged};
 pub use trainer::{ProfiledStep, StepReport, Trainer};

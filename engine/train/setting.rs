@@ -1,0 +1,117 @@
+//! What a setting is, and which values it may have.
+
+use serde_json::Value;
+use std::fmt;
+use std::ops::{Bound, RangeBounds};
+
+/// A setting of a run: what it is called, what it may be and what it does. The default is that of [`super::Config`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Setting {
+    /// Its name, with dots, as `--set` takes it.
+    pub name: &'static str,
+    /// Of what its number is a count or a multiple; empty where it is a plain number, or none.
+    pub unit: &'static str,
+    /// Which values it may have.
+    pub range: Range,
+    /// What it does.
+    pub meaning: &'static str,
+}
+
+/// Which values a setting may have.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Range {
+    /// Whole numbers from the first to the second.
+    Whole(u64, u64),
+    /// One of these whole numbers.
+    OneOf(&'static [u64]),
+    /// Finite numbers between two bounds.
+    Number(Bound<f64>, Bound<f64>),
+    /// A learning rate: a number, or one at the start and one at the end; both positive, or both 0.
+    Rate,
+    /// Three numbers from 0 to 1.
+    Colour,
+    /// True or false.
+    Switch,
+    /// One of these words.
+    Word(&'static [&'static str]),
+    /// The path of a file, or null.
+    Path,
+}
+
+/// A row of the table of settings.
+pub(super) const fn setting(name: &'static str, unit: &'static str, range: Range, meaning: &'static str) -> Setting {
+    Setting { name, unit, range, meaning }
+}
+
+impl Range {
+    /// Numbers of 0 and more.
+    pub(super) const NOT_NEGATIVE: Range = Range::Number(Bound::Included(0.0), Bound::Unbounded);
+
+    /// Whether a setting may be `value`.
+    pub fn contains(&self, value: &Value) -> bool {
+        match self {
+            Range::Whole(least, most) => value.as_u64().is_some_and(|value| (*least..=*most).contains(&value)),
+            Range::OneOf(all) => value.as_u64().is_some_and(|value| all.contains(&value)),
+            Range::Number(least, most) => value.as_f64().is_some_and(|value| (*least, *most).contains(&value)),
+            Range::Rate => is_rate(value),
+            Range::Colour => value.as_array().is_some_and(|channels| {
+                let is_channel = |c: &Value| c.as_f64().is_some_and(|c| (0.0..=1.0).contains(&c));
+                channels.len() == 3 && channels.iter().all(is_channel)
+            }),
+            Range::Switch => value.is_boolean(),
+            Range::Word(words) => value.as_str().is_some_and(|word| words.contains(&word)),
+            Range::Path => value.is_string() || value.is_null(),
+        }
+    }
+}
+
+/// Whether `value` is a rate, or one of the ends of one.
+fn is_rate(value: &Value) -> bool {
+    match value {
+        Value::Object(ends) => {
+            let end = |name: &str| ends.get(name).map(Value::as_f64);
+            let are_known = ends.keys().all(|key| key == "start" || key == "end");
+            match (end("start"), end("end")) {
+                (Some(Some(start)), Some(Some(end))) => {
+                    are_known && ((start > 0.0 && end > 0.0) || (start == 0.0 && end == 0.0))
+                }
+                _ => false,
+            }
+        }
+        _ => value.as_f64().is_some_and(|rate| rate >= 0.0),
+    }
+}
+
+impl fmt::Display for Range {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        use Bound::{Excluded, Included, Unbounded};
+        let list = |words: &[String]| match words {
+            [others @ .., last] if !others.is_empty() => format!("{} or {last}", others.join(", ")),
+            words => words.concat(),
+        };
+        match self {
+            Range::Whole(0, u64::MAX) => write!(f, "a whole number"),
+            Range::Whole(least, u64::MAX) => write!(f, "a whole number, {least} or more"),
+            Range::Whole(least, most) => write!(f, "a whole number from {least} to {most}"),
+            Range::OneOf(all) => write!(f, "{}", list(&all.iter().map(u64::to_string).collect::<Vec<_>>())),
+            Range::Number(Included(least), Included(most)) => write!(f, "a number from {least} to {most}"),
+            Range::Number(Included(least), Excluded(most)) => {
+                write!(f, "a number of at least {least} and below {most}")
+            }
+            Range::Number(Excluded(least), Included(most)) => {
+                write!(f, "a number above {least} and of at most {most}")
+            }
+            Range::Number(Excluded(least), Excluded(most)) => write!(f, "a number above {least} and below {most}"),
+            Range::Number(Included(least), Unbounded) => write!(f, "a number, {least} or more"),
+            Range::Number(Excluded(least), Unbounded) => write!(f, "a number above {least}"),
+            Range::Number(Unbounded, most) => write!(f, "a number with the bound {most:?}"),
+            Range::Rate => {
+                write!(f, "a number above 0, or {{\"start\": A, \"end\": B}} with both above 0; 0 turns it off")
+            }
+            Range::Colour => write!(f, "three numbers from 0 to 1, such as [0.5,0.5,0.5]"),
+            Range::Switch => write!(f, "true or false"),
+            Range::Word(words) => write!(f, "{}", list(&words.iter().map(|&w| w.to_owned()).collect::<Vec<_>>())),
+            Range::Path => write!(f, "the path of a file, or null"),
+        }
+    }
+}
