@@ -58,6 +58,7 @@ impl Report<'_> {
     ///
     /// # Errors
     /// [`Error::Data`] when `file` cannot be written or a picture cannot be encoded.
+    #[tracing::instrument(level = "info", name = "write report", skip_all)]
     pub fn write(&self, file: &Path) -> Result<()> {
         let html = self.html().map_err(|e| Error::data(file, "", format!("cannot be made: {e}"), "report this"))?;
         write_atomic(file, |to| to.write_all(html.as_bytes()))

@@ -232,6 +232,7 @@ impl<'a> Sight<'a> {
 /// # Errors
 /// [`Error::NonFinite`] when a picture has a value that is not finite; those of the renderer, of the capture's pictures
 /// and of `seen`.
+#[tracing::instrument(level = "info", name = "evaluate", skip_all)]
 pub fn evaluate(
     renderer: &mut Renderer,
     meter: &mut Meter,

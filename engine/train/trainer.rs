@@ -23,6 +23,7 @@ use crate::stage::{
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 use std::time::Instant;
+use tracing::debug_span;
 
 /// Steps that the device has at a time: it works on one while the host prepares the next.
 const IN_FLIGHT: usize = 2;
@@ -142,6 +143,7 @@ impl Trainer {
         Self::begin(gpu, &sound, constants, config, total, setup)
     }
 
+    #[tracing::instrument(level = "info", name = "upload scene", skip_all)]
     fn begin(
         gpu: Arc<Gpu>,
         splats: &Splats,
@@ -216,6 +218,7 @@ impl Trainer {
     ///
     /// # Errors
     /// As [`Trainer::train`].
+    #[tracing::instrument(level = "info", name = "checkpoint", skip_all)]
     pub fn checkpoint(&mut self) -> Result<Checkpoint> {
         self.finish()?;
         self.snapshot()
@@ -390,6 +393,7 @@ impl Trainer {
     ///
     /// # Errors
     /// [`Error::OutOfMemory`] when a picture's lists do not fit the device, [`Error::DeviceLost`]; nothing moves then.
+    #[tracing::instrument(level = "debug", name = "step", skip_all, fields(step = self.step + 1))]
     pub fn train(&mut self, camera: usize, view: &View, picture: &Picture) -> Result<()> {
         self.control_density()?;
         let inputs = self.inputs(camera, view, picture)?;
@@ -405,6 +409,7 @@ impl Trainer {
     ///
     /// # Errors
     /// As [`Trainer::train`].
+    #[tracing::instrument(level = "debug", name = "step", skip_all, fields(step = self.step + 1))]
     pub fn profile(&mut self, camera: usize, view: &View, picture: &Picture) -> Result<ProfiledStep> {
         self.finish()?;
         let mut host = Vec::new();
@@ -479,6 +484,7 @@ impl Trainer {
         std::mem::take(&mut self.reports)
     }
 
+    #[tracing::instrument(level = "debug", name = "upload", skip_all)]
     fn inputs(&mut self, camera: usize, view: &View, picture: &Picture) -> Result<Inputs> {
         let (background, flow_model) = (self.config.background, self.setup.flow_model);
         let step = self.step + 1;
@@ -561,6 +567,7 @@ impl Trainer {
     }
 
     /// The passes of a step, and where its numbers will be.
+    #[tracing::instrument(level = "debug", name = "record", skip_all)]
     fn record(&mut self, inputs: &Inputs) -> Result<(Recording, Results)> {
         let Inputs { step, view, truth } = inputs;
         let strip = Strip::whole(view);
@@ -591,15 +598,21 @@ impl Trainer {
         self.objective.record_upload(&mut rec, work, truth);
         let status = &work.status;
         let is_lazy = self.config.adam == AdamMode::Lazy;
+        let forward = debug_span!("forward").entered();
         let lists = work.record_forward(&mut rec, scene, n_tiles, rounds, |rec| {
             optimiser.record_catch_up(rec, scene, &work.cull, status, step - 1);
             if is_lazy {
                 scene.record_halves(rec);
             }
         });
+        drop(forward);
         if work.backward.is_some() {
-            self.objective.record_loss(gpu, &mut rec, work, truth)?;
-            work.record_backward(&mut rec, scene, &lists, n_tiles, n_pixels, rounds, &Target::Step(optimiser));
+            debug_span!("loss").in_scope(|| self.objective.record_loss(gpu, &mut rec, work, truth))?;
+            // Gaussians in view take their step with the last pass of it.
+            let target = Target::Step(optimiser);
+            debug_span!("backward")
+                .in_scope(|| work.record_backward(&mut rec, scene, &lists, n_tiles, n_pixels, rounds, &target));
+            let _stepping = debug_span!("optimiser").entered();
             optimiser.record_idle(&mut rec, scene, &work.cull, status);
             self.objective.record_step(&mut rec, work, truth, *step, self.total);
             if let Some((rate, key)) = noise(&self.config, *step, self.total, self.setup.extent.radius) {
@@ -630,6 +643,7 @@ impl Trainer {
     /// The density control due after the step handed over last, once.
     fn control_density(&mut self) -> Result<()> {
         let (Some(round), false) = (self.due_round(), self.controlled == self.step) else { return Ok(()) };
+        let _controlling = debug_span!("density", step = self.step).entered();
         while !self.in_flight.is_empty() {
             self.end_oldest()?;
         }
