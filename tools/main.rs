@@ -26,12 +26,14 @@ mod settings;
 mod shown;
 mod start;
 mod totals;
+mod trace;
 mod verbs;
 mod views;
 #[cfg(feature = "shaders")]
 mod watch;
 
 use clap::{Parser, Subcommand};
+use std::path::PathBuf;
 use std::process::ExitCode;
 use tracing::level_filters::LevelFilter;
 use tracing_subscriber::filter::Targets;
@@ -50,6 +52,10 @@ struct Cli {
     /// Least severity of the log on standard error: error, warn, info, debug or trace.
     #[arg(long, global = true, default_value = "warn")]
     log_level: tracing::Level,
+    /// Writes what the command spent its time on to FILE, in Chrome's trace format, for ui.perfetto.dev or chrome://tracing;
+    /// with --log-level trace every pass of the device too.
+    #[arg(long, global = true, value_name = "FILE")]
+    trace: Option<PathBuf>,
     /// Writes results, and errors too, as JSON on standard output.
     #[arg(long, global = true)]
     json: bool,
@@ -128,10 +134,16 @@ fn main() -> ExitCode {
     let log = tracing_subscriber::fmt::layer()
         .with_writer(|| screen::Log)
         .with_ansi(screen::has_colours())
-        .log_internal_errors(false);
-    tracing_subscriber::registry().with(log).with(told).init();
-    let done = run(&cli);
-    ExitCode::from(fault::exit(done, cli.json))
+        .log_internal_errors(false)
+        .with_filter(told);
+    let (spans, trace) = match cli.trace.as_deref().map(|file| trace::begin(file, cli.log_level)).transpose() {
+        Ok(begun) => begun.unzip(),
+        Err(error) => return ExitCode::from(fault::exit(Err(error.into()), cli.json)),
+    };
+    tracing_subscriber::registry().with(log).with(spans).init();
+    let arguments: Vec<_> = std::env::args_os().skip(1).collect();
+    let done = tracing::info_span!("ivv", ?arguments).in_scope(|| run(&cli));
+    ExitCode::from(fault::exit(trace::end(trace, done), cli.json))
 }
 
 fn run(cli: &Cli) -> anyhow::Result<()> {

@@ -197,7 +197,13 @@ impl Steps {
         let psnr = self.psnr.map_or(String::new(), |psnr| format!("test {psnr:.2} dB, "));
         let line = format!(
             "step {}/{}, {pace}loss {:.4}, {:.2} dB, {psnr}{} Gaussians, {} live, {} intersections",
-            report.step, self.total, report.loss, report.psnr, report.gaussians, report.active, report.intersections
+            report.step,
+            self.total,
+            report.loss,
+            report.term("psnr").unwrap_or(f64::NAN),
+            report.gaussians,
+            report.active,
+            report.intersections
         );
         self.pace.show(report.step, self.total, &line);
     }

@@ -98,8 +98,10 @@ fn ten_steps(bench: &Bench, seed: u64, splats: &Splats) -> Result<usize> {
         trainer.train(0, &view, &noise(seed + step, &view))?;
     }
     let end = trainer.splats()?;
-    for StepReport { step, loss, l1, ssim, .. } in trainer.take_reports() {
-        ensure!([loss, l1, ssim.unwrap_or(0.0)].iter().all(|x| x.is_finite()), "a loss of {loss} in step {step}");
+    for StepReport { step, loss, terms, .. } in trainer.take_reports() {
+        let (l1, ssim) = (terms.get("l1"), terms.get("ssim"));
+        let is_finite = [Some(&loss), l1, ssim].iter().all(|x| x.is_some_and(|x| x.is_finite()));
+        ensure!(is_finite, "a loss of {loss} in step {step}, L1 {l1:?}, SSIM {ssim:?}");
     }
     let all = [end.position.as_flattened(), end.rotation.as_flattened(), end.scale.as_flattened()];
     let motion: &[f32] = bytemuck::cast_slice(&end.motion);

@@ -46,7 +46,7 @@ impl Running {
     /// # Errors
     /// [`Error::DeviceLost`] with the last pass that began.
     pub fn wait(&self) -> Result<Vec<PassTime>> {
-        let done = self.submission.wait()?;
+        let done = tracing::debug_span!("wait", what = %"device").in_scope(|| self.submission.wait())?;
         let timed = |(label, [begin_ns, end]): (&String, [f64; 2])| PassTime {
             label: label.clone(),
             begin_ns,
@@ -94,6 +94,7 @@ impl Gpu {
         if let Some(pipeline) = pipelines.get(kernel.name) {
             return Ok(pipeline.clone());
         }
+        let _compiling = tracing::debug_span!("compile", kernel = %kernel.name).entered();
         let bindings: Vec<_> = kernel.bindings.iter().map(|b| b.kind).collect();
         let pipeline = Arc::new(Pipeline::new(
             &self.device,
@@ -214,6 +215,7 @@ impl Gpu {
         self.start_timed(recording)?.wait()
     }
 
+    #[tracing::instrument(level = "debug", name = "submit", skip_all)]
     fn submit(&self, recording: &Recording, timestamps: bool) -> Result<crate::vk::Submission> {
         let passes = recording.passes();
         let n_bindings = passes
@@ -227,6 +229,7 @@ impl Gpu {
             if barrier {
                 commands.barrier();
             }
+            let _pass = tracing::trace_span!("pass", label = %pass.label).entered();
             commands.begin_pass(&pass.label);
             match &pass.work {
                 Work::Copy(from, to) => commands.copy(&from.binding(), &to.binding()),

@@ -21,6 +21,7 @@ const PYTHONS: [&str; 2] = ["python3", "/usr/bin/python3"];
 const INSTALL: &str = "install OpenCV for Python (Debian: apt-get install python3-opencv), or leave out --flow";
 
 /// Estimates what is not estimated yet: flow to the next frame of every frame but the last.
+#[tracing::instrument(level = "info", name = "flow", skip_all)]
 pub(super) fn make(
     images: &Images,
     settings: &PrepareSettings,

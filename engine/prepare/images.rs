@@ -154,6 +154,7 @@ impl Images {
     }
 
     /// Makes the pictures that are not there yet.
+    #[tracing::instrument(level = "info", name = "images", skip_all)]
     pub fn make(&self, journal: &mut Journal, progress: &(dyn Fn(Progress) + Sync)) -> Result<()> {
         journal.begin("images", self.made_from.clone())?;
         let n = self.select.n;

@@ -96,6 +96,7 @@ impl Program {
         about: &Path,
         hear: &mut dyn FnMut(&str),
     ) -> Result<(Vec<u8>, Result<()>)> {
+        let _running = tracing::debug_span!("program", name = %self.name).entered();
         for _ in 0..ATTEMPTS {
             let mut running = self.start(arguments.clone(), about)?;
             let (to, lines) = mpsc::channel();

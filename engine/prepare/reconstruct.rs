@@ -133,6 +133,7 @@ fn require(settings: &PrepareSettings, pictures: &Pictures) -> Result<()> {
 }
 
 /// Settings that prepare what COLMAP placed, with notes about it. What an earlier run has done is not done again.
+#[tracing::instrument(level = "info", name = "cameras", skip_all)]
 pub(super) fn make(
     settings: &PrepareSettings,
     pictures: &Pictures,

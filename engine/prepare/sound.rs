@@ -15,6 +15,7 @@ use crate::scene::undistort::Undistortion;
 
 /// Takes over `audio/*.wav` and `keypoints/<camera>.json` of a source from whose first frame on all is taken. Keypoints are
 /// undistorted with their pictures.
+#[tracing::instrument(level = "info", name = "sound", skip_all)]
 pub(super) fn carry(images: &Images, settings: &PrepareSettings) -> Result<()> {
     let Selection { start, every, n } = images.select();
     let audio = settings.source.join("audio");

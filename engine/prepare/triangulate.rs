@@ -30,6 +30,7 @@ const MAX_EXHAUSTIVE: usize = 40;
 const NEIGHBOURS: usize = 20;
 
 /// Triangulates what is not triangulated yet and returns the number of points of each triangulated frame.
+#[tracing::instrument(level = "info", name = "points", skip_all)]
 pub(super) fn make(
     images: &Images,
     source: &Source,

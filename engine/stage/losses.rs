@@ -31,10 +31,23 @@ impl Structure {
     }
 }
 
+/// What is compared, `[height][width]` and row-major, and where the cotangent goes.
+#[derive(Clone, Copy)]
+pub struct Pictures<'a> {
+    /// The picture: colour in the first three channels.
+    pub image: &'a Buf<[f32; 4]>,
+    /// The training image: RGB and the mask in the top byte, 8 bits each.
+    pub truth: &'a Buf<u32>,
+    /// The cotangent of `image`, which is overwritten.
+    pub d_image: &'a Buf<[f32; 4]>,
+    /// Width and height.
+    pub size: [u32; 2],
+    /// Pixels that the mask does not hide, at least 1.
+    pub n_visible: u32,
+}
+
 /// Scratch and result of the photometric loss.
 pub struct Photometric {
-    /// The training image: RGB and the mask in the top byte, 8 bits each, row-major.
-    pub truth: Buf<u32>,
     /// Sums over pixels and channels: 1 - SSIM, absolute error, squared error. See [`Photometric::values`].
     pub sums: Buf<[f32; 4]>,
     moments: Buf<[f32; 4]>,
@@ -47,7 +60,6 @@ impl Photometric {
     /// Room for pictures of up to `pixels` pixels.
     pub fn new(gpu: &Gpu, pixels: usize) -> Result<Self> {
         Ok(Photometric {
-            truth: gpu.alloc("truth", pixels)?,
             sums: gpu.alloc("loss", 1)?,
             moments: gpu.alloc("ssim moments", 3 * pixels)?,
             partials: gpu.alloc("ssim partials", 3 * pixels)?,
@@ -57,20 +69,12 @@ impl Photometric {
         })
     }
 
-    /// Appends the loss of `image` (colour in the first three channels, `[height][width]`) against the truth, and its
-    /// cotangent to `d_image`; `n_visible` pixels are not hidden by the mask, at least one. Without a `structure` the
-    /// absolute error is all there is.
-    pub fn record(
-        &self,
-        rec: &mut Recording,
-        image: &Buf<[f32; 4]>,
-        d_image: &Buf<[f32; 4]>,
-        size: [u32; 2],
-        n_visible: u32,
-        structure: Option<Structure>,
-    ) {
+    /// Appends the loss of a picture against the truth, and its cotangent. Without a `structure` the absolute error is all
+    /// there is.
+    pub fn record(&self, rec: &mut Recording, pictures: &Pictures, structure: Option<Structure>) {
         rec.stage("loss");
-        let Photometric { truth, sums, moments, partials, filtered, group_sums } = self;
+        let Photometric { sums, moments, partials, filtered, group_sums } = self;
+        let Pictures { image, truth, d_image, size, n_visible } = *pictures;
         let [width, height] = size;
         let n_values = 3.0 * n_visible as f32;
         let l1_weight = (1.0 - SSIM_WEIGHT) / n_values;

@@ -49,7 +49,7 @@ pub use density::{Choice, Counts, DensityRound, Grown, record_mcmc_noise};
 pub use fisher::{Census, Response};
 pub use gradients::Gradients;
 pub use job::Destination;
-pub use losses::{Photometric, SSIM_WEIGHT, Structure};
+pub use losses::{Photometric, Pictures, SSIM_WEIGHT, Structure};
 pub use lpips::{Compared, Cotangent, Lpips};
 pub use lpips_trunk::Trunk;
 pub use moments::{Moments, moment_word, moments_of};

@@ -68,6 +68,7 @@ impl Renderer {
     /// # Errors
     /// [`Error::OutOfMemory`] when a single row of tiles exceeds a limit of the device, naming it;
     /// [`Error::DeviceLost`] with the last pass.
+    #[tracing::instrument(level = "debug", name = "frame", skip_all)]
     pub fn render(&mut self, view: &View, outputs: Outputs) -> Result<(Frame, FrameReport)> {
         let picture = self.begin(view, outputs, Destination::Host)?;
         self.end(picture)
@@ -77,6 +78,7 @@ impl Renderer {
     ///
     /// # Errors
     /// As [`Renderer::render`].
+    #[tracing::instrument(level = "debug", name = "frame", skip_all)]
     pub fn draw(&mut self, view: &View, outputs: Outputs) -> Result<FrameReport> {
         let picture = self.begin(view, outputs, Destination::Device)?;
         Ok(self.end(picture)?.1)

@@ -153,7 +153,7 @@ fn differences(config: &Config) -> String {
         }
     }
     let mut own = value(config);
-    if config.loss.lpips == 0.0 || config.loss.lpips_weights.is_none() {
+    if !config.loss.has_lpips() {
         // LPIPS is measured at most.
         own["loss"]["lpips"] = base["loss"]["lpips"].clone();
         own["loss"]["lpips_weights"] = base["loss"]["lpips_weights"].clone();

@@ -9,7 +9,7 @@ use crate::settings::Constants;
 use crate::train::Config;
 use crate::train::Fall;
 use crate::train::Run;
-use crate::train::{Kind, Log};
+use crate::train::{Kind, Log, Logged, logged};
 use crate::train::{METRICS_OF, SceneScores, Scores};
 use crate::words::count;
 use serde_json::Value;
@@ -42,6 +42,7 @@ impl Report<'_> {
     ///
     /// # Errors
     /// [`Error::Data`] when `file` cannot be written or a picture cannot be encoded.
+    #[tracing::instrument(level = "info", name = "write report", skip_all)]
     pub fn write(&self, file: &Path) -> Result<()> {
         let html = self.html().map_err(|e| Error::data(file, "", format!("cannot be made: {e}"), "report this"))?;
         write_atomic(file, |to| to.write_all(html.as_bytes()))
@@ -75,7 +76,7 @@ impl Report<'_> {
             count(held.test_images, "test image"),
             count(held.points, "point")
         ));
-        if self.config.loss.lpips > 0.0 && self.config.loss.lpips_weights.is_none() {
+        if self.config.loss.lacks_lpips_weights() {
             *page += &note("LPIPS was off: the run had no weights for it.");
         }
         for line in self.log.lines(Kind::Fall) {
@@ -125,16 +126,11 @@ impl Report<'_> {
         let psnr = format!("PSNR of the same {n} test images, dB");
         plots += &plot("plot-psnr", &psnr, false, true).figure(&[test("PSNR", "psnr")]);
         plots += &plot("plot-loss", "Loss of training images", true, false).figure(&[step("loss", "loss")]);
-        plots += &plot("plot-l1", "L1 of training images", true, false).figure(&[step("L1", "l1")]);
-        plots += &plot("plot-ssim", "SSIM of training images", false, false).figure(&[step("SSIM", "ssim")]);
-        for (id, title, key) in [
-            ("plot-depth", "Error of the depth against its priors", "depth"),
-            ("plot-flow", "End-point error of the flow, pixels", "flow"),
-            ("plot-lpips", "LPIPS of training images", "lpips"),
-        ] {
+        for Logged { key, plot: title, from_zero } in logged().filter(|logged| !logged.plot.is_empty()) {
             let curve = step(title, key);
             if !curve.points.is_empty() {
-                plots += &plot(id, title, true, false).figure(&[curve]);
+                let id = format!("plot-{key}");
+                plots += &Plot { id: &id, title, from_zero: *from_zero, marked: false }.figure(&[curve]);
             }
         }
         let counts = [step("all", "gaussians"), step("live", "active")];

@@ -79,6 +79,7 @@ struct Capture<'a> {
 /// # Errors
 /// [`Error::Data`] when an option is out of its range, when the folder holds anything and was not made by this function,
 /// or when a file cannot be written.
+#[tracing::instrument(level = "info", name = "write capture", skip_all)]
 pub fn write_capture(
     folder: &Path,
     options: &Options,

@@ -154,6 +154,7 @@ impl Checkpoint {
     ///
     /// # Errors
     /// [`Error::Data`] naming the file that cannot be written; older checkpoints are then untouched.
+    #[tracing::instrument(level = "info", name = "write checkpoint", skip_all)]
     pub fn write(&self, folder: &Path) -> Result<()> {
         let file = Self::file(folder, self.step);
         std::fs::create_dir_all(folder).map_err(|e| {

@@ -129,6 +129,7 @@ impl fmt::Display for DepthSummary {
 ///
 /// # Errors
 /// [`crate::Error::Data`] when a prior or the points of a frame cannot be read.
+#[tracing::instrument(level = "info", name = "fit depths", skip_all)]
 pub fn fit_depths(
     capture: &Capture,
     space: DepthSpace,

@@ -7,7 +7,7 @@ use crate::gpu::{Gpu, Recording};
 use crate::report::statistics::{mean, median_high};
 use crate::scene::capture::{Capture, Picture};
 use crate::scene::{Frame, Splats, View};
-use crate::stage::{Compared, Lpips, Outputs, Photometric, Renderer, Structure, Trunk};
+use crate::stage::{Compared, Lpips, Outputs, Photometric, Pictures, Renderer, Structure, Trunk};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -228,6 +228,7 @@ impl<'a> Sight<'a> {
 /// # Errors
 /// [`Error::NonFinite`] when a picture has a value that is not finite; those of the renderer, of the capture's pictures
 /// and of `seen`.
+#[tracing::instrument(level = "info", name = "evaluate", skip_all)]
 pub fn evaluate(
     renderer: &mut Renderer,
     meter: &mut Meter,
@@ -315,13 +316,14 @@ impl Meter {
         let image = gpu.upload("scored image", &image)?;
         let d_image = gpu.alloc("scored cotangent", clamped.len())?;
         let loss = Photometric::new(gpu, clamped.len())?;
-        gpu.write(&loss.truth, &picture.pixels)?;
+        let truth = gpu.upload("truth", &picture.pixels)?;
         let size = [picture.width, picture.height];
         let mut rec = Recording::new();
-        loss.record(&mut rec, &image, &d_image, size, n_visible, Some(Structure::WHOLE));
+        let pictures = Pictures { image: &image, truth: &truth, d_image: &d_image, size, n_visible };
+        loss.record(&mut rec, &pictures, Some(Structure::WHOLE));
         let mut lpips = self.lpips.as_mut().filter(|lpips| lpips.scratch_bytes(size, false).is_ok());
         if let Some(lpips) = &mut lpips {
-            let compared = Compared { image: &image, truth: &loss.truth, size, origin: [0, 0], crop: size };
+            let compared = Compared { image: &image, truth: &truth, size, origin: [0, 0], crop: size };
             lpips.record(gpu, &mut rec, &compared, None)?;
         }
         gpu.run(&rec)?;

@@ -1,6 +1,7 @@
 //! Training: Gaussians fitted to the images of a capture, one image a step (SPEC 4 and 6).
 
 mod align;
+mod cameras;
 mod checkpoint;
 mod config;
 mod density;
@@ -23,6 +24,7 @@ mod setting;
 mod setting_table;
 mod settings_check;
 mod setup;
+mod terms;
 mod trainer;
 
 pub use align::ColorMap;
@@ -53,4 +55,5 @@ pub use setting::{Range, Setting};
 pub use setting_table::SETTINGS;
 pub use settings_check::{check_name, check_settings};
 pub use setup::{Setup, near_plane};
+pub use terms::{Logged, TermData, logged};
 pub use trainer::{ProfiledStep, StepReport, Trainer};

@@ -91,6 +91,7 @@ pub fn offset_pictures(capture: &Capture, background: [f32; 3], camera: usize) -
 ///
 /// # Errors
 /// Those of the renderer and of the capture's pictures.
+#[tracing::instrument(level = "info", name = "fit offsets", skip_all)]
 pub fn learnt_offsets(
     trainer: &mut Trainer,
     (gpu, capture): (&Arc<Gpu>, &Capture),

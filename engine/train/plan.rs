@@ -4,6 +4,7 @@
 
 use super::config::Config;
 use super::setup::Setup;
+use super::terms::{self, TermData};
 use crate::gpu::Gpu;
 use crate::scene::Splats;
 use crate::scene::capture::Capture;
@@ -34,8 +35,8 @@ pub struct Workload {
     pub moment_bits: u32,
     /// Bytes of decoded pictures kept ahead, in the host's memory.
     pub cache_bytes: u64,
-    /// Whether pictures come with priors of depth or flow.
-    pub priors: bool,
+    /// What the terms of the loss take of the capture beside its colours.
+    pub data: TermData,
     /// Whether cameras' time offsets are learnt.
     pub offsets: bool,
     /// Cameras that have a bilateral grid.
@@ -171,18 +172,8 @@ fn items(work: &Workload, is_host: bool) -> Vec<Item> {
         item("blend carry", Pixels, Pixel, 8.0, 8.0),
         item("truth", Pixels, Pixel, 4.0, 4.0),
         item("staged truth", Pixels, Pixel, 4.0, 4.0),
-        item("ssim moments", Pixels, Pixel, 48.0, 48.0),
-        item("ssim partials", Pixels, Pixel, 48.0, 48.0),
-        item("ssim filtered", Pixels, Pixel, 48.0, 48.0),
     ];
-    if work.priors {
-        items.extend([
-            item("image depth flow", Pixels, Pixel, 16.0, 16.0),
-            item("d image depth flow", Pixels, Pixel, 16.0, 16.0),
-            item("priors", Pixels, Pixel, 8.0, 8.0),
-            item("staged priors", Pixels, Pixel, 8.0, 8.0),
-        ]);
-    }
+    items.extend(terms::buffers(work.data).map(|(name, bytes)| item(name, Pixels, Pixel, bytes, bytes)));
     if work.grids > 0 {
         let of_camera = (GRID_BYTES / 3) as f64;
         let partials = Grids::scratch_bytes(is_host, work.height) as f64;
@@ -280,7 +271,7 @@ impl Plan {
             sh_degree: config.sh_degree,
             moment_bits: config.moment_bits,
             cache_bytes,
-            priors: setup.has_priors,
+            data: setup.data,
             offsets: !setup.learns_offset.is_empty(),
             grids: setup.has_grid.iter().filter(|has| **has).count() as u64,
             height: capture.cameras.iter().map(|camera| camera.height).max().unwrap_or(0),

@@ -8,6 +8,7 @@ use super::offsets::learnt_offsets;
 use super::plan::Plan;
 use super::require::{Due, Review, review, review_due};
 use super::setup::Setup;
+use super::terms::TermData;
 use super::trainer::{ProfiledStep, StepReport, Trainer};
 use crate::error::{Error, Result};
 use crate::gpu::{Dispatch, Gpu};
@@ -501,11 +502,10 @@ fn work<'w>(watch: &'w mut Watch, phase: Phase) -> impl FnMut(usize, usize) + 'w
 }
 
 impl Priors {
-    /// Those that `config` asks for and `capture` has.
+    /// Those that the terms of the loss take of `capture`.
     fn read(capture: &Capture, config: &Config, setup: &Setup, watch: &mut Watch) -> Result<Self> {
-        let flow = setup.has_priors && config.loss.flow > 0.0;
-        let has_depth = capture.cameras.iter().flat_map(|camera| &camera.shots).any(|shot| shot.depth.is_some());
-        if !(has_depth && config.loss.depth > 0.0) {
+        let TermData { depth, flow } = setup.data;
+        if !depth {
             return Ok(Priors { plan: PriorPlan { flow, ..PriorPlan::default() }, depth: None });
         }
         let space = config.loss.depth_space;

@@ -1,11 +1,10 @@
-//! A setting of a run, and which values it may have.
+//! What a setting is, and which values it may have.
 
-use super::config::Config;
 use serde_json::Value;
 use std::fmt;
 use std::ops::{Bound, RangeBounds};
 
-/// A setting of a run: what it is called, what it may be and what it does. The default is that of [`Config`].
+/// A setting of a run: what it is called, what it may be and what it does. The default is that of [`super::Config`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Setting {
     /// Its name, with dots, as `--set` takes it.
@@ -39,7 +38,15 @@ pub enum Range {
     Path,
 }
 
+/// A row of the table of settings.
+pub(super) const fn setting(name: &'static str, unit: &'static str, range: Range, meaning: &'static str) -> Setting {
+    Setting { name, unit, range, meaning }
+}
+
 impl Range {
+    /// Numbers of 0 and more.
+    pub(super) const NOT_NEGATIVE: Range = Range::Number(Bound::Included(0.0), Bound::Unbounded);
+
     /// Whether a setting may be `value`.
     pub fn contains(&self, value: &Value) -> bool {
         match self {
@@ -107,42 +114,4 @@ impl fmt::Display for Range {
             Range::Path => write!(f, "the path of a file, or null"),
         }
     }
-}
-
-impl Setting {
-    /// The default, as config.json has it.
-    pub fn default_value(&self) -> Value {
-        let all = plain(&Config::default()).unwrap_or_default();
-        match self.of(&all) {
-            Some(Value::Object(ends)) if ends.get("start") == ends.get("end") => {
-                ends.get("start").cloned().unwrap_or_default()
-            }
-            Some(value) => value.clone(),
-            None => Value::Null,
-        }
-    }
-
-    /// Its value in `settings`, which have the form of [`Config`].
-    pub fn of<'a>(&self, settings: &'a Value) -> Option<&'a Value> {
-        settings.pointer(&format!("/{}", self.name.replace('.', "/")))
-    }
-
-    /// Whether it may be `value`.
-    ///
-    /// # Errors
-    /// Its name, `value` and what was expected.
-    pub(super) fn check(&self, value: &Value) -> Result<(), String> {
-        if self.range.contains(value) {
-            return Ok(());
-        }
-        // JSON has no other way to write what is no finite number.
-        let found = if value.is_null() { "not a finite number".to_owned() } else { value.to_string() };
-        Err(format!("{} is {found}; expected {}", self.name, self.range))
-    }
-}
-
-/// `config` in the form of its file, so that numbers of 32 bits are shown as they were written.
-pub(super) fn plain(config: &Config) -> Result<Value, String> {
-    let text = serde_json::to_string(config).map_err(|e| e.to_string())?;
-    serde_json::from_str(&text).map_err(|e| e.to_string())
 }

@@ -1,25 +1,40 @@
 //! The table of all settings of a run. A test holds it to the fields of [`super::Config`].
 
-use super::setting::{Range, Setting};
+use super::setting::{Range, Setting, setting as s};
+use super::terms;
 use std::ops::Bound;
 
 /// The largest number of a setting that is kept in 32 bits.
 const MOST_U32: u64 = u32::MAX as u64;
 /// The most Gaussians that a run is asked to begin with.
 const MOST_POINTS: u64 = 50_000_000;
-const NOT_NEGATIVE: Range = Range::Number(Bound::Included(0.0), Bound::Unbounded);
+const NOT_NEGATIVE: Range = Range::NOT_NEGATIVE;
 const POSITIVE: Range = Range::Number(Bound::Excluded(0.0), Bound::Unbounded);
 const FRACTION: Range = Range::Number(Bound::Included(0.0), Bound::Included(1.0));
 /// An opacity whose logit is finite.
 const BETWEEN: Range = Range::Number(Bound::Excluded(0.0), Bound::Excluded(1.0));
 const CUT: Range = Range::Number(Bound::Included(0.0), Bound::Excluded(0.5));
 
-const fn s(name: &'static str, unit: &'static str, range: Range, meaning: &'static str) -> Setting {
-    Setting { name, unit, range, meaning }
-}
+/// All settings of a run, in groups; those of the terms of the loss stand with the terms.
+pub const SETTINGS: &[Setting] = &ALL;
 
-/// All settings of a run, in groups.
-pub const SETTINGS: &[Setting] = &[
+const ALL: [Setting; FIRST.len() + terms::SETTINGS.len() + LAST.len()] = {
+    let parts = [FIRST, &terms::SETTINGS, LAST];
+    let mut all = [FIRST[0]; FIRST.len() + terms::SETTINGS.len() + LAST.len()];
+    let (mut n, mut part) = (0, 0);
+    while part < parts.len() {
+        let mut at = 0;
+        while at < parts[part].len() {
+            all[n] = parts[part][at];
+            (n, at) = (n + 1, at + 1);
+        }
+        part += 1;
+    }
+    all
+};
+
+/// Those before the terms of the loss.
+const FIRST: &[Setting] = &[
     s("epochs", "passes", Range::Whole(0, MOST_U32), "Passes over all training images. Used unless steps is set."),
     s("steps", "steps", Range::Whole(0, u64::MAX), "Length of the run; 0 takes the length from epochs."),
     s("seed", "", Range::Whole(0, u64::MAX), "Seed of the image order, the random points and density control."),
@@ -69,49 +84,11 @@ pub const SETTINGS: &[Setting] = &[
         Range::Word(&["slots", "float_atomics", "fixed_point", "compare_exchange"]),
         "How gradients are added up. Slots and fixed_point give the same bits in every run.",
     ),
-    s("loss.depth", "", NOT_NEGATIVE, "Weight of the depth error, where the capture has depth priors."),
-    s("loss.depth_space", "", Range::Word(&["inverse", "metric"]), "Whether inverse depths or depths are compared."),
-    s(
-        "loss.depth_detach_alpha",
-        "",
-        Range::Switch,
-        "Whether the depth error moves centres only, and leaves opacities and shapes alone.",
-    ),
-    s("loss.flow", "", NOT_NEGATIVE, "Weight of the flow error, where the capture has optical flow."),
-    s(
-        "loss.flow_model",
-        "",
-        Range::Word(&["auto", "velocity", "displacement"]),
-        "Whether the rendered flow includes the motion of the camera; auto includes it where a camera moves.",
-    ),
     s("loss.offset", "", NOT_NEGATIVE, "Weight of the squared time offsets."),
-    s("loss.grid_variation", "", NOT_NEGATIVE, "Weight of the total variation of the bilateral grids."),
-    s(
-        "loss.ssim_every",
-        "steps",
-        Range::Whole(1, u64::MAX),
-        "SSIM counts in every n-th step, with n times the weight.",
-    ),
-    s(
-        "loss.ssim_stride",
-        "pixels",
-        Range::OneOf(&[1, 2]),
-        "SSIM at every pixel (1), or at every second pixel of every second row (2).",
-    ),
-    s("loss.lpips", "", NOT_NEGATIVE, "Weight of LPIPS, where loss.lpips_weights names a file."),
-    s("loss.lpips_weights", "", Range::Path, "The weights of LPIPS, as tools/lpips_weights.py writes them."),
-    s(
-        "loss.lpips_crop",
-        "pixels",
-        Range::Whole(0, MOST_U32),
-        "Side of the square that LPIPS looks at; 0 for the whole image.",
-    ),
-    s(
-        "loss.lpips_every",
-        "steps",
-        Range::Whole(1, u64::MAX),
-        "LPIPS counts in every n-th step, with n times the weight.",
-    ),
+];
+
+/// Those that follow the terms of the loss.
+const LAST: &[Setting] = &[
     s(
         "lr.pace.steps",
         "steps",

@@ -1,10 +1,46 @@
 //! The check that every setting has a value that it may have.
 
 use super::config::Config;
-use super::setting::{Range, Setting, plain};
+use super::setting::{Range, Setting};
 use super::setting_table::SETTINGS;
 use crate::words::nearest;
 use serde_json::Value;
+
+impl Setting {
+    /// The default, as config.json has it.
+    pub fn default_value(&self) -> Value {
+        let all = plain(&Config::default()).unwrap_or_default();
+        match self.of(&all) {
+            Some(Value::Object(ends)) if ends.get("start") == ends.get("end") => {
+                ends.get("start").cloned().unwrap_or_default()
+            }
+            Some(value) => value.clone(),
+            None => Value::Null,
+        }
+    }
+
+    /// Its value in `settings`, which have the form of [`Config`].
+    pub fn of<'a>(&self, settings: &'a Value) -> Option<&'a Value> {
+        settings.pointer(&format!("/{}", self.name.replace('.', "/")))
+    }
+
+    /// # Errors
+    /// Its name, `value` and what was expected.
+    fn check(&self, value: &Value) -> Result<(), String> {
+        if self.range.contains(value) {
+            return Ok(());
+        }
+        // JSON has no other way to write what is no finite number.
+        let found = if value.is_null() { "not a finite number".to_owned() } else { value.to_string() };
+        Err(format!("{} is {found}; expected {}", self.name, self.range))
+    }
+}
+
+/// `config` in the form of its file, so that numbers of 32 bits are shown as they were written.
+fn plain(config: &Config) -> Result<Value, String> {
+    let text = serde_json::to_string(config).map_err(|e| e.to_string())?;
+    serde_json::from_str(&text).map_err(|e| e.to_string())
+}
 
 /// Checks the settings that `settings` holds, which have the form of [`Config`] but may leave out any.
 ///

@@ -1,6 +1,7 @@
 //! What a trainer needs to know of a capture beside its pictures.
 
 use super::config::{Config, FlowChoice};
+use super::terms::{self, TermData};
 use crate::scene::capture::{Capture, Extent, TRAINING_RADIUS};
 use crate::scene::{FlowModel, View};
 use crate::settings::Constants;
@@ -26,8 +27,8 @@ pub struct Setup {
     pub learns_offset: Vec<bool>,
     /// By camera, whether it has a bilateral grid; empty where none has.
     pub has_grid: Vec<bool>,
-    /// Whether pictures may come with priors of depth or flow.
-    pub has_priors: bool,
+    /// What the terms of the loss take of the capture beside its colours.
+    pub data: TermData,
     /// What the rendered flow is, to be like the priors'.
     pub flow_model: FlowModel,
 }
@@ -42,7 +43,7 @@ impl Setup {
             n_trained: 1,
             learns_offset: Vec::new(),
             has_grid: Vec::new(),
-            has_priors: false,
+            data: TermData::NONE,
             flow_model: FlowModel::Velocity,
         }
     }
@@ -56,9 +57,6 @@ impl Setup {
         let has_pictures = |camera: usize| capture.cameras[camera].shots.len() > 1;
         let observable: Vec<bool> = trained.iter().enumerate().map(|(i, is)| *is && has_pictures(i)).collect();
         let learns_offset = if observable.contains(&true) { observable } else { Vec::new() };
-        let shots = || capture.cameras.iter().filter(|camera| !camera.is_test).flat_map(|camera| &camera.shots);
-        let has_depth = config.loss.depth > 0.0 && shots().any(|shot| shot.depth.is_some());
-        let has_flow = config.loss.flow > 0.0 && shots().any(|shot| shot.flow.is_some());
         let moves = capture.cameras.iter().any(|camera| camera.shots.iter().any(|s| s.world_to_camera.is_some()));
         Setup {
             extent: capture.extent(),
@@ -68,7 +66,7 @@ impl Setup {
             learns_offset: if config.offsets && is_rig(capture) { learns_offset } else { Vec::new() },
             // Those that are required come later.
             has_grid: where_set(config.grids && config.required.reviews == 0),
-            has_priors: has_depth || has_flow,
+            data: terms::data(config, capture),
             flow_model: match config.loss.flow_model {
                 FlowChoice::Velocity => FlowModel::Velocity,
                 FlowChoice::Displacement => FlowModel::Displacement,

@@ -6,7 +6,6 @@
 use super::checkpoint::{Checkpoint, Owed};
 use super::config::Config;
 use super::density::{density_round, noise, regularisers};
-use super::metrics::psnr;
 use super::objective::{Objective, Sums, Truth};
 use super::schedule::rates;
 use super::setup::Setup;
@@ -21,9 +20,10 @@ use crate::stage::{
     State, StepSettings, Strip, Target, Verdict, Workspace, adam_params, add_passes, lazy_sums, record_mcmc_noise,
     view_params,
 };
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 use std::time::Instant;
+use tracing::debug_span;
 
 /// Steps that the device has at a time: it works on one while the host prepares the next.
 const IN_FLIGHT: usize = 2;
@@ -58,7 +58,6 @@ pub struct Trainer {
 /// What a step needs, kept until it has ended well.
 struct Inputs {
     step: u64,
-    camera: usize,
     view: View,
     truth: Truth,
 }
@@ -86,25 +85,9 @@ pub struct StepReport {
     pub step: u64,
     /// Value of the loss.
     pub loss: f64,
-    /// Mean absolute error of the colour.
-    pub l1: f64,
-    /// Structural similarity, in the steps that have it.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub ssim: Option<f64>,
-    /// Mean error of the depth, in the space of the setting, where the image has a prior of it.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub depth: Option<f64>,
-    /// Mean end-point error of the flow, pixels, where the image has a prior of it.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub flow: Option<f64>,
-    /// LPIPS, in the steps that have it.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub lpips: Option<f64>,
-    /// Total variation of the camera's bilateral grid, where it has one.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub grid_variation: Option<f64>,
-    /// Peak signal-to-noise ratio of the training image, dB.
-    pub psnr: f64,
+    /// What the terms log, by key: those of [`super::logged`] that the step has.
+    #[serde(flatten)]
+    pub terms: BTreeMap<&'static str, f64>,
     /// Gaussians.
     pub gaussians: u32,
     /// Gaussians in the view's time and frustum.
@@ -117,6 +100,13 @@ pub struct StepReport {
     pub bad_gradients: u32,
     /// The round of density control after the step, if there was one.
     pub density: Option<Counts>,
+}
+
+impl StepReport {
+    /// A number that a term logs, where the step has it.
+    pub fn term(&self, key: &str) -> Option<f64> {
+        self.terms.get(key).copied()
+    }
 }
 
 /// A step whose passes were timed.
@@ -153,6 +143,7 @@ impl Trainer {
         Self::begin(gpu, &sound, constants, config, total, setup)
     }
 
+    #[tracing::instrument(level = "info", name = "upload scene", skip_all)]
     fn begin(
         gpu: Arc<Gpu>,
         splats: &Splats,
@@ -182,7 +173,7 @@ impl Trainer {
             outputs: objective.outputs(),
             purpose: Purpose::Training,
             accumulation: config.accumulation,
-            camera: objective.wants_camera(),
+            camera: objective.cameras.wants_gradient(),
             depth_bits: constants.knobs.depth_bits,
         };
         Ok(Trainer {
@@ -213,7 +204,7 @@ impl Trainer {
         let Checkpoint { step, total, config, origin, params, first, second, state, cameras, owed, .. } = checkpoint;
         let setup = Setup { has_grid: cameras.has_grid.clone(), ..setup };
         let mut trainer = Self::begin(gpu, params, constants, config.clone(), *total, setup)?;
-        trainer.objective.restore(&trainer.gpu, cameras)?;
+        trainer.objective.cameras.restore(&trainer.gpu, cameras)?;
         trainer.scene.origin = *origin;
         trainer.optimiser.moments = Moments::upload(&trainer.gpu, &trainer.scene, first, second, config.moment_bits)?;
         trainer.optimiser.state = upload_state(&trainer.gpu, &trainer.scene, state)?;
@@ -227,6 +218,7 @@ impl Trainer {
     ///
     /// # Errors
     /// As [`Trainer::train`].
+    #[tracing::instrument(level = "info", name = "checkpoint", skip_all)]
     pub fn checkpoint(&mut self) -> Result<Checkpoint> {
         self.finish()?;
         self.snapshot()
@@ -266,7 +258,7 @@ impl Trainer {
             first,
             second,
             state: self.state()?,
-            cameras: self.objective.state(&self.gpu)?,
+            cameras: self.objective.cameras.state(&self.gpu)?,
             owed: Owed::default(),
         })
     }
@@ -341,7 +333,7 @@ impl Trainer {
     /// As [`Trainer::train`].
     pub fn offsets(&mut self) -> Result<(Vec<f64>, Vec<bool>)> {
         self.finish()?;
-        let state = self.objective.state(&self.gpu)?;
+        let state = self.objective.cameras.state(&self.gpu)?;
         Ok((state.clocks.iter().map(|clock| f64::from(clock[0])).collect(), state.learns_offset))
     }
 
@@ -351,7 +343,7 @@ impl Trainer {
     /// As [`Trainer::train`].
     pub fn freeze_offsets(&mut self, freeze: &[bool]) -> Result<()> {
         self.finish()?;
-        self.objective.freeze(&self.gpu, freeze)
+        self.objective.cameras.freeze(&self.gpu, freeze)
     }
 
     /// Goes on from `checkpoint`, one of this run at its present step whose Gaussians or cameras have been changed.
@@ -401,6 +393,7 @@ impl Trainer {
     ///
     /// # Errors
     /// [`Error::OutOfMemory`] when a picture's lists do not fit the device, [`Error::DeviceLost`]; nothing moves then.
+    #[tracing::instrument(level = "debug", name = "step", skip_all, fields(step = self.step + 1))]
     pub fn train(&mut self, camera: usize, view: &View, picture: &Picture) -> Result<()> {
         self.control_density()?;
         let inputs = self.inputs(camera, view, picture)?;
@@ -416,6 +409,7 @@ impl Trainer {
     ///
     /// # Errors
     /// As [`Trainer::train`].
+    #[tracing::instrument(level = "debug", name = "step", skip_all, fields(step = self.step + 1))]
     pub fn profile(&mut self, camera: usize, view: &View, picture: &Picture) -> Result<ProfiledStep> {
         self.finish()?;
         let mut host = Vec::new();
@@ -490,6 +484,7 @@ impl Trainer {
         std::mem::take(&mut self.reports)
     }
 
+    #[tracing::instrument(level = "debug", name = "upload", skip_all)]
     fn inputs(&mut self, camera: usize, view: &View, picture: &Picture) -> Result<Inputs> {
         let (background, flow_model) = (self.config.background, self.setup.flow_model);
         let step = self.step + 1;
@@ -498,7 +493,6 @@ impl Trainer {
         let picture = reduced.as_ref().unwrap_or(picture);
         Ok(Inputs {
             step,
-            camera,
             view: View { background, flow_model, ..view.reduced(reduction) },
             truth: self.objective.stage(&self.gpu, picture, camera, step, reduction)?,
         })
@@ -561,13 +555,7 @@ impl Trainer {
         self.reports.push(StepReport {
             step: inputs.step,
             loss: values.loss,
-            l1: values.l1,
-            ssim: values.ssim,
-            depth: values.depth,
-            flow: values.flow,
-            lpips: values.lpips,
-            grid_variation: values.grid_variation,
-            psnr: psnr(values.mse),
+            terms: values.logged,
             gaussians: self.scene.n,
             active: status.n_active,
             visible: status.n_visible,
@@ -579,8 +567,9 @@ impl Trainer {
     }
 
     /// The passes of a step, and where its numbers will be.
+    #[tracing::instrument(level = "debug", name = "record", skip_all)]
     fn record(&mut self, inputs: &Inputs) -> Result<(Recording, Results)> {
-        let Inputs { step, camera, view, truth } = inputs;
+        let Inputs { step, view, truth } = inputs;
         let strip = Strip::whole(view);
         let (tiles_x, tiles_y) = strip.tiles(view);
         let n_tiles = tiles_x * tiles_y;
@@ -598,7 +587,7 @@ impl Trainer {
         }
         self.room = Room { tiles: room.tiles, pixels: room.pixels, ..self.room };
         let mut params: ViewParams = view_params(view, &self.constants, self.scene.origin, strip);
-        params.depth_to_alpha = if self.config.loss.depth_detach_alpha { 0.0 } else { 1.0 };
+        self.objective.adjust(&mut params);
         let adam = self.adam_params(*step);
         let (gpu, scene, optimiser, rounds) = (&self.gpu, &self.scene, &self.optimiser, self.rounds);
         let work = Workspace::fit(&mut self.work, gpu, scene, self.room)?;
@@ -606,21 +595,26 @@ impl Trainer {
         rec.stage("upload");
         rec.copy(gpu.stage("staged view", &[params])?, work.view.slice());
         rec.copy(gpu.stage("staged adam parameters", &[adam])?, optimiser.params.slice());
-        self.objective.record_upload(&mut rec, work, truth, *camera);
+        self.objective.record_upload(&mut rec, work, truth);
         let status = &work.status;
         let is_lazy = self.config.adam == AdamMode::Lazy;
         let size = Size { n_tiles, n_pixels, rounds };
+        let forward = debug_span!("forward").entered();
         let lists = work.record_forward(&mut rec, scene, size, |rec| {
             optimiser.record_catch_up(rec, scene, &work.cull, status, step - 1);
             if is_lazy {
                 scene.record_halves(rec);
             }
         });
-        if let Some(backward) = &work.backward {
-            self.objective.record_loss(gpu, &mut rec, &work.blend, backward, truth)?;
-            work.record_backward(&mut rec, scene, &lists, size, &Target::Step(optimiser));
+        drop(forward);
+        if work.backward.is_some() {
+            debug_span!("loss").in_scope(|| self.objective.record_loss(gpu, &mut rec, work, truth))?;
+            // Gaussians in view take their step with the last pass of it.
+            let target = Target::Step(optimiser);
+            debug_span!("backward").in_scope(|| work.record_backward(&mut rec, scene, &lists, size, &target));
+            let _stepping = debug_span!("optimiser").entered();
             optimiser.record_idle(&mut rec, scene, &work.cull, status);
-            self.objective.record_step(&mut rec, work, truth, *camera, *step, self.total);
+            self.objective.record_step(&mut rec, work, truth, *step, self.total);
             if let Some((rate, key)) = noise(&self.config, *step, self.total, self.setup.extent.radius) {
                 record_mcmc_noise(&mut rec, scene, status, rate, key);
             }
@@ -649,6 +643,7 @@ impl Trainer {
     /// The density control due after the step handed over last, once.
     fn control_density(&mut self) -> Result<()> {
         let (Some(round), false) = (self.due_round(), self.controlled == self.step) else { return Ok(()) };
+        let _controlling = debug_span!("density", step = self.step).entered();
         while !self.in_flight.is_empty() {
             self.end_oldest()?;
         }

@@ -4,6 +4,7 @@ mod lost;
 mod manual;
 #[cfg(unix)]
 mod terminal;
+mod trace;
 mod width;
 
 use std::path::PathBuf;

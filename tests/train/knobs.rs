@@ -92,8 +92,8 @@ fn a_run_begins_on_reduced_pictures_and_ends_on_whole_ones() {
     assert!(pairs[..4].iter().all(|[coarse, whole]| coarse < whole) && pairs[4][0] > pairs[3][0], "{pairs:?}");
     let ratio =
         |value: fn(&ivv::train::StepReport) -> Option<f64>| value(&coarse[0]).unwrap() / value(&whole[0]).unwrap();
-    assert!((0.7..1.4).contains(&ratio(|r| r.flow)) && (0.7..1.4).contains(&ratio(|r| r.depth)));
-    assert!((0.7..1.3).contains(&ratio(|r| Some(r.l1))));
+    assert!((0.7..1.4).contains(&ratio(|r| r.term("flow"))) && (0.7..1.4).contains(&ratio(|r| r.term("depth"))));
+    assert!((0.7..1.3).contains(&ratio(|r| r.term("l1"))));
 }
 
 #[test]
@@ -104,11 +104,14 @@ fn ssim_is_due_in_every_nth_step_alone() {
     config.loss.ssim_stride = 2;
     let begin = from_points(&tiny.capture.points, &tiny.capture, &config);
     let found = reports(&tiny, &config, &begin, 6);
-    let has: Vec<bool> = found.iter().map(|report| report.ssim.is_some()).collect();
+    let has: Vec<bool> = found.iter().map(|report| report.term("ssim").is_some()).collect();
     assert_eq!(has, [false, false, true, false, false, true]);
     let whole = reports(&tiny, &Config { sh_degree: 0, ..Config::default() }, &begin, 3);
-    let (sampled, all) = (found[2].ssim.unwrap(), whole[2].ssim.unwrap());
-    assert!((sampled - all).abs() < 0.1 && (found[0].l1 - whole[0].l1).abs() < 1e-6, "SSIM {sampled} for {all}");
+    let (sampled, all) = (found[2].term("ssim").unwrap(), whole[2].term("ssim").unwrap());
+    assert!(
+        (sampled - all).abs() < 0.1 && (found[0].term("l1").unwrap() - whole[0].term("l1").unwrap()).abs() < 1e-6,
+        "SSIM {sampled} for {all}"
+    );
 }
 
 #[test]

@@ -31,7 +31,7 @@ use ivv::stage::{AdamMode, Outputs, Renderer};
 use ivv::synth::{Options, Preset, write_capture};
 use ivv::train::{
     Checkpoint, Config, Event, LearningRates, Meter, Pace, Priors, Rate, Scores, Session, SessionOptions, Setup,
-    StepReport, Trainer, from_points, random_points, rates, training_order,
+    StepReport, TermData, Trainer, from_points, random_points, rates, training_order,
 };
 use std::path::PathBuf;
 
@@ -242,7 +242,7 @@ fn resumes_to_the_same_bits(name: &str, config: &Config) {
     let gpu = gpu();
     let begin = from_points(&tiny.capture.points, &tiny.capture, config);
     let setup = Setup::new(&tiny.capture, config);
-    assert!(setup.learns_offset.contains(&true) && setup.has_priors);
+    assert!(setup.learns_offset.contains(&true) && setup.data != TermData::NONE);
     let new = || Trainer::new(gpu.clone(), &begin, Constants::default(), config.clone(), 60, setup.clone()).unwrap();
     let mut whole = new();
     drive(&mut whole, &tiny.capture, config.seed, 60);

@@ -3,7 +3,7 @@
 use super::{Tiny, drive};
 use crate::common::device::gpu;
 use ivv::Constants;
-use ivv::train::{BoundBy, Class, Config, Limits, Plan, Setup, Trainer, Workload, from_points};
+use ivv::train::{BoundBy, Class, Config, Limits, Plan, Setup, TermData, Trainer, Workload, from_points};
 use ivv::vk::DeviceKind;
 use std::collections::BTreeMap;
 
@@ -19,7 +19,7 @@ fn workload() -> Workload {
         sh_degree: 3,
         moment_bits: 32,
         cache_bytes: 256 << 20,
-        priors: false,
+        data: TermData::NONE,
         offsets: false,
         grids: 0,
         height: 360,
@@ -66,7 +66,7 @@ fn the_plan_is_what_a_trainer_allocates_buffer_by_buffer() {
             pixels: 64 * 48,
             sh_degree,
             moment_bits,
-            priors: true,
+            data: TermData { depth: true, flow: true },
             offsets: is_dynamic,
             grids: if is_dynamic { 4 } else { 0 },
             height: 48,

@@ -4,10 +4,14 @@ use super::Tiny;
 use crate::common::device::gpu;
 use crate::common::one::{One, camera, round, scene_of};
 use ivv::Constants;
-use ivv::scene::capture::{Extent, Picture, PriorPlan};
+use ivv::scene::capture::{Capture, Extent, Picture, PriorPlan};
 use ivv::scene::{Motion, Splats, View};
 use ivv::stage::{Outputs, Renderer};
-use ivv::train::{Agreement, Config, LearningRates, Loss, Pace, Rate, Setup, Trainer, fit_offset, from_points};
+use ivv::train::{
+    Agreement, Config, Event, LearningRates, Loss, Pace, Rate, Session, SessionOptions, Setup, TermData, Trainer,
+    fit_offset, from_points, logged,
+};
+use std::collections::BTreeSet;
 
 /// What a step dispatches, by stage, and how often.
 fn dispatches(tiny: &Tiny, config: &Config) -> std::collections::BTreeMap<String, usize> {
@@ -52,6 +56,83 @@ fn a_term_that_is_off_dispatches_nothing() {
             assert!(is_new || is_copy || least.get(stage) == Some(n), "{added:?}: {stage} has {n}, {least:?}");
         }
         assert!(added.iter().all(|stage| found.contains_key(*stage) && !least.contains_key(*stage)), "{found:?}");
+    }
+}
+
+/// The keys of a step in train.jsonl beside those of the terms.
+const NOT_TERMS: [&str; 8] =
+    ["step", "loss", "gaussians", "active", "visible", "intersections", "bad_gradients", "density"];
+
+#[test]
+fn a_step_logs_the_terms_that_are_on_and_its_loss_is_their_weighted_sum() {
+    let tiny = Tiny::new("logged");
+    let loss = Loss { depth: 0.7, flow: 0.3, grid_variation: 4.0, ..Loss::default() };
+    let all = Config { sh_degree: 0, loss, ..Config::default() };
+    let without = Config { grids: false, loss: Loss { depth: 0.0, ..all.loss.clone() }, ..all.clone() };
+    for (config, keys) in [
+        (all, vec!["depth", "flow", "grid_variation", "l1", "psnr", "ssim"]),
+        (without, vec!["flow", "l1", "psnr", "ssim"]),
+    ] {
+        let begin = from_points(&tiny.capture.points, &tiny.capture, &config);
+        let first = Some(begin);
+        let options = SessionOptions { first, total: Some(6), ..SessionOptions::default() };
+        let mut session = Session::begin(gpu().clone(), &tiny.capture, config.clone(), options).unwrap();
+        while session.step().unwrap() {}
+        session.wait().unwrap();
+        let mut met: BTreeSet<String> = BTreeSet::new();
+        for event in session.take_events() {
+            let Event::Step(report) = event else { continue };
+            let line = serde_json::to_value(&report).unwrap();
+            let has: Vec<&str> = line.as_object().unwrap().keys().map(String::as_str).collect();
+            let terms: Vec<&str> = has.iter().copied().filter(|key| !NOT_TERMS.contains(key)).collect();
+            assert!(terms.iter().all(|key| keys.contains(key)), "{terms:?}");
+            assert!(NOT_TERMS.iter().all(|key| has.contains(key)), "{has:?}");
+            let of = |key: &str| report.term(key).unwrap_or(0.0);
+            let Loss { depth, flow, grid_variation, .. } = config.loss;
+            let colors = 0.8 * of("l1") + 0.2 * (1.0 - of("ssim"));
+            let sum = colors + depth * of("depth") + flow * of("flow") + grid_variation * of("grid_variation");
+            assert!((report.loss - sum).abs() < 1e-6 * sum, "{} for {sum}", report.loss);
+            assert!(terms.iter().all(|key| logged().any(|logged| logged.key == *key)));
+            met.extend(terms.iter().map(|key| (*key).to_owned()));
+        }
+        // Few pixels of an image may have flow.
+        assert_eq!(met.iter().collect::<Vec<_>>(), keys);
+    }
+}
+
+#[test]
+fn what_is_on_is_the_same_to_the_priors_the_plan_and_the_setup() {
+    let tiny = Tiny::new("decided");
+    let mut of_test_cameras = tiny.capture.clone();
+    let mut bare = tiny.capture.clone();
+    for capture in [&mut of_test_cameras, &mut bare] {
+        let cameras = capture.cameras.iter_mut().filter(|camera| !camera.is_test);
+        for shot in cameras.flat_map(|camera| &mut camera.shots) {
+            shot.depth = None;
+        }
+    }
+    for shot in bare.cameras.iter_mut().flat_map(|camera| &mut camera.shots) {
+        shot.flow = None;
+    }
+    let has_depth = |capture: &Capture| capture.cameras.iter().any(|c| c.shots.iter().any(|s| s.depth.is_some()));
+    assert!(has_depth(&of_test_cameras), "depth of test cameras alone is none to train on");
+    let weights = |depth, flow| Loss { depth, flow, ..Loss::default() };
+    for (capture, loss, depth, flow) in [
+        (&tiny.capture, weights(1.0, 1.0), true, true),
+        (&tiny.capture, weights(0.0, 1.0), false, true),
+        (&tiny.capture, weights(0.0, 0.0), false, false),
+        (&of_test_cameras, weights(1.0, 1.0), false, true),
+        (&bare, weights(1.0, 1.0), false, false),
+    ] {
+        let config = Config { sh_degree: 0, loss, ..Config::default() };
+        assert_eq!(Setup::new(capture, &config).data, TermData { depth, flow });
+        let first = Some(from_points(&capture.points, capture, &config));
+        let options = SessionOptions { first, total: Some(1), ..SessionOptions::default() };
+        let session = Session::begin(gpu().clone(), capture, config, options).unwrap();
+        let priors = session.priors();
+        assert_eq!((priors.depth.is_some(), priors.plan.flow), (depth, flow));
+        let has_buffers = session.plan().begin.buffers.iter().any(|(name, ..)| *name == "staged priors");
+        assert_eq!(has_buffers, depth || flow);
     }
 }
 

@@ -78,7 +78,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let stop = Stop::listen()?;
     let start = Start::new(args)?;
     let Start { gpu, run, capture, config, total, checkpoints, resumed, .. } = &start;
-    if config.loss.lpips > 0.0 && config.loss.lpips_weights.is_none() {
+    if config.loss.lacks_lpips_weights() {
         say!("LPIPS is off: it needs weights, given by --set loss.lpips_weights=FILE");
     }
     let options = SessionOptions {

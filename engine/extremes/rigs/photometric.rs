@@ -2,7 +2,7 @@
 
 use crate::extremes::random::Random;
 use crate::gpu::{Gpu, Recording};
-use crate::stage::{Photometric, Structure};
+use crate::stage::{Photometric, Pictures, Structure};
 use crate::twin::{Dual, Photometry, photometric};
 use anyhow::{Result, ensure};
 
@@ -94,9 +94,11 @@ impl Pair {
         let image: Vec<[f32; 4]> = self.image.iter().map(|[r, g, b]| [*r, *g, *b, alpha]).collect();
         let image = gpu.upload("image", &image)?;
         let d_image = gpu.upload("d image", &vec![GUARD; n + 1])?;
-        gpu.write(&loss.truth, &self.truth)?;
+        let truth = gpu.upload("truth", &self.truth)?;
         let mut rec = Recording::new();
-        loss.record(&mut rec, &image, &d_image, self.size, self.n_visible() as u32, structure);
+        let n_visible = self.n_visible() as u32;
+        let pictures = Pictures { image: &image, truth: &truth, d_image: &d_image, size: self.size, n_visible };
+        loss.record(&mut rec, &pictures, structure);
         gpu.run(&rec)?;
         let mut found = gpu.read(&d_image)?;
         ensure!(found.pop() == Some(GUARD), "the pixel past the end was overwritten");

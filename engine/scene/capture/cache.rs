@@ -139,6 +139,7 @@ impl FrameCache {
         let mut state = shared.lock();
         let position = state.consumed;
         let index = *shared.order.get(position)?;
+        let _waiting = tracing::debug_span!("wait", what = %"image").entered();
         let begin = Instant::now();
         let outcome = loop {
             match state.slots.get(&index) {
@@ -210,7 +211,9 @@ impl Shared {
             };
             drop(state);
             let begin = Instant::now();
-            let outcome = decode_or_fault(&self.sources[index as usize]).map(Arc::new);
+            let source = &self.sources[index as usize];
+            let outcome = tracing::debug_span!("decode", image = %source.image.display())
+                .in_scope(|| decode_or_fault(source).map(Arc::new));
             let took = begin.elapsed();
             state = self.lock();
             state.stats.n_decoded += 1;

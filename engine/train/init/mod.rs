@@ -112,6 +112,7 @@ impl Initial {
 ///
 /// # Errors
 /// [`Error::Data`] when the capture has not what `config.init` asks for, or when an image does not decode.
+#[tracing::instrument(level = "info", name = "initialise", skip_all)]
 pub fn initialise(capture: &Capture, config: &Config, progress: &mut dyn FnMut(usize, usize)) -> Result<Initial> {
     let mut initial = all(capture, config, progress)?;
     let n = initial.splats.len();

@@ -97,6 +97,7 @@ pub fn review_due(config: &Config, step: u64, total: u64) -> Option<Due> {
 ///
 /// # Errors
 /// Those of the device and of the capture's pictures.
+#[tracing::instrument(level = "info", name = "review", skip_all)]
 pub fn review(
     trainer: &mut Trainer,
     gpu: &Arc<Gpu>,

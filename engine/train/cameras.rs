@@ -1,0 +1,209 @@
+//! What of the cameras is learnt beside the Gaussians: clocks and bilateral grids.
+
+use super::checkpoint::CameraState;
+use super::config::Config;
+use super::setup::Setup;
+use super::terms::{self, WithCotangent};
+use crate::error::{Error, Result};
+use crate::gpu::{Buf, Gpu, Recording};
+use crate::stage::{ClockStep, Clocks, GridStep, Grids, Workspace};
+use std::path::Path;
+
+/// The cameras' own parameters.
+pub(super) struct Cameras {
+    config: Config,
+    clocks: Option<Clocks>,
+    learns_offset: Vec<bool>,
+    graded: Option<Graded>,
+    dt: f64,
+}
+
+/// The cameras' bilateral grids, and pictures as they show them.
+struct Graded {
+    grids: Grids,
+    /// By camera, its place among the grids.
+    of_camera: Vec<Option<usize>>,
+    /// Whether all cameras that are trained on have one.
+    is_free: bool,
+    /// By place, steps of this grid so far.
+    steps: Vec<u64>,
+    image: Buf<[f32; 4]>,
+    d_image: Buf<[f32; 4]>,
+}
+
+/// A camera's grid in a step.
+#[derive(Clone, Copy)]
+pub(super) struct OwnGrid {
+    /// Its place among the grids.
+    place: usize,
+    /// Number of the step among this camera's, from 1.
+    step: u64,
+}
+
+impl Graded {
+    /// By camera, whether it has one.
+    fn has_grid(&self) -> Vec<bool> {
+        self.of_camera.iter().map(Option::is_some).collect()
+    }
+}
+
+impl Cameras {
+    pub fn new(gpu: &Gpu, config: &Config, setup: &Setup) -> Result<Self> {
+        let (learns_offset, dt) = (setup.learns_offset.clone(), setup.dt);
+        let mut cameras = Cameras { config: config.clone(), clocks: None, learns_offset, graded: None, dt };
+        let n_grids = setup.has_grid.iter().filter(|has| **has).count();
+        if n_grids > 0 {
+            let mut place = 0..n_grids;
+            cameras.graded = Some(Graded {
+                grids: Grids::new(gpu, n_grids)?,
+                of_camera: setup.has_grid.iter().map(|has| if *has { place.next() } else { None }).collect(),
+                is_free: n_grids == setup.n_trained,
+                steps: vec![0; n_grids],
+                image: gpu.alloc("image graded", 1)?,
+                d_image: gpu.alloc("d image graded", 1)?,
+            });
+        }
+        if !setup.learns_offset.is_empty() {
+            let zeros = vec![[0.0; 4]; setup.learns_offset.len()];
+            cameras.clocks = Some(Clocks::new(gpu, &zeros, &setup.learns_offset)?);
+        }
+        Ok(cameras)
+    }
+
+    /// Whether the camera's gradient is needed.
+    pub fn wants_gradient(&self) -> bool {
+        self.clocks.is_some()
+    }
+
+    /// The grids; none where no camera has one.
+    pub fn grids(&self) -> Option<&Grids> {
+        self.graded.as_ref().map(|graded| &graded.grids)
+    }
+
+    /// Room for pictures of `pixels` pixels.
+    pub fn fit(&mut self, gpu: &Gpu, pixels: usize) -> Result<()> {
+        if let Some(graded) = &mut self.graded {
+            graded.image = gpu.alloc("image graded", pixels)?;
+            graded.d_image = gpu.alloc("d image graded", pixels)?;
+        }
+        Ok(())
+    }
+
+    /// The grid of `camera` in its next step, which is counted; none where it has none.
+    pub fn next(&mut self, camera: usize) -> Option<OwnGrid> {
+        let graded = self.graded.as_mut()?;
+        let place = graded.of_camera.get(camera).copied().flatten()?;
+        graded.steps[place] += 1;
+        Some(OwnGrid { place, step: graded.steps[place] })
+    }
+
+    /// Appends the shift of the view by the clock of `camera`.
+    pub fn record_clock(&self, rec: &mut Recording, work: &Workspace, camera: usize) {
+        if let Some(clocks) = &self.clocks {
+            clocks.record_apply(rec, &work.view, camera as u32);
+        }
+    }
+
+    /// Appends how the camera of `grid` shows a picture of `size` that was rendered; gives what it shows, with the place of
+    /// its cotangent.
+    pub fn record_shown<'a>(
+        &'a mut self,
+        gpu: &Gpu,
+        rec: &mut Recording,
+        rendered: WithCotangent<'a>,
+        size: [u32; 2],
+        grid: Option<OwnGrid>,
+    ) -> Result<WithCotangent<'a>> {
+        let (Some(graded), Some(grid)) = (&mut self.graded, grid) else { return Ok(rendered) };
+        graded.grids.fit(gpu, size[1])?;
+        graded.grids.record_slice(rec, grid.place, rendered.0, &graded.image, size);
+        Ok((&graded.image, &graded.d_image))
+    }
+
+    /// Appends the way back of [`Cameras::record_shown`].
+    pub fn record_back(
+        &self,
+        rec: &mut Recording,
+        (rendered, d_rendered): WithCotangent,
+        size: [u32; 2],
+        grid: Option<OwnGrid>,
+    ) {
+        if let (Some(graded), Some(grid)) = (&self.graded, grid) {
+            graded.grids.record_backward(rec, grid.place, rendered, &graded.d_image, d_rendered, size);
+        }
+    }
+
+    /// Appends step `step` of `total`, after the backward pass of a picture of `camera`.
+    pub fn record_step(
+        &self,
+        rec: &mut Recording,
+        work: &Workspace,
+        (camera, grid): (usize, Option<OwnGrid>),
+        (step, total): (u64, u64),
+    ) {
+        let done = (step - 1) as f64 / total.max(1) as f64;
+        let Config { lr, loss, .. } = &self.config;
+        if let (Some(graded), Some(grid)) = (&self.graded, grid) {
+            let (rate, tv_weight) = (lr.grid.at(done), terms::grid_variation_weight(&self.config));
+            let at = GridStep { step, is_free: graded.is_free, camera_step: grid.step, rate, tv_weight };
+            graded.grids.record_step(rec, grid.place, &at, &work.status);
+        }
+        let (Some(clocks), Some(backward)) = (&self.clocks, &work.backward) else { return };
+        let at = ClockStep {
+            camera: camera as u32,
+            dt: self.dt,
+            rate: lr.offset.at(done) * lr.pace.at(done, total),
+            regulariser: loss.offset,
+            step,
+        };
+        clocks.record_step(rec, &backward.d_camera, &work.status, &at);
+    }
+
+    /// Ends the learning of the offsets of those cameras that `freeze` names: they are 0 from now on, and the mean of the
+    /// others is again.
+    pub fn freeze(&mut self, gpu: &Gpu, freeze: &[bool]) -> Result<()> {
+        let Some(clocks) = &self.clocks else { return Ok(()) };
+        let mut state = gpu.read(&clocks.state)?;
+        let mut learns_offset = self.learns_offset.clone();
+        for ((clock, learns), freeze) in state.iter_mut().zip(&mut learns_offset).zip(freeze) {
+            if *learns && *freeze {
+                (*clock, *learns) = ([0.0; 4], false);
+            }
+        }
+        let free = || learns_offset.iter().enumerate().filter(|(_, learns)| **learns).map(|(camera, _)| camera);
+        let mean = free().map(|k| f64::from(state[k][0])).sum::<f64>() / free().count().max(1) as f64;
+        free().for_each(|k| state[k][0] = (f64::from(state[k][0]) - mean) as f32);
+        self.clocks = Some(Clocks::new(gpu, &state, &learns_offset)?);
+        self.learns_offset = learns_offset;
+        Ok(())
+    }
+
+    /// The cameras' own parameters; empty where none are learnt.
+    pub fn state(&self, gpu: &Gpu) -> Result<CameraState> {
+        let clocks = self.clocks.as_ref().map_or(Ok(Vec::new()), |clocks| gpu.read(&clocks.state))?;
+        let grids = self.graded.as_ref().map_or(Ok(Vec::new()), |graded| graded.grids.download(gpu))?;
+        let grid_steps = self.graded.as_ref().map_or(Vec::new(), |graded| graded.steps.clone());
+        let has_grid = self.graded.as_ref().map_or(Vec::new(), Graded::has_grid);
+        Ok(CameraState { clocks, learns_offset: self.learns_offset.clone(), grids, grid_steps, has_grid })
+    }
+
+    /// Goes on with the cameras' parameters of `state`.
+    pub fn restore(&mut self, gpu: &Gpu, state: &CameraState) -> Result<()> {
+        self.learns_offset = state.learns_offset.clone();
+        self.clocks = None;
+        if !state.clocks.is_empty() {
+            self.clocks = Some(Clocks::new(gpu, &state.clocks, &state.learns_offset)?);
+        }
+        let n_grids = self.graded.as_ref().map_or(0, |graded| graded.steps.len());
+        if n_grids != state.grids.len() {
+            let reason = format!("has bilateral grids of {} cameras, the run of {n_grids}", state.grids.len());
+            let remedy = "go on with the capture and the test cameras that the run began with";
+            return Err(Error::data(Path::new("checkpoint"), "cameras", reason, remedy));
+        }
+        if let Some(graded) = &mut self.graded {
+            graded.grids = Grids::upload(gpu, &state.grids)?;
+            graded.steps = state.grid_steps.clone();
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,110 @@
+//! LPIPS (SPEC 4, L_perc), of the picture or of a square of it; where there are weights of its trunk.
+
+use super::term::{Logged, Part, Rendered, Shown, Term, TermKind};
+use crate::error::Result;
+use crate::gpu::{Gpu, Recording, Slice};
+use crate::random::Keyed;
+use crate::stage::{self, Cotangent, Grids, Lpips};
+use crate::train::config::Loss;
+use crate::train::setting::{Range, Setting, setting};
+use std::path::Path;
+
+pub(super) const TERM: TermKind = TermKind {
+    settings: SETTINGS,
+    logged: &[Logged { key: "lpips", plot: "LPIPS of training images", from_zero: true }],
+    new: |gpu, config, _| {
+        let Loss { lpips, lpips_crop, lpips_every, .. } = config.loss;
+        let Some(file) = config.loss.lpips_file() else { return Ok(None) };
+        let network = Lpips::load(gpu, file)?;
+        Ok(Some(Box::new(Perceptual {
+            network,
+            weight: lpips,
+            crop: lpips_crop,
+            every: lpips_every,
+            seed: config.seed,
+        })))
+    },
+    ..TermKind::NONE
+};
+
+const SETTINGS: &[Setting] = &[
+    setting("loss.lpips", "", Range::NOT_NEGATIVE, "Weight of LPIPS, where loss.lpips_weights names a file."),
+    setting("loss.lpips_weights", "", Range::Path, "The weights of LPIPS, as tools/lpips_weights.py writes them."),
+    setting(
+        "loss.lpips_crop",
+        "pixels",
+        Range::Whole(0, u32::MAX as u64),
+        "Side of the square that LPIPS looks at; 0 for the whole image.",
+    ),
+    setting(
+        "loss.lpips_every",
+        "steps",
+        Range::Whole(1, u64::MAX),
+        "LPIPS counts in every n-th step, with n times the weight.",
+    ),
+];
+
+/// Purpose of the random numbers of a step that place the crop; density control has 1 and 2.
+const CROP: u64 = 3;
+
+impl Loss {
+    /// The weights of LPIPS's trunk; none where LPIPS is off.
+    fn lpips_file(&self) -> Option<&Path> {
+        self.lpips_weights.as_deref().filter(|_| self.lpips > 0.0)
+    }
+
+    /// Whether LPIPS is on.
+    pub fn has_lpips(&self) -> bool {
+        self.lpips_file().is_some()
+    }
+
+    /// Whether LPIPS is off only because the weights of its trunk are not given.
+    pub fn lacks_lpips_weights(&self) -> bool {
+        self.lpips > 0.0 && self.lpips_weights.is_none()
+    }
+}
+
+struct Perceptual {
+    network: Lpips,
+    weight: f64,
+    /// Side of the square that is compared, pixels; 0 for all.
+    crop: u32,
+    /// Steps between two that have it.
+    every: u64,
+    seed: u64,
+}
+
+impl Perceptual {
+    fn is_due(&self, shown: &Shown) -> bool {
+        shown.step.is_multiple_of(self.every)
+    }
+
+    /// First column and row, and size, of what is compared.
+    fn part(&self, shown: &Shown) -> [[u32; 2]; 2] {
+        let Shown { step, size, .. } = *shown;
+        let crop = size.map(|side| if self.crop == 0 { side } else { side.min(self.crop) });
+        let random = Keyed::new(&[self.seed, step, CROP]);
+        let place = |axis: usize| (random.bits(axis as u64) % u64::from(size[axis] - crop[axis] + 1)) as u32;
+        [[place(0), place(1)], crop]
+    }
+}
+
+impl Term for Perceptual {
+    fn record(&mut self, gpu: &Gpu, rec: &mut Recording, shown: &Shown, on: &Rendered) -> Result<()> {
+        if !self.is_due(shown) {
+            return Ok(());
+        }
+        let [origin, crop] = self.part(shown);
+        let compared = stage::Compared { image: on.image, truth: on.truth, size: shown.size, origin, crop };
+        let weight = (self.weight * self.every as f64) as f32;
+        self.network.record(gpu, rec, &compared, Some(Cotangent { d_image: on.d_image, weight }))
+    }
+
+    fn sums(&self, shown: &Shown, _: Option<&Grids>) -> Option<Slice> {
+        self.is_due(shown).then(|| self.network.value.slice())
+    }
+
+    fn parts(&self, _: &Shown, sums: &[f32]) -> Vec<Part> {
+        sums.first().map(|value| Part::error("lpips", f64::from(*value), self.weight)).into_iter().collect()
+    }
+}

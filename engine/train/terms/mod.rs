@@ -1,0 +1,75 @@
+//! The terms of the loss that compare a picture with the scene: a file for each, and [`TERMS`], which lists them.
+//!
+//! A term brings everything that is its own: what it takes of a clip, its buffers, its settings, its passes with the
+//! cotangent, its weight, and the numbers that it logs. The trainer, the memory plan, the priors of a session and the
+//! report ask the list. A new term is its file, a line in [`TERMS`] and its weight in [`crate::train::Loss`].
+
+mod lpips;
+mod photometric;
+mod priors;
+mod term;
+mod variation;
+
+use crate::error::Result;
+use crate::gpu::Gpu;
+use crate::scene::capture::Capture;
+use crate::train::config::Config;
+use crate::train::setting::Setting;
+use term::TermKind;
+
+pub use term::{Logged, TermData};
+pub(super) use term::{Part, Rendered, Shown, Term, WithCotangent};
+pub(super) use variation::weight as grid_variation_weight;
+
+/// All terms. They are recorded, and added up, in this order: the first sets the cotangent of the colours, the others add
+/// to it.
+const TERMS: &[TermKind] = &[photometric::TERM, priors::TERM, lpips::TERM, variation::TERM];
+
+/// What all terms together take of `capture`. Whether depth and flow are on is decided here and nowhere else.
+pub(super) fn data(config: &Config, capture: &Capture) -> TermData {
+    TERMS
+        .iter()
+        .map(|term| (term.data)(config, capture))
+        .fold(TermData::NONE, |all, own| TermData { depth: all.depth || own.depth, flow: all.flow || own.flow })
+}
+
+/// The numbers that the terms log, in the order of the report's plots.
+pub fn logged() -> impl Iterator<Item = &'static Logged> {
+    TERMS.iter().flat_map(|term| term.logged)
+}
+
+/// How many settings the terms have.
+const N_SETTINGS: usize = {
+    let (mut n, mut at) = (0, 0);
+    while at < TERMS.len() {
+        n += TERMS[at].settings.len();
+        at += 1;
+    }
+    n
+};
+
+/// The settings of all terms.
+pub(super) const SETTINGS: [Setting; N_SETTINGS] = {
+    let mut all = [TERMS[0].settings[0]; N_SETTINGS];
+    let (mut n, mut at) = (0, 0);
+    while at < TERMS.len() {
+        let own = TERMS[at].settings;
+        let mut i = 0;
+        while i < own.len() {
+            all[n] = own[i];
+            (n, i) = (n + 1, i + 1);
+        }
+        at += 1;
+    }
+    all
+};
+
+/// Buffers of all terms on a clip of which they take `data`: name, bytes per pixel.
+pub(super) fn buffers(data: TermData) -> impl Iterator<Item = (&'static str, f64)> {
+    TERMS.iter().flat_map(move |term| (term.buffers)(data)).copied()
+}
+
+/// The terms that are on.
+pub(super) fn begin(gpu: &Gpu, config: &Config, data: TermData) -> Result<Vec<Box<dyn Term>>> {
+    TERMS.iter().filter_map(|term| (term.new)(gpu, config, data).transpose()).collect()
+}

@@ -1,0 +1,91 @@
+//! The error of the colours: 0.8 of the mean absolute error and 0.2 of 1 - SSIM (SPEC 4). Always on.
+
+use super::term::{Logged, Part, Rendered, Shown, Term, TermKind};
+use crate::error::Result;
+use crate::gpu::{Gpu, Recording, Slice};
+use crate::stage::{Grids, Photometric, Pictures, SSIM_WEIGHT, Structure};
+use crate::train::metrics::psnr;
+use crate::train::setting::{Range, Setting, setting};
+
+pub(super) const TERM: TermKind = TermKind {
+    settings: SETTINGS,
+    logged: LOGGED,
+    buffers: |_| &[("ssim moments", 48.0), ("ssim partials", 48.0), ("ssim filtered", 48.0)],
+    new: |gpu, config, _| {
+        let (every, stride) = (config.loss.ssim_every, config.loss.ssim_stride);
+        Ok(Some(Box::new(Colors { photometric: Photometric::new(gpu, 1)?, every, stride })))
+    },
+    ..TermKind::NONE
+};
+
+const SETTINGS: &[Setting] = &[
+    setting(
+        "loss.ssim_every",
+        "steps",
+        Range::Whole(1, u64::MAX),
+        "SSIM counts in every n-th step, with n times the weight.",
+    ),
+    setting(
+        "loss.ssim_stride",
+        "pixels",
+        Range::OneOf(&[1, 2]),
+        "SSIM at every pixel (1), or at every second pixel of every second row (2).",
+    ),
+];
+
+const LOGGED: &[Logged] = &[
+    Logged { key: "l1", plot: "L1 of training images", from_zero: true },
+    Logged { key: "ssim", plot: "SSIM of training images", from_zero: false },
+    Logged { key: "psnr", plot: "", from_zero: false },
+];
+
+struct Colors {
+    photometric: Photometric,
+    /// Steps between two with SSIM.
+    every: u64,
+    stride: u32,
+}
+
+impl Colors {
+    /// Where SSIM is due.
+    fn structure(&self, shown: &Shown) -> Option<Structure> {
+        let is_due = shown.step.is_multiple_of(self.every);
+        is_due.then_some(Structure { stride: self.stride, times: self.every as f32 })
+    }
+}
+
+impl Term for Colors {
+    fn fit(&mut self, gpu: &Gpu, pixels: usize) -> Result<()> {
+        self.photometric = Photometric::new(gpu, pixels)?;
+        Ok(())
+    }
+
+    fn record(&mut self, _: &Gpu, rec: &mut Recording, shown: &Shown, on: &Rendered) -> Result<()> {
+        let pictures = Pictures {
+            image: on.image,
+            truth: on.truth,
+            d_image: on.d_image,
+            size: shown.size,
+            n_visible: shown.n_visible,
+        };
+        self.photometric.record(rec, &pictures, self.structure(shown));
+        Ok(())
+    }
+
+    fn sums(&self, _: &Shown, _: Option<&Grids>) -> Option<Slice> {
+        Some(self.photometric.sums.slice())
+    }
+
+    fn parts(&self, shown: &Shown, sums: &[f32]) -> Vec<Part> {
+        let structure = self.structure(shown);
+        let mut found = [0.0; 4];
+        found.iter_mut().zip(sums).for_each(|(found, sum)| *found = *sum);
+        let taken = structure.unwrap_or(Structure::WHOLE);
+        let [ssim, l1, mse] = Photometric::values(found, shown.n_visible, shown.size, taken);
+        let weight = f64::from(SSIM_WEIGHT);
+        let mut parts = vec![Part::error("l1", l1, 1.0 - weight)];
+        parts.extend(structure.map(|_| Part { key: "ssim", value: ssim, error: 1.0 - ssim, weight }));
+        parts.push(Part { key: "psnr", value: psnr(mse), error: 0.0, weight: 0.0 });
+        parts
+    }
+}

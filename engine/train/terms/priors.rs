@@ -1,0 +1,140 @@
+//! The errors of depth and flow against priors (SPEC 4), both in one pass over the picture.
+
+use super::term::{Logged, Part, Rendered, Shown, Term, TermData, TermKind};
+use crate::error::Result;
+use crate::gpu::generated::ViewParams;
+use crate::gpu::{Gpu, Recording, Slice};
+use crate::scene::capture::{Capture, Picture};
+use crate::stage::{DepthSpace, Grids, Outputs, PriorLoss, PriorWeights};
+use crate::train::config::Config;
+use crate::train::setting::{Range, Setting, setting};
+
+pub(super) const TERM: TermKind = TermKind {
+    settings: SETTINGS,
+    logged: LOGGED,
+    data,
+    buffers: |data| if data == TermData::NONE { &[] } else { BUFFERS },
+    new: |gpu, config, data| {
+        let loss = &config.loss;
+        let on = |is_on: bool, weight: f64| if is_on { weight } else { 0.0 };
+        let (depth, flow) = (on(data.depth, loss.depth), on(data.flow, loss.flow));
+        if data == TermData::NONE {
+            return Ok(None);
+        }
+        let scratch = PriorLoss::new(gpu, 1, loss.depth_space)?;
+        let (space, detach_alpha) = (loss.depth_space, loss.depth_detach_alpha);
+        Ok(Some(Box::new(Priors { scratch, depth, flow, space, detach_alpha })))
+    },
+};
+
+/// With what they ask of a frame.
+const BUFFERS: &[(&str, f64)] =
+    &[("image depth flow", 16.0), ("d image depth flow", 16.0), ("priors", 8.0), ("staged priors", 8.0)];
+
+const SETTINGS: &[Setting] = &[
+    setting("loss.depth", "", Range::NOT_NEGATIVE, "Weight of the depth error, where the capture has depth priors."),
+    setting(
+        "loss.depth_space",
+        "",
+        Range::Word(&["inverse", "metric"]),
+        "Whether inverse depths or depths are compared.",
+    ),
+    setting(
+        "loss.depth_detach_alpha",
+        "",
+        Range::Switch,
+        "Whether the depth error moves centres only, and leaves opacities and shapes alone.",
+    ),
+    setting("loss.flow", "", Range::NOT_NEGATIVE, "Weight of the flow error, where the capture has optical flow."),
+    setting(
+        "loss.flow_model",
+        "",
+        Range::Word(&["auto", "velocity", "displacement"]),
+        "Whether the rendered flow includes the motion of the camera; auto includes it where a camera moves.",
+    ),
+];
+
+const LOGGED: &[Logged] = &[
+    Logged { key: "depth", plot: "Error of the depth against its priors", from_zero: true },
+    Logged { key: "flow", plot: "End-point error of the flow, pixels", from_zero: true },
+];
+
+/// Pixels that a prior needs to be used: a mean over fewer would pull hard on them.
+const LEAST_PIXELS: u32 = 64;
+
+/// Those that have a weight and that any training image comes with.
+fn data(config: &Config, capture: &Capture) -> TermData {
+    let shots = || capture.cameras.iter().filter(|camera| !camera.is_test).flat_map(|camera| &camera.shots);
+    TermData {
+        depth: config.loss.depth > 0.0 && shots().any(|shot| shot.depth.is_some()),
+        flow: config.loss.flow > 0.0 && shots().any(|shot| shot.flow.is_some()),
+    }
+}
+
+struct Priors {
+    scratch: PriorLoss,
+    /// Weights; 0 of what is off.
+    depth: f64,
+    flow: f64,
+    space: DepthSpace,
+    detach_alpha: bool,
+}
+
+impl Priors {
+    /// The weights in a step; none in one without priors.
+    fn weights(&self, shown: &Shown) -> Option<PriorWeights> {
+        let used = |weight: f64, n: u32| if n >= LEAST_PIXELS { weight } else { 0.0 };
+        let depth = used(self.depth, shown.n_depth);
+        // Its unit is a pixel of the full picture.
+        let flow = f64::from(shown.reduction) * used(self.flow, shown.n_flow);
+        let weights = PriorWeights { depth, flow, n_depth: shown.n_depth, n_flow: shown.n_flow };
+        (depth > 0.0 || flow > 0.0).then_some(weights)
+    }
+}
+
+impl Term for Priors {
+    fn outputs(&self) -> Outputs {
+        Outputs::All
+    }
+
+    fn adjust(&self, view: &mut ViewParams) {
+        view.depth_to_alpha = if self.detach_alpha { 0.0 } else { 1.0 };
+    }
+
+    fn fit(&mut self, gpu: &Gpu, pixels: usize) -> Result<()> {
+        self.scratch = PriorLoss::new(gpu, pixels, self.space)?;
+        Ok(())
+    }
+
+    fn stage(&self, gpu: &Gpu, picture: &Picture, shown: &Shown) -> Result<Option<Slice>> {
+        self.weights(shown).map(|_| gpu.stage("staged priors", &picture.priors)).transpose()
+    }
+
+    fn record_upload(&self, rec: &mut Recording, staged: &Slice, shown: &Shown) {
+        let n = (shown.size[0] * shown.size[1]) as usize;
+        rec.copy(staged.clone(), self.scratch.priors.range(0, n).slice());
+    }
+
+    fn record(&mut self, _: &Gpu, rec: &mut Recording, shown: &Shown, on: &Rendered) -> Result<()> {
+        let Some((image, d_image)) = on.geometry else { return Ok(()) };
+        let n = shown.size[0] * shown.size[1];
+        match self.weights(shown) {
+            Some(weights) => self.scratch.record(rec, image, on.truth, d_image, n, &weights),
+            // What an earlier step left there would be taken for this one's.
+            None => rec.fill(d_image.range(0, n as usize).slice(), 0),
+        }
+        Ok(())
+    }
+
+    fn sums(&self, shown: &Shown, _: Option<&Grids>) -> Option<Slice> {
+        self.weights(shown).map(|_| self.scratch.sums.slice())
+    }
+
+    fn parts(&self, shown: &Shown, sums: &[f32]) -> Vec<Part> {
+        let (Some(weights), [depth, flow, ..]) = (self.weights(shown), sums) else { return Vec::new() };
+        let [depth, flow] = PriorLoss::values([*depth, *flow, 0.0, 0.0], &weights);
+        let depth = Part::error("depth", depth, weights.depth);
+        let flow = Part { key: "flow", value: flow * f64::from(shown.reduction), error: flow, weight: weights.flow };
+        [depth, flow].into_iter().filter(|part| part.weight > 0.0).collect()
+    }
+}
