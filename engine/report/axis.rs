@@ -83,9 +83,8 @@ impl Axis {
 
     /// A linear axis with ticks at whole numbers only.
     pub fn in_whole_numbers(self) -> Self {
-        let mut axis = self.with_ticks(5);
-        axis.ticks.retain(|(value, _)| value.fract() == 0.0);
-        axis
+        let [first, last] = self.span;
+        Axis::stepped(&self.label, self.span, round_step((last - first) / 5.0).max(1.0))
     }
 
     /// The values at both ends.
@@ -167,7 +166,8 @@ mod tests {
         assert!((ends[0] - 0.88).abs() < 1e-12 && (ends[1] - 3.12).abs() < 1e-12, "{ends:?}");
         let half = Axis::between("", 1.0, 3.0);
         let tenths = half.clone().with_ticks(20);
-        assert_eq!((half.ticks.len(), half.in_whole_numbers().ticks.len(), tenths.ticks.len()), (5, 3, 21));
+        assert_eq!((half.ticks.len(), half.clone().in_whole_numbers().ticks.len(), tenths.ticks.len()), (5, 3, 21));
+        assert_eq!(told(&half.in_whole_numbers())[0].1, "1");
     }
 
     #[test]
