@@ -62,7 +62,7 @@ impl Profile {
             y,
             series: vec![
                 Series { colour: Some(0), is_joined: false, marks: drawn.iter().map(circle).collect() },
-                Series { colour: None, is_joined: true, marks: roof.to_vec() },
+                Series { colour: Some(1), is_joined: true, marks: roof.to_vec() },
             ],
             notes,
             list,

@@ -32,7 +32,7 @@ impl Axis {
         let [low, high] = range(values);
         let height = if high > low { high - low } else { 1e-3 * high.abs().max(1.0) };
         let step = round_step(height / 4.0);
-        Axis::ticked(label, [(low / step).floor() * step, ((low + height) / step).ceil() * step], 4.0)
+        Axis::stepped(label, [(low / step).floor() * step, ((low + height) / step).ceil() * step], step)
     }
 
     /// A logarithmic axis with room around `values`, which are taken to be at least a factor of `least` apart; those of `ticks`
@@ -68,7 +68,10 @@ impl Axis {
     }
 
     fn ticked(label: &str, span: [f64; 2], n: f64) -> Self {
-        let step = round_step((span[1] - span[0]) / n);
+        Axis::stepped(label, span, round_step((span[1] - span[0]) / n))
+    }
+
+    fn stepped(label: &str, span: [f64; 2], step: f64) -> Self {
         let ticks = multiples(span, step).map(|value| (value, number(value, step))).collect();
         Axis { label: label.to_owned(), is_log: false, span, ticks, has_grid: true }
     }
@@ -80,9 +83,8 @@ impl Axis {
 
     /// A linear axis with ticks at whole numbers only.
     pub fn in_whole_numbers(self) -> Self {
-        let mut axis = self.with_ticks(5);
-        axis.ticks.retain(|(value, _)| value.fract() == 0.0);
-        axis
+        let [first, last] = self.span;
+        Axis::stepped(&self.label, self.span, round_step((last - first) / 5.0).max(1.0))
     }
 
     /// The values at both ends.
@@ -158,11 +160,14 @@ mod tests {
     fn ticks_are_round_numbers_within_the_axis() {
         let expected = pairs([("0.00", "0.0"), ("0.25", "0.5"), ("0.50", "1.0"), ("0.75", "1.5"), ("1.00", "2.0")]);
         assert_eq!(told(&Axis::rounded("", [0.3, 1.9])), expected);
+        assert_eq!(told(&Axis::rounded("", [14.9, 18.6])).len(), 6, "from 14 to 19");
         assert_eq!(told(&Axis::between("", 0.0, 1.2e7)).last().unwrap().1, "10M");
-        assert_eq!(Axis::around("", [1.0, 3.0], 0.1).ends(), [0.88, 3.12]);
+        let ends = Axis::around("", [1.0, 3.0], 0.1).ends();
+        assert!((ends[0] - 0.88).abs() < 1e-12 && (ends[1] - 3.12).abs() < 1e-12, "{ends:?}");
         let half = Axis::between("", 1.0, 3.0);
         let tenths = half.clone().with_ticks(20);
-        assert_eq!((half.ticks.len(), half.in_whole_numbers().ticks.len(), tenths.ticks.len()), (5, 3, 21));
+        assert_eq!((half.ticks.len(), half.clone().in_whole_numbers().ticks.len(), tenths.ticks.len()), (5, 3, 21));
+        assert_eq!(told(&half.in_whole_numbers())[0].1, "1");
     }
 
     #[test]

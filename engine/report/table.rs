@@ -69,13 +69,13 @@ impl Table {
         format!("{}| {} |\n{rows}", line(&self.heads), rule.join(" | "))
     }
 
-    /// For a terminal: indented, with columns below each other.
+    /// For a terminal: indented, with columns below each other; heads that say nothing are left out.
     pub fn plain(&self) -> String {
         let all = || [&self.heads].into_iter().chain(&self.rows);
         let width = |column: usize| all().map(|row| row[column].chars().count()).max().unwrap_or(0);
         let widths: Vec<usize> = (0..self.heads.len()).map(width).collect();
         let mut text = String::new();
-        for row in all() {
+        for row in all().filter(|row| row.iter().any(|cell| !cell.is_empty())) {
             let cells = row.iter().zip(&widths).enumerate().map(|(column, (cell, width))| {
                 let gap = if column == 0 { "" } else { "  " };
                 if column < self.n_text { format!("{gap}{cell:<width$}") } else { format!("{gap}{cell:>width$}") }
@@ -102,6 +102,7 @@ mod tests {
         let html = table.html_marked(|row| row == 1);
         assert!(html.contains("<tr><td>a|&lt;b&gt;</td><td class=\"n\">10</td>"), "{html}");
         assert!(html.contains("<tr class=\"changed\"><td>c</td>"), "{html}");
+        assert_eq!(Table::new(&["", ""], [cells(["a", "1", ""])[..2].to_vec()]).plain(), "  a  1\n");
         let text = table.clone().with_text(2);
         assert!(text.markdown().contains("| --- | --- | ---: |") && text.html().contains("<td>10</td>"));
         assert!(table.folded("more").starts_with("<details>") && Table::new(&["what"], []).folded("more").is_empty());
