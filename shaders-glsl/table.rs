@@ -89,7 +89,6 @@ pub static FAMILIES: &[Family] = &[
                 per(Count::Visible, 16.0 + s.bands(), eyes * s.sh_flops()),
             ]
         }),
-        ..ROW
     },
     // A dispatch per band: their mean over the three.
     Family {
@@ -202,7 +201,6 @@ pub static FAMILIES: &[Family] = &[
                 per(Count::Visible, moved, 700.0 + 2.0 * s.sh_flops() + steps),
             ]
         }),
-        ..ROW
     },
     Family {
         name: "fisher", file: "fisher/fisher.comp", twin: |_| "fisher::responses", axes: &[POPULATION, DEGREE], count: Count::Gaussians,
