@@ -57,7 +57,7 @@ pub struct KernelInfo {
 /// The module of a kernel that is a variant of another of its shader: of the same `Args` and `Push`.
 macro_rules! variant {
     ($name:ident of $first:ident) => {
-        #[doc = concat!("A variant of [`", stringify!($first), "`].")]
+        #[doc = concat!("A variant of [`mod@", stringify!($first), "`].")]
         pub mod $name {
             use crate::gpu::kernel::KernelInfo;
             /// What the device needs to know.
