@@ -150,6 +150,7 @@ fn a_training_is_watched_as_it_goes_and_by_another_process() {
     let serving = Serving::new(&["serve", path, "--port", "0"]);
     let state = serving.says(|_| true);
     let step = number(&state);
-    assert!(step >= number(&next) && state["step"].as_u64().is_some_and(|at| at <= step && at + 20 > step), "{state}");
+    // It was killed, perhaps after a checkpoint and before the lines of the log that belong to it.
+    assert!(step >= number(&next) && state["step"].as_u64().is_some_and(|at| at <= step && at + 20 >= step), "{state}");
     assert!(!scene(&serving, &step.to_string()).splats().unwrap().is_empty());
 }
