@@ -71,7 +71,10 @@ fn a_program_that_is_missing_is_told_before_anything_is_decoded() {
     }
     fails(&[], ["needs the program ffmpeg", "apt-get install ffmpeg"]);
     (0..2).for_each(|id| std::fs::remove_file(folder.0.join(format!("source/cam_{id}.mp4"))).unwrap());
-    // Debian's own Python is asked wherever the path leads.
+    // Flow is between two frames. Debian's own Python is asked wherever the path leads.
+    (0..2).for_each(|id| {
+        folder.write(&format!("source/cam_{id}/0001.png"), png(64, 48, 1));
+    });
     let opencv = Command::new("/usr/bin/python3").args(["-c", "import cv2, numpy"]).output();
     if !opencv.is_ok_and(|output| output.status.success()) {
         fails(&["--triangulate", "none", "--flow", "dis"], ["OpenCV", "python3-opencv"]);
