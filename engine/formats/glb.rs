@@ -5,11 +5,19 @@ use std::path::Path;
 use serde_json::{Value, json};
 
 use super::decode::level;
+use super::format::{WriteScene, Writer};
 use super::spz::SH_SIGNS;
 use crate::error::{Error, Result};
 use crate::files::write_atomic;
 use crate::scene::SH_C0;
 use crate::scene::Splats;
+
+pub(super) const WRITER: Writer = Writer {
+    name: "glb",
+    ending: Some(".glb"),
+    about: "glTF with KHR_gaussian_splatting; one moment",
+    write: WriteScene::Alone(write_glb),
+};
 
 const MAGIC: &[u8; 4] = b"glTF";
 const VERSION: u32 = 2;

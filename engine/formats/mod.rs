@@ -1,7 +1,9 @@
 //! File formats of scenes, in and out.
 
+mod clock;
 mod compressed_ply;
 mod decode;
+mod format;
 mod four_dgs;
 mod glb;
 mod import;
@@ -13,12 +15,40 @@ mod splatv;
 mod spz;
 mod spz_write;
 
-pub use four_dgs::{Clock, Contents, Ears, Encoded, FourDgs, FourDgsSummary, Grades, Sound, Sounds, World};
+pub use clock::Clock;
+pub use format::{WriteScene, Writer};
+pub use four_dgs::{Contents, Ears, Encoded, FourDgs, FourDgsSummary, Grades, Sound, Sounds, World};
 pub use glb::write_glb;
-pub use import::read_scene;
 pub use ply::{read_ply, write_ftgs, write_ply};
 pub use sog::read_sog;
 pub use splat::{read_splat, write_splat};
 pub use splatv::write_splatv;
 pub use spz::read_spz;
 pub use spz_write::{SpzVersion, write_spz};
+
+use crate::error::Result;
+use crate::scene::Splats;
+use format::Reader;
+use std::path::Path;
+
+/// The formats that scenes are read from. What content tells comes before what an ending tells.
+const READERS: &[Reader] = &[ply::READER, four_dgs::READER, spz::READER, sog::READER, splat::READER];
+
+/// The formats that scenes are written in. A `.4dgs`, alone or with the player, is written by [`FourDgs`].
+pub const WRITERS: &[Writer] = &[
+    ply::WRITER,
+    ply::FTGS_WRITER,
+    splatv::WRITER,
+    spz_write::VERSION_3,
+    spz_write::VERSION_4,
+    glb::WRITER,
+    splat::WRITER,
+];
+
+/// Reads a scene in any supported format: by content where that tells, else by its extension.
+///
+/// # Errors
+/// [`crate::error::Error::Data`] of the format's reader; for another format, one that lists what is supported.
+pub fn read_scene(path: &Path) -> Result<Splats> {
+    import::read(path, READERS)
+}

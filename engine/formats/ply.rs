@@ -3,7 +3,9 @@
 use std::io::{self, Write};
 use std::path::Path;
 
-use super::four_dgs::Clock;
+use super::clock::Clock;
+use super::compressed_ply::{is_compressed, read_compressed};
+use super::format::{Reader, WriteScene, Writer};
 use super::ply_time::{FREE_TIME, MOTION, Temporal, free_time, free_time_comments};
 use crate::error::{Error, Result};
 use crate::files::ply_header::{Element, Header};
@@ -25,11 +27,10 @@ use crate::scene::{Motion, Splats};
 /// `f_rest` has other than 0, 9, 24 or 45 entries, or the file is shorter or longer than its header says.
 pub fn read_ply(path: &Path) -> Result<Splats> {
     let (header, rows) = Rows::open(path)?;
-    read_vertices(path, &header, rows)
+    if is_compressed(&header) { read_compressed(path, &header, rows) } else { read_vertices(path, &header, rows) }
 }
 
-/// The rest of [`read_ply`], once the header is known.
-pub(super) fn read_vertices(path: &Path, header: &Header, mut rows: Rows) -> Result<Splats> {
+fn read_vertices(path: &Path, header: &Header, mut rows: Rows) -> Result<Splats> {
     let Some(vertex) = header.element("vertex") else {
         let remedy = "give a Gaussian splatting scene";
         return Err(Error::data(path, "header", "has no element `vertex`", remedy));
@@ -133,6 +134,25 @@ impl Layout {
         Ok(())
     }
 }
+
+pub(super) const READER: Reader = Reader {
+    what: "a 3DGS, FreeTimeGS, Spacetime Gaussians or PlayCanvas compressed PLY",
+    knows: |start| start.bytes == b"ply\n" || start.bytes == b"ply\r",
+    read: read_ply,
+};
+
+pub(super) const WRITER: Writer = Writer {
+    name: "ply",
+    ending: Some(".ply"),
+    about: "3DGS's, with the motion of dynamic Gaussians",
+    write: WriteScene::Alone(write_ply),
+};
+pub(super) const FTGS_WRITER: Writer = Writer {
+    name: "ftgs",
+    ending: Some(".ftgs.ply"),
+    about: "FreeTimeGS's PLY",
+    write: WriteScene::WithClip(|path, splats, clock, _| write_ftgs(path, splats, clock)),
+};
 
 /// Writes a scene as a binary little-endian PLY in 3DGS's property order, rows in the order of `source_row` (ties: the
 /// lower index first). The temporal properties follow when any Gaussian is dynamic; a static one then has velocity 0,

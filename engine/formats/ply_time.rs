@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use super::four_dgs::Clock;
+use super::clock::Clock;
 use crate::error::{Error, Result};
 use crate::files::ply_header::{Element, Header};
 use crate::files::ply_rows::Column;

@@ -9,6 +9,7 @@ use image::{DynamicImage, ImageDecoder, RgbaImage};
 use serde::Deserialize;
 
 use super::decode::{complete_quaternion, logit_of_byte};
+use super::format::{Reader, Start};
 use crate::error::{Error, Result};
 use crate::files::archive::Archive;
 use crate::files::{cannot_read, open_file, read_bytes};
@@ -21,7 +22,10 @@ const MAX_META_BYTES: u64 = 1 << 20;
 /// Palette entries of spherical harmonics in a row of their image.
 const PALETTE_COLUMNS: usize = 64;
 /// What a zip archive begins with.
-pub(super) const ZIP: &[u8] = b"PK\x03\x04";
+const ZIP: &[u8] = b"PK\x03\x04";
+pub(super) const READER: Reader =
+    Reader { what: "a SOG scene (version 2): a .sog, or its folder or meta.json", knows: is_sog, read: read_any };
+
 const REMEDY: &str = "the scene is damaged: copy or export it again";
 
 #[derive(Deserialize)]
@@ -60,6 +64,14 @@ struct Palette {
     bands: u32,
     codebook: Vec<f32>,
     files: [String; 2],
+}
+
+fn is_sog(start: &Start) -> bool {
+    start.bytes == ZIP || start.path.is_dir() || start.ends_in("json")
+}
+
+fn read_any(path: &Path) -> Result<Splats> {
+    if path.is_dir() { read_sog(&path.join("meta.json")) } else { read_sog(path) }
 }
 
 /// Reads a SOG scene of version 2 from its `meta.json`, beside which the images lie, or from a bundle of them, a zip archive

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use super::decode::{byte_of_logit, level, logit_of_byte};
+use super::format::{Reader, WriteScene, Writer};
 use crate::error::{Error, Result};
 use crate::files::{read_bytes, write_atomic};
 use crate::scene::Splats;
@@ -39,6 +40,15 @@ pub fn read_splat(path: &Path) -> Result<Splats> {
     }
     Ok(splats)
 }
+
+pub(super) const READER: Reader = Reader { what: "a .splat", knows: |start| start.ends_in("splat"), read: read_splat };
+
+pub(super) const WRITER: Writer = Writer {
+    name: "splat",
+    ending: Some(".splat"),
+    about: "antimatter15's, without view dependence; one moment",
+    write: WriteScene::Alone(write_splat),
+};
 
 /// Writes static Gaussians as a `.splat` file, in the order of `source_row`; what depends on the direction is lost.
 /// Gaussians with a parameter that is not finite, which are never drawn, are left out.

@@ -6,11 +6,19 @@ use exr::prelude::f16;
 use serde_json::json;
 
 use super::decode::{byte_of_logit, level};
+use super::format::{WriteScene, Writer};
 use crate::error::{Error, Result};
 use crate::files::write_atomic;
 use crate::scene::SH_C0;
 use crate::scene::View;
 use crate::scene::{Motion, Splats};
+
+pub(super) const WRITER: Writer = Writer {
+    name: "splatv",
+    ending: Some(".splatv"),
+    about: "antimatter15's of dynamic scenes, without view dependence",
+    write: WriteScene::WithClip(|path, splats, _, views| write_splatv(path, splats, views)),
+};
 
 /// First word of a file.
 const MAGIC: u32 = 0x674b;

@@ -9,6 +9,7 @@ use flate2::bufread::GzDecoder;
 use ruzstd::decoding::StreamingDecoder;
 
 use super::decode::{complete_quaternion, logit_of_byte};
+use super::format::Reader;
 use crate::error::{Error, Result};
 use crate::files::read_bytes;
 use crate::scene::Splats;
@@ -16,7 +17,13 @@ use crate::scene::Splats;
 /// First bytes of the header, in every version.
 pub(super) const MAGIC: [u8; 4] = *b"NGSP";
 /// First bytes of a gzip stream.
-pub(super) const GZIP: [u8; 2] = [0x1f, 0x8b];
+const GZIP: [u8; 2] = [0x1f, 0x8b];
+pub(super) const READER: Reader = Reader {
+    what: "an SPZ (version 2 to 4)",
+    knows: |start| start.bytes == MAGIC || start.bytes.starts_with(&GZIP),
+    read: read_spz,
+};
+
 const HEADER_BYTES: usize = 16;
 pub(super) const HEADER_BYTES_V4: usize = 32;
 /// Trained with opacity compensation; it does not change how the file is read.

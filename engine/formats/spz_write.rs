@@ -7,10 +7,24 @@ use flate2::{Compression, write::GzEncoder};
 use ruzstd::encoding::{CompressionLevel, compress_to_vec};
 
 use super::decode::{byte_of_logit, level};
+use super::format::{WriteScene, Writer};
 use super::spz::{COLOR_SCALE, HEADER_BYTES_V4, MAGIC, SH_SIGNS};
 use crate::error::{Error, Result};
 use crate::files::write_atomic;
 use crate::scene::Splats;
+
+pub(super) const VERSION_3: Writer = Writer {
+    name: "spz",
+    ending: Some(".spz"),
+    about: "Niantic's, version 3; one moment",
+    write: WriteScene::Alone(|path, splats| write_spz(path, splats, SpzVersion::V3)),
+};
+pub(super) const VERSION_4: Writer = Writer {
+    name: "spz4",
+    ending: None,
+    about: "Niantic's, version 4; one moment",
+    write: WriteScene::Alone(|path, splats| write_spz(path, splats, SpzVersion::V4)),
+};
 
 /// Positions are signed integers of so many bits, less the sign.
 const POSITION_BITS: i32 = 23;

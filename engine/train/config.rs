@@ -1,124 +1,121 @@
 //! All numbers of a training run, with their defaults (SPEC 6).
 
-use crate::settings::Knobs;
+use crate::settings::{Knobs, Range, Setting, settings};
 use crate::stage::{Accumulation, AdamMode, DepthSpace};
+use std::ops::Bound;
 use std::path::PathBuf;
 
-/// A training run. Everything but the capture; two runs with equal settings on one machine give equal bits.
-#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct Config {
-    /// Passes over all training images.
-    pub epochs: u32,
-    /// Steps, instead of what the epochs give; 0 leaves it to them.
-    pub steps: u64,
-    /// Seed of the images' order, the initial points and density control.
-    pub seed: u64,
-    /// Highest degree of the spherical harmonics, 0 to 3; it grows by one every thirtieth of the run.
-    pub sh_degree: u32,
-    /// Gaussians never exceed this.
-    pub max_gaussians: usize,
-    /// Where the first Gaussians come from.
-    pub init: Init,
-    /// Most Gaussians from surfaces that the pictures show, or at random places; one for each 16 pixels of a frame's training
-    /// pictures at most. Where the capture has more points, as many as it has.
-    pub init_points: usize,
-    /// Gaussians from the hull of one frame.
-    pub init_moving_points: usize,
-    /// Opacity of Gaussians that begin on surfaces found in the pictures.
-    pub init_opacity: f64,
-    /// Tau of Gaussians from hulls, in times between two hulls.
-    pub init_tau: f64,
-    /// `flow`: a point moves if the flow at it exceeds this in two views, or its only one; `any_view`: in any view; pixels per
-    /// frame.
-    pub init_flow_threshold: f64,
-    /// `flow` and `concat`: tau of points that belong to their frame, in frames.
-    pub init_point_tau: f64,
-    /// `flow`: tau of points that stand still, in clips: what stands still at first may move later. 0 makes them static Gaussians,
-    /// which never move or fade.
-    pub init_static_tau: f64,
-    /// Colour behind the scene.
-    pub background: [f32; 3],
-    /// Weights and forms of the loss's terms.
-    pub loss: Loss,
-    /// Whether the cameras' time offsets are learnt (SPEC 2).
-    pub offsets: bool,
-    /// Whether each camera has a bilateral grid of colour maps (SPEC 7).
-    pub grids: bool,
-    /// Learning rates.
-    pub lr: LearningRates,
-    /// Which Gaussians take a step: `dense` (all; the reference), `lazy` (those in view catch up first), `sparse`.
-    pub adam: AdamMode,
-    /// Bits of each of Adam's two moments of a number of a Gaussian: 32, or 16, rounded at random so that their means stay
-    /// right: half the memory and traffic of the moments. The step itself is computed in 32.
-    pub moment_bits: u32,
-    /// How gradients are added up: `slots`, `fixed_point`, `float_atomics`, `compare_exchange`.
-    pub accumulation: Accumulation,
-    /// Where Gaussians are added and removed.
-    pub density: Density,
-    /// Whether the first part of the run sees smaller pictures.
-    pub resolution: Resolution,
-    /// How the frames of the run are computed; what is scored, and what others render of its scene, is exact.
-    pub frame: Knobs,
-    /// The preset that the settings began from.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub preset: Option<PresetId>,
-    /// What is kept of the model: everything, or only what the scene requires.
-    pub required: Required,
+/// The most Gaussians that a run is asked to begin with.
+const MOST_POINTS: u64 = 50_000_000;
+
+/// All settings of a run, by group.
+pub fn all_settings() -> impl Iterator<Item = &'static Setting> + Clone {
+    let groups = [
+        Config::SETTINGS,
+        Loss::SETTINGS,
+        LearningRates::SETTINGS,
+        Pace::SETTINGS,
+        Density::SETTINGS,
+        Resolution::SETTINGS,
+        Knobs::SETTINGS,
+        Required::SETTINGS,
+    ];
+    groups.into_iter().flatten()
 }
 
-/// Reviews of what the scene requires (SPEC 12). Without any, all that the settings ask for is modelled.
-#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct Required {
-    /// How often the Gaussians are reviewed; 0 for a model of everything.
-    pub reviews: u32,
-    /// First review, as a fraction of the run.
-    pub first: f64,
-    /// Last review, as a fraction of the run.
-    pub last: f64,
-    /// Training images that a review looks at, at most: it chooses them so that Gaussians are seen, and ends when enough are.
-    pub images: usize,
-    /// Share of the Gaussians that may have been seen in too few of these images to be judged; they stay as they are.
-    pub unseen: f64,
-    /// What a number must be worth at most, in units of half the logarithm of the number of observations (Schwarz 1978).
-    pub price: f64,
-    /// PSNR of the training images that the reviews together may cost at the moment when they happen, dB; the price is lowered
-    /// to that.
-    pub margin: f64,
-    /// Cameras get bilateral grids, where [`Config::grids`] allows any, after this fraction of the run, and only those that
-    /// need one.
-    pub grids_at: f64,
-}
-
-impl Default for Required {
-    fn default() -> Self {
-        Required {
-            reviews: 0,
-            first: 0.6,
-            last: 0.8,
-            images: 128,
-            unseen: 0.02,
-            price: 1.0,
-            margin: 0.05,
-            grids_at: 0.3,
-        }
+settings! {
+    /// A training run. Everything but the capture; two runs with equal settings on one machine give equal bits.
+    pub struct Config in "" {
+        /// Passes over all training images. Used unless steps is set.
+        epochs: u32 = 30, "passes", Range::Whole(0, u32::MAX as u64);
+        /// Length of the run; 0 takes the length from epochs.
+        steps: u64 = 0, "steps", Range::Whole(0, u64::MAX);
+        /// Seed of the image order, the random points and density control.
+        seed: u64 = 42, "", Range::Whole(0, u64::MAX);
+        /// Highest degree of the spherical harmonics: how finely colours depend on the direction of view.
+        sh_degree: u32 = 3, "", Range::Whole(0, 3);
+        /// The number of Gaussians never exceeds this.
+        max_gaussians: usize = 500_000, "Gaussians", Range::COUNT;
+        /// Where the first Gaussians come from.
+        init: Init = Init::Auto, "",
+            Range::Word(&["auto", "flow", "any_view", "concat", "points", "hull", "frustum", "random"]);
+        /// Most Gaussians from the surfaces that the images show; as many as the capture has points where those are more.
+        init_points: usize = 20_000, "Gaussians", Range::Whole(1, MOST_POINTS);
+        /// Gaussians from the visual hull of one frame.
+        init_moving_points: usize = 1500, "Gaussians", Range::Whole(1, MOST_POINTS);
+        /// Opacity of Gaussians that begin on surfaces found in the images.
+        init_opacity: f64 = 0.5, "", Range::OPACITY;
+        /// How long Gaussians from a hull are visible.
+        init_tau: f64 = 0.7, "hull intervals", Range::POSITIVE;
+        /// A point with more flow than this moves.
+        init_flow_threshold: f64 = 0.1, "pixels per frame", Range::NOT_NEGATIVE;
+        /// How long Gaussians from the points of one frame are visible.
+        init_point_tau: f64 = 2.0, "frames", Range::POSITIVE;
+        /// How long points at rest are visible with init=flow; 0 makes them static for good.
+        init_static_tau: f64 = 10.0, "clips", Range::NOT_NEGATIVE;
+        /// Colour behind the scene.
+        background: [f32; 3] = [0.0; 3], "", Range::Colour;
+        /// Whether the time offsets of the cameras are learnt.
+        offsets: bool = true, "", Range::Switch;
+        /// Whether each camera has a bilateral grid that corrects its colours.
+        grids: bool = true, "", Range::Switch;
+        /// Which Gaussians take a step: all, those in view after catching up, or those in view alone.
+        adam: AdamMode = AdamMode::default(), "", Range::Word(&["dense", "lazy", "sparse"]);
+        /// Size of each of Adam's moments in memory.
+        moment_bits: u32 = 32, "bits", Range::OneOf(&[16, 32]);
+        /// How gradients are added up. Slots and fixed_point give the same bits in every run.
+        accumulation: Accumulation = Accumulation::default(), "",
+            Range::Word(&["slots", "float_atomics", "fixed_point", "compare_exchange"]);
+    } with {
+        /// Weights and forms of the terms of the loss.
+        loss: Loss,
+        /// Learning rates.
+        lr: LearningRates,
+        /// Where Gaussians are added and removed.
+        density: Density,
+        /// Whether the first part of the run sees smaller images.
+        resolution: Resolution,
+        /// How the frames of the run are computed. What is scored, and what others render of its scene, is exact.
+        frame: Knobs,
+        /// What is kept of the model: everything, or only what the scene requires.
+        required: Required,
+        /// The preset that the settings began from.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        preset: Option<PresetId>,
     }
 }
 
-/// A run may begin with reduced pictures, on which a step costs less: coarse to fine.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct Resolution {
-    /// Each pixel is the mean of `reduction` x `reduction`; 1 leaves pictures as they are.
-    pub reduction: u32,
-    /// The fraction of the run that sees them.
-    pub until: f64,
+settings! {
+    /// Reviews of what the scene requires (SPEC 12). Without any, all that the settings ask for is modelled.
+    pub struct Required in "required." {
+        /// How often Gaussians are reduced to what the images need; 0 never reduces them.
+        reviews: u32 = 0, "reviews", Range::Whole(0, u32::MAX as u64);
+        /// When the first review takes place.
+        first: f64 = 0.6, "of the run", Range::SHARE;
+        /// When the last review takes place.
+        last: f64 = 0.8, "of the run", Range::BELOW_ONE;
+        /// Training images that a review looks at, at most.
+        images: usize = 128, "images", Range::COUNT;
+        /// Share of the Gaussians that a review may leave unjudged because too few images show them.
+        unseen: f64 = 0.02, "of the Gaussians", Range::SHARE;
+        /// What a number must be worth to stay, in half logarithms of the number of observations.
+        price: f64 = 1.0, "", Range::POSITIVE;
+        /// PSNR that all reviews together may cost when they take place.
+        margin: f64 = 0.05, "dB", Range::POSITIVE;
+        /// When it is decided which cameras need a bilateral grid.
+        grids_at: f64 = 0.3, "of the run", Range::BELOW_ONE;
+    }
 }
 
-impl Default for Resolution {
-    fn default() -> Self {
-        Resolution { reduction: 1, until: 0.5 }
+settings! {
+    /// A run may begin with reduced images, on which a step costs less: coarse to fine. A pixel is then the mean of
+    /// `reduction` x `reduction`.
+    #[derive(Copy)]
+    pub struct Resolution in "resolution." {
+        /// The run begins on images reduced by this factor; 1 leaves them whole.
+        reduction: u32 = 1, "pixels", Range::Whole(1, 8);
+        /// How long the run sees reduced images.
+        until: f64 = 0.5, "of the run", Range::SHARE;
     }
 }
 
@@ -129,37 +126,37 @@ impl Resolution {
     }
 }
 
-/// The terms of the loss beside the photometric one, whose weight is 1 (SPEC 4). A term of weight 0, or without data,
-/// costs nothing.
-#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct Loss {
-    /// Weight of the mean error of the depth, where the capture has priors of it.
-    pub depth: f64,
-    /// The space in which depths are compared.
-    pub depth_space: DepthSpace,
-    /// Keeps the depth's error from changing opacities and shapes: it moves centres along the view alone.
-    pub depth_detach_alpha: bool,
-    /// Weight of the mean end-point error of the flow, pixels per frame.
-    pub flow: f64,
-    /// What the rendered flow is.
-    pub flow_model: FlowChoice,
-    /// Weight of the sum of the squared time offsets, frames.
-    pub offset: f64,
-    /// Weight of the total variation of the camera's bilateral grid.
-    pub grid_variation: f64,
-    /// SSIM in every n-th step alone, with n times the weight; the others have the absolute error.
-    pub ssim_every: u64,
-    /// SSIM at every pixel (1), or at every second of every second row with four times the weight (2).
-    pub ssim_stride: u32,
-    /// Weight of LPIPS, where there are [`Loss::lpips_weights`].
-    pub lpips: f64,
-    /// The weights of its trunk, as `tools/lpips_weights.py` writes them.
-    pub lpips_weights: Option<PathBuf>,
-    /// LPIPS of a square of this side alone, elsewhere in each step, pixels; 0 for the whole picture.
-    pub lpips_crop: u32,
-    /// LPIPS in every n-th step alone, with n times the weight.
-    pub lpips_every: u64,
+settings! {
+    /// The terms of the loss beside the photometric one, whose weight is 1 (SPEC 4). A term of weight 0, or without data,
+    /// costs nothing.
+    pub struct Loss in "loss." {
+        /// Weight of the depth error, where the capture has depth priors.
+        depth: f64 = 1.0, "", Range::NOT_NEGATIVE;
+        /// Whether inverse depths or depths are compared.
+        depth_space: DepthSpace = DepthSpace::Inverse, "", Range::Word(&["inverse", "metric"]);
+        /// Whether the depth error moves centres only, and leaves opacities and shapes alone.
+        depth_detach_alpha: bool = false, "", Range::Switch;
+        /// Weight of the flow error, where the capture has optical flow.
+        flow: f64 = 0.1, "", Range::NOT_NEGATIVE;
+        /// Whether the rendered flow includes the motion of the camera; auto includes it where a camera moves.
+        flow_model: FlowChoice = FlowChoice::Auto, "", Range::Word(&["auto", "velocity", "displacement"]);
+        /// Weight of the squared time offsets.
+        offset: f64 = 1e-4, "", Range::NOT_NEGATIVE;
+        /// Weight of the total variation of the bilateral grids.
+        grid_variation: f64 = 10.0, "", Range::NOT_NEGATIVE;
+        /// SSIM counts in every n-th step, with n times the weight.
+        ssim_every: u64 = 1, "steps", Range::Whole(1, u64::MAX);
+        /// SSIM at every pixel (1), or at every second pixel of every second row (2).
+        ssim_stride: u32 = 1, "pixels", Range::OneOf(&[1, 2]);
+        /// Weight of LPIPS, where loss.lpips_weights names a file.
+        lpips: f64 = 0.1, "", Range::NOT_NEGATIVE;
+        /// The weights of LPIPS, as tools/lpips_weights.py writes them.
+        lpips_weights: Option<PathBuf> = None, "", Range::Path;
+        /// Side of the square that LPIPS looks at; 0 for the whole image.
+        lpips_crop: u32 = 0, "pixels", Range::Whole(0, u32::MAX as u64);
+        /// LPIPS counts in every n-th step, with n times the weight.
+        lpips_every: u64 = 1, "steps", Range::Whole(1, u64::MAX);
+    }
 }
 
 /// What the rendered flow is, see [`crate::scene::FlowModel`].
@@ -173,26 +170,6 @@ pub enum FlowChoice {
     Velocity,
     /// The displacement, by the camera's motion too.
     Displacement,
-}
-
-impl Default for Loss {
-    fn default() -> Self {
-        Loss {
-            depth: 1.0,
-            depth_space: DepthSpace::Inverse,
-            depth_detach_alpha: false,
-            flow: 0.1,
-            flow_model: FlowChoice::Auto,
-            offset: 1e-4,
-            grid_variation: 10.0,
-            ssim_every: 1,
-            ssim_stride: 1,
-            lpips: 0.1,
-            lpips_weights: None,
-            lpips_crop: 0,
-            lpips_every: 1,
-        }
-    }
 }
 
 /// Where the first Gaussians come from.
@@ -246,49 +223,46 @@ pub enum Strategy {
     Mcmc,
 }
 
-/// Density control (SPEC 6), over the training times.
-#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct Density {
-    /// How Gaussians are added and removed.
-    pub strategy: Strategy,
-    /// First step, as a fraction of the run, and at most [`Density::first_step`].
-    pub start: f64,
-    /// First step at the latest.
-    pub first_step: u64,
-    /// Last step that adds any, as a fraction of the run; 0 for no density control.
-    pub stop: f64,
-    /// Steps between two rounds, at most. A shorter run has ten rounds that grow, but none sooner than eight steps after another.
-    pub every: u64,
-    /// `adc`: mean norm of the projected centre's gradient, in half pictures, above which a Gaussian grows.
-    pub gradient: f32,
-    /// `adc`: a round adds at most this fraction of the Gaussians, those that are pulled hardest: in short runs, far
-    /// from convergence, almost all are.
-    pub growth: f64,
-    /// `adc`: a round may add this many even where they are more than that fraction: a capture may begin with few points.
-    pub growth_least: u64,
-    /// `adc`: standard deviation, in units of the extent, above which a Gaussian is split and below which it is cloned.
-    pub split_above: f32,
-    /// Opacity, the largest over the training times, below which a Gaussian is removed (`adc`) or relocated (`mcmc`).
-    pub prune_opacity: f32,
-    /// `adc`: standard deviation, in units of the extent, above which a Gaussian is removed as long as others are added.
-    pub prune_scale: f32,
-    /// Standard deviation, as a part of its depth before the lens of a training camera or of a view that `--viewpoints` names,
-    /// above which a Gaussian is removed (`adc`) or relocated (`mcmc`): it would veil what is seen from there. Beside the cone
-    /// that the lens sees, twice the distance to it counts as depth.
-    pub prune_veil: f32,
-    /// `adc`: steps between two resets of the opacities.
-    pub reset_every: u64,
-    /// Opacity that a reset leaves at most; far enough above alpha_min that small Gaussians keep a gradient.
-    pub reset_to: f32,
-    /// `mcmc`: a round adds this fraction of the Gaussians, until there are [`Config::max_gaussians`].
-    pub mcmc_growth: f64,
-    /// `mcmc`: size of the noise, in units of the positions' learning rate.
-    pub mcmc_noise: f64,
-    /// `mcmc`: weight of the mean opacity in the loss.
-    pub opacity_reg: f64,
-    /// `mcmc`: weight of the mean standard deviation in the loss, per scene unit.
-    pub scale_reg: f64,
+settings! {
+    /// Density control (SPEC 6), over the training times.
+    pub struct Density in "density." {
+        /// How Gaussians are added and removed: as in 3DGS, or as in 3DGS-MCMC.
+        strategy: Strategy = Strategy::Adc, "", Range::Word(&["adc", "mcmc"]);
+        /// When density control begins, unless density.first_step comes first.
+        start: f64 = 0.1, "of the run", Range::SHARE;
+        /// Density control begins at this step at the latest.
+        first_step: u64 = 500, "steps", Range::Whole(0, u64::MAX);
+        /// When the last Gaussians are added; 0 turns density control off.
+        stop: f64 = 0.5, "of the run", Range::SHARE;
+        /// Steps between two rounds, at most. Short runs have ten rounds that add, but at least eight steps apart.
+        every: u64 = 100, "steps", Range::Whole(1, u64::MAX);
+        /// adc: mean gradient of a projected centre above which a Gaussian is cloned or split.
+        gradient: f32 = 2e-4, "half images", Range::NOT_NEGATIVE;
+        /// adc: share of the Gaussians that one round may add.
+        growth: f64 = 0.05, "of the Gaussians", Range::SHARE;
+        /// adc: Gaussians that one round may add, however few there are.
+        growth_least: u64 = 1000, "Gaussians", Range::Whole(0, u64::MAX);
+        /// adc: a growing Gaussian larger than this is split, a smaller one is cloned.
+        split_above: f32 = 0.01, "scene extents", Range::POSITIVE;
+        /// Gaussians that are never more opaque than this are removed (adc) or moved elsewhere (mcmc).
+        prune_opacity: f32 = 0.005, "", Range::BELOW_ONE;
+        /// adc: Gaussians larger than this are removed while others are added.
+        prune_scale: f32 = 0.5, "scene extents", Range::POSITIVE;
+        /// Gaussians larger than this share of their distance to a lens are removed (adc) or moved elsewhere (mcmc).
+        prune_veil: f32 = 0.33, "depths", Range::POSITIVE;
+        /// adc: steps between two resets of the opacities; 0 never resets.
+        reset_every: u64 = 3000, "steps", Range::Whole(0, u64::MAX);
+        /// adc: a reset lowers opacities to this.
+        reset_to: f32 = 0.05, "", Range::OPACITY;
+        /// mcmc: share of the Gaussians that one round adds, up to max_gaussians.
+        mcmc_growth: f64 = 0.05, "of the Gaussians", Range::SHARE;
+        /// mcmc: size of the random movement of faint Gaussians.
+        mcmc_noise: f64 = 5e5, "position rates", Range::NOT_NEGATIVE;
+        /// mcmc: weight of the mean opacity in the loss.
+        opacity_reg: f64 = 0.01, "", Range::NOT_NEGATIVE;
+        /// mcmc: weight of the mean size in the loss.
+        scale_reg: f64 = 0.01, "per scene unit", Range::NOT_NEGATIVE;
+    }
 }
 
 /// A learning rate that goes from `start` to `end` exponentially over the run; a number stands for both.
@@ -312,7 +286,7 @@ enum RateForm {
 impl From<RateForm> for Rate {
     fn from(form: RateForm) -> Self {
         match form {
-            RateForm::Constant(rate) => Rate { start: rate, end: rate },
+            RateForm::Constant(rate) => Rate::constant(rate),
             RateForm::Decay { start, end } => Rate { start, end },
         }
     }
@@ -326,32 +300,32 @@ impl Config {
 }
 
 impl Rate {
+    /// The same rate throughout.
+    pub const fn constant(rate: f64) -> Rate {
+        Rate { start: rate, end: rate }
+    }
+
     /// The rate when `done`, from 0 to 1, of the run is done.
     pub fn at(&self, done: f64) -> f64 {
         if self.start == self.end { self.start } else { self.start * (self.end / self.start).powf(done) }
     }
 }
 
-/// How learning rates follow the length of a run: they are written down for [`Pace::steps`] steps, and a shorter run, which
-/// has less time to get as far, takes larger ones. A longer run takes them as they are.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct Pace {
-    /// Steps of the run that the rates are written down for; 0 for rates that are the same in every run.
-    pub steps: u64,
-    /// A run of n steps begins with (steps / n)^start times the rates.
-    pub start: f64,
-    /// Steps from which on a run ends with the rates as they are: it has had the time to settle.
-    pub settled: u64,
-    /// A shorter one ends with (settled / n)^end times the rates.
-    pub end: f64,
-    /// They are never more than this many times what is written.
-    pub most: f64,
-}
-
-impl Default for Pace {
-    fn default() -> Self {
-        Pace { steps: 30_000, start: 0.55, settled: 3000, end: 0.6, most: 16.0 }
+settings! {
+    /// How learning rates follow the length of a run: they are given for [`Pace::steps`] steps, and a shorter run, which
+    /// has less time to get as far, takes larger ones. A longer run takes them as they are.
+    #[derive(Copy)]
+    pub struct Pace in "lr.pace." {
+        /// Length of the run that the learning rates are given for; 0 uses the same rates in every run.
+        steps: u64 = 30_000, "steps", Range::Whole(0, u64::MAX);
+        /// A run of n steps begins with (lr.pace.steps / n)^start times the rates.
+        start: f64 = 0.55, "", Range::SHARE;
+        /// Steps from which on a run ends with the rates as they are.
+        settled: u64 = 3000, "steps", Range::Whole(0, u64::MAX);
+        /// A shorter run ends with (lr.pace.settled / n)^end times the rates.
+        end: f64 = 0.6, "", Range::SHARE;
+        /// The rates are raised at most by this factor.
+        most: f64 = 16.0, "", Range::Number(Bound::Included(1.0), Bound::Included(100.0));
     }
 }
 
@@ -367,111 +341,35 @@ impl Pace {
     }
 }
 
-/// Learning rates by kind of parameter, as they are in a run of [`Pace::steps`] steps.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct LearningRates {
-    /// How much larger they are in a shorter run.
-    pub pace: Pace,
-    /// Of positions, in units of the scene's extent.
-    pub position: Rate,
-    /// Of the constant band.
-    pub sh0: Rate,
-    /// Of the higher bands.
-    pub sh_rest: Rate,
-    /// Of opacity logits.
-    pub opacity: Rate,
-    /// Of log-scales.
-    pub scale: Rate,
-    /// Of quaternions.
-    pub rotation: Rate,
-    /// Of velocities, scene units per unit of time.
-    pub velocity: Rate,
-    /// Of times of peak visibility.
-    pub t_center: Rate,
-    /// Of log tau.
-    pub t_scale: Rate,
-    /// Of the cameras' time offsets, frames.
-    pub offset: Rate,
-    /// Of the bilateral grids.
-    pub grid: Rate,
-}
-
-impl Default for LearningRates {
-    fn default() -> Self {
-        let constant = |rate: f64| Rate { start: rate, end: rate };
-        LearningRates {
-            pace: Pace::default(),
-            position: Rate { start: 1.6e-4, end: 1.6e-6 },
-            sh0: constant(2.5e-3),
-            sh_rest: constant(1.25e-4),
-            opacity: constant(2.5e-2),
-            scale: constant(5e-3),
-            rotation: constant(1e-3),
-            velocity: constant(2e-3),
-            t_center: constant(1e-5),
-            t_scale: constant(3e-2),
-            offset: constant(1e-3),
-            grid: constant(2e-3),
-        }
-    }
-}
-
-impl Default for Config {
-    fn default() -> Self {
-        Config {
-            epochs: 30,
-            steps: 0,
-            seed: 42,
-            sh_degree: 3,
-            max_gaussians: 500_000,
-            init: Init::Auto,
-            init_points: 20_000,
-            init_moving_points: 1500,
-            init_opacity: 0.5,
-            init_tau: 0.7,
-            init_flow_threshold: 0.1,
-            init_point_tau: 2.0,
-            init_static_tau: 10.0,
-            background: [0.0; 3],
-            loss: Loss::default(),
-            offsets: true,
-            grids: true,
-            lr: LearningRates::default(),
-            adam: AdamMode::default(),
-            moment_bits: 32,
-            accumulation: Accumulation::default(),
-            density: Density::default(),
-            required: Required::default(),
-            resolution: Resolution::default(),
-            frame: Knobs::default(),
-            preset: None,
-        }
-    }
-}
-
-impl Default for Density {
-    fn default() -> Self {
-        Density {
-            strategy: Strategy::Adc,
-            start: 0.1,
-            first_step: 500,
-            stop: 0.5,
-            every: 100,
-            gradient: 2e-4,
-            growth: 0.05,
-            growth_least: 1000,
-            split_above: 0.01,
-            prune_opacity: 0.005,
-            prune_scale: 0.5,
-            prune_veil: 0.33,
-            reset_every: 3000,
-            reset_to: 0.05,
-            mcmc_growth: 0.05,
-            mcmc_noise: 5e5,
-            opacity_reg: 0.01,
-            scale_reg: 0.01,
-        }
+settings! {
+    /// Learning rates by kind of parameter, as they are in a run of [`Pace::steps`] steps.
+    #[derive(Copy)]
+    pub struct LearningRates in "lr." {
+        /// Learning rate of positions.
+        position: Rate = Rate { start: 1.6e-4, end: 1.6e-6 }, "scene extents", Range::Rate;
+        /// Learning rate of the constant colour.
+        sh0: Rate = Rate::constant(2.5e-3), "", Range::Rate;
+        /// Learning rate of the higher spherical harmonics.
+        sh_rest: Rate = Rate::constant(1.25e-4), "", Range::Rate;
+        /// Learning rate of opacities, as logits.
+        opacity: Rate = Rate::constant(2.5e-2), "", Range::Rate;
+        /// Learning rate of scales, as logarithms.
+        scale: Rate = Rate::constant(5e-3), "", Range::Rate;
+        /// Learning rate of rotations, as quaternions.
+        rotation: Rate = Rate::constant(1e-3), "", Range::Rate;
+        /// Learning rate of velocities.
+        velocity: Rate = Rate::constant(2e-3), "scene units per clip", Range::Rate;
+        /// Learning rate of the times of peak visibility.
+        t_center: Rate = Rate::constant(1e-5), "clips", Range::Rate;
+        /// Learning rate of how long Gaussians are visible, as logarithms.
+        t_scale: Rate = Rate::constant(3e-2), "", Range::Rate;
+        /// Learning rate of the cameras' time offsets.
+        offset: Rate = Rate::constant(1e-3), "frames", Range::Rate;
+        /// Learning rate of the bilateral grids.
+        grid: Rate = Rate::constant(2e-3), "", Range::Rate;
+    } with {
+        /// How much larger they are in a shorter run.
+        pace: Pace,
     }
 }
 

@@ -20,8 +20,6 @@ mod require;
 mod run;
 mod schedule;
 mod session;
-mod setting;
-mod setting_table;
 mod settings_check;
 mod setup;
 mod terms;
@@ -30,7 +28,8 @@ mod trainer;
 pub use align::ColorMap;
 pub use checkpoint::{CameraState, Checkpoint, Owed};
 pub use config::{
-    Config, Density, FlowChoice, Init, LearningRates, Loss, Pace, PresetId, Rate, Required, Resolution, Round, Strategy,
+    Config, Density, FlowChoice, Init, LearningRates, Loss, Pace, PresetId, Rate, Required, Resolution, Round,
+    Strategy, all_settings,
 };
 pub use density::{density_round, noise, regularisers};
 pub use depth_fit::{DepthFit, DepthFits, DepthSummary, Unfit, fit_depths};
@@ -51,9 +50,7 @@ pub use require::{
 pub use run::{CaptureSummary, Run};
 pub use schedule::rates;
 pub use session::{Event, Notice, Phase, Priors, Session, SessionOptions, Watch, training_order};
-pub use setting::{Range, Setting};
-pub use setting_table::SETTINGS;
-pub use settings_check::{check_name, check_settings};
+pub use settings_check::{check_name, check_settings, default_of};
 pub use setup::{Setup, near_plane};
 pub use terms::{Logged, TermData, logged};
 pub use trainer::{ProfiledStep, StepReport, Trainer};

@@ -1,45 +1,20 @@
 //! The check that every setting has a value that it may have.
 
-use super::config::Config;
-use super::setting::{Range, Setting};
-use super::setting_table::SETTINGS;
+use super::config::{Config, all_settings};
+use crate::settings::{Range, Setting, as_written};
 use crate::words::nearest;
 use serde_json::Value;
 
-impl Setting {
-    /// The default, as config.json has it.
-    pub fn default_value(&self) -> Value {
-        let all = plain(&Config::default()).unwrap_or_default();
-        match self.of(&all) {
-            Some(Value::Object(ends)) if ends.get("start") == ends.get("end") => {
-                ends.get("start").cloned().unwrap_or_default()
-            }
-            Some(value) => value.clone(),
-            None => Value::Null,
+/// The default of `setting`, as config.json has it.
+pub fn default_of(setting: &Setting) -> Value {
+    let all = as_written(&Config::default()).unwrap_or_default();
+    match setting.of(&all) {
+        Some(Value::Object(ends)) if ends.get("start") == ends.get("end") => {
+            ends.get("start").cloned().unwrap_or_default()
         }
+        Some(value) => value.clone(),
+        None => Value::Null,
     }
-
-    /// Its value in `settings`, which have the form of [`Config`].
-    pub fn of<'a>(&self, settings: &'a Value) -> Option<&'a Value> {
-        settings.pointer(&format!("/{}", self.name.replace('.', "/")))
-    }
-
-    /// # Errors
-    /// Its name, `value` and what was expected.
-    fn check(&self, value: &Value) -> Result<(), String> {
-        if self.range.contains(value) {
-            return Ok(());
-        }
-        // JSON has no other way to write what is no finite number.
-        let found = if value.is_null() { "not a finite number".to_owned() } else { value.to_string() };
-        Err(format!("{} is {found}; expected {}", self.name, self.range))
-    }
-}
-
-/// `config` in the form of its file, so that numbers of 32 bits are shown as they were written.
-fn plain(config: &Config) -> Result<Value, String> {
-    let text = serde_json::to_string(config).map_err(|e| e.to_string())?;
-    serde_json::from_str(&text).map_err(|e| e.to_string())
 }
 
 /// Checks the settings that `settings` holds, which have the form of [`Config`] but may leave out any.
@@ -53,7 +28,7 @@ pub fn check_settings(settings: &Value) -> Result<(), String> {
     for name in names {
         check_name(&name)?;
     }
-    SETTINGS.iter().try_for_each(|setting| setting.of(settings).map_or(Ok(()), |value| setting.check(value)))
+    all_settings().try_for_each(|setting| setting.of(settings).map_or(Ok(()), |value| setting.check(value)))
 }
 
 /// Checks that `name` is that of a single setting, or of an end of a learning rate.
@@ -66,13 +41,13 @@ pub fn check_name(name: &str) -> Result<(), String> {
             && ["start", "end"].iter().any(|end| name.strip_suffix(end) == Some(&format!("{}.", setting.name)));
         setting.name == name || is_end
     };
-    if SETTINGS.iter().any(is_known) {
+    if all_settings().any(is_known) {
         return Ok(());
     }
-    if SETTINGS.iter().any(|setting| setting.name.starts_with(&format!("{name}."))) {
+    if all_settings().any(|setting| setting.name.starts_with(&format!("{name}."))) {
         return Err(format!("{name} is a group of settings, not a single value; `ivv settings {name}` lists them"));
     }
-    let near = nearest(name, SETTINGS.iter().map(|setting| setting.name));
+    let near = nearest(name, all_settings().map(|setting| setting.name));
     let like = near.first().map_or(String::new(), |like| format!("; did you mean {like}?"));
     Err(format!("there is no setting {name}{like} (`ivv settings` lists all)"))
 }
@@ -100,7 +75,7 @@ impl Config {
     /// # Errors
     /// The first that cannot be: its name, its value and what was expected.
     pub fn check(&self) -> Result<(), String> {
-        check_settings(&plain(self)?)?;
+        check_settings(&as_written(self)?)?;
         if self.epochs == 0 && self.steps == 0 {
             return Err("epochs and steps are both 0; expected one of them to be positive".to_owned());
         }

@@ -2,7 +2,8 @@
 
 use super::Tiny;
 use super::run::{fails, ivv, works};
-use ivv::train::{Config, PRESETS, Preset, Range, SETTINGS, check_settings, merge};
+use ivv::settings::Range;
+use ivv::train::{Config, PRESETS, Preset, all_settings, check_settings, default_of, merge};
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -39,21 +40,21 @@ fn names(prefix: &str, value: &Value, found: &mut BTreeSet<String>) {
 fn the_table_has_every_setting_once_with_a_meaning_and_a_default_in_its_range() {
     let mut fields = BTreeSet::new();
     names("", &defaults(), &mut fields);
-    let listed: BTreeSet<String> = SETTINGS.iter().map(|setting| setting.name.to_owned()).collect();
+    let listed: BTreeSet<String> = all_settings().map(|setting| setting.name.to_owned()).collect();
     assert_eq!(listed, fields);
-    assert_eq!(listed.len(), SETTINGS.len(), "a setting is listed twice");
+    assert_eq!(listed.len(), all_settings().count(), "a setting is listed twice");
     let mut meanings = BTreeSet::new();
-    for setting in SETTINGS {
+    for setting in all_settings() {
         assert!(setting.meaning.len() > 20 && setting.meaning.ends_with('.'), "{}", setting.name);
         assert!(meanings.insert(setting.meaning), "{} means what another does", setting.name);
-        assert!(setting.range.contains(&setting.default_value()), "{}: {}", setting.name, setting.default_value());
+        assert!(setting.range.contains(&default_of(setting)), "{}: {}", setting.name, default_of(setting));
     }
     assert_eq!(Config::default().check(), Ok(()));
 }
 
 #[test]
 fn the_words_of_the_table_are_those_that_are_read() {
-    for setting in SETTINGS {
+    for setting in all_settings() {
         let Range::Word(words) = setting.range else { continue };
         let fault = serde_json::from_value::<Config>(with(setting.name, "\"none\"")).unwrap_err().to_string();
         let quoted: Vec<&str> = fault.split('`').skip(3).step_by(2).collect();
@@ -164,13 +165,13 @@ fn a_run_from_more_points_than_it_may_have_gaussians_keeps_to_them() {
 #[test]
 fn settings_are_listed_with_default_unit_range_meaning_and_presets() {
     let all: Vec<Value> = serde_json::from_str(&works(&["settings", "--json"])).unwrap();
-    assert_eq!(all.len(), SETTINGS.len());
+    assert_eq!(all.len(), all_settings().count());
     let moments = all.iter().find(|line| line["name"] == "moment_bits").unwrap();
     assert_eq!(moments["presets"], json!({ "balanced": 16, "fast": 16 }));
     assert_eq!((&moments["default"], &moments["unit"]), (&json!(32), &json!("bits")));
     assert_eq!(moments["range"], "16 or 32");
     let text = works(&["settings", "density"]);
-    let listed = SETTINGS.iter().filter(|setting| setting.name.starts_with("density."));
+    let listed = all_settings().filter(|setting| setting.name.starts_with("density."));
     assert!(listed.clone().all(|setting| text.contains(&format!("{} = ", setting.name))), "{text}");
     assert!(text.contains("density.split_above = 0.01 (scene extents)\n"), "{text}");
     assert!(text.contains("    Expected: a number above 0.\n") && !text.contains("lr."), "{text}");

@@ -6,8 +6,9 @@ use crate::page;
 use crate::screen::out;
 use crate::shown::Source;
 use crate::views::clip_time;
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use ivv::files::write_atomic;
-use ivv::formats::{SpzVersion, write_ftgs, write_glb, write_ply, write_splat, write_splatv, write_spz};
+use ivv::formats::{WRITERS, WriteScene, Writer};
 use std::path::{Path, PathBuf};
 
 /// Options of `ivv export`.
@@ -18,12 +19,8 @@ pub struct Args {
     /// The file to write; a folder for `web`, whose name ends in a slash.
     #[arg(short, long)]
     output: PathBuf,
-    /// Its format. By default from the name's ending. ply: 3DGS's, with the motion of dynamic Gaussians; 4dgs: with the clock and
-    /// the cameras of the clip, for players; ftgs: FreeTimeGS's PLY (.ftgs.ply); splatv: antimatter15's of dynamic scenes, without
-    /// view dependence; web: a folder with the player and the scene, for any host of files; page: both as one .html. Of one
-    /// moment: spz: Niantic's, version 3; spz4: version 4; glb: glTF with KHR_gaussian_splatting; splat: antimatter15's, without
-    /// view dependence.
-    #[arg(long)]
+    /// Its format. By default from the name's ending.
+    #[arg(long, value_parser = format_parser())]
     format: Option<Format>,
     /// The scene at this normalised time, 0 to 1, as static Gaussians that every viewer shows.
     #[arg(long, value_parser = clip_time, allow_negative_numbers = true)]
@@ -35,20 +32,25 @@ pub struct Args {
     clip: ClipArgs,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+/// What a scene is written as.
+#[derive(Clone, Copy, Debug)]
 enum Format {
-    Ply,
-    #[value(name = "4dgs")]
+    /// A `.4dgs`.
     FourDgs,
-    Ftgs,
-    Splatv,
+    /// A folder with the player and a `.4dgs`.
     Web,
+    /// Both in one file.
     Page,
-    Spz,
-    Spz4,
-    Glb,
-    Splat,
+    /// A format of the engine's list.
+    Other(&'static Writer),
 }
+
+/// Names and meanings of the formats with a clip; the engine lists the others.
+const WITH_CLIP: [(&str, &str, Format); 3] = [
+    ("4dgs", "with the clock and the cameras of the clip, for players", Format::FourDgs),
+    ("web", "a folder with the player and the scene, for any host of files", Format::Web),
+    ("page", "player and scene as one .html", Format::Page),
+];
 
 pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let format = match args.format {
@@ -80,13 +82,13 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         Format::FourDgs | Format::Web | Format::Page => {
             with_clip = Some(write_clip(format, to, &args.clip.bytes(&source, &splats)?)?);
         }
-        Format::Ply => write_ply(to, &splats)?,
-        Format::Ftgs => write_ftgs(to, &splats, args.clip.setting(&source)?.clock)?,
-        Format::Splatv => write_splatv(to, &splats, &args.clip.setting(&source)?.views)?,
-        Format::Spz => write_spz(to, &splats, SpzVersion::V3)?,
-        Format::Spz4 => write_spz(to, &splats, SpzVersion::V4)?,
-        Format::Glb => write_glb(to, &splats)?,
-        Format::Splat => write_splat(to, &splats)?,
+        Format::Other(writer) => match writer.write {
+            WriteScene::Alone(write) => write(to, &splats)?,
+            WriteScene::WithClip(write) => {
+                let setting = args.clip.setting(&source)?;
+                write(to, &splats, setting.clock, &setting.views)?;
+            }
+        },
     }
     let bytes = with_clip.unwrap_or_else(|| std::fs::metadata(to).map_or(0, |m| m.len()));
     if json {
@@ -111,19 +113,30 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
 impl Format {
     /// Whether it is a `.4dgs`, alone or with the player.
     fn has_clip(self) -> bool {
-        matches!(self, Format::FourDgs | Format::Web | Format::Page)
+        !matches!(self, Format::Other(_))
     }
+}
+
+/// Takes the name of a format.
+fn format_parser() -> impl TypedValueParser<Value = Format> {
+    let with_clip = WITH_CLIP.iter().map(|&(name, about, _)| PossibleValue::new(name).help(about));
+    let others = WRITERS.iter().map(|writer| PossibleValue::new(writer.name).help(writer.about));
+    PossibleValuesParser::new(with_clip.chain(others)).try_map(|name| {
+        let with_clip = WITH_CLIP.iter().find(|(own, _, _)| *own == name).map(|(_, _, format)| *format);
+        let other = WRITERS.iter().find(|writer| writer.name == name).map(Format::Other);
+        with_clip.or(other).ok_or("there is no such format")
+    })
 }
 
 /// Writes a `.4dgs` alone, or with the player; says how many bytes.
 fn write_clip(format: Format, to: &Path, scene: &[u8]) -> anyhow::Result<u64> {
-    if format == Format::Web {
+    if matches!(format, Format::Web) {
         make_folder(to)?;
         page::write_folder(to, scene)?;
         let player: usize = page::PARTS.iter().map(|part| part.text.len()).sum();
         return Ok((player + scene.len()) as u64);
     }
-    let page = (format == Format::Page).then(|| page::single_file(scene));
+    let page = matches!(format, Format::Page).then(|| page::single_file(scene));
     let bytes = page.as_ref().map_or(scene, |page| page.as_bytes());
     write_atomic(to, |to| to.write_all(bytes))?;
     Ok(bytes.len() as u64)
@@ -131,22 +144,16 @@ fn write_clip(format: Format, to: &Path, scene: &[u8]) -> anyhow::Result<u64> {
 
 fn by_ending(file: &Path) -> ivv::Result<Format> {
     let name = file.file_name().map(|name| name.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
-    let endings = [
-        (".ftgs.ply", Format::Ftgs),
-        (".ply", Format::Ply),
-        (".4dgs", Format::FourDgs),
-        (".splatv", Format::Splatv),
-        (".spz", Format::Spz),
-        (".glb", Format::Glb),
-        (".splat", Format::Splat),
-        (".html", Format::Page),
-    ];
     if file.as_os_str().as_encoded_bytes().ends_with(b"/") {
         return Ok(Format::Web);
     }
+    let mut endings = vec![(".4dgs", Format::FourDgs), (".html", Format::Page)];
+    endings.extend(WRITERS.iter().filter_map(|writer| Some((writer.ending?, Format::Other(writer)))));
+    // `.ftgs.ply` is a `.ply` too.
+    endings.sort_by_key(|(ending, _)| std::cmp::Reverse(ending.len()));
     endings.iter().find(|(ending, _)| name.ends_with(ending)).map(|(_, format)| *format).ok_or_else(|| {
-        let remedy = "use .ply, .4dgs, .ftgs.ply, .splatv, .html, .spz, .glb or .splat, a name that ends in a slash for a folder, or \
-                      --format";
-        ivv::Error::data(file, "", "unsupported scene format", remedy)
+        let known: Vec<&str> = endings.iter().map(|(ending, _)| *ending).collect();
+        let remedy = format!("use {}, a name that ends in a slash for a folder, or --format", known.join(", "));
+        ivv::Error::data(file, "", "unsupported scene format", &remedy)
     })
 }

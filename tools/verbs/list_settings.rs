@@ -2,7 +2,8 @@
 
 use crate::screen::out;
 use anyhow::bail;
-use ivv::train::{PRESETS, Preset, SETTINGS, Setting, check_name};
+use ivv::settings::Setting;
+use ivv::train::{PRESETS, Preset, all_settings, check_name, default_of};
 use ivv::words::count;
 use serde_json::{Value, json};
 
@@ -15,7 +16,7 @@ pub struct Args {
 
 pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let prefix = args.name.as_deref().unwrap_or_default();
-    let listed: Vec<&Setting> = SETTINGS.iter().filter(|setting| setting.name.starts_with(prefix)).collect();
+    let listed: Vec<&Setting> = all_settings().filter(|setting| setting.name.starts_with(prefix)).collect();
     if listed.is_empty() {
         match check_name(prefix) {
             // An end of a rate.
@@ -32,7 +33,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         let line = |setting: &&Setting| {
             let changes: serde_json::Map<String, Value> = changes(setting).into_iter().collect();
             json!({
-                "name": setting.name, "default": setting.default_value(), "unit": setting.unit,
+                "name": setting.name, "default": default_of(setting), "unit": setting.unit,
                 "range": setting.range.to_string(), "meaning": setting.meaning, "presets": changes,
             })
         };
@@ -42,7 +43,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     }
     for setting in &listed {
         let unit = if setting.unit.is_empty() { String::new() } else { format!(" ({})", setting.unit) };
-        out!("{} = {}{unit}", setting.name, setting.default_value());
+        out!("{} = {}{unit}", setting.name, default_of(setting));
         out!("    {}", setting.meaning);
         out!("    Expected: {}.", setting.range);
         let changes: Vec<String> = changes(setting).iter().map(|(preset, value)| format!("{preset} {value}")).collect();

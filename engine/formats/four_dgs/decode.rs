@@ -1,9 +1,11 @@
 //! What a `.4dgs` says, and as Gaussians of ours.
 
 use super::ears::{EARS, Ears};
-use super::{Clock, MAGIC, RECORD, Sounds, VIEWS, World};
+use super::{MAGIC, RECORD, Sounds, VIEWS, World};
 use crate::error::{Error, Result};
 use crate::files::{cannot_read, open_file};
+use crate::formats::clock::Clock;
+use crate::formats::format::Reader;
 use crate::scene::dc_of_color;
 use crate::scene::parse_views;
 use crate::scene::{Motion, Splats, View};
@@ -16,6 +18,9 @@ use std::path::{Path, PathBuf};
 const INVISIBLE: f64 = 1.0 / 255.0;
 /// Opacities are taken this far inside of 0 and 1, whose logits are infinite.
 const EDGE: f64 = 1e-6;
+
+pub(in crate::formats) const READER: Reader =
+    Reader { what: "a .4dgs", knows: |start| start.bytes == MAGIC, read: |path| FourDgs::read(path)?.splats() };
 
 /// A `.4dgs` in memory.
 #[derive(Debug)]
@@ -83,7 +88,7 @@ impl FourDgs {
     /// The clock of the clip.
     pub fn clock(&self) -> Clock {
         let seconds = self.scene.duration_sec;
-        if seconds > 0.0 { Clock::of_file(self.own(), seconds) } else { Clock { fps: super::FPS, frames: 1 } }
+        Clock::of_file(self.own(), seconds)
     }
 
     /// What is this project's own, by name: how the scene is rendered; `None` in a file of another program.

@@ -2,8 +2,9 @@
 
 use super::grades::Grades;
 use super::harmonics::{HALF_STEP, Viewpoints};
-use super::{Clock, RECORD, Sounds, VIEWS, World};
+use super::{RECORD, Sounds, VIEWS, World};
 use crate::error::{Error, Result};
+use crate::formats::clock::Clock;
 use crate::scene::SH_C0;
 use crate::scene::{Splats, View};
 use fourdgs::quantization::{Profile, SH_QUANT_HI, SH_QUANT_LO};

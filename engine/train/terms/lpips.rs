@@ -6,11 +6,9 @@ use crate::gpu::{Gpu, Recording, Slice};
 use crate::random::Keyed;
 use crate::stage::{self, Cotangent, Grids, Lpips};
 use crate::train::config::Loss;
-use crate::train::setting::{Range, Setting, setting};
 use std::path::Path;
 
 pub(super) const TERM: TermKind = TermKind {
-    settings: SETTINGS,
     logged: &[Logged { key: "lpips", plot: "LPIPS of training images", from_zero: true }],
     new: |gpu, config, _| {
         let Loss { lpips, lpips_crop, lpips_every, .. } = config.loss;
@@ -26,23 +24,6 @@ pub(super) const TERM: TermKind = TermKind {
     },
     ..TermKind::NONE
 };
-
-const SETTINGS: &[Setting] = &[
-    setting("loss.lpips", "", Range::NOT_NEGATIVE, "Weight of LPIPS, where loss.lpips_weights names a file."),
-    setting("loss.lpips_weights", "", Range::Path, "The weights of LPIPS, as tools/lpips_weights.py writes them."),
-    setting(
-        "loss.lpips_crop",
-        "pixels",
-        Range::Whole(0, u32::MAX as u64),
-        "Side of the square that LPIPS looks at; 0 for the whole image.",
-    ),
-    setting(
-        "loss.lpips_every",
-        "steps",
-        Range::Whole(1, u64::MAX),
-        "LPIPS counts in every n-th step, with n times the weight.",
-    ),
-];
 
 /// Purpose of the random numbers of a step that place the crop; density control has 1 and 2.
 const CROP: u64 = 3;

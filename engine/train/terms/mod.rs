@@ -1,6 +1,6 @@
 //! The terms of the loss that compare a picture with the scene: a file for each, and [`TERMS`], which lists them.
 //!
-//! A term brings everything that is its own: what it takes of a clip, its buffers, its settings, its passes with the
+//! A term brings everything that is its own: what it takes of a clip, its buffers, its passes with the
 //! cotangent, its weight, and the numbers that it logs. The trainer, the memory plan, the priors of a session and the
 //! report ask the list. A new term is its file, a line in [`TERMS`] and its weight in [`crate::train::Loss`].
 
@@ -14,7 +14,6 @@ use crate::error::Result;
 use crate::gpu::Gpu;
 use crate::scene::capture::Capture;
 use crate::train::config::Config;
-use crate::train::setting::Setting;
 use term::TermKind;
 
 pub use term::{Logged, TermData};
@@ -37,32 +36,6 @@ pub(super) fn data(config: &Config, capture: &Capture) -> TermData {
 pub fn logged() -> impl Iterator<Item = &'static Logged> {
     TERMS.iter().flat_map(|term| term.logged)
 }
-
-/// How many settings the terms have.
-const N_SETTINGS: usize = {
-    let (mut n, mut at) = (0, 0);
-    while at < TERMS.len() {
-        n += TERMS[at].settings.len();
-        at += 1;
-    }
-    n
-};
-
-/// The settings of all terms.
-pub(super) const SETTINGS: [Setting; N_SETTINGS] = {
-    let mut all = [TERMS[0].settings[0]; N_SETTINGS];
-    let (mut n, mut at) = (0, 0);
-    while at < TERMS.len() {
-        let own = TERMS[at].settings;
-        let mut i = 0;
-        while i < own.len() {
-            all[n] = own[i];
-            (n, i) = (n + 1, i + 1);
-        }
-        at += 1;
-    }
-    all
-};
 
 /// Buffers of all terms on a clip of which they take `data`: name, bytes per pixel.
 pub(super) fn buffers(data: TermData) -> impl Iterator<Item = (&'static str, f64)> {

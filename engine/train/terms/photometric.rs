@@ -5,10 +5,8 @@ use crate::error::Result;
 use crate::gpu::{Gpu, Recording, Slice};
 use crate::stage::{Grids, Photometric, Pictures, SSIM_WEIGHT, Structure};
 use crate::train::metrics::psnr;
-use crate::train::setting::{Range, Setting, setting};
 
 pub(super) const TERM: TermKind = TermKind {
-    settings: SETTINGS,
     logged: LOGGED,
     buffers: |_| &[("ssim moments", 48.0), ("ssim partials", 48.0), ("ssim filtered", 48.0)],
     new: |gpu, config, _| {
@@ -17,21 +15,6 @@ pub(super) const TERM: TermKind = TermKind {
     },
     ..TermKind::NONE
 };
-
-const SETTINGS: &[Setting] = &[
-    setting(
-        "loss.ssim_every",
-        "steps",
-        Range::Whole(1, u64::MAX),
-        "SSIM counts in every n-th step, with n times the weight.",
-    ),
-    setting(
-        "loss.ssim_stride",
-        "pixels",
-        Range::OneOf(&[1, 2]),
-        "SSIM at every pixel (1), or at every second pixel of every second row (2).",
-    ),
-];
 
 const LOGGED: &[Logged] = &[
     Logged { key: "l1", plot: "L1 of training images", from_zero: true },

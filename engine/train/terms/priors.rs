@@ -7,10 +7,8 @@ use crate::gpu::{Gpu, Recording, Slice};
 use crate::scene::capture::{Capture, Picture};
 use crate::stage::{DepthSpace, Grids, Outputs, PriorLoss, PriorWeights};
 use crate::train::config::Config;
-use crate::train::setting::{Range, Setting, setting};
 
 pub(super) const TERM: TermKind = TermKind {
-    settings: SETTINGS,
     logged: LOGGED,
     data,
     buffers: |data| if data == TermData::NONE { &[] } else { BUFFERS },
@@ -30,29 +28,6 @@ pub(super) const TERM: TermKind = TermKind {
 /// With what they ask of a frame.
 const BUFFERS: &[(&str, f64)] =
     &[("image depth flow", 16.0), ("d image depth flow", 16.0), ("priors", 8.0), ("staged priors", 8.0)];
-
-const SETTINGS: &[Setting] = &[
-    setting("loss.depth", "", Range::NOT_NEGATIVE, "Weight of the depth error, where the capture has depth priors."),
-    setting(
-        "loss.depth_space",
-        "",
-        Range::Word(&["inverse", "metric"]),
-        "Whether inverse depths or depths are compared.",
-    ),
-    setting(
-        "loss.depth_detach_alpha",
-        "",
-        Range::Switch,
-        "Whether the depth error moves centres only, and leaves opacities and shapes alone.",
-    ),
-    setting("loss.flow", "", Range::NOT_NEGATIVE, "Weight of the flow error, where the capture has optical flow."),
-    setting(
-        "loss.flow_model",
-        "",
-        Range::Word(&["auto", "velocity", "displacement"]),
-        "Whether the rendered flow includes the motion of the camera; auto includes it where a camera moves.",
-    ),
-];
 
 const LOGGED: &[Logged] = &[
     Logged { key: "depth", plot: "Error of the depth against its priors", from_zero: true },

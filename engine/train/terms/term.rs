@@ -6,15 +6,12 @@ use crate::gpu::{Buf, Gpu, Recording, Slice};
 use crate::scene::capture::{Capture, Picture};
 use crate::stage::{Grids, Outputs};
 use crate::train::config::Config;
-use crate::train::setting::Setting;
 
 /// A term; none where it is off.
 pub(super) type Begun = Result<Option<Box<dyn Term>>>;
 
 /// What is known of a term before a run.
 pub(super) struct TermKind {
-    /// Its settings.
-    pub settings: &'static [Setting],
     /// The numbers that it logs.
     pub logged: &'static [Logged],
     /// What it takes of a clip beside the colours, where the clip has it.
@@ -28,7 +25,7 @@ pub(super) struct TermKind {
 impl TermKind {
     /// A term that is always off, from which others begin.
     pub const NONE: TermKind =
-        TermKind { settings: &[], logged: &[], data: |_, _| TermData::NONE, buffers: |_| &[], new: |_, _, _| Ok(None) };
+        TermKind { logged: &[], data: |_, _| TermData::NONE, buffers: |_| &[], new: |_, _, _| Ok(None) };
 }
 
 /// What the terms take of a clip beside its colours: only what it has, and only where a weight is not 0.

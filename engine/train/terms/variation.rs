@@ -5,17 +5,12 @@ use crate::error::Result;
 use crate::gpu::{Gpu, Recording, Slice};
 use crate::stage::Grids;
 use crate::train::config::Config;
-use crate::train::setting::{Range, Setting, setting};
 
 pub(super) const TERM: TermKind = TermKind {
-    settings: SETTINGS,
     logged: &[Logged { key: "grid_variation", plot: "", from_zero: true }],
     new: |_, config, _| Ok(Some(Box::new(Variation { weight: weight(config) }))),
     ..TermKind::NONE
 };
-
-const SETTINGS: &[Setting] =
-    &[setting("loss.grid_variation", "", Range::NOT_NEGATIVE, "Weight of the total variation of the bilateral grids.")];
 
 /// The weight, which the grids' step takes for its gradient.
 pub fn weight(config: &Config) -> f64 {

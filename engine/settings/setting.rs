@@ -1,10 +1,11 @@
-//! What a setting is, and which values it may have.
+//! What a setting is, which values it may have, and how a group of them is declared.
 
+use serde::Serialize;
 use serde_json::Value;
 use std::fmt;
 use std::ops::{Bound, RangeBounds};
 
-/// A setting of a run: what it is called, what it may be and what it does. The default is that of [`super::Config`].
+/// A setting of a run: what it is called, what it may be and what it does. The default is that of its group.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Setting {
     /// Its name, with dots, as `--set` takes it.
@@ -38,14 +39,83 @@ pub enum Range {
     Path,
 }
 
-/// A row of the table of settings.
-pub(super) const fn setting(name: &'static str, unit: &'static str, range: Range, meaning: &'static str) -> Setting {
-    Setting { name, unit, range, meaning }
+/// Declares a group of settings, a `struct` whose field is all that there is to write of a setting: its comment is the
+/// meaning that the manual and `ivv settings` show, and then come type, default, unit and range. It gives `Default` and
+/// `SETTINGS`, the rows. Groups within a group follow `with`. The name of a setting is `in` and the field's name.
+macro_rules! settings {
+    (
+        $(#[$attribute:meta])*
+        pub struct $group:ident in $prefix:literal {
+            $($(#[doc = $meaning:literal])+ $name:ident: $of:ty = $default:expr, $unit:literal, $range:expr;)*
+        }
+        $(with { $($(#[$inner_attribute:meta])* $inner:ident: $inner_of:ty,)* })?
+    ) => {
+        $(#[$attribute])*
+        #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+        #[serde(default, deny_unknown_fields)]
+        pub struct $group {
+            $($(#[doc = $meaning])+ pub $name: $of,)*
+            $($($(#[$inner_attribute])* pub $inner: $inner_of,)*)?
+        }
+
+        impl Default for $group {
+            fn default() -> Self {
+                $group { $($name: $default,)* $($($inner: Default::default(),)*)? }
+            }
+        }
+
+        impl $group {
+            /// The settings of this group, without those of groups within it.
+            pub const SETTINGS: &[$crate::settings::Setting] = &[$($crate::settings::Setting {
+                name: concat!($prefix, stringify!($name)),
+                unit: $unit,
+                range: $range,
+                meaning: concat!($($meaning),+).trim_ascii_start(),
+            },)*];
+        }
+    };
+}
+pub(crate) use settings;
+
+impl Setting {
+    /// Its value in `settings`, which has the form of a run's settings and may leave out any.
+    pub fn of<'a>(&self, settings: &'a Value) -> Option<&'a Value> {
+        settings.pointer(&format!("/{}", self.name.replace('.', "/")))
+    }
+
+    /// # Errors
+    /// Its name, `value` and what was expected.
+    pub(crate) fn check(&self, value: &Value) -> Result<(), String> {
+        if self.range.contains(value) {
+            return Ok(());
+        }
+        // JSON has no other way to write what is no finite number.
+        let found = if value.is_null() { "not a finite number".to_owned() } else { value.to_string() };
+        Err(format!("{} is {found}; expected {}", self.name, self.range))
+    }
+}
+
+/// `settings` in the form of their file, so that numbers of 32 bits are shown as they were written.
+pub(crate) fn as_written(settings: &impl Serialize) -> Result<Value, String> {
+    let text = serde_json::to_string(settings).map_err(|e| e.to_string())?;
+    serde_json::from_str(&text).map_err(|e| e.to_string())
 }
 
 impl Range {
+    /// Counts of things that exist.
+    pub(crate) const COUNT: Range = Range::Whole(1, u32::MAX as u64);
     /// Numbers of 0 and more.
-    pub(super) const NOT_NEGATIVE: Range = Range::Number(Bound::Included(0.0), Bound::Unbounded);
+    pub(crate) const NOT_NEGATIVE: Range = Range::Number(Bound::Included(0.0), Bound::Unbounded);
+    /// Numbers above 0.
+    pub(crate) const POSITIVE: Range = Range::Number(Bound::Excluded(0.0), Bound::Unbounded);
+    /// A share, none and all included.
+    pub(crate) const SHARE: Range = Range::Number(Bound::Included(0.0), Bound::Included(1.0));
+    /// A share that is never all.
+    pub(crate) const BELOW_ONE: Range = Range::Number(Bound::Included(0.0), Bound::Excluded(1.0));
+    /// An opacity whose logit is finite.
+    pub(crate) const OPACITY: Range = Range::Number(Bound::Excluded(0.0), Bound::Excluded(1.0));
+    /// A contribution, or a rest of light, that may be left out.
+    pub(crate) const CUT: Range = Range::Number(Bound::Included(0.0), Bound::Excluded(0.5));
 
     /// Whether a setting may be `value`.
     pub fn contains(&self, value: &Value) -> bool {

@@ -1,0 +1,96 @@
+//! Settings that belong to a run, not to a scene or a view: what a setting is, and the rendering constants of SPEC 3.
+
+mod setting;
+
+pub use setting::{Range, Setting};
+pub(crate) use setting::{as_written, settings};
+
+/// Rendering constants of SPEC 3. Two renders agree only when theirs do.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct Constants {
+    /// A Gaussian contributes to a pixel exactly when its alpha there is at least this.
+    pub alpha_min: f32,
+    /// Alpha is clamped to this, which bounds 1 / (1 - alpha) in the backward pass.
+    pub alpha_max: f32,
+    /// A Gaussian that would bring the transmittance below this is not added and the pixel is finished.
+    pub t_min: f32,
+    /// Variance added to the projected covariance's diagonal, square pixels.
+    pub blur: f32,
+    /// Gaussians whose centre has a camera depth of at most this are dropped, scene units.
+    pub near: f32,
+    /// How frames are computed; no part of what they are.
+    #[serde(default)]
+    pub knobs: Knobs,
+}
+
+settings! {
+    /// What a frame may do in vain, leave out or round. By default it does nothing in vain and leaves out nothing that shows: the
+    /// picture is that of SPEC 3.
+    #[derive(Copy)]
+    pub struct Knobs in "frame." {
+        /// The tiles that a Gaussian is listed for. All give the same picture; ellipse is the fastest.
+        tile_bound: TileBound = TileBound::Ellipse, "", Range::Word(&["ellipse", "rectangle", "square"]);
+        /// Whether blocks of pixels skip the Gaussians that miss them. The picture is the same.
+        block_cull: bool = true, "", Range::Switch;
+        /// Whether Gaussians that are invisible at a frame's time are left out early. The picture is the same.
+        time_cull: bool = true, "", Range::Switch;
+        /// Precision of the depth by which Gaussians are sorted.
+        depth_bits: u32 = 32, "bits", Range::OneOf(&[16, 24, 32]);
+        /// Precision of the higher spherical harmonics that a frame reads.
+        sh_bits: u32 = 32, "bits", Range::OneOf(&[16, 32]);
+        /// Contributions to a pixel below this are left out.
+        alpha_cut: f32 = 0.0, "", Range::CUT;
+        /// A pixel that lets less light through than this is finished.
+        t_cut: f32 = 0.0, "", Range::CUT;
+        /// Gaussians fainter than this at a frame's time are left out.
+        temporal_cut: f32 = 0.0, "", Range::CUT;
+    }
+}
+
+/// The tiles that a Gaussian is listed for: those that the region where alpha reaches alpha_min touches, and more.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum TileBound {
+    /// No more: the ellipse, row of tiles by row.
+    #[default]
+    Ellipse,
+    /// Those of its bounding box.
+    Rectangle,
+    /// Those of 3DGS: of a square about the widest axis, whatever the opacity; wide enough to lose nothing (3DGS cuts at three
+    /// standard deviations).
+    Square,
+}
+
+impl Knobs {
+    /// `constants` with these knobs, whose cut of alpha raises alpha_min.
+    pub fn on(self, constants: Constants) -> Constants {
+        let alpha_min = constants.alpha_min.max(self.alpha_cut);
+        Constants { alpha_min, knobs: self, ..constants }
+    }
+
+    /// The first knob that cannot be.
+    ///
+    /// # Errors
+    /// Its name and what is wrong.
+    pub fn check(&self) -> Result<(), String> {
+        if !self.time_cull && self.temporal_cut > 0.0 {
+            return Err("temporal_cut leaves out what time_cull=false keeps: set one of them".to_owned());
+        }
+        let group = serde_json::json!({ "frame": as_written(self)? });
+        let check = |setting: &Setting| setting.of(&group).map_or(Ok(()), |value| setting.check(value));
+        Self::SETTINGS.iter().try_for_each(check).map_err(|fault| fault.replacen("frame.", "", 1))
+    }
+}
+
+impl Default for Constants {
+    fn default() -> Self {
+        Constants {
+            alpha_min: 1.0 / 255.0,
+            alpha_max: 0.99,
+            t_min: 1e-4,
+            blur: 0.3,
+            near: 0.01,
+            knobs: Knobs::default(),
+        }
+    }
+}
