@@ -3,7 +3,8 @@
 
 use super::cull::{ARGS_FIRST_GROUP, Cull, indirect};
 use super::moments::Moments;
-use super::scene::{Planes, SceneBuffers};
+use super::planes::{BAND_PLANES, Planes};
+use super::scene::SceneBuffers;
 use crate::error::Result;
 use crate::gpu::generated::{self, AdamParams, Status, adam_catch_up, adam_idle};
 use crate::gpu::{Buf, Gpu, Grid, Recording};
@@ -148,7 +149,7 @@ fn numbered<'a>(params: &'a Planes, moments: &'a Planes) -> Vec<Numbered<'a>> {
         all.push((2, 1, motion, moments));
     }
     for (b, (band, moments)) in params.bands.iter().zip(&moments.bands).enumerate() {
-        all.push((3 + b as u32, super::scene::BAND_PLANES[b] as u32, band, moments));
+        all.push((3 + b as u32, BAND_PLANES[b] as u32, band, moments));
     }
     all
 }

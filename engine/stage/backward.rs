@@ -6,9 +6,10 @@ use super::adam::Optimiser;
 use super::blend::{Blend, SEGMENT, coprime_stride};
 use super::cull::{ARGS_FIRST_GROUP, ARGS_THREADS, Cull, indirect};
 use super::params::{Outputs, Purpose, TILE};
+use super::planes::Planes;
 use super::project::Eye;
 use super::room::{Room, Size};
-use super::scene::{Planes, SceneBuffers};
+use super::scene::SceneBuffers;
 use super::tiles::{Lists, Tiles};
 use crate::error::Result;
 use crate::gpu::generated::{
