@@ -71,21 +71,21 @@ impl Fisher {
         rec.stage("fisher");
         for (index, ((group, d), sums)) in scene.groups.iter().zip(gradients).zip(&self.sums).enumerate() {
             rec.group(Some(index));
-            let Planes { geometry, sh0, bands, motion } = &group.params;
-            let band = |b: usize| bands.get(b).unwrap_or(sh0);
-            let d_band = |b: usize| d.bands.get(b).unwrap_or(&d.sh0);
+            let params = &group.params;
+            let [sh1, sh2, sh3] = params.three_bands();
+            let [d_sh1, d_sh2, d_sh3] = d.three_bands();
             let args = fisher_static_sh0::Args {
-                geometry,
+                geometry: &params.geometry,
                 d_geometry: &d.geometry,
                 d_sh0: &d.sh0,
                 sums,
-                motion: motion.as_ref().unwrap_or(sh0),
-                sh1: band(0),
-                sh2: band(1),
-                sh3: band(2),
-                d_sh1: d_band(0),
-                d_sh2: d_band(1),
-                d_sh3: d_band(2),
+                motion: params.motion_or_any(),
+                sh1,
+                sh2,
+                sh3,
+                d_sh1,
+                d_sh2,
+                d_sh3,
                 cameras: &self.cameras,
             };
             let squares = if self.squares { 1.0 } else { 0.0 };
@@ -96,7 +96,8 @@ impl Fisher {
                 squares,
                 n_cameras: self.cameras.len() as u32,
             };
-            rec.pass_variant(generated::fisher(motion.is_some(), group.degree()), args, push, Grid::Threads(group.n));
+            let kernel = generated::fisher(params.motion.is_some(), group.degree());
+            rec.pass_variant(kernel, args, push, Grid::Threads(group.n));
         }
         rec.group(None);
     }

@@ -67,6 +67,17 @@ impl Planes {
         [3, 1].into_iter().chain(BAND_PLANES.into_iter().take(self.bands.len())).chain(self.motion.as_ref().map(|_| 1))
     }
 
+    /// Bands 1 to 3 for a kernel that binds all three; in the place of one that there is not, the constant band, which it
+    /// does not touch.
+    pub(super) fn three_bands(&self) -> [&Buf<[f32; 4]>; 3] {
+        [0, 1, 2].map(|band| self.bands.get(band).unwrap_or(&self.sh0))
+    }
+
+    /// The motion for a kernel that binds it; where there is none, the constant band, which it does not touch.
+    pub(super) fn motion_or_any(&self) -> &Buf<[f32; 4]> {
+        self.motion.as_ref().unwrap_or(&self.sh0)
+    }
+
     /// All buffers, in the same order for planes of one shape.
     pub fn buffers(&self) -> impl Iterator<Item = &Buf<[f32; 4]>> {
         [&self.geometry, &self.sh0].into_iter().chain(&self.bands).chain(&self.motion)
