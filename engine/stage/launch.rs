@@ -2,7 +2,7 @@
 //! renders it, its images in one behind that: the host waits for nothing before the end, and may hand over another strip meanwhile.
 
 use super::backward::{Backward, Target};
-use super::job::{Copies, Destination, Extent, Job, Landed, Launched, Measure};
+use super::job::{Copies, Extent, Job, Landed, Launched, Measure, Recorded};
 use super::params::{Strip, view_params};
 use super::renderer::Renderer;
 use super::room::{Size, Verdict};
@@ -37,12 +37,18 @@ impl Renderer {
         work.record_backward(&mut recording, &self.scene, &lists, size, &Target::Gradients);
         recording.stage("status");
         recording.copy(work.status.slice(), status.clone());
-        let images = if job.destination == Destination::Host { work.blend.images() } else { Vec::new() };
-        let running = match job.measure {
+        let images = job.read_back(&work.blend);
+        self.hand_over(Recorded { recording, lists, extent, status, rounds, images, measure: job.measure })
+    }
+
+    /// Hands a strip that was recorded within the present room to the device, and behind it the copies of its images.
+    pub(super) fn hand_over(&mut self, recorded: Recorded) -> Result<Launched> {
+        let Recorded { recording, lists, extent, status, rounds, images, measure } = recorded;
+        let running = match measure {
             Measure::Nothing => self.gpu.start(&recording)?,
             Measure::Times | Measure::Work => self.gpu.start_timed(&recording)?,
         };
-        let copies = self.copy_back(&images, n_pixels as usize)?;
+        let copies = self.copy_back(&images, extent.n_pixels as usize)?;
         let n = (self.scene.n, self.scene.n_bad);
         Ok(Launched { running, copies, recording, lists, extent, status, room: self.room, rounds, n })
     }
@@ -59,7 +65,7 @@ impl Renderer {
 
     /// Hands the copies of the first `n` pixels of `images` to the device: by themselves, so that it is known when the picture was
     /// there.
-    pub(super) fn copy_back(&mut self, images: &[Buf<[f32; 4]>], n: usize) -> Result<Option<Copies>> {
+    fn copy_back(&mut self, images: &[Buf<[f32; 4]>], n: usize) -> Result<Option<Copies>> {
         if images.is_empty() {
             return Ok(None);
         }
