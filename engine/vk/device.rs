@@ -32,6 +32,63 @@ pub struct Device {
     pub(super) instance: Arc<Instance>,
 }
 
+/// The device itself, with one compute queue and what of `caps` has to be switched on.
+fn create_device(
+    instance: &Instance,
+    physical: vk::PhysicalDevice,
+    queue_family: u32,
+    caps: &Caps,
+    shows_pictures: bool,
+) -> Result<ash::Device> {
+    let mut extensions = Vec::new();
+    if caps.push_descriptors {
+        extensions.push(khr::push_descriptor::NAME.as_ptr());
+    }
+    if caps.subgroup_pinned {
+        extensions.push(ext::subgroup_size_control::NAME.as_ptr());
+    }
+    if shows_pictures {
+        extensions.push(khr::swapchain::NAME.as_ptr());
+    }
+    let mut atomics = vk::PhysicalDeviceShaderAtomicFloatFeaturesEXT::default().shader_buffer_float32_atomic_add(true);
+    if caps.float_atomics {
+        extensions.push(ext::shader_atomic_float::NAME.as_ptr());
+    }
+    let priorities = [1.0];
+    let queues = [vk::DeviceQueueCreateInfo::default().queue_family_index(queue_family).queue_priorities(&priorities)];
+    let mut v12 = vk::PhysicalDeviceVulkan12Features::default().timeline_semaphore(true);
+    let mut size_control = vk::PhysicalDeviceSubgroupSizeControlFeatures::default()
+        .subgroup_size_control(true)
+        .compute_full_subgroups(true);
+    let mut info = vk::DeviceCreateInfo::default()
+        .queue_create_infos(&queues)
+        .enabled_extension_names(&extensions)
+        .push_next(&mut v12);
+    if caps.subgroup_pinned {
+        info = info.push_next(&mut size_control);
+    }
+    if caps.float_atomics {
+        info = info.push_next(&mut atomics);
+    }
+    // SAFETY: `physical` comes from this instance, and all that `info` points to lives until the call returns.
+    unsafe { instance.raw.create_device(physical, &info, None) }.map_err(|e| Error::NoDevice {
+        reason: format!("{}: vkCreateDevice: {e:?}", caps.name),
+        remedy: "choose another with --device".to_owned(),
+    })
+}
+
+fn create_allocator(instance: &Instance, device: &ash::Device, physical: vk::PhysicalDevice) -> Result<Allocator> {
+    Allocator::new(&AllocatorCreateDesc {
+        instance: instance.raw.clone(),
+        device: device.clone(),
+        physical_device: physical,
+        debug_settings: Default::default(),
+        buffer_device_address: false,
+        allocation_sizes: Default::default(),
+    })
+    .map_err(|e| Error::Vulkan { call: "the allocator's set-up", reason: e.to_string() })
+}
+
 impl Device {
     /// Opens the device that `choice` picks. Returns it with the reason of the choice.
     ///
@@ -46,52 +103,8 @@ impl Device {
         let Ok(Found { queue_family, mut caps }) = found else { unreachable!("pick returns usable devices") };
         caps.push_descriptors &= !choice.no_push_descriptors;
 
-        let mut extensions = Vec::new();
-        if caps.push_descriptors {
-            extensions.push(khr::push_descriptor::NAME.as_ptr());
-        }
-        if caps.subgroup_pinned {
-            extensions.push(ext::subgroup_size_control::NAME.as_ptr());
-        }
-        if !choice.surface.is_empty() {
-            extensions.push(khr::swapchain::NAME.as_ptr());
-        }
-        let mut atomics =
-            vk::PhysicalDeviceShaderAtomicFloatFeaturesEXT::default().shader_buffer_float32_atomic_add(true);
-        if caps.float_atomics {
-            extensions.push(ext::shader_atomic_float::NAME.as_ptr());
-        }
-        let priorities = [1.0];
-        let queues =
-            [vk::DeviceQueueCreateInfo::default().queue_family_index(queue_family).queue_priorities(&priorities)];
-        let mut v12 = vk::PhysicalDeviceVulkan12Features::default().timeline_semaphore(true);
-        let mut size_control = vk::PhysicalDeviceSubgroupSizeControlFeatures::default()
-            .subgroup_size_control(true)
-            .compute_full_subgroups(true);
-        let mut info = vk::DeviceCreateInfo::default()
-            .queue_create_infos(&queues)
-            .enabled_extension_names(&extensions)
-            .push_next(&mut v12);
-        if caps.subgroup_pinned {
-            info = info.push_next(&mut size_control);
-        }
-        if caps.float_atomics {
-            info = info.push_next(&mut atomics);
-        }
-        // SAFETY: `physical` comes from this instance, and all that `info` points to lives until the call returns.
-        let raw = unsafe { instance.raw.create_device(physical, &info, None) }.map_err(|e| Error::NoDevice {
-            reason: format!("{}: vkCreateDevice: {e:?}", caps.name),
-            remedy: "choose another with --device".to_owned(),
-        })?;
-        let allocator = Allocator::new(&AllocatorCreateDesc {
-            instance: instance.raw.clone(),
-            device: raw.clone(),
-            physical_device: physical,
-            debug_settings: Default::default(),
-            buffer_device_address: false,
-            allocation_sizes: Default::default(),
-        })
-        .map_err(|e| Error::Vulkan { call: "the allocator's set-up", reason: e.to_string() })?;
+        let raw = create_device(&instance, physical, queue_family, &caps, !choice.surface.is_empty())?;
+        let allocator = create_allocator(&instance, &raw, physical)?;
         // A cache that the driver does not recognise is ignored by the driver; one that cannot be read is no cache.
         let cached = choice.pipeline_cache.as_ref().filter(|file| file.is_file());
         let cached = cached.and_then(|file| std::fs::read(file).ok()).unwrap_or_default();

@@ -1,10 +1,11 @@
 //! The instance, the devices that it sees, and the choice among them.
 
-use super::caps::{Caps, DeviceKind, kind_of};
+use super::caps::{Caps, DeviceKind};
 use super::debug::{Validation, messenger_info};
+use super::probe::Answers;
 use super::vk_error;
 use crate::error::{Error, Result};
-use ash::{Entry, ext, khr, vk};
+use ash::{Entry, ext, vk};
 use std::ffi::CStr;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -133,115 +134,7 @@ impl Instance {
             reason: format!("vkEnumeratePhysicalDevices: {e:?}"),
             remedy: "install a Vulkan driver (Debian: mesa-vulkan-drivers)".to_owned(),
         })?;
-        Ok(all.into_iter().map(|physical| (physical, self.probe(physical))).collect())
-    }
-
-    fn probe(&self, physical: vk::PhysicalDevice) -> std::result::Result<Found, String> {
-        // SAFETY: plain queries into structs that live in this function.
-        unsafe {
-            let extensions = self.raw.enumerate_device_extension_properties(physical).map_err(|e| format!("{e:?}"))?;
-            let has = |name: &CStr| extensions.iter().any(|e| e.extension_name_as_c_str() == Ok(name));
-            let core = self.raw.get_physical_device_properties(physical);
-            let name = core.device_name_as_c_str().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-            if core.api_version < vk::API_VERSION_1_2 {
-                return Err(format!("{name}: Vulkan 1.2 is needed"));
-            }
-            let has_size_control = has(ext::subgroup_size_control::NAME);
-            let has_float_atomics = has(ext::shader_atomic_float::NAME);
-            let mut subgroup = vk::PhysicalDeviceSubgroupProperties::default();
-            let mut sizes = vk::PhysicalDeviceSubgroupSizeControlProperties::default();
-            let mut driver = vk::PhysicalDeviceDriverProperties::default();
-            let mut maintenance3 = vk::PhysicalDeviceMaintenance3Properties::default();
-            let mut properties = vk::PhysicalDeviceProperties2::default()
-                .push_next(&mut subgroup)
-                .push_next(&mut driver)
-                .push_next(&mut maintenance3);
-            if has_size_control {
-                properties = properties.push_next(&mut sizes);
-            }
-            self.raw.get_physical_device_properties2(physical, &mut properties);
-            let limits = properties.properties.limits;
-
-            let mut v12 = vk::PhysicalDeviceVulkan12Features::default();
-            let mut size_control = vk::PhysicalDeviceSubgroupSizeControlFeatures::default();
-            let mut atomics = vk::PhysicalDeviceShaderAtomicFloatFeaturesEXT::default();
-            let mut features = vk::PhysicalDeviceFeatures2::default().push_next(&mut v12);
-            if has_size_control {
-                features = features.push_next(&mut size_control);
-            }
-            if has_float_atomics {
-                features = features.push_next(&mut atomics);
-            }
-            self.raw.get_physical_device_features2(physical, &mut features);
-
-            let queue_family = self
-                .raw
-                .get_physical_device_queue_family_properties(physical)
-                .iter()
-                .position(|f| f.queue_flags.contains(vk::QueueFlags::COMPUTE))
-                .ok_or_else(|| format!("{name}: no compute queue"))?;
-            let needed = vk::SubgroupFeatureFlags::BASIC
-                | vk::SubgroupFeatureFlags::VOTE
-                | vk::SubgroupFeatureFlags::ARITHMETIC
-                | vk::SubgroupFeatureFlags::BALLOT
-                | vk::SubgroupFeatureFlags::SHUFFLE;
-            if !subgroup.supported_operations.contains(needed)
-                || !subgroup.supported_stages.contains(vk::ShaderStageFlags::COMPUTE)
-            {
-                return Err(format!("{name}: subgroup vote, arithmetic, ballot and shuffle are needed in compute"));
-            }
-            if !(4..=64).contains(&subgroup.subgroup_size) {
-                return Err(format!("{name}: subgroups of {} lanes; 4 to 64 are supported", subgroup.subgroup_size));
-            }
-            if v12.timeline_semaphore == vk::FALSE {
-                return Err(format!("{name}: timeline semaphores are needed"));
-            }
-            let pinned = has_size_control
-                && size_control.subgroup_size_control == vk::TRUE
-                && size_control.compute_full_subgroups == vk::TRUE
-                && sizes.required_subgroup_size_stages.contains(vk::ShaderStageFlags::COMPUTE);
-            if !pinned && sizes.min_subgroup_size != sizes.max_subgroup_size {
-                return Err(format!("{name}: its subgroup size varies and cannot be pinned"));
-            }
-            let memory = self.raw.get_physical_device_memory_properties(physical);
-            let heap_bytes = memory.memory_heaps_as_slice().iter().map(|h| h.size).max().unwrap_or(0);
-            let text = |name: std::result::Result<&CStr, std::ffi::FromBytesUntilNulError>| {
-                name.map(|n| n.to_string_lossy().into_owned()).unwrap_or_default()
-            };
-            let api = core.api_version;
-            let caps = Caps {
-                name,
-                driver: format!("{} {}", text(driver.driver_name_as_c_str()), text(driver.driver_info_as_c_str())),
-                api: format!(
-                    "{}.{}.{}",
-                    vk::api_version_major(api),
-                    vk::api_version_minor(api),
-                    vk::api_version_patch(api)
-                ),
-                kind: kind_of(core.device_type),
-                subgroup_size: subgroup.subgroup_size,
-                subgroup_min: if has_size_control { sizes.min_subgroup_size } else { subgroup.subgroup_size },
-                subgroup_max: if has_size_control { sizes.max_subgroup_size } else { subgroup.subgroup_size },
-                subgroup_pinned: pinned,
-                max_workgroup: limits.max_compute_work_group_invocations,
-                max_groups: limits.max_compute_work_group_count[0],
-                max_shared_bytes: limits.max_compute_shared_memory_size,
-                max_binding_bytes: u64::from(limits.max_storage_buffer_range),
-                max_allocation_bytes: maintenance3.max_memory_allocation_size,
-                heap_bytes,
-                storage_alignment: limits.min_storage_buffer_offset_alignment.max(16),
-                timestamp_ns: if limits.timestamp_compute_and_graphics == vk::TRUE {
-                    limits.timestamp_period
-                } else {
-                    0.0
-                },
-                push_descriptors: has(khr::push_descriptor::NAME),
-                float_atomics: has_float_atomics && atomics.shader_buffer_float32_atomic_add == vk::TRUE,
-                int64_atomics: v12.shader_buffer_int64_atomics == vk::TRUE,
-                float16: v12.shader_float16 == vk::TRUE,
-            };
-            Ok(Found { queue_family: queue_family as u32, caps })
-        }
+        Ok(all.into_iter().map(|physical| (physical, Found::probe(&self.raw, physical))).collect())
     }
 }
 
@@ -249,6 +142,14 @@ impl Instance {
 pub(super) struct Found {
     pub(super) queue_family: u32,
     pub(super) caps: Caps,
+}
+
+impl Found {
+    /// `physical`, or the reason why it cannot run the engine.
+    fn probe(instance: &ash::Instance, physical: vk::PhysicalDevice) -> std::result::Result<Self, String> {
+        let answers = Answers::of(instance, physical)?;
+        Ok(Found { queue_family: answers.usable_family()?, caps: answers.caps() })
+    }
 }
 
 /// The devices of this machine: capabilities, or the reason why one cannot run the engine.

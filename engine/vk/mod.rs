@@ -13,6 +13,7 @@ mod debug;
 mod device;
 mod instance;
 mod pipeline;
+mod probe;
 #[cfg(feature = "play")]
 mod swapchain;
 
