@@ -239,6 +239,18 @@ impl Trainer {
         std::mem::take(&mut self.reports)
     }
 
+    /// Takes the steps that lazy Adam still owes.
+    fn catch_up(&self) -> Result<()> {
+        if self.config.adam != AdamMode::Lazy {
+            return Ok(());
+        }
+        self.gpu.write(&self.optimiser.params, &[self.adam_params(self.step.max(1))])?;
+        let status = self.gpu.upload("status", &[Status::default()])?;
+        let mut rec = Recording::new();
+        self.optimiser.record_catch_up_all(&mut rec, &self.scene, &status, self.step);
+        self.gpu.run(&rec)
+    }
+
     /// The round of density control that is due after the step handed over last.
     fn due_round(&self) -> Option<DensityRound> {
         let n_frames = (1.0 / self.setup.dt).round() as u32;
@@ -254,13 +266,7 @@ impl Trainer {
             self.end_oldest()?;
         }
         self.work = None;
-        if self.config.adam == AdamMode::Lazy {
-            self.gpu.write(&self.optimiser.params, &[self.adam_params(self.step)])?;
-            let status = self.gpu.upload("status", &[Status::default()])?;
-            let mut rec = Recording::new();
-            self.optimiser.record_catch_up_all(&mut rec, &self.scene, &status, self.step);
-            self.gpu.run(&rec)?;
-        }
+        self.catch_up()?;
         let (moments, state) = (&self.optimiser.moments, &self.optimiser.state);
         let origin = self.scene.origin;
         let lenses: Vec<Cone> = self.setup.lenses.iter().map(|view| view.cone(origin)).collect();

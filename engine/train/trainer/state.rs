@@ -145,14 +145,8 @@ impl Trainer {
     /// As [`Trainer::train`].
     pub fn extend(&mut self, config: Config, total: u64) -> Result<()> {
         self.finish()?;
-        if self.config.adam == AdamMode::Lazy {
-            // The steps that are owed are of the rates so far.
-            self.gpu.write(&self.optimiser.params, &[self.adam_params(self.step.max(1))])?;
-            let mut rec = Recording::new();
-            let status = self.gpu.upload("status", &[Status::default()])?;
-            self.optimiser.record_catch_up_all(&mut rec, &self.scene, &status, self.step);
-            self.gpu.run(&rec)?;
-        }
+        // The steps that are owed are of the rates so far.
+        self.catch_up()?;
         let checkpoint = Checkpoint { config, total, ..self.checkpoint()? };
         self.replace(&checkpoint)
     }
