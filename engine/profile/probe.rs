@@ -95,7 +95,7 @@ impl Probe {
     /// [`Error::OutOfMemory`] when its buffers do not fit.
     pub fn prepare(self, gpu: &Gpu, size: u32) -> Result<Prepared> {
         let mut recording = Recording::new();
-        recording.stage("probe");
+        recording.section("probe");
         let (amount, output) = match self {
             Probe::Copy => record_copy(gpu, &mut recording, size),
             Probe::Transfer | Probe::Fill => self.record_command(gpu, &mut recording, size),
@@ -239,7 +239,7 @@ pub(super) fn no_timestamps() -> Error {
 pub fn dispatches(gpu: &Gpu, n: u32) -> Result<(Recording, Buf<u32>)> {
     let (steps, count) = (&gpu.upload("probe steps", &[1u32])?, gpu.upload("probe count", &[0u32])?);
     let mut rec = Recording::new();
-    rec.stage("probe");
+    rec.section("probe");
     for _ in 0..n {
         rec.pass(probe_dispatch::Args { steps, count: &count }, (), Grid::Groups(1));
     }

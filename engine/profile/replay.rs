@@ -144,7 +144,7 @@ impl<'a> Replay<'a> {
     fn record(&self, kernel: &'static KernelInfo) -> Result<Recording> {
         let (push, groups) = self.adapted(kernel)?;
         let mut rec = Recording::new();
-        rec.stage("replay");
+        rec.section("replay");
         for (slice, before) in self.slices.iter().zip(&self.pristine) {
             if let Some(before) = before {
                 rec.copy(before.clone(), slice.clone());

@@ -183,7 +183,7 @@ impl Optimiser {
             return;
         }
         let kernel = generated::adam_idle(self.moments.bits == 16);
-        rec.stage("adam");
+        rec.section("adam");
         for (index, group) in scene.groups.iter().enumerate() {
             rec.group(Some(index));
             for (kind, planes, parameter, moments) in numbered(&group.params, &self.moments.groups[index]) {
@@ -237,7 +237,7 @@ impl Optimiser {
         of: impl Fn(usize, u32) -> (u32, Grid),
     ) {
         let kernel = generated::adam_catch_up(self.moments.bits == 16);
-        rec.stage("adam");
+        rec.section("adam");
         for (index, group) in scene.groups.iter().enumerate() {
             rec.group(Some(index));
             let (all, grid) = of(index, group.n);

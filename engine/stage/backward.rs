@@ -120,8 +120,8 @@ impl Backward {
     pub fn record(&self, rec: &mut Recording, scene: &SceneBuffers, drawn: Drawn, target: &Target) {
         self.record_blend(rec, drawn);
         match target {
-            Target::Gradients => rec.stage("project bwd"),
-            Target::Step(_) => rec.stage("project bwd adam"),
+            Target::Gradients => rec.section("project bwd"),
+            Target::Step(_) => rec.section("project bwd adam"),
         }
         rec.fill(self.n_bad.slice(), 0);
         for (index, group) in scene.groups.iter().enumerate() {
@@ -229,7 +229,7 @@ impl Backward {
 
     /// The sum of what all Gaussians, of which the flat index has `n_flat`, and the background say of the camera.
     fn record_camera(&self, rec: &mut Recording, n_flat: u32, drawn: Drawn, tail: &Buf<[u32; 2]>, target: &Target) {
-        rec.stage("camera bwd");
+        rec.section("camera bwd");
         let Drawn { cull, size: Size { n_pixels, .. }, .. } = drawn;
         let (d_camera, partials) = (&self.d_camera_each, &self.camera_partials);
         rec.pass(
@@ -251,7 +251,7 @@ impl Backward {
         let Drawn { cull, eye: Eye { view, projected, .. }, tiles, lists, blend, size } = drawn;
         let Size { n_tiles, rounds, .. } = size;
         let Some(tail) = &blend.tail else { unreachable!("the forward pass was recorded for a backward pass") };
-        rec.stage("blend bwd");
+        rec.section("blend bwd");
         let kernel = self.accumulation.kernel(self.outputs, blend.pixels_per_lane());
         let words = self.words.as_ref().map(Buf::cast);
         let sums = words.as_ref().unwrap_or(&self.d_slots);

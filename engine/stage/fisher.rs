@@ -68,7 +68,7 @@ impl Fisher {
 
     /// Appends the addition of the gradients that a backward pass left of a view at `time`, normalised.
     pub fn record(&self, rec: &mut Recording, scene: &SceneBuffers, gradients: &[Planes], time: f64) {
-        rec.stage("fisher");
+        rec.section("fisher");
         for (index, ((group, d), sums)) in scene.groups.iter().zip(gradients).zip(&self.sums).enumerate() {
             rec.group(Some(index));
             let params = &group.params;

@@ -22,20 +22,20 @@ impl Renderer {
         self.load_window(job.view)?;
         let extent = Extent::new(job.view, strip);
         self.make_room(job, &extent);
-        let view = self.gpu.stage("view", &[view_params(job.view, &self.constants, self.scene.origin, strip)])?;
+        let view = self.gpu.staged("view", &[view_params(job.view, &self.constants, self.scene.origin, strip)])?;
         let status = self.slice(size_of::<Status>())?;
         let work = Workspace::fit(&mut self.work, &self.gpu, &self.scene, self.room)?;
         if let (Some(cotangents), Some(backward)) = (job.cotangents, &work.backward) {
             write_cotangents(&self.gpu, backward, cotangents, job.view, strip)?;
         }
         let mut recording = Recording::new();
-        recording.stage("view");
+        recording.section("view");
         recording.copy(view, work.view.slice());
         let Extent { n_tiles, n_pixels, .. } = extent;
         let size = Size { n_tiles, n_pixels, rounds };
         let lists = work.record_forward(&mut recording, &self.scene, size, |_| ());
         work.record_backward(&mut recording, &self.scene, &lists, size, &Target::Gradients);
-        recording.stage("status");
+        recording.section("status");
         recording.copy(work.status.slice(), status.clone());
         let images = job.read_back(&work.blend);
         self.hand_over(Recorded { recording, lists, extent, status, rounds, images, measure: job.measure })

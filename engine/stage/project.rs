@@ -126,7 +126,7 @@ fn each_group(
     cull: &Cull,
     pass: impl Fn(&mut Recording, &Group, [&Buf<[f32; 4]>; 3], [&'static KernelInfo; 2], u32, Grid),
 ) {
-    rec.stage("project");
+    rec.section("project");
     for (index, group) in scene.groups.iter().enumerate() {
         rec.group(Some(index));
         let bands = bands_of(group);

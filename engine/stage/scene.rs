@@ -137,7 +137,7 @@ impl SceneBuffers {
     /// Appends the derivation of what culling and projection read; due whenever the parameters have changed. `n_bad` grows by the
     /// number of Gaussians that can never be drawn.
     pub fn record_bounds(&self, rec: &mut Recording, constants: &Constants, n_bad: &Buf<u32>) {
-        rec.stage("bound");
+        rec.section("bound");
         for (index, group) in self.groups.iter().enumerate() {
             rec.group(Some(index));
             group.record_bound(rec, constants, n_bad);

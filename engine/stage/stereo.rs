@@ -70,7 +70,7 @@ impl Renderer {
         let extent = Extent::new(job.view, Strip::whole(job.view));
         self.make_room(job, &extent);
         let params = self.stereo_params([job.view, other.view], union, near);
-        let [view, second_view, union] = params.map(|params| self.gpu.stage("view", &[params]));
+        let [view, second_view, union] = params.map(|params| self.gpu.staged("view", &[params]));
         let views = [view?, second_view?, union?];
         let [status, second_status] = [self.slice(size_of::<Status>())?, self.slice(size_of::<Status>())?];
         let work = Workspace::fit(&mut self.work, &self.gpu, &self.scene, self.room)?;
@@ -79,14 +79,14 @@ impl Renderer {
 
         let mut recording = Recording::new();
         let (lists, order) = record_first(&mut recording, &self.scene, (work, second), views, n_tiles);
-        recording.stage("status");
+        recording.section("status");
         recording.copy(work.status.slice(), status.clone());
         let images = job.read_back(&work.blend);
         let first = Recorded { recording, lists, extent, status, rounds: 1, images, measure: Measure::Nothing };
 
         let mut recording = Recording::new();
         let lists = record_second(&mut recording, (work, second), &order, n_tiles);
-        recording.stage("status");
+        recording.section("status");
         recording.copy(second.status.slice(), second_status.clone());
         let images = job.read_back(&second.blend);
         let status = second_status;
@@ -120,11 +120,11 @@ fn record_first(
     n_tiles: u32,
 ) -> (Lists, Buf<u32>) {
     let Workspace { cull, projected, tiles, blend, status, .. } = work;
-    rec.stage("view");
+    rec.section("view");
     rec.copy(view, work.view.slice());
     rec.copy(second_view, second.view.slice());
     rec.copy(union, second.union.slice());
-    rec.stage("cull");
+    rec.section("cull");
     rec.fill(status.slice(), 0);
     cull.record(rec, scene, &second.union, status);
     rec.copy(shared_grids(work), second.grids.slice());
@@ -144,7 +144,7 @@ fn record_second(
     order: &Buf<u32>,
     n_tiles: u32,
 ) -> Lists {
-    rec.stage("tiles");
+    rec.section("tiles");
     rec.copy(second.grids.slice(), shared_grids(work));
     let lists = work.tiles.record(rec, &work.cull, second.eye(), order, n_tiles, SEGMENT);
     second.blend.record(rec, &work.tiles, &lists, second.eye(), n_tiles, 1);

@@ -90,7 +90,7 @@ impl Tiles {
 
     /// Appends the sort of `projected` by depth; gives the active indices, near to far.
     pub fn record_order(&self, rec: &mut Recording, cull: &Cull, projected: &Projected) -> Buf<u32> {
-        rec.stage("depth sort");
+        rec.section("depth sort");
         let pairs = (&projected.depth_keys, &projected.identity);
         let n_rounds = self.depth_bits / 8;
         let grids = grids(&cull.args);
@@ -108,7 +108,7 @@ impl Tiles {
         n_tiles: u32,
         longest: u32,
     ) -> Lists {
-        rec.stage("tiles");
+        rec.section("tiles");
         self.record_pairs(rec, cull, eye, order);
         let (tile_keys, lists) = self.record_sort(rec, &cull.args, n_tiles);
         self.record_ranges(rec, &cull.args, eye.status, &tile_keys, n_tiles, longest);
@@ -168,7 +168,7 @@ impl Tiles {
 
     /// Appends the sort of the pairs by tile; gives the tile of each, and the lists.
     fn record_sort(&self, rec: &mut Recording, args: &Buf<[u32; 4]>, n_tiles: u32) -> (Buf<u32>, Lists) {
-        rec.stage("tile sort");
+        rec.section("tile sort");
         let (n_intersections, splat_ids) = (&self.n_intersections, &self.splat_ids);
         let first_pass = rec.passes().len();
         // Keys go from 0 to n_tiles, which marks a slot that no tile reads.
@@ -179,7 +179,7 @@ impl Tiles {
             self.tile_sort.record(rec, n_intersections, &self.n_digits, pairs, n_passes, &grids(args));
         rec.count_as(first_pass, Count::Intersections);
 
-        rec.stage("tiles");
+        rec.section("tiles");
         let Some(Slots { sorted_ids, .. }) = &self.slots else {
             return (tile_keys, Lists { splat_ids: sorted, slots: None });
         };

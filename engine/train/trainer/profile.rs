@@ -36,7 +36,7 @@ impl Trainer {
             begun = Instant::now();
         };
         let mut inputs = self.inputs(camera, view, picture)?;
-        done("stage images");
+        done("upload images");
         loop {
             let (rec, results) = self.record(&inputs)?;
             done("record");

@@ -21,7 +21,7 @@ impl Trainer {
         Ok(Inputs {
             step,
             view: View { background, flow_model, ..view.reduced(reduction) },
-            truth: self.objective.stage(&self.gpu, picture, camera, step, reduction)?,
+            truth: self.objective.upload(&self.gpu, picture, camera, step, reduction)?,
         })
     }
 
@@ -119,9 +119,9 @@ impl Trainer {
         let (gpu, scene, optimiser, rounds) = (&self.gpu, &self.scene, &self.optimiser, self.rounds);
         let work = Workspace::fit(&mut self.work, gpu, scene, self.room)?;
         let mut rec = Recording::new();
-        rec.stage("upload");
-        rec.copy(gpu.stage("staged view", &[params])?, work.view.slice());
-        rec.copy(gpu.stage("staged adam parameters", &[adam])?, optimiser.params.slice());
+        rec.section("upload");
+        rec.copy(gpu.staged("staged view", &[params])?, work.view.slice());
+        rec.copy(gpu.staged("staged adam parameters", &[adam])?, optimiser.params.slice());
         self.objective.record_upload(&mut rec, work, truth);
         let status = &work.status;
         let is_lazy = self.config.adam == AdamMode::Lazy;
@@ -147,7 +147,7 @@ impl Trainer {
             }
             scene.record_bounds(&mut rec, &self.constants, &self.n_undrawable);
         }
-        rec.stage("report");
+        rec.section("report");
         let results = Results {
             n_tiles,
             lists,
