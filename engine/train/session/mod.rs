@@ -282,11 +282,11 @@ impl<'a> Session<'a> {
     /// step that is not counted.
     ///
     /// # Errors
-    /// As [`Trainer::capture`].
-    pub fn capture(&mut self, kernel: &str) -> Result<Option<Dispatch>> {
+    /// As [`Trainer::dump`].
+    pub fn dump(&mut self, kernel: &str) -> Result<Option<Dispatch>> {
         let Some(((camera, frame), picture)) = self.picture()? else { return Ok(None) };
         let view = self.capture.view(camera, frame)?;
-        self.trainer.capture(camera, &view, &picture, kernel)
+        self.trainer.dump(camera, &view, &picture, kernel)
     }
 
     /// Waits until all steps that were handed over have ended.

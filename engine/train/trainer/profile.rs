@@ -72,12 +72,12 @@ impl Trainer {
     ///
     /// # Errors
     /// As [`Trainer::train`].
-    pub fn capture(&mut self, camera: usize, view: &View, picture: &Picture, kernel: &str) -> Result<Option<Dispatch>> {
+    pub fn dump(&mut self, camera: usize, view: &View, picture: &Picture, kernel: &str) -> Result<Option<Dispatch>> {
         self.finish()?;
         let inputs = self.inputs(camera, view, picture)?;
         loop {
             let (rec, results) = self.record(&inputs)?;
-            let dispatch = self.gpu.run_capturing(rec, kernel)?;
+            let dispatch = self.gpu.run_dumping(rec, kernel)?;
             if self.end(&inputs, &results)? {
                 self.step = inputs.step;
                 return Ok(dispatch);
