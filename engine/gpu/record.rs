@@ -35,7 +35,7 @@ pub enum Work {
 
 /// One pass.
 pub struct Pass {
-    /// Stage and kernel, the label that tools show.
+    /// Section and kernel, the label that tools show.
     pub label: String,
     /// What the pass's time grows with.
     pub count: Count,

@@ -12,7 +12,7 @@ mod replay;
 mod roofline;
 mod trace;
 
-pub use compare::{Compared, Comparison, Other, Recorded, Verdict};
+pub use compare::{Change, Compared, Comparison, Other, Recorded};
 pub use dump::{read_dispatch, write_dispatch};
 pub use lately::Lately;
 pub use limit::{Bound, Peaks};

@@ -2,7 +2,7 @@
 
 use super::blend::Blend;
 use super::params::{Outputs, Purpose, Strip};
-use super::room::{Room, Verdict};
+use super::room::{Outcome, Room};
 use super::tiles::Lists;
 use crate::gpu::generated::Status;
 use crate::gpu::{Buf, PassTime, Recording, Running, Slice};
@@ -104,7 +104,7 @@ pub(super) struct Copies {
 pub(super) struct Landed {
     pub extent: Extent,
     pub status: Status,
-    pub verdict: Verdict,
+    pub outcome: Outcome,
     /// Colour and alpha; depth, inverse depth and flow; as many as are read back.
     pub images: Vec<Vec<[f32; 4]>>,
     /// Of each pass, where they are timed.

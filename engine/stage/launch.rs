@@ -5,7 +5,7 @@ use super::backward::{Backward, Target};
 use super::job::{Copies, Extent, Job, Landed, Launched, Measure, Recorded};
 use super::params::{Strip, view_params};
 use super::renderer::Renderer;
-use super::room::{Size, Verdict};
+use super::room::{Outcome, Size};
 use super::workspace::Workspace;
 use crate::error::Result;
 use crate::gpu::generated::Status;
@@ -91,10 +91,10 @@ impl Renderer {
     pub(super) fn land(&self, launched: &Launched) -> Result<Landed> {
         let times = launched.running.wait()?;
         let status: Status = self.gpu.peek(&launched.status)?.first().copied().unwrap_or_default();
-        let verdict = launched.room.verdict(&self.gpu, &status, launched.rounds);
+        let outcome = launched.room.outcome(&self.gpu, &status, launched.rounds);
         let begun = Instant::now();
         let images = match &launched.copies {
-            Some(copies) if verdict == Verdict::Complete => {
+            Some(copies) if outcome == Outcome::Complete => {
                 copies.running.wait()?;
                 copies.images.iter().map(|image| self.gpu.peek(image)).collect::<Result<_>>()?
             }
@@ -103,7 +103,7 @@ impl Renderer {
         Ok(Landed {
             extent: launched.extent,
             status,
-            verdict,
+            outcome,
             images,
             times,
             read_back_s: begun.elapsed().as_secs_f64(),

@@ -60,7 +60,7 @@ pub use priors::{DepthSpace, PriorLoss, PriorWeights};
 pub use project::{Eye, Projected};
 pub use render::{FrameReport, Picture};
 pub use renderer::Renderer;
-pub use room::{Room, Size, Verdict};
+pub use room::{Outcome, Room, Size};
 pub use scan::Scan;
 pub use scene::{Group, SceneBuffers, group_limit};
 pub use show::{Layer, Screen};

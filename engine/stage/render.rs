@@ -8,7 +8,7 @@ use super::gradients::Gradients;
 use super::job::{Destination, Extent, Job, Landed, Launched, Measure};
 use super::params::{Outputs, Strip, TILE, moment, view_params};
 use super::renderer::Renderer;
-use super::room::{Size, Verdict};
+use super::room::{Outcome, Size};
 use super::scene::SceneBuffers;
 use super::show::{Layer, Screen};
 use super::workspace::Workspace;
@@ -338,18 +338,18 @@ impl Renderer {
         loop {
             let launched = launched.take().map_or_else(|| self.launch(job, strip, rounds), Ok)?;
             let landed = self.land(&launched)?;
-            match landed.verdict {
-                Verdict::Complete => {}
-                Verdict::Replay(room, new_rounds) => {
+            match landed.outcome {
+                Outcome::Complete => {}
+                Outcome::Replay(room, new_rounds) => {
                     report.replays += 1;
                     (self.room, rounds) = (room, new_rounds);
                     continue;
                 }
-                Verdict::TooMuch { .. } if strip.n_rows > TILE => {
+                Outcome::TooMuch { .. } if strip.n_rows > TILE => {
                     report.replays += 1;
                     return Ok(None);
                 }
-                Verdict::TooMuch { what, needed, limit } => {
+                Outcome::TooMuch { what, needed, limit } => {
                     return Err(Error::OutOfMemory {
                         what: format!("view `{}`: {what} in one row of tiles", job.view.name),
                         needed: u64::from(needed),

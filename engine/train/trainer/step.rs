@@ -6,7 +6,7 @@ use crate::gpu::Recording;
 use crate::gpu::generated::{Status, ViewParams};
 use crate::scene::View;
 use crate::scene::capture::Picture;
-use crate::stage::{AdamMode, Room, Size, Strip, Target, Verdict, Workspace, record_mcmc_noise, view_params};
+use crate::stage::{AdamMode, Outcome, Room, Size, Strip, Target, Workspace, record_mcmc_noise, view_params};
 use crate::train::density::noise;
 use tracing::debug_span;
 
@@ -59,15 +59,15 @@ impl Trainer {
     pub(super) fn end(&mut self, inputs: &Inputs, results: &Results) -> Result<bool> {
         let status: Status = self.gpu.peek(&results.status)?.first().copied().unwrap_or_default();
         let Some(work) = &self.work else { return Ok(false) };
-        match work.room.verdict(&self.gpu, &status, self.rounds) {
-            Verdict::Complete => {}
-            Verdict::Replay(room, rounds) => {
+        match work.room.outcome(&self.gpu, &status, self.rounds) {
+            Outcome::Complete => {}
+            Outcome::Replay(room, rounds) => {
                 self.step = inputs.step - 1;
                 self.gpu.write(&work.status, &[Status::default()])?;
                 (self.room, self.rounds) = (room, rounds);
                 return Ok(false);
             }
-            Verdict::TooMuch { what, needed, limit } => {
+            Outcome::TooMuch { what, needed, limit } => {
                 self.in_flight.clear();
                 self.step = inputs.step - 1;
                 return Err(Error::OutOfMemory {
