@@ -1,7 +1,7 @@
 //! Culling and compaction against the truth and against a model of bits.
 
 use crate::common::device::gpu;
-use crate::common::one::{One, camera, round, scene_of};
+use crate::common::one::{One, ball, camera, scene_of};
 use crate::common::random::{Random, view, wild_scene};
 use crate::common::stages::Fixture;
 use crate::common::twins::tested;
@@ -32,7 +32,7 @@ fn clear(random: &mut Random, dynamic: bool, seen: bool) -> One {
     let [x, y] = random.vector(-0.5, 0.5);
     let t_center = if seen || !out_of_time { 0.5 } else { 40.0 };
     let motion = Motion { velocity: [0.5, 0.0, 0.0], t_center, t_scale: 0.0 };
-    One { motion: dynamic.then_some(motion), ..round([x, y, z], 0.05, 0.5, [0.5; 3]) }
+    One { motion: dynamic.then_some(motion), ..ball([x, y, z], 0.05, 0.5, [0.5; 3]) }
 }
 
 /// `n` Gaussians of a population, and which of them are seen.

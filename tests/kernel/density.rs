@@ -2,7 +2,7 @@
 //! groups of any length.
 
 use crate::common::device::{Watched, gpu};
-use crate::common::one::{One, logit, round, scene_of};
+use crate::common::one::{One, ball, logit, scene_of};
 use crate::common::random::Random;
 use crate::common::twins::tested;
 use ivv::Constants;
@@ -301,10 +301,10 @@ fn what_is_wide_before_a_lens_goes_whoever_looks_through_it() {
     // A third of the depth, from above and from below, before the lens and behind it; far from any; at the cone's side, within and
     // without; where the lens is, a little beside it.
     let [x, y, z] = LENSES[0].tip;
-    let wide = |dz: f32, part: f64| round([x, y, z + dz], part * f64::from(dz.abs()), 0.9, [1.0; 3]);
-    let beside = |dx: f32| round([x + dx, y, z + 0.5], 0.19, 0.9, [1.0; 3]);
-    let at = round([x + 0.08, y, z + 0.02], 0.1, 0.9, [1.0; 3]);
-    let far = round([5.0, 5.0, 9.0], 0.5, 0.9, [0.5; 3]);
+    let wide = |dz: f32, part: f64| ball([x, y, z + dz], part * f64::from(dz.abs()), 0.9, [1.0; 3]);
+    let beside = |dx: f32| ball([x + dx, y, z + 0.5], 0.19, 0.9, [1.0; 3]);
+    let at = ball([x + 0.08, y, z + 0.02], 0.1, 0.9, [1.0; 3]);
+    let far = ball([5.0, 5.0, 9.0], 0.5, 0.9, [0.5; 3]);
     let all = [wide(0.5, 0.30), wide(0.5, 0.36), wide(-0.5, 0.36), far, beside(0.38), beside(0.46), at];
     let state = vec![[0.0; 4]; all.len()];
     for choice in [PULLED, Choice::Drawn] {
@@ -408,7 +408,7 @@ fn a_gaussian_that_shows_only_between_two_frames_goes() {
     // Bright at 0.3, between the frames at 0.2 and 0.4.
     let with = |t_center: f32, t_scale: f32| One {
         motion: Some(Motion { velocity: [0.0; 3], t_center, t_scale }),
-        ..round([0.0, 0.0, 4.0], 0.1, 0.9, [0.5; 3])
+        ..ball([0.0, 0.0, 4.0], 0.1, 0.9, [0.5; 3])
     };
     // 0.9 exp(-(0.1 / tau)^2) is 0.005 at tau = 0.0439. The clip has no frame at 1, nor before 0.
     let all = [(0.3, 0.043), (0.3, 0.045), (0.2, 0.01), (0.96, 0.05), (0.88, 0.05), (-0.2, 0.05), (-0.1, 0.05)];

@@ -2,7 +2,7 @@
 
 use super::density::{Case, DRAWN, scene};
 use crate::common::device::gpu;
-use crate::common::one::{camera, logit, round, scene_of};
+use crate::common::one::{ball, camera, logit, scene_of};
 use crate::common::twins::tested;
 use ivv::Constants;
 use ivv::gpu::Recording;
@@ -17,7 +17,7 @@ tested! {
 
 /// `n` static Gaussians at one place, the first of opacity logit `x`, the others dead.
 fn one_and_the_dead(x: f32, n: usize) -> Splats {
-    let mut splats = scene_of(&vec![round([0.1, 0.05, 3.0], 0.3, 0.5, [0.9, 0.4, 0.1]); n]);
+    let mut splats = scene_of(&vec![ball([0.1, 0.05, 3.0], 0.3, 0.5, [0.9, 0.4, 0.1]); n]);
     splats.opacity.fill(-30.0);
     splats.opacity[0] = x;
     splats

@@ -2,7 +2,7 @@
 
 use super::Tiny;
 use crate::common::device::gpu;
-use crate::common::one::{One, camera, round, scene_of};
+use crate::common::one::{One, ball, camera, scene_of};
 use ivv::Constants;
 use ivv::scene::capture::{Capture, Extent, Picture, PriorPlan};
 use ivv::scene::{Motion, Splats, View};
@@ -145,7 +145,7 @@ fn moving_scene(offsets: [f64; 2]) -> (Splats, Vec<(usize, View, Picture)>) {
         let color = [0.9, 0.1 + 0.15 * f64::from(i), 0.2];
         let velocity = [2.4, 1.2 - 0.3 * i as f32, 0.3];
         let motion = Some(Motion { velocity, t_center: 0.5, t_scale: 0.2 });
-        all.push(One { motion, ..round([-0.5 + 0.2 * at as f32, 0.3 * at as f32, 4.0], 0.15, 0.9, color) });
+        all.push(One { motion, ..ball([-0.5 + 0.2 * at as f32, 0.3 * at as f32, 4.0], 0.15, 0.9, color) });
     }
     let splats = scene_of(&all);
     let mut renderer = Renderer::new(gpu().clone(), &splats, Constants::default()).unwrap();
