@@ -58,8 +58,8 @@ pub struct DensityRound {
     pub extent: f32,
     /// Opacity, the largest over the training times, below which a Gaussian goes or is dead.
     pub prune_opacity: f32,
-    /// Standard deviation, as a part of its depth before a lens that sees it, above which a Gaussian goes or is dead: it would
-    /// veil whatever is seen from there.
+    /// Floaters before the camera: standard deviation, as a part of its depth before a lens that sees it, above which a Gaussian
+    /// goes or is dead.
     pub prune_veil: f32,
     /// Opacity logit that none exceeds afterwards; `f32::MAX` leaves all.
     pub opacity_ceiling: f32,

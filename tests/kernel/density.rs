@@ -36,7 +36,7 @@ const ROUND: DensityRound = DensityRound {
     key: 0x1234_5678,
 };
 
-/// Two in the midst of the scenes, which some Gaussians veil.
+/// Two in the midst of the scenes, with floaters before them.
 const LENSES: [Cone; 2] = [
     Cone { tip: [0.4, 0.1, 1.2], reach: 0.8, axis: [0.0, 0.0, 1.0], unused: 0.0 },
     Cone { tip: [-0.6, -0.5, 2.0], reach: 0.6, axis: [0.6, 0.0, 0.8], unused: 0.0 },

@@ -37,9 +37,9 @@ pub struct Density {
     pub prune_opacity: f32,
     /// `adc`: standard deviation, in units of the extent, above which a Gaussian is removed as long as others are added.
     pub prune_scale: f32,
-    /// Standard deviation, as a part of its depth before the lens of a training camera or of a view that `--viewpoints` names,
-    /// above which a Gaussian is removed (`adc`) or relocated (`mcmc`): it would veil what is seen from there. Beside the cone
-    /// that the lens sees, twice the distance to it counts as depth.
+    /// Floaters before the camera: standard deviation, as a part of its depth before the lens of a training camera or of a view
+    /// that `--viewpoints` names, above which a Gaussian is removed (`adc`) or relocated (`mcmc`). Beside the cone that the lens
+    /// sees, twice the distance to it counts as depth.
     pub prune_veil: f32,
     /// `adc`: steps between two resets of the opacities.
     pub reset_every: u64,
