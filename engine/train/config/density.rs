@@ -45,7 +45,7 @@ pub struct Density {
     pub reset_every: u64,
     /// Opacity that a reset leaves at most; far enough above alpha_min that small Gaussians keep a gradient.
     pub reset_to: f32,
-    /// `mcmc`: a round adds this fraction of the Gaussians, until there are [`Config::max_gaussians`].
+    /// `mcmc`: a round adds this fraction of the Gaussians, until there are [`crate::train::Config::max_gaussians`].
     pub mcmc_growth: f64,
     /// `mcmc`: size of the noise, in units of the positions' learning rate.
     pub mcmc_noise: f64,

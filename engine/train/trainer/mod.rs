@@ -11,11 +11,6 @@ mod step;
 pub use profile::ProfiledStep;
 pub use report::StepReport;
 
-use super::config::Config;
-use super::density::{density_round, regularisers};
-use super::objective::{Objective, Sums, Truth};
-use super::schedule::rates;
-use super::setup::Setup;
 use crate::error::Result;
 use crate::gpu::generated::{AdamParams, Status};
 use crate::gpu::{Buf, Gpu, Recording, Running, Slice};
@@ -26,6 +21,11 @@ use crate::stage::{
     AdamMode, DensityRound, Lists, Moments, Optimiser, Purpose, Room, SceneBuffers, State, StepSettings, Workspace,
     adam_params, lazy_sums,
 };
+use crate::train::config::Config;
+use crate::train::density::{density_round, regularisers};
+use crate::train::objective::{Objective, Sums, Truth};
+use crate::train::schedule::rates;
+use crate::train::setup::Setup;
 use std::collections::VecDeque;
 use std::sync::Arc;
 use tracing::debug_span;
@@ -88,8 +88,8 @@ impl Trainer {
     /// not finite, or colours so bright that squares of them are not, are left out: no gradient would ever mend them.
     ///
     /// # Errors
-    /// [`Error::OutOfMemory`] naming the buffer that does not fit; [`Error::NoDevice`] when the device cannot do what the
-    /// settings ask for.
+    /// [`crate::Error::OutOfMemory`] naming the buffer that does not fit; [`crate::Error::NoDevice`] when the device cannot do
+    /// what the settings ask for.
     pub fn new(
         gpu: Arc<Gpu>,
         splats: &Splats,
@@ -211,7 +211,8 @@ impl Trainer {
     /// ended meanwhile come from [`Trainer::take_reports`].
     ///
     /// # Errors
-    /// [`Error::OutOfMemory`] when a picture's lists do not fit the device, [`Error::DeviceLost`]; nothing moves then.
+    /// [`crate::Error::OutOfMemory`] when a picture's lists do not fit the device, [`crate::Error::DeviceLost`]; nothing moves
+    /// then.
     #[tracing::instrument(level = "debug", name = "step", skip_all, fields(step = self.step + 1))]
     pub fn train(&mut self, camera: usize, view: &View, picture: &Picture) -> Result<()> {
         self.control_density()?;

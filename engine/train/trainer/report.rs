@@ -10,7 +10,7 @@ pub struct StepReport {
     pub step: u64,
     /// Value of the loss.
     pub loss: f64,
-    /// What the terms log, by key: those of [`super::logged`] that the step has.
+    /// What the terms log, by key: those of [`crate::train::logged`] that the step has.
     #[serde(flatten)]
     pub terms: BTreeMap<&'static str, f64>,
     /// Gaussians.
