@@ -10,7 +10,7 @@ const DISPATCH_NS: f64 = 14_000.0;
 /// All passes with the same label.
 #[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
 pub struct TimedPass {
-    /// Stage and kernel.
+    /// Section and kernel.
     pub label: String,
     /// Passes with this label.
     pub dispatches: f64,

@@ -13,31 +13,31 @@ use std::path::{Path, PathBuf};
 /// Options of a replay.
 #[derive(clap::Args)]
 pub struct ReplayArgs {
-    /// Runs a captured dispatch again and again.
-    #[arg(long, conflicts_with_all = ["subject", "capture", "cameras", "list"])]
+    /// Runs a dumped dispatch again and again.
+    #[arg(long, conflicts_with_all = ["subject", "dump", "capture", "cameras", "list"])]
     replay: Option<PathBuf>,
-    /// Kernels to run beside the captured one, separated by commas: variants of its shader.
+    /// Kernels to run beside the dumped one, separated by commas: variants of its shader.
     #[arg(long, value_delimiter = ',', requires = "replay")]
     variant: Vec<String>,
     /// How often each kernel runs.
     #[arg(short, default_value_t = 200, value_parser = clap::value_parser!(u32).range(1..))]
     n: u32,
-    /// Stays, compiles the kernel again whenever a shader changes, and runs it beside the captured one.
+    /// Stays, compiles the kernel again whenever a shader changes, and runs it beside the dumped one.
     #[cfg(feature = "shaders")]
     #[arg(long, requires = "replay")]
     watch: bool,
 }
 
 impl ReplayArgs {
-    /// The captured dispatch.
+    /// The dumped dispatch.
     pub fn file(&self) -> Option<&Path> {
         self.replay.as_deref()
     }
 }
 
 pub fn run(args: &ReplayArgs, gpu: &Gpu, json: bool) -> anyhow::Result<()> {
-    let (dispatch, captured) = read_dispatch(args.file().context("--replay names no file")?)?;
-    let mut variants = vec![captured];
+    let (dispatch, dumped) = read_dispatch(args.file().context("--replay names no file")?)?;
+    let mut variants = vec![dumped];
     for name in &args.variant {
         let kernel = kernels::named("--variant", name)?;
         if variants.iter().all(|other| other.name != kernel.name) {
@@ -57,7 +57,7 @@ pub fn run(args: &ReplayArgs, gpu: &Gpu, json: bool) -> anyhow::Result<()> {
     show(&variants)?;
     #[cfg(feature = "shaders")]
     if args.watch {
-        crate::watch::watch(captured, |edited| show(&[captured, edited]))?;
+        crate::watch::watch(dumped, |edited| show(&[dumped, edited]))?;
     }
     Ok(())
 }
@@ -72,10 +72,10 @@ fn print(lines: &[Replayed], n: u32) {
         "words off",
         "max abs",
         "max rel",
-        "of captured"
+        "of dumped"
     );
     for line in lines {
-        let Replayed { kernel, median_ns, mad_ns, ratio, from_first, from_captured } = line;
+        let Replayed { kernel, median_ns, mad_ns, ratio, from_first, from_dumped } = line;
         out!(
             "{kernel:<28} {:>11.4} {:>9.4} {:>24} {:>10} {:>11.3e} {:>11.3e} {:>11.3e}",
             median_ns / 1e6,
@@ -84,7 +84,7 @@ fn print(lines: &[Replayed], n: u32) {
             from_first.words,
             from_first.max_abs,
             from_first.max_rel,
-            from_captured.max_rel
+            from_dumped.max_rel
         );
     }
 }

@@ -1,7 +1,7 @@
 //! N27: the cameras' time offsets.
 
+use super::fixtures::clocks::on_device;
 use super::random::Random;
-use super::rigs::clocks::on_device;
 use super::row::{Bench, Tally};
 use crate::stage::OFFSET_BOUND;
 use crate::twin::{Clock, ClockRule};

@@ -3,7 +3,7 @@
 use super::adjoint::{check_adjoint, cotangents, is_finite};
 use super::case::Case;
 use super::frames::Tolerance;
-use super::one::{One, camera, logit, round, scene_of};
+use super::one::{One, ball, camera, logit, scene_of};
 use super::random::Random;
 use super::row::{Bench, Tally};
 use crate::scene::View;
@@ -50,8 +50,8 @@ pub(super) fn opacities(bench: &Bench, tally: &mut Tally) -> Result<()> {
 
 /// A Gaussian of that logit, flat over the picture, and an ordinary one behind it.
 fn before_another(opacity: f32) -> [One; 2] {
-    let one = One { opacity, ..round([0.0, 0.0, 4.0], 1e3, 0.5, [0.1, 0.6, 0.9]) };
-    [one, round([0.0, 0.0, 6.0], 1e3, 0.5, [0.9, 0.3, 0.1])]
+    let one = One { opacity, ..ball([0.0, 0.0, 4.0], 1e3, 0.5, [0.1, 0.6, 0.9]) };
+    [one, ball([0.0, 0.0, 6.0], 1e3, 0.5, [0.9, 0.3, 0.1])]
 }
 
 fn exposed(opacity: f32, band: f64) -> Case<'static> {
@@ -112,7 +112,7 @@ pub(super) fn colors(bench: &Bench, tally: &mut Tally) -> Result<()> {
             let all: Vec<One> = (0..30)
                 .map(|_| {
                     let [x, y] = random.vector(-1.0, 1.0);
-                    let mut one = round([x, y, random.uniform(3.0, 5.0) as f32], 0.1, 0.6, [0.0; 3]);
+                    let mut one = ball([x, y, random.uniform(3.0, 5.0) as f32], 0.1, 0.6, [0.0; 3]);
                     one.sh = (0..(sh_degree + 1).pow(2)).map(|_| random.vector(-size, size)).collect();
                     one
                 })
@@ -137,7 +137,7 @@ pub(super) fn colors(bench: &Bench, tally: &mut Tally) -> Result<()> {
 }
 
 fn of_coefficient(value: f32) -> (Vec<One>, View) {
-    let one = One { sh: vec![[value; 3]], ..round([0.0, 0.0, 4.0], 0.5, 0.9, [0.0; 3]) };
+    let one = One { sh: vec![[value; 3]], ..ball([0.0, 0.0, 4.0], 0.5, 0.9, [0.0; 3]) };
     (vec![one], camera(48, 32))
 }
 

@@ -1,7 +1,7 @@
 //! N25: coefficients of spherical harmonics as halves, and Adam's moments in 16 bits.
 
+use super::fixtures::adam::{Scene, rates};
 use super::random::{Random, scene};
-use super::rigs::adam::{Scene, rates};
 use super::row::{Bench, Tally};
 use crate::gpu::generated::sh_half;
 use crate::gpu::{Grid, Recording};

@@ -3,7 +3,7 @@
 use super::adjoint::{cotangents, group_error};
 use super::case::Case;
 use super::frames::{Tolerance, bits, compare};
-use super::one::{One, camera, round, scene_of};
+use super::one::{One, ball, camera, scene_of};
 use super::random::Random;
 use super::row::{Bench, Tally};
 use crate::scene::{Motion, Splats};
@@ -19,7 +19,7 @@ fn chain(n: usize, opacity: f64) -> Splats {
     let all: Vec<One> = (0..n)
         .map(|i| {
             let z = 2.0 + i as f32 / 65_536.0;
-            round([0.0, 0.0, z], 100.0, opacity, [0.2, 0.9, i as f64 / n as f64])
+            ball([0.0, 0.0, z], 100.0, opacity, [0.2, 0.9, i as f64 / n as f64])
         })
         .collect();
     scene_of(&all)
@@ -78,7 +78,7 @@ fn dust(n: usize) -> Vec<One> {
             let z = 2.0 + ((i * 7919) % n) as f32 / 65_536.0;
             let [x, y] = [0, 1].map(|_| random.uniform(-7.9, 7.9) as f32 / 64.0 * z);
             let color = std::array::from_fn(|_| random.uniform(0.0, 1.0));
-            round([x, y, z], 1e-4, random.uniform(1.1, 1.5) / 255.0, color)
+            ball([x, y, z], 1e-4, random.uniform(1.1, 1.5) / 255.0, color)
         })
         .collect()
 }
@@ -106,7 +106,7 @@ pub(super) fn overlaps(bench: &Bench, tally: &mut Tally) -> Result<()> {
     nothing(bench, tally);
     for (name, velocity) in [("static", None), ("dynamic", Some([1.0, 0.0, 0.0]))] {
         let motion = velocity.map(|velocity| Motion { velocity, t_center: 0.5, t_scale: 0.0 });
-        let splats = scene_of(&[One { motion, ..round([0.0, 0.0, 3.0], 0.1, 0.9, [1.0, 0.5, 0.0]) }]);
+        let splats = scene_of(&[One { motion, ..ball([0.0, 0.0, 3.0], 0.1, 0.9, [1.0, 0.5, 0.0]) }]);
         let case = Case {
             check: Box::new(|_, report| {
                 ensure!((report.active, report.visible) == (1, 1), "{report:?}");
@@ -122,7 +122,7 @@ pub(super) fn overlaps(bench: &Bench, tally: &mut Tally) -> Result<()> {
 /// An empty scene, and one behind the camera, show the background exactly.
 fn nothing(bench: &Bench, tally: &mut Tally) {
     let view = camera(33, 17);
-    let behind = scene_of(&[round([0.0, 0.0, -3.0], 0.1, 0.9, [1.0; 3]), round([0.0, 0.0, 0.0], 0.1, 0.9, [1.0; 3])]);
+    let behind = scene_of(&[ball([0.0, 0.0, -3.0], 0.1, 0.9, [1.0; 3]), ball([0.0, 0.0, 0.0], 0.1, 0.9, [1.0; 3])]);
     let empty = (0..=3).map(|degree| (format!("an empty scene of degree {degree}"), Splats::new(degree)));
     for (name, splats) in empty.chain([("a scene behind the camera".to_owned(), behind)]) {
         tally.case(name, |_| {
@@ -151,7 +151,7 @@ pub(super) fn ties(bench: &Bench, tally: &mut Tally) -> Result<()> {
         .map(|i| {
             let [x, y] = random.vector(-1.0, 1.0);
             let color = std::array::from_fn(|_| random.uniform(0.0, 1.0));
-            let one = round([x, y, 4.0], random.uniform(0.03, 0.1), random.uniform(0.1, 0.9), color);
+            let one = ball([x, y, 4.0], random.uniform(0.03, 0.1), random.uniform(0.1, 0.9), color);
             let motion = Motion { velocity: [0.25, 0.0, 0.0], t_center: 0.5, t_scale: 0.0 };
             One { motion: (i >= 500).then_some(motion), ..one }
         })

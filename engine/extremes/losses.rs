@@ -1,8 +1,8 @@
 //! N20 to N23: losses without an error, flat and bright pictures, dead features, colours of any kind.
 
-use super::rigs::lpips::{self, TRUNKS, narrow};
-use super::rigs::photometric::{Pair, word};
-use super::rigs::{grids, priors};
+use super::fixtures::lpips::{self, TRUNKS, narrow};
+use super::fixtures::photometric::{Pair, word};
+use super::fixtures::{grids, priors};
 use super::row::{Bench, Tally};
 use crate::stage::{DepthSpace, GRID_SIZE, GridState, GridStep, Grids};
 use crate::twin::BilateralGrid;

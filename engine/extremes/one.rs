@@ -19,8 +19,8 @@ pub struct One {
     pub motion: Option<Motion>,
 }
 
-/// A round static Gaussian of degree 0 with the given standard deviation, scene units, and opacity in (0, 1).
-pub fn round(position: [f32; 3], deviation: f64, opacity: f64, color: [f64; 3]) -> One {
+/// A static Gaussian as round as a ball, of degree 0, with the given standard deviation, scene units, and opacity in (0, 1).
+pub fn ball(position: [f32; 3], deviation: f64, opacity: f64, color: [f64; 3]) -> One {
     One {
         position,
         rotation: [1.0, 0.0, 0.0, 0.0],
@@ -33,7 +33,7 @@ pub fn round(position: [f32; 3], deviation: f64, opacity: f64, color: [f64; 3]) 
 
 /// An ordinary Gaussian, to stand behind all others.
 pub fn backdrop() -> One {
-    round([0.3, 0.1, 6.0], 0.6, 0.7, [0.9, 0.3, 0.1])
+    ball([0.3, 0.1, 6.0], 0.6, 0.7, [0.9, 0.3, 0.1])
 }
 
 /// The logit of `opacity`.

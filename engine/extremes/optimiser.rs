@@ -1,7 +1,7 @@
 //! N24: gradients of any size, rates of 0, late steps.
 
+use super::fixtures::adam::{Scene, Step, cotangents, gradients, half_seen, numbers, rates};
 use super::random::{scene, view};
-use super::rigs::adam::{Scene, Step, cotangents, gradients, half_seen, numbers, rates};
 use super::row::{Bench, Tally};
 use crate::scene::Splats;
 use crate::stage::Rates;

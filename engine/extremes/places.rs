@@ -3,7 +3,7 @@
 use super::adjoint::{check_adjoint, cotangents};
 use super::case::Case;
 use super::frames::{Tolerance, compare};
-use super::one::{One, at_pixel, camera, round, scene_of};
+use super::one::{One, at_pixel, ball, camera, scene_of};
 use super::random::Random;
 use super::row::{Bench, Tally};
 use crate::error::Error;
@@ -20,8 +20,8 @@ pub(super) fn depths(bench: &Bench, tally: &mut Tally) -> Result<()> {
     let dropped = [near.next_down(), near, 0.0, -1.0, -1e6].map(|z| (z, false));
     for (z, kept) in kept.into_iter().chain(dropped) {
         let size = f64::from(z.abs().max(near));
-        let one = round([0.05 * size as f32, 0.0, z], 0.05 * size, 0.8, [0.1, 0.6, 0.9]);
-        let other = round([-0.3, 0.1, 3.0], 0.2, 0.7, [0.9, 0.3, 0.1]);
+        let one = ball([0.05 * size as f32, 0.0, z], 0.05 * size, 0.8, [0.1, 0.6, 0.9]);
+        let other = ball([-0.3, 0.1, 3.0], 0.2, 0.7, [0.9, 0.3, 0.1]);
         let case = Case {
             // The predicate is exact for a camera at the origin, so the band is as exact as the rest.
             tolerance: Tolerance { band: 1e-5, n_band: 1.0, ..Tolerance::default() },
@@ -38,7 +38,7 @@ pub(super) fn depths(bench: &Bench, tally: &mut Tally) -> Result<()> {
         tally.case(format!("the gradient at z = {z:e}"), |tally| {
             // Three pixels wide wherever it is, and not quite on the axis.
             let [x, y, _] = at_pixel(&view, 18.3, 11.6, f64::from(z));
-            let mut one = round([x, y, z], 3.0 / 64.0 * f64::from(z), 0.7, [0.1, 0.6, 0.9]);
+            let mut one = ball([x, y, z], 3.0 / 64.0 * f64::from(z), 0.7, [0.1, 0.6, 0.9]);
             one.scale[0] += 0.7;
             one.rotation = [0.7, -0.2, 0.4, 0.1];
             let motion = Motion { velocity: [0.3 * z, -0.2 * z, 0.0], t_center: 0.45, t_scale: -1.0 };
@@ -65,14 +65,14 @@ pub(super) fn centres(bench: &Bench, tally: &mut Tally) -> Result<()> {
                 let z = 4.0 + all.len() as f64 / 64.0;
                 let [px, py, _] = at_pixel(&view, x + shift * 16.0, y - shift * 16.0, 4.0);
                 let turned = [px * (z / 4.0) as f32, py * (z / 4.0) as f32, z as f32];
-                all.push(round(turned, 1e-3, 0.5, [0.2, 0.9, 0.5]));
+                all.push(ball(turned, 1e-3, 0.5, [0.2, 0.9, 0.5]));
             }
         }
         Case::new(name, scene_of(&all), view.clone()).run(bench, tally);
     }
     // Each corner of the picture alone, with nothing else to hide what is missing.
     for (x, y) in [(0.0, 0.0), (48.0, 0.0), (0.0, 32.0), (48.0, 32.0)] {
-        let one = round(at_pixel(&view, x, y, 4.0), 0.05, 0.8, [0.2, 0.9, 0.5]);
+        let one = ball(at_pixel(&view, x, y, 4.0), 0.05, 0.8, [0.2, 0.9, 0.5]);
         Case::new(format!("the corner ({x}, {y})"), scene_of(&[one]), view.clone()).run(bench, tally);
     }
     for distance in [1e3, 1e4, 1e5, 1e6] {
@@ -80,7 +80,7 @@ pub(super) fn centres(bench: &Bench, tally: &mut Tally) -> Result<()> {
             // Reaches into the picture at about half of the opacity, and with its faint end.
             for deviation in [0.8, 0.4] {
                 let position = at_pixel(&view, 24.0 + dx * distance, 16.0 + dy * distance, 4.0);
-                let one = round(position, deviation * distance / 16.0, 0.8, [0.2, 0.9, 0.5]);
+                let one = ball(position, deviation * distance / 16.0, 0.8, [0.2, 0.9, 0.5]);
                 let name = format!("{distance:e} px away, ({dx}, {dy}), of deviation {deviation}");
                 let tolerance = Tolerance { away: 2e-5, ..Tolerance::default() };
                 Case { tolerance, ..Case::new(name, scene_of(&[one]), view.clone()) }.run(bench, tally);
@@ -98,7 +98,7 @@ fn spread(view: &View, n: usize) -> Vec<One> {
             let [x, y] = [view.width, view.height].map(|side| random.uniform(0.0, f64::from(side)));
             let z = random.uniform(2.0, 6.0);
             let color = std::array::from_fn(|_| random.uniform(0.0, 1.0));
-            let mut one = round(at_pixel(view, x, y, z), 1.0, random.uniform(0.2, 0.95), color);
+            let mut one = ball(at_pixel(view, x, y, z), 1.0, random.uniform(0.2, 0.95), color);
             one.scale = std::array::from_fn(|_| (random.uniform(0.7, 5.0) * z / view.fx).ln() as f32);
             one.rotation = random.vector(-1.0, 1.0);
             one
@@ -168,7 +168,7 @@ fn of_real_rigs(bench: &Bench, tally: &mut Tally, width: u32, height: u32) {
                 let [x, y] = [width, height].map(|side| random.uniform(0.0, f64::from(side)));
                 let z = random.uniform(2.0, 6.0);
                 let deviation = random.uniform(0.5, 150.0) * z / 3000.0;
-                round(at_pixel(&view, x, y, z), deviation, random.uniform(0.1, 0.95), [0.3, 0.6, 0.1])
+                ball(at_pixel(&view, x, y, z), deviation, random.uniform(0.1, 0.95), [0.3, 0.6, 0.1])
             })
             .collect();
         let splats = scene_of(&all);

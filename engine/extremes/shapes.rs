@@ -3,7 +3,7 @@
 use super::adjoint::{cotangents, dot, is_finite};
 use super::case::Case;
 use super::frames::Tolerance;
-use super::one::{One, at_pixel, backdrop, camera, round, scene_of};
+use super::one::{One, at_pixel, backdrop, ball, camera, scene_of};
 use super::random::Random;
 use super::row::{Bench, Tally};
 use anyhow::{Result, ensure};
@@ -14,7 +14,7 @@ const PIXELS: f64 = 16.0;
 pub(super) fn scales(bench: &Bench, tally: &mut Tally) -> Result<()> {
     for scale in [-30.0f32, -15.0, -5.0, 0.0, 5.0, 10.0, 20.0, 40.0] {
         for n_axes in 1..=3 {
-            let mut one = round([0.2, 0.1, 4.0], 0.1, 0.88, [0.1, 0.6, 0.9]);
+            let mut one = ball([0.2, 0.1, 4.0], 0.1, 0.88, [0.1, 0.6, 0.9]);
             one.rotation = [0.7, -0.2, 0.4, 0.1];
             one.scale[..n_axes].fill(scale);
             let name = format!("{n_axes} axes of e^{scale}");
@@ -31,7 +31,7 @@ pub(super) fn needles(bench: &Bench, tally: &mut Tally) -> Result<()> {
         let mut all = vec![backdrop()];
         for i in 0..8 {
             let [x, y] = [random.uniform(8.0, 56.0), random.uniform(8.0, 40.0)];
-            let mut one = round(at_pixel(&view, x, y, 4.0 + f64::from(i) / 8.0), 1e-4, 0.8, [0.2, 0.9, 0.5]);
+            let mut one = ball(at_pixel(&view, x, y, 4.0 + f64::from(i) / 8.0), 1e-4, 0.8, [0.2, 0.9, 0.5]);
             one.scale[(random.bits() % 3) as usize] = (major / PIXELS).ln() as f32;
             one.rotation = random.vector(-1.0, 1.0);
             all.push(one);
@@ -47,7 +47,7 @@ pub(super) fn needles(bench: &Bench, tally: &mut Tally) -> Result<()> {
 
 /// A Gaussian of unequal axes and that quaternion, before the backdrop.
 fn turned(rotation: [f32; 4], deviation: f64, long: f32) -> [One; 2] {
-    let mut one = round([0.1, -0.1, 4.0], deviation, 0.9, [0.1, 0.6, 0.9]);
+    let mut one = ball([0.1, -0.1, 4.0], deviation, 0.9, [0.1, 0.6, 0.9]);
     one.scale[1] = long;
     [One { rotation, ..one }, backdrop()]
 }

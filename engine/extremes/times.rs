@@ -3,7 +3,7 @@
 use super::adjoint::{self, check_adjoint, cotangents, flat, is_finite};
 use super::case::Case;
 use super::frames::{Tolerance, bits, rms};
-use super::one::{One, backdrop, camera, round, scene_of};
+use super::one::{One, backdrop, ball, camera, scene_of};
 use super::random::{self, Random, noise};
 use super::row::{Bench, Tally};
 use crate::scene::capture::Extent;
@@ -16,14 +16,14 @@ use std::sync::Arc;
 /// A Gaussian of base opacity 0.99, visible for u = |t - t_center| / tau up to 2.352.
 fn fading(t_center: f32, t_scale: f32) -> One {
     let motion = Motion { velocity: [0.0; 3], t_center, t_scale };
-    One { motion: Some(motion), ..round([0.0, 0.0, 4.0], 3.0, 0.99, [0.1, 0.6, 0.9]) }
+    One { motion: Some(motion), ..ball([0.0, 0.0, 4.0], 3.0, 0.99, [0.1, 0.6, 0.9]) }
 }
 
 /// A Gaussian before the backdrop, over the whole picture, that fades, and while it does moves by 0.1 units at most.
 fn fading_and_moving(t_center: f32, t_scale: f32) -> Splats {
     let speed = (-f64::from(t_scale)).exp().min(1.0) as f32;
     let motion = Motion { velocity: [0.1 * speed, 0.0, 0.0], t_center, t_scale };
-    let one = round([0.0, 0.0, 4.0], 3.0, 0.95, [0.1, 0.6, 0.9]);
+    let one = ball([0.0, 0.0, 4.0], 3.0, 0.95, [0.1, 0.6, 0.9]);
     let [mut one, mut backdrop] = [One { motion: Some(motion), ..one }, backdrop()];
     (one.scale[0], backdrop.scale[1]) = (0.3, -1.0);
     scene_of(&[backdrop, one])
@@ -103,7 +103,7 @@ pub(super) fn time_scales(bench: &Bench, tally: &mut Tally) -> Result<()> {
     // exp(-t_scale) overflows below -88.7, and 0 * infinity is no number.
     for t_scale in [-80.0, -87.0, -89.0, -100.0, -600.0f32] {
         let motion = Motion { velocity: [0.0; 3], t_center: 0.5, t_scale };
-        let all = [One { motion: Some(motion), ..round([0.0, 0.0, 4.0], 0.3, 0.9, [0.5; 3]) }];
+        let all = [One { motion: Some(motion), ..ball([0.0, 0.0, 4.0], 0.3, 0.9, [0.5; 3]) }];
         let tolerance = Tolerance { n_band: 0.5, ..Tolerance::default() };
         let name = format!("log tau = {t_scale}, at its own time");
         Case { tolerance, ..Case::new(name, scene_of(&all), camera(24, 16)) }.run(bench, tally);
@@ -164,7 +164,7 @@ fn clip(origin: f64) -> (Splats, View) {
             t_scale: random.uniform(-2.0, 1.0) as f32,
         };
         let [x, y] = random.vector(-1.0, 1.0);
-        One { motion: Some(motion), ..round([x, y, 4.0], 0.15, 0.8, [0.3, 0.6, 0.1]) }
+        One { motion: Some(motion), ..ball([x, y, 4.0], 0.15, 0.8, [0.3, 0.6, 0.1]) }
     };
     (scene_of(&(0..30).map(one).collect::<Vec<_>>()), View { time: origin + 0.5, ..camera(48, 32) })
 }
@@ -239,7 +239,7 @@ fn hundred_steps(bench: &Bench, origin: f64, frame_dt: f64) -> Result<(Splats, F
 pub(super) fn velocities(bench: &Bench, tally: &mut Tally) -> Result<()> {
     let case = |velocity: [f32; 3]| {
         let motion = Motion { velocity, t_center: 0.5, t_scale: 0.0 };
-        let all = [One { motion: Some(motion), ..round([0.1, 0.0, 4.0], 0.3, 0.8, [0.1, 0.6, 0.9]) }, backdrop()];
+        let all = [One { motion: Some(motion), ..ball([0.1, 0.0, 4.0], 0.3, 0.8, [0.1, 0.6, 0.9]) }, backdrop()];
         Case::new(format!("velocity {velocity:?}"), scene_of(&all), camera(48, 32))
     };
     let finite =

@@ -2,7 +2,7 @@
 
 use super::case::Case;
 use super::frames::{Tolerance, rms};
-use super::one::{One, camera, ones, round, scene_of};
+use super::one::{One, ball, camera, ones, scene_of};
 use super::random::{scene, view};
 use super::row::{Bench, Tally};
 use crate::scene::{Splats, View};
@@ -91,7 +91,7 @@ pub(super) fn sizes(bench: &Bench, tally: &mut Tally) -> Result<()> {
     // |mu - centre|^2 overflows past 1.8e19: every band but the first vanishes. Further out 1 / z is denormal, which
     // drivers may flush.
     for z in [1e10, 1e18, 1e19, 3e19, 1e25, 1e30f32] {
-        let mut one = round([0.0, 0.0, z], f64::from(z) * 0.1, 0.9, [0.5; 3]);
+        let mut one = ball([0.0, 0.0, z], f64::from(z) * 0.1, 0.9, [0.5; 3]);
         one.sh = vec![[0.2; 3], [0.1; 3], [0.4, -0.3, 0.2], [0.1; 3]];
         let tolerance = Tolerance { n_band: 0.5, ..Tolerance::default() };
         let case = Case::new(format!("a colour of degree 1 at z = {z:e}"), scene_of(&[one]), camera(24, 16));

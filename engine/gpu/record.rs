@@ -35,7 +35,7 @@ pub enum Work {
 
 /// One pass.
 pub struct Pass {
-    /// Stage and kernel, the label that tools show.
+    /// Section and kernel, the label that tools show.
     pub label: String,
     /// What the pass's time grows with.
     pub count: Count,
@@ -52,7 +52,7 @@ pub struct Pass {
 #[derive(Default)]
 pub struct Recording {
     passes: Vec<Pass>,
-    stage: &'static str,
+    section: &'static str,
     group: Option<usize>,
 }
 
@@ -62,9 +62,9 @@ impl Recording {
         Self::default()
     }
 
-    /// Names the stage that the passes from here on belong to.
-    pub fn stage(&mut self, name: &'static str) {
-        self.stage = name;
+    /// Names the section that the passes from here on belong to.
+    pub fn section(&mut self, name: &'static str) {
+        self.section = name;
     }
 
     /// The passes from here on work on one group of Gaussians, or on all of them again.
@@ -89,7 +89,7 @@ impl Recording {
         assert_eq!((slices.len(), push.len()), (kernel.bindings.len(), kernel.push_bytes as usize), "{}", kernel.name);
         let row = table::kernel(kernel.name);
         self.passes.push(Pass {
-            label: format!("{}/{}", self.stage, kernel.name),
+            label: format!("{}/{}", self.section, kernel.name),
             count: row.map_or(Count::Dispatches, |row| row.count),
             scale: 1.0,
             group: self.group,
@@ -109,13 +109,13 @@ impl Recording {
     }
 
     fn push_plain(&mut self, name: &str, work: Work) {
-        let label = format!("{}/{name}", self.stage);
+        let label = format!("{}/{name}", self.section);
         self.passes.push(Pass { label, count: Count::Dispatches, scale: 1.0, group: self.group, work });
     }
 
     /// Takes the passes from `at` on out into a recording of their own.
     pub fn split_off(&mut self, at: usize) -> Recording {
-        Recording { passes: self.passes.split_off(at), stage: self.stage, group: self.group }
+        Recording { passes: self.passes.split_off(at), section: self.section, group: self.group }
     }
 
     /// The passes.

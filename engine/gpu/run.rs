@@ -173,7 +173,7 @@ impl Gpu {
     }
 
     /// Bytes that a recording may copy from: `items`, visible to the device at once.
-    pub fn stage<T: Pod>(&self, name: &str, items: &[T]) -> Result<Slice> {
+    pub fn staged<T: Pod>(&self, name: &str, items: &[T]) -> Result<Slice> {
         let bytes: &[u8] = bytemuck::cast_slice(items);
         let mut buffer = Buffer::new(&self.device, name, bytes.len() as u64, Location::Upload)?;
         let mapped = buffer.bytes_mut().ok_or_else(|| unmapped(name))?;

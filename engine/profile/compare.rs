@@ -119,7 +119,7 @@ impl Recorded {
 /// What became of a pass.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Verdict {
+pub enum Change {
     /// It takes longer than before, by more than the measurements scatter.
     Slower,
     /// It takes less, by more than that.
@@ -134,16 +134,16 @@ pub enum Verdict {
     TooFew,
 }
 
-impl Verdict {
+impl Change {
     /// As the table shows it.
     fn name(self) -> &'static str {
         match self {
-            Verdict::Slower => "slower",
-            Verdict::Faster => "faster",
-            Verdict::Same => "",
-            Verdict::New => "new",
-            Verdict::Gone => "gone",
-            Verdict::TooFew => "too few samples",
+            Change::Slower => "slower",
+            Change::Faster => "faster",
+            Change::Same => "",
+            Change::New => "new",
+            Change::Gone => "gone",
+            Change::TooFew => "too few samples",
         }
     }
 
@@ -152,7 +152,7 @@ impl Verdict {
     fn of(a: (&RecordedLine, usize), b: (&RecordedLine, usize)) -> Self {
         let samples = |(line, of_all): (&RecordedLine, usize)| line.samples.unwrap_or(of_all);
         if samples(a).min(samples(b)) < LEAST_SAMPLES {
-            return Verdict::TooFew;
+            return Change::TooFew;
         }
         let error = |of: (&RecordedLine, usize)| {
             MEDIAN_OVER_MEAN * (of.0.p95_ms - of.0.median_ms) / SIGMAS_TO_P95 / (samples(of) as f64).sqrt()
@@ -160,9 +160,9 @@ impl Verdict {
         let (a_ms, b_ms) = (a.0.median_ms, b.0.median_ms);
         let least = (STANDARD_ERRORS * error(a).hypot(error(b))).max(LEAST_CHANGE * a_ms.max(b_ms));
         match b_ms - a_ms {
-            change if change > least => Verdict::Slower,
-            change if -change > least => Verdict::Faster,
-            _ => Verdict::Same,
+            change if change > least => Change::Slower,
+            change if -change > least => Change::Faster,
+            _ => Change::Same,
         }
     }
 }
@@ -170,7 +170,7 @@ impl Verdict {
 /// A pass in both profiles.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Compared {
-    /// Stage and kernel.
+    /// Section and kernel.
     pub label: String,
     /// Median in the first profile, milliseconds.
     pub a_ms: Option<f64>,
@@ -181,24 +181,25 @@ pub struct Compared {
     /// The second over the first, where both have it and take time.
     pub ratio: Option<f64>,
     /// What became of it; none where no scatter was measured.
-    pub verdict: Option<Verdict>,
+    #[serde(rename = "verdict")]
+    pub change: Option<Change>,
 }
 
 impl Compared {
-    fn new(label: &str, a_ms: Option<f64>, b_ms: Option<f64>, verdict: Option<Verdict>) -> Self {
+    fn new(label: &str, a_ms: Option<f64>, b_ms: Option<f64>, change: Option<Change>) -> Self {
         let ratio = a_ms.zip(b_ms).filter(|(a, _)| *a > 0.0).map(|(a, b)| b / a);
         let change_ms = b_ms.unwrap_or(0.0) - a_ms.unwrap_or(0.0);
-        Compared { label: label.to_owned(), a_ms, b_ms, change_ms, ratio, verdict }
+        Compared { label: label.to_owned(), a_ms, b_ms, change_ms, ratio, change }
     }
 
     fn of(label: &str, a: (Option<&RecordedLine>, usize), b: (Option<&RecordedLine>, usize)) -> Self {
-        let verdict = match (a, b) {
-            ((Some(before), n_a), (Some(after), n_b)) => Verdict::of((before, n_a), (after, n_b)),
-            ((Some(_), _), (None, _)) => Verdict::Gone,
-            ((None, _), _) => Verdict::New,
+        let change = match (a, b) {
+            ((Some(before), n_a), (Some(after), n_b)) => Change::of((before, n_a), (after, n_b)),
+            ((Some(_), _), (None, _)) => Change::Gone,
+            ((None, _), _) => Change::New,
         };
         let ms = |line: Option<&RecordedLine>| line.map(|line| line.median_ms);
-        Compared::new(label, ms(a.0), ms(b.0), Some(verdict))
+        Compared::new(label, ms(a.0), ms(b.0), Some(change))
     }
 }
 
@@ -283,7 +284,7 @@ impl Comparison {
                 ms(line.b_ms),
                 format!("{:+.3}", line.change_ms),
                 line.ratio.map_or("-".to_owned(), |ratio| format!("{ratio:.3}")),
-                line.verdict.map_or("", Verdict::name).to_owned(),
+                line.change.map_or("", Change::name).to_owned(),
             ]
         };
         let ratio = if spoils.is_empty() { "B / A" } else { "(B / A)" };

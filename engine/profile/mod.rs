@@ -1,8 +1,8 @@
 //! Where the time of a frame or a step goes, against what the device was measured to do; and single kernels, taken out and
 //! run again on what they really worked on.
 
-mod capture;
 mod compare;
+mod dump;
 mod lately;
 mod limit;
 mod page;
@@ -12,8 +12,8 @@ mod replay;
 mod roofline;
 mod trace;
 
-pub use capture::{read_dispatch, write_dispatch};
-pub use compare::{Compared, Comparison, Other, Recorded, Verdict};
+pub use compare::{Change, Compared, Comparison, Other, Recorded};
+pub use dump::{read_dispatch, write_dispatch};
 pub use lately::Lately;
 pub use limit::{Bound, Peaks};
 pub use passes::{Line, Overhead, Profile, Sample};

@@ -19,7 +19,7 @@ pub struct Sample {
 /// All passes with one label, over the samples that have it.
 #[derive(Clone, Debug, Serialize)]
 pub struct Line {
-    /// Stage and kernel.
+    /// Section and kernel.
     pub label: String,
     /// Samples that have it.
     pub samples: usize,

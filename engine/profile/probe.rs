@@ -94,52 +94,64 @@ impl Probe {
     /// # Errors
     /// [`Error::OutOfMemory`] when its buffers do not fit.
     pub fn prepare(self, gpu: &Gpu, size: u32) -> Result<Prepared> {
-        let is_cpu = gpu.caps().kind == DeviceKind::Cpu;
-        let mut rec = Recording::new();
-        rec.stage("probe");
-        // Chains: enough workgroups to fill the device, more rounds with each size; below 2^24 their sums are exact.
-        let groups = if is_cpu { 64 } else { 8192 };
+        let mut recording = Recording::new();
+        recording.section("probe");
+        let (amount, output) = match self {
+            Probe::Copy => record_copy(gpu, &mut recording, size),
+            Probe::Transfer | Probe::Fill => self.record_command(gpu, &mut recording, size),
+            Probe::Gather | Probe::Atomic | Probe::FloatAtomic => self.record_scattered(gpu, &mut recording, size),
+            Probe::Fma | Probe::Exp2 | Probe::Shuffle => self.record_chains(gpu, &mut recording, size),
+        }?;
+        Ok(Prepared { recording, amount, output })
+    }
+
+    /// A copy or a fill command. As its siblings below it gives amount and output, see [`Prepared`].
+    fn record_command(self, gpu: &Gpu, rec: &mut Recording, size: u32) -> Result<(f64, Buf<u32>)> {
+        let n = 1usize << (18 + size.min(if is_cpu(gpu) { 4 } else { 7 }));
+        let target: Buf<u32> = gpu.alloc("probe target", n)?;
+        let bytes = 4.0 * n as f64;
+        if self == Probe::Fill {
+            rec.fill(target.slice(), WORD);
+            return Ok((bytes, target));
+        }
+        rec.copy(gpu.upload("probe source", &vec![WORD; n])?.slice(), target.slice());
+        Ok((2.0 * bytes, target))
+    }
+
+    /// Scattered rows, which are read or added to.
+    fn record_scattered(self, gpu: &Gpu, rec: &mut Recording, size: u32) -> Result<(f64, Buf<u32>)> {
+        // The rows stay within a cache, as the splats of neighbouring tiles do: scattered, and as fast as can be.
+        let (n_rows, n) =
+            if is_cpu(gpu) { (1u32 << 14, 1u32 << (12 + size.min(6))) } else { (1 << 18, 1 << (12 + size.min(12))) };
+        let (mask, grid) = (n_rows - 1, Grid::Threads(n));
+        if self == Probe::Gather {
+            let items: Vec<[f32; 4]> =
+                (0..4 * n_rows).map(|i| [(i / 4 % 1024) as f32, (i % 4) as f32, 1.0, 0.0]).collect();
+            let (rows, sums) = (&gpu.upload("probe rows", &items)?, &gpu.alloc("probe sums", n as usize)?);
+            rec.pass(probe_gather::Args { rows, sums }, probe_gather::Push { n, mask }, grid);
+            return Ok((f64::from(n * ROWS), sums.cast()));
+        }
+        let words: Buf<u32> = gpu.alloc("probe words", 16 * n_rows as usize)?;
+        rec.fill(words.slice(), 0);
+        if self == Probe::Atomic {
+            let term = &gpu.upload("probe term", &[1u32])?;
+            rec.pass(probe_atomic::Args { term, words: &words }, probe_atomic::Push { n, mask }, grid);
+        } else {
+            let (term, words) = (&gpu.upload("probe term", &[1f32])?, &words.cast());
+            rec.pass(probe_atomic_float::Args { term, words }, probe_atomic_float::Push { n, mask }, grid);
+        }
+        Ok((f64::from(n) * f64::from(TERMS), words))
+    }
+
+    /// Chains of arithmetic or shuffles: enough workgroups to fill the device, more rounds with each size; below 2^24 their
+    /// sums are exact.
+    fn record_chains(self, gpu: &Gpu, rec: &mut Recording, size: u32) -> Result<(f64, Buf<u32>)> {
+        let groups = if is_cpu(gpu) { 64 } else { 8192 };
         let n_threads = groups * LOCAL;
         let rounds = 4 << size.min(8);
         let grid = Grid::Groups(groups);
         let steps = f64::from(rounds * STEPS) * f64::from(n_threads);
-        let (amount, output) = match self {
-            Probe::Copy => {
-                // The largest is far beyond a GPU's caches.
-                let n = (1u32 << (16 + size.min(if is_cpu { 4 } else { 8 })))
-                    .min((gpu.caps().max_binding_bytes / 16) as u32);
-                let items: Vec<[f32; 4]> = (0..n).map(|i| [i as f32, 1.0, 2.0, 3.0]).collect();
-                let (source, target) = (&gpu.upload("probe source", &items)?, &gpu.alloc("probe target", n as usize)?);
-                rec.pass(
-                    probe_copy::Args { source, target },
-                    probe_copy::Push { n },
-                    Grid::Groups(n.div_ceil(LOCAL * PARTS)),
-                );
-                (32.0 * f64::from(n), target.cast())
-            }
-            Probe::Transfer | Probe::Fill => {
-                let n = 1usize << (18 + size.min(if is_cpu { 4 } else { 7 }));
-                let target: Buf<u32> = gpu.alloc("probe target", n)?;
-                let bytes = 4.0 * n as f64;
-                if self == Probe::Fill {
-                    rec.fill(target.slice(), WORD);
-                    (bytes, target)
-                } else {
-                    rec.copy(gpu.upload("probe source", &vec![WORD; n])?.slice(), target.slice());
-                    (2.0 * bytes, target)
-                }
-            }
-            Probe::Gather => {
-                // The rows stay within a cache, as the splats of neighbouring tiles do: scattered, and as fast as can be.
-                let (n_rows, n) =
-                    (1u32 << if is_cpu { 14 } else { 18 }, 1u32 << (12 + size.min(if is_cpu { 6 } else { 12 })));
-                let items: Vec<[f32; 4]> =
-                    (0..4 * n_rows).map(|i| [(i / 4 % 1024) as f32, (i % 4) as f32, 1.0, 0.0]).collect();
-                let (rows, sums) = (&gpu.upload("probe rows", &items)?, &gpu.alloc("probe sums", n as usize)?);
-                let push = probe_gather::Push { n, mask: n_rows - 1 };
-                rec.pass(probe_gather::Args { rows, sums }, push, Grid::Threads(n));
-                (f64::from(n * ROWS), sums.cast())
-            }
+        Ok(match self {
             Probe::Fma => {
                 let factors = &gpu.upload("probe factors", &[[1f32; 4]])?;
                 let sums = &gpu.alloc("probe sums", n_threads as usize)?;
@@ -152,30 +164,14 @@ impl Probe {
                 rec.pass(probe_exp2::Args { starts, means }, probe_exp2::Push { rounds }, grid);
                 (f64::from(CHAINS) * steps, means.cast())
             }
-            Probe::Shuffle => {
+            _ => {
                 let items: Vec<[u32; 4]> = (0..LOCAL).map(|i| [4 * i, 4 * i + 1, 4 * i + 2, 4 * i + 3]).collect();
                 let (starts, turned) =
                     (&gpu.upload("probe starts", &items)?, &gpu.alloc("probe turned", n_threads as usize)?);
                 rec.pass(probe_shuffle::Args { starts, turned }, probe_shuffle::Push { rounds }, grid);
                 (f64::from(SHUFFLE_CHAINS) * steps, turned.cast())
             }
-            Probe::Atomic | Probe::FloatAtomic => {
-                let (n_rows, n) =
-                    (1u32 << if is_cpu { 14 } else { 18 }, 1u32 << (12 + size.min(if is_cpu { 6 } else { 12 })));
-                let words: Buf<u32> = gpu.alloc("probe words", 16 * n_rows as usize)?;
-                let (mask, grid) = (n_rows - 1, Grid::Threads(n));
-                rec.fill(words.slice(), 0);
-                if self == Probe::Atomic {
-                    let term = &gpu.upload("probe term", &[1u32])?;
-                    rec.pass(probe_atomic::Args { term, words: &words }, probe_atomic::Push { n, mask }, grid);
-                } else {
-                    let (term, words) = (&gpu.upload("probe term", &[1f32])?, &words.cast());
-                    rec.pass(probe_atomic_float::Args { term, words }, probe_atomic_float::Push { n, mask }, grid);
-                }
-                (f64::from(n) * f64::from(TERMS), words)
-            }
-        };
-        Ok(Prepared { recording: rec, amount, output })
+        })
     }
 
     /// Its rate per second; 0 where the device cannot do it.
@@ -205,6 +201,20 @@ impl Probe {
     }
 }
 
+/// A copy by a kernel.
+fn record_copy(gpu: &Gpu, rec: &mut Recording, size: u32) -> Result<(f64, Buf<u32>)> {
+    // The largest is far beyond a GPU's caches.
+    let n = (1u32 << (16 + size.min(if is_cpu(gpu) { 4 } else { 8 }))).min((gpu.caps().max_binding_bytes / 16) as u32);
+    let items: Vec<[f32; 4]> = (0..n).map(|i| [i as f32, 1.0, 2.0, 3.0]).collect();
+    let (source, target) = (&gpu.upload("probe source", &items)?, &gpu.alloc("probe target", n as usize)?);
+    rec.pass(probe_copy::Args { source, target }, probe_copy::Push { n }, Grid::Groups(n.div_ceil(LOCAL * PARTS)));
+    Ok((32.0 * f64::from(n), target.cast()))
+}
+
+fn is_cpu(gpu: &Gpu) -> bool {
+    gpu.caps().kind == DeviceKind::Cpu
+}
+
 /// A run of a probe.
 pub struct Prepared {
     /// Its passes; the last is the probe.
@@ -229,7 +239,7 @@ pub(super) fn no_timestamps() -> Error {
 pub fn dispatches(gpu: &Gpu, n: u32) -> Result<(Recording, Buf<u32>)> {
     let (steps, count) = (&gpu.upload("probe steps", &[1u32])?, gpu.upload("probe count", &[0u32])?);
     let mut rec = Recording::new();
-    rec.stage("probe");
+    rec.section("probe");
     for _ in 0..n {
         rec.pass(probe_dispatch::Args { steps, count: &count }, (), Grid::Groups(1));
     }

@@ -1,4 +1,4 @@
-//! Runs a captured dispatch again: variants of its kernel side by side, with their times and their differences.
+//! Runs a dumped dispatch again: variants of its kernel side by side, with their times and their differences.
 
 use crate::error::{Error, Result};
 use crate::gpu::table::{self, Spec};
@@ -51,11 +51,11 @@ pub struct Replayed {
     pub ratio: Ratio,
     /// From what the first kernel wrote.
     pub from_first: Difference,
-    /// From what was captured.
-    pub from_captured: Difference,
+    /// From what was dumped.
+    pub from_dumped: Difference,
 }
 
-/// A captured dispatch on a device.
+/// A dumped dispatch on a device.
 pub struct Replay<'a> {
     gpu: &'a Gpu,
     dispatch: &'a Dispatch,
@@ -86,7 +86,7 @@ impl<'a> Replay<'a> {
         Ok(Replay { gpu, dispatch, slices, pristine })
     }
 
-    /// Runs each of `kernels`, variants of the captured one, `n` times, one after the other and in turns, each on what
+    /// Runs each of `kernels`, variants of the dumped one, `n` times, one after the other and in turns, each on what
     /// was there before the dispatch.
     ///
     /// # Errors
@@ -106,7 +106,7 @@ impl<'a> Replay<'a> {
                 times[which].push(self.time(&recordings[which])?);
             }
         }
-        let captured: Vec<&[u8]> = self.dispatch.bindings.iter().filter_map(|bound| bound.after.as_deref()).collect();
+        let dumped: Vec<&[u8]> = self.dispatch.bindings.iter().filter_map(|bound| bound.after.as_deref()).collect();
         let floats = kernels.iter().fold(0, |mask, kernel| mask | kernel.floats);
         let difference = |of: &[Vec<u8>], from: &[&[u8]]| {
             let mut sum = Difference::default();
@@ -122,7 +122,7 @@ impl<'a> Replay<'a> {
             mad_ns: mad(ns),
             ratio: paired_ratio(ns, &times[0]),
             from_first: difference(output, &first),
-            from_captured: difference(output, &captured),
+            from_dumped: difference(output, &dumped),
         });
         Ok(lines.collect())
     }
@@ -144,7 +144,7 @@ impl<'a> Replay<'a> {
     fn record(&self, kernel: &'static KernelInfo) -> Result<Recording> {
         let (push, groups) = self.adapted(kernel)?;
         let mut rec = Recording::new();
-        rec.stage("replay");
+        rec.section("replay");
         for (slice, before) in self.slices.iter().zip(&self.pristine) {
             if let Some(before) = before {
                 rec.copy(before.clone(), slice.clone());
@@ -155,11 +155,11 @@ impl<'a> Replay<'a> {
         Ok(rec)
     }
 
-    /// Push constants and grid for `kernel`, which may blend other blocks of pixels than the captured one.
+    /// Push constants and grid for `kernel`, which may blend other blocks of pixels than the dumped one.
     fn adapted(&self, kernel: &KernelInfo) -> Result<(Vec<u8>, [u32; 3])> {
-        let Dispatch { push, groups, kernel: captured, bindings } = self.dispatch;
+        let Dispatch { push, groups, kernel: dumped, bindings } = self.dispatch;
         let fault = |reason: &str| {
-            let what = format!("`{}` for a dispatch of `{captured}`", kernel.name);
+            let what = format!("`{}` for a dispatch of `{dumped}`", kernel.name);
             Error::data(what.as_ref(), "", reason, "name kernels of the same shader, see shaders-glsl/README.md")
         };
         if !kernel.bindings.iter().map(|b| b.name).eq(bindings.iter().map(|b| b.name.as_str()))
@@ -167,19 +167,19 @@ impl<'a> Replay<'a> {
         {
             return Err(fault("has other bindings"));
         }
-        // A kernel that was edited while it is watched is not in the table, and has the captured one's blocks.
-        let (Some(ours), Some(theirs)) = (table::kernel(kernel.name), table::kernel(captured)) else {
+        // A kernel that was edited while it is watched is not in the table, and has the dumped one's blocks.
+        let (Some(ours), Some(theirs)) = (table::kernel(kernel.name), table::kernel(dumped)) else {
             return Ok((push.clone(), *groups));
         };
-        let (pixels, of_captured) = (pixels(ours), pixels(theirs));
-        if pixels == of_captured {
+        let (pixels, of_dumped) = (pixels(ours), pixels(theirs));
+        if pixels == of_dumped {
             return Ok((push.clone(), *groups));
         }
         if ours.file.ends_with("blend_bwd.comp") && ours.defines.iter().all(|(name, _)| *name != "ACCUMULATE") {
             return Err(fault("walks other blocks of a tile in a dispatch"));
         }
         // The first push constant counts the blocks.
-        let scaled = |n: u32| (u64::from(n) * u64::from(of_captured)).div_ceil(u64::from(pixels)) as u32;
+        let scaled = |n: u32| (u64::from(n) * u64::from(of_dumped)).div_ceil(u64::from(pixels)) as u32;
         let mut push = push.clone();
         if let Some(word) = push.first_chunk_mut::<4>() {
             *word = scaled(u32::from_le_bytes(*word)).to_le_bytes();

@@ -71,7 +71,7 @@ impl Profile {
     }
 }
 
-/// A pass without its stage.
+/// A pass without its section.
 fn name(label: &str) -> &str {
     label.rsplit('/').next().unwrap_or_default()
 }

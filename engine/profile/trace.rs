@@ -32,8 +32,8 @@ pub fn trace(device: &str, moments: &[Moment]) -> Value {
         let end = moment.passes.last().map_or(0.0, |pass| pass.begin_ns + pass.ns);
         let zero = moment.begin + moment.seconds - 1e-9 * end;
         for pass in &moment.passes {
-            let (stage, kernel) = pass.label.split_once('/').unwrap_or(("", &pass.label));
-            events.push(span(1, stage, kernel, zero + 1e-9 * pass.begin_ns, 1e-9 * pass.ns));
+            let (section, kernel) = pass.label.split_once('/').unwrap_or(("", &pass.label));
+            events.push(span(1, section, kernel, zero + 1e-9 * pass.begin_ns, 1e-9 * pass.ns));
         }
     }
     json!({ "displayTimeUnit": "ms", "traceEvents": events })

@@ -45,5 +45,5 @@ pub fn bars(id: &str, title: &str, rows: &[Bar]) -> String {
     }
     let size = [LEFT + 2.0 * WIDTH, BAR * rows.len() as f64];
     let picture = inline(id, title, size, &svg);
-    format!("<figure class=\"stages\"><figcaption>{}</figcaption>\n{picture}</figure>\n", escape(title))
+    format!("<figure class=\"sections\"><figcaption>{}</figcaption>\n{picture}</figure>\n", escape(title))
 }

@@ -3,7 +3,8 @@
 
 use super::cull::{ARGS_FIRST_GROUP, Cull, indirect};
 use super::moments::Moments;
-use super::scene::{Planes, SceneBuffers};
+use super::planes::{BAND_PLANES, Planes};
+use super::scene::SceneBuffers;
 use crate::error::Result;
 use crate::gpu::generated::{self, AdamParams, Status, adam_catch_up, adam_idle};
 use crate::gpu::{Buf, Gpu, Grid, Recording};
@@ -148,7 +149,7 @@ fn numbered<'a>(params: &'a Planes, moments: &'a Planes) -> Vec<Numbered<'a>> {
         all.push((2, 1, motion, moments));
     }
     for (b, (band, moments)) in params.bands.iter().zip(&moments.bands).enumerate() {
-        all.push((3 + b as u32, super::scene::BAND_PLANES[b] as u32, band, moments));
+        all.push((3 + b as u32, BAND_PLANES[b] as u32, band, moments));
     }
     all
 }
@@ -182,7 +183,7 @@ impl Optimiser {
             return;
         }
         let kernel = generated::adam_idle(self.moments.bits == 16);
-        rec.stage("adam");
+        rec.section("adam");
         for (index, group) in scene.groups.iter().enumerate() {
             rec.group(Some(index));
             for (kind, planes, parameter, moments) in numbered(&group.params, &self.moments.groups[index]) {
@@ -236,7 +237,7 @@ impl Optimiser {
         of: impl Fn(usize, u32) -> (u32, Grid),
     ) {
         let kernel = generated::adam_catch_up(self.moments.bits == 16);
-        rec.stage("adam");
+        rec.section("adam");
         for (index, group) in scene.groups.iter().enumerate() {
             rec.group(Some(index));
             let (all, grid) = of(index, group.n);

@@ -6,9 +6,10 @@ use super::adam::Optimiser;
 use super::blend::{Blend, SEGMENT, coprime_stride};
 use super::cull::{ARGS_FIRST_GROUP, ARGS_THREADS, Cull, indirect};
 use super::params::{Outputs, Purpose, TILE};
+use super::planes::Planes;
 use super::project::Eye;
 use super::room::{Room, Size};
-use super::scene::{Planes, SceneBuffers};
+use super::scene::{Group, SceneBuffers};
 use super::tiles::{Lists, Tiles};
 use crate::error::Result;
 use crate::gpu::generated::{
@@ -115,135 +116,142 @@ impl Backward {
         })
     }
 
-    /// Appends the backward pass of a frame whose forward pass was recorded for it with the same arguments.
-    /// `n_pixels` are those of the strip.
+    /// Appends the backward pass of `drawn`, a strip of `scene` whose forward pass was recorded for one.
     pub fn record(&self, rec: &mut Recording, scene: &SceneBuffers, drawn: Drawn, target: &Target) {
-        let Drawn { cull, eye: Eye { view, status, projected }, tiles, blend, size: Size { n_pixels, .. }, .. } = drawn;
         self.record_blend(rec, drawn);
         match target {
-            Target::Gradients => rec.stage("project bwd"),
-            Target::Step(_) => rec.stage("project bwd adam"),
+            Target::Gradients => rec.section("project bwd"),
+            Target::Step(_) => rec.section("project bwd adam"),
         }
         rec.fill(self.n_bad.slice(), 0);
         for (index, group) in scene.groups.iter().enumerate() {
             rec.group(Some(index));
-            let (dynamic, degree) = (group.params.motion.is_some(), group.degree());
-            let grid = indirect(&cull.args, ARGS_FIRST_GROUP + index);
-            let is_summed = u32::from(self.accumulation != Accumulation::Slots);
-            let push = project_bwd_static_sh0::Push {
-                group: index as u32,
-                first: group.first,
-                is_summed,
-                wants_camera: u32::from(self.wants_camera),
-            };
-            let band = |b: usize| group.params.bands.get(b).unwrap_or(&group.params.sh0);
             match target {
-                Target::Gradients => {
-                    let d = &self.gradients[index];
-                    let d_band = |b: usize| d.bands.get(b).unwrap_or(&d.sh0);
-                    for buffer in d.buffers() {
-                        rec.fill(buffer.slice(), 0);
-                    }
-                    let args = project_bwd_static_sh0::Args {
-                        view,
-                        ranges: &cull.ranges,
-                        active_id: &cull.active_id,
-                        geometry: &group.params.geometry,
-                        splats: &projected.splats,
-                        tile_counts: &projected.tile_counts,
-                        slot_first: &tiles.slot_first,
-                        d_slots: &self.d_slots,
-                        n_bad: &self.n_bad,
-                        frame_status: status,
-                        d_camera: &self.d_camera_each,
-                        motion: group.params.motion.as_ref().unwrap_or(&group.params.sh0),
-                        sh1: band(0),
-                        sh2: band(1),
-                        sh3: band(2),
-                        d_geometry: &d.geometry,
-                        d_sh0: &d.sh0,
-                        d_motion: d.motion.as_ref().unwrap_or(&d.sh0),
-                        d_sh1: d_band(0),
-                        d_sh2: d_band(1),
-                        d_sh3: d_band(2),
-                    };
-                    rec.pass_variant(generated::project_bwd(false, dynamic, degree, false), args, push, grid);
-                }
-                Target::Step(optimiser) => {
-                    let moments = &optimiser.moments.groups[index];
-                    let m_band = |b: usize| moments.bands.get(b).unwrap_or(&moments.sh0);
-                    let args = project_bwd_adam_static_sh0::Args {
-                        view,
-                        ranges: &cull.ranges,
-                        active_id: &cull.active_id,
-                        geometry: &group.params.geometry,
-                        splats: &projected.splats,
-                        tile_counts: &projected.tile_counts,
-                        slot_first: &tiles.slot_first,
-                        d_slots: &self.d_slots,
-                        n_bad: &optimiser.n_bad,
-                        frame_status: status,
-                        d_camera: &self.d_camera_each,
-                        sh0: &group.params.sh0,
-                        motion: group.params.motion.as_ref().unwrap_or(&group.params.sh0),
-                        sh1: band(0),
-                        sh2: band(1),
-                        sh3: band(2),
-                        moments_geometry: &moments.geometry,
-                        moments_sh0: &moments.sh0,
-                        moments_motion: moments.motion.as_ref().unwrap_or(&moments.sh0),
-                        moments_sh1: m_band(0),
-                        moments_sh2: m_band(1),
-                        moments_sh3: m_band(2),
-                        state: &optimiser.state[index],
-                        adam: &optimiser.params,
-                    };
-                    let push = project_bwd_adam_static_sh0::Push {
-                        group: push.group,
-                        first: push.first,
-                        is_summed,
-                        wants_camera: push.wants_camera,
-                    };
-                    rec.pass_variant(
-                        generated::project_bwd(true, dynamic, degree, optimiser.moments.bits == 16),
-                        args,
-                        push,
-                        grid,
-                    );
-                }
+                Target::Gradients => self.record_gradients(rec, (index, group), drawn),
+                Target::Step(optimiser) => self.record_adam(rec, (index, group), drawn, optimiser),
             }
         }
         rec.group(None);
-        if let (true, Some(tail)) = (self.wants_camera, &blend.tail) {
-            rec.stage("camera bwd");
-            let (d_camera, partials) = (&self.d_camera_each, &self.camera_partials);
+        if let (true, Some(tail)) = (self.wants_camera, &drawn.blend.tail) {
+            self.record_camera(rec, scene.n_flat, drawn, tail, target);
+        }
+    }
+
+    /// The projection's adjoint for one group, which writes gradients.
+    fn record_gradients(&self, rec: &mut Recording, (index, group): (usize, &Group), drawn: Drawn) {
+        let Drawn { cull, eye: Eye { view, status, projected }, tiles, .. } = drawn;
+        let (d, params) = (&self.gradients[index], &group.params);
+        for buffer in d.buffers() {
+            rec.fill(buffer.slice(), 0);
+        }
+        let [sh1, sh2, sh3] = params.three_bands();
+        let [d_sh1, d_sh2, d_sh3] = d.three_bands();
+        let args = project_bwd_static_sh0::Args {
+            view,
+            ranges: &cull.ranges,
+            active_id: &cull.active_id,
+            geometry: &params.geometry,
+            splats: &projected.splats,
+            tile_counts: &projected.tile_counts,
+            slot_first: &tiles.slot_first,
+            d_slots: &self.d_slots,
+            n_bad: &self.n_bad,
+            frame_status: status,
+            d_camera: &self.d_camera_each,
+            motion: params.motion_or_any(),
+            sh1,
+            sh2,
+            sh3,
+            d_geometry: &d.geometry,
+            d_sh0: &d.sh0,
+            d_motion: d.motion_or_any(),
+            d_sh1,
+            d_sh2,
+            d_sh3,
+        };
+        let push = project_bwd_static_sh0::Push {
+            group: index as u32,
+            first: group.first,
+            is_summed: self.is_summed(),
+            wants_camera: u32::from(self.wants_camera),
+        };
+        let kernel = generated::project_bwd(false, params.motion.is_some(), group.degree(), false);
+        rec.pass_variant(kernel, args, push, indirect(&cull.args, ARGS_FIRST_GROUP + index));
+    }
+
+    /// The projection's adjoint for one group, which moves the parameters at once.
+    fn record_adam(&self, rec: &mut Recording, (index, group): (usize, &Group), drawn: Drawn, optimiser: &Optimiser) {
+        let Drawn { cull, eye: Eye { view, status, projected }, tiles, .. } = drawn;
+        let (params, moments) = (&group.params, &optimiser.moments.groups[index]);
+        let [sh1, sh2, sh3] = params.three_bands();
+        let [moments_sh1, moments_sh2, moments_sh3] = moments.three_bands();
+        let args = project_bwd_adam_static_sh0::Args {
+            view,
+            ranges: &cull.ranges,
+            active_id: &cull.active_id,
+            geometry: &params.geometry,
+            splats: &projected.splats,
+            tile_counts: &projected.tile_counts,
+            slot_first: &tiles.slot_first,
+            d_slots: &self.d_slots,
+            n_bad: &optimiser.n_bad,
+            frame_status: status,
+            d_camera: &self.d_camera_each,
+            sh0: &params.sh0,
+            motion: params.motion_or_any(),
+            sh1,
+            sh2,
+            sh3,
+            moments_geometry: &moments.geometry,
+            moments_sh0: &moments.sh0,
+            moments_motion: moments.motion_or_any(),
+            moments_sh1,
+            moments_sh2,
+            moments_sh3,
+            state: &optimiser.state[index],
+            adam: &optimiser.params,
+        };
+        let push = project_bwd_adam_static_sh0::Push {
+            group: index as u32,
+            first: group.first,
+            is_summed: self.is_summed(),
+            wants_camera: u32::from(self.wants_camera),
+        };
+        let is_16_bits = optimiser.moments.bits == 16;
+        let kernel = generated::project_bwd(true, params.motion.is_some(), group.degree(), is_16_bits);
+        rec.pass_variant(kernel, args, push, indirect(&cull.args, ARGS_FIRST_GROUP + index));
+    }
+
+    /// Whether each active Gaussian has one sum rather than a slot per pair.
+    fn is_summed(&self) -> u32 {
+        u32::from(self.accumulation != Accumulation::Slots)
+    }
+
+    /// The sum of what all Gaussians, of which the flat index has `n_flat`, and the background say of the camera.
+    fn record_camera(&self, rec: &mut Recording, n_flat: u32, drawn: Drawn, tail: &Buf<[u32; 2]>, target: &Target) {
+        rec.section("camera bwd");
+        let Drawn { cull, size: Size { n_pixels, .. }, .. } = drawn;
+        let (d_camera, partials) = (&self.d_camera_each, &self.camera_partials);
+        rec.pass(
+            camera_sum::Args { count: &cull.n_active, bits: &cull.bits, offsets: &cull.offsets, d_camera, partials },
+            camera_sum::Push { n: n_flat / 32 },
+            Grid::Groups(CAMERA_GROUPS),
+        );
+        if let Target::Gradients = target {
             rec.pass(
-                camera_sum::Args {
-                    count: &cull.n_active,
-                    bits: &cull.bits,
-                    offsets: &cull.offsets,
-                    d_camera,
-                    partials,
-                },
-                camera_sum::Push { n: scene.n_flat / 32 },
+                background_sum::Args { tail, d_image0: &self.d_image0, partials },
+                background_sum::Push { n: n_pixels },
                 Grid::Groups(CAMERA_GROUPS),
             );
-            if let Target::Gradients = target {
-                rec.pass(
-                    background_sum::Args { tail, d_image0: &self.d_image0, partials },
-                    background_sum::Push { n: n_pixels },
-                    Grid::Groups(CAMERA_GROUPS),
-                );
-            }
-            rec.pass(camera_total::Args { partials, total: &self.d_camera }, (), Grid::Groups(1));
         }
+        rec.pass(camera_total::Args { partials, total: &self.d_camera }, (), Grid::Groups(1));
     }
 
     fn record_blend(&self, rec: &mut Recording, drawn: Drawn) {
         let Drawn { cull, eye: Eye { view, projected, .. }, tiles, lists, blend, size } = drawn;
         let Size { n_tiles, rounds, .. } = size;
         let Some(tail) = &blend.tail else { unreachable!("the forward pass was recorded for a backward pass") };
-        rec.stage("blend bwd");
+        rec.section("blend bwd");
         let kernel = self.accumulation.kernel(self.outputs, blend.pixels_per_lane());
         let words = self.words.as_ref().map(Buf::cast);
         let sums = words.as_ref().unwrap_or(&self.d_slots);

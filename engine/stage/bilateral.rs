@@ -207,7 +207,7 @@ impl Grids {
         graded: &Buf<[f32; 4]>,
         [width, height]: [u32; 2],
     ) {
-        rec.stage("bilateral");
+        rec.section("bilateral");
         let parts = Parts::new(self.is_cpu, height);
         let camera_grid = &self.of_camera(&self.grids, camera);
         let push = bilateral_slice::Push { width, height, rows: parts.rows, parts: parts.down };
@@ -225,7 +225,7 @@ impl Grids {
         d_image: &Buf<[f32; 4]>,
         [width, height]: [u32; 2],
     ) {
-        rec.stage("bilateral");
+        rec.section("bilateral");
         let parts = Parts::new(self.is_cpu, height);
         let camera_grid = &self.of_camera(&self.grids, camera);
         let (partials, d_grid) = (&self.partials.range(0, parts.n_sums()), &self.d_grid);
@@ -244,7 +244,7 @@ impl Grids {
     /// more camera a step. In between the mean over the cameras strays by less than one learning rate or so, since Adam
     /// moves one camera by about that much a step.
     pub fn record_step(&self, rec: &mut Recording, camera: usize, step: &GridStep, status: &Buf<Status>) {
-        rec.stage("bilateral");
+        rec.section("bilateral");
         let [grid, first, second] = [&self.grids, &self.first, &self.second].map(|b| self.of_camera(b, camera));
         let Grids { d_grid, tv, stepped, tv_sums, .. } = self;
         rec.pass(

@@ -71,7 +71,7 @@ impl Blend {
     /// Appends blending of `lists` in `rounds` rounds, enough for lists of `rounds * SEGMENT` entries.
     pub fn record(&self, rec: &mut Recording, tiles: &Tiles, lists: &Lists, eye: Eye, n_tiles: u32, rounds: u32) {
         let Eye { view, projected, .. } = eye;
-        rec.stage("blend");
+        rec.section("blend");
         let n_blocks = n_tiles * (TILE * TILE / (self.subgroup_size * self.pixels_per_lane));
         let subgroups_per_group = self.kernel.local / self.subgroup_size;
         for round in 0..rounds {

@@ -44,14 +44,14 @@ impl Clocks {
 
     /// Appends the shift of `view`, which holds the time without offset, by that of `camera`.
     pub fn record_apply(&self, rec: &mut Recording, view: &Buf<ViewParams>, camera: u32) {
-        rec.stage("clock");
+        rec.section("clock");
         rec.pass(clock_apply::Args { clocks: &self.state, view }, clock_apply::Push { camera }, Grid::Groups(1));
     }
 
     /// Appends a step along the camera's gradient `d_camera` (three vec4, that by time in the first one's last number);
     /// none if the frame failed.
     pub fn record_step(&self, rec: &mut Recording, d_camera: &Buf<[f32; 4]>, status: &Buf<Status>, at: &ClockStep) {
-        rec.stage("clock");
+        rec.section("clock");
         rec.pass(
             clock_step::Args { total: d_camera, free: &self.free, frame_status: status, clocks: &self.state },
             clock_step::Push {

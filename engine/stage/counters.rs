@@ -146,7 +146,7 @@ fn row(pass: &Pass) -> Option<&'static Spec> {
 /// One line of a profile: all passes of a frame with the same label.
 #[derive(Clone, Debug, Serialize)]
 pub struct PassReport {
-    /// Stage and kernel.
+    /// Section and kernel.
     pub label: String,
     /// Passes with this label.
     pub dispatches: u64,

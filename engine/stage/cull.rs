@@ -65,7 +65,7 @@ impl Cull {
 
     /// Appends culling of `scene` for `view`.
     pub fn record(&self, rec: &mut Recording, scene: &SceneBuffers, view: &Buf<ViewParams>, status: &Buf<Status>) {
-        rec.stage("cull");
+        rec.section("cull");
         let (bits, counts) = (&self.bits, &self.offsets);
         for (index, group) in scene.groups.iter().enumerate() {
             rec.group(Some(index));

@@ -58,8 +58,8 @@ pub struct DensityRound {
     pub extent: f32,
     /// Opacity, the largest over the training times, below which a Gaussian goes or is dead.
     pub prune_opacity: f32,
-    /// Standard deviation, as a part of its depth before a lens that sees it, above which a Gaussian goes or is dead: it would
-    /// veil whatever is seen from there.
+    /// Floaters before the camera: standard deviation, as a part of its depth before a lens that sees it, above which a Gaussian
+    /// goes or is dead.
     pub prune_veil: f32,
     /// Opacity logit that none exceeds afterwards; `f32::MAX` leaves all.
     pub opacity_ceiling: f32,
@@ -153,7 +153,7 @@ impl DensityRound {
         let n_lenses = lenses.len() as u32;
         let lenses = gpu.upload("lenses", bytemuck::cast_slice(lenses))?;
         let mut rec = Recording::new();
-        rec.stage("density");
+        rec.section("density");
         rec.fill(scratch.counters.slice(), 0);
         rec.fill(scratch.copies.slice(), 0);
         self.record_classify(&mut rec, &scratch, old, n_lenses, &lenses);
@@ -299,7 +299,7 @@ impl DensityRound {
         let moments = old.moments.undefined(gpu, scene)?;
         let state = scene.groups.iter().map(|g| gpu.alloc("state", g.n as usize)).collect::<Result<Vec<_>>>()?;
         let mut rec = Recording::new();
-        rec.stage("density");
+        rec.section("density");
         for (index, group) in scene.groups.iter().enumerate() {
             rec.group(Some(index));
             for (from, source) in old.scene.groups.iter().enumerate() {
@@ -409,7 +409,7 @@ impl Scratch {
     fn sorted_sources(&self, gpu: &Gpu, n: usize) -> Result<Buf<u32>> {
         let count = gpu.upload("density listed", &[n as u32])?;
         let mut rec = Recording::new();
-        rec.stage("density");
+        rec.section("density");
         let (_, sources) = record_sort(gpu, &mut rec, &count, n, (&self.source_codes, &self.sources))?;
         gpu.run(&rec)?;
         Ok(sources)
@@ -436,7 +436,7 @@ fn record_sort(
 /// positions, scene units, times the noise's) times their covariance. Nothing moves when `status` says that the step
 /// failed. The bounds are due afterwards.
 pub fn record_mcmc_noise(rec: &mut Recording, scene: &SceneBuffers, status: &Buf<Status>, rate: f32, key: u32) {
-    rec.stage("noise");
+    rec.section("noise");
     for (index, group) in scene.groups.iter().enumerate() {
         rec.group(Some(index));
         let args = mcmc_noise::Args { frame_status: status, geometry: &group.params.geometry };

@@ -1,6 +1,7 @@
 //! What pictures say of each part of each Gaussian: Fisher information and slopes, added up behind the backward pass.
 
-use super::scene::{Group, Planes, SceneBuffers};
+use super::planes::{PLANE_BLOCK, Planes, plane_of};
+use super::scene::{Group, SceneBuffers};
 use crate::error::Result;
 use crate::gpu::generated::{self, fisher_static_sh0};
 use crate::gpu::{Buf, Gpu, Grid, Recording};
@@ -53,7 +54,7 @@ impl Fisher {
     /// Sums of 0 for `scene`: of squared responses, or of responses.
     pub fn new(gpu: &Gpu, scene: &SceneBuffers, cameras: &[[f64; 3]], squares: bool) -> Result<Self> {
         let zeros = |group: &Group| {
-            let n = (group.n as usize).next_multiple_of(super::scene::PLANE_BLOCK) * PLANES;
+            let n = (group.n as usize).next_multiple_of(PLANE_BLOCK) * PLANES;
             gpu.upload("fisher sums", &vec![[0.0f32; 4]; n])
         };
         let weight = 1.0 / cameras.len().max(1) as f32;
@@ -67,24 +68,24 @@ impl Fisher {
 
     /// Appends the addition of the gradients that a backward pass left of a view at `time`, normalised.
     pub fn record(&self, rec: &mut Recording, scene: &SceneBuffers, gradients: &[Planes], time: f64) {
-        rec.stage("fisher");
+        rec.section("fisher");
         for (index, ((group, d), sums)) in scene.groups.iter().zip(gradients).zip(&self.sums).enumerate() {
             rec.group(Some(index));
-            let Planes { geometry, sh0, bands, motion } = &group.params;
-            let band = |b: usize| bands.get(b).unwrap_or(sh0);
-            let d_band = |b: usize| d.bands.get(b).unwrap_or(&d.sh0);
+            let params = &group.params;
+            let [sh1, sh2, sh3] = params.three_bands();
+            let [d_sh1, d_sh2, d_sh3] = d.three_bands();
             let args = fisher_static_sh0::Args {
-                geometry,
+                geometry: &params.geometry,
                 d_geometry: &d.geometry,
                 d_sh0: &d.sh0,
                 sums,
-                motion: motion.as_ref().unwrap_or(sh0),
-                sh1: band(0),
-                sh2: band(1),
-                sh3: band(2),
-                d_sh1: d_band(0),
-                d_sh2: d_band(1),
-                d_sh3: d_band(2),
+                motion: params.motion_or_any(),
+                sh1,
+                sh2,
+                sh3,
+                d_sh1,
+                d_sh2,
+                d_sh3,
                 cameras: &self.cameras,
             };
             let squares = if self.squares { 1.0 } else { 0.0 };
@@ -95,7 +96,8 @@ impl Fisher {
                 squares,
                 n_cameras: self.cameras.len() as u32,
             };
-            rec.pass_variant(generated::fisher(motion.is_some(), group.degree()), args, push, Grid::Threads(group.n));
+            let kernel = generated::fisher(params.motion.is_some(), group.degree());
+            rec.pass_variant(kernel, args, push, Grid::Threads(group.n));
         }
         rec.group(None);
     }
@@ -105,7 +107,7 @@ impl Fisher {
         let mut all = Vec::with_capacity(scene.n as usize);
         for (group, sums) in scene.groups.iter().zip(&self.sums) {
             let sums = gpu.read(sums)?;
-            all.extend((0..group.n as usize).map(|i| sums[super::scene::plane_of(i, PLANES, 1)][3]));
+            all.extend((0..group.n as usize).map(|i| sums[plane_of(i, PLANES, 1)][3]));
         }
         Ok(all)
     }
@@ -116,7 +118,7 @@ impl Fisher {
         for (group, sums) in scene.groups.iter().zip(&self.sums) {
             let sums = gpu.read(sums)?;
             all.extend((0..group.n as usize).map(|i| {
-                let plane = |p: usize| sums[super::scene::plane_of(i, PLANES, p)].map(f64::from);
+                let plane = |p: usize| sums[plane_of(i, PLANES, p)].map(f64::from);
                 let [part, own, lacks] = [0, 1, 2].map(plane);
                 let band_means = [3, 4, 5].map(plane).map(|[r, g, b, _]| [r, g, b]);
                 Response {

@@ -1,10 +1,11 @@
 //! A strip of a picture: what is asked of it, on its way through the device, and when it has ended.
 
+use super::blend::Blend;
 use super::params::{Outputs, Purpose, Strip};
-use super::room::{Room, Verdict};
+use super::room::{Outcome, Room};
 use super::tiles::Lists;
 use crate::gpu::generated::Status;
-use crate::gpu::{PassTime, Recording, Running, Slice};
+use crate::gpu::{Buf, PassTime, Recording, Running, Slice};
 use crate::scene::{Frame, View};
 
 /// Where a picture goes.
@@ -45,6 +46,11 @@ pub(super) struct Extent {
 }
 
 impl Job<'_> {
+    /// Those of its images that are read back.
+    pub(super) fn read_back(&self, blend: &Blend) -> Vec<Buf<[f32; 4]>> {
+        if self.destination == Destination::Host { blend.images() } else { Vec::new() }
+    }
+
     /// Whether a backward pass follows.
     pub(super) fn purpose(&self) -> Purpose {
         if self.cotangents.is_some() { Purpose::Gradient } else { Purpose::Picture }
@@ -56,6 +62,19 @@ impl Extent {
         let (tiles_x, tiles_y) = strip.tiles(view);
         Extent { strip, n_tiles: tiles_x * tiles_y, n_pixels: view.width * strip.n_rows }
     }
+}
+
+/// A strip that is recorded, and not yet handed to the device.
+pub(super) struct Recorded {
+    pub recording: Recording,
+    pub lists: Lists,
+    pub extent: Extent,
+    /// Where its status goes.
+    pub status: Slice,
+    pub rounds: u32,
+    /// What is read back behind it.
+    pub images: Vec<Buf<[f32; 4]>>,
+    pub measure: Measure,
 }
 
 /// A strip that the device works on.
@@ -85,7 +104,7 @@ pub(super) struct Copies {
 pub(super) struct Landed {
     pub extent: Extent,
     pub status: Status,
-    pub verdict: Verdict,
+    pub outcome: Outcome,
     /// Colour and alpha; depth, inverse depth and flow; as many as are read back.
     pub images: Vec<Vec<[f32; 4]>>,
     /// Of each pass, where they are timed.

@@ -2,10 +2,10 @@
 //! renders it, its images in one behind that: the host waits for nothing before the end, and may hand over another strip meanwhile.
 
 use super::backward::{Backward, Target};
-use super::job::{Copies, Destination, Extent, Job, Landed, Launched, Measure};
+use super::job::{Copies, Extent, Job, Landed, Launched, Measure, Recorded};
 use super::params::{Strip, view_params};
 use super::renderer::Renderer;
-use super::room::{Size, Verdict};
+use super::room::{Outcome, Size};
 use super::workspace::Workspace;
 use crate::error::Result;
 use crate::gpu::generated::Status;
@@ -22,27 +22,33 @@ impl Renderer {
         self.load_window(job.view)?;
         let extent = Extent::new(job.view, strip);
         self.make_room(job, &extent);
-        let view = self.gpu.stage("view", &[view_params(job.view, &self.constants, self.scene.origin, strip)])?;
+        let view = self.gpu.staged("view", &[view_params(job.view, &self.constants, self.scene.origin, strip)])?;
         let status = self.slice(size_of::<Status>())?;
         let work = Workspace::fit(&mut self.work, &self.gpu, &self.scene, self.room)?;
         if let (Some(cotangents), Some(backward)) = (job.cotangents, &work.backward) {
             write_cotangents(&self.gpu, backward, cotangents, job.view, strip)?;
         }
         let mut recording = Recording::new();
-        recording.stage("view");
+        recording.section("view");
         recording.copy(view, work.view.slice());
         let Extent { n_tiles, n_pixels, .. } = extent;
         let size = Size { n_tiles, n_pixels, rounds };
         let lists = work.record_forward(&mut recording, &self.scene, size, |_| ());
         work.record_backward(&mut recording, &self.scene, &lists, size, &Target::Gradients);
-        recording.stage("status");
+        recording.section("status");
         recording.copy(work.status.slice(), status.clone());
-        let images = if job.destination == Destination::Host { work.blend.images() } else { Vec::new() };
-        let running = match job.measure {
+        let images = job.read_back(&work.blend);
+        self.hand_over(Recorded { recording, lists, extent, status, rounds, images, measure: job.measure })
+    }
+
+    /// Hands a strip that was recorded within the present room to the device, and behind it the copies of its images.
+    pub(super) fn hand_over(&mut self, recorded: Recorded) -> Result<Launched> {
+        let Recorded { recording, lists, extent, status, rounds, images, measure } = recorded;
+        let running = match measure {
             Measure::Nothing => self.gpu.start(&recording)?,
             Measure::Times | Measure::Work => self.gpu.start_timed(&recording)?,
         };
-        let copies = self.copy_back(&images, n_pixels as usize)?;
+        let copies = self.copy_back(&images, extent.n_pixels as usize)?;
         let n = (self.scene.n, self.scene.n_bad);
         Ok(Launched { running, copies, recording, lists, extent, status, room: self.room, rounds, n })
     }
@@ -59,7 +65,7 @@ impl Renderer {
 
     /// Hands the copies of the first `n` pixels of `images` to the device: by themselves, so that it is known when the picture was
     /// there.
-    pub(super) fn copy_back(&mut self, images: &[Buf<[f32; 4]>], n: usize) -> Result<Option<Copies>> {
+    fn copy_back(&mut self, images: &[Buf<[f32; 4]>], n: usize) -> Result<Option<Copies>> {
         if images.is_empty() {
             return Ok(None);
         }
@@ -85,10 +91,10 @@ impl Renderer {
     pub(super) fn land(&self, launched: &Launched) -> Result<Landed> {
         let times = launched.running.wait()?;
         let status: Status = self.gpu.peek(&launched.status)?.first().copied().unwrap_or_default();
-        let verdict = launched.room.verdict(&self.gpu, &status, launched.rounds);
+        let outcome = launched.room.outcome(&self.gpu, &status, launched.rounds);
         let begun = Instant::now();
         let images = match &launched.copies {
-            Some(copies) if verdict == Verdict::Complete => {
+            Some(copies) if outcome == Outcome::Complete => {
                 copies.running.wait()?;
                 copies.images.iter().map(|image| self.gpu.peek(image)).collect::<Result<_>>()?
             }
@@ -97,7 +103,7 @@ impl Renderer {
         Ok(Landed {
             extent: launched.extent,
             status,
-            verdict,
+            outcome,
             images,
             times,
             read_back_s: begun.elapsed().as_secs_f64(),

@@ -72,7 +72,7 @@ impl Photometric {
     /// Appends the loss of a picture against the truth, and its cotangent. Without a `structure` the absolute error is all
     /// there is.
     pub fn record(&self, rec: &mut Recording, pictures: &Pictures, structure: Option<Structure>) {
-        rec.stage("loss");
+        rec.section("loss");
         let Photometric { sums, moments, partials, filtered, group_sums } = self;
         let Pictures { image, truth, d_image, size, n_visible } = *pictures;
         let [width, height] = size;

@@ -173,7 +173,7 @@ impl Lpips {
         let extent = self.extent(what.crop, cotangent.is_some())?;
         self.fit(gpu, &extent)?;
         let passes = Passes { lpips: self, sizes: &extent.sizes, lanes: gpu.caps().subgroup_size };
-        rec.stage("lpips");
+        rec.section("lpips");
         passes.forward(rec, what, cotangent.is_some());
         rec.pass(
             lpips_sum::Args { sums: &self.sums, value: &self.value },

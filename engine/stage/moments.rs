@@ -1,6 +1,7 @@
 //! Adam's moments of every Gaussian on the device, as floats or two to a word (`include/moments.glsl`).
 
-use super::scene::{Arrays, BAND_PLANES, Group, PLANE_BLOCK, Planes, SceneBuffers, plane_of};
+use super::planes::{Arrays, BAND_PLANES, PLANE_BLOCK, Planes, plane_of};
+use super::scene::{Group, SceneBuffers};
 use crate::error::Result;
 use crate::gpu::Gpu;
 use crate::gpu::generated::constants::moments::{INFINITY_BITS, LARGEST_BITS};

@@ -63,7 +63,7 @@ impl PriorLoss {
         n_pixels: u32,
         weights: &PriorWeights,
     ) {
-        rec.stage("priors");
+        rec.section("priors");
         let PriorLoss { priors, sums, group_sums, space } = self;
         let share = |weight: f64, n: u32| (weight / f64::from(n.max(1))) as f32;
         rec.pass(

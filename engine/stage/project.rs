@@ -34,11 +34,8 @@ pub struct Eye<'a> {
 
 /// Bands 1 to 3 of a group, as halves where it has those; what it lacks is the constant one, which nobody reads there.
 fn bands_of(group: &Group) -> [Buf<[f32; 4]>; 3] {
-    let band = |b: usize| match group.halves.get(b) {
-        Some(half) => half.cast(),
-        None => group.params.bands.get(b).unwrap_or(&group.params.sh0).clone(),
-    };
-    [band(0), band(1), band(2)]
+    let whole = group.params.three_bands();
+    [0, 1, 2].map(|b| group.halves.get(b).map_or_else(|| whole[b].clone(), Buf::cast))
 }
 
 impl Projected {
@@ -84,7 +81,7 @@ impl Projected {
                 identity: &self.identity,
                 tile_counts: &self.tile_counts,
                 frame_status: status,
-                motion: group.params.motion.as_ref().unwrap_or(&group.params.sh0),
+                motion: group.params.motion_or_any(),
                 sh1,
                 sh2,
                 sh3,
@@ -108,7 +105,7 @@ impl Projected {
                 identity: &first.projected.identity,
                 tile_counts: &first.projected.tile_counts,
                 frame_status: first.status,
-                motion: group.params.motion.as_ref().unwrap_or(&group.params.sh0),
+                motion: group.params.motion_or_any(),
                 sh1,
                 sh2,
                 sh3,
@@ -129,7 +126,7 @@ fn each_group(
     cull: &Cull,
     pass: impl Fn(&mut Recording, &Group, [&Buf<[f32; 4]>; 3], [&'static KernelInfo; 2], u32, Grid),
 ) {
-    rec.stage("project");
+    rec.section("project");
     for (index, group) in scene.groups.iter().enumerate() {
         rec.group(Some(index));
         let bands = bands_of(group);

@@ -8,7 +8,7 @@ use super::gradients::Gradients;
 use super::job::{Destination, Extent, Job, Landed, Launched, Measure};
 use super::params::{Outputs, Strip, TILE, moment, view_params};
 use super::renderer::Renderer;
-use super::room::{Size, Verdict};
+use super::room::{Outcome, Size};
 use super::scene::SceneBuffers;
 use super::show::{Layer, Screen};
 use super::workspace::Workspace;
@@ -174,7 +174,7 @@ impl Renderer {
     ///
     /// # Errors
     /// As [`Renderer::render`]; [`Error::OutOfMemory`] when one strip does not hold the picture.
-    pub fn capture(&mut self, view: &View, outputs: Outputs, kernel: &str) -> Result<Option<Dispatch>> {
+    pub fn dump(&mut self, view: &View, outputs: Outputs, kernel: &str) -> Result<Option<Dispatch>> {
         // Lists grow to their size.
         let report = self.draw(view, outputs)?;
         if report.strips > 1 {
@@ -182,7 +182,7 @@ impl Renderer {
                 what: format!("view `{}` in one strip (strips)", view.name),
                 needed: report.strips,
                 limit: 1,
-                remedy: "capture a smaller picture".to_owned(),
+                remedy: "dump it of a smaller picture".to_owned(),
             });
         }
         let rounds = (report.max_tile_list as u32).div_ceil(SEGMENT).max(1);
@@ -192,7 +192,7 @@ impl Renderer {
         self.gpu.write(&work.view, &[view_params(view, &self.constants, self.scene.origin, strip)])?;
         let mut rec = Recording::new();
         work.record_forward(&mut rec, &self.scene, Size { n_tiles, n_pixels, rounds }, |_| ());
-        self.gpu.run_capturing(rec, kernel)
+        self.gpu.run_dumping(rec, kernel)
     }
 
     /// Gradients of sum(cotangent * output) of `view`, where `cotangents` holds the cotangents of a frame.
@@ -338,18 +338,18 @@ impl Renderer {
         loop {
             let launched = launched.take().map_or_else(|| self.launch(job, strip, rounds), Ok)?;
             let landed = self.land(&launched)?;
-            match landed.verdict {
-                Verdict::Complete => {}
-                Verdict::Replay(room, new_rounds) => {
+            match landed.outcome {
+                Outcome::Complete => {}
+                Outcome::Replay(room, new_rounds) => {
                     report.replays += 1;
                     (self.room, rounds) = (room, new_rounds);
                     continue;
                 }
-                Verdict::TooMuch { .. } if strip.n_rows > TILE => {
+                Outcome::TooMuch { .. } if strip.n_rows > TILE => {
                     report.replays += 1;
                     return Ok(None);
                 }
-                Verdict::TooMuch { what, needed, limit } => {
+                Outcome::TooMuch { what, needed, limit } => {
                     return Err(Error::OutOfMemory {
                         what: format!("view `{}`: {what} in one row of tiles", job.view.name),
                         needed: u64::from(needed),

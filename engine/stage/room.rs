@@ -54,28 +54,28 @@ impl Room {
         (gpu.caps().max_binding_bytes / bytes).min(u64::from(u32::MAX - 1)) as u32
     }
 
-    /// What is to be done about a frame within this room, of `rounds` rounds, that ended with `status`.
-    pub fn verdict(&self, gpu: &Gpu, status: &Status, rounds: u32) -> Verdict {
+    /// What became of a frame within this room, of `rounds` rounds, that ended with `status`.
+    pub fn outcome(&self, gpu: &Gpu, status: &Status, rounds: u32) -> Outcome {
         let limit = self.max_intersections(gpu);
         if status.failed & FAILED_ACTIVE != 0 {
             let (needed, limit) = (status.n_active, status.capacity_active);
-            Verdict::TooMuch { what: "active Gaussians", needed, limit }
+            Outcome::TooMuch { what: "active Gaussians", needed, limit }
         } else if status.failed & FAILED_INTERSECTIONS != 0 && status.n_intersections > limit {
-            Verdict::TooMuch { what: "intersections", needed: status.n_intersections, limit }
+            Outcome::TooMuch { what: "intersections", needed: status.n_intersections, limit }
         } else if status.failed & FAILED_INTERSECTIONS != 0 {
             let roomy = (u64::from(status.n_intersections) * 5 / 4).min(u64::from(limit)) as u32;
-            Verdict::Replay(Room { intersections: roomy, ..*self }, rounds)
+            Outcome::Replay(Room { intersections: roomy, ..*self }, rounds)
         } else if status.failed & FAILED_LIST != 0 {
-            Verdict::Replay(*self, status.max_tile_list.div_ceil(SEGMENT))
+            Outcome::Replay(*self, status.max_tile_list.div_ceil(SEGMENT))
         } else {
-            Verdict::Complete
+            Outcome::Complete
         }
     }
 }
 
-/// What a status asks for before its frame can stand.
+/// What became of a frame, and what has to be done before it can stand.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Verdict {
+pub enum Outcome {
     /// Nothing: the frame is complete.
     Complete,
     /// A replay with this much room and this many rounds.

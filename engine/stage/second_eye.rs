@@ -3,7 +3,7 @@
 use super::blend::Blend;
 use super::cull::ARGS_FIRST_GROUP;
 use super::params::Purpose;
-use super::project::Projected;
+use super::project::{Eye, Projected};
 use super::room::Room;
 use super::workspace::Workspace;
 use crate::error::Result;
@@ -24,11 +24,30 @@ pub(super) struct SecondEye {
 }
 
 impl SecondEye {
+    /// That in `place`, if it is of `work` as it is now; else a new one there.
+    ///
+    /// # Errors
+    /// As [`SecondEye::new`].
+    pub fn fit<'a>(place: &'a mut Option<SecondEye>, gpu: &Gpu, work: &Workspace) -> Result<&'a Self> {
+        let is_its_own = |second: &SecondEye| {
+            second.room == work.room && second.projected.identity.slice().overlaps(&work.projected.identity.slice())
+        };
+        Ok(match place.take().filter(is_its_own) {
+            Some(second) => place.insert(second),
+            None => place.insert(SecondEye::new(gpu, work)?),
+        })
+    }
+
+    /// What it looks from, and where what it sees goes.
+    pub fn eye(&self) -> Eye<'_> {
+        Eye { view: &self.view, status: &self.status, projected: &self.projected }
+    }
+
     /// Of the size of `work`, whose order it shares.
     ///
     /// # Errors
     /// `OutOfMemory` naming the buffer that does not fit.
-    pub fn new(gpu: &Gpu, work: &Workspace) -> Result<Self> {
+    fn new(gpu: &Gpu, work: &Workspace) -> Result<Self> {
         let room = work.room;
         Ok(SecondEye {
             room,

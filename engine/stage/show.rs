@@ -98,7 +98,7 @@ impl Screen {
         [first, n]: [u32; 2],
     ) {
         assert!((first + n) as usize <= self.pixels.len(), "{first}+{n} of {} pixels", self.pixels.len());
-        rec.stage("screen");
+        rec.section("screen");
         let (layer, high) = layer.code();
         let (overlay, pixels, is_bgra) = (&self.overlay, &self.pixels, u32::from(self.is_bgra));
         rec.pass(

@@ -2,16 +2,18 @@
 
 use super::blend::SEGMENT;
 use super::cull::ARGS_FIRST_GROUP;
-use super::job::{Destination, Extent, Job, Launched, Measure};
+use super::job::{Destination, Extent, Job, Launched, Measure, Recorded};
 use super::params::{Outputs, Strip, moment, view_params};
-use super::project::{Eye, Projected};
+use super::project::Projected;
 use super::render::{FrameReport, Picture};
 use super::renderer::Renderer;
+use super::scene::SceneBuffers;
 use super::second_eye::SecondEye;
+use super::tiles::Lists;
 use super::workspace::Workspace;
 use crate::error::Result;
-use crate::gpu::Recording;
-use crate::gpu::generated::Status;
+use crate::gpu::generated::{Status, ViewParams};
+use crate::gpu::{Buf, Recording, Slice};
 use crate::scene::{Frame, View};
 use crate::settings::Constants;
 
@@ -65,95 +67,93 @@ impl Renderer {
 
     fn launch_stereo(&mut self, job: &Job, other: &Job, union: &View, near: f64) -> Result<[Launched; 2]> {
         self.load_window(job.view)?;
-        let strip = Strip::whole(job.view);
-        let extent = Extent::new(job.view, strip);
+        let extent = Extent::new(job.view, Strip::whole(job.view));
         self.make_room(job, &extent);
-        let params = |view: &View| view_params(view, &self.constants, self.scene.origin, strip);
-        let mut of_union = view_params(
-            union,
-            &Constants { near: near as f32, ..self.constants },
-            self.scene.origin,
-            Strip::whole(union),
-        );
+        let params = self.stereo_params([job.view, other.view], union, near);
+        let [view, second_view, union] = params.map(|params| self.gpu.staged("view", &[params]));
+        let views = [view?, second_view?, union?];
+        let [status, second_status] = [self.slice(size_of::<Status>())?, self.slice(size_of::<Status>())?];
+        let work = Workspace::fit(&mut self.work, &self.gpu, &self.scene, self.room)?;
+        let second = SecondEye::fit(&mut self.second, &self.gpu, work)?;
+        let n_tiles = extent.n_tiles;
+
+        let mut recording = Recording::new();
+        let (lists, order) = record_first(&mut recording, &self.scene, (work, second), views, n_tiles);
+        recording.section("status");
+        recording.copy(work.status.slice(), status.clone());
+        let images = job.read_back(&work.blend);
+        let first = Recorded { recording, lists, extent, status, rounds: 1, images, measure: Measure::Nothing };
+
+        let mut recording = Recording::new();
+        let lists = record_second(&mut recording, (work, second), &order, n_tiles);
+        recording.section("status");
+        recording.copy(second.status.slice(), second_status.clone());
+        let images = job.read_back(&second.blend);
+        let status = second_status;
+        let second = Recorded { recording, lists, extent, status, rounds: 1, images, measure: Measure::Nothing };
+
+        // The first eye's images are copied before the second begins: a replay of the first would draw over what they share.
+        Ok([self.hand_over(first)?, self.hand_over(second)?])
+    }
+
+    /// What kernels read of both eyes, and of the `union` with its near plane at `near`.
+    fn stereo_params(&self, eyes: [&View; 2], union: &View, near: f64) -> [ViewParams; 3] {
+        let origin = self.scene.origin;
+        let eyes = eyes.map(|view| view_params(view, &self.constants, origin, Strip::whole(view)));
+        let constants = Constants { near: near as f32, ..self.constants };
+        let mut of_union = view_params(union, &constants, origin, Strip::whole(union));
         // The wider the angle, the wider the reach: that of the widest one that an eye has.
-        let widest = [params(job.view), params(other.view)].map(|params| params.clamp_uv.map(f32::abs));
+        let widest = eyes.map(|params| params.clamp_uv.map(f32::abs));
         let [x, y] = [0, 2].map(|at| widest.iter().map(|uv| uv[at].max(uv[at + 1])).fold(0.0, f32::max));
         of_union.clamp_uv = [x, x, y, y];
-        let views = [params(job.view), params(other.view), of_union].map(|params| self.gpu.stage("view", &[params]));
-        let [view, second_view, union] = views;
-        let statuses = [self.slice(size_of::<Status>())?, self.slice(size_of::<Status>())?];
-        let work = Workspace::fit(&mut self.work, &self.gpu, &self.scene, self.room)?;
-        let is_its_own = |second: &SecondEye| {
-            second.room == work.room && second.projected.identity.slice().overlaps(&work.projected.identity.slice())
-        };
-        let second = match self.second.take().filter(is_its_own) {
-            Some(second) => self.second.insert(second),
-            None => self.second.insert(SecondEye::new(&self.gpu, work)?),
-        };
-        let (gpu, scene, longest) = (&self.gpu, &self.scene, SEGMENT);
-        let Workspace { cull, projected, tiles, blend, status, .. } = work;
-
-        let mut first_recording = Recording::new();
-        let rec = &mut first_recording;
-        rec.stage("view");
-        rec.copy(view?, work.view.slice());
-        rec.copy(second_view?, second.view.slice());
-        rec.copy(union?, second.union.slice());
-        rec.stage("cull");
-        rec.fill(status.slice(), 0);
-        cull.record(rec, scene, &second.union, status);
-        let grids = cull.args.range(0, ARGS_FIRST_GROUP).slice();
-        rec.copy(grids.clone(), second.grids.slice());
-        // What failed for both, and how many are active; the rest is 0, and each eye counts its own from here on.
-        rec.copy(status.slice(), second.status.slice());
-        let eyes = [work.eye(), Eye { view: &second.view, status: &second.status, projected: &second.projected }];
-        Projected::record_both(rec, scene, cull, eyes);
-        let order = tiles.record_order(rec, cull, projected);
-        let lists = tiles.record(rec, cull, eyes[0], &order, extent.n_tiles, longest);
-        blend.record(rec, tiles, &lists, eyes[0], extent.n_tiles, 1);
-        rec.stage("status");
-        rec.copy(status.slice(), statuses[0].clone());
-
-        let mut second_recording = Recording::new();
-        let rec = &mut second_recording;
-        rec.stage("tiles");
-        rec.copy(second.grids.slice(), grids);
-        let second_lists = tiles.record(rec, cull, eyes[1], &order, extent.n_tiles, longest);
-        second.blend.record(rec, tiles, &second_lists, eyes[1], extent.n_tiles, 1);
-        rec.stage("status");
-        rec.copy(second.status.slice(), statuses[1].clone());
-
-        let is_read = job.destination == Destination::Host;
-        let images = [&work.blend, &second.blend].map(|blend| if is_read { blend.images() } else { Vec::new() });
-        let (room, n) = (self.room, (self.scene.n, self.scene.n_bad));
-        // The first eye's images are copied before the second begins: a replay of the first would draw over what they share.
-        let running = gpu.start(&first_recording)?;
-        let [first_status, second_status] = statuses;
-        let first = Launched {
-            running,
-            copies: self.copy_back(&images[0], extent.n_pixels as usize)?,
-            recording: first_recording,
-            lists,
-            extent,
-            status: first_status,
-            room,
-            rounds: 1,
-            n,
-        };
-        let running = self.gpu.start(&second_recording)?;
-        let second = Launched {
-            running,
-            copies: self.copy_back(&images[1], extent.n_pixels as usize)?,
-            recording: second_recording,
-            lists: second_lists,
-            extent,
-            status: second_status,
-            room,
-            rounds: 1,
-            n,
-        };
-        Ok([first, second])
+        let [first, second] = eyes;
+        [first, second, of_union]
     }
+}
+
+/// Appends what both eyes share and the picture of the first. Returns its lists, and the order by depth.
+fn record_first(
+    rec: &mut Recording,
+    scene: &SceneBuffers,
+    (work, second): (&Workspace, &SecondEye),
+    [view, second_view, union]: [Slice; 3],
+    n_tiles: u32,
+) -> (Lists, Buf<u32>) {
+    let Workspace { cull, projected, tiles, blend, status, .. } = work;
+    rec.section("view");
+    rec.copy(view, work.view.slice());
+    rec.copy(second_view, second.view.slice());
+    rec.copy(union, second.union.slice());
+    rec.section("cull");
+    rec.fill(status.slice(), 0);
+    cull.record(rec, scene, &second.union, status);
+    rec.copy(shared_grids(work), second.grids.slice());
+    // What failed for both, and how many are active; the rest is 0, and each eye counts its own from here on.
+    rec.copy(status.slice(), second.status.slice());
+    Projected::record_both(rec, scene, cull, [work.eye(), second.eye()]);
+    let order = tiles.record_order(rec, cull, projected);
+    let lists = tiles.record(rec, cull, work.eye(), &order, n_tiles, SEGMENT);
+    blend.record(rec, tiles, &lists, work.eye(), n_tiles, 1);
+    (lists, order)
+}
+
+/// Appends the picture of the second eye, behind that of the first, whose `order` it shares. Returns its lists.
+fn record_second(
+    rec: &mut Recording,
+    (work, second): (&Workspace, &SecondEye),
+    order: &Buf<u32>,
+    n_tiles: u32,
+) -> Lists {
+    rec.section("tiles");
+    rec.copy(second.grids.slice(), shared_grids(work));
+    let lists = work.tiles.record(rec, &work.cull, second.eye(), order, n_tiles, SEGMENT);
+    second.blend.record(rec, &work.tiles, &lists, second.eye(), n_tiles, 1);
+    lists
+}
+
+/// The grids over active Gaussians, which the lists of either eye turn into grids over its intersections.
+fn shared_grids(work: &Workspace) -> Slice {
+    work.cull.args.range(0, ARGS_FIRST_GROUP).slice()
 }
 
 /// A view that sees all that either eye sees, from behind them, and how far behind; none where they do not look the same way

@@ -5,7 +5,9 @@ use super::project::{Eye, Projected};
 use super::scan::Scan;
 use super::sort::{Sort, SortGrids};
 use crate::error::Result;
-use crate::gpu::generated::{emit, emit_slots, gather, prepare_intersections, tile_buckets, tile_order, tile_ranges};
+use crate::gpu::generated::{
+    Status, emit, emit_slots, gather, prepare_intersections, tile_buckets, tile_order, tile_ranges,
+};
 use crate::gpu::table::Count;
 use crate::gpu::{Buf, Gpu, Grid, Recording};
 
@@ -88,7 +90,7 @@ impl Tiles {
 
     /// Appends the sort of `projected` by depth; gives the active indices, near to far.
     pub fn record_order(&self, rec: &mut Recording, cull: &Cull, projected: &Projected) -> Buf<u32> {
-        rec.stage("depth sort");
+        rec.section("depth sort");
         let pairs = (&projected.depth_keys, &projected.identity);
         let n_rounds = self.depth_bits / 8;
         let grids = grids(&cull.args);
@@ -106,8 +108,16 @@ impl Tiles {
         n_tiles: u32,
         longest: u32,
     ) -> Lists {
+        rec.section("tiles");
+        self.record_pairs(rec, cull, eye, order);
+        let (tile_keys, lists) = self.record_sort(rec, &cull.args, n_tiles);
+        self.record_ranges(rec, &cull.args, eye.status, &tile_keys, n_tiles, longest);
+        lists
+    }
+
+    /// Appends the pairs of a Gaussian and a tile, near to far; from here on `cull.args` are grids over those.
+    fn record_pairs(&self, rec: &mut Recording, cull: &Cull, eye: Eye, order: &Buf<u32>) {
         let Eye { view, status, projected } = eye;
-        rec.stage("tiles");
         let (n_active, tile_counts, offsets) = (&cull.n_active, &projected.tile_counts, &self.offsets);
         let args = &cull.args;
         rec.pass(
@@ -154,31 +164,46 @@ impl Tiles {
                 rec.pass(args, (), emit_grid);
             }
         }
+    }
 
-        rec.stage("tile sort");
+    /// Appends the sort of the pairs by tile; gives the tile of each, and the lists.
+    fn record_sort(&self, rec: &mut Recording, args: &Buf<[u32; 4]>, n_tiles: u32) -> (Buf<u32>, Lists) {
+        rec.section("tile sort");
+        let (n_intersections, splat_ids) = (&self.n_intersections, &self.splat_ids);
         let first_pass = rec.passes().len();
         // Keys go from 0 to n_tiles, which marks a slot that no tile reads.
         let n_passes = (u32::BITS - n_tiles.leading_zeros()).div_ceil(8).max(1);
         let payload = self.slots.as_ref().map_or(splat_ids, |s| &s.slots);
-        let pairs = (tile_keys, payload);
+        let pairs = (&self.tile_keys, payload);
         let (tile_keys, sorted) =
             self.tile_sort.record(rec, n_intersections, &self.n_digits, pairs, n_passes, &grids(args));
         rec.count_as(first_pass, Count::Intersections);
 
-        rec.stage("tiles");
-        let lists = match &self.slots {
-            None => Lists { splat_ids: sorted, slots: None },
-            Some(Slots { sorted_ids, .. }) => {
-                let first_pass = rec.passes().len();
-                rec.pass(
-                    gather::Args { count: n_intersections, index: &sorted, table: splat_ids, gathered: sorted_ids },
-                    (),
-                    indirect(args, ARGS_THREADS),
-                );
-                rec.count_as(first_pass, Count::Intersections);
-                Lists { splat_ids: sorted_ids.clone(), slots: Some(sorted) }
-            }
+        rec.section("tiles");
+        let Some(Slots { sorted_ids, .. }) = &self.slots else {
+            return (tile_keys, Lists { splat_ids: sorted, slots: None });
         };
+        let first_pass = rec.passes().len();
+        rec.pass(
+            gather::Args { count: n_intersections, index: &sorted, table: splat_ids, gathered: sorted_ids },
+            (),
+            indirect(args, ARGS_THREADS),
+        );
+        rec.count_as(first_pass, Count::Intersections);
+        (tile_keys, Lists { splat_ids: sorted_ids.clone(), slots: Some(sorted) })
+    }
+
+    /// Appends where the list of each tile begins and ends, and the order of the tiles.
+    fn record_ranges(
+        &self,
+        rec: &mut Recording,
+        args: &Buf<[u32; 4]>,
+        frame_status: &Buf<Status>,
+        tile_keys: &Buf<u32>,
+        n_tiles: u32,
+        longest: u32,
+    ) {
+        let n_intersections = &self.n_intersections;
         let (tile_first, tile_last, buckets) = (&self.tile_first, &self.tile_last, &self.buckets);
         for zeroed in [tile_first.range(0, n_tiles as usize), tile_last.range(0, n_tiles as usize)] {
             rec.fill(zeroed.slice(), 0);
@@ -186,12 +211,12 @@ impl Tiles {
         rec.fill(buckets.slice(), 0);
         rec.fill(self.cursors.slice(), 0);
         rec.pass(
-            tile_ranges::Args { n_intersections, tile_keys: &tile_keys, tile_first, tile_last },
+            tile_ranges::Args { n_intersections, tile_keys, tile_first, tile_last },
             tile_ranges::Push { n_tiles },
             indirect(args, ARGS_THREADS),
         );
         rec.pass(
-            tile_buckets::Args { tile_first, tile_last, buckets, frame_status: status },
+            tile_buckets::Args { tile_first, tile_last, buckets, frame_status },
             tile_buckets::Push { n_tiles, longest },
             Grid::Threads(n_tiles),
         );
@@ -200,7 +225,6 @@ impl Tiles {
             tile_order::Push { n_tiles },
             Grid::Threads(n_tiles),
         );
-        lists
     }
 }
 

@@ -81,7 +81,7 @@ impl Workspace {
     ) -> Lists {
         let Size { n_tiles, rounds, .. } = size;
         let (view, status) = (&self.view, &self.status);
-        rec.stage("cull");
+        rec.section("cull");
         let n_words = size_of::<Status>() / 4;
         let first = usize::from(self.room.purpose == Purpose::Training);
         rec.fill(status.cast::<u32>().range(first, n_words - first).slice(), 0);

@@ -14,6 +14,6 @@ pub use compare::{Entry, History, RunGroup, RunResult, RunTable};
 pub use report_picture::{Example, strip};
 pub use run_report::Report;
 pub use trade::{
-    Circumstances, Comparison, KNOB_SETTINGS, KernelError, Kind as TradeKind, Trade, TradeArm, TradeRun, Verdict,
+    Circumstances, Comparison, Effect, KNOB_SETTINGS, KernelError, Kind as TradeKind, Trade, TradeArm, TradeRun,
     trade_arms,
 };

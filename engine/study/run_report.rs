@@ -204,30 +204,34 @@ impl Report<'_> {
     fn time(&self) -> String {
         let profile = &self.totals["profile"];
         let passes = profile["passes"].as_array().map_or(&[][..], Vec::as_slice);
-        let mut stages: Vec<Bar> = Vec::new();
+        let mut sections: Vec<Bar> = Vec::new();
         for pass in passes {
             let label = pass["label"].as_str().unwrap_or_default();
-            let stage = label.split_once('/').map_or(label, |(stage, _)| stage);
+            let section = label.split_once('/').map_or(label, |(section, _)| section);
             let (ms, limit) = (pass["ms"].as_f64().unwrap_or(0.0), pass["limit_ms"].as_f64());
-            match stages.iter_mut().find(|row| row.label == stage) {
+            match sections.iter_mut().find(|row| row.label == section) {
                 Some(row) => {
                     row.ms += ms;
                     row.limit_ms = row.limit_ms.zip(limit).map(|(a, b)| a + b);
                 }
-                None => stages.push(Bar { label: stage.to_owned(), ms, limit_ms: limit }),
+                None => sections.push(Bar { label: section.to_owned(), ms, limit_ms: limit }),
             }
         }
         let mut told = String::new();
-        if stages.is_empty() {
+        if sections.is_empty() {
             told += &note("The device has no timestamps, or the run was not timed.");
         } else {
             let n = profile["steps"].as_array().map_or(0, Vec::len);
-            let tick = if stages[0].limit_ms.is_some() {
+            let tick = if sections[0].limit_ms.is_some() {
                 "; the tick is the time that a model of lavapipe, measured on another machine, expects"
             } else {
                 ""
             };
-            told += &bars("plot-stages", &format!("Stages, mean of {n} steps spread over the run{tick}"), &stages);
+            told += &bars(
+                "plot-sections",
+                &format!("Sections of a step, mean of {n} steps spread over the run{tick}"),
+                &sections,
+            );
         }
         let rows = passes.iter().map(|pass| {
             let model = pass["limit_ms"].as_f64().map_or("-".to_owned(), |ms| format!("{ms:.3}"));

@@ -160,7 +160,7 @@ impl TradeRun {
 /// What can be said of a difference to `exact`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Verdict {
+pub enum Effect {
     /// The scenes have the same bits.
     SameBits,
     /// Two one-sided tests at 5 % put it within the margins, mean and worst frame.
@@ -173,15 +173,15 @@ pub enum Verdict {
     Better,
 }
 
-impl Verdict {
+impl Effect {
     /// For tables.
     pub fn words(self) -> &'static str {
         match self {
-            Verdict::SameBits => "same bits",
-            Verdict::Equivalent => "equivalent",
-            Verdict::NotDistinguishable => "not distinguishable",
-            Verdict::Worse => "worse",
-            Verdict::Better => "better",
+            Effect::SameBits => "same bits",
+            Effect::Equivalent => "equivalent",
+            Effect::NotDistinguishable => "not distinguishable",
+            Effect::Worse => "worse",
+            Effect::Better => "better",
         }
     }
 }
@@ -281,8 +281,9 @@ pub struct Comparison {
     pub offset_error: Option<Estimate>,
     /// Mean bytes on the device.
     pub device_bytes: Option<Estimate>,
-    /// What can be said.
-    pub verdict: Option<Verdict>,
+    /// What can be said of it.
+    #[serde(rename = "verdict")]
+    pub effect: Option<Effect>,
 }
 
 impl Trade {
@@ -304,16 +305,16 @@ impl Trade {
         let reached: Vec<f64> = pairs.iter().filter_map(to_quality).collect();
         let psnr_gain = Estimate::new(&gains);
         let is_same = !pairs.is_empty() && pairs.iter().all(|(own, first)| own.scene_hash == first.scene_hash);
-        let verdict = psnr_gain.map(|gain| {
+        let effect = psnr_gain.map(|gain| {
             let noise = gain.half_width.unwrap_or(f64::INFINITY);
             match gain.mean {
-                _ if is_same => Verdict::SameBits,
+                _ if is_same => Effect::SameBits,
                 _ if is_equivalent(&gains, MARGIN_DB) && is_equivalent(&worst_gains, WORST_MARGIN_DB) => {
-                    Verdict::Equivalent
+                    Effect::Equivalent
                 }
-                mean if mean.abs() <= noise => Verdict::NotDistinguishable,
-                mean if mean < 0.0 => Verdict::Worse,
-                _ => Verdict::Better,
+                mean if mean.abs() <= noise => Effect::NotDistinguishable,
+                mean if mean < 0.0 => Effect::Worse,
+                _ => Effect::Better,
             }
         });
         Comparison {
@@ -329,7 +330,7 @@ impl Trade {
             flow_error: mean(|run| run.flow_error),
             offset_error: mean(|run| run.offset_error),
             device_bytes: mean(|run| Some(run.device_bytes as f64)),
-            verdict,
+            effect,
         }
     }
 
@@ -388,14 +389,14 @@ pub(super) mod tests {
         let found = trade([[-1.0, -1.1, -0.9], [0.3, -0.4, 0.2]]);
         let fast = found.comparison(1);
         assert_eq!(fast.speed, Some(Spread { median: 4.0, low: 4.0, high: 4.0 }));
-        assert_eq!(fast.verdict, Some(Verdict::Worse));
-        assert_eq!(found.comparison(2).verdict, Some(Verdict::NotDistinguishable));
-        assert_eq!(found.comparison(0).verdict, Some(Verdict::SameBits));
+        assert_eq!(fast.effect, Some(Effect::Worse));
+        assert_eq!(found.comparison(2).effect, Some(Effect::NotDistinguishable));
+        assert_eq!(found.comparison(0).effect, Some(Effect::SameBits));
         // It ends 1 dB below and never comes within half a dB.
         assert_eq!((fast.quality_speed, fast.n_reached), (None, 0));
         let close = trade([[0.01, 0.0, 0.02], [0.5, 0.6, 0.55]]);
-        assert_eq!(close.comparison(1).verdict, Some(Verdict::Equivalent));
-        assert_eq!(close.comparison(2).verdict, Some(Verdict::Better));
+        assert_eq!(close.comparison(1).effect, Some(Effect::Equivalent));
+        assert_eq!(close.comparison(2).effect, Some(Effect::Better));
         assert_eq!(close.comparison(1).n_reached, 3);
         assert!((close.comparison(1).quality_speed.unwrap().median - 4.0).abs() < 0.2);
     }

@@ -1,7 +1,7 @@
 //! Speed against accuracy as tables and as a picture.
 
 use super::trade::{
-    Circumstances, Comparison, KernelError, Kind, MARGIN_DB, QUALITY_GAP_DB, Trade, TradeArm, Verdict, WORST_MARGIN_DB,
+    Circumstances, Comparison, Effect, KernelError, Kind, MARGIN_DB, QUALITY_GAP_DB, Trade, TradeArm, WORST_MARGIN_DB,
 };
 use crate::report::statistics::{Estimate, Spread};
 use crate::report::{Anchor, Axis, Chart, Look, Mark, Note, Panel, Series, Table};
@@ -160,7 +160,7 @@ fn row(arm: &TradeArm, compared: &Comparison) -> Vec<String> {
         ("exact", _) | (_, None) => String::new(),
         (_, Some(estimate)) => estimate.signed(2),
     };
-    let verdict = compared.verdict.filter(|_| arm.name != "exact").map_or("", Verdict::words);
+    let effect = compared.effect.filter(|_| arm.name != "exact").map_or("", Effect::words);
     vec![
         arm.name.clone(),
         times(&compared.speed),
@@ -169,7 +169,7 @@ fn row(arm: &TradeArm, compared: &Comparison) -> Vec<String> {
         of(&compared.psnr, 2, 1.0),
         difference(&compared.psnr_gain),
         difference(&compared.worst_gain),
-        verdict.to_owned(),
+        effect.to_owned(),
         of(&compared.ssim, 4, 1.0),
         of(&compared.flicker, 2, 1.0),
         of(&compared.flow_error, 3, 1.0),

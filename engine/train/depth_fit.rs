@@ -24,7 +24,7 @@ const NEAR: f64 = 2.5;
 /// Standard deviations in a median magnitude of normal numbers.
 const PER_MEDIAN: f64 = 1.4826;
 /// Least squares over the near points, each time anew.
-const ROUNDS: usize = 5;
+const ITERATIONS: usize = 5;
 /// Largest standard error of the scale, in units of the scale.
 const UNSURE: f64 = 0.25;
 /// Largest median residual, in units of the median depth.
@@ -207,7 +207,7 @@ fn fit_line(pairs: &[(f64, f64)]) -> std::result::Result<DepthFit, Unfit> {
     }
     let typical = middle(&mut pairs.iter().map(|(_, depth)| depth.abs()));
     let (mut n_near, mut spread, mut sigma) = (0, 0.0, 0.0);
-    for _ in 0..ROUNDS {
+    for _ in 0..ITERATIONS {
         // The floor keeps points that lie on the line but for rounding.
         let reach = NEAR * PER_MEDIAN * off + 1e-9 * typical;
         let near: Vec<(f64, f64)> = pairs.iter().copied().filter(|pair| residual(line, pair).abs() <= reach).collect();

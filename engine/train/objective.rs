@@ -67,8 +67,9 @@ impl Objective {
         self.terms.iter_mut().try_for_each(|term| term.fit(gpu, pixels))
     }
 
-    /// Stages the picture of step `step`, which `camera` took and which was reduced by `reduction`.
-    pub fn stage(&mut self, gpu: &Gpu, picture: &Picture, camera: usize, step: u64, reduction: u32) -> Result<Truth> {
+    /// Takes the picture of step `step`, which `camera` took and which was reduced by `reduction`, to where the device copies it
+    /// from.
+    pub fn upload(&mut self, gpu: &Gpu, picture: &Picture, camera: usize, step: u64, reduction: u32) -> Result<Truth> {
         let n_visible = picture.pixels.iter().filter(|word| **word >> 24 != 0).count().max(1) as u32;
         let grid = self.cameras.next(camera);
         let shown = Shown {
@@ -80,8 +81,8 @@ impl Objective {
             n_flow: picture.n_flow,
             has_grid: grid.is_some(),
         };
-        let staged = self.terms.iter().map(|term| term.stage(gpu, picture, &shown)).collect::<Result<_>>()?;
-        Ok(Truth { shown, camera, grid, colors: gpu.stage("staged truth", &picture.pixels)?, staged })
+        let staged = self.terms.iter().map(|term| term.upload(gpu, picture, &shown)).collect::<Result<_>>()?;
+        Ok(Truth { shown, camera, grid, colors: gpu.staged("staged truth", &picture.pixels)?, staged })
     }
 
     /// Appends the upload of `target` and the shift of the view by its camera's clock.

@@ -175,10 +175,11 @@ impl Density<'_> {
             && self.opacity(i) >= self.prune_opacity
             && self.largest(i) <= prune_scale
             && self.largest(i) <= 44f32.exp()
-            && !self.lenses.iter().any(|lens| self.veils(i, lens))
+            && !self.lenses.iter().any(|lens| self.floats_before(i, lens))
     }
 
-    fn veils(&self, i: usize, lens: &Cone) -> bool {
+    /// Whether it is a floater before a camera with this lens.
+    fn floats_before(&self, i: usize, lens: &Cone) -> bool {
         let (width, axis) = (self.largest(i), Vec3::from(lens.axis));
         let offset = Vec3::from(self.splats.position[i]) - Vec3::from(lens.tip);
         let depth = offset.dot(axis);

@@ -11,7 +11,9 @@ mod caps;
 mod command;
 mod debug;
 mod device;
+mod instance;
 mod pipeline;
+mod probe;
 #[cfg(feature = "play")]
 mod swapchain;
 
@@ -19,7 +21,8 @@ pub use buffer::{Buffer, Location};
 pub use caps::{Caps, DeviceKind};
 pub use command::{Binding, Commands, Done, Submission};
 pub use debug::Validation;
-pub use device::{Device, DeviceChoice, list_devices};
+pub use device::Device;
+pub use instance::{DeviceChoice, list_devices};
 pub use pipeline::{BindingKind, Pipeline, PipelineDesc};
 #[cfg(feature = "play")]
 pub use swapchain::{Swapchain, WindowHandle, surface_extensions};

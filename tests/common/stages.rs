@@ -11,7 +11,7 @@ use ivv::stage::{Blend, Cull, Eye, Outputs, Projected, Purpose, SceneBuffers, St
 const INTERSECTIONS: u32 = 1 << 16;
 
 /// A scene, a view and the stages' buffers on the device.
-pub struct Rig {
+pub struct Fixture {
     pub scene: SceneBuffers,
     pub cull: Cull,
     pub projected: Projected,
@@ -43,19 +43,19 @@ pub struct Lists {
     pub order: Vec<u32>,
 }
 
-impl Rig {
+impl Fixture {
     /// Room for every Gaussian of the scene.
-    pub fn new(splats: &Splats, view: &View) -> Rig {
+    pub fn new(splats: &Splats, view: &View) -> Fixture {
         let gpu = gpu();
         let scene = SceneBuffers::upload(&gpu, splats, &Constants::default(), Purpose::Picture).unwrap();
         let capacity = splats.len().max(1) as u32;
-        Rig::with(gpu, scene, view, capacity)
+        Fixture::with(gpu, scene, view, capacity)
     }
 
     /// Room for `capacity` active Gaussians.
-    pub fn with(gpu: Watched, scene: SceneBuffers, view: &View, capacity: u32) -> Rig {
+    pub fn with(gpu: Watched, scene: SceneBuffers, view: &View, capacity: u32) -> Fixture {
         let params = view_params(view, &Constants::default(), scene.origin, Strip::whole(view));
-        Rig {
+        Fixture {
             cull: Cull::new(&gpu, &scene, capacity, false).unwrap(),
             projected: Projected::new(&gpu, capacity).unwrap(),
             view: gpu.upload("view", &[params]).unwrap(),

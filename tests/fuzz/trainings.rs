@@ -1,4 +1,4 @@
-//! What runs read: settings, checkpoints, run folders, captured dispatches.
+//! What runs read: settings, checkpoints, run folders, dumped dispatches.
 
 use super::engine::Seed;
 use super::{file, mend};
@@ -76,7 +76,7 @@ pub fn run() -> Vec<Seed> {
 }
 
 pub fn dispatch() -> Vec<Seed> {
-    let dispatch = crate::profile::captured();
+    let dispatch = crate::profile::dumped();
     let bytes = file("a.dispatch", |path| write_dispatch(path, &dispatch, &gpu()));
     vec![Seed::of([("a.dispatch", bytes)], |folder| read_dispatch(&folder.join("a.dispatch")).is_ok())]
 }

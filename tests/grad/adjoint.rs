@@ -2,7 +2,7 @@
 
 use super::check::{bits, check_adjoint, is_finite, smooth_cotangents, vjp};
 use crate::common::device::gpu;
-use crate::common::one::{One, camera, round, scene_of};
+use crate::common::one::{One, ball, camera, scene_of};
 use crate::common::random::{Random, scene, view};
 use crate::common::twins::tested;
 use ivv::Constants;
@@ -110,7 +110,7 @@ fn gaussians_partly_outside_have_the_clamped_jacobians_gradient() {
         // Beyond the clamp of 0.15 widths past the border, wide enough to be seen.
         let angle = f64::from(i) * 0.52;
         let [x, y] = [angle.cos() * 3.6, angle.sin() * 3.2].map(|x| x as f32);
-        let mut one = round([x, y, random.uniform(-0.5, 0.5) as f32], 0.5, 0.6, random.vector(0.1, 0.9).map(f64::from));
+        let mut one = ball([x, y, random.uniform(-0.5, 0.5) as f32], 0.5, 0.6, random.vector(0.1, 0.9).map(f64::from));
         one.scale = random.vector(-0.8, 0.2);
         one.rotation = random.vector(-1.0, 1.0);
         all.push(one);
@@ -161,7 +161,7 @@ fn lists_longer_than_a_round_have_the_gradients_of_the_truth() {
             // A pixel is 1/32 of a unit.
             let scale = random.vector(-5.5, -3.5);
             let rotation = random.vector(-1.0, 1.0);
-            One { scale, rotation, ..round([x, y, z], 1.0, random.uniform(1.1, 1.5) / 255.0, color) }
+            One { scale, rotation, ..ball([x, y, z], 1.0, random.uniform(1.1, 1.5) / 255.0, color) }
         })
         .collect();
     let splats = scene_of(&all);

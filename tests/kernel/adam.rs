@@ -4,7 +4,7 @@ use crate::common::device::gpu;
 use crate::common::random::{scene, view};
 use crate::common::twins::tested;
 use ivv::Constants;
-use ivv::extremes::rigs::adam::{Scene, Step, cotangents, gradients, half_seen, numbers, rates};
+use ivv::extremes::fixtures::adam::{Scene, Step, cotangents, gradients, half_seen, numbers, rates};
 use ivv::gpu::Recording;
 use ivv::gpu::generated::Status;
 use ivv::stage::{AdamMode, Rates, StepSettings, Strip, adam_params, lazy_sums, view_params};

@@ -4,7 +4,7 @@
 use crate::common::device::gpu;
 use crate::common::random::Random;
 use crate::common::twins::tested;
-use ivv::extremes::rigs::grids::{Case, Found, random_grid, step};
+use ivv::extremes::fixtures::grids::{Case, Found, random_grid, step};
 use ivv::stage::{GRID_NUMBERS, GRID_SIZE, GridState, GridStep, Grids};
 use ivv::twin::{Adam, BilateralGrid, Dual, centred};
 

@@ -3,7 +3,7 @@
 use crate::common::frames::{Tolerance, compare, pixels, render, render_with};
 use crate::common::one::camera;
 use crate::common::random::{scene, view, wild_scene};
-use crate::common::stages::Rig;
+use crate::common::stages::Fixture;
 use crate::common::twins::tested;
 use ivv::Constants;
 use ivv::scene::View;
@@ -86,12 +86,12 @@ fn strips_of_any_height_show_the_same_bits_as_the_whole() {
         let view = View { world_to_camera: self::view().world_to_camera, ..view };
         let whole = pixels(&render(&splats, &view).0);
         assert!(whole.iter().filter(|p| p[3] > 0.1).count() > whole.len() / 2, "the image is nearly empty");
-        let rig = Rig::new(&splats, &view);
+        let fixture = Fixture::new(&splats, &view);
         for rows in [16, 32, 48] {
             let mut first_row = 0;
             while first_row < view.height {
                 let strip = Strip { first_row, n_rows: rows.min(view.height - first_row) };
-                let (image0, image1) = rig.blend(&view, strip);
+                let (image0, image1) = fixture.blend(&view, strip);
                 let expected = &whole[(first_row * view.width) as usize..][..image0.len()];
                 for ((a, b), expected) in image0.iter().zip(&image1).zip(expected) {
                     let found = std::array::from_fn::<f32, 8, _>(|k| if k < 4 { a[k] } else { b[k - 4] });

@@ -4,7 +4,7 @@ use crate::common::device::gpu;
 use crate::common::random::Random;
 use crate::common::twins::tested;
 use ivv::Constants;
-use ivv::extremes::rigs::clocks::on_device;
+use ivv::extremes::fixtures::clocks::on_device;
 use ivv::gpu::Recording;
 use ivv::stage::{Clocks, OFFSET_BOUND, Strip, view_params};
 use ivv::twin::{Camera, Clock, ClockRule, clock_step};

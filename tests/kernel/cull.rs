@@ -1,9 +1,9 @@
 //! Culling and compaction against the truth and against a model of bits.
 
 use crate::common::device::gpu;
-use crate::common::one::{One, camera, round, scene_of};
+use crate::common::one::{One, ball, camera, scene_of};
 use crate::common::random::{Random, view, wild_scene};
-use crate::common::stages::Rig;
+use crate::common::stages::Fixture;
 use crate::common::twins::tested;
 use ivv::Constants;
 use ivv::gpu::generated::compact;
@@ -32,7 +32,7 @@ fn clear(random: &mut Random, dynamic: bool, seen: bool) -> One {
     let [x, y] = random.vector(-0.5, 0.5);
     let t_center = if seen || !out_of_time { 0.5 } else { 40.0 };
     let motion = Motion { velocity: [0.5, 0.0, 0.0], t_center, t_scale: 0.0 };
-    One { motion: dynamic.then_some(motion), ..round([x, y, z], 0.05, 0.5, [0.5; 3]) }
+    One { motion: dynamic.then_some(motion), ..ball([x, y, z], 0.05, 0.5, [0.5; 3]) }
 }
 
 /// `n` Gaussians of a population, and which of them are seen.
@@ -53,10 +53,10 @@ fn no_gaussian_that_contributes_to_a_pixel_is_culled() {
     let camera = Camera::<f64>::new(&view);
     for seed in 0..3 {
         let splats = wild_scene(seed, 500);
-        let rig = Rig::new(&splats, &view);
-        let (_, ids) = rig.cull();
+        let fixture = Fixture::new(&splats, &view);
+        let (_, ids) = fixture.cull();
         assert!(ids.is_sorted_by(|a, b| a < b), "seed {seed}: not ascending");
-        let active: Vec<usize> = ids.iter().map(|id| rig.index_of(*id)).collect();
+        let active: Vec<usize> = ids.iter().map(|id| fixture.index_of(*id)).collect();
         let params = Params::<f64>::new(&splats, &view);
         let time = camera.shifted_time(params.time_offset);
         let mut n_seen = 0;
@@ -82,10 +82,10 @@ fn the_active_list_of_any_mix_of_sizes_is_the_list_of_the_marked_ones_in_order()
         let (moving, seen_dynamic) = population(&mut random, n_dynamic, true);
         all.extend(moving);
         let view = camera(64, 48);
-        let mut rig = Rig::new(&scene_of(&all), &view);
+        let mut fixture = Fixture::new(&scene_of(&all), &view);
         // Guard words behind the room for every Gaussian.
         let n = all.len();
-        rig.cull.active_id = rig.gpu.upload("guarded ids", &vec![GUARD; n + 4]).unwrap();
+        fixture.cull.active_id = fixture.gpu.upload("guarded ids", &vec![GUARD; n + 4]).unwrap();
 
         let mut expected = Vec::new();
         let mut first = 0;
@@ -97,23 +97,23 @@ fn the_active_list_of_any_mix_of_sizes_is_the_list_of_the_marked_ones_in_order()
         let counts: Vec<u32> = groups.iter().map(|seen| seen.iter().filter(|seen| **seen).count() as u32).collect();
         let ranges: Vec<[u32; 2]> =
             exclusive_scan(&counts).offsets.iter().zip(&counts).map(|(begin, n)| [*begin, begin + n]).collect();
-        let (status, ids) = rig.cull();
+        let (status, ids) = fixture.cull();
         let what = format!("{n_static} static, {n_dynamic} dynamic");
         assert_eq!(ids, expected, "{what}");
         assert_eq!((status.failed, status.n_active), (0, expected.len() as u32), "{what}");
-        assert_eq!(rig.gpu.read(&rig.cull.ranges).unwrap(), ranges, "{what}");
-        let kept = rig.gpu.read(&rig.cull.active_id).unwrap();
+        assert_eq!(fixture.gpu.read(&fixture.cull.ranges).unwrap(), ranges, "{what}");
+        let kept = fixture.gpu.read(&fixture.cull.active_id).unwrap();
         assert!(kept[expected.len()..].iter().all(|word| *word == GUARD), "{what}: written past the list");
 
         let n_active = expected.len() as u32;
         let n_digits = 256 * n_active.div_ceil(2048);
-        assert_eq!(rig.gpu.read(&rig.cull.n_digits).unwrap(), [n_digits], "{what}");
+        assert_eq!(fixture.gpu.read(&fixture.cull.n_digits).unwrap(), [n_digits], "{what}");
         let grids = [n_active.div_ceil(64), n_active.div_ceil(1024), n_active.div_ceil(2048), n_digits.div_ceil(1024)];
         let groups = ranges.iter().map(|[first, last]| (last - first).div_ceil(64));
         let blocks = [n_static, n_dynamic].into_iter().filter(|n| *n > 0).map(|n| (n as u32).next_multiple_of(BLOCK));
         let idle = blocks.zip(&ranges).map(|(n, [first, last])| (n - (last - first)).div_ceil(64));
         let args: Vec<[u32; 4]> = grids.into_iter().chain(groups).chain(idle).map(folded).collect();
-        assert_eq!(rig.gpu.read(&rig.cull.args).unwrap(), args, "{what}");
+        assert_eq!(fixture.gpu.read(&fixture.cull.args).unwrap(), args, "{what}");
     }
 }
 
@@ -146,13 +146,13 @@ fn many_groups_share_one_list() {
         origin: [0.0; 3],
         n_bad: 0,
     };
-    let rig = Rig::with(gpu, scene, &camera(64, 48), n);
-    let (status, ids) = rig.cull();
+    let fixture = Fixture::with(gpu, scene, &camera(64, 48), n);
+    let (status, ids) = fixture.cull();
     assert!(ids.len() > 300);
     assert_eq!((ids, status.failed), (expected, 0));
-    assert_eq!(rig.gpu.read(&rig.cull.ranges).unwrap(), ranges);
+    assert_eq!(fixture.gpu.read(&fixture.cull.ranges).unwrap(), ranges);
     // The groups keep their order and their parameters in what follows.
-    let active = rig.project();
+    let active = fixture.project();
     assert!(active.splats.iter().all(|s| s[1][3] == 4.0), "every Gaussian in sight has camera depth 4");
 }
 
@@ -165,20 +165,20 @@ fn an_active_list_that_overflows_says_so_and_leaves_everything_else_empty() {
     for capacity in [1, 128, 299] {
         let gpu = gpu();
         let scene = SceneBuffers::upload(&gpu, &splats, &Constants::default(), Purpose::Picture).unwrap();
-        let mut rig = Rig::with(gpu, scene, &view, capacity);
-        rig.cull.active_id = rig.gpu.upload("guarded ids", &vec![GUARD; capacity as usize + 64]).unwrap();
-        let (status, ids) = rig.cull();
+        let mut fixture = Fixture::with(gpu, scene, &view, capacity);
+        fixture.cull.active_id = fixture.gpu.upload("guarded ids", &vec![GUARD; capacity as usize + 64]).unwrap();
+        let (status, ids) = fixture.cull();
         let numbers = (status.failed, status.n_active, status.capacity_active);
         assert_eq!(numbers, (FAILED_ACTIVE, 300, capacity));
         assert!(ids.is_empty(), "{} active ones of a list that does not fit", ids.len());
-        assert!(rig.gpu.read(&rig.cull.args).unwrap().iter().all(|grid| *grid == folded(0)));
-        assert!(rig.gpu.read(&rig.cull.ranges).unwrap().iter().all(|range| *range == [0, 0]));
-        let words = rig.gpu.read(&rig.cull.active_id).unwrap();
+        assert!(fixture.gpu.read(&fixture.cull.args).unwrap().iter().all(|grid| *grid == folded(0)));
+        assert!(fixture.gpu.read(&fixture.cull.ranges).unwrap().iter().all(|range| *range == [0, 0]));
+        let words = fixture.gpu.read(&fixture.cull.active_id).unwrap();
         assert!(words[capacity as usize..].iter().all(|word| *word == GUARD), "capacity {capacity}: guards touched");
         assert!(words[..capacity as usize].iter().all(|word| *word < 512), "capacity {capacity}: a hole");
     }
-    let rig = Rig::new(&splats, &view);
-    assert_eq!((rig.cull().0.failed, rig.cull().1.len()), (0, 300), "exactly the capacity fits");
+    let fixture = Fixture::new(&splats, &view);
+    assert_eq!((fixture.cull().0.failed, fixture.cull().1.len()), (0, 300), "exactly the capacity fits");
 }
 
 #[test]

@@ -4,7 +4,7 @@
 use crate::common::device::gpu;
 use crate::common::random::Random;
 use crate::common::twins::tested;
-use ivv::extremes::rigs::photometric::Pair;
+use ivv::extremes::fixtures::photometric::Pair;
 use ivv::stage::{SSIM_WEIGHT, Structure};
 
 tested! {

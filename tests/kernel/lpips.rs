@@ -7,7 +7,7 @@ use crate::common::random::Random;
 use crate::common::twins::tested;
 use crate::scene::{Folder, fault};
 use ivv::Error;
-use ivv::extremes::rigs::lpips::{self as rigs, Pair, TRUNKS, Weights, narrow};
+use ivv::extremes::fixtures::lpips::{self as fixtures, Pair, TRUNKS, Weights, narrow};
 use ivv::gpu::{Gpu, Recording};
 use ivv::stage::{Compared, Cotangent, Lpips, Trunk};
 use std::path::{Path, PathBuf};
@@ -26,12 +26,12 @@ tested! {
 /// Writes weights to a file.
 fn save(folder: &Folder, weights: &Weights) -> PathBuf {
     let path = folder.file("weights.safetensors");
-    rigs::save(&path, weights).unwrap();
+    fixtures::save(&path, weights).unwrap();
     path
 }
 
 fn load(gpu: &Gpu, weights: &Weights) -> Lpips {
-    rigs::load(gpu, weights).unwrap()
+    fixtures::load(gpu, weights).unwrap()
 }
 
 fn dot(a: &[[f64; 3]], b: &[[f64; 3]]) -> f64 {

@@ -11,6 +11,7 @@ mod fisher;
 mod halves;
 mod losses;
 mod lpips;
+mod mcmc;
 mod moments;
 mod priors;
 mod probe;
@@ -34,6 +35,7 @@ pub const TESTED: &[&[Tested]] = &[
     halves::TESTED,
     losses::TESTED,
     lpips::TESTED,
+    mcmc::TESTED,
     moments::TESTED,
     priors::TESTED,
     probe::TESTED,

@@ -4,7 +4,7 @@
 use crate::common::device::gpu;
 use crate::common::random::Random;
 use crate::common::twins::tested;
-use ivv::extremes::rigs::priors::Case;
+use ivv::extremes::fixtures::priors::Case;
 use ivv::stage::DepthSpace;
 
 tested! {

@@ -1,7 +1,7 @@
 //! Projected records of the device against the float64 projection.
 
 use crate::common::random::{scene, view};
-use crate::common::stages::{Active, Rig};
+use crate::common::stages::{Active, Fixture};
 use crate::common::twins::tested;
 use ivv::Constants;
 use ivv::scene::{Splats, View};
@@ -79,8 +79,8 @@ fn record(worst: &mut Worst, found: &[[f32; 4]; 4], p: &Projected<f64>, u: f64, 
 
 /// Everything about the records of one scene; gives the largest errors.
 fn check(what: &str, splats: &Splats, view: &View) -> Worst {
-    let rig = Rig::new(splats, view);
-    let Active { status, ids, ranges, splats: records, depth_keys, identity, tile_counts } = rig.project();
+    let fixture = Fixture::new(splats, view);
+    let Active { status, ids, ranges, splats: records, depth_keys, identity, tile_counts } = fixture.project();
     assert_eq!(status.n_bad, 0, "{what}");
     assert!(ids.len() > splats.len() / 2, "{what}: only {} are active", ids.len());
     assert_eq!(ranges.last().unwrap()[1], ids.len() as u32);
@@ -93,7 +93,7 @@ fn check(what: &str, splats: &Splats, view: &View) -> Worst {
     let mut worst = Worst::default();
     for (at, id) in ids.iter().enumerate() {
         assert_eq!(depth_keys[at], records[at][1][3].to_bits(), "{what}: the key of {at} is not its depth");
-        let g = params.gaussian(rig.index_of(*id));
+        let g = params.gaussian(fixture.index_of(*id));
         let Some(p) = project(&g, &camera, time, &rules) else {
             assert_eq!(tile_counts[at], 0, "{what}: {at} is drawn but dropped by the truth");
             continue;

@@ -1,7 +1,7 @@
 //! Tile lists of the device against every pixel.
 
 use crate::common::random::{scene, view, wild_scene};
-use crate::common::stages::Rig;
+use crate::common::stages::Fixture;
 use crate::common::twins::tested;
 use ivv::Constants;
 use ivv::scene::{Splats, View};
@@ -18,8 +18,8 @@ tested! {
 
 /// Checks the lists of one scene; gives the numbers of pairs found and needed.
 fn check(what: &str, splats: &Splats, view: &View) -> [usize; 2] {
-    let rig = Rig::new(splats, view);
-    let (active, lists) = rig.bin(view);
+    let fixture = Fixture::new(splats, view);
+    let (active, lists) = fixture.bin(view);
     let n_tiles = lists.ranges.len();
     assert_eq!((lists.status.failed, active.status.n_bad), (0, 0), "{what}");
     assert_eq!(lists.entries.len(), exclusive_scan(&active.tile_counts).total as usize, "{what}");
@@ -56,7 +56,7 @@ fn check(what: &str, splats: &Splats, view: &View) -> [usize; 2] {
     let time = camera.shifted_time(params.time_offset);
     let mut needed = 0;
     for (at, id) in (0u32..).zip(&active.ids) {
-        let Some(p) = project(&params.gaussian(rig.index_of(*id)), &camera, time, &rules) else { continue };
+        let Some(p) = project(&params.gaussian(fixture.index_of(*id)), &camera, time, &rules) else { continue };
         for tile in tiles_truth(&p, &rules, [view.width, view.height]) {
             let [first, last] = lists.ranges[tile as usize];
             let list = &lists.entries[first as usize..last as usize];

@@ -1,5 +1,6 @@
 //! Preparing captures: lenses are undone, every source is read, work is gone on with and never overwritten.
 
+mod along;
 mod board;
 mod hostile;
 mod pictures;

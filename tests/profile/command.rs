@@ -23,7 +23,7 @@ fn works(arguments: &[&str]) -> String {
 }
 
 #[test]
-fn a_scene_is_profiled_into_tables_a_page_and_a_trace_and_its_kernels_are_captured() {
+fn a_scene_is_profiled_into_tables_a_page_and_a_trace_and_its_kernels_are_dumped() {
     if super::gpu().caps().timestamp_ns == 0.0 {
         crate::common::notes::skip("the device has no timestamps");
         return;
@@ -61,13 +61,13 @@ fn a_scene_is_profiled_into_tables_a_page_and_a_trace_and_its_kernels_are_captur
     }
 
     let kernel = lines.iter().find_map(|line| line["label"].as_str()?.strip_prefix("blend/")).unwrap();
-    works(&[&of_scene[..], &["--capture", kernel]].concat());
+    works(&[&of_scene[..], &["--dump", kernel]].concat());
     let file = out.join(format!("{kernel}.dispatch"));
     let replayed = works(&["profile", "--replay", file.to_str().unwrap(), "-n", "3", "--json"]);
     let replayed: Value = serde_json::from_str(&replayed).unwrap();
-    assert_eq!((&replayed[0]["kernel"], &replayed[0]["from_captured"]["words"]), (&kernel.into(), &0.into()));
+    assert_eq!((&replayed[0]["kernel"], &replayed[0]["from_dumped"]["words"]), (&kernel.into(), &0.into()));
 
-    let wrong = ivv(&[&of_scene[..], &["--capture", "no_kernel"]].concat());
+    let wrong = ivv(&[&of_scene[..], &["--dump", "no_kernel"]].concat());
     assert!(!wrong.status.success() && String::from_utf8_lossy(&wrong.stderr).contains("no_kernel"));
     // A kernel of training, which no view runs, and a misspelt one.
     for (name, told) in [
@@ -77,7 +77,7 @@ fn a_scene_is_profiled_into_tables_a_page_and_a_trace_and_its_kernels_are_captur
         ),
         ("blend_fwd_colour_p8", "there is no such kernel; did you mean blend_fwd_color_p8"),
     ] {
-        let wrong = ivv(&[&of_scene[..], &["--capture", name]].concat());
+        let wrong = ivv(&[&of_scene[..], &["--dump", name]].concat());
         let fault = String::from_utf8_lossy(&wrong.stderr);
         assert!(!wrong.status.success() && fault.contains(told), "{fault}");
     }

@@ -1,7 +1,7 @@
 //! Two profiles side by side.
 
 use super::Folder;
-use ivv::profile::{Comparison, Recorded, Verdict};
+use ivv::profile::{Change, Comparison, Recorded};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -60,18 +60,18 @@ fn passes_are_marked_where_they_changed_by_more_than_they_scatter() {
     ]);
     let found = compared(&folder, &a, &b);
     let of = |label: &str| found.passes.iter().find(|pass| pass.label == label).unwrap();
-    let verdicts = [
-        ("slower", Verdict::Slower),
-        ("faster", Verdict::Faster),
-        ("within", Verdict::Same),
-        ("tiny", Verdict::Same),
-        ("seldom", Verdict::TooFew),
-        ("gone", Verdict::Gone),
-        ("new", Verdict::New),
-        ("nothing", Verdict::Same),
+    let changes = [
+        ("slower", Change::Slower),
+        ("faster", Change::Faster),
+        ("within", Change::Same),
+        ("tiny", Change::Same),
+        ("seldom", Change::TooFew),
+        ("gone", Change::Gone),
+        ("new", Change::New),
+        ("nothing", Change::Same),
     ];
-    for (label, verdict) in verdicts {
-        assert_eq!(of(label).verdict, Some(verdict), "{label}");
+    for (label, change) in changes {
+        assert_eq!(of(label).change, Some(change), "{label}");
     }
     let order: Vec<&str> = found.passes.iter().map(|pass| pass.label.as_str()).collect();
     assert_eq!(order, ["gone", "faster", "slower", "seldom", "new", "within", "tiny", "nothing"]);
@@ -79,7 +79,7 @@ fn passes_are_marked_where_they_changed_by_more_than_they_scatter() {
     assert_eq!((of("faster").ratio, of("gone").ratio, of("nothing").ratio), (Some(0.75), None, None));
     // Wider scatter: the same change is within it.
     a["lines"][0] = line("slower", 100, 10.0, 14.0);
-    assert_eq!(compared(&folder, &a, &b).passes[2].verdict, Some(Verdict::Same));
+    assert_eq!(compared(&folder, &a, &b).passes[2].change, Some(Change::Same));
     assert!(found.is_comparable && found.differences.is_empty(), "{:?}", found.differences);
 }
 

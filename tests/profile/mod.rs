@@ -1,4 +1,4 @@
-//! Profiles: limits, traces, and dispatches that are captured and run again.
+//! Profiles: limits, traces, and dispatches that are dumped and run again.
 
 mod command;
 mod compare;
@@ -139,17 +139,14 @@ impl Drop for Folder {
     }
 }
 
-/// The blend of a random scene, captured.
-pub fn captured() -> Dispatch {
+/// The blend of a random scene, dumped.
+pub fn dumped() -> Dispatch {
     let gpu = gpu();
     let mut renderer = Renderer::new(gpu.clone(), &random::scene(11, 200, 0), Constants::default()).unwrap();
     let pixels = if gpu.caps().kind == ivv::vk::DeviceKind::Cpu && gpu.caps().subgroup_size <= 32 { 8 } else { 4 };
     let kernel = format!("blend_fwd_p{pixels}");
-    assert!(
-        renderer.capture(&random::view(), Outputs::All, "blend_bwd_p8").unwrap().is_none(),
-        "a picture has no such"
-    );
-    let mut dispatch = renderer.capture(&random::view(), Outputs::All, &kernel).unwrap().expect("the blend ran");
+    assert!(renderer.dump(&random::view(), Outputs::All, "blend_bwd_p8").unwrap().is_none(), "a picture has no such");
+    let mut dispatch = renderer.dump(&random::view(), Outputs::All, &kernel).unwrap().expect("the blend ran");
     // The picture was there already, from the frame that the lists grew in.
     let image = dispatch.bindings.iter_mut().find(|bound| bound.name == "image0").unwrap();
     image.before.fill(0);
@@ -157,7 +154,7 @@ pub fn captured() -> Dispatch {
 }
 
 #[test]
-fn a_captured_dispatch_gives_the_same_bits_again_and_so_does_its_variant() {
+fn a_dumped_dispatch_gives_the_same_bits_again_and_so_does_its_variant() {
     let gpu = gpu();
     if gpu.caps().timestamp_ns == 0.0 {
         crate::common::notes::skip("the device has no timestamps");
@@ -165,7 +162,7 @@ fn a_captured_dispatch_gives_the_same_bits_again_and_so_does_its_variant() {
     }
     let folder = Folder::new("replay");
     let file = folder.file("blend.dispatch");
-    let dispatch = captured();
+    let dispatch = dumped();
     let image = dispatch.bindings.iter().find(|bound| bound.name == "image0").unwrap();
     let after = image.after.as_ref().unwrap();
     assert!(image.before != *after && after.iter().any(|byte| *byte != 0), "the picture is not empty");
@@ -177,32 +174,32 @@ fn a_captured_dispatch_gives_the_same_bits_again_and_so_does_its_variant() {
     for kernel in both.into_iter().filter(|kernel| lanes <= 32 || kernel.name != "blend_fwd_p8") {
         // The order of each pixel's sum is that of the list, whatever the block.
         let lines = Replay::new(&gpu, &read).unwrap().run(&[kernel], 3).unwrap();
-        assert_eq!(lines[0].from_captured, Difference::default(), "{}", kernel.name);
+        assert_eq!(lines[0].from_dumped, Difference::default(), "{}", kernel.name);
         assert!(lines[0].median_ns > 0.0 && lines[0].mad_ns >= 0.0 && lines[0].ratio.median == 1.0);
     }
     let stranger = kernel_named("compact").unwrap();
     assert!(Replay::new(&gpu, &read).unwrap().run(&[stranger], 1).is_err());
-    // Another picture is told from the captured one.
+    // Another picture is told from the dumped one.
     let mut other = read.clone();
     let image = other.bindings.iter_mut().find(|bound| bound.name == "image0").unwrap();
     image.after.as_mut().unwrap()[..4].copy_from_slice(&9f32.to_le_bytes());
     let lines = Replay::new(&gpu, &other).unwrap().run(&[kernel], 1).unwrap();
-    let Difference { words, max_abs, max_rel } = lines[0].from_captured;
-    assert!(words == 1 && max_abs > 7.0 && max_abs <= 9.0 && max_rel > 0.7, "{:?}", lines[0].from_captured);
+    let Difference { words, max_abs, max_rel } = lines[0].from_dumped;
+    assert!(words == 1 && max_abs > 7.0 && max_abs <= 9.0 && max_rel > 0.7, "{:?}", lines[0].from_dumped);
 }
 
 #[test]
-fn a_damaged_capture_is_refused_with_what_is_wrong() {
+fn a_damaged_dump_is_refused_with_what_is_wrong() {
     let folder = Folder::new("damage");
     let file = folder.file("blend.dispatch");
-    write_dispatch(&file, &captured(), &gpu()).unwrap();
+    write_dispatch(&file, &dumped(), &gpu()).unwrap();
     let good = std::fs::read(&file).unwrap();
     assert!(read_dispatch(&file).is_ok());
     let fault = |bytes: &[u8]| {
         std::fs::write(&file, bytes).unwrap();
         match read_dispatch(&file) {
             Err(Error::Data { reason, remedy, .. }) => {
-                assert!(remedy.contains("--capture"), "{remedy}");
+                assert!(remedy.contains("--dump"), "{remedy}");
                 reason
             }
             Err(other) => panic!("{other}"),

@@ -1,7 +1,7 @@
 //! What may be traded for time: exact knobs change no bit, the others what they say and no more.
 
 use crate::common::frames::{bits, pixels, render, render_with};
-use crate::common::one::{camera, round, scene_of};
+use crate::common::one::{ball, camera, scene_of};
 use crate::common::random::{scene, view, wild_scene};
 use ivv::scene::{Frame, Splats, View};
 use ivv::twin::render_f64;
@@ -48,8 +48,8 @@ fn short_depth_keys_tell_apart_what_they_say() {
     // One behind the other, so many steps of f32, the one behind first in the file: it comes first where keys are equal.
     let picture = |steps: u32, depth_bits: u32| {
         let z = |steps: u32| f32::from_bits(Constants::default().near.to_bits() + (0x041c << 16) + steps);
-        let front = round([0.0, 0.0, z(0)], 0.1, 0.9, [1.0, 0.0, 0.0]);
-        let back = round([0.0, 0.0, z(steps)], 0.1, 0.9, [0.0, 0.0, 1.0]);
+        let front = ball([0.0, 0.0, z(0)], 0.1, 0.9, [1.0, 0.0, 0.0]);
+        let back = ball([0.0, 0.0, z(steps)], 0.1, 0.9, [0.0, 0.0, 1.0]);
         let knobs = Knobs { depth_bits, ..Knobs::default() };
         let (frame, report) = turned(&scene_of(&[back, front]), &camera(48, 32), knobs);
         assert_eq!(report.visible, 2);

@@ -5,6 +5,7 @@ mod demo;
 mod export;
 pub mod formats;
 mod four_dgs;
+mod four_dgs_losses;
 mod navigator;
 mod orbit;
 mod pictures;

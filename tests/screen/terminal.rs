@@ -66,15 +66,15 @@ fn the_bar_fits_the_terminal_and_messages_do_not_touch_it() {
 }
 
 #[test]
-fn every_stage_of_a_training_shows_its_name_and_how_far_it_is() {
-    let folder = Folder::new("stages");
+fn every_phase_of_a_training_shows_its_name_and_how_far_it_is() {
+    let folder = Folder::new("phases");
     let (capture, run) = (folder.capture(), folder.path("run"));
     let train = ["train", &capture, "-o", &run, "--steps", "12", "--eval-every", "6", "--eval-images", "2"];
     let settings = ["--set", "required.reviews=1", "--set", "offsets=true", "--fit-offsets"];
     let told = on_terminal(ivv(&[&train[..], &settings].concat()), 200);
     let shown: Vec<&str> = told.split(['\r', '\n']).filter_map(|line| line.strip_prefix("\x1b[2K")).collect();
     // The tiny capture has two test cameras and four others, of two frames here.
-    for stage in [
+    for phase in [
         "initialisation",
         "step 0/12, compiling the kernels",
         "evaluation 0/2",
@@ -89,7 +89,7 @@ fn every_stage_of_a_training_shows_its_name_and_how_far_it_is() {
         "views of the report 4/4, 0:00 left, ",
         "report 1/1, 0:00 left, report.html",
     ] {
-        assert!(shown.iter().any(|line| line.contains(stage)), "{stage}: {shown:#?}");
+        assert!(shown.iter().any(|line| line.contains(phase)), "{phase}: {shown:#?}");
     }
     // An evaluation on the way leaves its scores, no bar.
     let lines = lines(&told);

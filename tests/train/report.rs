@@ -125,9 +125,9 @@ fn a_report_shows_everything_it_is_given() {
     let curve = plot(&html, "plot-loss").split("points=\"").nth(1).unwrap().split('"').next().unwrap();
     let n_points = curve.split(' ').count();
     assert!((100..=240).contains(&n_points), "{n_points} points of 1000");
-    let stages = plot(&html, "plot-stages");
-    assert_eq!(stages.matches("<rect").count(), 2, "passes of one stage are one bar");
-    assert!(stages.contains("8.00 ms, 73 %, model 2.00"), "{stages}");
+    let sections = plot(&html, "plot-sections");
+    assert_eq!(sections.matches("<rect").count(), 2, "passes of one section are one bar");
+    assert!(sections.contains("8.00 ms, 73 %, model 2.00"), "{sections}");
     for told in [
         "cam&lt;1&gt;_00000",
         "cam&lt;1&gt;_00001",

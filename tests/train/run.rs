@@ -152,11 +152,11 @@ fn check_totals(run: &Path) {
     let passes = totals["profile"]["passes"].as_array().unwrap();
     let sum: f64 = passes.iter().map(|pass| pass["ms"].as_f64().unwrap()).sum();
     assert!((totals["profile"]["ms"].as_f64().unwrap() - sum).abs() < 1e-6 * sum && sum > 0.0);
-    for stage in
+    for section in
         ["cull", "project", "depth sort", "tile sort", "blend", "loss", "blend bwd", "project bwd adam", "adam"]
     {
-        let has = |pass: &Value| pass["label"].as_str().unwrap().starts_with(&format!("{stage}/"));
-        assert!(passes.iter().any(has), "{stage}");
+        let has = |pass: &Value| pass["label"].as_str().unwrap().starts_with(&format!("{section}/"));
+        assert!(passes.iter().any(has), "{section}");
     }
     let is_cpu = totals["device"]["kind"] == "cpu";
     assert!(passes.iter().all(|pass| pass["limit_ms"].is_number() == is_cpu), "the model is of a CPU driver");

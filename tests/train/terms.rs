@@ -2,7 +2,7 @@
 
 use super::Tiny;
 use crate::common::device::gpu;
-use crate::common::one::{One, camera, round, scene_of};
+use crate::common::one::{One, ball, camera, scene_of};
 use ivv::Constants;
 use ivv::scene::capture::{Capture, Extent, Picture, PriorPlan};
 use ivv::scene::{Motion, Splats, View};
@@ -13,7 +13,7 @@ use ivv::train::{
 };
 use std::collections::BTreeSet;
 
-/// What a step dispatches, by stage, and how often.
+/// What a step dispatches, by section, and how often.
 fn dispatches(tiny: &Tiny, config: &Config) -> std::collections::BTreeMap<String, usize> {
     let begin = from_points(&tiny.capture.points, &tiny.capture, config);
     let setup = Setup::new(&tiny.capture, config);
@@ -24,8 +24,8 @@ fn dispatches(tiny: &Tiny, config: &Config) -> std::collections::BTreeMap<String
     let view = tiny.capture.view(camera, frame).unwrap();
     let mut counts = std::collections::BTreeMap::new();
     for pass in trainer.profile(camera, &view, &picture).unwrap().times {
-        let stage = pass.label.split('/').next().unwrap_or_default().to_owned();
-        *counts.entry(stage).or_default() += 1;
+        let section = pass.label.split('/').next().unwrap_or_default().to_owned();
+        *counts.entry(section).or_default() += 1;
     }
     counts
 }
@@ -49,13 +49,13 @@ fn a_term_that_is_off_dispatches_nothing() {
         (vec!["bilateral"], Config { grids: true, ..off.clone() }),
     ] {
         let found = dispatches(&tiny, &config);
-        for (stage, n) in &found {
-            let is_new = added.contains(&stage.as_str());
+        for (section, n) in &found {
+            let is_new = added.contains(&section.as_str());
             // Uploads and readbacks are copies.
-            let is_copy = ["upload", "report"].contains(&stage.as_str());
-            assert!(is_new || is_copy || least.get(stage) == Some(n), "{added:?}: {stage} has {n}, {least:?}");
+            let is_copy = ["upload", "report"].contains(&section.as_str());
+            assert!(is_new || is_copy || least.get(section) == Some(n), "{added:?}: {section} has {n}, {least:?}");
         }
-        assert!(added.iter().all(|stage| found.contains_key(*stage) && !least.contains_key(*stage)), "{found:?}");
+        assert!(added.iter().all(|section| found.contains_key(*section) && !least.contains_key(*section)), "{found:?}");
     }
 }
 
@@ -145,7 +145,7 @@ fn moving_scene(offsets: [f64; 2]) -> (Splats, Vec<(usize, View, Picture)>) {
         let color = [0.9, 0.1 + 0.15 * f64::from(i), 0.2];
         let velocity = [2.4, 1.2 - 0.3 * i as f32, 0.3];
         let motion = Some(Motion { velocity, t_center: 0.5, t_scale: 0.2 });
-        all.push(One { motion, ..round([-0.5 + 0.2 * at as f32, 0.3 * at as f32, 4.0], 0.15, 0.9, color) });
+        all.push(One { motion, ..ball([-0.5 + 0.2 * at as f32, 0.3 * at as f32, 4.0], 0.15, 0.9, color) });
     }
     let splats = scene_of(&all);
     let mut renderer = Renderer::new(gpu().clone(), &splats, Constants::default()).unwrap();

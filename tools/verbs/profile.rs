@@ -42,8 +42,8 @@ pub struct Args {
     #[arg(long, default_value_t = 100)]
     warm_up: u64,
     /// Only writes the first dispatch of this kernel, with everything that it worked on, to OUTPUT/KERNEL.dispatch.
-    #[arg(long)]
-    capture: Option<String>,
+    #[arg(long, value_name = "KERNEL")]
+    dump: Option<String>,
     /// Prints this kernel's SPIR-V and how often it has which instruction.
     #[arg(long, conflicts_with_all = ["subject", "replay", "list"])]
     disassemble: Option<String>,
@@ -55,9 +55,9 @@ pub struct Args {
     compare: Vec<PathBuf>,
     #[command(flatten)]
     replay: ReplayArgs,
-    /// The capture of a run, if it has moved since.
+    /// Of a run, where its capture is now, if it has moved.
     #[arg(long)]
-    capture_at: Option<PathBuf>,
+    capture: Option<PathBuf>,
     #[command(flatten)]
     settings: SettingArgs,
     #[command(flatten)]
@@ -81,8 +81,8 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let (Some(subject), Some(output)) = (&args.subject, &args.output) else {
         anyhow::bail!("give -o, the folder for the results")
     };
-    if let Some(kernel) = &args.capture {
-        kernels::named("--capture", kernel)?;
+    if let Some(kernel) = &args.dump {
+        kernels::named("--dump", kernel)?;
     }
     let config = args.settings.resolve()?;
     make_folder(output)?;
@@ -151,12 +151,12 @@ fn written(dispatch: Option<Dispatch>, kernel: &str, output: &Path, gpu: &Gpu) -
 fn scene(args: &Args, subject: &Path, output: &Path, gpu: &Arc<Gpu>, json: bool) -> anyhow::Result<()> {
     let views = read_views(args.cameras.as_deref().context("give --cameras to profile a scene")?)?;
     let splats = read_scene(subject)?;
-    let peaks = if args.capture.is_none() { Some(Peaks::measure(gpu)?) } else { None };
+    let peaks = if args.dump.is_none() { Some(Peaks::measure(gpu)?) } else { None };
     let mut renderer = Renderer::new(gpu.clone(), &splats, Constants::default())?;
     let Some(first) = views.first() else { anyhow::bail!("the cameras file has no view; add one") };
     let Some(peaks) = peaks else {
-        let kernel = args.capture.as_deref().unwrap_or_default();
-        return written(renderer.capture(first, Outputs::Color, kernel)?, kernel, output, gpu);
+        let kernel = args.dump.as_deref().unwrap_or_default();
+        return written(renderer.dump(first, Outputs::Color, kernel)?, kernel, output, gpu);
     };
     let mut measured = Measured::new("view");
     let mut progress = Progress::new("profile", args.samples as usize);
@@ -190,12 +190,12 @@ fn training(
     json: bool,
 ) -> anyhow::Result<()> {
     // The device alone, before its memory fills.
-    let peaks = if args.capture.is_none() { Some(Peaks::measure(gpu)?) } else { None };
+    let peaks = if args.dump.is_none() { Some(Peaks::measure(gpu)?) } else { None };
     let is_run = Run::file(subject).is_file();
     let warm_up = if is_run { 2 } else { args.warm_up };
     let steps = warm_up + 2 * args.samples;
     let capture = if is_run {
-        Run::read(subject)?.open_capture(args.capture_at.as_deref())?
+        Run::read(subject)?.open_capture(args.capture.as_deref())?
     } else {
         let capture = Capture::open(subject)?;
         let world = capture.normalisation();
@@ -212,9 +212,9 @@ fn training(
     let mut progress = Progress::new("profile", steps as usize);
     let start = Instant::now();
     for step in 0..steps {
-        match (step.checked_sub(warm_up), &args.capture) {
+        match (step.checked_sub(warm_up), &args.dump) {
             (None, _) => drop(session.step()?),
-            (Some(_), Some(kernel)) => return written(session.capture(kernel)?, kernel, output, gpu),
+            (Some(_), Some(kernel)) => return written(session.dump(kernel)?, kernel, output, gpu),
             (Some(number), None) if number % 2 == 0 => {
                 session.wait()?;
                 let before = session.seconds();

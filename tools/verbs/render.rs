@@ -314,32 +314,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         return Ok(());
     };
     let profiled = if args.profile { profile(&mut renderer, &views, outputs, &stop)? } else { Vec::new() };
-    let mut progress = Progress::new("view", views.len());
-    let mut reports = Vec::new();
-    let mut begun = Instant::now();
-    renderer.stream(views.iter().cloned(), outputs, Destination::Host, |view, frame, report| {
-        let seconds = begun.elapsed().as_secs_f64();
-        check_finite(&frame, view)?;
-        for format in &args.format {
-            format.write(&frame, output, view)?;
-        }
-        progress.step(&format!(
-            "{}, {} Gaussians, {} intersections, {:.1} ms",
-            view.name,
-            report.gaussians,
-            report.intersections,
-            1e3 * seconds
-        ));
-        reports.push(ViewReport {
-            name: view.name.clone(),
-            width: view.width,
-            height: view.height,
-            seconds,
-            frame: profiled.get(reports.len()).cloned().unwrap_or(report),
-        });
-        begun = Instant::now();
-        if stop.is_asked() && reports.len() < views.len() { Err(interrupted()) } else { Ok(true) }
-    })?;
+    let reports = write_views(&mut renderer, &views, outputs, (output, &args.format), &profiled, &stop)?;
     let bad = reports.iter().map(|r| r.frame.bad_gaussians).max().unwrap_or(0);
     if bad > 0 {
         alert!("{} not drawn: their parameters are not finite", count(bad, "Gaussian"));
@@ -359,6 +334,45 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         out!("peak of device buffers: {:.1} MiB", peak_bytes as f64 / f64::from(1 << 20));
     }
     Ok(())
+}
+
+/// Renders `views` into files of the folder in these formats, and tells of each. Reports of views that were `profiled` before
+/// stand in for those of this time.
+fn write_views(
+    renderer: &mut Renderer,
+    views: &[View],
+    outputs: Outputs,
+    (folder, formats): (&Path, &[Format]),
+    profiled: &[FrameReport],
+    stop: &Stop,
+) -> anyhow::Result<Vec<ViewReport>> {
+    let mut progress = Progress::new("view", views.len());
+    let mut reports = Vec::new();
+    let mut begun = Instant::now();
+    renderer.stream(views.iter().cloned(), outputs, Destination::Host, |view, frame, report| {
+        let seconds = begun.elapsed().as_secs_f64();
+        check_finite(&frame, view)?;
+        for format in formats {
+            format.write(&frame, folder, view)?;
+        }
+        progress.step(&format!(
+            "{}, {} Gaussians, {} intersections, {:.1} ms",
+            view.name,
+            report.gaussians,
+            report.intersections,
+            1e3 * seconds
+        ));
+        reports.push(ViewReport {
+            name: view.name.clone(),
+            width: view.width,
+            height: view.height,
+            seconds,
+            frame: profiled.get(reports.len()).cloned().unwrap_or(report),
+        });
+        begun = Instant::now();
+        if stop.is_asked() && reports.len() < views.len() { Err(interrupted()) } else { Ok(true) }
+    })?;
+    Ok(reports)
 }
 
 /// What the passes of every view take.

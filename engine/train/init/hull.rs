@@ -65,7 +65,7 @@ struct Silhouette<'a> {
 
 /// What a camera says about a cell.
 #[derive(PartialEq)]
-enum Verdict {
+enum Occupancy {
     /// It is out of sight, or partly so.
     Unseen,
     Empty,
@@ -88,29 +88,29 @@ impl<'a> Silhouette<'a> {
     }
 
     /// About the ball around a cell.
-    fn verdict(&self, center: Vec3, radius: f32) -> Verdict {
+    fn occupancy(&self, center: Vec3, radius: f32) -> Occupancy {
         let eye = self.eye;
         let depth = eye.depth(center);
         if depth <= -radius {
-            return Verdict::Unseen;
+            return Occupancy::Unseen;
         }
         // A cell that the lens is in, or nearly, may be anywhere in the picture.
         let Some((at, _)) = eye.project(center).filter(|_| depth > 1.01 * radius) else {
-            return Verdict::Possible;
+            return Occupancy::Possible;
         };
         let reach = Vec2::splat(radius) / (depth - radius) * eye.focal;
         let size = Vec2::new(eye.width as f32, eye.height as f32);
         let (low, high) = ((at - reach).floor(), (at + reach).ceil());
         let (first, last) = (low.max(Vec2::ZERO), high.min(size));
         if !(first.x < last.x && first.y < last.y) {
-            return Verdict::Unseen;
+            return Occupancy::Unseen;
         }
         let sum = |x: f32, y: f32| self.sums[y as usize * (eye.width + 1) + x as usize];
         let n = sum(last.x, last.y) + sum(first.x, first.y) - sum(first.x, last.y) - sum(last.x, first.y);
         match n {
-            0 if (first, last) != (low, high) => Verdict::Unseen,
-            0 => Verdict::Empty,
-            _ => Verdict::Possible,
+            0 if (first, last) != (low, high) => Occupancy::Unseen,
+            0 => Occupancy::Empty,
+            _ => Occupancy::Possible,
         }
     }
 }
@@ -150,9 +150,9 @@ pub(super) fn surface(eyes: &[Eye], most: usize, key: &[u64]) -> Vec<Found> {
 fn may_be_inside(silhouettes: &[Silhouette], least_seen: f32, center: Vec3, radius: f32) -> bool {
     let (mut n_seen, mut n_empty, mut n_left) = (0.0, 0.0, silhouettes.len() as f32);
     for silhouette in silhouettes {
-        let verdict = silhouette.verdict(center, radius);
-        n_seen += f32::from(verdict != Verdict::Unseen);
-        n_empty += f32::from(verdict == Verdict::Empty);
+        let occupancy = silhouette.occupancy(center, radius);
+        n_seen += f32::from(occupancy != Occupancy::Unseen);
+        n_empty += f32::from(occupancy == Occupancy::Empty);
         n_left -= 1.0;
         // What is left cannot save it any more.
         if n_empty > MOST_MISSES * (n_seen + n_left) || n_seen + n_left < least_seen {

@@ -81,8 +81,8 @@ impl Term for Priors {
         Ok(())
     }
 
-    fn stage(&self, gpu: &Gpu, picture: &Picture, shown: &Shown) -> Result<Option<Slice>> {
-        self.weights(shown).map(|_| gpu.stage("staged priors", &picture.priors)).transpose()
+    fn upload(&self, gpu: &Gpu, picture: &Picture, shown: &Shown) -> Result<Option<Slice>> {
+        self.weights(shown).map(|_| gpu.staged("staged priors", &picture.priors)).transpose()
     }
 
     fn record_upload(&self, rec: &mut Recording, staged: &Slice, shown: &Shown) {

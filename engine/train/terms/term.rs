@@ -68,12 +68,13 @@ pub(in crate::train) trait Term: Send + Sync {
         Ok(())
     }
 
-    /// What it needs of `picture` on the device beside the colours; none where the picture has nothing for it.
-    fn stage(&self, _gpu: &Gpu, _picture: &Picture, _shown: &Shown) -> Result<Option<Slice>> {
+    /// Takes what it needs of `picture` beside the colours to where the device copies it from; none where the picture has
+    /// nothing for it.
+    fn upload(&self, _gpu: &Gpu, _picture: &Picture, _shown: &Shown) -> Result<Option<Slice>> {
         Ok(None)
     }
 
-    /// Appends the upload of what [`Term::stage`] gave.
+    /// Appends the copy of what [`Term::upload`] gave.
     fn record_upload(&self, _rec: &mut Recording, _staged: &Slice, _shown: &Shown) {}
 
     /// Appends its passes and its part of the cotangents, where it is due.

@@ -35,7 +35,7 @@ const ROWS: &[Row] = &[
     ("R", "the first view", &[KeyR], |p, n| p.go(n)),
     ("F1 to F4", "colour, alpha, depth, flow", &[F1, F2, F3, F4], |p, n| p.state.output = OUTPUTS[n]),
     ("O", "the next of them", &[KeyO], |p, _| p.state.output = OUTPUTS[(p.state.output as usize + 1) % OUTPUTS.len()]),
-    ("G", "free flight", &[KeyG], |p, _| p.rig.is_flying = !p.rig.is_flying),
+    ("G", "free flight", &[KeyG], |p, _| p.navigator.is_flying = !p.navigator.is_flying),
     ("M", "mute", &[KeyM], |p, _| p.state.is_muted = !p.state.is_muted),
     ("F", "full screen", &[KeyF], |p, _| p.fill_the_display()),
     ("I", "times of frames and passes", &[KeyI], |p, _| {

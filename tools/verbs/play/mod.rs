@@ -101,7 +101,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let no_display = "expected a display, found none; set DISPLAY to that of an X server, or use `ivv serve`";
     let events = EventLoop::new().context(no_display)?;
     let gpu = args.device.open_with(vk::surface_extensions(&events.owned_display_handle())?, args.validation)?;
-    let rig = Navigator::new(&views, &shown.splats);
+    let navigator = Navigator::new(&views, &shown.splats);
     let splats = shown.splats.by_degree();
     let is_still = splats.motion.is_empty() && setting.sounds.is_empty();
     let renderer = Renderer::of_clip(gpu, Arc::new(splats), constants)?;
@@ -109,7 +109,8 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let clip = Playhead::new(if is_still { 0.0 } else { length }, args.at.unwrap_or_default(), is_playing);
     let flow_dt = setting.clock.map_or(1.0, |clock| 1.0 / f64::from(clock.frames));
     let state = State::default();
-    let mut player = Player { args, stop: &stop, renderer, rig, views, current, clip, flow_dt, sound: None, state };
+    let mut player =
+        Player { args, stop: &stop, renderer, navigator, views, current, clip, flow_dt, sound: None, state };
     player.go(current);
     if let Some(hrtf) = hrtf {
         match sound::Sound::new(&setting.sounds, hrtf, player.heard()) {

@@ -53,7 +53,7 @@ pub struct Player<'a> {
     pub args: &'a Args,
     pub stop: &'a Stop,
     pub renderer: Renderer,
-    pub rig: Navigator,
+    pub navigator: Navigator,
     pub views: Vec<View>,
     /// Index of the view that was gone to last.
     pub current: usize,
@@ -187,8 +187,8 @@ impl Player<'_> {
                 match state.button {
                     None => return Ok(()),
                     _ if state.is_scrubbing => self.scrub(),
-                    Some(MouseButton::Left) if !state.keys.contains(&ShiftLeft) => self.rig.drag(by),
-                    Some(_) => self.rig.pan(by, state.size),
+                    Some(MouseButton::Left) if !state.keys.contains(&ShiftLeft) => self.navigator.drag(by),
+                    Some(_) => self.navigator.pan(by, state.size),
                 }
             }
             WindowEvent::MouseWheel { delta, .. } => {
@@ -196,7 +196,7 @@ impl Player<'_> {
                     MouseScrollDelta::LineDelta(_, lines) => -48.0 * f64::from(lines),
                     MouseScrollDelta::PixelDelta(by) => -by.y,
                 };
-                self.rig.approach((pixels.clamp(-200.0, 200.0) * 0.0015).exp());
+                self.navigator.approach((pixels.clamp(-200.0, 200.0) * 0.0015).exp());
             }
             WindowEvent::Resized(_) | WindowEvent::ScaleFactorChanged { .. } => {}
             _ => return Ok(()),
@@ -227,7 +227,7 @@ impl Player<'_> {
     pub fn go(&mut self, view: usize) {
         if let Some(found) = self.views.get(view) {
             self.current = view;
-            self.rig.go(found);
+            self.navigator.go(found);
         }
     }
 
@@ -249,8 +249,8 @@ impl Player<'_> {
 
     /// What the sound has to know.
     pub fn heard(&self) -> Heard {
-        let q = Pose::looking(self.rig.forward(), self.rig.above());
-        Heard { clip: self.clip, head: Pose { t: 0.0, p: self.rig.center(), q }, is_muted: self.state.is_muted }
+        let q = Pose::looking(self.navigator.forward(), self.navigator.above());
+        Heard { clip: self.clip, head: Pose { t: 0.0, p: self.navigator.center(), q }, is_muted: self.state.is_muted }
     }
 
     fn layer(&self, width: u32) -> Layer {
@@ -258,7 +258,7 @@ impl Player<'_> {
             Output::Color => Layer::Color,
             Output::Alpha => Layer::Alpha,
             // What is looked at is in the middle of the colours, and a hundredth of the picture is a fast motion.
-            Output::Depth => Layer::Depth { high: (2.0 / self.rig.reach) as f32 },
+            Output::Depth => Layer::Depth { high: (2.0 / self.navigator.reach) as f32 },
             Output::Flow => Layer::Flow { high: width as f32 / 100.0 },
         }
     }
@@ -266,7 +266,7 @@ impl Player<'_> {
     fn frame(&mut self) -> anyhow::Result<()> {
         let now = Instant::now();
         let between = self.state.last.map(|last| (now - last).as_secs_f64());
-        self.rig.advance(self.push(), between.unwrap_or_default().min(0.1));
+        self.navigator.advance(self.push(), between.unwrap_or_default().min(0.1));
         if let Some(sound) = &self.sound {
             sound.tell(self.heard());
         }
@@ -294,7 +294,7 @@ impl Player<'_> {
         (self.state.size, self.state.scale) = (size, scale);
         let (seconds, length, speed) = (self.clip.at(now), self.clip.length(), self.clip.speed());
         let time = if length > 0.0 { seconds / length } else { 0.0 };
-        let view = View { time, time_offset: 0.0, flow_dt: self.flow_dt, ..self.rig.view(size) };
+        let view = View { time, time_offset: 0.0, flow_dt: self.flow_dt, ..self.navigator.view(size) };
         let clock = format!("{} {seconds:5.2} / {length:.2}", if self.clip.is_playing() { '>' } else { '=' });
         let name = self.views.get(self.current).map_or("", |view| &view.name);
         let muted = if self.state.is_muted { "  muted" } else { "" };

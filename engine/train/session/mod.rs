@@ -1,27 +1,32 @@
 //! A training run: a capture's images in their order, with what is due between steps.
 
-use super::checkpoint::{Checkpoint, Owed};
-use super::config::Config;
-use super::depth_fit::{DepthSummary, fit_depths};
-use super::init::{Initial, initialise};
-use super::offsets::learnt_offsets;
-use super::plan::Plan;
-use super::require::{Due, Review, review, review_due};
-use super::setup::Setup;
-use super::terms::TermData;
-use super::trainer::{ProfiledStep, StepReport, Trainer};
+mod notice;
+mod priors;
+
+pub use notice::{Event, Notice, Phase, Watch};
+pub use priors::Priors;
+
 use crate::error::{Error, Result};
 use crate::gpu::{Dispatch, Gpu};
 use crate::random::permutation;
 use crate::scene::Splats;
-use crate::scene::capture::{Capture, FrameCache, Picture, PriorPlan};
+use crate::scene::capture::{Capture, FrameCache, Picture};
 use crate::settings::Constants;
+use crate::train::checkpoint::{Checkpoint, Owed};
+use crate::train::config::Config;
+use crate::train::init::initialise;
+use crate::train::offsets::learnt_offsets;
+use crate::train::plan::Plan;
+use crate::train::require::{Due, review, review_due};
+use crate::train::setup::Setup;
+use crate::train::trainer::{ProfiledStep, Trainer};
+use notice::work;
 use std::cmp::Ordering;
 use std::sync::Arc;
 use std::time::Instant;
 use std::vec::IntoIter;
 
-/// Threads that decode images ahead, and that read depth priors.
+/// Threads that decode images ahead.
 const THREADS: usize = 2;
 
 /// A run under way.
@@ -67,9 +72,6 @@ pub struct Session<'a> {
 /// A camera and a frame.
 type Image = (usize, u32);
 
-/// Is told what a session does that takes a while.
-pub type Watch<'a> = Box<dyn FnMut(Notice) + 'a>;
-
 /// What a run begins with, where that is not what its settings say.
 pub struct SessionOptions<'a> {
     /// How pictures are rendered.
@@ -97,59 +99,6 @@ impl Default for SessionOptions<'_> {
             watch: Box::new(|_| ()),
         }
     }
-}
-
-/// Depth and flow of the training images that come from elsewhere.
-#[derive(Clone, Debug, Default)]
-pub struct Priors {
-    /// Which are used, and how depths are scaled.
-    pub plan: PriorPlan,
-    /// What the depths are like; none where none is used.
-    pub depth: Option<DepthSummary>,
-}
-
-/// What a session does that takes a while.
-#[derive(Debug)]
-pub enum Notice<'a> {
-    /// Work, so much of so much.
-    Work {
-        /// Of what kind.
-        phase: Phase,
-        /// Done.
-        done: usize,
-        /// In all; 0 where that is not known.
-        total: usize,
-    },
-    /// The first Gaussians are there.
-    Initialised(&'a Initial),
-    /// The priors of the depth are there.
-    DepthPriors(&'a DepthSummary),
-    /// What the run needs is known, and is allocated next.
-    Planned(&'a Plan),
-}
-
-/// Kinds of work.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Phase {
-    /// The first Gaussians: frames, pictures or depths.
-    Initialisation,
-    /// Priors of the depth are compared with points: frames.
-    DepthPriors,
-    /// It is looked at what the scene requires: pictures.
-    Review,
-    /// Errors of time offsets: cameras.
-    OffsetErrors,
-}
-
-/// What has happened.
-#[derive(Clone, Debug)]
-pub enum Event {
-    /// A step has ended.
-    Step(StepReport),
-    /// It was looked at what the scene requires.
-    Review(Review),
-    /// The time offsets of these cameras were fixed at 0, since the images do not tell them.
-    Frozen(Vec<String>),
 }
 
 impl<'a> Session<'a> {
@@ -333,11 +282,11 @@ impl<'a> Session<'a> {
     /// step that is not counted.
     ///
     /// # Errors
-    /// As [`Trainer::capture`].
-    pub fn capture(&mut self, kernel: &str) -> Result<Option<Dispatch>> {
+    /// As [`Trainer::dump`].
+    pub fn dump(&mut self, kernel: &str) -> Result<Option<Dispatch>> {
         let Some(((camera, frame), picture)) = self.picture()? else { return Ok(None) };
         let view = self.capture.view(camera, frame)?;
-        self.trainer.capture(camera, &view, &picture, kernel)
+        self.trainer.dump(camera, &view, &picture, kernel)
     }
 
     /// Waits until all steps that were handed over have ended.
@@ -493,27 +442,4 @@ fn training_frames(capture: &Capture) -> Result<Vec<Image>> {
         return Err(Error::data(&capture.path, "", "has no training image", "see `ivv check`"));
     }
     Ok(frames)
-}
-
-/// Tells `watch` of work that begins.
-fn work<'w>(watch: &'w mut Watch, phase: Phase) -> impl FnMut(usize, usize) + 'w {
-    watch(Notice::Work { phase, done: 0, total: 0 });
-    move |done, total| watch(Notice::Work { phase, done, total })
-}
-
-impl Priors {
-    /// Those that the terms of the loss take of `capture`.
-    fn read(capture: &Capture, config: &Config, setup: &Setup, watch: &mut Watch) -> Result<Self> {
-        let TermData { depth, flow } = setup.data;
-        if !depth {
-            return Ok(Priors { plan: PriorPlan { flow, ..PriorPlan::default() }, depth: None });
-        }
-        let space = config.loss.depth_space;
-        let fits = fit_depths(capture, space, THREADS, &mut work(watch, Phase::DepthPriors))?;
-        let usable = fits.iter().filter_map(|(image, fit)| Some((image, fit.ok()?)));
-        let depth = usable.map(|(image, fit)| (image, [fit.scale, fit.shift])).collect();
-        let summary = fits.summary();
-        watch(Notice::DepthPriors(&summary));
-        Ok(Priors { plan: PriorPlan { flow, depth }, depth: Some(summary) })
-    }
 }

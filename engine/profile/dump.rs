@@ -31,7 +31,7 @@ struct HeaderBinding {
 }
 
 const KEY: &str = "dispatch";
-const REMEDY: &str = "capture it again with `ivv profile ... --capture KERNEL`";
+const REMEDY: &str = "dump it again with `ivv profile ... --dump KERNEL`";
 
 fn digest(dispatch: &Dispatch) -> String {
     let mut sha = Sha256::new();
@@ -87,7 +87,7 @@ pub fn read_dispatch(file: &Path) -> Result<(Dispatch, &'static KernelInfo)> {
     let (_, metadata) = SafeTensors::read_metadata(&bytes).map_err(|e| fault("header", e.to_string()))?;
     let tensors = SafeTensors::deserialize(&bytes).map_err(|e| fault("header", e.to_string()))?;
     let text = metadata.metadata().as_ref().and_then(|all| all.get(KEY));
-    let text = text.ok_or_else(|| fault("header", "is no captured dispatch".to_owned()))?;
+    let text = text.ok_or_else(|| fault("header", "is no dumped dispatch".to_owned()))?;
     let header: Header = serde_json::from_str(text).map_err(|e| fault("header", e.to_string()))?;
     let kernel = kernel_named(&header.kernel)
         .ok_or_else(|| fault("header", format!("names the kernel `{}`, which there is not", header.kernel)))?;

@@ -1,0 +1,38 @@
+//! Depth and flow that come from elsewhere, as a session takes them of its capture.
+
+use super::notice::{Notice, Phase, Watch, work};
+use crate::error::Result;
+use crate::scene::capture::{Capture, PriorPlan};
+use crate::train::config::Config;
+use crate::train::depth_fit::{DepthSummary, fit_depths};
+use crate::train::setup::Setup;
+use crate::train::terms::TermData;
+
+/// Threads that read depth priors.
+const THREADS: usize = 2;
+
+/// Depth and flow of the training images that come from elsewhere.
+#[derive(Clone, Debug, Default)]
+pub struct Priors {
+    /// Which are used, and how depths are scaled.
+    pub plan: PriorPlan,
+    /// What the depths are like; none where none is used.
+    pub depth: Option<DepthSummary>,
+}
+
+impl Priors {
+    /// Those that the terms of the loss take of `capture`.
+    pub(super) fn read(capture: &Capture, config: &Config, setup: &Setup, watch: &mut Watch) -> Result<Self> {
+        let TermData { depth, flow } = setup.data;
+        if !depth {
+            return Ok(Priors { plan: PriorPlan { flow, ..PriorPlan::default() }, depth: None });
+        }
+        let space = config.loss.depth_space;
+        let fits = fit_depths(capture, space, THREADS, &mut work(watch, Phase::DepthPriors))?;
+        let usable = fits.iter().filter_map(|(image, fit)| Some((image, fit.ok()?)));
+        let depth = usable.map(|(image, fit)| (image, [fit.scale, fit.shift])).collect();
+        let summary = fits.summary();
+        watch(Notice::DepthPriors(&summary));
+        Ok(Priors { plan: PriorPlan { flow, depth }, depth: Some(summary) })
+    }
+}

@@ -1,0 +1,306 @@
+//! The device side of training: forward, loss, backward and Adam in one recording, one image a step.
+//!
+//! A step is handed to the device before the one before has ended, and the host waits for none but the oldest. A step
+//! whose lists do not fit leaves a mark that stops those after it; all are then run again in order with more room.
+
+mod profile;
+mod report;
+mod state;
+mod step;
+
+pub use profile::ProfiledStep;
+pub use report::StepReport;
+
+use crate::error::Result;
+use crate::gpu::generated::{AdamParams, Status};
+use crate::gpu::{Buf, Gpu, Recording, Running, Slice};
+use crate::scene::capture::Picture;
+use crate::scene::{Cone, Splats, View};
+use crate::settings::Constants;
+use crate::stage::{
+    AdamMode, DensityRound, Lists, Moments, Optimiser, Purpose, Room, SceneBuffers, State, StepSettings, Workspace,
+    adam_params, lazy_sums,
+};
+use crate::train::config::Config;
+use crate::train::density::{density_round, regularisers};
+use crate::train::objective::{Objective, Sums, Truth};
+use crate::train::schedule::rates;
+use crate::train::setup::Setup;
+use std::collections::VecDeque;
+use std::sync::Arc;
+use tracing::debug_span;
+
+/// Steps that the device has at a time: it works on one while the host prepares the next.
+const IN_FLIGHT: usize = 2;
+/// Largest coefficient of a colour that training begins with: fourth powers of ten times as much are still finite, which
+/// SSIM takes.
+const BRIGHTEST: f32 = 1e4;
+
+/// A scene being trained: its Gaussians with their moments, on the device.
+pub struct Trainer {
+    gpu: Arc<Gpu>,
+    constants: Constants,
+    config: Config,
+    total: u64,
+    setup: Setup,
+    // Steps handed over.
+    step: u64,
+    // The step after which density control ran last, or was found not to be due.
+    controlled: u64,
+    scene: SceneBuffers,
+    optimiser: Optimiser,
+    work: Option<Workspace>,
+    objective: Objective,
+    // Gaussians that cannot be drawn, counted once per step; density control removes them.
+    n_undrawable: Buf<u32>,
+    room: Room,
+    // Rounds of the blend that the longest list so far needed.
+    rounds: u32,
+    in_flight: VecDeque<Step>,
+    reports: Vec<StepReport>,
+}
+
+/// What a step needs, kept until it has ended well.
+struct Inputs {
+    step: u64,
+    view: View,
+    truth: Truth,
+}
+
+/// Where a step leaves its numbers.
+struct Results {
+    n_tiles: u32,
+    lists: Lists,
+    status: Slice,
+    sums: Sums,
+    n_bad: Slice,
+}
+
+/// A step on the device.
+struct Step {
+    inputs: Inputs,
+    running: Running,
+    results: Results,
+}
+
+impl Trainer {
+    /// Uploads `splats` for a run of `total` steps on the capture that `setup` describes. Gaussians with a number that is
+    /// not finite, or colours so bright that squares of them are not, are left out: no gradient would ever mend them.
+    ///
+    /// # Errors
+    /// [`crate::Error::OutOfMemory`] naming the buffer that does not fit; [`crate::Error::NoDevice`] when the device cannot do
+    /// what the settings ask for.
+    pub fn new(
+        gpu: Arc<Gpu>,
+        splats: &Splats,
+        constants: Constants,
+        config: Config,
+        total: u64,
+        setup: Setup,
+    ) -> Result<Self> {
+        let k = splats.n_coefficients();
+        let is_bearable = |x: &f32| x.abs() <= BRIGHTEST;
+        let sound = splats
+            .kept(|i| splats.is_finite(i) && splats.sh[i * k..(i + 1) * k].as_flattened().iter().all(is_bearable));
+        Self::begin(gpu, &sound, constants, config, total, setup)
+    }
+
+    #[tracing::instrument(level = "info", name = "upload scene", skip_all)]
+    fn begin(
+        gpu: Arc<Gpu>,
+        splats: &Splats,
+        constants: Constants,
+        config: Config,
+        total: u64,
+        setup: Setup,
+    ) -> Result<Self> {
+        config.accumulation.check(&gpu)?;
+        let constants = config.frame.on(constants);
+        let scene = SceneBuffers::upload(&gpu, splats, &constants, Purpose::Training)?;
+        let zeros = zeros_like(splats);
+        let state = vec![[0.0; 4]; splats.len()];
+        let sums = match config.adam {
+            AdamMode::Lazy => lazy_sums(|step| rates(&config, step, total, setup.extent.radius), total),
+            AdamMode::Dense | AdamMode::Sparse => vec![[0.0; 4]],
+        };
+        let moments = Moments::upload(&gpu, &scene, &zeros, &zeros, config.moment_bits)?;
+        let state = upload_state(&gpu, &scene, &state)?;
+        let optimiser = Optimiser::new(&gpu, moments, state, config.adam, &sums)?;
+        let objective = Objective::new(&gpu, &config, &setup)?;
+        let room = Room {
+            active: scene.n.max(1),
+            intersections: scene.n.saturating_mul(4).max(1 << 14),
+            tiles: 1,
+            pixels: 1,
+            outputs: objective.outputs(),
+            purpose: Purpose::Training,
+            accumulation: config.accumulation,
+            camera: objective.cameras.wants_gradient(),
+            depth_bits: constants.knobs.depth_bits,
+        };
+        Ok(Trainer {
+            objective,
+            n_undrawable: gpu.upload("undrawable Gaussians", &[0u32])?,
+            gpu,
+            constants,
+            config,
+            total,
+            setup,
+            step: 0,
+            controlled: 0,
+            scene,
+            optimiser,
+            work: None,
+            room,
+            rounds: 1,
+            in_flight: VecDeque::new(),
+            reports: Vec::new(),
+        })
+    }
+
+    /// Begins with room for so few intersections; the first step that needs more is run again.
+    pub fn limit_intersections(&mut self, n: u32) {
+        self.room.intersections = n.max(1);
+    }
+
+    /// Steps handed over.
+    pub fn step(&self) -> u64 {
+        self.step
+    }
+
+    /// Steps that are known to have ended.
+    pub fn ended(&self) -> u64 {
+        self.step - self.in_flight.len() as u64
+    }
+
+    /// Gaussians.
+    pub fn n_gaussians(&self) -> u32 {
+        self.scene.n
+    }
+
+    /// The cameras' time offsets after the steps that were handed over, frames, by camera, and which of them are learnt; empty
+    /// where none are.
+    ///
+    /// # Errors
+    /// As [`Trainer::train`].
+    pub fn offsets(&mut self) -> Result<(Vec<f64>, Vec<bool>)> {
+        self.finish()?;
+        let state = self.objective.cameras.state(&self.gpu)?;
+        Ok((state.clocks.iter().map(|clock| f64::from(clock[0])).collect(), state.learns_offset))
+    }
+
+    /// Ends the learning of the offsets of the cameras that `freeze` names, which become 0.
+    ///
+    /// # Errors
+    /// As [`Trainer::train`].
+    pub fn freeze_offsets(&mut self, freeze: &[bool]) -> Result<()> {
+        self.finish()?;
+        self.objective.cameras.freeze(&self.gpu, freeze)
+    }
+
+    fn adam_params(&self, step: u64) -> AdamParams {
+        let settings = StepSettings {
+            // tau stays above half a frame.
+            lowest_t_scale: (0.5 * self.setup.dt).ln(),
+            ..regularisers(&self.config)
+        };
+        adam_params(&rates(&self.config, step, self.total, self.setup.extent.radius), &settings, step, self.scene.n)
+    }
+
+    /// Hands over one step on `picture`, which camera `camera` of the capture took as `view` says, after the density control due. Reports of the steps that have
+    /// ended meanwhile come from [`Trainer::take_reports`].
+    ///
+    /// # Errors
+    /// [`crate::Error::OutOfMemory`] when a picture's lists do not fit the device, [`crate::Error::DeviceLost`]; nothing moves
+    /// then.
+    #[tracing::instrument(level = "debug", name = "step", skip_all, fields(step = self.step + 1))]
+    pub fn train(&mut self, camera: usize, view: &View, picture: &Picture) -> Result<()> {
+        self.control_density()?;
+        let inputs = self.inputs(camera, view, picture)?;
+        self.start(inputs)?;
+        while self.in_flight.len() >= IN_FLIGHT {
+            self.end_oldest()?;
+        }
+        Ok(())
+    }
+
+    /// Waits for all steps that were handed over, and runs the density control due.
+    ///
+    /// # Errors
+    /// As [`Trainer::train`].
+    pub fn finish(&mut self) -> Result<()> {
+        while !self.in_flight.is_empty() {
+            self.end_oldest()?;
+        }
+        self.control_density()
+    }
+
+    /// Reports of the steps that have ended since the last call, in order.
+    pub fn take_reports(&mut self) -> Vec<StepReport> {
+        std::mem::take(&mut self.reports)
+    }
+
+    /// Takes the steps that lazy Adam still owes.
+    fn catch_up(&self) -> Result<()> {
+        if self.config.adam != AdamMode::Lazy {
+            return Ok(());
+        }
+        self.gpu.write(&self.optimiser.params, &[self.adam_params(self.step.max(1))])?;
+        let status = self.gpu.upload("status", &[Status::default()])?;
+        let mut rec = Recording::new();
+        self.optimiser.record_catch_up_all(&mut rec, &self.scene, &status, self.step);
+        self.gpu.run(&rec)
+    }
+
+    /// The round of density control that is due after the step handed over last.
+    fn due_round(&self) -> Option<DensityRound> {
+        let n_frames = (1.0 / self.setup.dt).round() as u32;
+        let SceneBuffers { n, origin, .. } = self.scene;
+        density_round(&self.config, (self.step, self.total), n, &self.setup.extent, origin, n_frames)
+    }
+
+    /// The density control due after the step handed over last, once.
+    fn control_density(&mut self) -> Result<()> {
+        let (Some(round), false) = (self.due_round(), self.controlled == self.step) else { return Ok(()) };
+        let _controlling = debug_span!("density", step = self.step).entered();
+        while !self.in_flight.is_empty() {
+            self.end_oldest()?;
+        }
+        self.work = None;
+        self.catch_up()?;
+        let (moments, state) = (&self.optimiser.moments, &self.optimiser.state);
+        let origin = self.scene.origin;
+        let lenses: Vec<Cone> = self.setup.lenses.iter().map(|view| view.cone(origin)).collect();
+        let grown = round.run(&self.gpu, &self.scene, moments, state, &lenses, &self.constants)?;
+        self.scene = grown.scene;
+        (self.optimiser.moments, self.optimiser.state) = (grown.moments, grown.state);
+        self.controlled = self.step;
+        self.room.active = self.scene.n.max(1);
+        if let Some(report) = self.reports.last_mut() {
+            report.density = Some(grown.counts);
+        }
+        Ok(())
+    }
+}
+
+/// Zeros in the shapes of `splats`.
+fn zeros_like(splats: &Splats) -> Splats {
+    let n = splats.len();
+    Splats {
+        n_static: splats.n_static,
+        position: vec![[0.0; 3]; n],
+        rotation: vec![[0.0; 4]; n],
+        scale: vec![[0.0; 3]; n],
+        opacity: vec![0.0; n],
+        sh: vec![[0.0; 3]; splats.sh.len()],
+        motion: vec![bytemuck::Zeroable::zeroed(); splats.motion.len()],
+        degree: splats.degree.clone(),
+        source_row: splats.source_row.clone(),
+        ..Splats::new(splats.sh_degree)
+    }
+}
+
+/// State in the order of the scene's Gaussians, by group.
+fn upload_state(gpu: &Gpu, scene: &SceneBuffers, state: &[[f32; 4]]) -> Result<Vec<State>> {
+    scene.groups.iter().map(|g| gpu.upload("state", &state[g.start..g.start + g.n as usize])).collect()
+}

@@ -1,0 +1,87 @@
+//! Steps that are looked at: with the time of every pass, or with one dispatch taken out.
+
+use super::{Results, Step, Trainer};
+use crate::error::Result;
+use crate::gpu::{Dispatch, PassTime};
+use crate::scene::View;
+use crate::scene::capture::Picture;
+use crate::stage::{Counters, PassReport, add_passes};
+use std::time::Instant;
+
+/// A step whose passes were timed.
+pub struct ProfiledStep {
+    /// Its passes, by label, in the order of their first.
+    pub passes: Vec<PassReport>,
+    /// Each pass.
+    pub times: Vec<PassTime>,
+    /// What the passes had to do.
+    pub counters: Counters,
+    /// What the host did: name, when it began, seconds.
+    pub host: Vec<(&'static str, Instant, f64)>,
+}
+
+impl Trainer {
+    /// As [`Trainer::train`], but waits for the end and gives the time of every pass; the counting that follows is not in
+    /// the times.
+    ///
+    /// # Errors
+    /// As [`Trainer::train`].
+    #[tracing::instrument(level = "debug", name = "step", skip_all, fields(step = self.step + 1))]
+    pub fn profile(&mut self, camera: usize, view: &View, picture: &Picture) -> Result<ProfiledStep> {
+        self.finish()?;
+        let mut host = Vec::new();
+        let mut begun = Instant::now();
+        let mut done = |what| {
+            host.push((what, begun, begun.elapsed().as_secs_f64()));
+            begun = Instant::now();
+        };
+        let mut inputs = self.inputs(camera, view, picture)?;
+        done("upload images");
+        loop {
+            let (rec, results) = self.record(&inputs)?;
+            done("record");
+            let step = Step { inputs, running: self.gpu.start_timed(&rec)?, results };
+            self.step = step.inputs.step;
+            let times = match step.running.wait() {
+                Ok(times) => times,
+                Err(error) => {
+                    // It may have moved the scene.
+                    self.in_flight.push_back(step);
+                    return Err(error);
+                }
+            };
+            done("submit and wait");
+            let is_complete = self.end(&step.inputs, &step.results)?;
+            done("read back");
+            inputs = step.inputs;
+            if !is_complete {
+                continue;
+            }
+            let n_pixels = view.width * view.height;
+            let Results { lists, n_tiles, .. } = &step.results;
+            let counters = match &self.work {
+                Some(work) => Counters::read(&self.gpu, work, &self.scene, lists, *n_tiles, n_pixels)?,
+                None => Counters::default(),
+            };
+            let passes = add_passes(Vec::new(), &rec, &times, &counters);
+            return Ok(ProfiledStep { passes, times, counters, host });
+        }
+    }
+
+    /// As [`Trainer::train`], but waits for the end and gives the step's first dispatch of a kernel, with what it worked on.
+    ///
+    /// # Errors
+    /// As [`Trainer::train`].
+    pub fn dump(&mut self, camera: usize, view: &View, picture: &Picture, kernel: &str) -> Result<Option<Dispatch>> {
+        self.finish()?;
+        let inputs = self.inputs(camera, view, picture)?;
+        loop {
+            let (rec, results) = self.record(&inputs)?;
+            let dispatch = self.gpu.run_dumping(rec, kernel)?;
+            if self.end(&inputs, &results)? {
+                self.step = inputs.step;
+                return Ok(dispatch);
+            }
+        }
+    }
+}

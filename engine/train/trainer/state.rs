@@ -1,0 +1,153 @@
+//! The state of a run: taken out as a checkpoint or as Gaussians, and put back.
+
+use super::{Step, Trainer, upload_state};
+use crate::error::Result;
+use crate::gpu::generated::Status;
+use crate::gpu::{Gpu, Recording};
+use crate::scene::{Similarity, Splats};
+use crate::settings::Constants;
+use crate::stage::{AdamMode, Moments, Optimiser, Purpose, SceneBuffers, lazy_sums};
+use crate::train::checkpoint::{Checkpoint, Owed};
+use crate::train::config::Config;
+use crate::train::schedule::rates;
+use crate::train::setup::Setup;
+use std::sync::Arc;
+
+impl Trainer {
+    /// Goes on from `checkpoint`; the steps that follow give the bits that they would have given without it.
+    ///
+    /// # Errors
+    /// As [`Trainer::new`].
+    pub fn resume(gpu: Arc<Gpu>, checkpoint: &Checkpoint, constants: Constants, setup: Setup) -> Result<Self> {
+        let Checkpoint { step, total, config, origin, params, first, second, state, cameras, owed, .. } = checkpoint;
+        let setup = Setup { has_grid: cameras.has_grid.clone(), ..setup };
+        let mut trainer = Self::begin(gpu, params, constants, config.clone(), *total, setup)?;
+        trainer.objective.cameras.restore(&trainer.gpu, cameras)?;
+        trainer.scene.origin = *origin;
+        trainer.optimiser.moments = Moments::upload(&trainer.gpu, &trainer.scene, first, second, config.moment_bits)?;
+        trainer.optimiser.state = upload_state(&trainer.gpu, &trainer.scene, state)?;
+        // Density control that is still due runs before the next step.
+        (trainer.step, trainer.controlled) = (*step, if owed.density { step.saturating_sub(1) } else { *step });
+        Ok(trainer)
+    }
+
+    /// Everything that [`Trainer::resume`] needs, after the steps that were handed over and the density control due.
+    /// Its `world` is the caller's to set.
+    ///
+    /// # Errors
+    /// As [`Trainer::train`].
+    #[tracing::instrument(level = "info", name = "checkpoint", skip_all)]
+    pub fn checkpoint(&mut self) -> Result<Checkpoint> {
+        self.finish()?;
+        self.snapshot()
+    }
+
+    /// After an error that left the device alive: everything after the last step that ended well, with what was due
+    /// after it and has not been done. Frees the memory of a step first, for the reading. To be used once, as the last
+    /// thing before the trainer is dropped or replaced.
+    ///
+    /// # Errors
+    /// Those of the device, which may be lost or still without memory.
+    pub fn rescue(&mut self) -> Result<Checkpoint> {
+        while let Some(step) = self.in_flight.front() {
+            step.running.wait()?;
+            let Some(Step { inputs, results, .. }) = self.in_flight.pop_front() else { break };
+            if !matches!(self.end(&inputs, &results), Ok(true)) {
+                // Those behind it have done nothing.
+                self.step = inputs.step - 1;
+                self.in_flight.clear();
+            }
+        }
+        self.work = None;
+        let owed = Owed { density: self.due_round().is_some() && self.controlled != self.step, ..Owed::default() };
+        Ok(Checkpoint { owed, ..self.snapshot()? })
+    }
+
+    /// What the device holds.
+    fn snapshot(&self) -> Result<Checkpoint> {
+        let (first, second) = self.optimiser.moments.download(&self.gpu, &self.scene)?;
+        Ok(Checkpoint {
+            step: self.step,
+            total: self.total,
+            config: self.config.clone(),
+            world: Similarity::default(),
+            origin: self.scene.origin,
+            params: self.scene.download(&self.gpu, self.scene.groups.iter().map(|g| &g.params))?,
+            first,
+            second,
+            state: self.state()?,
+            cameras: self.objective.cameras.state(&self.gpu)?,
+            owed: Owed::default(),
+        })
+    }
+
+    /// State of every Gaussian, see [`Optimiser::state`].
+    fn state(&self) -> Result<Vec<[f32; 4]>> {
+        let mut all = Vec::with_capacity(self.scene.n as usize);
+        for (group, buffer) in self.scene.groups.iter().zip(&self.optimiser.state) {
+            all.extend_from_slice(&self.gpu.read(buffer)?[..group.n as usize]);
+        }
+        Ok(all)
+    }
+
+    /// The Gaussians after the steps that were handed over and the density control due, in the frame of the views it is trained on.
+    ///
+    /// # Errors
+    /// As [`Trainer::train`].
+    pub fn splats(&mut self) -> Result<Splats> {
+        self.finish()?;
+        let mut splats = self.download_current()?;
+        let origin = self.scene.origin;
+        for p in &mut splats.position {
+            *p = std::array::from_fn(|k| (f64::from(p[k]) + origin[k]) as f32);
+        }
+        Ok(splats)
+    }
+
+    /// The parameters, caught up with the steps that lazy Adam still owes. On a copy: when the run is looked at must not
+    /// change its bits.
+    fn download_current(&self) -> Result<Splats> {
+        let splats = self.scene.download(&self.gpu, self.scene.groups.iter().map(|g| &g.params))?;
+        if self.config.adam != AdamMode::Lazy {
+            return Ok(splats);
+        }
+        let (first, second) = self.optimiser.moments.download(&self.gpu, &self.scene)?;
+        let scene = SceneBuffers::upload(&self.gpu, &splats, &self.constants, Purpose::Training)?;
+        let moments = Moments::upload(&self.gpu, &scene, &first, &second, self.config.moment_bits)?;
+        let state = upload_state(&self.gpu, &scene, &self.state()?)?;
+        let sums = lazy_sums(|step| rates(&self.config, step, self.total, self.setup.extent.radius), self.total);
+        let copy = Optimiser::new(&self.gpu, moments, state, AdamMode::Lazy, &sums)?;
+        self.gpu.write(&copy.params, &[self.adam_params(self.step.max(1))])?;
+        let mut rec = Recording::new();
+        copy.record_catch_up_all(&mut rec, &scene, &self.gpu.upload("status", &[Status::default()])?, self.step);
+        self.gpu.run(&rec)?;
+        scene.download(&self.gpu, scene.groups.iter().map(|g| &g.params))
+    }
+
+    /// Goes on from `checkpoint`, one of this run at its present step whose Gaussians or cameras have been changed.
+    ///
+    /// # Errors
+    /// As [`Trainer::new`].
+    pub fn replace(&mut self, checkpoint: &Checkpoint) -> Result<()> {
+        let reports = std::mem::take(&mut self.reports);
+        // Two scenes need not fit the device.
+        self.work = None;
+        *self = Self::resume(self.gpu.clone(), checkpoint, self.constants, self.setup.clone())?;
+        self.reports = reports;
+        Ok(())
+    }
+
+    /// Goes on to `total` steps with the settings `config`. All that depends on how far the run is (learning rates, the degree of
+    /// the spherical harmonics, density control, the pictures' size, reviews) is from here on as at this step of a run of
+    /// `total` steps.
+    ///
+    /// # Errors
+    /// As [`Trainer::train`].
+    pub fn extend(&mut self, config: Config, total: u64) -> Result<()> {
+        self.finish()?;
+        // The steps that are owed are of the rates so far.
+        self.catch_up()?;
+        let checkpoint = Checkpoint { config, total, ..self.checkpoint()? };
+        self.replace(&checkpoint)
+    }
+}

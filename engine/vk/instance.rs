@@ -1,0 +1,243 @@
+//! The instance, the devices that it sees, and the choice among them.
+
+use super::caps::{Caps, DeviceKind};
+use super::debug::{Validation, messenger_info};
+use super::probe::Answers;
+use super::vk_error;
+use crate::error::{Error, Result};
+use ash::{Entry, ext, vk};
+use std::ffi::CStr;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+const VALIDATION_LAYER: &CStr = c"VK_LAYER_KHRONOS_validation";
+
+/// Which device to take and how to watch it.
+#[derive(Clone, Debug, Default)]
+pub struct DeviceChoice {
+    /// Index in [`list_devices`]'s order or part of a name; empty prefers a GPU and takes a CPU device as the last.
+    pub device: Option<String>,
+    /// Turn the validation layer on; an error if it is not installed.
+    pub validation: bool,
+    /// Let it check synchronisation as well.
+    pub sync_validation: bool,
+    /// Do without push descriptors even where they exist, to test the other path.
+    pub no_push_descriptors: bool,
+    /// Where compiled pipelines are kept between runs.
+    pub pipeline_cache: Option<PathBuf>,
+    /// Instance extensions for the surfaces of windows; where there are any, the device can show pictures in them.
+    pub surface: Vec<&'static CStr>,
+}
+
+pub(super) struct Instance {
+    pub(super) raw: ash::Instance,
+    messenger: Option<(ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
+    // Boxed: the messenger holds its address.
+    pub(super) validation: Arc<Validation>,
+    pub(super) has_debug_utils: bool,
+    // Last: the loader's library must outlive everything made from it.
+    #[cfg_attr(not(feature = "play"), expect(dead_code, reason = "it is held; surfaces are made from it too"))]
+    pub(super) entry: Entry,
+}
+
+impl Drop for Instance {
+    fn drop(&mut self) {
+        // SAFETY: devices hold an `Arc` of this instance, so none is left.
+        unsafe {
+            if let Some((debug, messenger)) = self.messenger.take() {
+                debug.destroy_debug_utils_messenger(messenger, None);
+            }
+            self.raw.destroy_instance(None);
+        }
+    }
+}
+
+impl Instance {
+    pub(super) fn new(choice: &DeviceChoice) -> Result<Arc<Self>> {
+        let no_loader = |reason: String| Error::NoDevice {
+            reason,
+            remedy: "install the Vulkan loader and a driver (Debian: libvulkan1 mesa-vulkan-drivers)".to_owned(),
+        };
+        // The loader says that memory is short, too, when it cannot parse the file of a driver.
+        let no_driver = |what: &str, fault: vk::Result| Error::NoDevice {
+            reason: format!(
+                "the Vulkan loader cannot list its {what} ({fault:?}): the file of a driver may be damaged"
+            ),
+            remedy: "check that the files named by VK_DRIVER_FILES or VK_ICD_FILENAMES, or those in \
+                     /usr/share/vulkan/icd.d, are the JSON that came with the drivers"
+                .to_owned(),
+        };
+        // SAFETY: loading the system's Vulkan library runs its initialisers, which are trusted.
+        let entry = unsafe { Entry::load() }.map_err(|e| no_loader(e.to_string()))?;
+        // SAFETY: plain queries.
+        let (layers, extensions) = unsafe {
+            (
+                entry.enumerate_instance_layer_properties().map_err(|e| no_driver("layers", e))?,
+                entry.enumerate_instance_extension_properties(None).map_err(|e| no_driver("extensions", e))?,
+            )
+        };
+        let named = |name: &vk::ExtensionProperties, wanted: &CStr| name.extension_name_as_c_str() == Ok(wanted);
+        let mut has_debug_utils = extensions.iter().any(|e| named(e, ext::debug_utils::NAME));
+        let wants_validation = choice.validation || choice.sync_validation;
+        if wants_validation {
+            if !layers.iter().any(|l| l.layer_name_as_c_str() == Ok(VALIDATION_LAYER)) {
+                return Err(Error::NoDevice {
+                    reason: "the validation layer was asked for and is not installed".to_owned(),
+                    remedy: "install it (Debian: vulkan-validationlayers) or run without it".to_owned(),
+                });
+            }
+            has_debug_utils = true;
+        }
+        let layer_names: Vec<_> = wants_validation.then_some(VALIDATION_LAYER.as_ptr()).into_iter().collect();
+        let debug_utils = has_debug_utils.then_some(&ext::debug_utils::NAME);
+        let extension_names: Vec<_> =
+            debug_utils.into_iter().chain(&choice.surface).map(|name| name.as_ptr()).collect();
+        let application = vk::ApplicationInfo::default()
+            .application_name(c"ivv")
+            .engine_name(c"ivv")
+            .api_version(vk::API_VERSION_1_2);
+        let validation = Arc::new(Validation::default());
+        let mut messenger_create = messenger_info(&validation);
+        let checks = [vk::ValidationFeatureEnableEXT::SYNCHRONIZATION_VALIDATION];
+        let mut features = vk::ValidationFeaturesEXT::default().enabled_validation_features(&checks);
+        let mut info = vk::InstanceCreateInfo::default()
+            .application_info(&application)
+            .enabled_layer_names(&layer_names)
+            .enabled_extension_names(&extension_names);
+        if wants_validation {
+            info = info.push_next(&mut messenger_create);
+        }
+        if choice.sync_validation {
+            info = info.push_next(&mut features);
+        }
+        // SAFETY: every pointer in `info` outlives the call; `validation` outlives the instance (it is dropped after).
+        let raw = unsafe { entry.create_instance(&info, None) }.map_err(|e| match e {
+            vk::Result::ERROR_OUT_OF_HOST_MEMORY => no_driver("drivers", e),
+            e => no_loader(format!("{e:?}")),
+        })?;
+        let messenger = if wants_validation {
+            let debug = ext::debug_utils::Instance::new(&entry, &raw);
+            // SAFETY: as above.
+            let messenger = unsafe { debug.create_debug_utils_messenger(&messenger_info(&validation), None) }
+                .map_err(vk_error("vkCreateDebugUtilsMessengerEXT"))?;
+            Some((debug, messenger))
+        } else {
+            None
+        };
+        Ok(Arc::new(Instance { raw, messenger, validation, has_debug_utils, entry }))
+    }
+
+    /// Usable devices with their capabilities, and the reasons against the others, in the loader's order.
+    pub(super) fn devices(&self) -> Result<Vec<(vk::PhysicalDevice, std::result::Result<Found, String>)>> {
+        // SAFETY: plain query.
+        let all = unsafe { self.raw.enumerate_physical_devices() }.map_err(|e| Error::NoDevice {
+            reason: format!("vkEnumeratePhysicalDevices: {e:?}"),
+            remedy: "install a Vulkan driver (Debian: mesa-vulkan-drivers)".to_owned(),
+        })?;
+        Ok(all.into_iter().map(|physical| (physical, Found::probe(&self.raw, physical))).collect())
+    }
+}
+
+/// A device that can run the engine.
+pub(super) struct Found {
+    pub(super) queue_family: u32,
+    pub(super) caps: Caps,
+}
+
+impl Found {
+    /// `physical`, or the reason why it cannot run the engine.
+    fn probe(instance: &ash::Instance, physical: vk::PhysicalDevice) -> std::result::Result<Self, String> {
+        let answers = Answers::of(instance, physical)?;
+        Ok(Found { queue_family: answers.usable_family()?, caps: answers.caps() })
+    }
+}
+
+/// The devices of this machine: capabilities, or the reason why one cannot run the engine.
+pub fn list_devices() -> Result<Vec<std::result::Result<Caps, String>>> {
+    let instance = Instance::new(&DeviceChoice::default())?;
+    Ok(instance.devices()?.into_iter().map(|(_, found)| found.map(|f| f.caps)).collect())
+}
+
+/// Index and reason of the device that `wanted` picks among `devices`.
+pub(super) fn pick(devices: &[std::result::Result<&Caps, &String>], wanted: Option<&str>) -> Result<(usize, String)> {
+    let listed = || {
+        devices
+            .iter()
+            .enumerate()
+            .map(|(i, d)| match d {
+                Ok(caps) => format!("{i}: {}", caps.name),
+                Err(why) => format!("{i}: unusable ({why})"),
+            })
+            .collect::<Vec<_>>()
+            .join("; ")
+    };
+    let usable = devices.iter().enumerate().filter_map(|(i, d)| d.ok().map(|caps| (i, caps)));
+    if let Some(wanted) = wanted {
+        let found = match wanted.parse::<usize>() {
+            Ok(index) => usable.clone().find(|(i, _)| *i == index),
+            Err(_) => {
+                let lower = wanted.to_lowercase();
+                usable.clone().find(|(_, caps)| caps.name.to_lowercase().contains(&lower))
+            }
+        };
+        return found.map(|(i, _)| (i, "asked for".to_owned())).ok_or_else(|| Error::NoDevice {
+            reason: format!("`{wanted}` matches none of: {}", listed()),
+            remedy: "give an index or part of a name from `ivv devices`".to_owned(),
+        });
+    }
+    usable
+        .min_by_key(|(i, caps)| (caps.kind, *i))
+        .map(|(i, caps)| {
+            let why = if caps.kind == DeviceKind::Cpu { "no GPU was found" } else { "a GPU is preferred" };
+            (i, why.to_owned())
+        })
+        .ok_or_else(|| Error::NoDevice {
+            reason: if devices.is_empty() { "the loader lists none".to_owned() } else { listed() },
+            remedy: "install a Vulkan 1.2 driver (Debian: mesa-vulkan-drivers)".to_owned(),
+        })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn caps(name: &str, kind: DeviceKind) -> Caps {
+        Caps {
+            name: name.to_owned(),
+            driver: String::new(),
+            api: "1.2.0".to_owned(),
+            kind,
+            subgroup_size: 8,
+            subgroup_min: 8,
+            subgroup_max: 8,
+            subgroup_pinned: true,
+            max_workgroup: 256,
+            max_groups: 65535,
+            max_shared_bytes: 32768,
+            max_binding_bytes: 1 << 27,
+            max_allocation_bytes: 1 << 31,
+            heap_bytes: 1 << 31,
+            storage_alignment: 16,
+            timestamp_ns: 1.0,
+            push_descriptors: true,
+            float_atomics: false,
+            int64_atomics: false,
+            float16: false,
+        }
+    }
+
+    #[test]
+    fn a_gpu_is_preferred_and_a_cpu_taken_when_named_or_alone() {
+        let (cpu, gpu) = (caps("llvmpipe", DeviceKind::Cpu), caps("Radeon", DeviceKind::DiscreteGpu));
+        let bad = "old".to_owned();
+        let devices = [Ok(&cpu), Err(&bad), Ok(&gpu)];
+        assert_eq!(pick(&devices, None).unwrap().0, 2);
+        assert_eq!(pick(&devices, Some("llvm")).unwrap().0, 0);
+        assert_eq!(pick(&devices, Some("0")).unwrap().0, 0);
+        assert_eq!(pick(&devices[..2], None).unwrap(), (0, "no GPU was found".to_owned()));
+        for (devices, wanted) in [(&devices[..], Some("1")), (&devices[..], Some("arc")), (&devices[1..2], None)] {
+            let error = pick(devices, wanted).unwrap_err();
+            assert_eq!(error.exit_code(), 4, "{error}");
+        }
+    }
+}

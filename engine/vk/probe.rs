@@ -1,0 +1,164 @@
+//! What Vulkan says of a device, and what of it the engine needs.
+
+use super::caps::{Caps, kind_of};
+use ash::{ext, khr, vk};
+use std::ffi::{CStr, FromBytesUntilNulError};
+
+/// Operations of subgroups that kernels use.
+const SUBGROUP_OPERATIONS: vk::SubgroupFeatureFlags = vk::SubgroupFeatureFlags::from_raw(
+    vk::SubgroupFeatureFlags::BASIC.as_raw()
+        | vk::SubgroupFeatureFlags::VOTE.as_raw()
+        | vk::SubgroupFeatureFlags::ARITHMETIC.as_raw()
+        | vk::SubgroupFeatureFlags::BALLOT.as_raw()
+        | vk::SubgroupFeatureFlags::SHUFFLE.as_raw(),
+);
+
+/// Answers of a device to all that the engine asks. What belongs to an extension that it lacks is zero.
+pub(super) struct Answers {
+    name: String,
+    extensions: Vec<vk::ExtensionProperties>,
+    core: vk::PhysicalDeviceProperties,
+    subgroup: vk::PhysicalDeviceSubgroupProperties<'static>,
+    sizes: vk::PhysicalDeviceSubgroupSizeControlProperties<'static>,
+    driver: vk::PhysicalDeviceDriverProperties<'static>,
+    maintenance3: vk::PhysicalDeviceMaintenance3Properties<'static>,
+    v12: vk::PhysicalDeviceVulkan12Features<'static>,
+    size_control: vk::PhysicalDeviceSubgroupSizeControlFeatures<'static>,
+    atomics: vk::PhysicalDeviceShaderAtomicFloatFeaturesEXT<'static>,
+    memory: vk::PhysicalDeviceMemoryProperties,
+    queue_family: Option<usize>,
+}
+
+impl Answers {
+    /// Asks `physical`; the reason where it is too old to answer.
+    pub(super) fn of(instance: &ash::Instance, physical: vk::PhysicalDevice) -> Result<Self, String> {
+        // SAFETY: plain queries.
+        let (extensions, core) = unsafe {
+            (
+                instance.enumerate_device_extension_properties(physical).map_err(|e| format!("{e:?}"))?,
+                instance.get_physical_device_properties(physical),
+            )
+        };
+        let name = core.device_name_as_c_str().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+        if core.api_version < vk::API_VERSION_1_2 {
+            return Err(format!("{name}: Vulkan 1.2 is needed"));
+        }
+        let mut answers = Answers {
+            name,
+            extensions,
+            core,
+            subgroup: Default::default(),
+            sizes: Default::default(),
+            driver: Default::default(),
+            maintenance3: Default::default(),
+            v12: Default::default(),
+            size_control: Default::default(),
+            atomics: Default::default(),
+            memory: Default::default(),
+            queue_family: None,
+        };
+        let (has_size_control, has_float_atomics) = (answers.has_size_control(), answers.has_float_atomics());
+        let mut properties = vk::PhysicalDeviceProperties2::default()
+            .push_next(&mut answers.subgroup)
+            .push_next(&mut answers.driver)
+            .push_next(&mut answers.maintenance3);
+        if has_size_control {
+            properties = properties.push_next(&mut answers.sizes);
+        }
+        let mut features = vk::PhysicalDeviceFeatures2::default().push_next(&mut answers.v12);
+        if has_size_control {
+            features = features.push_next(&mut answers.size_control);
+        }
+        if has_float_atomics {
+            features = features.push_next(&mut answers.atomics);
+        }
+        // SAFETY: plain queries into structs that live until the calls return; nobody follows their chains afterwards.
+        let families = unsafe {
+            instance.get_physical_device_properties2(physical, &mut properties);
+            instance.get_physical_device_features2(physical, &mut features);
+            answers.memory = instance.get_physical_device_memory_properties(physical);
+            instance.get_physical_device_queue_family_properties(physical)
+        };
+        answers.queue_family = families.iter().position(|f| f.queue_flags.contains(vk::QueueFlags::COMPUTE));
+        Ok(answers)
+    }
+
+    fn has(&self, extension: &CStr) -> bool {
+        self.extensions.iter().any(|e| e.extension_name_as_c_str() == Ok(extension))
+    }
+
+    fn has_size_control(&self) -> bool {
+        self.has(ext::subgroup_size_control::NAME)
+    }
+
+    fn has_float_atomics(&self) -> bool {
+        self.has(ext::shader_atomic_float::NAME)
+    }
+
+    /// Whether subgroups of one size can be asked for.
+    fn pins_subgroups(&self) -> bool {
+        self.has_size_control()
+            && self.size_control.subgroup_size_control == vk::TRUE
+            && self.size_control.compute_full_subgroups == vk::TRUE
+            && self.sizes.required_subgroup_size_stages.contains(vk::ShaderStageFlags::COMPUTE)
+    }
+
+    /// The family of queues that compute; the first reason why the engine cannot run.
+    pub(super) fn usable_family(&self) -> Result<u32, String> {
+        let Answers { name, subgroup, sizes, v12, .. } = self;
+        let family = self.queue_family.ok_or_else(|| format!("{name}: no compute queue"))?;
+        if !subgroup.supported_operations.contains(SUBGROUP_OPERATIONS)
+            || !subgroup.supported_stages.contains(vk::ShaderStageFlags::COMPUTE)
+        {
+            return Err(format!("{name}: subgroup vote, arithmetic, ballot and shuffle are needed in compute"));
+        }
+        if !(4..=64).contains(&subgroup.subgroup_size) {
+            return Err(format!("{name}: subgroups of {} lanes; 4 to 64 are supported", subgroup.subgroup_size));
+        }
+        if v12.timeline_semaphore == vk::FALSE {
+            return Err(format!("{name}: timeline semaphores are needed"));
+        }
+        if !self.pins_subgroups() && sizes.min_subgroup_size != sizes.max_subgroup_size {
+            return Err(format!("{name}: its subgroup size varies and cannot be pinned"));
+        }
+        Ok(family as u32)
+    }
+
+    /// What of it the engine cares about.
+    pub(super) fn caps(&self) -> Caps {
+        let Answers { core, subgroup, sizes, driver, v12, .. } = self;
+        let (limits, api) = (&core.limits, core.api_version);
+        let text = |name: Result<&CStr, FromBytesUntilNulError>| {
+            name.map(|n| n.to_string_lossy().into_owned()).unwrap_or_default()
+        };
+        let has_timestamps = limits.timestamp_compute_and_graphics == vk::TRUE;
+        let (subgroup_size, has_size_control) = (subgroup.subgroup_size, self.has_size_control());
+        Caps {
+            name: self.name.clone(),
+            driver: format!("{} {}", text(driver.driver_name_as_c_str()), text(driver.driver_info_as_c_str())),
+            api: format!(
+                "{}.{}.{}",
+                vk::api_version_major(api),
+                vk::api_version_minor(api),
+                vk::api_version_patch(api)
+            ),
+            kind: kind_of(core.device_type),
+            subgroup_size,
+            subgroup_min: if has_size_control { sizes.min_subgroup_size } else { subgroup_size },
+            subgroup_max: if has_size_control { sizes.max_subgroup_size } else { subgroup_size },
+            subgroup_pinned: self.pins_subgroups(),
+            max_workgroup: limits.max_compute_work_group_invocations,
+            max_groups: limits.max_compute_work_group_count[0],
+            max_shared_bytes: limits.max_compute_shared_memory_size,
+            max_binding_bytes: u64::from(limits.max_storage_buffer_range),
+            max_allocation_bytes: self.maintenance3.max_memory_allocation_size,
+            heap_bytes: self.memory.memory_heaps_as_slice().iter().map(|h| h.size).max().unwrap_or(0),
+            storage_alignment: limits.min_storage_buffer_offset_alignment.max(16),
+            timestamp_ns: if has_timestamps { limits.timestamp_period } else { 0.0 },
+            push_descriptors: self.has(khr::push_descriptor::NAME),
+            float_atomics: self.has_float_atomics() && self.atomics.shader_buffer_float32_atomic_add == vk::TRUE,
+            int64_atomics: v12.shader_buffer_int64_atomics == vk::TRUE,
+            float16: v12.shader_float16 == vk::TRUE,
+        }
+    }
+}

@@ -1,0 +1,275 @@
+//! What comes along with a source's pictures: priors, points of frames, the cameras' clocks, sound and keypoints.
+
+use std::path::Path;
+
+use image::ExtendedColorType;
+use ivv::prepare::PrepareSettings;
+use ivv::scene::capture::{Capture, FramePoint, Manifest};
+use ivv::scene::prior::{read_depth, read_flow, write_depth, write_flow};
+use ivv::scene::{SeenPoint, write_points};
+use serde_json::json;
+
+use super::sources::IDENTITY;
+use super::{done, open, run, settings};
+use crate::capture::model::{Model, binary};
+use crate::capture::{Folder, assert_told, dynamic, encode, png};
+
+/// The project's own folder whose lens distorts: what was estimated from the pictures is undistorted with them.
+#[test]
+fn priors_of_a_capture_folder_are_undistorted() {
+    let folder = Folder::new("prepare-priors");
+    let model = Model {
+        cameras: vec![(1, 2, "SIMPLE_RADIAL", 64, 48, vec![50.0, 32.0, 24.0, 0.3])],
+        images: vec![
+            (1, IDENTITY, [0.0, 0.0, 4.0], 1, "a/00000.png", vec![]),
+            (2, IDENTITY, [1.0, 0.0, 4.0], 1, "b/00000.png", vec![]),
+        ],
+        points: vec![],
+    };
+    let [cameras, images, _] = binary(&model);
+    folder.write("source/sparse/0/cameras.bin", cameras);
+    folder.write("source/sparse/0/images.bin", images);
+    let manifest = Manifest { fps: 12.0, frames: 2, masks: true, covisible: true, ..Manifest::default() };
+    let manifest = Manifest { flow: true, depth: true, ..manifest };
+    manifest.write(&folder.0.join("source")).unwrap();
+    sequence_of_folder(&folder);
+    let settings = settings(&folder);
+    let capture = open(&settings);
+    assert_eq!((capture.fps, capture.n_frames), (12.0, 2));
+    let camera = &capture.cameras[0];
+    let (width, height) = (camera.width, camera.height);
+    // Pincushion distortion leaves less than the picture.
+    assert!(width < 64 && height < 48 && width > 40, "{width} x {height}");
+    let shot = &camera.shots[0];
+    let flow = read_flow(shot.flow.as_ref().unwrap(), width, height).unwrap();
+    let depth = read_depth(shot.depth.as_ref().unwrap(), width, height).unwrap();
+    // At the centre the lens does nothing; towards the border the picture is compressed, and flow with it.
+    let index = |column: u32, row: u32| (row * width + column) as usize;
+    let (center, right) = (index(camera.cx as u32, height / 2), index(width - 4, height / 2));
+    assert!((flow[center][0] - 1.0).abs() < 0.01, "{:?}", flow[center]);
+    assert!(flow[right][0] < 0.9 && flow[right][0] > 0.6, "{:?}", flow[right]);
+    assert!(depth.iter().all(|z| [2.0, 3.0].contains(z)) && depth.contains(&2.0) && depth.contains(&3.0));
+    assert!(camera.shots[1].flow.is_none(), "the last frame leads nowhere");
+    assert!(shot.mask.is_some());
+    let covisible = capture.covisible(0, 0).unwrap().unwrap();
+    let is_left = |pixel: usize| ((pixel % width as usize) as f64) < camera.cx - 0.5;
+    assert!(covisible.len() == (width * height) as usize);
+    assert!(covisible.iter().enumerate().all(|(pixel, seen)| *seen == is_left(pixel)));
+    let scaled = PrepareSettings { scale: 0.5, output: folder.0.join("scaled"), ..settings };
+    let capture = open(&scaled);
+    let (camera, shot) = (&capture.cameras[0], &capture.cameras[0].shots[0]);
+    assert!(camera.width.abs_diff(width / 2) <= 1 && camera.height.abs_diff(height / 2) <= 1);
+    let flow = read_flow(shot.flow.as_ref().unwrap(), camera.width, camera.height).unwrap();
+    let center = flow[(camera.height / 2 * camera.width + camera.cx as u32) as usize];
+    assert!((center[0] - 0.5).abs() < 0.01, "{center:?}");
+    let depth = read_depth(shot.depth.as_ref().unwrap(), camera.width, camera.height).unwrap();
+    assert!(depth.iter().all(|z| [2.0, 3.0].contains(z)) && depth.contains(&2.0) && depth.contains(&3.0));
+}
+
+/// Flow is in pixels of its picture, depth is not; an unknown flow stays one, and no more are.
+#[test]
+fn priors_of_a_capture_folder_are_scaled_and_cut_with_its_pictures() {
+    let folder = Folder::new("prepare-scaled");
+    let is_known = |flow: &[f32; 2]| flow.iter().all(|v| v.abs() < 1e9);
+    let flow_at = |column: u32, row: u32| [0.1 * column as f32, 3.0 - 0.05 * row as f32];
+    let model = |width: u32| Model {
+        cameras: vec![(1, 1, "PINHOLE", width.into(), 48, vec![50.0, 50.0, f64::from(width) / 2.0, 24.0])],
+        images: vec![
+            (1, IDENTITY, [0.0, 0.0, 4.0], 1, "a/00000.png", vec![]),
+            (2, IDENTITY, [1.0, 0.0, 4.0], 1, "b/00000.png", vec![]),
+        ],
+        points: vec![],
+    };
+    let write_model = |width: u32| {
+        let [cameras, images, _] = binary(&model(width));
+        folder.write("source/sparse/0/cameras.bin", cameras);
+        folder.write("source/sparse/0/images.bin", images);
+    };
+    write_model(64);
+    Manifest { fps: 30.0, frames: 3, flow: true, depth: true, ..Manifest::default() }
+        .write(&folder.0.join("source"))
+        .unwrap();
+    let pixels = || (0..64 * 48_u32).map(|i| (i % 64, i / 64));
+    let mut flow: Vec<[f32; 2]> = pixels().map(|(column, row)| flow_at(column, row)).collect();
+    flow[20 * 64 + 31] = [1e10; 2];
+    let depth: Vec<f32> = (0..64 * 48_u32).map(|i| 1.0 + i as f32).collect();
+    for (camera, frame) in [("a", 0), ("a", 1), ("a", 2), ("b", 0), ("b", 1), ("b", 2)] {
+        let path = |kind: &str, ending: &str| format!("source/{kind}/{camera}/{frame:05}.{ending}");
+        let bars = pixels().flat_map(|(_, row)| if (1..46).contains(&row) { [200, 100, 50] } else { [0; 3] });
+        folder.write(&path("images", "png"), encode(&bars.collect::<Vec<_>>(), 64, 48, ExtendedColorType::Rgb8));
+        write_flow(&folder.write(&path("flow", "flo"), ""), &flow, 64, 48).unwrap();
+        write_depth(&folder.write(&path("depth", "npy"), ""), &depth, 64, 48).unwrap();
+    }
+    let priors = |settings: &PrepareSettings| {
+        let capture = open(settings);
+        let (camera, shot) = (&capture.cameras[0], &capture.cameras[0].shots[0]);
+        let (width, height) = (camera.width, camera.height);
+        let flow = read_flow(shot.flow.as_ref().unwrap(), width, height).unwrap();
+        (width, height, flow, read_depth(shot.depth.as_ref().unwrap(), width, height).unwrap())
+    };
+
+    let whole = settings(&folder);
+    let (width, height, same, same_depth) = priors(&whole);
+    assert!((width, height) == (64, 48) && same_depth == depth);
+    let is_same = |(a, b): (&[f32; 2], &[f32; 2])| if is_known(b) { a == b } else { !is_known(a) };
+    assert!(same.iter().zip(&flow).all(is_same), "nothing to do: to the bit");
+    let half = PrepareSettings { scale: 0.5, output: folder.0.join("half"), ..whole.clone() };
+    let (width, height, halved, half_depth) = priors(&half);
+    assert_eq!((width, height), (32, 24));
+    for (i, (found, z)) in (0_u32..).zip(halved.iter().zip(&half_depth)) {
+        let (column, row) = (i % 32, i / 32);
+        // The mean of the four pixels below one, in pixels twice as large.
+        let (first, last) = (flow_at(2 * column, 2 * row), flow_at(2 * column + 1, 2 * row + 1));
+        let expected = [0, 1].map(|axis| 0.25 * (first[axis] + last[axis]));
+        let error = (0..2).map(|axis| (found[axis] - expected[axis]).abs()).fold(0.0, f32::max);
+        assert!(if (column, row) == (15, 10) { !is_known(found) } else { error < 1e-5 }, "{column}, {row}: {found:?}");
+        let below = |dx: u32, dy: u32| depth[((2 * row + dy) * 64 + 2 * column + dx) as usize];
+        assert!([below(0, 0), below(1, 0), below(0, 1), below(1, 1)].contains(z), "{column}, {row}: {z}");
+    }
+
+    let sparse = PrepareSettings { every: 2, output: folder.0.join("sparse"), ..whole.clone() };
+    assert!(done(&sparse).notes.iter().any(|note| note.contains("flow does not skip frames")));
+    let manifest = Manifest::read(&sparse.output).unwrap();
+    assert!((manifest.frames, manifest.flow, manifest.depth) == (2, false, true));
+
+    // Pictures for a lens of 68 x 48 that were fitted into 64 x 48: 64 x 45 below a row of black.
+    write_model(68);
+    let cut = PrepareSettings { output: folder.0.join("cut"), ..whole };
+    let (width, height, cut_flow, cut_depth) = priors(&cut);
+    assert_eq!((width, height), (64, 45));
+    assert!(cut_depth == depth[64..46 * 64]);
+    let is_near = |(a, b): (&[f32; 2], &[f32; 2])| {
+        let error = (0..2).map(|axis| (a[axis] - b[axis]).abs()).fold(0.0, f32::max);
+        if is_known(b) { error < 1e-5 } else { !is_known(a) }
+    };
+    assert!(cut_flow.iter().zip(&flow[64..]).all(is_near));
+}
+
+/// A capture folder of three cameras and four frames, whose pictures and points tell their frame.
+fn capture_with_points(folder: &Folder) {
+    let camera = |id| (id, 1, "PINHOLE", 64, 48, vec![50.0, 50.0, 32.0, 24.0]);
+    let image = |id, x, name| (id, IDENTITY, [x, 0.0, 4.0], id, name, vec![]);
+    // Ids that go against the order of names.
+    let images = vec![image(3, 0.0, "a/00000.png"), image(2, 1.0, "b/00000.png"), image(1, 2.0, "c/00000.png")];
+    let model = Model { cameras: vec![camera(1), camera(2), camera(3)], images, points: vec![] };
+    let [cameras, images, _] = binary(&model);
+    folder.write("source/sparse/0/cameras.bin", cameras);
+    folder.write("source/sparse/0/images.bin", images);
+    let manifest = Manifest { fps: 30.0, frames: 4, points: true, ..Manifest::default() };
+    manifest.write(&folder.0.join("source")).unwrap();
+    for name in ["a", "b", "c"] {
+        for frame in 0..4_u32 {
+            folder.write(&format!("source/images/{name}/{frame:05}.png"), png(64, 48, frame as u8));
+        }
+    }
+    for frame in 0..4_u8 {
+        let position = [f64::from(frame), 0.5, 2.0];
+        let of_frame = [SeenPoint { position, rgb: [frame, 2, 3], camera_ids: vec![3, 2] }];
+        write_points(&folder.write(&format!("source/points/{frame:05}.ply"), ""), &of_frame).unwrap();
+    }
+}
+
+/// Points of single frames are where they were whatever size the pictures have, and are not triangulated again.
+#[test]
+fn points_of_frames_come_along() {
+    let folder = Folder::new("prepare-frame-points");
+    capture_with_points(&folder);
+    let of_source = PrepareSettings { scale: 0.5, start: 1, every: 2, triangulate: None, ..settings(&folder) };
+    let prepared = done(&of_source);
+    assert_eq!(prepared.points, [(0, 1), (1, 1)]);
+    let capture = Capture::open(&of_source.output).unwrap();
+    assert_eq!((capture.n_frames, capture.cameras[0].width), (2, 32));
+    assert_eq!((capture.points.len(), capture.points[0].position), (1, [1.0, 0.5, 2.0]));
+    for (frame, x) in [(0, 1), (1, 3)] {
+        let point = FramePoint { position: [f64::from(x), 0.5, 2.0], color: [x, 2, 3], seen_by: vec![0, 1] };
+        assert_eq!(capture.points_of(frame).unwrap(), [point]);
+    }
+    assert_eq!(run(&of_source).unwrap().1.iter().filter(|piece| piece.starts_with("points")).count(), 0);
+    let stopped = Manifest { fps: 0.0, ..Manifest::read(&of_source.source).unwrap() };
+    stopped.write(&of_source.source).unwrap();
+    let of_stopped = PrepareSettings { output: folder.0.join("stopped"), ..of_source };
+    assert_told(&run(&of_stopped).unwrap().0.report, &["has 0 frames per second, 0.0001 to 100000 are allowed"]);
+    assert!(!of_stopped.output.exists());
+}
+
+/// A camera that began earlier or later than the others shows other times, at which the points are not.
+#[test]
+fn cameras_that_did_not_begin_together_are_shifted() {
+    let folder = Folder::new("prepare-shifts");
+    capture_with_points(&folder);
+    let shift = |b, c| [("b".to_owned(), b), ("c".to_owned(), c)].into();
+    let shifted = PrepareSettings { shifts: shift(1, -1), start: 1, ..settings(&folder) };
+    let capture = open(&shifted);
+    assert_eq!((capture.n_frames, capture.has_frame_points()), (2, false));
+    for (camera, first) in [(0, 1), (1, 2), (2, 0)] {
+        for frame in 0..2 {
+            let image = std::fs::read(&capture.cameras[camera].shots[frame as usize].image).unwrap();
+            assert_eq!(image, png(64, 48, first + frame), "camera {camera}, frame {frame}");
+        }
+    }
+    // What is known of the cameras' clocks is known of the shifted ones; each other frame is taken.
+    assert!(capture.true_offsets.is_empty());
+    folder.write("source/truth.json", r#"{"seed": 3, "time_offsets_frames": {"a": 0.25, "b": -0.5}}"#);
+    let timed = PrepareSettings { every: 2, output: folder.0.join("timed"), ..shifted.clone() };
+    let offsets = open(&timed).true_offsets;
+    assert_eq!(offsets, [("a".to_owned(), 0.125), ("b".to_owned(), 0.25)].into());
+    for (text, says) in [
+        (r#"{"time_offsets_frames": {"e": 1}}"#, "time_offsets_frames: no camera is named `e`"),
+        ("{\n\"time_offsets_frames\": [1]}", "line 2: is no truth of a capture"),
+    ] {
+        folder.write("source/truth.json", text);
+        assert_told(&run(&timed).unwrap().0.report, &[says]);
+    }
+    std::fs::remove_file(folder.0.join("source/truth.json")).unwrap();
+    let unlike = PrepareSettings { shifts: shift(1, 0), ..shifted.clone() };
+    assert!(run(&unlike).unwrap_err().to_string().contains("made with other settings"));
+    let early = PrepareSettings { shifts: shift(0, -3), ..shifted.clone() };
+    assert_told(
+        &run(&early).unwrap().0.report,
+        &["camera `c`: is to begin 2 frames before its footage; give --start 3"],
+    );
+    let unknown = PrepareSettings { shifts: [("d".to_owned(), 1)].into(), ..shifted };
+    assert_told(&run(&unknown).unwrap().0.report, &["--shift: no camera is named `d`"]);
+}
+
+/// For the cameras `a` and `b`: images, masks, co-visibility of the left half, flow of one pixel to the right, depth of two
+/// planes.
+fn sequence_of_folder(folder: &Folder) {
+    let flow = vec![[1.0_f32, 0.0]; 64 * 48];
+    let depth: Vec<f32> = (0..64 * 48).map(|i| if i % 64 < 32 { 2.0 } else { 3.0 }).collect();
+    for camera in ["a", "b"] {
+        for frame in 0..2 {
+            let path = |kind: &str, ending: &str| format!("source/{kind}/{camera}/{frame:05}.{ending}");
+            folder.write(&path("images", "png"), png(64, 48, frame));
+            folder.write(&path("masks", "png"), encode(&[255; 64 * 48], 64, 48, ExtendedColorType::L8));
+            let left: Vec<u8> = (0..64 * 48).map(|i| if i % 64 < 32 { 255 } else { 0 }).collect();
+            folder.write(&path("covisible", "png"), encode(&left, 64, 48, ExtendedColorType::L8));
+            let flow_file = folder.write(&path("flow", "flo"), "");
+            write_flow(&flow_file, &flow, 64, 48).unwrap();
+            let depth_file = folder.write(&path("depth", "npy"), "");
+            write_depth(&depth_file, &depth, 64, 48).unwrap();
+        }
+    }
+}
+
+#[test]
+fn sound_and_keypoints_come_along() {
+    let folder = Folder::new("prepare-sound");
+    dynamic::write_below(&folder, "source/", 2);
+    folder.write("source/audio/room.wav", b"RIFF....WAVE");
+    let frame = |id: u32| {
+        json!({ "frame_id": id, "instances": [{ "keypoints": [[3.0, 2.0], [5.0, 1.0]], "keypoint_scores": [0.9, 0.8],
+            "bbox": [[1.0, 1.0, 5.0, 3.0]], "bbox_score": 0.5 }] })
+    };
+    folder.write("source/keypoints/2.json", json!([frame(0), frame(1)]).to_string());
+    let settings = PrepareSettings { scale: 0.5, frames: Some(1), ..settings(&folder) };
+    done(&settings);
+    assert!(Manifest::read(&settings.output).unwrap().audio);
+    let read = |path: &Path| std::fs::read(settings.output.join(path)).unwrap();
+    assert_eq!(read("audio/room.wav".as_ref()), b"RIFF....WAVE");
+    let moved: serde_json::Value = serde_json::from_slice(&read("keypoints/2.json".as_ref())).unwrap();
+    assert_eq!(moved.as_array().map(Vec::len), Some(1));
+    let instance = &moved[0]["instances"][0];
+    assert_eq!(instance["keypoints"], json!([[1.5, 1.0], [2.5, 0.5]]));
+    assert_eq!((&instance["keypoint_scores"], &instance["bbox"]), (&json!([0.9, 0.8]), &json!([[0.5, 0.5, 2.5, 1.5]])));
+}
