@@ -225,7 +225,7 @@ impl Film {
             fy: self.focal,
             cx: 0.5 * f64::from(width),
             cy: 0.5 * f64::from(height),
-            world_to_camera: pose.world_to_camera(),
+            world_to_camera: pose.world_to_camera().rows(),
             time,
             time_offset: 0.0,
             flow_dt: self.clip.map_or(1.0, |(_, n_frames)| 1.0 / f64::from(n_frames)),

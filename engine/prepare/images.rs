@@ -17,9 +17,10 @@ use super::video::{self, Selection, Video};
 use crate::error::{Error, Result};
 use crate::files::{open_file, write_atomic};
 use crate::parallel::in_parallel;
-use crate::scene::capture::{Faults, Pose, RATES, Shot, alpha_of, decode_image, read_size};
+use crate::scene::capture::{Faults, RATES, Shot, alpha_of, decode_image, read_size};
 use crate::scene::prior::{read_depth, read_flow, write_depth, write_flow};
 use crate::scene::undistort::{Distortion, Lens, Undistortion};
+use crate::scene::{Intrinsics, Pose};
 
 /// Rates differ when their ratio is farther from 1.
 const RATE_TOLERANCE: f64 = 1e-3;
@@ -207,16 +208,23 @@ impl Images {
         let Selection { every, n, .. } = self.select;
         let rest = Selection { start: camera.start + first * every, every, n: n - first };
         let threads = (self.threads / self.cameras.len().max(1)).max(1);
-        video::decode(path, rest, camera.part, (camera.lens.width, camera.lens.height), threads, |index, rgb| {
-            let frame = first + index;
-            if !image(frame).is_file() {
-                let (pixels, _) = rgb.as_chunks::<3>();
-                self.write(&image(frame), &maker.image(pixels), &camera.pinhole, ExtendedColorType::Rgb8)?;
-            }
-            maker.write_mask(frame, None)?;
-            tell(&self.image_name(camera, frame));
-            Ok(())
-        })
+        video::decode(
+            path,
+            rest,
+            camera.part,
+            (camera.lens.intrinsics.width, camera.lens.intrinsics.height),
+            threads,
+            |index, rgb| {
+                let frame = first + index;
+                if !image(frame).is_file() {
+                    let (pixels, _) = rgb.as_chunks::<3>();
+                    self.write(&image(frame), &maker.image(pixels), &camera.pinhole, ExtendedColorType::Rgb8)?;
+                }
+                maker.write_mask(frame, None)?;
+                tell(&self.image_name(camera, frame));
+                Ok(())
+            },
+        )
     }
 
     fn convert_image(&self, camera: &Camera, frame: u32, tell: &dyn Fn(&str)) -> Result<()> {
@@ -256,7 +264,7 @@ impl Images {
     }
 
     fn write<const C: usize>(&self, to: &Path, pixels: &[[u8; C]], lens: &Lens, kind: ExtendedColorType) -> Result<()> {
-        let (bytes, width, height) = (pixels.as_flattened(), lens.width, lens.height);
+        let (bytes, width, height) = (pixels.as_flattened(), lens.intrinsics.width, lens.intrinsics.height);
         write_atomic(to, |to| {
             let done = match self.format {
                 ImageFormat::Png => PngEncoder::new(to).write_image(bytes, width, height, kind),
@@ -272,7 +280,8 @@ impl Images {
 impl Camera {
     /// Whether its pictures stay as they are.
     fn is_as_recorded(&self) -> bool {
-        let whole = (self.lens.width, self.lens.height) == self.recorded && self.part == Part::whole(self.recorded);
+        let whole = (self.lens.intrinsics.width, self.lens.intrinsics.height) == self.recorded
+            && self.part == Part::whole(self.recorded);
         whole && self.lens.distortion == Distortion::None
     }
 
@@ -288,7 +297,7 @@ impl Camera {
     pub fn scaled(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         let Part { x: left, y: top, width, height } = self.part;
         let scale = |side: u32, of: u32| f64::from(side) / f64::from(of);
-        let (across, down) = (scale(self.lens.width, width), scale(self.lens.height, height));
+        let (across, down) = (scale(self.lens.intrinsics.width, width), scale(self.lens.intrinsics.height, height));
         [(x - f64::from(left)) * across, (y - f64::from(top)) * down]
     }
 
@@ -400,7 +409,7 @@ impl Planned<'_> {
             (camera.lens.resized(width, height), Part::whole(recorded.size), Some(note))
         });
         let Some((lens, part, note)) = self.faults.take(fitted)?.or(rescaled) else {
-            let Lens { width: w, height: h, .. } = camera.lens;
+            let Intrinsics { width: w, height: h, .. } = camera.lens.intrinsics;
             let reason = format!("is calibrated for {w} x {h}, its pictures are {width} x {height}");
             let remedy =
                 "give the footage of this calibration, calibrate again, or scale the calibration with --rescale";
@@ -410,8 +419,10 @@ impl Planned<'_> {
         self.of_cameras.extend(note.map(|note| (camera.name.clone(), note)));
         let side = |side: u32| ((f64::from(side) * self.settings.scale).round() as u32).max(1);
         let lens = lens.resized(side(part.width), side(part.height));
-        let kept =
-            |pinhole: &Lens| pinhole.width >= lens.width.div_ceil(16) && pinhole.height >= lens.height.div_ceil(16);
+        let kept = |pinhole: &Lens| {
+            let (kept, whole) = (pinhole.intrinsics, lens.intrinsics);
+            kept.width >= whole.width.div_ceil(16) && kept.height >= whole.height.div_ceil(16)
+        };
         let Some(pinhole) = lens.pinhole().filter(kept) else {
             let reason = "has a distortion after which no rectangle of a sixteenth of the picture's sides is left";
             self.faults.add(&self.source.calibration, place, reason, "calibrate it again");
@@ -520,7 +531,7 @@ impl<'a> Maker<'a> {
     fn scaled(&self, path: &Path, filter: FilterType) -> Result<DynamicImage> {
         let (width, height) = self.camera.recorded;
         let mut image = decode_image(path, width, height)?;
-        let (part, Lens { width, height, .. }) = (self.camera.part, self.camera.lens);
+        let (part, Intrinsics { width, height, .. }) = (self.camera.part, self.camera.lens.intrinsics);
         if part != Part::whole(self.camera.recorded) {
             image = image.crop_imm(part.x, part.y, part.width, part.height);
         }
@@ -569,7 +580,7 @@ impl<'a> Maker<'a> {
     /// Flow and depth of the source, scaled and undistorted as the pictures are.
     fn write_priors(&self, frame: u32, shot: &Shot) -> Result<()> {
         let (width, height) = self.camera.recorded;
-        let Lens { width: to_width, height: to_height, .. } = self.camera.pinhole;
+        let Intrinsics { width: to_width, height: to_height, .. } = self.camera.pinhole.intrinsics;
         let file = |folder: &str, extension: &str| -> Result<Option<PathBuf>> {
             let path = self.path(folder, frame).with_extension(extension);
             if path.is_file() {
@@ -605,7 +616,7 @@ impl<'a> Maker<'a> {
             return Ok(());
         }
         make_folder(&self.output.join(folder).join(&self.camera.name))?;
-        let Lens { width, height, .. } = self.camera.pinhole;
+        let Intrinsics { width, height, .. } = self.camera.pinhole.intrinsics;
         write_atomic(&path, |to| {
             let encoder = PngEncoder::new(to);
             encoder.write_image(plane, width, height, ExtendedColorType::L8).map_err(std::io::Error::other)

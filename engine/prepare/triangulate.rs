@@ -19,9 +19,8 @@ use super::video::Selection;
 use crate::error::{Error, Result};
 use crate::files::{read_file, read_text, write_atomic};
 use crate::parallel::in_parallel;
-use crate::scene::capture::{FramePoints, Pose, camera_center, tracks};
-use crate::scene::undistort::Lens;
-use crate::scene::{SeenPoint, write_points};
+use crate::scene::capture::{FramePoints, tracks};
+use crate::scene::{Intrinsics, Pose, SeenPoint, write_points};
 
 /// The frame of `sparse/0/points3D.txt`.
 const REFERENCE: u32 = 0;
@@ -178,7 +177,7 @@ impl Triangulation<'_> {
             .map(|(index, camera)| {
                 let frames = (0_u32..).zip(&camera.poses);
                 let images = frames.map(|(frame, pose)| (self.images.image_name(camera, frame), *pose)).collect();
-                ModelCamera { id: Self::id(index), lens: camera.pinhole, images }
+                ModelCamera { id: Self::id(index), intrinsics: camera.pinhole.intrinsics, images }
             })
             .collect();
         let points: Vec<ModelPoint> = points
@@ -207,7 +206,7 @@ impl Triangulation<'_> {
             .zip(&names)
             .map(|((index, camera), name)| ModelCamera {
                 id: Self::id(*index),
-                lens: camera.pinhole,
+                intrinsics: camera.pinhole.intrinsics,
                 images: vec![(name.clone(), pose(camera))],
             })
             .collect();
@@ -224,7 +223,7 @@ impl Triangulation<'_> {
         for (number, (lens, same)) in by_lens(&models).into_iter().enumerate() {
             let list = work.join(format!("images{number}.txt"));
             write_atomic(&list, |to| same.iter().try_for_each(|name| writeln!(to, "{name}")))?;
-            let Lens { fx, fy, cx, cy, .. } = lens;
+            let Intrinsics { fx, fy, cx, cy, .. } = lens;
             run(
                 "feature_extractor",
                 &[
@@ -303,13 +302,13 @@ fn found_nothing(said: &str) -> bool {
 }
 
 /// Names of images by their lens, in the order in which the lenses come.
-fn by_lens(models: &[ModelCamera]) -> Vec<(Lens, Vec<&str>)> {
-    let mut groups: Vec<(Lens, Vec<&str>)> = Vec::new();
+fn by_lens(models: &[ModelCamera]) -> Vec<(Intrinsics, Vec<&str>)> {
+    let mut groups: Vec<(Intrinsics, Vec<&str>)> = Vec::new();
     for model in models {
         let name = model.images[0].0.as_str();
-        match groups.iter_mut().find(|(lens, _)| *lens == model.lens) {
+        match groups.iter_mut().find(|(lens, _)| *lens == model.intrinsics) {
             Some((_, names)) => names.push(name),
-            None => groups.push((model.lens, vec![name])),
+            None => groups.push((model.intrinsics, vec![name])),
         }
     }
     groups
@@ -317,15 +316,15 @@ fn by_lens(models: &[ModelCamera]) -> Vec<(Lens, Vec<&str>)> {
 
 /// Pairs of cameras that are likely to see the same: of each, those whose axes and centres differ least.
 fn neighbours(poses: &[Pose]) -> BTreeSet<(usize, usize)> {
-    let centers: Vec<_> = poses.iter().map(camera_center).collect();
-    let distance = |a: usize, b: usize| (0..3).map(|k| (centers[a][k] - centers[b][k]).powi(2)).sum::<f64>().sqrt();
+    let centers: Vec<_> = poses.iter().map(Pose::center).collect();
+    let distance = |a: usize, b: usize| centers[a].distance(centers[b]);
     let n = poses.len();
     let mean =
         (0..n).flat_map(|a| (0..n).map(move |b| (a, b))).map(|(a, b)| distance(a, b)).sum::<f64>() / (n * n) as f64;
     let mut pairs = BTreeSet::new();
     for a in 0..n {
         let unlike = |b: usize| {
-            let cosine = (0..3).map(|k| poses[a][2][k] * poses[b][2][k]).sum::<f64>();
+            let cosine = poses[a].forward().dot(poses[b].forward());
             (1.0 - cosine) + distance(a, b) / mean.max(f64::MIN_POSITIVE)
         };
         let mut others: Vec<usize> = (0..n).filter(|&b| b != a).collect();

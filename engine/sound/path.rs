@@ -15,6 +15,7 @@ use glam::{DMat3, DQuat, DVec3};
 use super::pose::{Pose, PoseTrack};
 use crate::error::{Error, Result};
 use crate::files::read_text;
+use crate::scene;
 
 /// Largest deviation of R R^T from the identity, entry by entry.
 const ROTATION_TOLERANCE: f64 = 1e-3;
@@ -46,13 +47,10 @@ impl Convention {
 }
 
 impl Pose {
-    /// Rows of the 4 x 4 matrix from world to a camera (x right, y down, z forward) in the place of the head.
-    pub fn world_to_camera(&self) -> [[f64; 4]; 4] {
+    /// That of a camera in the place of the head.
+    pub fn world_to_camera(&self) -> scene::Pose {
         let to_world = self.q * Convention::OpenCv.of_head().inverse();
-        let rotation = DMat3::from_quat(to_world).transpose();
-        let shift = -(rotation * self.p);
-        let row = |k: usize| [rotation.x_axis[k], rotation.y_axis[k], rotation.z_axis[k], shift[k]];
-        [row(0), row(1), row(2), [0.0, 0.0, 0.0, 1.0]]
+        scene::Pose::at(self.p, DMat3::from_quat(to_world).transpose())
     }
 }
 

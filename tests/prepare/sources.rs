@@ -80,8 +80,11 @@ fn n3v_arrives() {
         ("cam00", false, "cam07", true)
     );
     // The poses are for pictures of twice the size.
-    assert_eq!((first.fx, first.cx, first.cy, first.width), (50.0, 32.0, 24.0, 64));
-    close(&first.world_to_camera, [[0.0, -1.0, 0.0, 2.0], [0.0, 0.0, -1.0, 3.0], [1.0, 0.0, 0.0, -1.0]]);
+    assert_eq!(
+        (first.intrinsics.fx, first.intrinsics.cx, first.intrinsics.cy, first.intrinsics.width),
+        (50.0, 32.0, 24.0, 64)
+    );
+    close(&first.world_to_camera.rows(), [[0.0, -1.0, 0.0, 2.0], [0.0, 0.0, -1.0, 3.0], [1.0, 0.0, 0.0, -1.0]]);
     assert_eq!(capture.picture(0, 1).unwrap().pixels[0].to_le_bytes(), [30, 0, 7, 255]);
 
     folder.write("source/poses_bounds.npy", npy(3, &[rows, row([0.0; 3])].concat()));
@@ -106,8 +109,11 @@ fn google_immersive_arrives() {
     let capture = open(&settings);
     let second = &capture.cameras[1];
     // World to camera turns x to y; its centre is (2, 0, 0).
-    close(&second.world_to_camera, [[0.0, -1.0, 0.0, 0.0], [1.0, 0.0, 0.0, -2.0], [0.0, 0.0, 1.0, 0.0]]);
-    assert!(second.fx == 30.0 && second.width > 64 && second.width <= 128, "{second:?}");
+    close(&second.world_to_camera.rows(), [[0.0, -1.0, 0.0, 0.0], [1.0, 0.0, 0.0, -2.0], [0.0, 0.0, 1.0, 0.0]]);
+    assert!(
+        second.intrinsics.fx == 30.0 && second.intrinsics.width > 64 && second.intrinsics.width <= 128,
+        "{second:?}"
+    );
     assert_eq!(capture.n_frames, 2);
     models[1]["projection_type"] = json!("equirect");
     models[0]["name"] = json!("../camera_0001");
@@ -139,9 +145,9 @@ fn pose2sim_arrives_from_both_of_its_calibrations() {
     assert!(prepared.notes.iter().any(|note| note.contains("taken as cut off at the right")), "{:?}", prepared.notes);
     let capture = Capture::open(&first.output).unwrap();
     let second = &capture.cameras[1];
-    assert_eq!((second.name.as_str(), second.fx, second.fy), ("cam02", 50.0, 51.0));
+    assert_eq!((second.name.as_str(), second.intrinsics.fx, second.intrinsics.fy), ("cam02", 50.0, 51.0));
     // The file's rows are the camera's axes with y up and z backward, in millimetres.
-    close(&second.world_to_camera, [[0.0, 1.0, 0.0, 0.0], [0.0, 0.0, -1.0, 1.5], [-1.0, 0.0, 0.0, 1.0]]);
+    close(&second.world_to_camera.rows(), [[0.0, 1.0, 0.0, 0.0], [0.0, 0.0, -1.0, 1.5], [-1.0, 0.0, 0.0, 1.0]]);
     for (from, to, says) in [
         ("viewrotation=\"0\"", "viewrotation=\"90\"", "is turned"),
         ("focalLengthU=\"3200\"", "focalLengthU=\"nan\"", "focalLengthU = NaN"),
@@ -165,8 +171,11 @@ fn pose2sim_arrives_from_both_of_its_calibrations() {
     let capture = open(&second);
     let names: Vec<_> = capture.cameras.iter().map(|camera| camera.name.as_str()).collect();
     assert_eq!(names, ["cam01", "cam02"]);
-    assert_eq!((capture.cameras[0].cx, capture.cameras[0].cy), (32.0, 24.0));
-    close(&capture.cameras[1].world_to_camera, [[-1.0, 0.0, 0.0, 1.0], [0.0, 1.0, 0.0, 2.0], [0.0, 0.0, -1.0, 3.0]]);
+    assert_eq!((capture.cameras[0].intrinsics.cx, capture.cameras[0].intrinsics.cy), (32.0, 24.0));
+    close(
+        &capture.cameras[1].world_to_camera.rows(),
+        [[-1.0, 0.0, 0.0, 1.0], [0.0, 1.0, 0.0, 2.0], [0.0, 0.0, -1.0, 3.0]],
+    );
 }
 
 /// Pictures of 68 x 48 that were fitted into 64 x 48: 64 x 45 between a row of black above and two below.
@@ -200,7 +209,10 @@ fn black_bars_are_cut_and_other_shapes_refused() {
     );
     let capture = Capture::open(&settings.output).unwrap();
     let camera = &capture.cameras[0];
-    assert_eq!((camera.width, camera.height, camera.fx, camera.cx), (64, 45, 48.0, 32.0));
+    assert_eq!(
+        (camera.intrinsics.width, camera.intrinsics.height, camera.intrinsics.fx, camera.intrinsics.cx),
+        (64, 45, 48.0, 32.0)
+    );
     let picture = capture.picture(0, 0).unwrap();
     assert_eq!(picture.pixels[0].to_le_bytes(), [200, 100, 1, 255]);
     assert!(picture.pixels.iter().all(|pixel| pixel & 0xff == 200));
@@ -234,9 +246,9 @@ fn caliscope_arrives() {
     (0..2).for_each(|id| sequence(&folder, &format!("calibration/extrinsic/cam_{id}"), 2));
     let settings = settings(&folder);
     let capture = open(&settings);
-    assert_eq!((capture.cameras.len(), capture.cameras[1].world_to_camera[2][3]), (2, 1.5));
+    assert_eq!((capture.cameras.len(), capture.cameras[1].world_to_camera.translation.z), (2, 1.5));
     // Barrel distortion: the pinhole shows more than the picture's size at its centre.
-    assert!(capture.cameras[0].width > 64);
+    assert!(capture.cameras[0].intrinsics.width > 64);
     assert!(capture.true_offsets.is_empty() && !settings.output.join("truth.json").exists());
     // Frames of 2 a second: cam_0 is at 1 and 1.5 s, cam_1 a quarter of a second later and on time.
     let timestamps = "calibration/extrinsic/timestamps.csv";
@@ -337,9 +349,9 @@ fn plain_colmap_is_undistorted_with_its_points() {
     assert_eq!((capture.n_frames, capture.cameras.len(), capture.points.len()), (1, 2, 1));
     assert_eq!((capture.points[0].color, capture.points[0].n_views), ([9, 8, 7], 2));
     let [a, b] = capture.cameras.as_slice() else { panic!() };
-    assert!(a.width > 64 && a.height > 48);
+    assert!(a.intrinsics.width > 64 && a.intrinsics.height > 48);
     // A pinhole passes through, also one with two focal lengths, and its file is taken over.
-    assert_eq!((b.width, b.height, b.fx, b.fy), (64, 48, 50.0, 60.0));
+    assert_eq!((b.intrinsics.width, b.intrinsics.height, b.intrinsics.fx, b.intrinsics.fy), (64, 48, 50.0, 60.0));
     assert_eq!(std::fs::read(&b.shots[0].image).unwrap(), png(64, 48, 1));
 }
 
@@ -454,7 +466,7 @@ fn priors_of_a_capture_folder_are_undistorted() {
     let capture = open(&settings);
     assert_eq!((capture.fps, capture.n_frames), (12.0, 2));
     let camera = &capture.cameras[0];
-    let (width, height) = (camera.width, camera.height);
+    let (width, height) = (camera.intrinsics.width, camera.intrinsics.height);
     // Pincushion distortion leaves less than the picture.
     assert!(width < 64 && height < 48 && width > 40, "{width} x {height}");
     let shot = &camera.shots[0];
@@ -462,24 +474,24 @@ fn priors_of_a_capture_folder_are_undistorted() {
     let depth = read_depth(shot.depth.as_ref().unwrap(), width, height).unwrap();
     // At the centre the lens does nothing; towards the border the picture is compressed, and flow with it.
     let index = |column: u32, row: u32| (row * width + column) as usize;
-    let (center, right) = (index(camera.cx as u32, height / 2), index(width - 4, height / 2));
+    let (center, right) = (index(camera.intrinsics.cx as u32, height / 2), index(width - 4, height / 2));
     assert!((flow[center][0] - 1.0).abs() < 0.01, "{:?}", flow[center]);
     assert!(flow[right][0] < 0.9 && flow[right][0] > 0.6, "{:?}", flow[right]);
     assert!(depth.iter().all(|z| [2.0, 3.0].contains(z)) && depth.contains(&2.0) && depth.contains(&3.0));
     assert!(camera.shots[1].flow.is_none(), "the last frame leads nowhere");
     assert!(shot.mask.is_some());
     let covisible = capture.covisible(0, 0).unwrap().unwrap();
-    let is_left = |pixel: usize| ((pixel % width as usize) as f64) < camera.cx - 0.5;
+    let is_left = |pixel: usize| ((pixel % width as usize) as f64) < camera.intrinsics.cx - 0.5;
     assert!(covisible.len() == (width * height) as usize);
     assert!(covisible.iter().enumerate().all(|(pixel, seen)| *seen == is_left(pixel)));
     let scaled = PrepareSettings { scale: 0.5, output: folder.0.join("scaled"), ..settings };
     let capture = open(&scaled);
     let (camera, shot) = (&capture.cameras[0], &capture.cameras[0].shots[0]);
-    assert!(camera.width.abs_diff(width / 2) <= 1 && camera.height.abs_diff(height / 2) <= 1);
-    let flow = read_flow(shot.flow.as_ref().unwrap(), camera.width, camera.height).unwrap();
-    let center = flow[(camera.height / 2 * camera.width + camera.cx as u32) as usize];
+    assert!(camera.intrinsics.width.abs_diff(width / 2) <= 1 && camera.intrinsics.height.abs_diff(height / 2) <= 1);
+    let flow = read_flow(shot.flow.as_ref().unwrap(), camera.intrinsics.width, camera.intrinsics.height).unwrap();
+    let center = flow[(camera.intrinsics.height / 2 * camera.intrinsics.width + camera.intrinsics.cx as u32) as usize];
     assert!((center[0] - 0.5).abs() < 0.01, "{center:?}");
-    let depth = read_depth(shot.depth.as_ref().unwrap(), camera.width, camera.height).unwrap();
+    let depth = read_depth(shot.depth.as_ref().unwrap(), camera.intrinsics.width, camera.intrinsics.height).unwrap();
     assert!(depth.iter().all(|z| [2.0, 3.0].contains(z)) && depth.contains(&2.0) && depth.contains(&3.0));
 }
 
@@ -520,7 +532,7 @@ fn priors_of_a_capture_folder_are_scaled_and_cut_with_its_pictures() {
     let priors = |settings: &PrepareSettings| {
         let capture = open(settings);
         let (camera, shot) = (&capture.cameras[0], &capture.cameras[0].shots[0]);
-        let (width, height) = (camera.width, camera.height);
+        let (width, height) = (camera.intrinsics.width, camera.intrinsics.height);
         let flow = read_flow(shot.flow.as_ref().unwrap(), width, height).unwrap();
         (width, height, flow, read_depth(shot.depth.as_ref().unwrap(), width, height).unwrap())
     };
@@ -595,7 +607,7 @@ fn points_of_frames_come_along() {
     let prepared = done(&of_source);
     assert_eq!(prepared.points, [(0, 1), (1, 1)]);
     let capture = Capture::open(&of_source.output).unwrap();
-    assert_eq!((capture.n_frames, capture.cameras[0].width), (2, 32));
+    assert_eq!((capture.n_frames, capture.cameras[0].intrinsics.width), (2, 32));
     assert_eq!((capture.points.len(), capture.points[0].position), (1, [1.0, 0.5, 2.0]));
     for (frame, x) in [(0, 1), (1, 3)] {
         let point = FramePoint { position: [f64::from(x), 0.5, 2.0], color: [x, 2, 3], seen_by: vec![0, 1] };

@@ -89,7 +89,7 @@ fn every_kind_of_file_gives_the_same_head() {
 #[test]
 fn a_head_is_a_camera() {
     for head in heads() {
-        let rows = head.world_to_camera();
+        let rows = head.world_to_camera().rows();
         let camera = |p: DVec3| DVec3::from_array([0, 1, 2].map(|k| DVec3::from_slice(&rows[k]).dot(p) + rows[k][3]));
         // What is ahead, to the right and below of the head.
         let seen = camera(head.p + head.q * DVec3::new(2.0, -0.5, -0.25));

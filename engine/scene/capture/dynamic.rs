@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use super::camera::{Camera, MAX_COORDINATE, Point, Pose, Shot};
+use super::camera::{Camera, MAX_COORDINATE, Point, Shot};
 use super::draft::{Draft, MAX_FRAMES};
 use super::names::relative;
 use super::npz;
@@ -11,6 +11,7 @@ use super::report::Faults;
 use super::settings::CaptureSettings;
 use crate::error::{self, Error};
 use crate::files::read_bytes;
+use crate::scene::{Intrinsics, Pose};
 
 const REMEDY: &str = "correct the file, or export the capture again";
 
@@ -20,7 +21,7 @@ struct Meta {
     w: u32,
     h: u32,
     k: Vec<Vec<[[f64; 3]; 3]>>,
-    w2c: Vec<Vec<Pose>>,
+    w2c: Vec<Vec<[[f64; 4]; 4]>>,
     #[serde(rename = "fn")]
     names: Vec<Vec<String>>,
     cam_id: Vec<Vec<u32>>,
@@ -92,10 +93,14 @@ impl Found<'_> {
 
     fn add_shot(&mut self, meta: &Meta, t: usize, c: usize, is_test: bool) -> Result<(), String> {
         let name = relative(&meta.names[t][c])?;
-        let (k, pose, id) = (meta.k[t][c], meta.w2c[t][c], meta.cam_id[t][c]);
+        let (k, rows, id) = (meta.k[t][c], &meta.w2c[t][c], meta.cam_id[t][c]);
         if k[0][1] != 0.0 || k[1][0] != 0.0 || k[2] != [0.0, 0.0, 1.0] {
             return Err(format!("has the intrinsic matrix {k:?}, which is no pinhole without skew"));
         }
+        if rows[3] != [0.0, 0.0, 0.0, 1.0] {
+            return Err(format!("has {:?} as the last row of w2c, not [0, 0, 0, 1]", rows[3]));
+        }
+        let pose = Pose::of_rows(rows);
         let mask = self.path.join("seg").join(name.with_extension("png"));
         let foreground = mask.exists().then_some(mask);
         let shot = Shot {
@@ -107,12 +112,14 @@ impl Found<'_> {
         };
         let new = Camera {
             name: id.to_string(),
-            width: meta.w,
-            height: meta.h,
-            fx: k[0][0],
-            fy: k[1][1],
-            cx: k[0][2],
-            cy: k[1][2],
+            intrinsics: Intrinsics {
+                width: meta.w,
+                height: meta.h,
+                fx: k[0][0],
+                fy: k[1][1],
+                cx: k[0][2],
+                cy: k[1][2],
+            },
             world_to_camera: pose,
             is_test,
             shots: Vec::new(),
@@ -121,8 +128,8 @@ impl Found<'_> {
         if camera.is_test != is_test {
             return Err("is both a training and a test camera".to_owned());
         }
-        let lens = |of: &Camera| [of.fx, of.fy, of.cx, of.cy].map(f64::to_bits);
-        if lens(camera) != lens(&new) {
+        let numbers = |of: &Camera| (of.intrinsics.focal(), of.intrinsics.principal());
+        if numbers(camera) != numbers(&new) {
             return Err("changes its intrinsics in time".to_owned());
         }
         if camera.shots.last().is_some_and(|last| last.frame == shot.frame) {

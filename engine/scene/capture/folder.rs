@@ -316,10 +316,9 @@ fn cameras(
             world_to_camera: moving.as_ref().and_then(|moving| moving.get(&frame)).map(|&at| posed[at].1.pose),
             ..Shot::default()
         });
-        let Lens { width, height, fx, fy, cx, cy, distortion } = lens;
         let (shots, world_to_camera) = (shots.collect(), posed[0].1.pose);
-        let camera = Camera { name, width, height, fx, fy, cx, cy, world_to_camera, is_test: false, shots };
-        cameras.push((camera, distortion));
+        let camera = Camera { name, intrinsics: lens.intrinsics, world_to_camera, is_test: false, shots };
+        cameras.push((camera, lens.distortion));
     }
     cameras
 }

@@ -22,7 +22,7 @@ mod transforms;
 mod truth;
 
 pub use cache::{CacheStats, FrameCache};
-pub use camera::{Camera, Extent, Point, Pose, Shot};
+pub use camera::{Camera, Extent, Point, Shot};
 pub use folder::Manifest;
 pub(crate) use folder::{JOURNAL, is_unfinished};
 pub use opened::{Capture, TRAINING_RADIUS};
@@ -34,7 +34,6 @@ pub use settings::{Alpha, CaptureSettings};
 
 use std::path::Path;
 
-pub use crate::scene::view::camera_center;
 pub(crate) use colmap::{Posed, images_folder, model_folder, read_images, tracks};
 pub(crate) use draft::{Draft, RATES, check_names};
 pub(crate) use header::{has_alpha, read_size};

@@ -4,7 +4,7 @@
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
-use super::camera::{Camera, Pose, Shot};
+use super::camera::{Camera, Shot};
 use super::decoder::MAX_SIDE;
 use super::draft::{Draft, MAX_FRAMES};
 use super::header::read_size;
@@ -14,6 +14,8 @@ use super::settings::CaptureSettings;
 use crate::error::{self, Error};
 use crate::files::read_bytes;
 use crate::scene::undistort::{self, Distortion};
+use crate::scene::{Intrinsics, Pose};
+use glam::{DMat3, DVec3};
 
 const REMEDY: &str = "correct the file, or export the capture again";
 /// Two times closer than this are one.
@@ -177,10 +179,9 @@ impl Frame {
     }
 
     fn entry(&self, lens: undistort::Lens, world_to_camera: Pose, paths: Paths, is_test: bool) -> Entry {
-        let undistort::Lens { width, height, fx, fy, cx, cy, distortion } = lens;
+        let undistort::Lens { intrinsics, distortion } = lens;
         let Paths { name, image, mask } = paths;
-        let camera =
-            Camera { name: flat(&name), width, height, fx, fy, cx, cy, world_to_camera, is_test, shots: Vec::new() };
+        let camera = Camera { name: flat(&name), intrinsics, world_to_camera, is_test, shots: Vec::new() };
         Entry { camera, distortion, name, shot: Shot { image, mask, ..Shot::default() }, time: self.time }
     }
 }
@@ -247,7 +248,8 @@ impl Lens {
         };
         let fy = self.fl_y.or_else(|| Some(by_angle(h, self.camera_angle_y?))).unwrap_or(fx);
         let (cx, cy) = (self.cx.unwrap_or(w / 2.0), self.cy.unwrap_or(h / 2.0));
-        Ok(undistort::Lens { width: w as u32, height: h as u32, fx, fy, cx, cy, distortion })
+        let intrinsics = Intrinsics { width: w as u32, height: h as u32, fx, fy, cx, cy };
+        Ok(undistort::Lens { intrinsics, distortion })
     }
 }
 
@@ -257,16 +259,9 @@ fn world_to_camera(rows: &[[f64; 4]]) -> Result<Pose, Unfit> {
         let reason = "has a transform_matrix that is not 3 or 4 rows of 4 with [0, 0, 0, 1] at the end";
         return Err(unfit(reason.to_owned()));
     }
-    let sign = [1.0, -1.0, -1.0];
-    let mut pose = [[0.0; 4]; 4];
-    for row in 0..3 {
-        for column in 0..3 {
-            pose[row][column] = rows[column][row] * sign[row];
-        }
-        pose[row][3] = -(0..3).map(|k| pose[row][k] * rows[k][3]).sum::<f64>();
-    }
-    pose[3][3] = 1.0;
-    Ok(pose)
+    let column = |k: usize| DVec3::new(rows[0][k], rows[1][k], rows[2][k]);
+    let rotation = DMat3::from_cols(column(0), -column(1), -column(2)).transpose();
+    Ok(Pose::at(column(3), rotation))
 }
 
 /// Each image's frame and the number of frames. The times must lie on a grid whose step is their greatest common
@@ -314,8 +309,9 @@ fn group(entries: Vec<Entry>, draft: &mut Draft) {
     let cameras = &mut draft.cameras;
     let mut known: HashMap<(Vec<u64>, bool), usize> = HashMap::new();
     for Entry { camera, distortion, shot, .. } in entries {
-        let lens = [camera.fx, camera.fy, camera.cx, camera.cy, camera.width.into(), camera.height.into()];
-        let numbers = camera.world_to_camera.iter().flatten().chain(&lens);
+        let Intrinsics { width, height, fx, fy, cx, cy } = camera.intrinsics;
+        let (pose, lens) = (camera.world_to_camera.rows(), [fx, fy, cx, cy, width.into(), height.into()]);
+        let numbers = pose.as_flattened().iter().chain(&lens);
         let key = (numbers.map(|v| v.to_bits()).collect(), camera.is_test);
         let at = known.get(&key).copied();
         match at.filter(|&at| cameras[at].shots.iter().all(|other| other.frame != shot.frame)) {

@@ -274,7 +274,7 @@ fn from_pictures(
 /// Pixels of all training pictures of one frame.
 fn n_pixels(capture: &Capture) -> u64 {
     let training = capture.cameras.iter().filter(|camera| !camera.is_test);
-    training.map(|camera| u64::from(camera.width) * u64::from(camera.height)).sum()
+    training.map(|camera| camera.intrinsics.n_pixels()).sum()
 }
 
 /// The training cameras that take part.
@@ -294,11 +294,7 @@ fn shown(capture: &Capture, camera: usize, frame: u32, any: bool) -> Option<u32>
 
 /// The frames whose hulls are taken, evenly spaced.
 fn hull_frames(capture: &Capture, cameras: &[usize]) -> Vec<u32> {
-    let pixels = |camera: &usize| {
-        let camera = &capture.cameras[*camera];
-        u64::from(camera.width) * u64::from(camera.height)
-    };
-    let per_frame: u64 = cameras.iter().map(pixels).sum();
+    let per_frame: u64 = cameras.iter().map(|camera| capture.cameras[*camera].intrinsics.n_pixels()).sum();
     let n_frames = u64::from(capture.n_frames);
     let n = (HULL_PIXELS / per_frame.max(1)).max(4).min(u64::from(capture.n_frames.div_ceil(HULL_STRIDE)));
     (0..n).map(|i| ((2 * i + 1) * n_frames / (2 * n)) as u32).collect()

@@ -8,13 +8,15 @@ use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
 use self::raw::{DAMAGED, RawCamera, RawImage, RawPoint};
-use crate::scene::capture::camera::{Camera, MAX_COORDINATE, Point, Pose, Shot};
+use crate::scene::capture::camera::{Camera, MAX_COORDINATE, Point, Shot};
 use crate::scene::capture::decoder::MAX_SIDE;
 use crate::scene::capture::draft::Draft;
 use crate::scene::capture::names::{flat, relative};
 use crate::scene::capture::report::Faults;
 use crate::scene::capture::settings::CaptureSettings;
 use crate::scene::undistort::{Distortion, Lens};
+use crate::scene::{Intrinsics, Pose};
+use glam::{DVec3, DVec4};
 
 /// Largest deviation of a quaternion's length from 1; COLMAP writes all digits.
 const QUATERNION_TOLERANCE: f64 = 1e-3;
@@ -125,7 +127,7 @@ impl RawCamera {
                 return Err((format!("has the model {name}, which is not undistorted here"), remedy));
             }
         };
-        let lens = Lens { width, height, fx, fy, cx, cy, distortion };
+        let lens = Lens { intrinsics: Intrinsics { width, height, fx, fy, cx, cy }, distortion };
         lens.fault().map_or(Ok(lens), |reason| Err((reason, DAMAGED)))
     }
 }
@@ -165,23 +167,17 @@ fn check_images(
 
 impl RawImage {
     fn pose(&self) -> Result<Pose, String> {
-        let [w, x, y, z] = self.quaternion;
-        let [tx, ty, tz] = self.translation;
-        let length = self.quaternion.iter().map(|v| v * v).sum::<f64>().sqrt();
-        if !(length.is_finite() && self.translation.iter().all(|v| v.is_finite() && v.abs() <= MAX_COORDINATE)) {
+        let (length, translation) = (DVec4::from(self.quaternion).length(), DVec3::from(self.translation));
+        // Written positively, so that NaN fails.
+        let is_near = translation.abs().cmple(DVec3::splat(MAX_COORDINATE)).all();
+        if !(length.is_finite() && is_near) {
             let reason = format!("has the pose {:?}, {:?}", self.quaternion, self.translation);
             return Err(reason + ": a number is not finite or too large");
         }
         if (length - 1.0).abs() > QUATERNION_TOLERANCE {
             return Err(format!("has a quaternion of length {length}, not 1"));
         }
-        let [w, x, y, z] = [w, x, y, z].map(|v| v / length);
-        Ok([
-            [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y), tx],
-            [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x), ty],
-            [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y), tz],
-            [0.0, 0.0, 0.0, 1.0],
-        ])
+        Ok(Pose::of_quaternion(self.quaternion, translation))
     }
 }
 
@@ -302,8 +298,8 @@ pub(super) fn read_capture(path: &Path, settings: &CaptureSettings, faults: &mut
 impl Posed {
     /// The camera of one image, at frame 0.
     fn camera(&self, name: String, image: &Path) -> Camera {
-        let Lens { width, height, fx, fy, cx, cy, .. } = self.lens;
         let shot = Shot { frame: 0, image: image.to_owned(), ..Shot::default() };
-        Camera { name, width, height, fx, fy, cx, cy, world_to_camera: self.pose, is_test: false, shots: vec![shot] }
+        let intrinsics = self.lens.intrinsics;
+        Camera { name, intrinsics, world_to_camera: self.pose, is_test: false, shots: vec![shot] }
     }
 }
