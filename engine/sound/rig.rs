@@ -100,22 +100,22 @@ impl Rig {
         if let Some(error) = faults.first() {
             return Err(error);
         }
-        let Some((_, draft)) = described else {
+        let Some((_, builder)) = described else {
             let remedy = "give a capture folder; `ivv prepare` makes one";
             return Err(Error::data(path, "", "not a recognised capture", remedy));
         };
         let bad = |place: String, reason: String| {
-            Err(Error::data(&draft.calibration, place, reason, "`ivv check` lists all faults of the capture"))
+            Err(Error::data(&builder.calibration, place, reason, "`ivv check` lists all faults of the capture"))
         };
-        if !(draft.fps.is_finite() && draft.fps > 0.0) || draft.n_frames == 0 {
-            return bad(String::new(), format!("has {} frames, {} a second", draft.n_frames, draft.fps));
+        if !(builder.fps.is_finite() && builder.fps > 0.0) || builder.n_frames == 0 {
+            return bad(String::new(), format!("has {} frames, {} a second", builder.n_frames, builder.fps));
         }
-        for camera in &draft.cameras {
+        for camera in &builder.cameras {
             let shots = camera.shots.iter().filter_map(|shot| shot.world_to_camera.as_ref());
             let is_finite = |pose: &Pose| pose.rotation.is_finite() && pose.translation.is_finite();
             let all_finite = shots.chain([&camera.world_to_camera]).all(is_finite);
             let not_finite = || (!all_finite).then(|| "has a pose that is not finite".to_owned());
-            if let Some(reason) = draft.lens(camera).fault().or_else(not_finite) {
+            if let Some(reason) = builder.lens(camera).fault().or_else(not_finite) {
                 return bad(format!("camera `{}`", camera.name.escape_debug()), reason);
             }
         }
@@ -123,11 +123,11 @@ impl Rig {
             let moving: Vec<(u32, Pose)> =
                 camera.shots.iter().filter_map(|shot| Some((shot.frame, shot.world_to_camera?))).collect();
             let poses = if moving.is_empty() { vec![(0, camera.world_to_camera)] } else { moving };
-            RigCamera::new(&camera.name, draft.lens(camera), &poses)
+            RigCamera::new(&camera.name, builder.lens(camera), &poses)
         };
-        let cameras = draft.cameras.iter().filter_map(camera).collect();
-        let n_frames = draft.n_frames.min(settings.max_frames.unwrap_or(u32::MAX));
-        Ok(Rig { cameras, fps: draft.fps, n_frames })
+        let cameras = builder.cameras.iter().filter_map(camera).collect();
+        let n_frames = builder.n_frames.min(settings.max_frames.unwrap_or(u32::MAX));
+        Ok(Rig { cameras, fps: builder.fps, n_frames })
     }
 
     /// Up: the mean of the cameras' upper sides at the beginning; minus y where they have none in common.

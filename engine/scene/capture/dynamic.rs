@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use super::builder::{CaptureBuilder, MAX_FRAMES};
 use super::camera::{Camera, MAX_COORDINATE, Point, Shot};
-use super::draft::{Draft, MAX_FRAMES};
 use super::names::relative;
 use super::npz;
 use super::report::Faults;
@@ -36,7 +36,7 @@ impl Meta {
     }
 }
 
-pub(super) fn read(path: &Path, settings: &CaptureSettings, faults: &mut Faults) -> Draft {
+pub(super) fn read(path: &Path, settings: &CaptureSettings, faults: &mut Faults) -> CaptureBuilder {
     let calibration = path.join("train_meta.json");
     let mut found = Found { path, settings, cameras: BTreeMap::new(), n_listed: 0 };
     for (name, is_test) in [("train_meta.json", false), ("test_meta.json", true)] {
@@ -48,14 +48,15 @@ pub(super) fn read(path: &Path, settings: &CaptureSettings, faults: &mut Faults)
             found.add(&file, &meta, is_test, faults);
         }
     }
-    let mut draft = Draft { fps: settings.fps, n_frames: found.n_listed, calibration, ..Draft::default() };
-    draft.cameras = found.cameras.into_values().collect();
-    drop_absent_end(&mut draft);
+    let mut builder =
+        CaptureBuilder { fps: settings.fps, n_frames: found.n_listed, calibration, ..CaptureBuilder::default() };
+    builder.cameras = found.cameras.into_values().collect();
+    drop_absent_end(&mut builder);
     let cloud = path.join("init_pt_cld.npz");
     if cloud.is_file() {
-        draft.points = faults.take(points(&cloud)).unwrap_or_default();
+        builder.points = faults.take(points(&cloud)).unwrap_or_default();
     }
-    draft
+    builder
 }
 
 struct Found<'a> {
@@ -148,13 +149,13 @@ impl Found<'_> {
 }
 
 /// Excerpts of a capture keep the lists of all frames: the end of the clip for which no camera has an image is left out.
-fn drop_absent_end(draft: &mut Draft) {
-    let shots = draft.cameras.iter().flat_map(|camera| &camera.shots);
+fn drop_absent_end(builder: &mut CaptureBuilder) {
+    let shots = builder.cameras.iter().flat_map(|camera| &camera.shots);
     let Some(last) = shots.filter(|shot| shot.image.exists()).map(|shot| shot.frame).max() else { return };
-    if last + 1 < draft.n_frames {
-        draft.notes.push(format!("{} frames are listed, images of the first {} exist", draft.n_frames, last + 1));
-        draft.n_frames = last + 1;
-        draft.cameras.iter_mut().for_each(|camera| camera.shots.retain(|shot| shot.frame <= last));
+    if last + 1 < builder.n_frames {
+        builder.notes.push(format!("{} frames are listed, images of the first {} exist", builder.n_frames, last + 1));
+        builder.n_frames = last + 1;
+        builder.cameras.iter_mut().for_each(|camera| camera.shots.retain(|shot| shot.frame <= last));
     }
 }
 

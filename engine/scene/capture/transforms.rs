@@ -4,9 +4,9 @@
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
+use super::builder::{CaptureBuilder, MAX_FRAMES};
 use super::camera::{Camera, Shot};
 use super::decoder::MAX_SIDE;
-use super::draft::{Draft, MAX_FRAMES};
 use super::header::read_size;
 use super::names::{flat, is_image, relative, with_image_extension};
 use super::report::Faults;
@@ -74,15 +74,20 @@ struct Entry {
     time: Option<f64>,
 }
 
-pub(super) fn read(path: &Path, settings: &CaptureSettings, faults: &mut Faults) -> Draft {
+pub(super) fn read(path: &Path, settings: &CaptureSettings, faults: &mut Faults) -> CaptureBuilder {
     let (train, test) = (path.join("transforms_train.json"), path.join("transforms_test.json"));
     let split = train.is_file();
     let calibration = if split { train } else { path.join("transforms.json") };
-    let mut draft = Draft { fps: settings.fps, n_frames: 1, calibration: calibration.clone(), ..Draft::default() };
-    let mut entries = read_file(path, &calibration, settings, &mut draft.notes, faults);
+    let mut builder = CaptureBuilder {
+        fps: settings.fps,
+        n_frames: 1,
+        calibration: calibration.clone(),
+        ..CaptureBuilder::default()
+    };
+    let mut entries = read_file(path, &calibration, settings, &mut builder.notes, faults);
     let mut has_test = entries.iter().any(|entry| entry.camera.is_test);
     if split && test.is_file() {
-        let tests = read_file(path, &test, settings, &mut draft.notes, faults);
+        let tests = read_file(path, &test, settings, &mut builder.notes, faults);
         has_test = true;
         entries.extend(tests.into_iter().map(|mut entry| {
             entry.camera.is_test = true;
@@ -100,12 +105,12 @@ pub(super) fn read(path: &Path, settings: &CaptureSettings, faults: &mut Faults)
     match frames_of(&entries) {
         Ok((frames, n_frames)) => {
             entries.iter_mut().zip(frames).for_each(|(entry, frame)| entry.shot.frame = frame);
-            draft.n_frames = n_frames;
+            builder.n_frames = n_frames;
         }
         Err(reason) => faults.add(&calibration, "field `time`", reason, "give every frame a time on one grid, or none"),
     }
-    group(entries, &mut draft);
-    draft
+    group(entries, &mut builder);
+    builder
 }
 
 fn read_file(
@@ -305,8 +310,8 @@ fn frames_of(entries: &[Entry]) -> Result<(Vec<u32>, u32), String> {
 }
 
 /// Images of one place, lens and part at different frames are one camera.
-fn group(entries: Vec<Entry>, draft: &mut Draft) {
-    let cameras = &mut draft.cameras;
+fn group(entries: Vec<Entry>, builder: &mut CaptureBuilder) {
+    let cameras = &mut builder.cameras;
     let mut known: HashMap<(Vec<u64>, bool), usize> = HashMap::new();
     for Entry { camera, distortion, shot, .. } in entries {
         let Intrinsics { width, height, fx, fy, cx, cy } = camera.intrinsics;
@@ -318,7 +323,7 @@ fn group(entries: Vec<Entry>, draft: &mut Draft) {
             Some(at) => cameras[at].shots.push(shot),
             None => {
                 known.insert(key, cameras.len());
-                draft.distorted.insert(camera.name.clone(), distortion);
+                builder.distorted.insert(camera.name.clone(), distortion);
                 cameras.push(Camera { shots: vec![shot], ..camera });
             }
         }

@@ -8,9 +8,9 @@ use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
 use self::raw::{DAMAGED, RawCamera, RawImage, RawPoint};
+use crate::scene::capture::builder::CaptureBuilder;
 use crate::scene::capture::camera::{Camera, MAX_COORDINATE, Point, Shot};
 use crate::scene::capture::decoder::MAX_SIDE;
-use crate::scene::capture::draft::Draft;
 use crate::scene::capture::names::{flat, relative};
 use crate::scene::capture::report::Faults;
 use crate::scene::capture::settings::CaptureSettings;
@@ -260,7 +260,7 @@ pub(crate) fn images_folder(path: &Path, settings: &CaptureSettings) -> PathBuf 
 }
 
 /// A plain COLMAP project as a clip of one frame, every image a camera of its own.
-pub(super) fn read_capture(path: &Path, settings: &CaptureSettings, faults: &mut Faults) -> Draft {
+pub(super) fn read_capture(path: &Path, settings: &CaptureSettings, faults: &mut Faults) -> CaptureBuilder {
     let mut model = model_folder(path).map_or_else(Model::default, |folder| read_model(&folder, faults));
     if model.images.is_empty() && faults.n() == 0 {
         faults.add(&model.file, "", "holds no image", "run COLMAP's mapper, or export the model again");
@@ -271,28 +271,28 @@ pub(super) fn read_capture(path: &Path, settings: &CaptureSettings, faults: &mut
         is_test: settings.test_every > 0 && index.is_multiple_of(settings.test_every),
         ..posed.camera(flat(&posed.name), &images.join(&posed.name))
     };
-    let mut draft = Draft {
+    let mut builder = CaptureBuilder {
         fps: settings.fps,
         n_frames: 1,
         cameras: model.images.iter().enumerate().map(camera).collect(),
         points: model.points,
         calibration: model.file,
-        ..Draft::default()
+        ..CaptureBuilder::default()
     };
     let asked = path.join(&settings.images);
     if let Some(n) = settings.downscale.filter(|_| !images.is_dir()) {
         let remedy = format!("make it with pictures of 1/{n} of the size, or choose another --downscale");
         faults.add(&images, "", "is missing", remedy);
-        draft.cameras.clear();
+        builder.cameras.clear();
     } else if settings.downscale.is_none() && images != asked {
         let [taken, asked] =
             [&images, &asked].map(|path| path.strip_prefix(path.parent().unwrap_or(path)).unwrap_or(path));
-        draft.notes.push(format!("there is no folder {}: {} is taken", asked.display(), taken.display()));
+        builder.notes.push(format!("there is no folder {}: {} is taken", asked.display(), taken.display()));
     }
-    for (camera, posed) in draft.cameras.iter().zip(&model.images) {
-        draft.distorted.insert(camera.name.clone(), posed.lens.distortion);
+    for (camera, posed) in builder.cameras.iter().zip(&model.images) {
+        builder.distorted.insert(camera.name.clone(), posed.lens.distortion);
     }
-    draft
+    builder
 }
 
 impl Posed {

@@ -20,9 +20,9 @@ pub(super) const MAX_FRAMES: u32 = 1 << 20;
 /// Frames per second of a clip: from pictures hours apart to the fastest cameras.
 pub(crate) const RATES: std::ops::RangeInclusive<f64> = 1e-4..=1e5;
 
-/// A capture as its format gives it.
+/// A capture as its format gives it, until [`CaptureBuilder::finish`] has checked it.
 #[derive(Default)]
-pub(crate) struct Draft {
+pub(crate) struct CaptureBuilder {
     pub fps: f64,
     pub n_frames: u32,
     pub reference_frame: u32,
@@ -39,7 +39,7 @@ pub(crate) struct Draft {
     pub calibration: std::path::PathBuf,
 }
 
-impl Draft {
+impl CaptureBuilder {
     /// Checks what no format checks: poses, sizes, images, names of test cameras.
     pub fn finish(
         mut self,
