@@ -5,7 +5,7 @@ use std::path::Path;
 use glam::{DMat3, DQuat, DVec2, DVec3};
 
 use super::path::Convention;
-use super::pose::{self, PoseTrack};
+use super::pose::{HeadPose, PoseTrack};
 use crate::error::{Error, Result};
 use crate::files::read_file;
 use crate::scene::Pose;
@@ -48,7 +48,7 @@ impl RigCamera {
     /// # Errors
     /// [`Error::Data`] when the poses are not in the order of time.
     pub fn head(&self, fps: f64) -> Result<PoseTrack> {
-        let pose = |(frame, rotation, center): &(f64, DQuat, DVec3)| pose::Pose {
+        let pose = |(frame, rotation, center): &(f64, DQuat, DVec3)| HeadPose {
             t: (frame + self.offset) / fps,
             p: *center,
             q: rotation.inverse() * Convention::OpenCv.of_head(),

@@ -13,7 +13,7 @@ use super::report::Faults;
 use super::settings::CaptureSettings;
 use crate::error::{self, Error};
 use crate::files::read_bytes;
-use crate::scene::undistort::{self, Distortion};
+use crate::scene::undistort::{Distortion, Lens};
 use crate::scene::{Intrinsics, Pose};
 use glam::{DMat3, DVec3};
 
@@ -28,7 +28,7 @@ const MAX_DIVISION: f64 = 8.0;
 /// Intrinsics; each may stand in the file, in a frame, or nowhere.
 #[derive(Clone, Default, serde::Deserialize)]
 #[serde(default)]
-struct Lens {
+struct GivenLens {
     camera_model: Option<String>,
     w: Option<f64>,
     h: Option<f64>,
@@ -49,7 +49,7 @@ struct Lens {
 #[derive(serde::Deserialize)]
 struct Document {
     #[serde(flatten)]
-    lens: Lens,
+    lens: GivenLens,
     frames: Vec<Frame>,
     test_filenames: Option<Vec<String>>,
     ply_file_path: Option<String>,
@@ -58,7 +58,7 @@ struct Document {
 #[derive(serde::Deserialize)]
 struct Frame {
     #[serde(flatten)]
-    lens: Lens,
+    lens: GivenLens,
     file_path: String,
     mask_path: Option<String>,
     transform_matrix: Vec<[f64; 4]>,
@@ -183,8 +183,8 @@ impl Frame {
         Ok(Paths { name, image, mask })
     }
 
-    fn entry(&self, lens: undistort::Lens, world_to_camera: Pose, paths: Paths, is_test: bool) -> Entry {
-        let undistort::Lens { intrinsics, distortion } = lens;
+    fn entry(&self, lens: Lens, world_to_camera: Pose, paths: Paths, is_test: bool) -> Entry {
+        let Lens { intrinsics, distortion } = lens;
         let Paths { name, image, mask } = paths;
         let camera = Camera { name: flat(&name), intrinsics, world_to_camera, is_test, shots: Vec::new() };
         Entry { camera, distortion, name, shot: Shot { image, mask, ..Shot::default() }, time: self.time }
@@ -202,11 +202,11 @@ fn unfit(reason: String) -> Unfit {
     Unfit { reason, remedy: REMEDY, needs_size: false }
 }
 
-impl Lens {
+impl GivenLens {
     /// What stands here, else in `file`, else what follows from the size of the images.
-    fn or(&self, file: &Lens, size: Option<(u32, u32)>) -> Lens {
+    fn or(&self, file: &GivenLens, size: Option<(u32, u32)>) -> GivenLens {
         let (w, h) = size.unzip();
-        Lens {
+        GivenLens {
             camera_model: self.camera_model.clone().or_else(|| file.camera_model.clone()),
             w: self.w.or(file.w).or(w.map(f64::from)),
             h: self.h.or(file.h).or(h.map(f64::from)),
@@ -226,7 +226,7 @@ impl Lens {
     }
 
     /// The numbers without gaps.
-    fn resolved(&self) -> Result<undistort::Lens, Unfit> {
+    fn resolved(&self) -> Result<Lens, Unfit> {
         let [k1, k2, k3, k4, p1, p2] =
             [self.k1, self.k2, self.k3, self.k4, self.p1, self.p2].map(Option::unwrap_or_default);
         let distortion = match self.camera_model.as_deref().unwrap_or("OPENCV") {
@@ -254,7 +254,7 @@ impl Lens {
         let fy = self.fl_y.or_else(|| Some(by_angle(h, self.camera_angle_y?))).unwrap_or(fx);
         let (cx, cy) = (self.cx.unwrap_or(w / 2.0), self.cy.unwrap_or(h / 2.0));
         let intrinsics = Intrinsics { width: w as u32, height: h as u32, fx, fy, cx, cy };
-        Ok(undistort::Lens { intrinsics, distortion })
+        Ok(Lens { intrinsics, distortion })
     }
 }
 
