@@ -13,7 +13,7 @@ use ivv::Constants;
 use ivv::scene::{FlowModel, Orbit, View};
 use ivv::sound::hrtf::HrtfSet;
 use ivv::sound::path::{Convention, HeadPath, read_path};
-use ivv::sound::pose::{Pose, PoseTrack};
+use ivv::sound::pose::{HeadPose, PoseTrack};
 use ivv::sound::render::{RenderConfig, Rendered, render};
 use ivv::sound::scene_file::SoundScene;
 use ivv::sound::wav::{Depth, write};
@@ -151,7 +151,7 @@ impl Film {
         let n_frames = n_frames(seconds, fps).map_err(|reason| anyhow::anyhow!("--orbit: {reason}"))?.max(3) - 1;
         let pose = |index: usize| {
             let p = orbit.at(index as f64 / n_frames as f64);
-            Pose { t: index as f64 / fps, p, q: Pose::looking(orbit.middle - p, orbit.up) }
+            HeadPose { t: index as f64 / fps, p, q: HeadPose::looking(orbit.middle - p, orbit.up) }
         };
         let path = HeadPath { track: PoseTrack::new((0..n_frames).map(pose).collect())?, camera: None };
         let view = &views[0];
@@ -214,7 +214,7 @@ impl Film {
     }
 
     fn view(&self, frame: usize) -> View {
-        let pose: Pose = self.path.track.at(self.start() + frame as f64 / self.fps);
+        let pose: HeadPose = self.path.track.at(self.start() + frame as f64 / self.fps);
         let (width, height) = self.size;
         let time = self.time(frame).0;
         View {
@@ -225,7 +225,7 @@ impl Film {
             fy: self.focal,
             cx: 0.5 * f64::from(width),
             cy: 0.5 * f64::from(height),
-            world_to_camera: pose.world_to_camera(),
+            world_to_camera: pose.world_to_camera().rows(),
             time,
             time_offset: 0.0,
             flow_dt: self.clip.map_or(1.0, |(_, n_frames)| 1.0 / f64::from(n_frames)),

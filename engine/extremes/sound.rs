@@ -4,7 +4,7 @@ use super::row::{Bench, Tally};
 use crate::error::Error;
 use crate::sound::geometry::{Mode, SoundPlane, bearing};
 use crate::sound::hrtf::HrtfSet;
-use crate::sound::pose::{Pose, PoseTrack};
+use crate::sound::pose::{HeadPose, PoseTrack};
 use crate::sound::render::{RenderConfig, Rendered, render_signals};
 use crate::sound::scene_file::{Mic, SoundScene, Source};
 use crate::sound::source_track::{Flag, SourceSample, SourceTrack};
@@ -26,7 +26,7 @@ fn scene(p: DVec3) -> SoundScene {
         up: DVec3::Z,
         mic: Mic {
             camera: "a".into(),
-            pose: PoseTrack::still(DVec3::ZERO, Pose::looking(DVec3::Y, DVec3::Z)),
+            pose: PoseTrack::still(DVec3::ZERO, HeadPose::looking(DVec3::Y, DVec3::Z)),
             wav: PathBuf::new(),
             channel: Channel::Left,
             offset_s: 0.0,
@@ -141,7 +141,7 @@ fn edge(speed: f64) -> Result<f64> {
         .chain([DVec3::Z, -DVec3::Z])
         .collect();
     let horizon = HrtfSet::new(Sphere::default().responses(&ring), Path::new("horizon"))?;
-    let pose = |t: f64| Pose { t, p: DVec3::ZERO, q: DQuat::from_rotation_z((65.0 - speed * t).to_radians()) };
+    let pose = |t: f64| HeadPose { t, p: DVec3::ZERO, q: DQuat::from_rotation_z((65.0 - speed * t).to_radians()) };
     let path = PoseTrack::new((0..=15).map(|k| pose(f64::from(k) / 60.0)).collect())?;
     let heard = |block: usize| {
         let config = RenderConfig { mode: Mode::Physical, block, ..RenderConfig::default() };

@@ -91,9 +91,10 @@ fn push_halves(pair: [f32; 2], to: &mut Vec<u8>) {
 
 /// A camera as 3DGS writes it: its place, and its axes as columns.
 fn camera(id: usize, view: &View) -> serde_json::Value {
-    let m = &view.world_to_camera;
-    let rotation: [[f64; 3]; 3] = std::array::from_fn(|row| std::array::from_fn(|column| m[column][row]));
-    let position: [f64; 3] = std::array::from_fn(|row| -(0..3).map(|k| m[k][row] * m[k][3]).sum::<f64>());
+    let pose = view.pose();
+    // The rows of the way back are the columns of this one.
+    let rotation = pose.rotation.to_cols_array_2d();
+    let position = pose.center().to_array();
     json!({
         "id": id, "img_name": view.name, "width": view.width, "height": view.height, "position": position,
         "rotation": rotation, "fx": view.fx, "fy": view.fy,

@@ -1,6 +1,7 @@
 //! Pictures of another size than their calibration: scaled, in bars, or cut.
 
 use crate::error::Result;
+use crate::scene::Intrinsics;
 use crate::scene::undistort::Lens;
 
 /// Columns or rows that an encoder may have cut off at the right or the bottom: less than a block of a video.
@@ -33,7 +34,7 @@ pub(super) fn fitted(
     size: (u32, u32),
     first: impl FnOnce() -> Result<Vec<[u8; 3]>>,
 ) -> Result<Option<(Lens, Part, Option<String>)>> {
-    let ((width, height), Lens { width: w, height: h, .. }) = (size, *lens);
+    let ((width, height), Intrinsics { width: w, height: h, .. }) = (size, lens.intrinsics);
     if (w, h) == (width, height) {
         return Ok(Some((*lens, Part::whole(size), None)));
     }
@@ -63,7 +64,8 @@ pub(super) fn fitted(
     let cut = |calibrated: u32, found: u32| calibrated >= found && calibrated - found <= MAX_CUT;
     if (w == width && cut(h, height)) || (h == height && cut(w, width)) {
         let note = format!("{sizes}: taken as cut off at the right or the bottom");
-        return Ok(Some((Lens { width, height, ..*lens }, Part::whole(size), Some(note))));
+        let intrinsics = Intrinsics { width, height, ..lens.intrinsics };
+        return Ok(Some((Lens { intrinsics, ..*lens }, Part::whole(size), Some(note))));
     }
     Ok(None)
 }

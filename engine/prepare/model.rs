@@ -6,15 +6,14 @@ use std::path::Path;
 use super::journal::make_folder;
 use crate::error::Result;
 use crate::files::write_atomic;
-use crate::scene::capture::Pose;
-use crate::scene::quaternion;
-use crate::scene::undistort::Lens;
+use crate::scene::{Intrinsics, Pose, quaternion};
+use glam::{DVec2, DVec3};
 
 /// A camera of the model.
 pub(super) struct ModelCamera {
     /// From 1.
     pub id: u32,
-    pub lens: Lens,
+    pub intrinsics: Intrinsics,
     /// Name and pose of its images: one, or one for each frame of a moving camera.
     pub images: Vec<(String, Pose)>,
 }
@@ -39,7 +38,7 @@ pub(super) fn write(folder: &Path, cameras: &[ModelCamera], points: &[ModelPoint
         let ([x, y, z], [r, g, b]) = (position, color);
         let _ = write!(points_txt, "{id} {x} {y} {z} {r} {g} {b} 0");
         for &index in seen_by {
-            let Some([u, v]) = project(&cameras[index], *position) else { continue };
+            let Some(DVec2 { x: u, y: v }) = project(&cameras[index], DVec3::from(*position)) else { continue };
             let _ = write!(observed[index], "{}{u} {v} {id}", if n_observed[index] > 0 { " " } else { "" });
             let _ = write!(points_txt, " {} {}", firsts[index], n_observed[index]);
             n_observed[index] += 1;
@@ -51,11 +50,10 @@ pub(super) fn write(folder: &Path, cameras: &[ModelCamera], points: &[ModelPoint
         "# IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME\n# X, Y, POINT3D_ID, ... (projections)\n",
     );
     for ((camera, observed), first) in cameras.iter().zip(&observed).zip(&firsts) {
-        let Lens { width, height, fx, fy, cx, cy, .. } = camera.lens;
+        let Intrinsics { width, height, fx, fy, cx, cy } = camera.intrinsics;
         let _ = writeln!(cameras_txt, "{} PINHOLE {width} {height} {fx} {fy} {cx} {cy}", camera.id);
         for ((name, pose), id) in camera.images.iter().zip(*first..) {
-            let [w, x, y, z] = quaternion(pose);
-            let [tx, ty, tz] = [pose[0][3], pose[1][3], pose[2][3]];
+            let ([w, x, y, z], [tx, ty, tz]) = (quaternion(&pose.rotation), pose.translation.to_array());
             let _ = writeln!(images_txt, "{id} {w} {x} {y} {z} {tx} {ty} {tz} {} {name}", camera.id);
             images_txt += if id == *first { observed } else { "" };
             images_txt.push('\n');
@@ -68,10 +66,8 @@ pub(super) fn write(folder: &Path, cameras: &[ModelCamera], points: &[ModelPoint
 }
 
 /// Where the first image of a camera shows a point in front of it.
-fn project(camera: &ModelCamera, at: [f64; 3]) -> Option<[f64; 2]> {
+fn project(camera: &ModelCamera, at: DVec3) -> Option<DVec2> {
     let (_, pose) = camera.images.first()?;
-    let local = |row: usize| (0..3).map(|k| pose[row][k] * at[k]).sum::<f64>() + pose[row][3];
-    let z = local(2);
-    let Lens { fx, fy, cx, cy, .. } = camera.lens;
-    (z > 0.0).then(|| [local(0) / z * fx + cx, local(1) / z * fy + cy])
+    let local = pose.to_camera(at);
+    (local.z > 0.0).then(|| camera.intrinsics.project(local))
 }

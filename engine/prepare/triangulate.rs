@@ -19,9 +19,8 @@ use super::video::Selection;
 use crate::error::{Error, Result};
 use crate::files::{read_file, read_text, write_atomic};
 use crate::parallel::in_parallel;
-use crate::scene::capture::{FramePoints, Pose, camera_center, tracks};
-use crate::scene::undistort::Lens;
-use crate::scene::{SeenPoint, write_points};
+use crate::scene::capture::{FramePoints, tracks};
+use crate::scene::{Intrinsics, Pose, SeenPoint, write_points};
 
 /// The frame of `sparse/0/points3D.txt`.
 const REFERENCE: u32 = 0;
@@ -178,7 +177,7 @@ impl Triangulation<'_> {
             .map(|(index, camera)| {
                 let frames = (0_u32..).zip(&camera.poses);
                 let images = frames.map(|(frame, pose)| (self.images.image_name(camera, frame), *pose)).collect();
-                ModelCamera { id: Self::id(index), lens: camera.pinhole, images }
+                ModelCamera { id: Self::id(index), intrinsics: camera.pinhole.intrinsics, images }
             })
             .collect();
         let points: Vec<ModelPoint> = points
@@ -193,90 +192,34 @@ impl Triangulation<'_> {
 
     /// Has COLMAP triangulate the points of a frame that the training cameras see.
     fn frame(&self, source: &Source, frame: u32) -> Result<Vec<SeenPoint>> {
-        let about = &source.calibration;
         let all = self.images.cameras.iter().enumerate();
         let cameras: Vec<(usize, &Camera)> = all.filter(|(_, camera)| !camera.is_test).collect();
         let work = self.work.join(format!("{frame:05}"));
         let _ = fs::remove_dir_all(&work);
         let (input, found) = (work.join("model"), work.join("found"));
         make_folder(&found)?;
-        let names: Vec<String> = cameras.iter().map(|(_, camera)| self.images.image_name(camera, frame)).collect();
-        let pose = |camera: &Camera| camera.poses.get(frame as usize).unwrap_or(&camera.poses[0]).to_owned();
-        let models: Vec<ModelCamera> = cameras
-            .iter()
-            .zip(&names)
-            .map(|((index, camera), name)| ModelCamera {
-                id: Self::id(*index),
-                lens: camera.pinhole,
-                images: vec![(name.clone(), pose(camera))],
-            })
-            .collect();
-        model::write(&input, &models, &[])?;
-        let (database, folder) = (work.join("database.db"), self.images.output.join("images"));
-        let threads = (self.threads / self.images.n_frames() as usize).max(1).to_string();
-        let attempt = |verb: &str, arguments: &[(&str, &OsStr)]| {
-            let given = [("--database_path", database.as_os_str())];
-            let pairs = given.iter().chain(arguments).flat_map(|(name, value)| [OsStr::new(name), value]);
-            COLMAP.attempt(std::iter::once(OsStr::new(verb)).chain(pairs), about)
+        let model = |(index, camera): &(usize, &Camera)| ModelCamera {
+            id: Self::id(*index),
+            intrinsics: camera.pinhole.intrinsics,
+            images: vec![(
+                self.images.image_name(camera, frame),
+                *camera.poses.get(frame as usize).unwrap_or(&camera.poses[0]),
+            )],
         };
-        let run = |verb: &str, arguments: &[(&str, &OsStr)]| attempt(verb, arguments)?.1;
-        let (on, off, threads) = (OsStr::new("1"), OsStr::new("0"), OsStr::new(&threads));
-        for (number, (lens, same)) in by_lens(&models).into_iter().enumerate() {
-            let list = work.join(format!("images{number}.txt"));
-            write_atomic(&list, |to| same.iter().try_for_each(|name| writeln!(to, "{name}")))?;
-            let Lens { fx, fy, cx, cy, .. } = lens;
-            run(
-                "feature_extractor",
-                &[
-                    ("--image_path", folder.as_os_str()),
-                    ("--image_list_path", list.as_os_str()),
-                    ("--ImageReader.single_camera", on),
-                    ("--ImageReader.camera_model", OsStr::new("PINHOLE")),
-                    ("--ImageReader.camera_params", OsStr::new(&format!("{fx},{fy},{cx},{cy}"))),
-                    ("--SiftExtraction.use_gpu", off),
-                    ("--SiftExtraction.num_threads", threads),
-                ],
-            )?;
-        }
-        let matching = [
-            ("--SiftMatching.use_gpu", off),
-            ("--SiftMatching.num_threads", threads),
-            // Matches along the epipolar lines that the first ones give: nearly twice as many points where views are few.
-            ("--SiftMatching.guided_matching", on),
-        ];
-        // A list of pairs has no way to tell of a name with a space.
-        if cameras.len() <= MAX_EXHAUSTIVE || names.iter().any(|name| name.contains(' ')) {
-            run("exhaustive_matcher", &matching)?;
-        } else {
-            let list = work.join("pairs.txt");
-            let poses: Vec<Pose> = cameras.iter().map(|(_, camera)| pose(camera)).collect();
-            let mut text = String::new();
-            for (a, b) in neighbours(&poses) {
-                // Writing to a string cannot fail.
-                let _ = writeln!(text, "{} {}", names[a], names[b]);
-            }
-            write_atomic(&list, |to| to.write_all(text.as_bytes()))?;
-            let pairs = [("--match_list_path", list.as_os_str()), ("--match_type", OsStr::new("pairs"))];
-            run("matches_importer", &[&pairs[..], &matching].concat())?;
-        }
-        let (said, outcome) = attempt(
-            "point_triangulator",
-            &[
-                ("--image_path", folder.as_os_str()),
-                ("--input_path", input.as_os_str()),
-                ("--output_path", found.as_os_str()),
-                ("--clear_points", on),
-                // The poses are known, so that two views of a point are enough.
-                ("--Mapper.tri_ignore_two_view_tracks", off),
-                ("--Mapper.num_threads", threads),
-            ],
-        )?;
-        if outcome.is_err() && found_nothing(&String::from_utf8_lossy(&said)) {
+        let models: Vec<ModelCamera> = cameras.iter().map(model).collect();
+        model::write(&input, &models, &[])?;
+        let colmap = Colmap {
+            about: &source.calibration,
+            folder: self.images.output.join("images"),
+            database: work.join("database.db"),
+            threads: (self.threads / self.images.n_frames() as usize).max(1).to_string(),
+        };
+        colmap.extract(&models, &work)?;
+        colmap.match_features(&models, &work)?;
+        if !colmap.triangulate(&input, &found)? {
             return Ok(Vec::new());
         }
-        outcome?;
-        let ids: HashMap<&str, u32> =
-            names.iter().map(String::as_str).zip(models.iter().map(|model| model.id)).collect();
+        let ids: HashMap<&str, u32> = models.iter().map(|model| (model.images[0].0.as_str(), model.id)).collect();
         let points = tracks(&found)?.into_iter().map(|(point, by)| {
             let ids: BTreeSet<u32> = by.iter().filter_map(|name| ids.get(name.to_str()?).copied()).collect();
             SeenPoint { position: point.position, rgb: point.color, camera_ids: ids.into_iter().collect() }
@@ -296,6 +239,99 @@ impl Triangulation<'_> {
     }
 }
 
+const ON: &str = "1";
+const OFF: &str = "0";
+
+/// COLMAP at work on the pictures of one frame.
+struct Colmap<'a> {
+    /// Named in errors.
+    about: &'a Path,
+    /// Of the images.
+    folder: PathBuf,
+    database: PathBuf,
+    threads: String,
+}
+
+impl Colmap<'_> {
+    /// What it said, and whether it succeeded.
+    fn attempt(&self, verb: &str, arguments: &[(&str, &OsStr)]) -> Result<(Vec<u8>, Result<()>)> {
+        let given = [("--database_path", self.database.as_os_str())];
+        let pairs = given.iter().chain(arguments).flat_map(|(name, value)| [OsStr::new(name), value]);
+        COLMAP.attempt(std::iter::once(OsStr::new(verb)).chain(pairs), self.about)
+    }
+
+    fn run(&self, verb: &str, arguments: &[(&str, &OsStr)]) -> Result<()> {
+        self.attempt(verb, arguments)?.1
+    }
+
+    /// Features of the first image of every camera, lens by lens.
+    fn extract(&self, models: &[ModelCamera], work: &Path) -> Result<()> {
+        for (number, (lens, same)) in by_lens(models).into_iter().enumerate() {
+            let list = work.join(format!("images{number}.txt"));
+            write_atomic(&list, |to| same.iter().try_for_each(|name| writeln!(to, "{name}")))?;
+            let Intrinsics { fx, fy, cx, cy, .. } = lens;
+            self.run(
+                "feature_extractor",
+                &[
+                    ("--image_path", self.folder.as_os_str()),
+                    ("--image_list_path", list.as_os_str()),
+                    ("--ImageReader.single_camera", OsStr::new(ON)),
+                    ("--ImageReader.camera_model", OsStr::new("PINHOLE")),
+                    ("--ImageReader.camera_params", OsStr::new(&format!("{fx},{fy},{cx},{cy}"))),
+                    ("--SiftExtraction.use_gpu", OsStr::new(OFF)),
+                    ("--SiftExtraction.num_threads", OsStr::new(&self.threads)),
+                ],
+            )?;
+        }
+        Ok(())
+    }
+
+    /// Matches every pair of images, or of many cameras those that are likely to see the same.
+    fn match_features(&self, models: &[ModelCamera], work: &Path) -> Result<()> {
+        let matching = [
+            ("--SiftMatching.use_gpu", OsStr::new(OFF)),
+            ("--SiftMatching.num_threads", OsStr::new(&self.threads)),
+            // Matches along the epipolar lines that the first ones give: nearly twice as many points where views are few.
+            ("--SiftMatching.guided_matching", OsStr::new(ON)),
+        ];
+        let (names, poses): (Vec<&str>, Vec<Pose>) =
+            models.iter().map(|model| (model.images[0].0.as_str(), model.images[0].1)).unzip();
+        // A list of pairs has no way to tell of a name with a space.
+        if names.len() <= MAX_EXHAUSTIVE || names.iter().any(|name| name.contains(' ')) {
+            return self.run("exhaustive_matcher", &matching);
+        }
+        let list = work.join("pairs.txt");
+        let mut text = String::new();
+        for (a, b) in neighbours(&poses) {
+            // Writing to a string cannot fail.
+            let _ = writeln!(text, "{} {}", names[a], names[b]);
+        }
+        write_atomic(&list, |to| to.write_all(text.as_bytes()))?;
+        let pairs = [("--match_list_path", list.as_os_str()), ("--match_type", OsStr::new("pairs"))];
+        self.run("matches_importer", &[&pairs[..], &matching].concat())
+    }
+
+    /// Triangulates with the poses of the model in `input`; the points come to the folder `found`. False where there is none.
+    fn triangulate(&self, input: &Path, found: &Path) -> Result<bool> {
+        let (said, outcome) = self.attempt(
+            "point_triangulator",
+            &[
+                ("--image_path", self.folder.as_os_str()),
+                ("--input_path", input.as_os_str()),
+                ("--output_path", found.as_os_str()),
+                ("--clear_points", OsStr::new(ON)),
+                // The poses are known, so that two views of a point are enough.
+                ("--Mapper.tri_ignore_two_view_tracks", OsStr::new(OFF)),
+                ("--Mapper.num_threads", OsStr::new(&self.threads)),
+            ],
+        )?;
+        if outcome.is_err() && found_nothing(&String::from_utf8_lossy(&said)) {
+            return Ok(false);
+        }
+        outcome.map(|()| true)
+    }
+}
+
 /// Whether `point_triangulator` got as far as adjusting no point at all, which ends it with a failed check.
 fn found_nothing(said: &str) -> bool {
     let mut counts = said.lines().filter_map(|line| line.trim().strip_prefix("=> Triangulated "));
@@ -303,13 +339,13 @@ fn found_nothing(said: &str) -> bool {
 }
 
 /// Names of images by their lens, in the order in which the lenses come.
-fn by_lens(models: &[ModelCamera]) -> Vec<(Lens, Vec<&str>)> {
-    let mut groups: Vec<(Lens, Vec<&str>)> = Vec::new();
+fn by_lens(models: &[ModelCamera]) -> Vec<(Intrinsics, Vec<&str>)> {
+    let mut groups: Vec<(Intrinsics, Vec<&str>)> = Vec::new();
     for model in models {
         let name = model.images[0].0.as_str();
-        match groups.iter_mut().find(|(lens, _)| *lens == model.lens) {
+        match groups.iter_mut().find(|(lens, _)| *lens == model.intrinsics) {
             Some((_, names)) => names.push(name),
-            None => groups.push((model.lens, vec![name])),
+            None => groups.push((model.intrinsics, vec![name])),
         }
     }
     groups
@@ -317,15 +353,15 @@ fn by_lens(models: &[ModelCamera]) -> Vec<(Lens, Vec<&str>)> {
 
 /// Pairs of cameras that are likely to see the same: of each, those whose axes and centres differ least.
 fn neighbours(poses: &[Pose]) -> BTreeSet<(usize, usize)> {
-    let centers: Vec<_> = poses.iter().map(camera_center).collect();
-    let distance = |a: usize, b: usize| (0..3).map(|k| (centers[a][k] - centers[b][k]).powi(2)).sum::<f64>().sqrt();
+    let centers: Vec<_> = poses.iter().map(Pose::center).collect();
+    let distance = |a: usize, b: usize| centers[a].distance(centers[b]);
     let n = poses.len();
     let mean =
         (0..n).flat_map(|a| (0..n).map(move |b| (a, b))).map(|(a, b)| distance(a, b)).sum::<f64>() / (n * n) as f64;
     let mut pairs = BTreeSet::new();
     for a in 0..n {
         let unlike = |b: usize| {
-            let cosine = (0..3).map(|k| poses[a][2][k] * poses[b][2][k]).sum::<f64>();
+            let cosine = poses[a].forward().dot(poses[b].forward());
             (1.0 - cosine) + distance(a, b) / mean.max(f64::MIN_POSITIVE)
         };
         let mut others: Vec<usize> = (0..n).filter(|&b| b != a).collect();

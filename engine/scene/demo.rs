@@ -3,10 +3,12 @@
 //! Its files must be the same bytes on every machine. IEEE 754 fixes +, -, *, / and sqrt, but leaves sin, cos, exp and
 //! ln to each platform's library; so angles advance by rotation with literal constants and logarithms are summed here.
 
+use super::pose::{Pose, rotation_of_rows};
 use super::splats::dc_of_color;
 use super::splats::{Motion, Splats};
 use super::view::{FlowModel, View};
 use crate::random::Random;
+use glam::DVec3;
 
 type Vec3 = [f64; 3];
 
@@ -19,7 +21,7 @@ const FLATNESS: f64 = 0.15;
 /// The floor, in world coordinates with y down.
 const FLOOR_Y: f64 = 1.0;
 /// Direction to the light.
-const LIGHT: Vec3 = [0.48, -0.8, -0.36];
+const LIGHT: DVec3 = DVec3::new(0.48, -0.8, -0.36);
 const N_VIEWS: u32 = 8;
 /// Centre and radius of the still sphere, centre and half side of the box.
 const SPHERE: (Vec3, f64) = ([-0.75, FLOOR_Y - 0.5, 0.55], 0.5);
@@ -64,7 +66,7 @@ impl Builder {
     /// One Gaussian of a surface: `color` is its albedo before shading.
     fn surface(&mut self, at: Vec3, normal: Vec3, spacing: f64, color: Vec3) {
         let std = STD_PER_SPACING * spacing;
-        let shade = 0.62 + 0.38 * dot(normal, LIGHT).max(0.0);
+        let shade = 0.62 + 0.38 * DVec3::from(normal).dot(LIGHT).max(0.0);
         let grain = 1.0 + 0.04 * self.noise.uniform(-1.0, 1.0);
         // A surface is a little brighter when it is looked at along its normal: dir . normal is -1 there.
         let sheen = -0.07 / SH_C1;
@@ -191,7 +193,7 @@ fn views() -> Vec<View> {
             fy: 300.0,
             cx: 160.0,
             cy: 120.0,
-            world_to_camera: look_at(center, target),
+            world_to_camera: pose(center.into(), target.into()).rows(),
             time: f64::from(index) / f64::from(N_VIEWS),
             time_offset: 0.0,
             flow_dt: 1.0 / 30.0,
@@ -204,13 +206,13 @@ fn views() -> Vec<View> {
     views
 }
 
-/// The rows of world to camera for a camera at `center` that looks at `target` and has the world's y (down) below.
-fn look_at(center: Vec3, target: Vec3) -> [[f64; 4]; 4] {
-    let forward = normalized(std::array::from_fn(|k| target[k] - center[k]));
-    let right = normalized(cross([0.0, 1.0, 0.0], forward));
-    let down = cross(forward, right);
-    let row = |axis: Vec3| [axis[0], axis[1], axis[2], -dot(axis, center)];
-    [row(right), row(down), row(forward), [0.0, 0.0, 0.0, 1.0]]
+/// A camera at `center` that looks at `target` and has the world's y (down) below.
+fn pose(center: DVec3, target: DVec3) -> Pose {
+    // glam multiplies by the inverse of the length, which would change the last bits of the files that ship.
+    let unit = |v: DVec3| v / v.length();
+    let forward = unit(target - center);
+    let right = unit(DVec3::Y.cross(forward));
+    Pose::at(center, rotation_of_rows([right, forward.cross(right), forward]))
 }
 
 /// Darkening of the floor under a thing, from 0.45 below it to 1 away from it.
@@ -258,17 +260,4 @@ fn ln(x: f64) -> f64 {
         term *= u * u;
     }
     exponent * std::f64::consts::LN_2 + 2.0 * sum
-}
-
-fn dot(a: Vec3, b: Vec3) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-fn cross(a: Vec3, b: Vec3) -> Vec3 {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
-
-fn normalized(v: Vec3) -> Vec3 {
-    let length = dot(v, v).sqrt();
-    v.map(|c| c / length)
 }

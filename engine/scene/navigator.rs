@@ -2,9 +2,8 @@
 
 use glam::{DMat3, DVec2, DVec3};
 
-use super::capture::camera_center;
 use super::orbit::{Orbit, upright};
-use super::{Splats, View};
+use super::{Pose, Splats, View};
 
 /// Radians.
 const TURN_PER_PIXEL: f64 = 0.005;
@@ -68,9 +67,8 @@ impl Navigator {
 
     /// Goes where `view` is, and looks at what is as far as the middle of the scene, if that is before it.
     pub fn go(&mut self, view: &View) {
-        let [x, y, z, _] = view.world_to_camera.map(|row| DVec3::from_slice(&row[..3]));
-        self.rotation = DMat3::from_cols(x, y, z).transpose();
-        self.center = camera_center(&view.world_to_camera).into();
+        let pose = view.pose();
+        (self.rotation, self.center) = (pose.rotation, pose.center());
         self.view = view.clone();
         let depth = self.forward().dot(self.middle - self.center);
         self.reach = if depth > TOO_NEAR * self.radius { depth } else { self.radius };
@@ -93,9 +91,7 @@ impl Navigator {
 
     /// What it sees in a picture of this size, pixels, as [`View::fitted`] has it.
     pub fn view(&self, size: [u32; 2]) -> View {
-        let t = -(self.rotation * self.center);
-        let row = |k: usize| self.rotation.row(k).extend(t[k]).to_array();
-        View { world_to_camera: [row(0), row(1), row(2), [0.0, 0.0, 0.0, 1.0]], ..self.view.fitted(size) }
+        View { world_to_camera: Pose::at(self.center, self.rotation).rows(), ..self.view.fitted(size) }
     }
 
     /// Turns as a pointer says that was dragged by so many pixels: what is under it follows it.
@@ -106,8 +102,8 @@ impl Navigator {
 
     /// Shifts so that what is looked at follows a pointer that was dragged by so many pixels of a picture of this size.
     pub fn pan(&mut self, by: DVec2, size: [u32; 2]) {
-        let View { fx, fy, .. } = self.view.fitted(size);
-        self.shift(DVec3::new(-by.x / fx, -by.y / fy, 0.0) * self.reach);
+        let focal = self.view.intrinsics().fitted(size).focal();
+        self.shift((-by / focal).extend(0.0) * self.reach);
     }
 
     /// Comes closer to what is looked at: to so many times its distance. In flight that moves on as well.

@@ -1,6 +1,8 @@
 //! Where a world's origin is and how long its unit: the frame that training computes in, and the way back.
 
+use super::pose::Pose;
 use super::splats::Splats;
+use glam::DVec3;
 
 /// A shift and a uniform scale of the world, in f64: `x' = scale (x - origin)`.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -42,13 +44,9 @@ impl Similarity {
         std::array::from_fn(|k| self.scale * (at[k] - self.origin[k]))
     }
 
-    /// The rows of `world_to_camera` for the new world; the camera's own axes scale with it, so pictures stay the same.
-    pub fn pose(&self, world_to_camera: &[[f64; 4]; 4]) -> [[f64; 4]; 4] {
-        let mut pose = *world_to_camera;
-        for row in &mut pose[..3] {
-            row[3] = self.scale * (row[3] + (0..3).map(|k| row[k] * self.origin[k]).sum::<f64>());
-        }
-        pose
+    /// The pose in the new world; the camera's own axes scale with it, so pictures stay the same.
+    pub fn pose(&self, pose: &Pose) -> Pose {
+        Pose { translation: self.scale * (pose.translation + pose.rotation * DVec3::from(self.origin)), ..*pose }
     }
 
     /// The Gaussians in the new world: positions, log-scales and velocities change. Rounded to f32 once.

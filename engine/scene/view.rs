@@ -3,11 +3,15 @@
 use std::collections::HashSet;
 use std::path::Path;
 
+use super::intrinsics::Intrinsics;
+use super::pose::Pose;
 use crate::error::{Error, Result};
 use crate::files::{read_bytes, write_atomic};
 use glam::DVec3;
 
-/// A pinhole camera at one time. Double precision on the host; narrowed once when it goes to the device.
+/// A pinhole camera at one time, as a cameras file spells it and the twin reads it: flat, and unchecked until [`read_views`] has
+/// seen it. [`View::intrinsics`] and [`View::pose`] are what it is computed with. Double precision on the host; narrowed once when
+/// it goes to the device.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct View {
     /// Names the output files.
@@ -89,9 +93,6 @@ const MAX_NAME_BYTES: usize = 200;
 /// Largest deviation of R R^T from the identity, entry by entry.
 const ROTATION_TOLERANCE: f64 = 1e-3;
 
-/// How much more a picture of another shape may show in one direction, before it is cropped in the other.
-const MOST_SHOWN: f64 = 1.35;
-
 /// The cameras file as a whole; a view stays untyped until its index is known for error messages.
 #[derive(serde::Deserialize)]
 struct Document {
@@ -159,11 +160,6 @@ fn check_views(path: &Path, views: &[View]) -> Result<()> {
     Ok(())
 }
 
-/// Where a camera is, world: - R^T t.
-pub fn camera_center(pose: &[[f64; 4]; 4]) -> [f64; 3] {
-    std::array::from_fn(|k| -(0..3).map(|row| pose[row][k] * pose[row][3]).sum::<f64>())
-}
-
 /// A fault of a view: field, reason, remedy.
 pub(super) type Fault = (&'static str, String, &'static str);
 
@@ -172,10 +168,7 @@ impl View {
     /// ones, and so many degrees from its lower border to its upper one. At time 0, over black. Where `eye` is at `target` it looks
     /// along z; where it looks along `up`, some direction is upwards.
     pub fn look_at(eye: [f64; 3], target: [f64; 3], up: [f64; 3], (width, height): (u32, u32), fov: f64) -> View {
-        let (eye, up) = (DVec3::from(eye), DVec3::from(up));
-        let forward = (DVec3::from(target) - eye).try_normalize().unwrap_or(DVec3::Z);
-        let right = forward.cross(up).try_normalize().unwrap_or_else(|| forward.any_orthonormal_vector());
-        let row = |axis: DVec3| [axis.x, axis.y, axis.z, -axis.dot(eye)];
+        let [eye, target, up] = [eye, target, up].map(DVec3::from);
         let f = f64::from(height) / (2.0 * (fov.to_radians() / 2.0).tan());
         View {
             name: "view".to_owned(),
@@ -185,7 +178,7 @@ impl View {
             fy: f,
             cx: f64::from(width) / 2.0,
             cy: f64::from(height) / 2.0,
-            world_to_camera: [row(right), row(forward.cross(right)), row(forward), [0.0, 0.0, 0.0, 1.0]],
+            world_to_camera: Pose::look_at(eye, target, up).rows(),
             time: 0.0,
             time_offset: 0.0,
             flow_dt: 1.0,
@@ -195,28 +188,30 @@ impl View {
         }
     }
 
-    /// The view of pictures whose pixels are the means of `factor` x `factor` of this one's; what does not fill a pixel at the
-    /// right and at the bottom is cut off.
-    pub fn reduced(&self, factor: u32) -> View {
-        let [fx, fy, cx, cy] = [self.fx, self.fy, self.cx, self.cy].map(|pixels| pixels / f64::from(factor));
-        View { width: self.width / factor, height: self.height / factor, fx, fy, cx, cy, ..self.clone() }
+    /// Its pinhole.
+    pub fn intrinsics(&self) -> Intrinsics {
+        let View { width, height, fx, fy, cx, cy, .. } = *self;
+        Intrinsics { width, height, fx, fy, cx, cy }
     }
 
-    /// The view as a picture of another shape has it, pixels: all that it sees, or, where the shapes differ much, most of it. Where
-    /// one direction would show more than 1.35 times as much as before, the other is cropped.
-    pub fn fitted(&self, [width, height]: [u32; 2]) -> View {
-        let [w, h, old_w, old_h] = [width, height, self.width, self.height].map(f64::from);
-        let (a, b) = (w / old_w, h / old_h);
-        let zoom = a.max(b).min(MOST_SHOWN * a.min(b));
-        View {
-            width,
-            height,
-            fx: self.fx * zoom,
-            fy: self.fy * zoom,
-            cx: w / 2.0 + (self.cx - old_w / 2.0) * zoom,
-            cy: h / 2.0 + (self.cy - old_h / 2.0) * zoom,
-            ..self.clone()
-        }
+    /// Where it is.
+    pub fn pose(&self) -> Pose {
+        Pose::of_rows(&self.world_to_camera)
+    }
+
+    /// The view through another pinhole.
+    pub fn through(&self, Intrinsics { width, height, fx, fy, cx, cy }: Intrinsics) -> View {
+        View { width, height, fx, fy, cx, cy, ..self.clone() }
+    }
+
+    /// The view in smaller pictures, see [`Intrinsics::reduced`].
+    pub fn reduced(&self, factor: u32) -> View {
+        self.through(self.intrinsics().reduced(factor))
+    }
+
+    /// The view as a picture of another shape has it, pixels, see [`Intrinsics::fitted`].
+    pub fn fitted(&self, size: [u32; 2]) -> View {
+        self.through(self.intrinsics().fitted(size))
     }
 
     /// The cone of what it sees, relative to `origin`.
@@ -224,12 +219,11 @@ impl View {
         let (width, height) = (f64::from(self.width), f64::from(self.height));
         let x = self.cx.max(width - self.cx) / self.fx;
         let y = self.cy.max(height - self.cy) / self.fy;
-        let tip = camera_center(&self.world_to_camera);
-        let [_, _, [axis @ .., _], _] = self.world_to_camera;
+        let pose = self.pose();
         Cone {
-            tip: std::array::from_fn(|k| (tip[k] - origin[k]) as f32),
+            tip: (pose.center() - DVec3::from(origin)).as_vec3().to_array(),
             reach: x.hypot(y) as f32,
-            axis: axis.map(|x| x as f32),
+            axis: pose.forward().as_vec3().to_array(),
             unused: 0.0,
         }
     }
@@ -278,9 +272,10 @@ fn check_pose(field: &'static str, m: &[[f64; 4]; 4]) -> Option<Fault> {
     if m[3] != [0.0, 0.0, 0.0, 1.0] {
         return Some((field, format!("has {:?} as its last row, not [0, 0, 0, 1]", m[3]), REMEDY));
     }
+    let rotation = Pose::of_rows(m).rotation;
     for i in 0..3 {
         for j in 0..=i {
-            let product: f64 = (0..3).map(|k| m[i][k] * m[j][k]).sum();
+            let product = rotation.row(i).dot(rotation.row(j));
             let expected = if i == j { 1.0 } else { 0.0 };
             let error = (product - expected).abs();
             if error.is_nan() || error > ROTATION_TOLERANCE {
@@ -289,9 +284,7 @@ fn check_pose(field: &'static str, m: &[[f64; 4]; 4]) -> Option<Fault> {
             }
         }
     }
-    let minor = |a: usize, b: usize| m[1][a] * m[2][b] - m[1][b] * m[2][a];
-    let determinant = m[0][0] * minor(1, 2) - m[0][1] * minor(0, 2) + m[0][2] * minor(0, 1);
-    if determinant < 0.0 {
+    if rotation.determinant() < 0.0 {
         return Some((field, "mirrors: the determinant of its rotation is -1".to_owned(), REMEDY));
     }
     None

@@ -9,7 +9,7 @@ use super::FS;
 use super::geometry::Mode;
 use super::hrtf::{HrtfSet, Lookup};
 use super::metrics::{Localiser, level_db, lsd_db, splatter_db, wrap_degrees};
-use super::pose::{Pose, PoseTrack};
+use super::pose::{HeadPose, PoseTrack};
 use super::render::{RenderConfig, SPEED_OF_SOUND, render_signals};
 use super::scene_file::SoundScene;
 use super::simulate::{Motion, Simulated, simulate};
@@ -176,7 +176,7 @@ pub fn trade(open: impl Fn() -> Result<HrtfSet>) -> Result<Vec<Trade>> {
 /// What a head that turns by 180 degrees a second past a tone of 1 kHz on its left hears beside it.
 fn turning_splatter(scene: &SoundScene, hrtf: &HrtfSet, config: &RenderConfig) -> Result<f64> {
     let center = scene.mic.pose.at(0.0).p;
-    let pose = |t: f64| Pose { t, p: center, q: DQuat::from_rotation_z((90.0 - 25.0 - 180.0 * t).to_radians()) };
+    let pose = |t: f64| HeadPose { t, p: center, q: DQuat::from_rotation_z((90.0 - 25.0 - 180.0 * t).to_radians()) };
     let head = PoseTrack::new((0..=30).map(|k| pose(f64::from(k) / 60.0)).collect())?;
     let mut scene = scene.clone();
     scene.sources[0].track.samples.iter_mut().for_each(|sample| sample.p = center + DVec3::new(0.0, 2.0, 0.0));

@@ -2,10 +2,11 @@
 
 use super::FS;
 use super::align::LEAD;
+use super::course::Course;
 use super::geometry::{Mode, degrees};
 use super::hrtf::{HrtfSet, Lookup};
 use super::pose::PoseTrack;
-use super::render::{Course, RenderConfig, signals};
+use super::render::{RenderConfig, signals};
 use super::scene_file::SoundScene;
 use super::wav::{Depth, encode};
 use super::wola::Baker;

@@ -5,7 +5,7 @@
 
 use glam::{DVec2, DVec3};
 
-use super::pose::Pose;
+use super::pose::HeadPose;
 
 /// The horizontal plane of the sound field: x right, y forward, up.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -34,7 +34,7 @@ impl SoundPlane {
 
     /// Yaw of a head from the y axis, counter-clockwise, radians. A head that looks straight up or down has the yaw of
     /// its sides.
-    pub fn yaw(&self, head: &Pose) -> f64 {
+    pub fn yaw(&self, head: &HeadPose) -> f64 {
         let forward = self.level(head.forward());
         let forward = if forward.length() > 1e-6 { forward } else { self.level((head.q * DVec3::Y).cross(self.up)) };
         f64::atan2(-forward.x, forward.y)
@@ -92,7 +92,7 @@ pub fn signed_angle(yaw: f64, offset: DVec2) -> f64 {
 }
 
 /// The bearing of `source` for a head, with the microphone's distance.
-pub fn bearing(mode: Mode, plane: &SoundPlane, head: &Pose, microphone: DVec3, source: DVec3) -> Bearing {
+pub fn bearing(mode: Mode, plane: &SoundPlane, head: &HeadPose, microphone: DVec3, source: DVec3) -> Bearing {
     let (to_source, from_microphone) = (source - head.p, source - microphone);
     match mode {
         Mode::Paper2d => {

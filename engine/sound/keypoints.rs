@@ -119,12 +119,14 @@ impl Mouths {
 
     /// To the camera's pixels.
     fn fit(&mut self, path: &Path, lens: &Lens, image_size: Option<(u32, u32)>) -> Result<()> {
-        let (w, h) = (f64::from(lens.width), f64::from(lens.height));
+        let (w, h) = (f64::from(lens.intrinsics.width), f64::from(lens.intrinsics.height));
         if let Some((width, height)) = image_size {
             let (from_w, from_h) = (f64::from(width), f64::from(height));
             if (from_w * h - from_h * w).abs() > w.max(h) {
-                let reason =
-                    format!("is of {width} x {height} pixels, the camera has {} x {}", lens.width, lens.height);
+                let reason = format!(
+                    "is of {width} x {height} pixels, the camera has {} x {}",
+                    lens.intrinsics.width, lens.intrinsics.height
+                );
                 return Err(Error::data(
                     path,
                     "",

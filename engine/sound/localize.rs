@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use glam::{DMat3, DVec2, DVec3};
+use glam::{DMat3, DVec3};
 
 use super::associate::associate;
 use super::keypoints::Mouths;
@@ -198,13 +198,10 @@ fn sights(rig: &Rig, mouths: &[Mouths], frame: f64) -> Vec<(Sight, Mouth)> {
 }
 
 fn sight(camera: &RigCamera, index: usize, local: f64, mouth: &Mouth) -> Option<Sight> {
-    let (rotation, center) = camera.pose(local);
-    let focal = DVec2::new(camera.lens.fx, camera.lens.fy);
     Some(Sight {
         camera: index,
-        rotation,
-        center,
-        focal,
+        pose: camera.pose(local),
+        focal: camera.lens.intrinsics.focal(),
         at: camera.plane(mouth.at)?,
         sigma: mouth.sigma,
         weight: mouth.weight,
@@ -257,7 +254,7 @@ fn scale(seen: &[Vec<(Sight, Mouth)>], fixes: &[Vec<Fix>]) -> Option<f64> {
     for (seen, fix) in seen.iter().zip(fixes).flat_map(|(seen, fixes)| fixes.iter().map(move |fix| (seen, fix))) {
         let width = |sight: &usize| {
             let (sight, mouth) = &seen[*sight];
-            mouth.width / sight.focal.x * (sight.rotation * (fix.p - sight.center)).z
+            mouth.width / sight.focal.x * sight.pose.to_camera(fix.p).z
         };
         // From the side a mouth is narrow.
         widths.push(fix.sights.iter().map(width).fold(0.0, f64::max));

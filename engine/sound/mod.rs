@@ -8,6 +8,7 @@ pub mod ambix;
 pub mod associate;
 pub mod bench;
 pub mod clip;
+mod course;
 pub mod fir;
 pub mod geometry;
 pub mod hrtf;

@@ -12,9 +12,10 @@ use std::path::Path;
 
 use glam::{DMat3, DQuat, DVec3};
 
-use super::pose::{Pose, PoseTrack};
+use super::pose::{HeadPose, PoseTrack};
 use crate::error::{Error, Result};
 use crate::files::read_text;
+use crate::scene;
 
 /// Largest deviation of R R^T from the identity, entry by entry.
 const ROTATION_TOLERANCE: f64 = 1e-3;
@@ -45,14 +46,11 @@ impl Convention {
     }
 }
 
-impl Pose {
-    /// Rows of the 4 x 4 matrix from world to a camera (x right, y down, z forward) in the place of the head.
-    pub fn world_to_camera(&self) -> [[f64; 4]; 4] {
+impl HeadPose {
+    /// That of a camera in the place of the head.
+    pub fn world_to_camera(&self) -> scene::Pose {
         let to_world = self.q * Convention::OpenCv.of_head().inverse();
-        let rotation = DMat3::from_quat(to_world).transpose();
-        let shift = -(rotation * self.p);
-        let row = |k: usize| [rotation.x_axis[k], rotation.y_axis[k], rotation.z_axis[k], shift[k]];
-        [row(0), row(1), row(2), [0.0, 0.0, 0.0, 1.0]]
+        scene::Pose::at(self.p, DMat3::from_quat(to_world).transpose())
     }
 }
 
@@ -93,7 +91,7 @@ pub fn read_path(path: &Path, convention: Option<Convention>) -> Result<HeadPath
         _ => (tum(path, &text)?, None, Convention::OpenCv),
     };
     let turn = convention.unwrap_or(own).of_head();
-    let poses = poses.into_iter().map(|pose| Pose { q: pose.q * turn, ..pose }).collect();
+    let poses = poses.into_iter().map(|pose| HeadPose { q: pose.q * turn, ..pose }).collect();
     let track = PoseTrack::new(poses).map_err(|error| match error {
         Error::Data { place, reason, remedy, .. } => Error::data(path, place, reason, remedy),
         other => other,
@@ -102,11 +100,11 @@ pub fn read_path(path: &Path, convention: Option<Convention>) -> Result<HeadPath
 }
 
 /// The pose of t, x, y, z, qx, qy, qz, qw; the quaternion need not have quite the length 1.
-fn pose([t, x, y, z, qx, qy, qz, qw]: [f64; 8]) -> Pose {
-    Pose { t, p: DVec3::new(x, y, z), q: DQuat::from_xyzw(qx, qy, qz, qw).normalize() }
+fn pose([t, x, y, z, qx, qy, qz, qw]: [f64; 8]) -> HeadPose {
+    HeadPose { t, p: DVec3::new(x, y, z), q: DQuat::from_xyzw(qx, qy, qz, qw).normalize() }
 }
 
-fn tum(path: &Path, text: &str) -> Result<Vec<Pose>> {
+fn tum(path: &Path, text: &str) -> Result<Vec<HeadPose>> {
     let lines = text.lines().enumerate().filter(|(_, line)| !(line.trim().is_empty() || line.trim().starts_with('#')));
     let parsed = lines.map(|(number, line)| {
         let cells = line.split([' ', '\t', ',']).filter(|cell| !cell.is_empty());
@@ -118,7 +116,7 @@ fn tum(path: &Path, text: &str) -> Result<Vec<Pose>> {
     parsed.collect()
 }
 
-fn csv(path: &Path, text: &str) -> Result<Vec<Pose>> {
+fn csv(path: &Path, text: &str) -> Result<Vec<HeadPose>> {
     const COLUMNS: [&str; 8] = ["t", "x", "y", "z", "qx", "qy", "qz", "qw"];
     let mut lines = text.lines().enumerate();
     let header: Vec<&str> = lines.next().map_or("", |(_, line)| line).split(',').map(str::trim).collect();
@@ -165,7 +163,7 @@ enum Matrix {
     Rows([[f64; 4]; 4]),
 }
 
-fn nerfstudio(path: &Path, text: &str) -> Result<(Vec<Pose>, Option<PathCamera>, Convention)> {
+fn nerfstudio(path: &Path, text: &str) -> Result<(Vec<HeadPose>, Option<PathCamera>, Convention)> {
     let remedy = "give a camera path that nerfstudio or nerfview exported";
     let fault = |place: String, reason: String| Error::data(path, place, reason, remedy);
     let document: Document = serde_json::from_str(text).map_err(|e| fault(String::new(), e.to_string()))?;
@@ -191,7 +189,7 @@ fn nerfstudio(path: &Path, text: &str) -> Result<(Vec<Pose>, Option<PathCamera>,
         if !is_rotation {
             return Err(fault(format!("pose {index}"), "has a `camera_to_world` that does not rotate".to_owned()));
         }
-        poses.push(Pose { t: index as f64 / fps, p: column(3), q: DQuat::from_mat3(&rotation).normalize() });
+        poses.push(HeadPose { t: index as f64 / fps, p: column(3), q: DQuat::from_mat3(&rotation).normalize() });
     }
     Ok((poses, Some(PathCamera { fps, width, height, fov }), Convention::OpenGl))
 }

@@ -8,7 +8,7 @@ use crate::error::{Error, Result};
 
 /// Place and turn at a time.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Pose {
+pub struct HeadPose {
     /// Seconds.
     pub t: f64,
     /// World position, scene units.
@@ -17,7 +17,7 @@ pub struct Pose {
     pub q: DQuat,
 }
 
-impl Pose {
+impl HeadPose {
     /// The head's forward axis in the world.
     pub fn forward(&self) -> DVec3 {
         self.q * DVec3::X
@@ -37,7 +37,7 @@ impl Pose {
 /// Poses in the order of time: at least one, all finite.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PoseTrack {
-    poses: Vec<Pose>,
+    poses: Vec<HeadPose>,
 }
 
 impl PoseTrack {
@@ -45,7 +45,7 @@ impl PoseTrack {
     ///
     /// # Errors
     /// [`Error::Data`] where there is no pose, one is not finite, a turn has no length, or time does not increase.
-    pub fn new(mut poses: Vec<Pose>) -> Result<Self> {
+    pub fn new(mut poses: Vec<HeadPose>) -> Result<Self> {
         let fault = |row: usize, reason: &str| {
             let remedy = "give poses with increasing times, finite places and unit quaternions";
             Error::data(Path::new("path of poses"), format!("pose {row}"), reason, remedy)
@@ -70,26 +70,26 @@ impl PoseTrack {
 
     /// A head that stays.
     pub fn still(p: DVec3, q: DQuat) -> Self {
-        PoseTrack { poses: vec![Pose { t: 0.0, p, q }] }
+        PoseTrack { poses: vec![HeadPose { t: 0.0, p, q }] }
     }
 
     /// The pose at a time in seconds: places linearly, turns along the sphere, the ends held.
-    pub fn at(&self, t: f64) -> Pose {
+    pub fn at(&self, t: f64) -> HeadPose {
         let after = self.poses.partition_point(|pose| pose.t <= t);
-        let clamped = |pose: &Pose| Pose { t, ..*pose };
+        let clamped = |pose: &HeadPose| HeadPose { t, ..*pose };
         match (after.checked_sub(1).map(|before| &self.poses[before]), self.poses.get(after)) {
             (None, Some(first)) => clamped(first),
             (Some(last), None) => clamped(last),
             (Some(a), Some(b)) => {
                 let s = (t - a.t) / (b.t - a.t);
-                Pose { t, p: a.p.lerp(b.p, s), q: a.q.slerp(b.q, s) }
+                HeadPose { t, p: a.p.lerp(b.p, s), q: a.q.slerp(b.q, s) }
             }
-            (None, None) => Pose { t, p: DVec3::ZERO, q: DQuat::IDENTITY },
+            (None, None) => HeadPose { t, p: DVec3::ZERO, q: DQuat::IDENTITY },
         }
     }
 
     /// The poses, in the order of time.
-    pub fn poses(&self) -> &[Pose] {
+    pub fn poses(&self) -> &[HeadPose] {
         &self.poses
     }
 }

@@ -5,10 +5,11 @@ use std::path::Path;
 use glam::{DMat3, DQuat, DVec2, DVec3};
 
 use super::path::Convention;
-use super::pose::{Pose, PoseTrack};
+use super::pose::{HeadPose, PoseTrack};
 use crate::error::{Error, Result};
 use crate::files::read_file;
-use crate::scene::capture::{self, Camera, CaptureSettings, Faults, describe};
+use crate::scene::Pose;
+use crate::scene::capture::{Camera, CaptureSettings, Faults, describe};
 use crate::scene::undistort::Lens;
 
 /// A camera with its clock.
@@ -18,7 +19,7 @@ pub struct RigCamera {
     pub name: String,
     /// Distortion included.
     pub lens: Lens,
-    /// By frame; a camera that stands still has one.
+    /// By frame, from world to camera, and the centre; a camera that stands still has one.
     poses: Vec<(f64, DQuat, DVec3)>,
     /// Its picture of frame f is of frame f + this.
     pub offset: f64,
@@ -27,23 +28,19 @@ pub struct RigCamera {
 
 impl RigCamera {
     /// A camera with its poses by frame, at least one; `None` without.
-    pub fn new(name: &str, lens: Lens, poses: &[(u32, capture::Pose)]) -> Option<RigCamera> {
-        let pose = |(frame, pose): &(u32, capture::Pose)| {
-            let column = |k: usize| DVec3::new(pose[0][k], pose[1][k], pose[2][k]);
-            let rotation = DMat3::from_cols(column(0), column(1), column(2));
-            (f64::from(*frame), DQuat::from_mat3(&rotation), -(rotation.transpose() * column(3)))
-        };
+    pub fn new(name: &str, lens: Lens, poses: &[(u32, Pose)]) -> Option<RigCamera> {
+        let pose = |(frame, pose): &(u32, Pose)| (f64::from(*frame), DQuat::from_mat3(&pose.rotation), pose.center());
         let poses: Vec<_> = poses.iter().map(pose).collect();
         let reach = lens.reach();
         (!poses.is_empty()).then(|| RigCamera { name: name.to_owned(), lens, poses, offset: 0.0, reach })
     }
 
-    /// Rotation from world to camera, and the centre, at a frame of its own clock.
-    pub fn pose(&self, frame: f64) -> (DMat3, DVec3) {
+    /// Where it is at a frame of its own clock: between two poses it turns evenly and its centre goes straight on.
+    pub fn pose(&self, frame: f64) -> Pose {
         let next = self.poses.partition_point(|(at, ..)| *at <= frame).min(self.poses.len() - 1);
         let (from, to) = (self.poses[next.saturating_sub(1)], self.poses[next]);
         let part = if to.0 > from.0 { ((frame - from.0) / (to.0 - from.0)).clamp(0.0, 1.0) } else { 0.0 };
-        (DMat3::from_quat(from.1.slerp(to.1, part)), from.2.lerp(to.2, part))
+        Pose::at(from.2.lerp(to.2, part), DMat3::from_quat(from.1.slerp(to.1, part)))
     }
 
     /// The camera as a head, or as a microphone, in the clip's time.
@@ -51,7 +48,7 @@ impl RigCamera {
     /// # Errors
     /// [`Error::Data`] when the poses are not in the order of time.
     pub fn head(&self, fps: f64) -> Result<PoseTrack> {
-        let pose = |(frame, rotation, center): &(f64, DQuat, DVec3)| Pose {
+        let pose = |(frame, rotation, center): &(f64, DQuat, DVec3)| HeadPose {
             t: (frame + self.offset) / fps,
             p: *center,
             q: rotation.inverse() * Convention::OpenCv.of_head(),
@@ -103,39 +100,39 @@ impl Rig {
         if let Some(error) = faults.first() {
             return Err(error);
         }
-        let Some((_, draft)) = described else {
+        let Some((_, builder)) = described else {
             let remedy = "give a capture folder; `ivv prepare` makes one";
             return Err(Error::data(path, "", "not a recognised capture", remedy));
         };
         let bad = |place: String, reason: String| {
-            Err(Error::data(&draft.calibration, place, reason, "`ivv check` lists all faults of the capture"))
+            Err(Error::data(&builder.calibration, place, reason, "`ivv check` lists all faults of the capture"))
         };
-        if !(draft.fps.is_finite() && draft.fps > 0.0) || draft.n_frames == 0 {
-            return bad(String::new(), format!("has {} frames, {} a second", draft.n_frames, draft.fps));
+        if !(builder.fps.is_finite() && builder.fps > 0.0) || builder.n_frames == 0 {
+            return bad(String::new(), format!("has {} frames, {} a second", builder.n_frames, builder.fps));
         }
-        for camera in &draft.cameras {
+        for camera in &builder.cameras {
             let shots = camera.shots.iter().filter_map(|shot| shot.world_to_camera.as_ref());
-            let mut numbers = shots.chain([&camera.world_to_camera]).flatten().flatten();
-            let not_finite =
-                || numbers.any(|number| !number.is_finite()).then(|| "has a pose that is not finite".to_owned());
-            if let Some(reason) = draft.lens(camera).fault().or_else(not_finite) {
+            let is_finite = |pose: &Pose| pose.rotation.is_finite() && pose.translation.is_finite();
+            let all_finite = shots.chain([&camera.world_to_camera]).all(is_finite);
+            let not_finite = || (!all_finite).then(|| "has a pose that is not finite".to_owned());
+            if let Some(reason) = builder.lens(camera).fault().or_else(not_finite) {
                 return bad(format!("camera `{}`", camera.name.escape_debug()), reason);
             }
         }
         let camera = |camera: &Camera| {
-            let moving: Vec<(u32, capture::Pose)> =
+            let moving: Vec<(u32, Pose)> =
                 camera.shots.iter().filter_map(|shot| Some((shot.frame, shot.world_to_camera?))).collect();
             let poses = if moving.is_empty() { vec![(0, camera.world_to_camera)] } else { moving };
-            RigCamera::new(&camera.name, draft.lens(camera), &poses)
+            RigCamera::new(&camera.name, builder.lens(camera), &poses)
         };
-        let cameras = draft.cameras.iter().filter_map(camera).collect();
-        let n_frames = draft.n_frames.min(settings.max_frames.unwrap_or(u32::MAX));
-        Ok(Rig { cameras, fps: draft.fps, n_frames })
+        let cameras = builder.cameras.iter().filter_map(camera).collect();
+        let n_frames = builder.n_frames.min(settings.max_frames.unwrap_or(u32::MAX));
+        Ok(Rig { cameras, fps: builder.fps, n_frames })
     }
 
     /// Up: the mean of the cameras' upper sides at the beginning; minus y where they have none in common.
     pub fn up(&self) -> DVec3 {
-        let sum: DVec3 = self.cameras.iter().map(|camera| camera.pose(0.0).0.transpose() * DVec3::NEG_Y).sum();
+        let sum: DVec3 = self.cameras.iter().map(|camera| -camera.pose(0.0).down()).sum();
         sum.try_normalize().unwrap_or(DVec3::NEG_Y)
     }
 

@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-use super::pose::{Pose, PoseTrack};
+use super::pose::{HeadPose, PoseTrack};
 use super::source_track::SourceTrack;
 use super::wav::Channel;
 use crate::error::{Error, Result};
@@ -138,7 +138,8 @@ impl SoundScene {
             return Err(fault("sources", "there is none".into()));
         }
         let folder = path.parent().unwrap_or(Path::new(""));
-        let pose = |pose: PoseFile| Pose { t: pose.t, p: pose.p.into(), q: Pose::looking(pose.forward.into(), up) };
+        let pose =
+            |pose: PoseFile| HeadPose { t: pose.t, p: pose.p.into(), q: HeadPose::looking(pose.forward.into(), up) };
         let mut sources = Vec::new();
         for source in file.sources {
             let is_gate = |(from, to): &(f64, f64)| from.is_finite() && to.is_finite() && from < to;
@@ -179,7 +180,7 @@ impl SoundScene {
             Ok(below) => below.to_owned(),
             Err(_) => std::path::absolute(wav).unwrap_or_else(|_| wav.to_owned()),
         };
-        let pose = |pose: &Pose| PoseFile { t: pose.t, p: pose.p.into(), forward: pose.forward().into() };
+        let pose = |pose: &HeadPose| PoseFile { t: pose.t, p: pose.p.into(), forward: pose.forward().into() };
         let mut sources = Vec::new();
         for source in &self.sources {
             let track = PathBuf::from(format!("{}.csv", source.track.id));

@@ -8,7 +8,7 @@ use glam::{DQuat, DVec3};
 use super::FS;
 use super::align::LEAD;
 use super::hrtf::{HrtfSet, Lookup};
-use super::pose::{Pose, PoseTrack};
+use super::pose::{HeadPose, PoseTrack};
 use super::scene_file::{Mic, SoundScene, Source};
 use super::source_track::{Flag, SourceSample, SourceTrack};
 use super::wav::Channel;
@@ -137,7 +137,7 @@ pub fn simulate(motion: Motion, seconds: f64, seed: u64, hrtf: &HrtfSet) -> Simu
         center + RADIUS * DVec3::new(-sin, cos, 0.0)
     };
     let yaw = |t: f64| (90.0 - 30.0 * speed * t).to_radians();
-    let pose = |t: f64| Pose { t, p: center, q: DQuat::from_rotation_z(yaw(t)) };
+    let pose = |t: f64| HeadPose { t, p: center, q: DQuat::from_rotation_z(yaw(t)) };
     // Sixty poses a second, and twice as many places as a camera gives.
     let n_poses = (seconds * 60.0).ceil() as u32 + 1;
     let head = PoseTrack::new((0..=n_poses).map(|k| pose(f64::from(k) / 60.0)).collect())
@@ -152,7 +152,7 @@ pub fn simulate(motion: Motion, seconds: f64, seed: u64, hrtf: &HrtfSet) -> Simu
         up: DVec3::Z,
         mic: Mic {
             camera: "microphone".into(),
-            pose: PoseTrack::still(DVec3::ZERO, Pose::looking(DVec3::Y, DVec3::Z)),
+            pose: PoseTrack::still(DVec3::ZERO, HeadPose::looking(DVec3::Y, DVec3::Z)),
             wav: "mic.wav".into(),
             channel: Channel::Left,
             offset_s: 0.0,

@@ -2,6 +2,8 @@
 
 use glam::{DMat3, DVec2, DVec3};
 
+use crate::scene::Pose;
+
 /// Rays that meet at a smaller angle say too little about the depth; cosine of 1 degree.
 const MAX_COSINE: f64 = 0.999_847_695_156_391_3;
 /// A detection agrees with a place up to this many standard deviations.
@@ -16,10 +18,8 @@ const HALVINGS: usize = 20;
 pub struct Sight {
     /// Tells cameras apart.
     pub camera: usize,
-    /// From world to camera (x right, y down, z forward).
-    pub rotation: DMat3,
-    /// Of the lens, world.
-    pub center: DVec3,
+    /// Where the camera was.
+    pub pose: Pose,
     /// Focal lengths, pixels.
     pub focal: DVec2,
     /// The point of the plane at distance 1 that is seen: undistorted.
@@ -32,12 +32,12 @@ pub struct Sight {
 
 impl Sight {
     fn direction(&self) -> DVec3 {
-        (self.rotation.transpose() * self.at.extend(1.0)).normalize()
+        (self.pose.rotation.transpose() * self.at.extend(1.0)).normalize()
     }
 
     /// Where it sees `point` less where it should, pixels; `None` behind the camera.
     pub fn residual(&self, point: DVec3) -> Option<DVec2> {
-        let local = self.rotation * (point - self.center);
+        let local = self.pose.to_camera(point);
         (local.z > 0.0).then(|| (local.truncate() / local.z - self.at) * self.focal)
     }
 
@@ -107,12 +107,12 @@ fn proposals(sights: &[Sight]) -> Vec<(DVec3, [usize; 2])> {
             if cosine.abs() > MAX_COSINE {
                 continue;
             }
-            let between = b.center - a.center;
+            let between = b.pose.center() - a.pose.center();
             let (along_a, along_b) = (between.dot(rays[i]), between.dot(rays[j]));
             let scale = 1.0 - cosine * cosine;
             let (s, t) = ((along_a - cosine * along_b) / scale, (cosine * along_a - along_b) / scale);
             if s > 0.0 && t > 0.0 {
-                let point = 0.5 * (a.center + s * rays[i] + b.center + t * rays[j]);
+                let point = 0.5 * (a.pose.center() + s * rays[i] + b.pose.center() + t * rays[j]);
                 if a.error(point) < AGREES && b.error(point) < AGREES {
                     found.push((point, [i, j]));
                 }
@@ -174,7 +174,7 @@ fn refined(sights: &[Sight], chosen: Vec<usize>) -> Option<Fix> {
         let Some((at, lower)) = next else { break };
         let moved = (at - point).length();
         (point, cost) = (at, lower);
-        if moved <= 1e-14 * (point - seen[0].center).length() {
+        if moved <= 1e-14 * (point - seen[0].pose.center()).length() {
             break;
         }
     }
@@ -202,7 +202,7 @@ fn nearest_to_rays(seen: &[&Sight], rays: &[DVec3]) -> DVec3 {
     for (sight, ray) in seen.iter().zip(rays) {
         let across = DMat3::IDENTITY - DMat3::from_cols(*ray * ray.x, *ray * ray.y, *ray * ray.z);
         a += across;
-        b += across * sight.center;
+        b += across * sight.pose.center();
     }
     a.inverse() * b
 }
@@ -221,9 +221,9 @@ fn normal_equations(seen: &[&Sight], point: DVec3) -> (DVec3, DMat3) {
     let (mut gradient, mut hessian) = (DVec3::ZERO, DMat3::ZERO);
     for sight in seen {
         let Some(residual) = sight.residual(point) else { continue };
-        let local = sight.rotation * (point - sight.center);
+        let local = sight.pose.to_camera(point);
         let weight = (HUBER * sight.sigma / residual.length()).min(1.0) / (sight.sigma * sight.sigma);
-        let to_world = sight.rotation.transpose();
+        let to_world = sight.pose.rotation.transpose();
         for axis in 0..2 {
             let mut slope = DVec3::ZERO;
             slope[axis] = sight.focal[axis] / local.z;

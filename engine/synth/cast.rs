@@ -31,7 +31,7 @@ pub(super) fn picture(world: &World, options: &Options, index: usize, camera: &C
     let (now, next) = (world.at(time), world.at(time + 1.0));
     let (camera, then) = (&camera.at(time), camera.at(time + 1.0));
     let mut noise = math::random(options.seed, Stream::Sensor, index, frame);
-    let n = camera.width as usize * camera.height as usize;
+    let n = camera.intrinsics.width as usize * camera.intrinsics.height as usize;
     let mut picture = Picture {
         rgb: Vec::with_capacity(3 * n),
         depth: Vec::with_capacity(n),
@@ -39,7 +39,9 @@ pub(super) fn picture(world: &World, options: &Options, index: usize, camera: &C
         body: Vec::with_capacity(n),
         dynamic: Vec::with_capacity(n),
     };
-    for (row, column) in (0..camera.height).flat_map(|row| (0..camera.width).map(move |column| (row, column))) {
+    for (row, column) in
+        (0..camera.intrinsics.height).flat_map(|row| (0..camera.intrinsics.width).map(move |column| (row, column)))
+    {
         let corner = DVec2::new(f64::from(column), f64::from(row));
         let center = corner + DVec2::splat(0.5);
         let direction = camera.ray(center);
@@ -68,15 +70,15 @@ pub(super) fn covisible(world: &World, cameras: &[Camera], index: usize, frame: 
         let point = now.hit(camera.center, direction).map(|hit| hit.at);
         point.is_some_and(|point| cameras.iter().any(|other| !other.is_test && sees(&now, other, point)))
     };
-    (0..camera.height)
-        .flat_map(|row| (0..camera.width).map(move |column| (column, row)))
+    (0..camera.intrinsics.height)
+        .flat_map(|row| (0..camera.intrinsics.width).map(move |column| (column, row)))
         .map(|(x, y)| seen(x, y))
         .collect()
 }
 
 /// Whether a point of a surface is in a camera's picture and nothing is in front of it.
 pub(super) fn sees(now: &Snapshot, camera: &Camera, point: DVec3) -> bool {
-    camera.project(point).is_some_and(|(at, _)| camera.holds(at)) && now.sees(camera.center, point)
+    camera.project(point).is_some_and(|(at, _)| camera.intrinsics.holds(at)) && now.sees(camera.center, point)
 }
 
 /// The mean colour of `samples` x `samples` rays, and whether any of them meets a body that moves.

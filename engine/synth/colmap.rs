@@ -1,12 +1,12 @@
 //! The calibration as COLMAP writes it, in binary and in text, and the points of single frames.
 
 use super::files;
-use super::math::{self, Stream, quaternion};
+use super::math::{self, Stream};
 use super::options::{Noise, Options};
 use super::points::Point;
 use super::rig::Camera;
 use crate::error::Result;
-use crate::scene::{self, SeenPoint};
+use crate::scene::{self, Intrinsics, SeenPoint, quaternion};
 use glam::DVec2;
 use std::fmt::Write as _;
 use std::path::Path;
@@ -97,8 +97,7 @@ impl<'a> Model<'a> {
                 let step = DVec2::new(random.nearly_normal(), random.nearly_normal()) * spread;
                 // A point is noted only for cameras that it projects into.
                 let Some((exact, _)) = camera.project(seen.position) else { continue };
-                let size = DVec2::new(f64::from(camera.width), f64::from(camera.height));
-                let at = (exact + step).clamp(DVec2::ZERO, size);
+                let at = (exact + step).clamp(DVec2::ZERO, camera.intrinsics.size());
                 track.push((image, observations[image].len()));
                 observations[image].push(Observation { at, point });
                 error += (at - exact).length();
@@ -112,8 +111,8 @@ impl<'a> Model<'a> {
     fn cameras_bin(&self) -> Vec<u8> {
         let mut to = Packed::count(self.cameras.len());
         for (index, camera) in self.cameras.iter().enumerate() {
-            to.u32(id(index)).u32(PINHOLE).u64(u64::from(camera.width)).u64(u64::from(camera.height));
-            to.f64s(&camera.focal.to_array()).f64s(&camera.principal.to_array());
+            let Intrinsics { width, height, fx, fy, cx, cy } = camera.intrinsics;
+            to.u32(id(index)).u32(PINHOLE).u64(width.into()).u64(height.into()).f64s(&[fx, fy, cx, cy]);
         }
         to.0
     }
@@ -147,10 +146,9 @@ impl<'a> Model<'a> {
     fn cameras_txt(&self) -> String {
         let mut text = String::from("# CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n");
         for (index, camera) in self.cameras.iter().enumerate() {
-            let (focal, principal) = (camera.focal, camera.principal);
+            let Intrinsics { width, height, fx, fy, cx, cy } = camera.intrinsics;
             // Writing to a string cannot fail.
-            let _ = write!(text, "{} PINHOLE {} {} ", id(index), camera.width, camera.height);
-            let _ = writeln!(text, "{} {} {} {}", focal.x, focal.y, principal.x, principal.y);
+            let _ = writeln!(text, "{} PINHOLE {width} {height} {fx} {fy} {cx} {cy}", id(index));
         }
         text
     }

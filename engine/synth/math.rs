@@ -1,7 +1,6 @@
 //! Arithmetic that gives the same bits on every machine: IEEE 754 fixes +, -, *, / and sqrt, not sin or cos.
 
 use crate::random::{Random, hash, unit};
-use crate::scene;
 use glam::{DMat3, DVec3};
 use std::f64::consts::FRAC_2_PI;
 
@@ -38,11 +37,6 @@ pub(super) fn rotation(axis: DVec3, angle: f64) -> DMat3 {
     let (sin, cos) = sin_cos(angle);
     let column = |unit: DVec3| unit * cos + axis.cross(unit) * sin + axis * (axis.dot(unit) * (1.0 - cos));
     DMat3::from_cols(column(DVec3::X), column(DVec3::Y), column(DVec3::Z))
-}
-
-/// The unit quaternion (w, x, y, z), w >= 0, of a rotation.
-pub(super) fn quaternion(rotation: &DMat3) -> [f64; 4] {
-    scene::quaternion(&rotation.transpose().to_cols_array_2d())
 }
 
 /// What a stream of random numbers is for; each stream is independent of the others.

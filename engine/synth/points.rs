@@ -41,7 +41,7 @@ pub(super) fn points(world: &World, options: &Options, cameras: &[Camera], frame
         }
         let index = training[random.bits() as usize % training.len()];
         let camera = &cameras[index];
-        let (width, height) = (f64::from(camera.width), f64::from(camera.height));
+        let (width, height) = (f64::from(camera.intrinsics.width), f64::from(camera.intrinsics.height));
         let at = DVec2::new(random.uniform(0.0, width), random.uniform(0.0, height));
         let direction = camera.ray(at);
         let Some(hit) = now.hit(camera.center, direction) else { continue };
@@ -60,7 +60,9 @@ pub(super) fn points(world: &World, options: &Options, cameras: &[Camera], frame
             hit.at
         };
         // What is noted as seen lies in the picture, with its noise.
-        seen_by.retain(|&other| cameras[other].project(position).is_some_and(|(at, _)| cameras[other].holds(at)));
+        seen_by.retain(|&other| {
+            cameras[other].project(position).is_some_and(|(at, _)| cameras[other].intrinsics.holds(at))
+        });
         if seen_by.len() < 2 {
             continue;
         }

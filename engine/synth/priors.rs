@@ -37,7 +37,7 @@ pub(super) fn depth(picture: &Picture, options: &Options, index: usize, camera: 
     let mut random = math::random(options.seed, Stream::Depth, index, frame);
     let noisy = options.noise != Noise::None;
     let seed = random.bits();
-    let width = camera.width as usize;
+    let width = camera.intrinsics.width as usize;
     let estimate = |(pixel, depth): (usize, &f64)| {
         let mut relative = 1.0;
         if noisy {

@@ -3,6 +3,7 @@
 use super::math::{self, Stream, rotation, sin_cos};
 use super::options::{Options, Rig};
 use crate::random::Random;
+use crate::scene::Intrinsics;
 use glam::{DMat3, DVec2, DVec3};
 use std::f64::consts::PI;
 
@@ -30,13 +31,9 @@ const MAX_OFFSET: f64 = 1.0;
 pub(super) struct Camera {
     pub name: String,
     pub is_test: bool,
-    pub width: u32,
-    pub height: u32,
-    /// Focal length in x and in y, pixels.
-    pub focal: DVec2,
-    /// Principal point, pixels; pixel (0, 0) has its centre at (0.5, 0.5).
-    pub principal: DVec2,
-    /// World to camera (x right, y down, z forward); of a moving camera in the middle of the clip.
+    pub intrinsics: Intrinsics,
+    /// World to camera (x right, y down, z forward); of a moving camera in the middle of the clip. With the centre and not as a
+    /// [`Pose`](crate::scene::Pose): through its translation all that is seen would have other last bits.
     pub rotation: DMat3,
     /// Of the lens, world; of a moving camera in the middle of the clip.
     pub center: DVec3,
@@ -78,19 +75,13 @@ impl Camera {
 
     /// The ray through a point of the picture: direction in the world with depth 1, so that `t` along it is depth.
     pub fn ray(&self, at: DVec2) -> DVec3 {
-        let slope = (at - self.principal) / self.focal;
-        self.rotation.transpose() * slope.extend(1.0)
+        self.rotation.transpose() * self.intrinsics.ray(at)
     }
 
     /// The point in the picture and its depth; `None` behind the camera.
     pub fn project(&self, world: DVec3) -> Option<(DVec2, f64)> {
         let at = self.rotation * (world - self.center);
-        (at.z > 0.01).then(|| (at.truncate() / at.z * self.focal + self.principal, at.z))
-    }
-
-    /// Whether a point lies in the picture.
-    pub fn holds(&self, at: DVec2) -> bool {
-        at.cmpge(DVec2::ZERO).all() && at.x < f64::from(self.width) && at.y < f64::from(self.height)
+        (at.z > 0.01).then(|| (self.intrinsics.project(at), at.z))
     }
 
     /// `t` of x_camera = R x_world + t.
@@ -100,9 +91,8 @@ impl Camera {
 
     /// Whether a pixel shows the lens hood instead of the room.
     pub fn is_hooded(&self, column: u32, row: u32) -> bool {
-        let x = (f64::from(column) + 0.5) / f64::from(self.width);
-        let y = (f64::from(row) + 0.5) / f64::from(self.height);
-        self.hood && x + (1.0 - y) < 0.28
+        let at = (DVec2::new(column.into(), row.into()) + 0.5) / self.intrinsics.size();
+        self.hood && at.x + (1.0 - at.y) < 0.28
     }
 }
 
@@ -173,10 +163,14 @@ fn camera(options: &Options, index: u32, random: &mut Random) -> Camera {
     Camera {
         name: format!("cam{index:02}"),
         is_test: false,
-        width: options.width,
-        height: options.height,
-        focal: DVec2::new(focal, focal * (1.0 + jitter(0.003))),
-        principal: DVec2::new(width * (0.5 + jitter(0.01)), height * (0.5 + jitter(0.01))),
+        intrinsics: Intrinsics {
+            width: options.width,
+            height: options.height,
+            fx: focal,
+            fy: focal * (1.0 + jitter(0.003)),
+            cx: width * (0.5 + jitter(0.01)),
+            cy: height * (0.5 + jitter(0.01)),
+        },
         rotation: DMat3::from_cols(right, down, forward).transpose(),
         center,
         way: (options.rig == Rig::Moving).then_some(options.frames),

@@ -109,7 +109,7 @@ fn detect(world: &World, options: &Options, index: usize, camera: &Camera, frame
     let now = world.at(f64::from(frame) + camera.time_offset);
     let camera = &camera.of_frame(frame);
     let head = &now.placed[world.head];
-    if !camera.project(head.position).is_some_and(|(at, _)| camera.holds(at)) {
+    if !camera.project(head.position).is_some_and(|(at, _)| camera.intrinsics.holds(at)) {
         return Vec::new();
     }
     let (mut keypoints, mut scores) = (vec![[0.0; 2]; N_KEYPOINTS], vec![0.0; N_KEYPOINTS]);
@@ -117,7 +117,7 @@ fn detect(world: &World, options: &Options, index: usize, camera: &Camera, frame
     for (number, local) in face() {
         let world_point = head.world(local);
         let Some((at, _)) = camera.project(world_point) else { continue };
-        let visible = camera.holds(at) && now.sees(camera.center, world_point);
+        let visible = camera.intrinsics.holds(at) && now.sees(camera.center, world_point);
         let spread = match (options.noise, visible) {
             (Noise::None, _) => 0.0,
             (_, true) => KEYPOINT_NOISE,

@@ -190,7 +190,7 @@ impl Capture<'_> {
     }
 
     fn write_picture(&self, picture: &Picture, index: usize, camera: &Camera, frame: u32) -> Result<()> {
-        let (width, height) = (camera.width, camera.height);
+        let (width, height) = (camera.intrinsics.width, camera.intrinsics.height);
         let path = |kind: &str, extension: &str| {
             self.folder.join(kind).join(&camera.name).join(format!("{frame:05}.{extension}"))
         };

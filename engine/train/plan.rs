@@ -261,7 +261,7 @@ pub struct Plan {
 impl Plan {
     /// What a run on `capture` needs that begins with `splats` and keeps so many bytes of decoded pictures.
     pub fn of(capture: &Capture, config: &Config, setup: &Setup, splats: &Splats, gpu: &Gpu, cache_bytes: u64) -> Self {
-        let pixels = capture.cameras.iter().map(|camera| u64::from(camera.width) * u64::from(camera.height));
+        let pixels = capture.cameras.iter().map(|camera| camera.intrinsics.n_pixels());
         let work = Workload {
             gaussians: splats.len() as u64,
             dynamic: splats.motion.len() as u64,
@@ -274,7 +274,7 @@ impl Plan {
             data: setup.data,
             offsets: !setup.learns_offset.is_empty(),
             grids: setup.has_grid.iter().filter(|has| **has).count() as u64,
-            height: capture.cameras.iter().map(|camera| camera.height).max().unwrap_or(0),
+            height: capture.cameras.iter().map(|camera| camera.intrinsics.height).max().unwrap_or(0),
         };
         let caps = gpu.caps();
         let is_host = caps.kind == DeviceKind::Cpu;

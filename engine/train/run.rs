@@ -63,7 +63,10 @@ impl CaptureSummary {
             training_images: capture.training_frames().len(),
             test_images: capture.test_frames().len(),
             masks: shots.filter(|shot| shot.mask.is_some()).count(),
-            largest_image: [largest(|c| c.width).unwrap_or(0), largest(|c| c.height).unwrap_or(0)],
+            largest_image: [
+                largest(|c| c.intrinsics.width).unwrap_or(0),
+                largest(|c| c.intrinsics.height).unwrap_or(0),
+            ],
             points: capture.points.len(),
         }
     }

@@ -5,6 +5,7 @@ use super::terms::{self, TermData};
 use crate::scene::capture::{Capture, Extent, TRAINING_RADIUS};
 use crate::scene::{FlowModel, View};
 use crate::settings::Constants;
+use glam::DVec3;
 
 /// Lenses that a Gaussian is compared with, at most: a round of density control asks each Gaussian about all.
 const MOST_LENSES: usize = 64;
@@ -85,9 +86,7 @@ pub fn near_plane(capture: &Capture) -> f32 {
     let views = lenses(capture);
     let each = capture.points.len().div_ceil(MOST_POINTS).max(1);
     let depth = |view: &View, point: [f64; 3]| {
-        let row =
-            |k: usize| (0..3).map(|j| view.world_to_camera[k][j] * point[j]).sum::<f64>() + view.world_to_camera[k][3];
-        let (x, y, z) = (row(0), row(1), row(2));
+        let DVec3 { x, y, z } = view.pose().to_camera(point.into());
         let is_within = |at: f64, side: u32| (0.0..f64::from(side)).contains(&at);
         let is_seen = z > 0.0
             && is_within(view.fx * x / z + view.cx, view.width)

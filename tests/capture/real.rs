@@ -85,9 +85,12 @@ fn images_of_one_other_size_are_taken_with_one_note() {
         let scaled = Capture::open_with(&path, &settings).unwrap();
         let camera = &scaled.cameras[0];
         assert_eq!((scaled.cameras.len(), scaled.points.len()), (21, 7298));
-        assert_eq!((camera.width, camera.height), (672, 504));
+        assert_eq!((camera.intrinsics.width, camera.intrinsics.height), (672, 504));
         // COLMAP put the principal point at the centre; it stays there although 2690 is no multiple of 672.
-        assert!((camera.cx - 336.0).abs() < 1e-9 && (camera.cy - 252.0).abs() < 1e-9, "{camera:?}");
+        assert!(
+            (camera.intrinsics.cx - 336.0).abs() < 1e-9 && (camera.intrinsics.cy - 252.0).abs() < 1e-9,
+            "{camera:?}"
+        );
     }
 }
 
@@ -99,10 +102,11 @@ fn a_distorted_model_asks_for_prepare_and_its_undistorted_copy_opens() {
     assert_told(&report, &["has the model SIMPLE_RADIAL, which distorts", "`ivv prepare`"]);
     let dense = Capture::open(&path.join("dense")).unwrap();
     assert_eq!((dense.cameras.len(), dense.points.len()), (7, 699));
-    let sizes: std::collections::HashSet<_> = dense.cameras.iter().map(|c| (c.width, c.height)).collect();
+    let sizes: std::collections::HashSet<_> =
+        dense.cameras.iter().map(|c| (c.intrinsics.width, c.intrinsics.height)).collect();
     assert!(sizes.len() > 1);
     let picture = dense.picture(3, 0).unwrap();
-    assert_eq!(picture.pixels.len() as u32, dense.cameras[3].width * dense.cameras[3].height);
+    assert_eq!(picture.pixels.len() as u32, dense.cameras[3].intrinsics.width * dense.cameras[3].intrinsics.height);
 }
 
 #[test]

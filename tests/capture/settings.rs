@@ -35,7 +35,7 @@ fn folders_of_smaller_images_are_found_and_chosen() {
     assert_eq!(report.notes.len(), 2);
     let capture = folder.open();
     let camera = &capture.cameras[1];
-    assert_eq!((camera.width, camera.fx, camera.cx), (3, 2.75, 1.5625));
+    assert_eq!((camera.intrinsics.width, camera.intrinsics.fx, camera.intrinsics.cx), (3, 2.75, 1.5625));
     assert!(camera.shots[0].image.starts_with(folder.0.join("images_2")));
 
     let four = CaptureSettings { downscale: Some(4), ..CaptureSettings::default() };

@@ -12,7 +12,7 @@ use std::process::Command;
 fn clip(bed: &Bed, file: &Path, to_the_right: f64) {
     let (splats, _) = ivv::scene::demo();
     let [right, _, forward, _] = bed.views[0].world_to_camera;
-    let center = ivv::scene::capture::camera_center(&bed.views[0].world_to_camera);
+    let center = bed.views[0].pose().center();
     let place = [0, 1, 2].map(|k| center[k] + to_the_right * right[k] + 0.2 * forward[k]);
     let mut state = 1u32;
     let noise = |_| {

@@ -37,7 +37,7 @@ fn priors_of_a_capture_folder_are_undistorted() {
     let capture = open(&settings);
     assert_eq!((capture.fps, capture.n_frames), (12.0, 2));
     let camera = &capture.cameras[0];
-    let (width, height) = (camera.width, camera.height);
+    let (width, height) = (camera.intrinsics.width, camera.intrinsics.height);
     // Pincushion distortion leaves less than the picture.
     assert!(width < 64 && height < 48 && width > 40, "{width} x {height}");
     let shot = &camera.shots[0];
@@ -45,24 +45,24 @@ fn priors_of_a_capture_folder_are_undistorted() {
     let depth = read_depth(shot.depth.as_ref().unwrap(), width, height).unwrap();
     // At the centre the lens does nothing; towards the border the picture is compressed, and flow with it.
     let index = |column: u32, row: u32| (row * width + column) as usize;
-    let (center, right) = (index(camera.cx as u32, height / 2), index(width - 4, height / 2));
+    let (center, right) = (index(camera.intrinsics.cx as u32, height / 2), index(width - 4, height / 2));
     assert!((flow[center][0] - 1.0).abs() < 0.01, "{:?}", flow[center]);
     assert!(flow[right][0] < 0.9 && flow[right][0] > 0.6, "{:?}", flow[right]);
     assert!(depth.iter().all(|z| [2.0, 3.0].contains(z)) && depth.contains(&2.0) && depth.contains(&3.0));
     assert!(camera.shots[1].flow.is_none(), "the last frame leads nowhere");
     assert!(shot.mask.is_some());
     let covisible = capture.covisible(0, 0).unwrap().unwrap();
-    let is_left = |pixel: usize| ((pixel % width as usize) as f64) < camera.cx - 0.5;
+    let is_left = |pixel: usize| ((pixel % width as usize) as f64) < camera.intrinsics.cx - 0.5;
     assert!(covisible.len() == (width * height) as usize);
     assert!(covisible.iter().enumerate().all(|(pixel, seen)| *seen == is_left(pixel)));
     let scaled = PrepareSettings { scale: 0.5, output: folder.0.join("scaled"), ..settings };
     let capture = open(&scaled);
     let (camera, shot) = (&capture.cameras[0], &capture.cameras[0].shots[0]);
-    assert!(camera.width.abs_diff(width / 2) <= 1 && camera.height.abs_diff(height / 2) <= 1);
-    let flow = read_flow(shot.flow.as_ref().unwrap(), camera.width, camera.height).unwrap();
-    let center = flow[(camera.height / 2 * camera.width + camera.cx as u32) as usize];
+    assert!(camera.intrinsics.width.abs_diff(width / 2) <= 1 && camera.intrinsics.height.abs_diff(height / 2) <= 1);
+    let flow = read_flow(shot.flow.as_ref().unwrap(), camera.intrinsics.width, camera.intrinsics.height).unwrap();
+    let center = flow[(camera.intrinsics.height / 2 * camera.intrinsics.width + camera.intrinsics.cx as u32) as usize];
     assert!((center[0] - 0.5).abs() < 0.01, "{center:?}");
-    let depth = read_depth(shot.depth.as_ref().unwrap(), camera.width, camera.height).unwrap();
+    let depth = read_depth(shot.depth.as_ref().unwrap(), camera.intrinsics.width, camera.intrinsics.height).unwrap();
     assert!(depth.iter().all(|z| [2.0, 3.0].contains(z)) && depth.contains(&2.0) && depth.contains(&3.0));
 }
 
@@ -103,7 +103,7 @@ fn priors_of_a_capture_folder_are_scaled_and_cut_with_its_pictures() {
     let priors = |settings: &PrepareSettings| {
         let capture = open(settings);
         let (camera, shot) = (&capture.cameras[0], &capture.cameras[0].shots[0]);
-        let (width, height) = (camera.width, camera.height);
+        let (width, height) = (camera.intrinsics.width, camera.intrinsics.height);
         let flow = read_flow(shot.flow.as_ref().unwrap(), width, height).unwrap();
         (width, height, flow, read_depth(shot.depth.as_ref().unwrap(), width, height).unwrap())
     };
@@ -178,7 +178,7 @@ fn points_of_frames_come_along() {
     let prepared = done(&of_source);
     assert_eq!(prepared.points, [(0, 1), (1, 1)]);
     let capture = Capture::open(&of_source.output).unwrap();
-    assert_eq!((capture.n_frames, capture.cameras[0].width), (2, 32));
+    assert_eq!((capture.n_frames, capture.cameras[0].intrinsics.width), (2, 32));
     assert_eq!((capture.points.len(), capture.points[0].position), (1, [1.0, 0.5, 2.0]));
     for (frame, x) in [(0, 1), (1, 3)] {
         let point = FramePoint { position: [f64::from(x), 0.5, 2.0], color: [x, 2, 3], seen_by: vec![0, 1] };

@@ -82,9 +82,9 @@ fn photos_become_a_capture() {
     let capture = Capture::open(&out).unwrap();
     let names: Vec<_> = capture.cameras.iter().map(|camera| camera.name.as_str()).collect();
     assert_eq!(names, ["a", "b", "d"]);
-    assert_eq!((capture.n_frames, capture.points.len(), capture.cameras[2].world_to_camera[0][3]), (1, 1, 2.0));
+    assert_eq!((capture.n_frames, capture.points.len(), capture.cameras[2].world_to_camera.translation.x), (1, 1, 2.0));
     // The distortion is undone, and the picture is the photo's.
-    assert_eq!(capture.cameras[0].fx, 60.0);
+    assert_eq!(capture.cameras[0].intrinsics.fx, 60.0);
     let [r, ..] = capture.picture(1, 0).unwrap().pixels[0].to_le_bytes();
     assert!((20..40).contains(&r), "{r}");
     // A second run asks COLMAP for nothing.

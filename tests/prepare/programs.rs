@@ -44,7 +44,7 @@ fn videos_are_decoded_gone_on_with_and_compared() {
     assert!(notes.contains("5 (`right`) to 6 (`left`)") && notes.contains("it is scaled"), "{notes}");
     let capture = Capture::open(&settings.output).unwrap();
     assert_eq!((capture.n_frames, capture.fps), (2, 5.0));
-    assert_eq!((capture.cameras[1].width, capture.cameras[1].fx), (64, 60.0));
+    assert_eq!((capture.cameras[1].intrinsics.width, capture.cameras[1].intrinsics.fx), (64, 60.0));
     // Every frame of the test picture differs from the others, and frames 1 and 3 are those of the whole video.
     let whole = open(&PrepareSettings { start: 0, every: 1, output: folder.0.join("whole"), ..settings.clone() });
     let pixels = |capture: &Capture, frame| capture.picture(1, frame).unwrap().pixels;

@@ -76,8 +76,11 @@ fn n3v_arrives() {
         ("cam00", false, "cam07", true)
     );
     // The poses are for pictures of twice the size.
-    assert_eq!((first.fx, first.cx, first.cy, first.width), (50.0, 32.0, 24.0, 64));
-    close(&first.world_to_camera, [[0.0, -1.0, 0.0, 2.0], [0.0, 0.0, -1.0, 3.0], [1.0, 0.0, 0.0, -1.0]]);
+    assert_eq!(
+        (first.intrinsics.fx, first.intrinsics.cx, first.intrinsics.cy, first.intrinsics.width),
+        (50.0, 32.0, 24.0, 64)
+    );
+    close(&first.world_to_camera.rows(), [[0.0, -1.0, 0.0, 2.0], [0.0, 0.0, -1.0, 3.0], [1.0, 0.0, 0.0, -1.0]]);
     assert_eq!(capture.picture(0, 1).unwrap().pixels[0].to_le_bytes(), [30, 0, 7, 255]);
 
     folder.write("source/poses_bounds.npy", npy(3, &[rows, row([0.0; 3])].concat()));
@@ -102,8 +105,11 @@ fn google_immersive_arrives() {
     let capture = open(&settings);
     let second = &capture.cameras[1];
     // World to camera turns x to y; its centre is (2, 0, 0).
-    close(&second.world_to_camera, [[0.0, -1.0, 0.0, 0.0], [1.0, 0.0, 0.0, -2.0], [0.0, 0.0, 1.0, 0.0]]);
-    assert!(second.fx == 30.0 && second.width > 64 && second.width <= 128, "{second:?}");
+    close(&second.world_to_camera.rows(), [[0.0, -1.0, 0.0, 0.0], [1.0, 0.0, 0.0, -2.0], [0.0, 0.0, 1.0, 0.0]]);
+    assert!(
+        second.intrinsics.fx == 30.0 && second.intrinsics.width > 64 && second.intrinsics.width <= 128,
+        "{second:?}"
+    );
     assert_eq!(capture.n_frames, 2);
     models[1]["projection_type"] = json!("equirect");
     models[0]["name"] = json!("../camera_0001");
@@ -135,9 +141,9 @@ fn pose2sim_arrives_from_both_of_its_calibrations() {
     assert!(prepared.notes.iter().any(|note| note.contains("taken as cut off at the right")), "{:?}", prepared.notes);
     let capture = Capture::open(&first.output).unwrap();
     let second = &capture.cameras[1];
-    assert_eq!((second.name.as_str(), second.fx, second.fy), ("cam02", 50.0, 51.0));
+    assert_eq!((second.name.as_str(), second.intrinsics.fx, second.intrinsics.fy), ("cam02", 50.0, 51.0));
     // The file's rows are the camera's axes with y up and z backward, in millimetres.
-    close(&second.world_to_camera, [[0.0, 1.0, 0.0, 0.0], [0.0, 0.0, -1.0, 1.5], [-1.0, 0.0, 0.0, 1.0]]);
+    close(&second.world_to_camera.rows(), [[0.0, 1.0, 0.0, 0.0], [0.0, 0.0, -1.0, 1.5], [-1.0, 0.0, 0.0, 1.0]]);
     for (from, to, says) in [
         ("viewrotation=\"0\"", "viewrotation=\"90\"", "is turned"),
         ("focalLengthU=\"3200\"", "focalLengthU=\"nan\"", "focalLengthU = NaN"),
@@ -161,8 +167,11 @@ fn pose2sim_arrives_from_both_of_its_calibrations() {
     let capture = open(&second);
     let names: Vec<_> = capture.cameras.iter().map(|camera| camera.name.as_str()).collect();
     assert_eq!(names, ["cam01", "cam02"]);
-    assert_eq!((capture.cameras[0].cx, capture.cameras[0].cy), (32.0, 24.0));
-    close(&capture.cameras[1].world_to_camera, [[-1.0, 0.0, 0.0, 1.0], [0.0, 1.0, 0.0, 2.0], [0.0, 0.0, -1.0, 3.0]]);
+    assert_eq!((capture.cameras[0].intrinsics.cx, capture.cameras[0].intrinsics.cy), (32.0, 24.0));
+    close(
+        &capture.cameras[1].world_to_camera.rows(),
+        [[-1.0, 0.0, 0.0, 1.0], [0.0, 1.0, 0.0, 2.0], [0.0, 0.0, -1.0, 3.0]],
+    );
 }
 
 /// Pictures of 68 x 48 that were fitted into 64 x 48: 64 x 45 between a row of black above and two below.
@@ -196,7 +205,10 @@ fn black_bars_are_cut_and_other_shapes_refused() {
     );
     let capture = Capture::open(&settings.output).unwrap();
     let camera = &capture.cameras[0];
-    assert_eq!((camera.width, camera.height, camera.fx, camera.cx), (64, 45, 48.0, 32.0));
+    assert_eq!(
+        (camera.intrinsics.width, camera.intrinsics.height, camera.intrinsics.fx, camera.intrinsics.cx),
+        (64, 45, 48.0, 32.0)
+    );
     let picture = capture.picture(0, 0).unwrap();
     assert_eq!(picture.pixels[0].to_le_bytes(), [200, 100, 1, 255]);
     assert!(picture.pixels.iter().all(|pixel| pixel & 0xff == 200));
@@ -230,9 +242,9 @@ fn caliscope_arrives() {
     (0..2).for_each(|id| sequence(&folder, &format!("calibration/extrinsic/cam_{id}"), 2));
     let settings = settings(&folder);
     let capture = open(&settings);
-    assert_eq!((capture.cameras.len(), capture.cameras[1].world_to_camera[2][3]), (2, 1.5));
+    assert_eq!((capture.cameras.len(), capture.cameras[1].world_to_camera.translation.z), (2, 1.5));
     // Barrel distortion: the pinhole shows more than the picture's size at its centre.
-    assert!(capture.cameras[0].width > 64);
+    assert!(capture.cameras[0].intrinsics.width > 64);
     assert!(capture.true_offsets.is_empty() && !settings.output.join("truth.json").exists());
     // Frames of 2 a second: cam_0 is at 1 and 1.5 s, cam_1 a quarter of a second later and on time.
     let timestamps = "calibration/extrinsic/timestamps.csv";
@@ -333,9 +345,9 @@ fn plain_colmap_is_undistorted_with_its_points() {
     assert_eq!((capture.n_frames, capture.cameras.len(), capture.points.len()), (1, 2, 1));
     assert_eq!((capture.points[0].color, capture.points[0].n_views), ([9, 8, 7], 2));
     let [a, b] = capture.cameras.as_slice() else { panic!() };
-    assert!(a.width > 64 && a.height > 48);
+    assert!(a.intrinsics.width > 64 && a.intrinsics.height > 48);
     // A pinhole passes through, also one with two focal lengths, and its file is taken over.
-    assert_eq!((b.width, b.height, b.fx, b.fy), (64, 48, 50.0, 60.0));
+    assert_eq!((b.intrinsics.width, b.intrinsics.height, b.intrinsics.fx, b.intrinsics.fy), (64, 48, 50.0, 60.0));
     assert_eq!(std::fs::read(&b.shots[0].image).unwrap(), png(64, 48, 1));
 }
 

@@ -1,6 +1,7 @@
 //! The lenses and their inverse, against round trips and against COLMAP's own pictures.
 
 use image::ImageReader;
+use ivv::scene::Intrinsics;
 use ivv::scene::capture::Capture;
 use ivv::scene::undistort::{Distortion, Lens, Undistortion};
 
@@ -9,7 +10,8 @@ use crate::common::notes::shared;
 const SIZE: (u32, u32) = (64, 48);
 
 fn lens(focal: f64, distortion: Distortion) -> Lens {
-    Lens { width: SIZE.0, height: SIZE.1, fx: focal, fy: 1.02 * focal, cx: 31.25, cy: 24.5, distortion }
+    let intrinsics = Intrinsics { width: SIZE.0, height: SIZE.1, fx: focal, fy: 1.02 * focal, cx: 31.25, cy: 24.5 };
+    Lens { intrinsics, distortion }
 }
 
 /// COLMAP's five models that distort, with parameters of real cameras.
@@ -36,7 +38,10 @@ fn every_model_goes_there_and_back() {
                 let plane = lens.plane(at, reach).unwrap_or_else(|| panic!("{name}: {at:?} has no ray"));
                 let back = lens.pixel(plane, reach).unwrap();
                 assert!((0..2).all(|k| (back[k] - at[k]).abs() < 1e-6), "{name}: {at:?} comes back as {back:?}");
-                let straight = [plane[0] * lens.fx + lens.cx, plane[1] * lens.fy + lens.cy];
+                let straight = [
+                    plane[0] * lens.intrinsics.fx + lens.intrinsics.cx,
+                    plane[1] * lens.intrinsics.fy + lens.intrinsics.cy,
+                ];
                 moved = moved.max((straight[0] - at[0]).hypot(straight[1] - at[1]));
                 n += 1;
             }
@@ -51,13 +56,13 @@ fn what_a_lens_folds_or_bends_beyond_ninety_degrees_is_nothing() {
     let folding = lens(50.0, Distortion::brown([-0.5, 0.0, 0.0, 0.0, 0.0, 0.0], [0.0; 2]));
     let reach = folding.reach();
     assert!((reach - (2.0_f64 / 3.0).sqrt()).abs() < 0.006, "{reach}");
-    let at = |r: f64| [folding.cx + r * folding.fx, folding.cy];
+    let at = |r: f64| [folding.intrinsics.cx + r * folding.intrinsics.fx, folding.intrinsics.cy];
     assert!(folding.plane(at(0.54), reach).is_some() && folding.plane(at(0.55), reach).is_none());
     assert!(folding.pixel([0.8, 0.0], reach).is_some() && folding.pixel([0.9, 0.0], reach).is_none());
     // The plain angle: 90 degrees at a radius of pi / 2 focal lengths.
     let fisheye = lens(18.0, Distortion::Fisheye([0.0; 4]));
     let reach = fisheye.reach();
-    let at = |angle: f64| [fisheye.cx + angle.to_radians() * fisheye.fx, fisheye.cy];
+    let at = |angle: f64| [fisheye.intrinsics.cx + angle.to_radians() * fisheye.intrinsics.fx, fisheye.intrinsics.cy];
     let plane = fisheye.plane(at(60.0), reach).unwrap();
     assert!((plane[0] - 60_f64.to_radians().tan()).abs() < 1e-9);
     for angle in [90.0, 91.0, 120.0, 179.0] {
@@ -73,26 +78,29 @@ fn what_a_lens_folds_or_bends_beyond_ninety_degrees_is_nothing() {
 fn the_pinhole_holds_no_black_pixel_and_no_more_than_it_must_lose() {
     for (name, lens) in models() {
         let pinhole = lens.pinhole().unwrap();
-        assert_eq!((pinhole.distortion, pinhole.fx, pinhole.fy), (Distortion::None, lens.fx, lens.fy));
+        assert_eq!(
+            (pinhole.distortion, pinhole.intrinsics.fx, pinhole.intrinsics.fy),
+            (Distortion::None, lens.intrinsics.fx, lens.intrinsics.fy)
+        );
         let undistortion = Undistortion::new(lens, pinhole);
         assert_eq!(undistortion.validity(), None, "{name}");
         let white = vec![[255_u8; 3]; (SIZE.0 * SIZE.1) as usize];
         let made = undistortion.image(&white);
-        assert_eq!(made.len() as u32, pinhole.width * pinhole.height);
+        assert_eq!(made.len() as u32, pinhole.intrinsics.width * pinhole.intrinsics.height);
         assert!(made.iter().all(|pixel| *pixel == [255; 3]), "{name}");
         // One pixel farther on any side would look past the border somewhere.
-        let (w, h) = (f64::from(pinhole.width), f64::from(pinhole.height));
+        let (w, h) = (f64::from(pinhole.intrinsics.width), f64::from(pinhole.intrinsics.height));
         let outside = |at: [f64; 2]| {
             undistortion.source_of(at).is_none_or(|[x, y]| {
                 !(0.5..=f64::from(SIZE.0) - 0.5).contains(&x) || !(0.5..=f64::from(SIZE.1) - 0.5).contains(&y)
             })
         };
         let side = |n: u32| (0..4 * n).map(|i| 0.25 * f64::from(i) + 0.5);
-        let grown = f64::from(pinhole.width) > 2.0 * f64::from(SIZE.0) - 3.0;
-        assert!(grown || side(pinhole.height).any(|y| outside([-0.6, y])), "{name}: left");
-        assert!(grown || side(pinhole.height).any(|y| outside([w + 0.6, y])), "{name}: right");
-        assert!(grown || side(pinhole.width).any(|x| outside([x, -0.6])), "{name}: top");
-        assert!(grown || side(pinhole.width).any(|x| outside([x, h + 0.6])), "{name}: bottom");
+        let grown = f64::from(pinhole.intrinsics.width) > 2.0 * f64::from(SIZE.0) - 3.0;
+        assert!(grown || side(pinhole.intrinsics.height).any(|y| outside([-0.6, y])), "{name}: left");
+        assert!(grown || side(pinhole.intrinsics.height).any(|y| outside([w + 0.6, y])), "{name}: right");
+        assert!(grown || side(pinhole.intrinsics.width).any(|x| outside([x, -0.6])), "{name}: top");
+        assert!(grown || side(pinhole.intrinsics.width).any(|x| outside([x, h + 0.6])), "{name}: bottom");
     }
     let pinhole = lens(50.0, Distortion::None);
     assert_eq!(pinhole.pinhole(), Some(pinhole));
@@ -102,7 +110,9 @@ fn the_pinhole_holds_no_black_pixel_and_no_more_than_it_must_lose() {
 fn pixels_outside_are_masked_and_masks_are_not_mixed() {
     let source = models()[0].1;
     // A target that shows more than the source.
-    let target = Lens { fx: source.fx / 2.0, fy: source.fy / 2.0, distortion: Distortion::None, ..source };
+    let Intrinsics { fx, fy, .. } = source.intrinsics;
+    let wide = Intrinsics { fx: fx / 2.0, fy: fy / 2.0, ..source.intrinsics };
+    let target = Lens { intrinsics: wide, distortion: Distortion::None };
     let undistortion = Undistortion::new(source, target);
     let validity = undistortion.validity().unwrap();
     let n_valid = validity.iter().filter(|v| **v == 255).count();
@@ -136,8 +146,9 @@ fn both_ends_of_a_flow_are_undistorted() {
         let mut worst = 0.0_f64;
         let mut largest = 0.0_f64;
         for (i, found) in (0_u32..).zip(undistortion.flow(&flow)) {
-            let at = [f64::from(i % pinhole.width) + 0.5, f64::from(i / pinhole.width) + 0.5];
-            let expected = [(at[0] - pinhole.cx) * (factor - 1.0), (at[1] - pinhole.cy) * (factor - 1.0)];
+            let at = [f64::from(i % pinhole.intrinsics.width) + 0.5, f64::from(i / pinhole.intrinsics.width) + 0.5];
+            let expected =
+                [(at[0] - pinhole.intrinsics.cx) * (factor - 1.0), (at[1] - pinhole.intrinsics.cy) * (factor - 1.0)];
             worst = worst.max((0..2).map(|k| (f64::from(found[k]) - expected[k]).abs()).fold(0.0, f64::max));
             largest = largest.max(expected[0].hypot(expected[1]));
         }
@@ -174,16 +185,17 @@ fn colmap_undistorts_a_simple_radial_picture_to_the_same() {
         let (width, height) = (u64_at(at + 8), u64_at(at + 16));
         let [f, cx, cy, k] = [24, 32, 40, 48].map(|offset| f64_at(at + offset));
         let distortion = Distortion::brown([k, 0.0, 0.0, 0.0, 0.0, 0.0], [0.0; 2]);
-        lenses.insert(f.to_bits(), Lens { width, height, fx: f, fy: f, cx, cy, distortion });
+        let intrinsics = Intrinsics { width, height, fx: f, fy: f, cx, cy };
+        lenses.insert(f.to_bits(), Lens { intrinsics, distortion });
     }
     let mut worst = f64::INFINITY;
     // Pictures of 1280 x 720 are slow where nothing is optimised.
     for camera in dense.cameras.iter().take(if cfg!(debug_assertions) { 1 } else { 7 }) {
-        let lens = lenses[&camera.fx.to_bits()];
-        let (width, height, fx, fy, cx, cy) = (camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy);
-        let target = Lens { width, height, fx, fy, cx, cy, distortion: Distortion::None };
+        let lens = lenses[&camera.intrinsics.fx.to_bits()];
+        let Intrinsics { width, height, .. } = camera.intrinsics;
+        let target = Lens { intrinsics: camera.intrinsics, distortion: Distortion::None };
         // COLMAP keeps the principal point where it was in proportion: its rectangle is a part of ours.
-        let ours = lens.pinhole().unwrap();
+        let ours = lens.pinhole().unwrap().intrinsics;
         let more = (ours.width as i64 - i64::from(width), ours.height as i64 - i64::from(height));
         assert!((-2..60).contains(&more.0) && (-2..60).contains(&more.1), "{ours:?} beside {width} x {height}");
         let name = camera.shots[0].image.file_name().unwrap().to_owned();

@@ -246,7 +246,7 @@ fn no_files_of_a_part_use_each_other_in_a_circle() {
     seen("engine/train/trainer/mod.rs", "engine/train/objective.rs");
     seen("engine/train/init/mod.rs", "engine/train/init/flow.rs");
     // By `self::`, and by a name that the folder passes on and uses.
-    seen("engine/prepare/mod.rs", "engine/prepare/images.rs");
+    seen("engine/prepare/mod.rs", "engine/prepare/images/mod.rs");
     seen("engine/prepare/mod.rs", "engine/prepare/settings.rs");
     let found = circles(&graph);
     assert!(found.is_empty(), "{found:#?}");

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 use ivv::scene::{FlowModel, Orbit, View};
-use ivv::sound::pose::Pose;
+use ivv::sound::pose::HeadPose;
 
 /// A view from `lens` towards `at` with its top towards `up`.
 fn view(lens: DVec3, at: DVec3, up: DVec3) -> View {
@@ -14,7 +14,7 @@ fn view(lens: DVec3, at: DVec3, up: DVec3) -> View {
         fy: 30.0,
         cx: 16.0,
         cy: 12.0,
-        world_to_camera: Pose { t: 0.0, p: lens, q: Pose::looking(at - lens, up) }.world_to_camera(),
+        world_to_camera: HeadPose { t: 0.0, p: lens, q: HeadPose::looking(at - lens, up) }.world_to_camera().rows(),
         time: 0.0,
         time_offset: 0.0,
         flow_dt: 1.0,

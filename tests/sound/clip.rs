@@ -11,7 +11,7 @@ use ivv::sound::FS;
 use ivv::sound::clip::{ears, sounds};
 use ivv::sound::geometry::Mode;
 use ivv::sound::hrtf::{HrtfSet, Lookup, degrees};
-use ivv::sound::pose::{Pose, PoseTrack};
+use ivv::sound::pose::{HeadPose, PoseTrack};
 use ivv::sound::render::{RenderConfig, render};
 use ivv::sound::scene_file::{SoundScene, Source};
 use ivv::sound::sphere::Sphere;
@@ -53,8 +53,11 @@ fn a_player_hears_every_source_as_loud_as_it_is_rendered_from_anywhere() {
     let (mut scene, recording) = walk(&folder);
     let silent = Source { gates: vec![(3.0, 4.0)], ..scene.sources[0].clone() };
     scene.sources.push(silent);
-    let moving =
-        [(0.0, DVec3::ZERO), (1.0, DVec3::new(1.0, 0.5, 0.0))].map(|(t, p)| Pose { t, p, q: scene.mic.pose.at(0.0).q });
+    let moving = [(0.0, DVec3::ZERO), (1.0, DVec3::new(1.0, 0.5, 0.0))].map(|(t, p)| HeadPose {
+        t,
+        p,
+        q: scene.mic.pose.at(0.0).q,
+    });
     for mic in [scene.mic.pose.clone(), PoseTrack::new(moving.to_vec()).unwrap()] {
         scene.mic.pose = mic;
         let (sources, place, r_min) = stored(&folder, &sounds(&scene, 1.5).unwrap());

@@ -2,7 +2,7 @@
 
 use glam::{DQuat, DVec2, DVec3};
 use ivv::sound::geometry::{Mode, SoundPlane, bearing, gain, signed_angle};
-use ivv::sound::pose::{Pose, PoseTrack};
+use ivv::sound::pose::{HeadPose, PoseTrack};
 
 use super::{head, noise};
 
@@ -55,13 +55,13 @@ fn t4_moving_turning_and_scaling_the_world_changes_nothing() {
     let v = vectors(40, 3);
     for (at, mode) in [Mode::Paper2d, Mode::Paper3d, Mode::Physical].into_iter().cycle().take(36).enumerate() {
         let (listener, microphone, source, shift) = (v[at], v[at + 1], v[at + 2], v[at + 3]);
-        let turn = Pose::looking(v[at + 1], v[at + 2]);
+        let turn = HeadPose::looking(v[at + 1], v[at + 2]);
         let scale = 0.3 + at as f64;
-        let pose = Pose { t: 0.0, p: listener, q: Pose::looking(v[at + 3], DVec3::Z) };
+        let pose = HeadPose { t: 0.0, p: listener, q: HeadPose::looking(v[at + 3], DVec3::Z) };
         let plane = SoundPlane::new(DVec3::Z, DVec3::Y).unwrap();
         let moved = |p: DVec3| turn * p * scale + shift;
         let plane_moved = SoundPlane::new(turn * DVec3::Z, turn * DVec3::Y).unwrap();
-        let pose_moved = Pose { p: moved(listener), q: turn * pose.q, ..pose };
+        let pose_moved = HeadPose { p: moved(listener), q: turn * pose.q, ..pose };
         let a = bearing(mode, &plane, &pose, microphone, source);
         let b = bearing(mode, &plane_moved, &pose_moved, moved(microphone), moved(source));
         assert!((a.az - b.az).abs() < 1e-9 && (a.el - b.el).abs() < 1e-9, "{mode:?}: {a:?} {b:?}");
@@ -88,8 +88,8 @@ fn t7_a_moving_microphone_is_an_origin_and_no_more() {
     // Along with the microphone, source and listener move by the same; nothing changes.
     let way = DVec3::new(0.7, -1.3, 0.4);
     let microphone = PoseTrack::new(vec![
-        Pose { t: 0.0, p: DVec3::ZERO, q: DQuat::IDENTITY },
-        Pose { t: 2.0, p: 2.0 * way, q: DQuat::IDENTITY },
+        HeadPose { t: 0.0, p: DVec3::ZERO, q: DQuat::IDENTITY },
+        HeadPose { t: 2.0, p: 2.0 * way, q: DQuat::IDENTITY },
     ])
     .unwrap();
     for t in [0.0, 0.3, 1.0, 1.9] {
@@ -106,7 +106,7 @@ fn t7_a_moving_microphone_is_an_origin_and_no_more() {
 fn a_head_that_looks_up_keeps_the_yaw_of_its_sides() {
     let upright = head(DVec3::ZERO, 30.0).at(0.0);
     for pitch in [-90.0f64, -89.0, 45.0, 90.0] {
-        let pose = Pose { q: upright.q * DQuat::from_rotation_y(-pitch.to_radians()), ..upright };
+        let pose = HeadPose { q: upright.q * DQuat::from_rotation_y(-pitch.to_radians()), ..upright };
         assert!((plane().yaw(&pose) - 30f64.to_radians()).abs() < 1e-6, "{pitch}: {}", plane().yaw(&pose));
     }
     assert!(SoundPlane::new(DVec3::Z, DVec3::Z).is_none() && SoundPlane::new(DVec3::ZERO, DVec3::Y).is_none());
@@ -116,15 +116,15 @@ fn a_head_that_looks_up_keeps_the_yaw_of_its_sides() {
 fn poses_between_and_beyond_those_given() {
     let turned = DQuat::from_rotation_z(1.0);
     let track = PoseTrack::new(vec![
-        Pose { t: 1.0, p: DVec3::ZERO, q: DQuat::IDENTITY },
-        Pose { t: 3.0, p: DVec3::new(2.0, 0.0, 4.0), q: turned },
+        HeadPose { t: 1.0, p: DVec3::ZERO, q: DQuat::IDENTITY },
+        HeadPose { t: 3.0, p: DVec3::new(2.0, 0.0, 4.0), q: turned },
     ])
     .unwrap();
     let between = track.at(1.5);
     assert!((between.p - DVec3::new(0.5, 0.0, 1.0)).length() < 1e-12);
     assert!(between.q.dot(DQuat::from_rotation_z(0.25)) > 1.0 - 1e-12);
     assert_eq!((track.at(0.0).p, track.at(9.0).p), (DVec3::ZERO, DVec3::new(2.0, 0.0, 4.0)));
-    let pose = |t: f64, q: DQuat| Pose { t, p: DVec3::ZERO, q };
+    let pose = |t: f64, q: DQuat| HeadPose { t, p: DVec3::ZERO, q };
     for wrong in [
         vec![],
         vec![pose(1.0, turned), pose(1.0, turned)],

@@ -2,14 +2,17 @@
 
 use std::path::{Path, PathBuf};
 
+use ivv::scene::Intrinsics;
 use ivv::scene::undistort::{Distortion, Lens};
 use ivv::sound::keypoints::{KeypointSettings, Mouths, keypoints_of};
 use serde_json::{Value, json};
 
 use crate::capture::Folder;
 
-const LENS: Lens =
-    Lens { width: 640, height: 480, fx: 500.0, fy: 500.0, cx: 320.0, cy: 240.0, distortion: Distortion::None };
+const LENS: Lens = Lens {
+    intrinsics: Intrinsics { width: 640, height: 480, fx: 500.0, fy: 500.0, cx: 320.0, cy: 240.0 },
+    distortion: Distortion::None,
+};
 const N_FRAMES: u64 = 3;
 
 /// The points of a person: mouth about (300 + frame, 200), 40 pixels wide; scores of SimCC's kind.
@@ -144,7 +147,7 @@ fn pictures_of_another_size_are_refused() {
     let folder = Folder::new("size");
     let path = dialects(&folder).remove(0);
     let read = |width: u32, height: u32, image_size: Option<(u32, u32)>| {
-        let lens = Lens { width, height, ..LENS };
+        let lens = Lens { intrinsics: Intrinsics { width, height, ..LENS.intrinsics }, ..LENS };
         Mouths::read(&path, &lens, &KeypointSettings { first_frame: None, image_size })
     };
     let error = read(256, 192, None).unwrap_err().to_string();

@@ -10,7 +10,7 @@ use ivv::sound::geometry::Mode;
 use ivv::sound::hrtf::HrtfSet;
 use ivv::sound::live::{Chase, Live};
 use ivv::sound::metrics::energy;
-use ivv::sound::pose::{Pose, PoseTrack};
+use ivv::sound::pose::{HeadPose, PoseTrack};
 use ivv::sound::render::{RenderConfig, render_signals};
 use ivv::sound::sphere::Sphere;
 use ivv::sound::wav::{self, Depth};
@@ -68,7 +68,7 @@ fn walk() -> PoseTrack {
     let pose = |k: u32| {
         let t = f64::from(k) / 60.0;
         let q = DQuat::from_rotation_z(0.4 + 0.8 * t) * DQuat::from_rotation_y(0.2 * t);
-        Pose { t, p: DVec3::new(0.6 * t, -0.4 * t, 0.1 * t), q }
+        HeadPose { t, p: DVec3::new(0.6 * t, -0.4 * t, 0.1 * t), q }
     };
     PoseTrack::new((0..60).map(pose).collect()).unwrap()
 }
@@ -115,7 +115,7 @@ fn a_source_that_moved_alone_is_heard_the_same_in_blocks_of_any_length() {
 fn gains_are_those_of_the_law_of_distance() {
     let level = |listener: DVec3| {
         let live = Live::new(&sounds(mono(&noise(N, 5)), 0.0, &[(0.0, DVec3::new(0.0, 2.0, 0.0))]), ears());
-        let samples = heard(&live, &PoseTrack::still(listener, Pose::looking(DVec3::Y, DVec3::Z)), BLOCK);
+        let samples = heard(&live, &PoseTrack::still(listener, HeadPose::looking(DVec3::Y, DVec3::Z)), BLOCK);
         energy(&ear(&samples, 0)).sqrt()
     };
     let at_the_microphone = level(DVec3::ZERO);

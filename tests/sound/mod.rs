@@ -28,7 +28,7 @@ use std::sync::OnceLock;
 use crate::common::notes::shared;
 use glam::{DQuat, DVec3};
 use ivv::sound::hrtf::{HrtfSet, degrees};
-use ivv::sound::pose::{Pose, PoseTrack};
+use ivv::sound::pose::{HeadPose, PoseTrack};
 use ivv::sound::scene_file::{Mic, SoundScene, Source};
 use ivv::sound::source_track::{Flag, SourceSample, SourceTrack};
 use ivv::sound::sphere::Sphere;
@@ -77,7 +77,7 @@ pub fn scene(source: SourceTrack) -> SoundScene {
         up: DVec3::Z,
         mic: Mic {
             camera: "a".into(),
-            pose: PoseTrack::still(DVec3::ZERO, Pose::looking(DVec3::Y, DVec3::Z)),
+            pose: PoseTrack::still(DVec3::ZERO, HeadPose::looking(DVec3::Y, DVec3::Z)),
             wav: PathBuf::new(),
             channel: Channel::Left,
             offset_s: 0.0,

@@ -4,7 +4,7 @@ use glam::{DQuat, DVec3};
 use ivv::sound::geometry::Mode;
 use ivv::sound::hrtf::{HrtfSet, Lookup};
 use ivv::sound::metrics::splatter_db;
-use ivv::sound::pose::{Pose, PoseTrack};
+use ivv::sound::pose::{HeadPose, PoseTrack};
 use ivv::sound::render::{RenderConfig, Rendered, render_signals};
 
 use super::{ear, head, horizon, horizon_of, scene, sphere, tone, track};
@@ -17,7 +17,7 @@ fn turning(speed: f64, seconds: f64, config: &RenderConfig) -> Rendered {
 fn turning_with(set: &HrtfSet, speed: f64, seconds: f64, config: &RenderConfig) -> Rendered {
     let pose = |t: f64| {
         let yaw = (90.0 - 25.0 - speed * t).to_radians();
-        Pose { t, p: DVec3::ZERO, q: DQuat::from_rotation_z(yaw) }
+        HeadPose { t, p: DVec3::ZERO, q: DQuat::from_rotation_z(yaw) }
     };
     let steps = (seconds * 60.0).ceil() as u32;
     let path = PoseTrack::new((0..=steps).map(|k| pose(f64::from(k) / 60.0)).collect()).unwrap();
@@ -86,7 +86,7 @@ fn frequency(signal: &[f32]) -> f64 {
 fn t25_a_head_that_comes_nearer_hears_a_higher_tone() {
     let source = DVec3::new(0.0, 30.0, 0.0);
     let way = scene(track("a", &[(0.0, source)]));
-    let pose = |t: f64| Pose { t, p: DVec3::new(0.0, 10.0 * t, 0.0), q: head(DVec3::ZERO, 0.0).at(0.0).q };
+    let pose = |t: f64| HeadPose { t, p: DVec3::new(0.0, 10.0 * t, 0.0), q: head(DVec3::ZERO, 0.0).at(0.0).q };
     let path = PoseTrack::new(vec![pose(0.0), pose(1.0)]).unwrap();
     let heard = |propagation: bool| {
         let config = RenderConfig { propagation, ..physical() };
@@ -102,7 +102,7 @@ fn t25_a_head_that_comes_nearer_hears_a_higher_tone() {
 fn t26_a_jump_of_the_head_does_not_click() {
     // 3 m to the side, about the same distance from the source.
     let at = |x: f64| DVec3::new(x, 0.0, 0.0);
-    let pose = |t: f64, x: f64| Pose { t, p: at(x), q: head(DVec3::ZERO, 0.0).at(0.0).q };
+    let pose = |t: f64, x: f64| HeadPose { t, p: at(x), q: head(DVec3::ZERO, 0.0).at(0.0).q };
     let path = PoseTrack::new(vec![pose(0.0, -0.5), pose(0.2, -0.5), pose(0.2001, 2.5), pose(0.4, 2.5)]).unwrap();
     let way = scene(track("a", &[(0.0, DVec3::new(0.0, 4.0, 0.0))]));
     let signal: Vec<f32> = tone(500.0, 19_200).iter().map(|x| 0.2 * x).collect();

@@ -2,16 +2,16 @@
 
 use glam::{DMat3, DQuat, DVec3};
 use ivv::sound::path::{Convention, HeadPath, read_path};
-use ivv::sound::pose::Pose;
+use ivv::sound::pose::HeadPose;
 
 use crate::capture::Folder;
 
 /// Two poses that no axis is special to.
-fn heads() -> [Pose; 2] {
+fn heads() -> [HeadPose; 2] {
     let turn = |a: f64, b: f64| DQuat::from_rotation_z(a) * DQuat::from_rotation_x(b) * DQuat::from_rotation_y(0.3);
     [
-        Pose { t: 0.0, p: DVec3::new(0.1, -2.0, 3.5), q: turn(0.7, -0.4) },
-        Pose { t: 0.5, p: DVec3::new(1.1, -2.5, 3.0), q: turn(-2.0, 1.2) },
+        HeadPose { t: 0.0, p: DVec3::new(0.1, -2.0, 3.5), q: turn(0.7, -0.4) },
+        HeadPose { t: 0.5, p: DVec3::new(1.1, -2.5, 3.0), q: turn(-2.0, 1.2) },
     ]
 }
 
@@ -25,7 +25,7 @@ fn camera_axes(convention: Convention) -> DMat3 {
     }
 }
 
-fn camera_to_world(head: &Pose, convention: Convention) -> DMat3 {
+fn camera_to_world(head: &HeadPose, convention: Convention) -> DMat3 {
     DMat3::from_quat(head.q) * camera_axes(convention)
 }
 
@@ -41,7 +41,7 @@ fn assert_heads(found: &HeadPath, what: &str) {
 }
 
 pub fn tum(convention: Convention) -> String {
-    let line = |head: &Pose| {
+    let line = |head: &HeadPose| {
         let q = DQuat::from_mat3(&camera_to_world(head, convention));
         format!("{} {} {} {} {} {} {} {}\n", head.t, head.p.x, head.p.y, head.p.z, q.x, q.y, q.z, q.w)
     };
@@ -49,7 +49,7 @@ pub fn tum(convention: Convention) -> String {
 }
 
 pub fn nerfstudio(is_flat: bool) -> String {
-    let camera = |head: &Pose| {
+    let camera = |head: &HeadPose| {
         let m = camera_to_world(head, Convention::OpenGl);
         let row = |k: usize| [m.x_axis[k], m.y_axis[k], m.z_axis[k], head.p[k]];
         let rows = [row(0), row(1), row(2), [0.0, 0.0, 0.0, 1.0]];
@@ -61,7 +61,8 @@ pub fn nerfstudio(is_flat: bool) -> String {
 }
 
 pub fn csv() -> String {
-    let line = |h: &Pose| format!("{},{},{},{},{},{},{},{}\n", h.q.w, h.q.x, h.q.y, h.q.z, h.t, h.p.x, h.p.y, h.p.z);
+    let line =
+        |h: &HeadPose| format!("{},{},{},{},{},{},{},{}\n", h.q.w, h.q.x, h.q.y, h.q.z, h.t, h.p.x, h.p.y, h.p.z);
     format!("qw,qx,qy,qz,t,x,y,z\n{}", heads().iter().map(line).collect::<String>())
 }
 
@@ -89,7 +90,7 @@ fn every_kind_of_file_gives_the_same_head() {
 #[test]
 fn a_head_is_a_camera() {
     for head in heads() {
-        let rows = head.world_to_camera();
+        let rows = head.world_to_camera().rows();
         let camera = |p: DVec3| DVec3::from_array([0, 1, 2].map(|k| DVec3::from_slice(&rows[k]).dot(p) + rows[k][3]));
         // What is ahead, to the right and below of the head.
         let seen = camera(head.p + head.q * DVec3::new(2.0, -0.5, -0.25));

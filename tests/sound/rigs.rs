@@ -2,6 +2,7 @@
 
 use glam::{DMat3, DVec2, DVec3};
 use ivv::scene::undistort::{Distortion, Lens};
+use ivv::scene::{Intrinsics, Pose};
 use ivv::sound::keypoints::Mouths;
 use ivv::sound::mouth::Mouth;
 use ivv::sound::rig::{Rig, RigCamera};
@@ -17,27 +18,25 @@ pub fn normal(random: &mut Random) -> f64 {
 
 /// `n` cameras on an arc of 120 degrees about `(0, 0, 3)`, 3 units from it, looking there.
 pub fn rig(n: usize, fps: f64, n_frames: u32) -> Rig {
-    let lens =
-        Lens { width: 1280, height: 720, fx: 1000.0, fy: 990.0, cx: 630.0, cy: 370.0, distortion: Distortion::None };
+    let intrinsics = Intrinsics { width: 1280, height: 720, fx: 1000.0, fy: 990.0, cx: 630.0, cy: 370.0 };
+    let lens = Lens { intrinsics, distortion: Distortion::None };
     let camera = |index: usize| {
         let angle = (index as f64 / (n - 1) as f64 - 0.5) * 120_f64.to_radians();
         let center = DVec3::new(3.0 * angle.sin(), 0.2 * (index % 2) as f64, 3.0 - 3.0 * angle.cos());
         let forward = (DVec3::new(0.0, 0.0, 3.0) - center).normalize();
         let right = DVec3::Y.cross(forward).normalize();
         let rotation = DMat3::from_cols(right, forward.cross(right), forward).transpose();
-        let shift = -(rotation * center);
-        let row = |k: usize| [rotation.x_axis[k], rotation.y_axis[k], rotation.z_axis[k], shift[k]];
-        RigCamera::new(&format!("cam{index:02}"), lens, &[(0, [row(0), row(1), row(2), [0.0, 0.0, 0.0, 1.0]])]).unwrap()
+        let pose = Pose { rotation, translation: -(rotation * center) };
+        RigCamera::new(&format!("cam{index:02}"), lens, &[(0, pose)]).unwrap()
     };
     Rig { cameras: (0..n).map(camera).collect(), fps, n_frames }
 }
 
 /// The pixel of a camera that shows `point`.
 pub fn pixel(camera: &RigCamera, point: DVec3) -> DVec2 {
-    let (rotation, center) = camera.pose(0.0);
-    let local = rotation * (point - center);
+    let local = camera.pose(0.0).to_camera(point);
     assert!(local.z > 0.0);
-    let Lens { fx, fy, cx, cy, .. } = camera.lens;
+    let Intrinsics { fx, fy, cx, cy, .. } = camera.lens.intrinsics;
     local.truncate() / local.z * DVec2::new(fx, fy) + DVec2::new(cx, cy)
 }
 
@@ -45,11 +44,10 @@ pub fn pixel(camera: &RigCamera, point: DVec3) -> DVec2 {
 pub fn sights(rig: &Rig, point: DVec3, sigma: f64, random: &mut Random) -> Vec<Sight> {
     let sight = |(index, camera): (usize, &RigCamera)| {
         let noise = DVec2::new(normal(random), normal(random)) * sigma;
-        let (rotation, center) = camera.pose(0.0);
-        let focal = DVec2::new(camera.lens.fx, camera.lens.fy);
+        let (pose, focal) = (camera.pose(0.0), camera.lens.intrinsics.focal());
         let at = camera.plane(pixel(camera, point) + noise).unwrap();
         let sigma = if sigma > 0.0 { sigma } else { 1.0 };
-        Sight { camera: index, rotation, center, focal, at, sigma, weight: 1.0 }
+        Sight { camera: index, pose, focal, at, sigma, weight: 1.0 }
     };
     rig.cameras.iter().enumerate().map(sight).collect()
 }
@@ -62,8 +60,7 @@ pub fn mouths(rig: &Rig, seed: u64, place: impl Fn(f64, usize) -> Vec<DVec3>) ->
         for frame in 0..rig.n_frames {
             for point in place(f64::from(frame) + camera.offset, index) {
                 let at = pixel(camera, point) + DVec2::new(normal(&mut random), normal(&mut random));
-                let (rotation, center) = camera.pose(0.0);
-                let width = 0.05 * camera.lens.fx / (rotation * (point - center)).z;
+                let width = 0.05 * camera.lens.intrinsics.fx / camera.pose(0.0).to_camera(point).z;
                 let mouth = Mouth { at, sigma: 1.0, weight: 0.9, width, opening: Some(0.1), approx: false };
                 mouths.frames.entry(frame).or_default().push(mouth);
             }

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use glam::{DMat3, DVec2, DVec3};
 use ivv::scene::undistort::{Distortion, Lens};
+use ivv::scene::{Intrinsics, Pose};
 use ivv::sound::rig::RigCamera;
 use ivv::sound::triangulate::{Sight, triangulate, triangulate_all};
 
@@ -119,7 +120,8 @@ fn what_cannot_be_seen_is_no_place() {
     // Two detections of one camera do not make a place.
     assert_eq!(triangulate_all(&[seen[0], Sight { at: seen[0].at + 0.3, ..seen[0] }]), []);
     // Rays that part.
-    let away = Sight { rotation: DMat3::from_diagonal(DVec3::new(-1.0, 1.0, -1.0)) * seen[1].rotation, ..seen[1] };
+    let around = DMat3::from_diagonal(DVec3::new(-1.0, 1.0, -1.0)) * seen[1].pose.rotation;
+    let away = Sight { pose: Pose::at(seen[1].pose.center(), around), ..seen[1] };
     assert_eq!(triangulate_all(&[seen[0], away]), []);
     assert!(pixel(&rig.cameras[0], DVec3::new(0.0, 0.0, 3.0)).is_finite());
     assert!(normal(&mut random).is_finite());
@@ -149,20 +151,18 @@ fn corners_of_caliscope_meet_its_own_places() {
             .iter()
             .map(|(index, at)| {
                 let camera = &cameras[*index];
-                let (rotation, center) = camera.pose(0.0);
-                let focal = DVec2::new(camera.lens.fx, camera.lens.fy);
+                let (pose, focal) = (camera.pose(0.0), camera.lens.intrinsics.focal());
                 let at = camera.plane(*at).unwrap();
-                Sight { camera: *index, rotation, center, focal, at, sigma: 1.5, weight: 1.0 }
+                Sight { camera: *index, pose, focal, at, sigma: 1.5, weight: 1.0 }
             })
             .collect();
         let fix = triangulate(&sights).unwrap();
         let own = DVec3::new(row[3], row[4], row[5]);
         distances.push((fix.p - own).length());
         for (camera, at) in &seen[&(row[0] as u32, row[2] as u32)] {
-            let (rotation, center) = cameras[*camera].pose(0.0);
-            let lens = cameras[*camera].lens;
+            let (pose, lens) = (cameras[*camera].pose(0.0), cameras[*camera].lens);
             let square = |point: DVec3| {
-                let local = rotation * (point - center);
+                let local = pose.to_camera(point);
                 let shown = lens.pixel([local.x / local.z, local.y / local.z], lens.reach()).unwrap();
                 (DVec2::from_array(shown) - *at).length_squared()
             };
@@ -205,15 +205,10 @@ fn caliscope_camera(calibration: &toml::Table, index: usize) -> RigCamera {
     let rows = |name: &str| -> Vec<Vec<f64>> { camera[name].as_array().unwrap().iter().map(numbers).collect() };
     let (matrix, rotation, shift) = (rows("matrix"), rows("rotation"), numbers(&camera["translation"]));
     let [k1, k2, p1, p2, k3] = numbers(&camera["distortions"]).try_into().unwrap();
-    let lens = Lens {
-        width: 1280,
-        height: 720,
-        fx: matrix[0][0],
-        fy: matrix[1][1],
-        cx: matrix[0][2],
-        cy: matrix[1][2],
-        distortion: Distortion::brown([k1, k2, k3, 0.0, 0.0, 0.0], [p1, p2]),
-    };
+    let (fx, fy, cx, cy) = (matrix[0][0], matrix[1][1], matrix[0][2], matrix[1][2]);
+    let intrinsics = Intrinsics { width: 1280, height: 720, fx, fy, cx, cy };
+    let lens = Lens { intrinsics, distortion: Distortion::brown([k1, k2, k3, 0.0, 0.0, 0.0], [p1, p2]) };
     let row = |k: usize| [rotation[k][0], rotation[k][1], rotation[k][2], shift[k]];
-    RigCamera::new(&index.to_string(), lens, &[(0, [row(0), row(1), row(2), [0.0, 0.0, 0.0, 1.0]])]).unwrap()
+    let pose = Pose::of_rows(&[row(0), row(1), row(2), [0.0, 0.0, 0.0, 1.0]]);
+    RigCamera::new(&index.to_string(), lens, &[(0, pose)]).unwrap()
 }

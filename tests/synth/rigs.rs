@@ -2,7 +2,7 @@
 
 use glam::{DMat3, DVec2, DVec3};
 use ivv::scene::View;
-use ivv::scene::capture::{Capture, camera_center};
+use ivv::scene::capture::Capture;
 use ivv::synth::{Noise, Options, Rig};
 
 use super::{bodies, exr, json, make, numbers, options};
@@ -17,7 +17,7 @@ fn rotation(view: &View) -> DMat3 {
 }
 
 fn center(view: &View) -> DVec3 {
-    DVec3::from_array(camera_center(&view.world_to_camera))
+    view.pose().center()
 }
 
 /// Place in the picture, and depth.

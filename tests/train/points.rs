@@ -84,9 +84,8 @@ fn truth(bodies: &[Body], capture: &Capture, point: &FramePoint, frame: u32) -> 
     };
     let moved = |camera: &Camera| {
         let place = |at: DVec3| {
-            let m = &camera.world_to_camera;
-            let [x, y, z] = [0, 1, 2].map(|k| DVec3::new(m[k][0], m[k][1], m[k][2]).dot(at) + m[k][3]);
-            [camera.fx * x / z, camera.fy * y / z]
+            let DVec3 { x, y, z } = camera.world_to_camera.to_camera(at);
+            [camera.intrinsics.fx * x / z, camera.intrinsics.fy * y / z]
         };
         let ([x, y], [u, v]) = (place(at), place(after));
         (u - x).hypot(v - y)

@@ -5,7 +5,7 @@ use crate::common::device::gpu;
 use crate::common::random::Random;
 use ivv::Constants;
 use ivv::scene::capture::{Camera, Capture, Shot};
-use ivv::scene::{Motion, SH_C0, Splats};
+use ivv::scene::{Intrinsics, Motion, Pose, SH_C0, Splats};
 use ivv::train::{Config, Due, Required, Review, Setup, Trainer, review};
 
 /// Appends a Gaussian of degree 1.
@@ -44,13 +44,14 @@ fn circle() -> Capture {
     let camera = |k: usize| {
         let (sin, cos) = (std::f64::consts::TAU * k as f64 / N as f64).sin_cos();
         let own = &capture.cameras[0];
-        let fx = f64::from(own.width) / 2.0 / 50f64.to_radians().tan();
+        let fx = f64::from(own.intrinsics.width) / 2.0 / 50f64.to_radians().tan();
         let world_to_camera =
-            [[cos, 0.0, -sin, 0.0], [0.0, 1.0, 0.0, 0.0], [sin, 0.0, cos, -2.4], [0.0, 0.0, 0.0, 1.0]];
+            Pose::of_rows(&[[cos, 0.0, -sin, 0.0], [0.0, 1.0, 0.0, 0.0], [sin, 0.0, cos, -2.4], [0.0, 0.0, 0.0, 1.0]]);
         let shots = (0..6).map(|frame| Shot { frame, ..Shot::default() }).collect();
         let (name, is_test) = (format!("cam{k:02}"), false);
-        let (cx, cy) = (f64::from(own.width) / 2.0, f64::from(own.height) / 2.0);
-        Camera { name, is_test, fx, fy: fx, cx, cy, world_to_camera, shots, ..own.clone() }
+        let (cx, cy) = (f64::from(own.intrinsics.width) / 2.0, f64::from(own.intrinsics.height) / 2.0);
+        let intrinsics = Intrinsics { fx, fy: fx, cx, cy, ..own.intrinsics };
+        Camera { name, is_test, intrinsics, world_to_camera, shots }
     };
     (capture.n_frames, capture.cameras) = (6, (0..N).map(camera).collect());
     capture

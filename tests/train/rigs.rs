@@ -1,7 +1,7 @@
 //! Rigs that look outward, and those that look at a scene among them: how large a scene is taken for.
 
 use ivv::scene::Splats;
-use ivv::scene::capture::{Capture, TRAINING_RADIUS, camera_center};
+use ivv::scene::capture::{Capture, TRAINING_RADIUS};
 use ivv::synth::{Options, Preset, Rig, write_capture};
 use ivv::train::{Config, from_points, initialise};
 
@@ -20,8 +20,8 @@ fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
 /// 1.1 times the largest distance of a lens of a training camera from `center`.
 fn reach_of_lenses(capture: &Capture, center: [f64; 3]) -> f64 {
     let training = capture.cameras.iter().filter(|camera| !camera.is_test);
-    let poses = training.flat_map(|camera| camera.shots.iter().map(|shot| camera_center(camera.pose(shot.frame))));
-    1.1 * poses.map(|lens| distance(lens, center)).fold(0.0, f64::max)
+    let poses = training.flat_map(|camera| camera.shots.iter().map(|shot| camera.pose(shot.frame).center()));
+    1.1 * poses.map(|lens| distance(lens.to_array(), center)).fold(0.0, f64::max)
 }
 
 /// The first Gaussians from the points, and of each the mean distance to its three nearest neighbours; in the frame of training.

@@ -112,7 +112,10 @@ fn a_run_is_scored_again_from_its_folder_alone() {
     for &(camera, frame) in &test {
         let render = moved.join("renders").join(&tiny.capture.cameras[camera].name).join(format!("{frame:05}.png"));
         let size = image::image_dimensions(render).unwrap();
-        assert_eq!(size, (tiny.capture.cameras[camera].width, tiny.capture.cameras[camera].height));
+        assert_eq!(
+            size,
+            (tiny.capture.cameras[camera].intrinsics.width, tiny.capture.cameras[camera].intrinsics.height)
+        );
     }
     check_report(&moved, &names);
     capture_that_moved(&tiny, &moved);

@@ -69,7 +69,7 @@ fn a_mask_limits_a_score_to_what_it_marks() {
     let frames = tiny.capture.test_frames()[..1].to_vec();
     let (camera, frame) = frames[0];
     let mut capture = tiny.capture.clone();
-    let (width, height) = (capture.cameras[camera].width, capture.cameras[camera].height);
+    let (width, height) = (capture.cameras[camera].intrinsics.width, capture.cameras[camera].intrinsics.height);
     let mut masked = |name: &str, is_bright: fn(u32) -> bool| {
         let file = tiny.folder.join(name);
         image::GrayImage::from_fn(width, height, |x, _| image::Luma([if is_bright(x) { 200 } else { 100 }]))

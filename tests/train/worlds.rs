@@ -5,7 +5,7 @@ use crate::common::device::gpu;
 use crate::common::frames::{render, render_with, rms};
 use crate::common::random::{scene, view};
 use ivv::Constants;
-use ivv::scene::capture::{Camera, Capture, Point, TRAINING_RADIUS, camera_center};
+use ivv::scene::capture::{Camera, Capture, Point, TRAINING_RADIUS};
 use ivv::scene::{Frame, Similarity, Splats};
 use ivv::train::{Config, Setup, Trainer, from_points, near_plane};
 
@@ -43,8 +43,8 @@ fn the_near_plane_is_an_eighth_of_the_extent_or_half_the_depth_of_the_nearest_po
     let capture = tiny.capture.clone();
     let mut capture = capture.transformed(&tiny.capture.normalisation());
     let before = |camera: &Camera, depth: f64| {
-        let center = camera_center(&camera.world_to_camera);
-        let position = std::array::from_fn(|k| center[k] + depth * camera.world_to_camera[2][k]);
+        let pose = camera.world_to_camera;
+        let position = (pose.center() + depth * pose.forward()).to_array();
         Point { position, color: [0; 3], n_views: 1 }
     };
     let points = |capture: &Capture, is_test: bool, depth: f64| {
@@ -89,7 +89,7 @@ fn a_similarity_moves_cameras_and_gaussians_together_and_its_inverse_brings_them
     let (splats, view) = (scene(31, 60, 1), view());
     let to = Similarity { origin: [3.0, -20.0, 0.5], scale: 0.37 };
     let there = to.splats(&splats);
-    let moved = ivv::scene::View { world_to_camera: to.pose(&view.world_to_camera), ..view.clone() };
+    let moved = ivv::scene::View { world_to_camera: to.pose(&view.pose()).rows(), ..view.clone() };
     let near = (f64::from(Constants::default().near) * to.scale) as f32;
     let (own, _) = render(&splats, &view);
     let (other, _) = render_with(&there, &moved, Constants { near, ..Constants::default() });

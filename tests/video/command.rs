@@ -4,7 +4,7 @@ use std::path::Path;
 use std::process::{Command, Output};
 
 use glam::DVec3;
-use ivv::sound::pose::{Pose, PoseTrack};
+use ivv::sound::pose::{HeadPose, PoseTrack};
 use ivv::sound::scene_file::{Mic, SoundScene, Source};
 use ivv::sound::source_track::{Flag, SourceSample, SourceTrack};
 use ivv::sound::wav::{self, Channel, Depth};
@@ -49,7 +49,7 @@ fn click(folder: &Path) {
     let wav = folder.join("click.wav");
     wav::write(&wav, &sound, Depth::Int24).unwrap();
     let sample = SourceSample { t: 0.0, p: DVec3::ZERO, cov: [0.0; 6], views: 2, reproj_px: 0.0, flag: Flag::Seen };
-    let pose = PoseTrack::still(DVec3::new(0.0, 0.0, -2.0), Pose::looking(DVec3::Z, DVec3::NEG_Y));
+    let pose = PoseTrack::still(DVec3::new(0.0, 0.0, -2.0), HeadPose::looking(DVec3::Z, DVec3::NEG_Y));
     let scene = SoundScene {
         metres_per_unit: None,
         up: DVec3::NEG_Y,
@@ -259,7 +259,7 @@ fn an_orbit_shows_what_cameras_look_at_from_all_sides() {
     let at = |name: &str| folder.0.join(name).to_str().unwrap().to_owned();
     let view = |name: &str, x: f64, z: f64| {
         let p = DVec3::new(x, -1.0, z);
-        let pose = Pose { t: 0.0, p, q: Pose::looking(-p, DVec3::NEG_Y) }.world_to_camera();
+        let pose = HeadPose { t: 0.0, p, q: HeadPose::looking(-p, DVec3::NEG_Y) }.world_to_camera();
         serde_json::json!({
             "name": name, "width": 33, "height": 24, "fx": 30.0, "fy": 30.0, "cx": 16.5, "cy": 12.0, "world_to_camera": pose,
         })

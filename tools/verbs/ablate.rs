@@ -5,9 +5,10 @@ use crate::screen::{out, say};
 use crate::settings::SettingArgs;
 use anyhow::Context;
 use clap::builder::PossibleValuesParser;
+use glam::DVec3;
 use ivv::files::write_atomic;
 use ivv::report::statistics::mean;
-use ivv::scene::capture::{Capture, camera_center};
+use ivv::scene::capture::Capture;
 use ivv::study::{Arm, ArmResult, Base, Measure, STUDIES, Study, StudyResult};
 use ivv::train::{Config, initialise};
 use serde_json::{Value, json};
@@ -160,9 +161,9 @@ fn folder(args: &Args, key: &str, seed: u64) -> PathBuf {
 
 /// The test camera whose lens is farthest from the middle of all lenses.
 fn peripheral(capture: &Capture) -> Option<String> {
-    let centers: Vec<[f64; 3]> = capture.cameras.iter().map(|camera| camera_center(camera.pose(0))).collect();
-    let middle: [f64; 3] = std::array::from_fn(|k| centers.iter().map(|c| c[k]).sum::<f64>() / centers.len() as f64);
-    let distance = |c: &[f64; 3]| (0..3).map(|k| (c[k] - middle[k]).powi(2)).sum::<f64>();
+    let centers: Vec<DVec3> = capture.cameras.iter().map(|camera| camera.pose(0).center()).collect();
+    let middle = centers.iter().sum::<DVec3>() / centers.len() as f64;
+    let distance = |c: &DVec3| c.distance_squared(middle);
     let tests = capture.cameras.iter().zip(&centers).filter(|(camera, _)| camera.is_test);
     let farthest = tests.max_by(|(_, a), (_, b)| distance(a).total_cmp(&distance(b)));
     farthest.map(|(camera, _)| camera.name.clone())

@@ -9,7 +9,6 @@
 use super::Grades;
 use crate::scene::SH_C0;
 use crate::scene::View;
-use crate::scene::capture::camera_center;
 use fourdgs::quantization::{SH_QUANT_HI, SH_QUANT_LO, quantize_sh, sh_coefficient};
 use std::f64::consts::PI;
 
@@ -46,7 +45,7 @@ pub(super) struct Viewpoints<'a> {
 
 impl<'a> Viewpoints<'a> {
     pub(super) fn new(views: &'a [View]) -> Self {
-        Viewpoints { views, centers: views.iter().map(|view| camera_center(&view.world_to_camera)).collect() }
+        Viewpoints { views, centers: views.iter().map(|view| view.pose().center().to_array()).collect() }
     }
 
     /// Base colours and harmonics on the format's grids that look like the `coefficients` of a Gaussian at `place`.
@@ -150,12 +149,8 @@ fn factor(norm: &Factor, order: &[usize; K], k: usize) -> Factor {
 
 /// Whether a place is within a view's picture.
 fn sees(view: &View, place: [f64; 3]) -> bool {
-    let [x, y, z] = std::array::from_fn(|row| {
-        let m = &view.world_to_camera[row];
-        m[3] + (0..3).map(|axis| m[axis] * place[axis]).sum::<f64>()
-    });
-    let (u, v) = (view.fx * x / z + view.cx, view.fy * y / z + view.cy);
-    z > 0.0 && (0.0..f64::from(view.width)).contains(&u) && (0.0..f64::from(view.height)).contains(&v)
+    let (at, intrinsics) = (view.pose().to_camera(place.into()), view.intrinsics());
+    at.z > 0.0 && intrinsics.holds(intrinsics.project(at))
 }
 
 /// Real spherical harmonics at a unit vector, in 3DGS's order and signs (SPEC 2).

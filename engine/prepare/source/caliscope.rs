@@ -4,12 +4,14 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use super::footage;
+use super::opencv::{self, Rotation};
 use super::recording::{Clocks, Place, Source, SourceCamera};
-use super::{footage, opencv};
 use crate::error::{self, Error};
 use crate::files::read_text;
+use crate::scene::Pose;
 use crate::scene::capture::Faults;
-use crate::scene::rotation_of_vector;
+use crate::scene::undistort::Lens;
 
 const REMEDY: &str = "calibrate all cameras with caliscope, or set ignore = true for this one";
 
@@ -31,13 +33,6 @@ struct Camera {
     rotation: Option<Rotation>,
     #[serde(default)]
     fisheye: bool,
-}
-
-#[derive(serde::Deserialize)]
-#[serde(untagged)]
-enum Rotation {
-    Matrix([[f64; 3]; 3]),
-    Vector([f64; 3]),
 }
 
 pub(super) fn read(place: Place, faults: &mut Faults) -> Source {
@@ -109,7 +104,7 @@ fn times(file: &Path) -> error::Result<BTreeMap<String, Vec<Option<f64>>>> {
 }
 
 impl Camera {
-    fn calibrated(&self) -> Result<(crate::scene::undistort::Lens, crate::scene::capture::Pose), String> {
+    fn calibrated(&self) -> Result<(Lens, Pose), String> {
         let (Some(matrix), Some(distortions), Some(translation), Some(rotation)) =
             (&self.matrix, &self.distortions, self.translation, &self.rotation)
         else {
@@ -118,11 +113,7 @@ impl Camera {
         if self.rotation_count != 0 {
             return Err(format!("is turned (rotation_count = {}), which is not read", self.rotation_count));
         }
-        let rotation = match rotation {
-            Rotation::Matrix(rows) => *rows,
-            Rotation::Vector(vector) => rotation_of_vector(*vector),
-        };
         let lens = opencv::lens(self.size, matrix, distortions, self.fisheye)?;
-        Ok((lens, opencv::pose(&rotation, translation)))
+        Ok((lens, Pose { rotation: rotation.matrix(), translation: translation.into() }))
     }
 }

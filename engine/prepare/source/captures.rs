@@ -4,41 +4,41 @@ use std::collections::BTreeMap;
 
 use super::recording::{Clocks, Footage, Place, Source, SourceCamera};
 use crate::scene::capture::{
-    Alpha, Camera, CaptureSettings, Draft, Faults, describe, has_alpha, images_folder, model_folder, tracks,
+    Alpha, Camera, CaptureBuilder, CaptureSettings, Faults, describe, has_alpha, images_folder, model_folder, tracks,
 };
 
 pub(super) fn read(place: Place, faults: &mut Faults) -> Option<Source> {
     let asked = &place.settings.capture;
     let images = place.settings.footage.clone().unwrap_or(asked.images.clone());
     let settings = CaptureSettings { images, max_frames: None, ..asked.clone() };
-    let (format, mut draft) = describe(place.folder, &settings, faults)?;
+    let (format, mut builder) = describe(place.folder, &settings, faults)?;
     if settings.skip_missing {
-        let shots = |draft: &Draft| draft.cameras.iter().map(|camera| camera.shots.len()).sum::<usize>();
-        let before = shots(&draft);
-        draft.cameras.iter_mut().for_each(|camera| camera.shots.retain(|shot| shot.image.exists()));
-        draft.cameras.retain(|camera| !camera.shots.is_empty());
-        let n = before - shots(&draft);
-        draft.notes.extend((n > 0).then(|| format!("{n} images are missing and left out")));
+        let shots = |builder: &CaptureBuilder| builder.cameras.iter().map(|camera| camera.shots.len()).sum::<usize>();
+        let before = shots(&builder);
+        builder.cameras.iter_mut().for_each(|camera| camera.shots.retain(|shot| shot.image.exists()));
+        builder.cameras.retain(|camera| !camera.shots.is_empty());
+        let n = before - shots(&builder);
+        builder.notes.extend((n > 0).then(|| format!("{n} images are missing and left out")));
     }
     if settings.alpha == Alpha::Mask {
-        for shot in draft.cameras.iter_mut().flat_map(|camera| &mut camera.shots) {
+        for shot in builder.cameras.iter_mut().flat_map(|camera| &mut camera.shots) {
             let alpha = has_alpha(&shot.image).then(|| shot.image.clone());
             shot.foreground = shot.foreground.take().or(alpha);
         }
     }
-    if draft.n_frames > 1 {
-        merge_moving(&mut draft);
+    if builder.n_frames > 1 {
+        merge_moving(&mut builder);
     }
     let mut source = Source {
         format,
-        calibration: draft.calibration.clone(),
-        fps: Some(draft.fps),
-        notes: std::mem::take(&mut draft.notes),
-        frame_points: draft.frame_points.take(),
-        clocks: Clocks::Offsets(std::mem::take(&mut draft.true_offsets)),
+        calibration: builder.calibration.clone(),
+        fps: Some(builder.fps),
+        notes: std::mem::take(&mut builder.notes),
+        frame_points: builder.frame_points.take(),
+        clocks: Clocks::Offsets(std::mem::take(&mut builder.true_offsets)),
         ..Source::default()
     };
-    let names: BTreeMap<_, _> = draft
+    let names: BTreeMap<_, _> = builder
         .cameras
         .iter()
         .filter_map(|camera| Some((camera.shots.first()?.image.clone(), camera.name.clone())))
@@ -51,10 +51,10 @@ pub(super) fn read(place: Place, faults: &mut Faults) -> Option<Source> {
             .into_iter()
             .map(|(point, by)| (point, by.iter().filter_map(|name| names.get(&images.join(name)).cloned()).collect()))
             .collect(),
-        None => draft.points.iter().map(|point| (*point, Vec::new())).collect(),
+        None => builder.points.iter().map(|point| (*point, Vec::new())).collect(),
     };
-    for camera in &draft.cameras {
-        let lens = draft.lens(camera);
+    for camera in &builder.cameras {
+        let lens = builder.lens(camera);
         let poses = camera.shots.iter().filter_map(|shot| Some((shot.frame, shot.world_to_camera?))).collect();
         source.cameras.push(SourceCamera {
             name: camera.name.clone(),
@@ -70,7 +70,7 @@ pub(super) fn read(place: Place, faults: &mut Faults) -> Option<Source> {
 
 /// The images of one lens that moves, each of which has a pose and a time of its own, are one camera when each time has one
 /// image: so `transforms.json` tells of a single moving camera.
-fn merge_moving(draft: &mut Draft) {
+fn merge_moving(builder: &mut CaptureBuilder) {
     let lens = |camera: &Camera| Camera {
         name: String::new(),
         world_to_camera: Default::default(),
@@ -78,17 +78,17 @@ fn merge_moving(draft: &mut Draft) {
         shots: Vec::new(),
         ..camera.clone()
     };
-    let same = draft.cameras.windows(2).all(|pair| lens(&pair[0]) == lens(&pair[1]));
-    let mut frames: Vec<u32> = draft.cameras.iter().flat_map(|c| c.shots.iter().map(|shot| shot.frame)).collect();
+    let same = builder.cameras.windows(2).all(|pair| lens(&pair[0]) == lens(&pair[1]));
+    let mut frames: Vec<u32> = builder.cameras.iter().flat_map(|c| c.shots.iter().map(|shot| shot.frame)).collect();
     frames.sort_unstable();
-    let each_once = frames.iter().copied().eq(0..draft.n_frames);
-    if draft.cameras.len() < 2 || !same || !each_once {
+    let each_once = frames.iter().copied().eq(0..builder.n_frames);
+    if builder.cameras.len() < 2 || !same || !each_once {
         return;
     }
-    let mut merged = draft.cameras[0].clone();
-    let distortion = draft.distorted.get(&merged.name).copied();
+    let mut merged = builder.cameras[0].clone();
+    let distortion = builder.distorted.get(&merged.name).copied();
     merged.shots.clear();
-    for camera in &draft.cameras {
+    for camera in &builder.cameras {
         let posed = camera.shots.iter().cloned();
         merged.shots.extend(posed.map(|mut shot| {
             shot.world_to_camera = shot.world_to_camera.or(Some(camera.world_to_camera));
@@ -98,6 +98,6 @@ fn merge_moving(draft: &mut Draft) {
     merged.shots.sort_by_key(|shot| shot.frame);
     (merged.name, merged.is_test) = ("camera".to_owned(), false);
     merged.world_to_camera = merged.shots[0].world_to_camera.unwrap_or(merged.world_to_camera);
-    draft.distorted = distortion.into_iter().map(|distortion| (merged.name.clone(), distortion)).collect();
-    draft.cameras = vec![merged];
+    builder.distorted = distortion.into_iter().map(|distortion| (merged.name.clone(), distortion)).collect();
+    builder.cameras = vec![merged];
 }

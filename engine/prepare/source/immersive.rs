@@ -2,13 +2,14 @@
 
 use std::collections::BTreeMap;
 
+use super::footage;
+use super::opencv::Rotation;
 use super::recording::{Place, Source, SourceCamera};
-use super::{footage, opencv};
 use crate::error::{Error, Result};
 use crate::files::read_file;
 use crate::scene::capture::Faults;
-use crate::scene::rotation_of_vector;
 use crate::scene::undistort::{Distortion, Lens};
+use crate::scene::{Intrinsics, Pose};
 
 const REMEDY: &str = "give the file that came with the videos";
 
@@ -48,7 +49,7 @@ pub(super) fn read(place: Place, faults: &mut Faults) -> Source {
             }
         };
         let Some(footage) = footage::take(place.footage, &model.name, &calibration, faults) else { continue };
-        let pose = opencv::pose_of_axes(rotation_of_vector(model.orientation), model.position);
+        let pose = Pose::at(model.position.into(), Rotation::Vector(model.orientation).matrix());
         let name = model.name.clone();
         source.cameras.push(SourceCamera { name, lens, pose, poses: BTreeMap::new(), footage, is_test: false });
     }
@@ -82,15 +83,15 @@ impl Model {
         if !pose.clone().all(|v| v.is_finite()) {
             return Err("has a pose that is not finite".to_owned());
         }
-        let lens = Lens {
+        let intrinsics = Intrinsics {
             width: self.width as u32,
             height: self.height as u32,
             fx: self.focal_length,
             fy: self.focal_length * self.pixel_aspect_ratio,
             cx: self.principal_point[0],
             cy: self.principal_point[1],
-            distortion,
         };
+        let lens = Lens { intrinsics, distortion };
         lens.fault().map_or(Ok(lens), Err)
     }
 }

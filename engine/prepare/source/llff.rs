@@ -2,10 +2,12 @@
 
 use std::collections::BTreeMap;
 
+use super::footage;
 use super::recording::{Place, Source, SourceCamera};
-use super::{footage, opencv};
 use crate::scene::capture::{Faults, read_npy};
 use crate::scene::undistort::{Distortion, Lens};
+use crate::scene::{Intrinsics, Pose, rotation_of_rows};
+use glam::DVec3;
 
 const REMEDY: &str = "give the file that came with the videos, and all of them";
 
@@ -31,8 +33,8 @@ pub(super) fn read(place: Place, faults: &mut Faults) -> Source {
         return source;
     }
     for (row, (name, values)) in names.into_iter().zip(array.values.chunks_exact(17)).enumerate() {
-        let column = |k: usize| [values[k], values[5 + k], values[10 + k]];
-        let [height, width, focal] = column(4);
+        let column = |k: usize| DVec3::new(values[k], values[5 + k], values[10 + k]);
+        let [height, width, focal] = column(4).to_array();
         let side = |side: f64| side.fract() == 0.0 && (1.0..=65_536.0).contains(&side);
         if !values.iter().all(|v| v.is_finite()) || !side(width) || !side(height) || focal <= 0.0 {
             faults.add(&calibration, format!("row {row}"), format!("is no camera: {:?}", &values[..15]), REMEDY);
@@ -40,10 +42,11 @@ pub(super) fn read(place: Place, faults: &mut Faults) -> Source {
         }
         let (width, height) = (width as u32, height as u32);
         let (cx, cy) = (f64::from(width) / 2.0, f64::from(height) / 2.0);
-        let lens = Lens { width, height, fx: focal, fy: focal, cx, cy, distortion: Distortion::None };
-        let axes = [column(1), column(0), column(2).map(|v| -v)];
+        let intrinsics = Intrinsics { width, height, fx: focal, fy: focal, cx, cy };
+        let lens = Lens { intrinsics, distortion: Distortion::None };
+        let rotation = rotation_of_rows([column(1), column(0), -column(2)]);
         let Some(footage) = footage::take(place.footage, &name, &calibration, faults) else { continue };
-        let pose = opencv::pose_of_axes(axes, column(3));
+        let pose = Pose::at(column(3), rotation);
         source.cameras.push(SourceCamera { name, lens, pose, poses: BTreeMap::new(), footage, is_test: false });
     }
     source

@@ -1,7 +1,8 @@
 //! Calibrations in OpenCV's terms, where pixel (0, 0) has its centre at (0, 0).
 
-use crate::scene::capture::Pose;
 use crate::scene::undistort::{Distortion, Lens};
+use crate::scene::{Intrinsics, rotation_of_rows};
+use glam::{DMat3, DQuat, DVec3};
 
 /// The lens of OpenCV's matrix and 4, 5 or 8 coefficients (k1 k2 p1 p2 k3 k4 k5 k6), or 4 of its fisheye; or why it is none.
 pub(super) fn lens(
@@ -19,26 +20,33 @@ pub(super) fn lens(
         (false, 0 | 4 | 5 | 8) => Distortion::brown([k(0), k(1), k(4), k(5), k(6), k(7)], [k(2), k(3)]),
         (_, n) => return Err(format!("has {n} coefficients of distortion; 4, 5 or 8 are read, 4 of a fisheye")),
     };
-    let lens = Lens {
+    let intrinsics = Intrinsics {
         width: size[0],
         height: size[1],
         fx: matrix[0][0],
         fy: matrix[1][1],
         cx: matrix[0][2] + 0.5,
         cy: matrix[1][2] + 0.5,
-        distortion,
     };
+    let lens = Lens { intrinsics, distortion };
     lens.fault().map_or(Ok(lens), Err)
 }
 
-/// The rows of world to camera.
-pub(super) fn pose(rotation: &[[f64; 3]; 3], translation: [f64; 3]) -> Pose {
-    let row = |k: usize| [rotation[k][0], rotation[k][1], rotation[k][2], translation[k]];
-    [row(0), row(1), row(2), [0.0, 0.0, 0.0, 1.0]]
+/// A rotation from world to camera, as OpenCV writes one.
+#[derive(serde::Deserialize)]
+#[serde(untagged)]
+pub(super) enum Rotation {
+    /// Its rows.
+    Matrix([[f64; 3]; 3]),
+    /// Its axis, as long as its angle in radians.
+    Vector([f64; 3]),
 }
 
-/// World to camera from the camera's axes in the world (x right, y down, z forward) and its centre.
-pub(super) fn pose_of_axes(axes: [[f64; 3]; 3], center: [f64; 3]) -> Pose {
-    let translation = axes.map(|axis| -(0..3).map(|k| axis[k] * center[k]).sum::<f64>());
-    pose(&axes, translation)
+impl Rotation {
+    pub fn matrix(&self) -> DMat3 {
+        match self {
+            Rotation::Matrix(rows) => rotation_of_rows(rows.map(DVec3::from)),
+            Rotation::Vector(vector) => DMat3::from_quat(DQuat::from_scaled_axis(DVec3::from(*vector))),
+        }
+    }
 }

@@ -5,12 +5,14 @@ use std::path::{Path, PathBuf};
 
 use roxmltree::{Document, Node};
 
+use super::footage;
+use super::opencv::{self, Rotation};
 use super::recording::{Place, Source, SourceCamera};
-use super::{footage, opencv};
 use crate::files::read_text;
-use crate::scene::capture::{Faults, Pose};
-use crate::scene::rotation_of_vector;
+use crate::scene::capture::Faults;
 use crate::scene::undistort::{Distortion, Lens};
+use crate::scene::{Intrinsics, Pose, rotation_of_rows};
+use glam::DVec3;
 
 const REMEDY: &str = "calibrate the cameras again, or export the calibration again";
 /// Qualisys gives focal lengths and centres in parts of a pixel.
@@ -97,7 +99,8 @@ impl Section {
         let size = side(self.size[0]).zip(side(self.size[1]));
         let (width, height) = size.ok_or_else(|| format!("has the size {:?}", self.size))?;
         let lens = opencv::lens([width, height], &self.matrix, &self.distortions, self.fisheye)?;
-        Ok((lens, opencv::pose(&rotation_of_vector(self.rotation), self.translation)))
+        let rotation = Rotation::Vector(self.rotation).matrix();
+        Ok((lens, Pose { rotation, translation: self.translation.into() }))
     }
 }
 
@@ -141,23 +144,20 @@ fn qualisys_camera(camera: Node) -> Result<(Lens, Pose), String> {
     let radial = ["radialDistortion1", "radialDistortion2", "radialDistortion3"].map(|name| number(intrinsic, name));
     let [k1, k2, k3] = radial;
     let tangential = [number(intrinsic, "tangentalDistortion1")?, number(intrinsic, "tangentalDistortion2")?];
-    let lens = Lens {
+    let intrinsics = Intrinsics {
         width,
         height,
         fx: pixels("focalLengthU")?,
         fy: pixels("focalLengthV")?,
         cx: pixels("centerPointU")? - left + 0.5,
         cy: pixels("centerPointV")? - top + 0.5,
-        distortion: Distortion::brown([k1?, k2?, k3?, 0.0, 0.0, 0.0], tangential),
     };
+    let lens = Lens { intrinsics, distortion: Distortion::brown([k1?, k2?, k3?, 0.0, 0.0, 0.0], tangential) };
     // The rows are the camera's axes, of which y points up and z backward.
-    let entry = |sign: f64, name: &str| Ok::<f64, String>(sign * number(transform, name)?);
-    let axes = [
-        [entry(1.0, "r11")?, entry(1.0, "r12")?, entry(1.0, "r13")?],
-        [entry(-1.0, "r21")?, entry(-1.0, "r22")?, entry(-1.0, "r23")?],
-        [entry(-1.0, "r31")?, entry(-1.0, "r32")?, entry(-1.0, "r33")?],
-    ];
-    let center = [number(transform, "x")?, number(transform, "y")?, number(transform, "z")?].map(|v| v / MILLIMETRES);
-    let pose = opencv::pose_of_axes(axes, center);
+    let vector = |[x, y, z]: [&str; 3]| -> Result<DVec3, String> {
+        Ok(DVec3::new(number(transform, x)?, number(transform, y)?, number(transform, z)?))
+    };
+    let axes = [vector(["r11", "r12", "r13"])?, -vector(["r21", "r22", "r23"])?, -vector(["r31", "r32", "r33"])?];
+    let pose = Pose::at(vector(["x", "y", "z"])? / MILLIMETRES, rotation_of_rows(axes));
     lens.fault().map_or(Ok((lens, pose)), Err)
 }

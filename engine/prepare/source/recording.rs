@@ -4,7 +4,8 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use crate::prepare::settings::PrepareSettings;
-use crate::scene::capture::{FramePoints, Point, Pose, Shot};
+use crate::scene::Pose;
+use crate::scene::capture::{FramePoints, Point, Shot};
 use crate::scene::undistort::Lens;
 
 /// Where the pictures of a camera are.

@@ -3,14 +3,11 @@
 use std::path::PathBuf;
 
 use crate::report::statistics::median_high;
-use crate::scene::view::camera_center;
-use crate::scene::{FlowModel, View};
+use crate::scene::{FlowModel, Intrinsics, Pose, View};
+use glam::DVec3;
 
 /// Largest magnitude of a coordinate, scene units; beyond it distances overflow single precision.
 pub(super) const MAX_COORDINATE: f64 = 1e9;
-
-/// The rows of a 4 x 4 matrix from world to camera (x right, y down, z forward).
-pub type Pose = [[f64; 4]; 4];
 
 /// One image of a camera.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -47,18 +44,8 @@ impl Shot {
 pub struct Camera {
     /// Unique; fit as a file name.
     pub name: String,
-    /// Pixels.
-    pub width: u32,
-    /// Pixels.
-    pub height: u32,
-    /// Focal length in x, pixels.
-    pub fx: f64,
-    /// Focal length in y, pixels.
-    pub fy: f64,
-    /// Principal point in x, pixels; pixel (0, 0) has its centre at (0.5, 0.5).
-    pub cx: f64,
-    /// Principal point in y, pixels.
-    pub cy: f64,
+    /// The same at all times.
+    pub intrinsics: Intrinsics,
     /// The pose of every shot that has none of its own.
     pub world_to_camera: Pose,
     /// Kept for testing: no image of it is trained on.
@@ -84,21 +71,23 @@ impl Camera {
     pub(super) fn view(&self, frame: u32, n_frames: u32, pose: &Pose, background: [f32; 3]) -> View {
         let name = if n_frames == 1 { self.name.clone() } else { format!("{}_{frame:05}", self.name) };
         let n_frames = f64::from(n_frames.max(1));
+        let Intrinsics { width, height, fx, fy, cx, cy } = self.intrinsics;
+        let next = self.pose(frame + 1);
         View {
             name,
-            width: self.width,
-            height: self.height,
-            fx: self.fx,
-            fy: self.fy,
-            cx: self.cx,
-            cy: self.cy,
-            world_to_camera: *pose,
+            width,
+            height,
+            fx,
+            fy,
+            cx,
+            cy,
+            world_to_camera: pose.rows(),
             time: f64::from(frame) / n_frames,
             time_offset: 0.0,
             flow_dt: 1.0 / n_frames,
             background,
             flow_model: FlowModel::Velocity,
-            next_world_to_camera: Some(*self.pose(frame + 1)).filter(|next| next != pose),
+            next_world_to_camera: (next != pose).then(|| next.rows()),
         }
     }
 }
@@ -141,18 +130,17 @@ pub(super) fn extent(cameras: &[Camera], points: &[Point]) -> Extent {
     let all_test = cameras.iter().all(|camera| camera.is_test);
     let used = cameras.iter().filter(|camera| all_test || !camera.is_test);
     let poses = used.flat_map(|camera| camera.shots.iter().map(|shot| camera.pose(shot.frame)));
-    let centers: Vec<[f64; 3]> = poses.map(camera_center).collect();
-    let n = centers.len().max(1) as f64;
-    let center: [f64; 3] = std::array::from_fn(|k| centers.iter().map(|c| c[k]).sum::<f64>() / n);
-    let distance = |p: &[f64; 3]| (0..3).map(|k| (p[k] - center[k]).powi(2)).sum::<f64>().sqrt();
-    let radius = 1.1 * centers.iter().map(distance).fold(0.0, f64::max);
-    let size = center.iter().fold(1.0_f64, |size, c| size.max(c.abs()));
-    let median = median_high(points.iter().map(|point| distance(&point.position)).filter(|d| *d > 0.0));
+    let centers: Vec<DVec3> = poses.map(Pose::center).collect();
+    let center = centers.iter().sum::<DVec3>() / centers.len().max(1) as f64;
+    let radius = 1.1 * centers.iter().map(|at| at.distance(center)).fold(0.0, f64::max);
+    let size = center.abs().max_element().max(1.0);
+    let distances = points.iter().map(|point| DVec3::from(point.position).distance(center));
+    let median = median_high(distances.filter(|distance| *distance > 0.0));
     let radius = match median {
         // The scene of a rig that is small beside it is not measured by the rig.
         Some(median) if radius > 1e-9 * size => radius.max(median.min(steep(median, radius))),
         None if radius > 1e-9 * size => radius,
         _ => median.unwrap_or(1.0),
     };
-    Extent { center, radius }
+    Extent { center: center.to_array(), radius }
 }

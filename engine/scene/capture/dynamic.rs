@@ -3,14 +3,15 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use super::camera::{Camera, MAX_COORDINATE, Point, Pose, Shot};
-use super::draft::{Draft, MAX_FRAMES};
+use super::builder::{CaptureBuilder, MAX_FRAMES};
+use super::camera::{Camera, MAX_COORDINATE, Point, Shot};
 use super::names::relative;
 use super::npz;
 use super::report::Faults;
 use super::settings::CaptureSettings;
 use crate::error::{self, Error};
 use crate::files::read_bytes;
+use crate::scene::{Intrinsics, Pose};
 
 const REMEDY: &str = "correct the file, or export the capture again";
 
@@ -20,7 +21,7 @@ struct Meta {
     w: u32,
     h: u32,
     k: Vec<Vec<[[f64; 3]; 3]>>,
-    w2c: Vec<Vec<Pose>>,
+    w2c: Vec<Vec<[[f64; 4]; 4]>>,
     #[serde(rename = "fn")]
     names: Vec<Vec<String>>,
     cam_id: Vec<Vec<u32>>,
@@ -35,7 +36,7 @@ impl Meta {
     }
 }
 
-pub(super) fn read(path: &Path, settings: &CaptureSettings, faults: &mut Faults) -> Draft {
+pub(super) fn read(path: &Path, settings: &CaptureSettings, faults: &mut Faults) -> CaptureBuilder {
     let calibration = path.join("train_meta.json");
     let mut found = Found { path, settings, cameras: BTreeMap::new(), n_listed: 0 };
     for (name, is_test) in [("train_meta.json", false), ("test_meta.json", true)] {
@@ -47,14 +48,15 @@ pub(super) fn read(path: &Path, settings: &CaptureSettings, faults: &mut Faults)
             found.add(&file, &meta, is_test, faults);
         }
     }
-    let mut draft = Draft { fps: settings.fps, n_frames: found.n_listed, calibration, ..Draft::default() };
-    draft.cameras = found.cameras.into_values().collect();
-    drop_absent_end(&mut draft);
+    let mut builder =
+        CaptureBuilder { fps: settings.fps, n_frames: found.n_listed, calibration, ..CaptureBuilder::default() };
+    builder.cameras = found.cameras.into_values().collect();
+    drop_absent_end(&mut builder);
     let cloud = path.join("init_pt_cld.npz");
     if cloud.is_file() {
-        draft.points = faults.take(points(&cloud)).unwrap_or_default();
+        builder.points = faults.take(points(&cloud)).unwrap_or_default();
     }
-    draft
+    builder
 }
 
 struct Found<'a> {
@@ -92,10 +94,14 @@ impl Found<'_> {
 
     fn add_shot(&mut self, meta: &Meta, t: usize, c: usize, is_test: bool) -> Result<(), String> {
         let name = relative(&meta.names[t][c])?;
-        let (k, pose, id) = (meta.k[t][c], meta.w2c[t][c], meta.cam_id[t][c]);
+        let (k, rows, id) = (meta.k[t][c], &meta.w2c[t][c], meta.cam_id[t][c]);
         if k[0][1] != 0.0 || k[1][0] != 0.0 || k[2] != [0.0, 0.0, 1.0] {
             return Err(format!("has the intrinsic matrix {k:?}, which is no pinhole without skew"));
         }
+        if rows[3] != [0.0, 0.0, 0.0, 1.0] {
+            return Err(format!("has {:?} as the last row of w2c, not [0, 0, 0, 1]", rows[3]));
+        }
+        let pose = Pose::of_rows(rows);
         let mask = self.path.join("seg").join(name.with_extension("png"));
         let foreground = mask.exists().then_some(mask);
         let shot = Shot {
@@ -107,12 +113,14 @@ impl Found<'_> {
         };
         let new = Camera {
             name: id.to_string(),
-            width: meta.w,
-            height: meta.h,
-            fx: k[0][0],
-            fy: k[1][1],
-            cx: k[0][2],
-            cy: k[1][2],
+            intrinsics: Intrinsics {
+                width: meta.w,
+                height: meta.h,
+                fx: k[0][0],
+                fy: k[1][1],
+                cx: k[0][2],
+                cy: k[1][2],
+            },
             world_to_camera: pose,
             is_test,
             shots: Vec::new(),
@@ -121,8 +129,8 @@ impl Found<'_> {
         if camera.is_test != is_test {
             return Err("is both a training and a test camera".to_owned());
         }
-        let lens = |of: &Camera| [of.fx, of.fy, of.cx, of.cy].map(f64::to_bits);
-        if lens(camera) != lens(&new) {
+        let numbers = |of: &Camera| (of.intrinsics.focal(), of.intrinsics.principal());
+        if numbers(camera) != numbers(&new) {
             return Err("changes its intrinsics in time".to_owned());
         }
         if camera.shots.last().is_some_and(|last| last.frame == shot.frame) {
@@ -141,13 +149,13 @@ impl Found<'_> {
 }
 
 /// Excerpts of a capture keep the lists of all frames: the end of the clip for which no camera has an image is left out.
-fn drop_absent_end(draft: &mut Draft) {
-    let shots = draft.cameras.iter().flat_map(|camera| &camera.shots);
+fn drop_absent_end(builder: &mut CaptureBuilder) {
+    let shots = builder.cameras.iter().flat_map(|camera| &camera.shots);
     let Some(last) = shots.filter(|shot| shot.image.exists()).map(|shot| shot.frame).max() else { return };
-    if last + 1 < draft.n_frames {
-        draft.notes.push(format!("{} frames are listed, images of the first {} exist", draft.n_frames, last + 1));
-        draft.n_frames = last + 1;
-        draft.cameras.iter_mut().for_each(|camera| camera.shots.retain(|shot| shot.frame <= last));
+    if last + 1 < builder.n_frames {
+        builder.notes.push(format!("{} frames are listed, images of the first {} exist", builder.n_frames, last + 1));
+        builder.n_frames = last + 1;
+        builder.cameras.iter_mut().for_each(|camera| camera.shots.retain(|shot| shot.frame <= last));
     }
 }
 

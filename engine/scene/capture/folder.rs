@@ -5,9 +5,9 @@ use std::ffi::{OsStr, OsString};
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
+use super::builder::{CaptureBuilder, MAX_FRAMES, check_names};
 use super::camera::{Camera, Shot};
 use super::colmap::{Posed, read_model};
-use super::draft::{Draft, MAX_FRAMES, check_names};
 use super::names::with_image_extension;
 use super::points::FramePoints;
 use super::report::Faults;
@@ -99,33 +99,33 @@ pub(crate) fn is_unfinished(path: &Path) -> bool {
 }
 
 /// What is said of an unfinished capture.
-pub(super) fn unfinished(path: &Path, _: &CaptureSettings, faults: &mut Faults) -> Draft {
+pub(super) fn unfinished(path: &Path, _: &CaptureSettings, faults: &mut Faults) -> CaptureBuilder {
     let remedy = "run the same `ivv prepare` command again to continue it";
     faults.add(path, "", "is a capture that `ivv prepare` has not finished", remedy);
-    Draft::default()
+    CaptureBuilder::default()
 }
 
-pub(super) fn read(path: &Path, settings: &CaptureSettings, faults: &mut Faults) -> Draft {
+pub(super) fn read(path: &Path, settings: &CaptureSettings, faults: &mut Faults) -> CaptureBuilder {
     let manifest = faults.take(Manifest::read(path));
     let model = read_model(&path.join("sparse/0"), faults);
-    let Some(manifest) = manifest else { return Draft::default() };
-    // The draft refuses a clip that is longer; that its frames are not there needs no fault for each of them.
+    let Some(manifest) = manifest else { return CaptureBuilder::default() };
+    // The builder refuses a clip that is longer; that its frames are not there needs no fault for each of them.
     let is_possible = manifest.frames <= MAX_FRAMES;
     let n_frames = if is_possible { manifest.frames.min(settings.max_frames.unwrap_or(MAX_FRAMES)) } else { 0 };
-    let mut draft = Draft {
+    let mut builder = CaptureBuilder {
         fps: manifest.fps,
         n_frames: manifest.frames,
         reference_frame: manifest.reference_frame,
         points: model.points,
         calibration: path.join(FILE),
-        ..Draft::default()
+        ..CaptureBuilder::default()
     };
     let ids = model.images.iter().filter_map(|posed| Some((posed.camera_id, camera_name(&posed.name)?))).collect();
     for (camera, distortion) in cameras(path, &model.file, model.images, n_frames, faults) {
-        draft.distorted.insert(camera.name.clone(), distortion);
-        draft.cameras.push(camera);
+        builder.distorted.insert(camera.name.clone(), distortion);
+        builder.cameras.push(camera);
     }
-    if draft.cameras.is_empty() && faults.n() == 0 {
+    if builder.cameras.is_empty() && faults.n() == 0 {
         faults.add(&model.file, "", "holds no image", "write one for each camera, named <camera>/<frame>.png");
     }
     for (name, declared) in [
@@ -142,10 +142,10 @@ pub(super) fn read(path: &Path, settings: &CaptureSettings, faults: &mut Faults)
             let remedy = format!("add the folder or set {name} = false in {FILE}");
             faults.add(&path.join(name), "", "is missing", remedy);
         } else if exists && !declared {
-            draft.notes.push(format!("{name}/ is not used: {FILE} does not declare it"));
+            builder.notes.push(format!("{name}/ is not used: {FILE} does not declare it"));
         }
     }
-    for camera in &mut draft.cameras {
+    for camera in &mut builder.cameras {
         let file = |folder: &str, frame: u32| path.join(folder).join(&camera.name).join(format!("{frame:05}.png"));
         // A camera that has a folder of masks has one for every frame.
         let has = |folder: &str| path.join(folder).join(&camera.name).is_dir();
@@ -160,22 +160,22 @@ pub(super) fn read(path: &Path, settings: &CaptureSettings, faults: &mut Faults)
     }
     if manifest.flow {
         let priors = Priors { folder: path.join("flow"), extensions: FLOW_EXTENSIONS };
-        priors.find(&mut draft.cameras, |shot| &mut shot.flow, faults);
+        priors.find(&mut builder.cameras, |shot| &mut shot.flow, faults);
     }
     if manifest.depth {
         let priors = Priors { folder: path.join("depth"), extensions: DEPTH_EXTENSIONS };
-        priors.find(&mut draft.cameras, |shot| &mut shot.depth, faults);
+        priors.find(&mut builder.cameras, |shot| &mut shot.depth, faults);
     }
     if manifest.points {
-        draft.frame_points = frame_points(path, &model.file, ids, n_frames, faults);
+        builder.frame_points = frame_points(path, &model.file, ids, n_frames, faults);
     }
-    let names: Vec<&str> = draft.cameras.iter().map(|camera| camera.name.as_str()).collect();
-    check_names("test cameras", &manifest.test_cameras, &names, &draft.calibration, faults);
-    draft.true_offsets = read_true_offsets(path, &names, faults);
-    for camera in &mut draft.cameras {
+    let names: Vec<&str> = builder.cameras.iter().map(|camera| camera.name.as_str()).collect();
+    check_names("test cameras", &manifest.test_cameras, &names, &builder.calibration, faults);
+    builder.true_offsets = read_true_offsets(path, &names, faults);
+    for camera in &mut builder.cameras {
         camera.is_test = manifest.test_cameras.contains(&camera.name);
     }
-    draft
+    builder
 }
 
 /// The camera of an image named `<camera>.<ext>` or `<camera>/<frame>.<ext>`.
@@ -316,10 +316,9 @@ fn cameras(
             world_to_camera: moving.as_ref().and_then(|moving| moving.get(&frame)).map(|&at| posed[at].1.pose),
             ..Shot::default()
         });
-        let Lens { width, height, fx, fy, cx, cy, distortion } = lens;
         let (shots, world_to_camera) = (shots.collect(), posed[0].1.pose);
-        let camera = Camera { name, width, height, fx, fy, cx, cy, world_to_camera, is_test: false, shots };
-        cameras.push((camera, distortion));
+        let camera = Camera { name, intrinsics: lens.intrinsics, world_to_camera, is_test: false, shots };
+        cameras.push((camera, lens.distortion));
     }
     cameras
 }

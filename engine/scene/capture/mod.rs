@@ -2,11 +2,12 @@
 //!
 //! Opening a capture reads calibrations and the headers of images, never pixels; [`FrameCache`] streams those.
 
+mod builder;
 mod cache;
 mod camera;
 mod colmap;
 pub(super) mod decoder;
-mod draft;
+
 mod dynamic;
 mod folder;
 pub(super) mod header;
@@ -22,7 +23,7 @@ mod transforms;
 mod truth;
 
 pub use cache::{CacheStats, FrameCache};
-pub use camera::{Camera, Extent, Point, Pose, Shot};
+pub use camera::{Camera, Extent, Point, Shot};
 pub use folder::Manifest;
 pub(crate) use folder::{JOURNAL, is_unfinished};
 pub use opened::{Capture, TRAINING_RADIUS};
@@ -34,9 +35,8 @@ pub use settings::{Alpha, CaptureSettings};
 
 use std::path::Path;
 
-pub use crate::scene::view::camera_center;
+pub(crate) use builder::{CaptureBuilder, RATES, check_names};
 pub(crate) use colmap::{Posed, images_folder, model_folder, read_images, tracks};
-pub(crate) use draft::{Draft, RATES, check_names};
 pub(crate) use header::{has_alpha, read_size};
 pub(crate) use names::{is_image, relative};
 pub(crate) use npz::read_npy;
@@ -79,7 +79,7 @@ pub fn check_capture(path: &Path, settings: &CaptureSettings) -> Report {
 }
 
 type Recogniser = fn(&Path) -> bool;
-type Reader = fn(&Path, &CaptureSettings, &mut Faults) -> Draft;
+type Reader = fn(&Path, &CaptureSettings, &mut Faults) -> CaptureBuilder;
 
 /// Every format: its name, how a folder is recognised, how it is read. The first that fits is taken.
 const FORMATS: [(&str, Recogniser, Reader); 5] = [
@@ -101,19 +101,23 @@ pub(crate) fn is_capture(path: &Path) -> bool {
 
 /// What the files of a folder in one of the [`FORMATS`] say, lenses that distort included, before it is compared with the
 /// images; `None` when the folder is in none of them.
-pub(crate) fn describe(path: &Path, settings: &CaptureSettings, faults: &mut Faults) -> Option<(&'static str, Draft)> {
+pub(crate) fn describe(
+    path: &Path,
+    settings: &CaptureSettings,
+    faults: &mut Faults,
+) -> Option<(&'static str, CaptureBuilder)> {
     let (name, _, read) = FORMATS.into_iter().find(|(_, is, _)| is(path))?;
     Some((name, read(path, settings, faults)))
 }
 
 fn read(path: &Path, settings: &CaptureSettings) -> (Capture, Report) {
     let mut faults = Faults::default();
-    let (format, draft) = describe(path, settings, &mut faults).unwrap_or_else(|| {
+    let (format, builder) = describe(path, settings, &mut faults).unwrap_or_else(|| {
         let reason = if path.is_dir() { "not a recognised capture" } else { "no such folder" };
         let remedy = "give a folder with capture.toml, train_meta.json, transforms.json or a COLMAP model in sparse/0; \
                       `ivv prepare` makes one from other formats";
         faults.add(path, "", reason, remedy);
-        ("", Draft::default())
+        ("", CaptureBuilder::default())
     });
     if settings.downscale.is_some() && !["", "COLMAP"].contains(&format) {
         let remedy = "leave it out; `ivv prepare --scale` makes smaller pictures of any capture";
@@ -125,7 +129,7 @@ fn read(path: &Path, settings: &CaptureSettings) -> (Capture, Report) {
         );
     }
     let mut report = Report::new(path, format);
-    let capture = draft.finish(path, settings, &mut faults, &mut report);
+    let capture = builder.finish(path, settings, &mut faults, &mut report);
     report.set_faults(faults);
     (capture, report)
 }

@@ -164,7 +164,7 @@ impl Capture {
             let poses = camera.shots.iter_mut().filter_map(|shot| shot.world_to_camera.as_mut());
             poses.for_each(|pose| *pose = to.pose(pose));
         }
-        self.viewpoints.iter_mut().for_each(|view| view.world_to_camera = to.pose(&view.world_to_camera));
+        self.viewpoints.iter_mut().for_each(|view| view.world_to_camera = to.pose(&view.pose()).rows());
         self.points.iter_mut().for_each(|point| point.position = to.point(point.position));
         self.moved = self.moved.then(to);
         self
@@ -189,8 +189,8 @@ impl Capture {
             },
             image: shot.image.clone(),
             mask: shot.mask.clone(),
-            width: camera.width,
-            height: camera.height,
+            width: camera.intrinsics.width,
+            height: camera.intrinsics.height,
             background: self.background,
         })
     }

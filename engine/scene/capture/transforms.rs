@@ -4,16 +4,18 @@
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
-use super::camera::{Camera, Pose, Shot};
+use super::builder::{CaptureBuilder, MAX_FRAMES};
+use super::camera::{Camera, Shot};
 use super::decoder::MAX_SIDE;
-use super::draft::{Draft, MAX_FRAMES};
 use super::header::read_size;
 use super::names::{flat, is_image, relative, with_image_extension};
 use super::report::Faults;
 use super::settings::CaptureSettings;
 use crate::error::{self, Error};
 use crate::files::read_bytes;
-use crate::scene::undistort::{self, Distortion};
+use crate::scene::undistort::{Distortion, Lens};
+use crate::scene::{Intrinsics, Pose};
+use glam::{DMat3, DVec3};
 
 const REMEDY: &str = "correct the file, or export the capture again";
 /// Two times closer than this are one.
@@ -26,7 +28,7 @@ const MAX_DIVISION: f64 = 8.0;
 /// Intrinsics; each may stand in the file, in a frame, or nowhere.
 #[derive(Clone, Default, serde::Deserialize)]
 #[serde(default)]
-struct Lens {
+struct GivenLens {
     camera_model: Option<String>,
     w: Option<f64>,
     h: Option<f64>,
@@ -47,7 +49,7 @@ struct Lens {
 #[derive(serde::Deserialize)]
 struct Document {
     #[serde(flatten)]
-    lens: Lens,
+    lens: GivenLens,
     frames: Vec<Frame>,
     test_filenames: Option<Vec<String>>,
     ply_file_path: Option<String>,
@@ -56,7 +58,7 @@ struct Document {
 #[derive(serde::Deserialize)]
 struct Frame {
     #[serde(flatten)]
-    lens: Lens,
+    lens: GivenLens,
     file_path: String,
     mask_path: Option<String>,
     transform_matrix: Vec<[f64; 4]>,
@@ -72,15 +74,20 @@ struct Entry {
     time: Option<f64>,
 }
 
-pub(super) fn read(path: &Path, settings: &CaptureSettings, faults: &mut Faults) -> Draft {
+pub(super) fn read(path: &Path, settings: &CaptureSettings, faults: &mut Faults) -> CaptureBuilder {
     let (train, test) = (path.join("transforms_train.json"), path.join("transforms_test.json"));
     let split = train.is_file();
     let calibration = if split { train } else { path.join("transforms.json") };
-    let mut draft = Draft { fps: settings.fps, n_frames: 1, calibration: calibration.clone(), ..Draft::default() };
-    let mut entries = read_file(path, &calibration, settings, &mut draft.notes, faults);
+    let mut builder = CaptureBuilder {
+        fps: settings.fps,
+        n_frames: 1,
+        calibration: calibration.clone(),
+        ..CaptureBuilder::default()
+    };
+    let mut entries = read_file(path, &calibration, settings, &mut builder.notes, faults);
     let mut has_test = entries.iter().any(|entry| entry.camera.is_test);
     if split && test.is_file() {
-        let tests = read_file(path, &test, settings, &mut draft.notes, faults);
+        let tests = read_file(path, &test, settings, &mut builder.notes, faults);
         has_test = true;
         entries.extend(tests.into_iter().map(|mut entry| {
             entry.camera.is_test = true;
@@ -98,12 +105,12 @@ pub(super) fn read(path: &Path, settings: &CaptureSettings, faults: &mut Faults)
     match frames_of(&entries) {
         Ok((frames, n_frames)) => {
             entries.iter_mut().zip(frames).for_each(|(entry, frame)| entry.shot.frame = frame);
-            draft.n_frames = n_frames;
+            builder.n_frames = n_frames;
         }
         Err(reason) => faults.add(&calibration, "field `time`", reason, "give every frame a time on one grid, or none"),
     }
-    group(entries, &mut draft);
-    draft
+    group(entries, &mut builder);
+    builder
 }
 
 fn read_file(
@@ -176,11 +183,10 @@ impl Frame {
         Ok(Paths { name, image, mask })
     }
 
-    fn entry(&self, lens: undistort::Lens, world_to_camera: Pose, paths: Paths, is_test: bool) -> Entry {
-        let undistort::Lens { width, height, fx, fy, cx, cy, distortion } = lens;
+    fn entry(&self, lens: Lens, world_to_camera: Pose, paths: Paths, is_test: bool) -> Entry {
+        let Lens { intrinsics, distortion } = lens;
         let Paths { name, image, mask } = paths;
-        let camera =
-            Camera { name: flat(&name), width, height, fx, fy, cx, cy, world_to_camera, is_test, shots: Vec::new() };
+        let camera = Camera { name: flat(&name), intrinsics, world_to_camera, is_test, shots: Vec::new() };
         Entry { camera, distortion, name, shot: Shot { image, mask, ..Shot::default() }, time: self.time }
     }
 }
@@ -196,11 +202,11 @@ fn unfit(reason: String) -> Unfit {
     Unfit { reason, remedy: REMEDY, needs_size: false }
 }
 
-impl Lens {
+impl GivenLens {
     /// What stands here, else in `file`, else what follows from the size of the images.
-    fn or(&self, file: &Lens, size: Option<(u32, u32)>) -> Lens {
+    fn or(&self, file: &GivenLens, size: Option<(u32, u32)>) -> GivenLens {
         let (w, h) = size.unzip();
-        Lens {
+        GivenLens {
             camera_model: self.camera_model.clone().or_else(|| file.camera_model.clone()),
             w: self.w.or(file.w).or(w.map(f64::from)),
             h: self.h.or(file.h).or(h.map(f64::from)),
@@ -220,7 +226,7 @@ impl Lens {
     }
 
     /// The numbers without gaps.
-    fn resolved(&self) -> Result<undistort::Lens, Unfit> {
+    fn resolved(&self) -> Result<Lens, Unfit> {
         let [k1, k2, k3, k4, p1, p2] =
             [self.k1, self.k2, self.k3, self.k4, self.p1, self.p2].map(Option::unwrap_or_default);
         let distortion = match self.camera_model.as_deref().unwrap_or("OPENCV") {
@@ -247,7 +253,8 @@ impl Lens {
         };
         let fy = self.fl_y.or_else(|| Some(by_angle(h, self.camera_angle_y?))).unwrap_or(fx);
         let (cx, cy) = (self.cx.unwrap_or(w / 2.0), self.cy.unwrap_or(h / 2.0));
-        Ok(undistort::Lens { width: w as u32, height: h as u32, fx, fy, cx, cy, distortion })
+        let intrinsics = Intrinsics { width: w as u32, height: h as u32, fx, fy, cx, cy };
+        Ok(Lens { intrinsics, distortion })
     }
 }
 
@@ -257,16 +264,9 @@ fn world_to_camera(rows: &[[f64; 4]]) -> Result<Pose, Unfit> {
         let reason = "has a transform_matrix that is not 3 or 4 rows of 4 with [0, 0, 0, 1] at the end";
         return Err(unfit(reason.to_owned()));
     }
-    let sign = [1.0, -1.0, -1.0];
-    let mut pose = [[0.0; 4]; 4];
-    for row in 0..3 {
-        for column in 0..3 {
-            pose[row][column] = rows[column][row] * sign[row];
-        }
-        pose[row][3] = -(0..3).map(|k| pose[row][k] * rows[k][3]).sum::<f64>();
-    }
-    pose[3][3] = 1.0;
-    Ok(pose)
+    let column = |k: usize| DVec3::new(rows[0][k], rows[1][k], rows[2][k]);
+    let rotation = DMat3::from_cols(column(0), -column(1), -column(2)).transpose();
+    Ok(Pose::at(column(3), rotation))
 }
 
 /// Each image's frame and the number of frames. The times must lie on a grid whose step is their greatest common
@@ -310,19 +310,20 @@ fn frames_of(entries: &[Entry]) -> Result<(Vec<u32>, u32), String> {
 }
 
 /// Images of one place, lens and part at different frames are one camera.
-fn group(entries: Vec<Entry>, draft: &mut Draft) {
-    let cameras = &mut draft.cameras;
+fn group(entries: Vec<Entry>, builder: &mut CaptureBuilder) {
+    let cameras = &mut builder.cameras;
     let mut known: HashMap<(Vec<u64>, bool), usize> = HashMap::new();
     for Entry { camera, distortion, shot, .. } in entries {
-        let lens = [camera.fx, camera.fy, camera.cx, camera.cy, camera.width.into(), camera.height.into()];
-        let numbers = camera.world_to_camera.iter().flatten().chain(&lens);
+        let Intrinsics { width, height, fx, fy, cx, cy } = camera.intrinsics;
+        let (pose, lens) = (camera.world_to_camera.rows(), [fx, fy, cx, cy, width.into(), height.into()]);
+        let numbers = pose.as_flattened().iter().chain(&lens);
         let key = (numbers.map(|v| v.to_bits()).collect(), camera.is_test);
         let at = known.get(&key).copied();
         match at.filter(|&at| cameras[at].shots.iter().all(|other| other.frame != shot.frame)) {
             Some(at) => cameras[at].shots.push(shot),
             None => {
                 known.insert(key, cameras.len());
-                draft.distorted.insert(camera.name.clone(), distortion);
+                builder.distorted.insert(camera.name.clone(), distortion);
                 cameras.push(Camera { shots: vec![shot], ..camera });
             }
         }

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use super::draft::check_names;
+use super::builder::check_names;
 use super::report::Faults;
 use crate::error::{Error, Result};
 use crate::files::{cannot_read, read_file, write_atomic};

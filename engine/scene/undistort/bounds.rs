@@ -2,6 +2,7 @@
 //! mistaken calibration, and would make pictures of no size or of billions of pixels.
 
 use super::lens::{Distortion, Lens};
+use crate::scene::Intrinsics;
 
 /// Focal lengths, in multiples of the picture's larger side. A fisheye of 220 degrees has 0.26, a 2,000 mm lens on film 56.
 const FOCAL: std::ops::RangeInclusive<f64> = 0.001..=10_000.0;
@@ -17,7 +18,7 @@ impl Lens {
     /// 10,000 times the larger side, a principal point at most 100 sides outside the picture, and coefficients that move no
     /// corner by more than 1,000,000 times its distance from the principal point.
     pub fn fault(&self) -> Option<String> {
-        let Lens { width, height, fx, fy, cx, cy, distortion } = *self;
+        let Lens { intrinsics: Intrinsics { width, height, fx, fy, cx, cy }, distortion } = *self;
         let larger = f64::from(width.max(height));
         let (least, most) = (FOCAL.start() * larger, FOCAL.end() * larger);
         for (name, focal) in [("fx", fx), ("fy", fy)] {

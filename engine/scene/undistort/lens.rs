@@ -1,5 +1,7 @@
 //! Lenses as COLMAP and OpenCV describe them, and their inverse.
 
+use crate::scene::Intrinsics;
+
 /// Beyond this tangent of the angle to the optical axis (87 degrees) no ray is followed.
 const MAX_TANGENT: f64 = 20.0;
 /// Steps in which the first fold of a lens is looked for.
@@ -167,32 +169,20 @@ fn ratio([k1, k2, k3, k4, k5, k6]: &[f64; 6], s: f64) -> (f64, f64) {
     (above / below, (above_slope * below - above * below_slope) / (below * below))
 }
 
-/// A camera's intrinsics. Pixel (0, 0) has its centre at (0.5, 0.5).
+/// A camera's pinhole, and what its lens does on the way there.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Lens {
-    /// Pixels.
-    pub width: u32,
-    /// Pixels.
-    pub height: u32,
-    /// Focal length in x, pixels.
-    pub fx: f64,
-    /// Focal length in y, pixels.
-    pub fy: f64,
-    /// Principal point in x, pixels.
-    pub cx: f64,
-    /// Principal point in y, pixels.
-    pub cy: f64,
+    /// Of the undistorted directions.
+    #[serde(flatten)]
+    pub intrinsics: Intrinsics,
     /// What makes it more than a pinhole.
     pub distortion: Distortion,
 }
 
 impl Lens {
-    /// The lens of pictures of another size that show the same: pixel edges stay where they are, each axis scales by the
-    /// ratio of the sizes.
+    /// The lens of pictures of another size that show the same, see [`Intrinsics::scaled`].
     pub fn resized(&self, width: u32, height: u32) -> Lens {
-        let (x, y) = (f64::from(width) / f64::from(self.width), f64::from(height) / f64::from(self.height));
-        let (fx, cx, fy, cy) = (self.fx * x, self.cx * x, self.fy * y, self.cy * y);
-        Lens { width, height, fx, fy, cx, cy, distortion: self.distortion }
+        Lens { intrinsics: self.intrinsics.scaled(width, height), ..*self }
     }
 
     /// The pinhole of the undistorted pictures. It has the lens's focal lengths, so the middle keeps its resolution, and
@@ -206,30 +196,32 @@ impl Lens {
             return Some(*self);
         }
         let reach = self.distortion.reach();
-        let (w, h) = (f64::from(self.width), f64::from(self.height));
+        let Intrinsics { width, height, fx, fy, cx, cy } = self.intrinsics;
+        let (w, h) = (f64::from(width), f64::from(height));
         let plane = |x: f64, y: f64| self.plane([x, y], reach);
         // Pixel centres on the border, so that nothing is interpolated beyond them.
-        let rows = || (0..self.height).map(|row| f64::from(row) + 0.5);
-        let columns = || (0..self.width).map(|column| f64::from(column) + 0.5);
+        let rows = || (0..height).map(|row| f64::from(row) + 0.5);
+        let columns = || (0..width).map(|column| f64::from(column) + 0.5);
         let most = |limit: f64, values: &mut dyn Iterator<Item = f64>| values.fold(limit, f64::max);
         let least = |limit: f64, values: &mut dyn Iterator<Item = f64>| values.fold(limit, f64::min);
-        let left = -MAX_GROWTH * (self.cx - 0.5) / self.fx;
+        let left = -MAX_GROWTH * (cx - 0.5) / fx;
         let left = most(left, &mut rows().filter_map(|y| Some(plane(0.5, y)?[0])));
-        let right = MAX_GROWTH * (w - 0.5 - self.cx) / self.fx;
+        let right = MAX_GROWTH * (w - 0.5 - cx) / fx;
         let right = least(right, &mut rows().filter_map(|y| Some(plane(w - 0.5, y)?[0])));
-        let top = -MAX_GROWTH * (self.cy - 0.5) / self.fy;
+        let top = -MAX_GROWTH * (cy - 0.5) / fy;
         let top = most(top, &mut columns().filter_map(|x| Some(plane(x, 0.5)?[1])));
-        let bottom = MAX_GROWTH * (h - 0.5 - self.cy) / self.fy;
+        let bottom = MAX_GROWTH * (h - 0.5 - cy) / fy;
         let bottom = least(bottom, &mut columns().filter_map(|x| Some(plane(x, h - 0.5)?[1])));
         let side = |length: f64| (0.0..MAX_SIDE).contains(&length).then(|| length as u32 + 1);
-        Some(Lens {
-            width: side((right - left) * self.fx)?,
-            height: side((bottom - top) * self.fy)?,
-            cx: 0.5 - left * self.fx,
-            cy: 0.5 - top * self.fy,
-            distortion: Distortion::None,
-            ..*self
-        })
+        let intrinsics = Intrinsics {
+            width: side((right - left) * fx)?,
+            height: side((bottom - top) * fy)?,
+            fx,
+            fy,
+            cx: 0.5 - left * fx,
+            cy: 0.5 - top * fy,
+        };
+        Some(Lens { intrinsics, distortion: Distortion::None })
     }
 
     /// Up to where [`Lens::pixel`] and [`Lens::plane`] go; found once for many points.
@@ -245,12 +237,14 @@ impl Lens {
             return None;
         }
         let [x, y] = self.distortion.distort(at);
-        Some([x * self.fx + self.cx, y * self.fy + self.cy])
+        let Intrinsics { fx, fy, cx, cy, .. } = self.intrinsics;
+        Some([x * fx + cx, y * fy + cy])
     }
 
     /// The point of the plane at distance 1 that a pixel shows; `None` when it shows none, as beyond 90 degrees, or when
     /// the inverse does not converge.
     pub fn plane(&self, [x, y]: [f64; 2], reach: f64) -> Option<[f64; 2]> {
-        self.distortion.undistort([(x - self.cx) / self.fx, (y - self.cy) / self.fy], reach)
+        let Intrinsics { fx, fy, cx, cy, .. } = self.intrinsics;
+        self.distortion.undistort([(x - cx) / fx, (y - cy) / fy], reach)
     }
 }

@@ -5,6 +5,8 @@ mod lens;
 
 pub use lens::{Distortion, Lens};
 
+use crate::scene::Intrinsics;
+
 /// Flow of at least this magnitude is none: Middlebury's mark in `.flo`.
 const UNKNOWN_FLOW: f32 = 1e9;
 /// What is written for it.
@@ -29,16 +31,19 @@ impl Undistortion {
 
     /// The place in the source, pixels, of a place in the target; `None` where the source does not show it.
     pub fn source_of(&self, at: [f64; 2]) -> Option<[f64; 2]> {
-        let Lens { fx, fy, cx, cy, .. } = self.target;
+        let Intrinsics { fx, fy, cx, cy, .. } = self.target.intrinsics;
         let [x, y] = self.source.pixel([(at[0] - cx) / fx, (at[1] - cy) / fy], self.reach)?;
-        let inside = x >= 0.0 && x <= f64::from(self.source.width) && y >= 0.0 && y <= f64::from(self.source.height);
+        let inside = x >= 0.0
+            && x <= f64::from(self.source.intrinsics.width)
+            && y >= 0.0
+            && y <= f64::from(self.source.intrinsics.height);
         inside.then_some([x, y])
     }
 
     /// The place in the target, pixels, of a place in the source, which may lie beyond its borders; `None` where no pinhole
     /// shows it.
     pub fn target_of(&self, at: [f64; 2]) -> Option<[f64; 2]> {
-        let Lens { fx, fy, cx, cy, .. } = self.target;
+        let Intrinsics { fx, fy, cx, cy, .. } = self.target.intrinsics;
         let [x, y] = self.source.plane(at, self.reach)?;
         Some([x * fx + cx, y * fy + cy])
     }
@@ -71,7 +76,7 @@ impl Undistortion {
     /// Optical flow: both of its ends are undistorted, the start at the pixel, the end where the flow, interpolated
     /// bilinearly, leads. Unknown (1e10) where one of the four neighbours is, or where an end is not seen by a pinhole.
     pub fn flow(&self, flow: &[[f32; 2]]) -> Vec<[f32; 2]> {
-        let width = self.target.width;
+        let width = self.target.intrinsics.width;
         let moved = self.each(|[x, y]| {
             let mut end = [x, y];
             for (at, weight) in self.corners([x, y]) {
@@ -108,9 +113,10 @@ impl Undistortion {
 
     /// A value for each pixel of the target from its place in the source.
     fn each<T>(&self, value: impl Fn([f64; 2]) -> T) -> Vec<Option<T>> {
-        let mut values = Vec::with_capacity(self.target.width as usize * self.target.height as usize);
-        for row in 0..self.target.height {
-            for column in 0..self.target.width {
+        let mut values =
+            Vec::with_capacity(self.target.intrinsics.width as usize * self.target.intrinsics.height as usize);
+        for row in 0..self.target.intrinsics.height {
+            for column in 0..self.target.intrinsics.width {
                 let at = self.source_of([f64::from(column) + 0.5, f64::from(row) + 0.5]);
                 values.push(at.map(&value));
             }
@@ -125,9 +131,9 @@ impl Undistortion {
             let low = at as usize;
             (low, (low + 1).min(n as usize - 1), at - at.floor())
         };
-        let (left, right, u) = side(x, self.source.width);
-        let (top, bottom, v) = side(y, self.source.height);
-        let width = self.source.width as usize;
+        let (left, right, u) = side(x, self.source.intrinsics.width);
+        let (top, bottom, v) = side(y, self.source.intrinsics.height);
+        let width = self.source.intrinsics.width as usize;
         [
             (top * width + left, (1.0 - u) * (1.0 - v)),
             (top * width + right, u * (1.0 - v)),
@@ -137,7 +143,7 @@ impl Undistortion {
     }
 
     fn nearest(&self, [x, y]: [f64; 2]) -> usize {
-        let (column, row) = ((x as usize).min(self.source.width as usize - 1), y as usize);
-        row.min(self.source.height as usize - 1) * self.source.width as usize + column
+        let (column, row) = ((x as usize).min(self.source.intrinsics.width as usize - 1), y as usize);
+        row.min(self.source.intrinsics.height as usize - 1) * self.source.intrinsics.width as usize + column
     }
 }

@@ -149,10 +149,9 @@ pub(super) fn thin(points: &[Agreed], most: usize) -> Vec<Found> {
     let kept = |side: f64| -> Vec<usize> {
         let mut cells: HashMap<[i64; 4], usize> = HashMap::new();
         for (index, point) in points.iter().enumerate() {
-            let position = point.found.position;
-            let distance = position.iter().map(|x| x * x).sum::<f64>().sqrt();
-            let shell = (distance / TRAINING_RADIUS).log2().ceil().max(0.0);
-            let [x, y, z] = position.map(|x| (x / (side * shell.exp2())).floor() as i64);
+            let position = DVec3::from(point.found.position);
+            let shell = (position.length() / TRAINING_RADIUS).log2().ceil().max(0.0);
+            let [x, y, z] = (position / (side * shell.exp2())).floor().to_array().map(|x| x as i64);
             let held = cells.entry([x, y, z, shell as i64]).or_insert(index);
             if points[*held].n_cameras < point.n_cameras {
                 *held = index;

@@ -3,7 +3,7 @@
 use crate::error::Result;
 use crate::scene::View;
 use crate::scene::capture::{Capture, Picture};
-use glam::{DMat3, DVec3, Mat3, Vec2, Vec3};
+use glam::{Mat3, Vec2, Vec3};
 
 /// What is behind a pixel, as far as the capture says.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -34,7 +34,7 @@ impl Seen {
     }
 }
 
-/// A pinhole camera with a reduced picture. World positions are in f32: the capture is in the frame of training.
+/// A pinhole camera with a reduced picture, narrowed once: the capture is in the frame of training, so f32 will do.
 pub(super) struct Eye {
     /// Pixels.
     pub width: usize,
@@ -99,18 +99,14 @@ impl Eye {
                 () => Ground::Still,
             });
         }
-        let m = &view.world_to_camera;
-        let rotation = DMat3::from_cols_array_2d(&std::array::from_fn(|row| std::array::from_fn(|k| m[row][k])));
-        // Of the rows just read as columns: R^T.
-        let center = -(rotation * DVec3::new(m[0][3], m[1][3], m[2][3]));
-        let reduced = |x: f64| (x / block as f64) as f32;
+        let (pose, intrinsics) = (view.pose(), view.intrinsics());
         Eye {
             width,
             height,
-            center: center.as_vec3(),
-            focal: Vec2::new(reduced(view.fx), reduced(view.fy)),
-            principal: Vec2::new(reduced(view.cx), reduced(view.cy)),
-            rotation: rotation.transpose().as_mat3(),
+            center: pose.center().as_vec3(),
+            focal: (intrinsics.focal() / block as f64).as_vec2(),
+            principal: (intrinsics.principal() / block as f64).as_vec2(),
+            rotation: pose.rotation.as_mat3(),
             color,
             ground,
         }

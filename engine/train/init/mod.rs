@@ -13,27 +13,23 @@ mod flow;
 mod hull;
 mod lens;
 mod points;
+mod surfaces;
 mod sweep;
 
 pub use flow::PointCounts;
 pub use points::{from_points, random_points};
 
 use crate::error::{Error, Result};
-use crate::parallel::in_parallel;
 use crate::scene::capture::Capture;
 use crate::scene::{Motion, Splats};
 use crate::train::config::{Config, Init};
 use crate::words::count;
-use agree::Agreed;
-use eye::{Eye, Seen};
+use glam::DVec3;
 use lens::Lenses;
 use points::{Found, Reach};
 use std::fmt;
+use surfaces::{Surfaces, Views};
 
-/// Longest side of the pictures that silhouettes are taken from, pixels.
-const HULL_SIDE: usize = 320;
-/// Longest side of the pictures that are swept, pixels.
-const SWEEP_SIDE: usize = 128;
 /// Training cameras that take part, evenly chosen.
 const MOST_CAMERAS: usize = 32;
 /// Frames from one hull to the next, at least: what moves does not get far in between.
@@ -43,12 +39,8 @@ const HULL_PIXELS: u64 = 1 << 28;
 /// Gaussians from points that are worth beginning with where the pictures show no surface. Fewer cover no picture, and by
 /// division they grow too slowly: of a room with 100 of them nothing is seen after 500 steps.
 const ENOUGH: usize = 200;
-/// Pixels of the training pictures of a frame for each point of a surface, at least: small pictures show no more.
-const PIXELS_PER_POINT: u64 = 16;
 /// Standard deviation of a Gaussian in units of the distance to its neighbours: they touch on a surface.
 const SIZE: f64 = 0.5;
-/// Key of the random choice among a hull's points.
-const HULL_KEY: u64 = 0x6875_6c6c;
 /// Points that are this many times farther from their neighbours than half of all points are dropped: what many cameras
 /// agree on does not come alone.
 const LONELY: f64 = 2.5;
@@ -187,12 +179,10 @@ fn from_pictures(
 ) -> Result<Initial> {
     let cameras = cameras(capture);
     let hull_frames = if from == Init::Hull { hull_frames(capture, &cameras) } else { Vec::new() };
-    let mut all_frames: Vec<u32> = hull_frames.iter().copied().chain([capture.reference_frame]).collect();
-    all_frames.sort_unstable();
-    all_frames.dedup();
-    let threads = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+    let n_looked_at = hull_frames.len() + usize::from(!hull_frames.contains(&capture.reference_frame));
     let n_flow_frames = if from == Init::Flow { capture.n_frames as usize } else { 0 };
-    let (mut n_done, n_pieces) = (0, n_flow_frames + (all_frames.len() + 1) * cameras.len());
+    // Every camera is swept, too.
+    let (mut n_done, n_pieces) = (0, n_flow_frames + (n_looked_at + 1) * cameras.len());
     let mut done = || {
         n_done += 1;
         progress(n_done, n_pieces);
@@ -201,47 +191,13 @@ fn from_pictures(
         Init::Flow => Some(flow::from_frames(capture, config, flow::Rule::TwoViews, &mut |_, _| done())?),
         _ => None,
     };
-    let reach = Reach::new(capture);
-    let lenses = Lenses::new(capture);
-    let (mut still, mut moving) = (Vec::new(), Vec::new());
-    let (mut n_known, mut n_surfaces) = (0, 0);
-    for frame in all_frames {
-        let (is_reference, has_hull) = (frame == capture.reference_frame, hull_frames.contains(&frame));
-        // A picture is dropped as soon as it is reduced: thirty of 8K take gigabytes.
-        let eyes_of = |i: usize| {
-            let Some(shown) = shown(capture, cameras[i], frame, is_reference) else { return Ok((None, None)) };
-            let seen = Seen::read(capture, cameras[i], shown)?;
-            let eye = |is_wanted: bool, longest: usize| is_wanted.then(|| Eye::new(&seen, longest));
-            Ok((eye(is_reference, SWEEP_SIDE), eye(has_hull, HULL_SIDE)))
-        };
-        let eyes = in_parallel(cameras.len(), threads, eyes_of, |_| done())?;
-        let (swept, carving): (Vec<Option<Eye>>, Vec<Option<Eye>>) = eyes.into_iter().unzip();
-        if is_reference {
-            let eyes: Vec<Eye> = swept.into_iter().flatten().collect();
-            let known = match &frames {
-                Some(frames) => frames.still.0.clone(),
-                None if config.init == Init::Auto => agree::still(&capture.points, &eyes),
-                None => Vec::new(),
-            };
-            n_known = known.len();
-            let depths = sweep::sweep(&eyes, threads, &mut done)?;
-            let found = agree::agree(&eyes, &depths, &known);
-            let mut all: Vec<Agreed> = known.into_iter().map(|found| Agreed { found, n_cameras: usize::MAX }).collect();
-            all.extend(found);
-            all.retain(|point| !lenses.are_veiled_by(&point.found));
-            n_surfaces = all.iter().filter(|point| point.n_cameras < usize::MAX).count();
-            let most = (n_pixels(capture) / PIXELS_PER_POINT).min(config.init_points as u64) as usize;
-            still = agree::thin(&all, most.max(n_known));
-        }
-        if has_hull {
-            let eyes: Vec<Eye> = carving.into_iter().flatten().collect();
-            let key = [config.seed, HULL_KEY, u64::from(frame)];
-            moving.push((frame, hull::surface(&eyes, config.init_moving_points, &key)));
-        }
-    }
-    let n_hull = moving.iter().map(|(_, found): &(u32, Vec<Found>)| found.len()).sum::<usize>();
+    let (reach, lenses) = (Reach::new(capture), Lenses::new(capture));
+    let known = frames.as_ref().map(|frames| frames.still.0.as_slice());
+    let views = Views { capture, config, cameras: &cameras, hull_frames: &hull_frames };
+    let Surfaces { still, moving, n_known, n_found } = views.surfaces(known, &lenses, &mut done)?;
+    let n_hull = moving.iter().map(|(_, found)| found.len()).sum::<usize>();
     let n_flow = frames.as_ref().map_or(0, |frames| frames.moving.len());
-    if n_surfaces + n_hull == 0 && still.len() + n_flow < ENOUGH {
+    if n_found + n_hull == 0 && still.len() + n_flow < ENOUGH {
         return Ok(at_random(capture, config, format!("{because}; no surface was found in the pictures")));
     }
     let mut splats = Splats::new(config.sh_degree);
@@ -271,12 +227,6 @@ fn from_pictures(
     Ok(Initial { joined, counts, n_hulls: hull_frames.len(), ..Initial::new(splats, from, because) })
 }
 
-/// Pixels of all training pictures of one frame.
-fn n_pixels(capture: &Capture) -> u64 {
-    let training = capture.cameras.iter().filter(|camera| !camera.is_test);
-    training.map(|camera| u64::from(camera.width) * u64::from(camera.height)).sum()
-}
-
 /// The training cameras that take part.
 fn cameras(capture: &Capture) -> Vec<usize> {
     let training = capture.cameras.iter().enumerate().filter(|(_, camera)| !camera.is_test && !camera.shots.is_empty());
@@ -285,20 +235,9 @@ fn cameras(capture: &Capture) -> Vec<usize> {
     (0..n).map(|i| all[i * all.len() / n]).collect()
 }
 
-/// The frame that a camera shows for `frame`: another, if it has none there and `any` will do. In a monocular clip each
-/// has one frame of its own.
-fn shown(capture: &Capture, camera: usize, frame: u32, any: bool) -> Option<u32> {
-    let camera = &capture.cameras[camera];
-    camera.shot(frame).or_else(|| camera.shots.first().filter(|_| any)).map(|shot| shot.frame)
-}
-
 /// The frames whose hulls are taken, evenly spaced.
 fn hull_frames(capture: &Capture, cameras: &[usize]) -> Vec<u32> {
-    let pixels = |camera: &usize| {
-        let camera = &capture.cameras[*camera];
-        u64::from(camera.width) * u64::from(camera.height)
-    };
-    let per_frame: u64 = cameras.iter().map(pixels).sum();
+    let per_frame: u64 = cameras.iter().map(|camera| capture.cameras[*camera].intrinsics.n_pixels()).sum();
     let n_frames = u64::from(capture.n_frames);
     let n = (HULL_PIXELS / per_frame.max(1)).max(4).min(u64::from(capture.n_frames.div_ceil(HULL_STRIDE)));
     (0..n).map(|i| ((2 * i + 1) * n_frames / (2 * n)) as u32).collect()
@@ -308,7 +247,7 @@ fn hull_frames(capture: &Capture, cameras: &[usize]) -> Vec<u32> {
 fn settled(found: Vec<Found>, lenses: &Lenses, reach: &Reach) -> (Vec<Found>, Vec<f64>) {
     let spacings = points::spacings(&found, reach);
     // Beyond the cameras points are farther apart.
-    let scale = |found: &Found| found.position.iter().map(|x| x * x).sum::<f64>().sqrt().max(reach.radius);
+    let scale = |found: &Found| DVec3::from(found.position).length().max(reach.radius);
     let mut relative: Vec<f64> = found.iter().zip(&spacings).map(|(found, spacing)| spacing / scale(found)).collect();
     relative.sort_by(f64::total_cmp);
     let most = LONELY * relative.get(relative.len() / 2).copied().unwrap_or(0.0);

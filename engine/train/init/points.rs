@@ -2,9 +2,10 @@
 
 use crate::random::Keyed;
 use crate::report::statistics::mean;
-use crate::scene::capture::{Camera, Capture, Point, camera_center};
+use crate::scene::capture::{Camera, Capture, Point};
 use crate::scene::{Motion, SH_C0, Splats};
 use crate::train::config::Config;
+use glam::DVec3;
 use std::collections::HashMap;
 
 /// Opacity to begin with (SPEC 5).
@@ -82,10 +83,9 @@ pub fn random_points(capture: &Capture, config: &Config) -> Vec<Point> {
     let random = Keyed::new(&[config.seed, 0x0070_6f69_6e74]);
     (0..config.init_points as u64)
         .map(|i| {
-            let direction: [f64; 3] = std::array::from_fn(|k| random.normal(4 * i + k as u64));
-            let length = direction.iter().map(|x| x * x).sum::<f64>().sqrt().max(1e-9);
-            let r = extent.radius * random.uniform(8 * i + 6).cbrt() / length;
-            let position = std::array::from_fn(|k| extent.center[k] + r * direction[k]);
+            let direction = DVec3::from_array(std::array::from_fn(|k| random.normal(4 * i + k as u64)));
+            let r = extent.radius * random.uniform(8 * i + 6).cbrt() / direction.length().max(1e-9);
+            let position = (DVec3::from(extent.center) + r * direction).to_array();
             Point { position, color: [128; 3], n_views: 0 }
         })
         .collect()
@@ -96,28 +96,28 @@ pub(super) struct Reach {
     /// Of the capture's extent.
     pub radius: f64,
     /// Lenses of training cameras.
-    lenses: Vec<[f64; 3]>,
+    lenses: Vec<DVec3>,
 }
 
 impl Reach {
     /// That of `capture`.
     pub fn new(capture: &Capture) -> Self {
         let training = capture.cameras.iter().filter(|camera| !camera.is_test);
-        let poses = |camera: &Camera| -> Vec<[f64; 3]> {
+        let centers = |camera: &Camera| -> Vec<DVec3> {
             let moves = camera.shots.iter().any(|shot| shot.world_to_camera.is_some());
             let shots = camera.shots.iter().take(if moves { usize::MAX } else { 1 });
-            shots.map(|shot| camera_center(camera.pose(shot.frame))).collect()
+            shots.map(|shot| camera.pose(shot.frame).center()).collect()
         };
-        let all: Vec<[f64; 3]> = training.flat_map(poses).collect();
+        let all: Vec<DVec3> = training.flat_map(centers).collect();
         let n = all.len().min(MOST_LENSES);
         Reach { radius: capture.extent().radius, lenses: (0..n).map(|i| all[i * all.len() / n]).collect() }
     }
 
     /// The largest standard deviation at a point: a tenth of the extent, and of what the point is farther than two extents from
     /// the nearest lens. What is far may be large, and is seen no larger.
-    fn widest(&self, at: [f64; 3]) -> f64 {
-        let square = |lens: &[f64; 3]| (0..3).map(|k| (lens[k] - at[k]).powi(2)).sum::<f64>();
-        let nearest = self.lenses.iter().map(square).fold(f64::INFINITY, f64::min).sqrt();
+    fn widest(&self, at: DVec3) -> f64 {
+        let squares = self.lenses.iter().map(|lens| lens.distance_squared(at));
+        let nearest = squares.fold(f64::INFINITY, f64::min).sqrt();
         WIDEST * if nearest.is_finite() { self.radius.max(nearest - 2.0 * self.radius) } else { self.radius }
     }
 }
@@ -125,10 +125,10 @@ impl Reach {
 /// For each point the mean distance to its 3 nearest neighbours, at most what `reach` allows, which a lone point gets.
 pub(super) fn spacings(found: &[Found], reach: &Reach) -> Vec<f64> {
     let radius = reach.radius;
-    let points: Vec<[f64; 3]> = found.iter().map(|found| found.position).collect();
+    let points: Vec<DVec3> = found.iter().map(|found| found.position.into()).collect();
     // Cells that would hold about two points each if the points filled the ball evenly.
     let cell = (radius / (points.len() as f64 / 2.0).cbrt()).max(1e-9 * radius.max(1e-9));
-    let key = |p: &[f64; 3]| p.map(|x| (x / cell).floor() as i64);
+    let key = |p: &DVec3| (p / cell).floor().to_array().map(|x| x as i64);
     let mut grid: HashMap<[i64; 3], Vec<usize>> = HashMap::new();
     for (i, p) in points.iter().enumerate() {
         grid.entry(key(p)).or_default().push(i);
@@ -145,7 +145,7 @@ pub(super) fn spacings(found: &[Found], reach: &Reach) -> Vec<f64> {
                 for offset in cube(cells) {
                     let at: [i64; 3] = std::array::from_fn(|k| center[k] + offset[k]);
                     for &j in grid.get(&at).into_iter().flatten().filter(|j| **j != i) {
-                        let d = (0..3).map(|k| (points[j][k] - p[k]).powi(2)).sum::<f64>();
+                        let d = points[j].distance_squared(*p);
                         if d < nearest[2] {
                             nearest[2] = d;
                             nearest.sort_by(f64::total_cmp);

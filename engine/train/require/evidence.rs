@@ -2,7 +2,6 @@
 
 use crate::error::Result;
 use crate::random::Keyed;
-use crate::scene::capture::camera_center;
 use crate::scene::{Frame, Splats, View};
 use crate::stage::{Census, Renderer, Response};
 use crate::train::align::ColorMap;
@@ -45,7 +44,7 @@ impl Evidence {
     ) -> Result<Self> {
         let cameras = sight.capture.cameras.iter().filter(|camera| !camera.is_test);
         let census =
-            renderer.census(&cameras.map(|camera| camera_center(&camera.world_to_camera)).collect::<Vec<_>>())?;
+            renderer.census(&cameras.map(|camera| camera.world_to_camera.center().to_array()).collect::<Vec<_>>())?;
         let mut album = Album::new(splats, sight)?;
         let mut evidence = Evidence::default();
         let (mut squares, mut n_values) = (0.0, 0u64);

@@ -10,7 +10,7 @@ use ivv::scene::Playhead;
 use ivv::sound::FS;
 use ivv::sound::hrtf::HrtfSet;
 use ivv::sound::live::{Chase, Live};
-use ivv::sound::pose::{Pose, PoseTrack};
+use ivv::sound::pose::{HeadPose, PoseTrack};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -26,7 +26,7 @@ type Block = Vec<[f32; 2]>;
 #[derive(Clone, Copy)]
 pub struct Heard {
     pub clip: Playhead,
-    pub head: Pose,
+    pub head: HeadPose,
     pub is_muted: bool,
 }
 

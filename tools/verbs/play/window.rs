@@ -10,7 +10,7 @@ use glam::{DVec2, DVec3};
 use ivv::gpu::Window as Shown;
 use ivv::profile::Lately;
 use ivv::scene::{Navigator, Playhead, Push, View};
-use ivv::sound::pose::Pose;
+use ivv::sound::pose::HeadPose;
 use ivv::stage::{Layer, Renderer, Screen};
 use std::collections::HashSet;
 use std::sync::Arc;
@@ -249,8 +249,8 @@ impl Player<'_> {
 
     /// What the sound has to know.
     pub fn heard(&self) -> Heard {
-        let q = Pose::looking(self.navigator.forward(), self.navigator.above());
-        Heard { clip: self.clip, head: Pose { t: 0.0, p: self.navigator.center(), q }, is_muted: self.state.is_muted }
+        let q = HeadPose::looking(self.navigator.forward(), self.navigator.above());
+        Heard { clip: self.clip, head: HeadPose { t: 0.0, p: self.navigator.center(), q }, is_muted: self.state.is_muted }
     }
 
     fn layer(&self, width: u32) -> Layer {

@@ -114,7 +114,7 @@ fn microphone<'a>(args: &Args, rig: &'a Rig) -> anyhow::Result<Option<&'a RigCam
         anyhow::ensure!(wav.is_file(), "{} does not exist (--microphone)", wav.display());
         return Ok(Some(camera));
     }
-    let place = |camera: &RigCamera| camera.pose(0.0).1;
+    let place = |camera: &RigCamera| camera.pose(0.0).center();
     let middle = rig.cameras.iter().map(place).sum::<DVec3>() / rig.cameras.len().max(1) as f64;
     let away = |camera: &&RigCamera| (place(camera) - middle).length();
     let recorded = rig.cameras.iter().filter(|camera| recording(args, camera).is_file());

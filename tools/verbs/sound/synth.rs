@@ -6,7 +6,7 @@ use anyhow::Context;
 use glam::{DQuat, DVec3};
 use ivv::sound::FS;
 use ivv::sound::hrtf::HrtfSet;
-use ivv::sound::pose::{Pose, PoseTrack};
+use ivv::sound::pose::{HeadPose, PoseTrack};
 use ivv::sound::rig::Rig;
 use ivv::sound::simulate::{Emitter, Motion, Simulated, simulate};
 use ivv::sound::sinc::DelayTable;
@@ -108,7 +108,7 @@ fn of_capture(capture: &Path, hrtf: &HrtfSet) -> anyhow::Result<(PoseTrack, Vec<
     let pose = |t: f64| {
         let p = middle + DQuat::from_axis_angle(up, (SPEED * t).to_radians()) * aside * DISTANCE;
         let forward = DQuat::from_axis_angle(up, -40f64.to_radians()) * -aside;
-        Pose { t, p, q: Pose::looking(forward, up) }
+        HeadPose { t, p, q: HeadPose::looking(forward, up) }
     };
     let n_poses = (seconds * 60.0).ceil() as u32;
     let head = PoseTrack::new((0..=n_poses).map(|k| pose(f64::from(k) / 60.0)).collect())?;
@@ -121,7 +121,7 @@ fn of_capture(capture: &Path, hrtf: &HrtfSet) -> anyhow::Result<(PoseTrack, Vec<
 
 fn write_path(head: &PoseTrack, path: &Path) -> anyhow::Result<()> {
     let mut text = String::from("t,x,y,z,qx,qy,qz,qw\n");
-    for Pose { t, p, q } in head.poses() {
+    for HeadPose { t, p, q } in head.poses() {
         writeln!(text, "{t},{},{},{},{},{},{},{}", p.x, p.y, p.z, q.x, q.y, q.z, q.w).context("a path")?;
     }
     ivv::files::write_atomic(path, |to| to.write_all(text.as_bytes()))?;

@@ -8,13 +8,15 @@ use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
 use self::raw::{DAMAGED, RawCamera, RawImage, RawPoint};
-use crate::scene::capture::camera::{Camera, MAX_COORDINATE, Point, Pose, Shot};
+use crate::scene::capture::builder::CaptureBuilder;
+use crate::scene::capture::camera::{Camera, MAX_COORDINATE, Point, Shot};
 use crate::scene::capture::decoder::MAX_SIDE;
-use crate::scene::capture::draft::Draft;
 use crate::scene::capture::names::{flat, relative};
 use crate::scene::capture::report::Faults;
 use crate::scene::capture::settings::CaptureSettings;
 use crate::scene::undistort::{Distortion, Lens};
+use crate::scene::{Intrinsics, Pose};
+use glam::{DVec3, DVec4};
 
 /// Largest deviation of a quaternion's length from 1; COLMAP writes all digits.
 const QUATERNION_TOLERANCE: f64 = 1e-3;
@@ -125,7 +127,7 @@ impl RawCamera {
                 return Err((format!("has the model {name}, which is not undistorted here"), remedy));
             }
         };
-        let lens = Lens { width, height, fx, fy, cx, cy, distortion };
+        let lens = Lens { intrinsics: Intrinsics { width, height, fx, fy, cx, cy }, distortion };
         lens.fault().map_or(Ok(lens), |reason| Err((reason, DAMAGED)))
     }
 }
@@ -165,23 +167,17 @@ fn check_images(
 
 impl RawImage {
     fn pose(&self) -> Result<Pose, String> {
-        let [w, x, y, z] = self.quaternion;
-        let [tx, ty, tz] = self.translation;
-        let length = self.quaternion.iter().map(|v| v * v).sum::<f64>().sqrt();
-        if !(length.is_finite() && self.translation.iter().all(|v| v.is_finite() && v.abs() <= MAX_COORDINATE)) {
+        let (length, translation) = (DVec4::from(self.quaternion).length(), DVec3::from(self.translation));
+        // Written positively, so that NaN fails.
+        let is_near = translation.abs().cmple(DVec3::splat(MAX_COORDINATE)).all();
+        if !(length.is_finite() && is_near) {
             let reason = format!("has the pose {:?}, {:?}", self.quaternion, self.translation);
             return Err(reason + ": a number is not finite or too large");
         }
         if (length - 1.0).abs() > QUATERNION_TOLERANCE {
             return Err(format!("has a quaternion of length {length}, not 1"));
         }
-        let [w, x, y, z] = [w, x, y, z].map(|v| v / length);
-        Ok([
-            [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y), tx],
-            [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x), ty],
-            [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y), tz],
-            [0.0, 0.0, 0.0, 1.0],
-        ])
+        Ok(Pose::of_quaternion(self.quaternion, translation))
     }
 }
 
@@ -264,7 +260,7 @@ pub(crate) fn images_folder(path: &Path, settings: &CaptureSettings) -> PathBuf 
 }
 
 /// A plain COLMAP project as a clip of one frame, every image a camera of its own.
-pub(super) fn read_capture(path: &Path, settings: &CaptureSettings, faults: &mut Faults) -> Draft {
+pub(super) fn read_capture(path: &Path, settings: &CaptureSettings, faults: &mut Faults) -> CaptureBuilder {
     let mut model = model_folder(path).map_or_else(Model::default, |folder| read_model(&folder, faults));
     if model.images.is_empty() && faults.n() == 0 {
         faults.add(&model.file, "", "holds no image", "run COLMAP's mapper, or export the model again");
@@ -275,35 +271,35 @@ pub(super) fn read_capture(path: &Path, settings: &CaptureSettings, faults: &mut
         is_test: settings.test_every > 0 && index.is_multiple_of(settings.test_every),
         ..posed.camera(flat(&posed.name), &images.join(&posed.name))
     };
-    let mut draft = Draft {
+    let mut builder = CaptureBuilder {
         fps: settings.fps,
         n_frames: 1,
         cameras: model.images.iter().enumerate().map(camera).collect(),
         points: model.points,
         calibration: model.file,
-        ..Draft::default()
+        ..CaptureBuilder::default()
     };
     let asked = path.join(&settings.images);
     if let Some(n) = settings.downscale.filter(|_| !images.is_dir()) {
         let remedy = format!("make it with pictures of 1/{n} of the size, or choose another --downscale");
         faults.add(&images, "", "is missing", remedy);
-        draft.cameras.clear();
+        builder.cameras.clear();
     } else if settings.downscale.is_none() && images != asked {
         let [taken, asked] =
             [&images, &asked].map(|path| path.strip_prefix(path.parent().unwrap_or(path)).unwrap_or(path));
-        draft.notes.push(format!("there is no folder {}: {} is taken", asked.display(), taken.display()));
+        builder.notes.push(format!("there is no folder {}: {} is taken", asked.display(), taken.display()));
     }
-    for (camera, posed) in draft.cameras.iter().zip(&model.images) {
-        draft.distorted.insert(camera.name.clone(), posed.lens.distortion);
+    for (camera, posed) in builder.cameras.iter().zip(&model.images) {
+        builder.distorted.insert(camera.name.clone(), posed.lens.distortion);
     }
-    draft
+    builder
 }
 
 impl Posed {
     /// The camera of one image, at frame 0.
     fn camera(&self, name: String, image: &Path) -> Camera {
-        let Lens { width, height, fx, fy, cx, cy, .. } = self.lens;
         let shot = Shot { frame: 0, image: image.to_owned(), ..Shot::default() };
-        Camera { name, width, height, fx, fy, cx, cy, world_to_camera: self.pose, is_test: false, shots: vec![shot] }
+        let intrinsics = self.lens.intrinsics;
+        Camera { name, intrinsics, world_to_camera: self.pose, is_test: false, shots: vec![shot] }
     }
 }

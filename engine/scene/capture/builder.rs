@@ -11,18 +11,18 @@ use super::points::FramePoints;
 use super::report::{Faults, Report};
 use super::settings::{Alpha, CaptureSettings};
 use crate::error::Error;
-use crate::scene::Similarity;
 use crate::scene::prior::{depth_size, flow_size};
 use crate::scene::undistort::{Distortion, Lens};
+use crate::scene::{Intrinsics, Similarity};
 
 /// Most frames of a clip.
 pub(super) const MAX_FRAMES: u32 = 1 << 20;
 /// Frames per second of a clip: from pictures hours apart to the fastest cameras.
 pub(crate) const RATES: std::ops::RangeInclusive<f64> = 1e-4..=1e5;
 
-/// A capture as its format gives it.
+/// A capture as its format gives it, until [`CaptureBuilder::finish`] has checked it.
 #[derive(Default)]
-pub(crate) struct Draft {
+pub(crate) struct CaptureBuilder {
     pub fps: f64,
     pub n_frames: u32,
     pub reference_frame: u32,
@@ -39,7 +39,7 @@ pub(crate) struct Draft {
     pub calibration: std::path::PathBuf,
 }
 
-impl Draft {
+impl CaptureBuilder {
     /// Checks what no format checks: poses, sizes, images, names of test cameras.
     pub fn finish(
         mut self,
@@ -75,8 +75,7 @@ impl Draft {
             report.n_foregrounds += camera.shots.iter().filter(|shot| shot.foreground.is_some()).count();
             report.n_flows += camera.shots.iter().filter(|shot| shot.flow.is_some()).count();
             report.n_depths += camera.shots.iter().filter(|shot| shot.depth.is_some()).count();
-            let pixels = u64::from(camera.width) * u64::from(camera.height);
-            report.bytes_decoded += 4 * pixels * camera.shots.len() as u64;
+            report.bytes_decoded += 4 * camera.intrinsics.n_pixels() * camera.shots.len() as u64;
         }
         report.notes = self.notes;
         Capture {
@@ -97,9 +96,8 @@ impl Draft {
 
     /// The lens of a camera.
     pub fn lens(&self, camera: &Camera) -> Lens {
-        let Camera { width, height, fx, fy, cx, cy, .. } = *camera;
         let distortion = self.distorted.get(&camera.name).copied().unwrap_or(Distortion::None);
-        Lens { width, height, fx, fy, cx, cy, distortion }
+        Lens { intrinsics: camera.intrinsics, distortion }
     }
 
     /// Only pinholes are trained; a lens that several cameras share is told once.
@@ -155,7 +153,7 @@ impl Draft {
             self.notes.push(format!("{size} in all cameras: the calibration is scaled to them"));
         }
         for camera in &self.cameras {
-            let calibrated = (camera.width, camera.height);
+            let calibrated = (camera.intrinsics.width, camera.intrinsics.height);
             for shot in &camera.shots {
                 let sizes = shot.pictures().map(|file| (file, read_size(file).map_err(Error::from)));
                 let flow = shot.flow.iter().map(|file| (file, flow_size(file)));
@@ -213,8 +211,9 @@ impl Draft {
                 let remedy = "give every camera or image its own name, also without its extension";
                 faults.add(&self.calibration, &place, "has the name of an earlier one", remedy);
             }
-            if u64::from(camera.width) * u64::from(camera.height) > MAX_PIXELS {
-                let reason = format!("has {} x {} pixels, at most {MAX_PIXELS}", camera.width, camera.height);
+            let Intrinsics { width, height, .. } = camera.intrinsics;
+            if camera.intrinsics.n_pixels() > MAX_PIXELS {
+                let reason = format!("has {width} x {height} pixels, at most {MAX_PIXELS}");
                 faults.add(&self.calibration, &place, reason + " are allowed", "give smaller images");
             }
             if let Some(reason) = self.lens(camera).fault() {
@@ -225,7 +224,7 @@ impl Draft {
             let fixed = moving.clone().next().is_none().then_some((0, &camera.world_to_camera));
             for (frame, pose) in moving.chain(fixed) {
                 let checked = camera.view(frame, self.n_frames, pose, settings.background).check();
-                let far = pose.iter().flatten().any(|v| v.abs() > MAX_COORDINATE);
+                let far = pose.translation.abs().max_element() > MAX_COORDINATE;
                 if let Some((field, reason, remedy)) = checked {
                     faults.add(&self.calibration, format!("{place}, frame {frame}, {field}"), reason, remedy);
                 } else if far {
@@ -265,7 +264,7 @@ fn common_factor(cameras: &[Camera]) -> Option<String> {
     let (mut low, mut high) = (0.0_f64, f64::INFINITY);
     for camera in cameras {
         let Some((width, height)) = camera.shots.iter().find_map(|shot| read_size(&shot.image).ok()) else { continue };
-        for (found, calibrated) in [(width, camera.width), (height, camera.height)] {
+        for (found, calibrated) in [(width, camera.intrinsics.width), (height, camera.intrinsics.height)] {
             let [found, calibrated] = [found, calibrated].map(f64::from);
             // Rounded to the nearest, or down.
             (low, high) = (low.max((found - 0.5) / calibrated), high.min((found + 1.0) / calibrated));
@@ -279,12 +278,8 @@ fn common_factor(cameras: &[Camera]) -> Option<String> {
     Some(if is_part { format!("1/{parts}") } else { format!("{:.4}", 0.5 * (low + high)) })
 }
 
-/// Scales intrinsics to the size of the first readable image. Pixel edges stay where they are, so each axis scales by
-/// the ratio of the sizes, also when that is not the same for both.
+/// Scales intrinsics to the size of the first readable image, also when its shape is another.
 fn rescale(camera: &mut Camera) {
     let Some((width, height)) = camera.shots.iter().find_map(|shot| read_size(&shot.image).ok()) else { return };
-    let (x, y) = (f64::from(width) / f64::from(camera.width), f64::from(height) / f64::from(camera.height));
-    (camera.width, camera.height) = (width, height);
-    (camera.fx, camera.cx) = (camera.fx * x, camera.cx * x);
-    (camera.fy, camera.cy) = (camera.fy * y, camera.cy * y);
+    camera.intrinsics = camera.intrinsics.scaled(width, height);
 }

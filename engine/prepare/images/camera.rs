@@ -1,0 +1,81 @@
+//! A camera of the capture: which part of what was recorded becomes which pictures.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use serde_json::{Value, json};
+
+use crate::prepare::fit::Part;
+use crate::prepare::video::Video;
+use crate::scene::Pose;
+use crate::scene::capture::Shot;
+use crate::scene::undistort::{Distortion, Lens};
+
+/// A camera of the capture.
+pub(in crate::prepare) struct Camera {
+    pub name: String,
+    pub is_test: bool,
+    /// First frame of the footage that is taken.
+    pub start: u32,
+    /// Of the finished pictures.
+    pub pinhole: Lens,
+    /// One, or one for each frame when the camera moves.
+    pub poses: Vec<Pose>,
+    /// Of the pictures as they are recorded.
+    pub(super) recorded: (u32, u32),
+    /// What is taken of them.
+    pub(super) part: Part,
+    /// Of that part, scaled.
+    pub lens: Lens,
+    pub(super) material: Material,
+}
+
+/// What a camera's pictures are made from.
+pub(super) enum Material {
+    Video(PathBuf, Video),
+    /// By frame of the capture.
+    Images(Vec<Shot>),
+}
+
+impl Camera {
+    /// Whether its pictures stay as they are.
+    pub(super) fn is_as_recorded(&self) -> bool {
+        let whole = (self.lens.intrinsics.width, self.lens.intrinsics.height) == self.recorded
+            && self.part == Part::whole(self.recorded);
+        whole && self.lens.distortion == Distortion::None
+    }
+
+    /// The shot of a frame when its image is taken over as it is.
+    pub(super) fn taken_over(&self, frame: u32) -> Option<&Shot> {
+        match &self.material {
+            Material::Images(shots) if self.is_as_recorded() => shots.get(frame as usize),
+            _ => None,
+        }
+    }
+
+    /// A place of the recorded pictures in the scaled part.
+    pub fn scaled(&self, [x, y]: [f64; 2]) -> [f64; 2] {
+        let Part { x: left, y: top, width, height } = self.part;
+        let scale = |side: u32, of: u32| f64::from(side) / f64::from(of);
+        let (across, down) = (scale(self.lens.intrinsics.width, width), scale(self.lens.intrinsics.height, height));
+        [(x - f64::from(left)) * across, (y - f64::from(top)) * down]
+    }
+
+    /// What the camera's pictures are made from.
+    pub(super) fn stamp(&self) -> Value {
+        // Not every name of a file is text, which JSON must be.
+        let file = |path: &Path| {
+            let name = path.to_string_lossy();
+            let data = fs::metadata(path).ok();
+            let time = data.as_ref().and_then(|data| data.modified().ok());
+            let seconds =
+                time.and_then(|time| time.duration_since(std::time::UNIX_EPOCH).ok()).map(|age| age.as_secs());
+            json!([name, data.map(|data| data.len()), seconds])
+        };
+        let footage = match &self.material {
+            Material::Video(path, _) => vec![file(path)],
+            Material::Images(shots) => shots.iter().flat_map(Shot::pictures).map(|path| file(path)).collect(),
+        };
+        json!({ "name": self.name, "lens": self.lens, "pinhole": self.pinhole, "footage": footage })
+    }
+}

@@ -1,0 +1,139 @@
+//! The pictures of one camera: decoded, scaled, undistorted, with their masks and priors.
+
+use std::path::{Path, PathBuf};
+
+use image::codecs::png::PngEncoder;
+use image::imageops::FilterType;
+use image::{DynamicImage, ExtendedColorType, ImageEncoder};
+
+use super::camera::Camera;
+use crate::error::Result;
+use crate::files::write_atomic;
+use crate::prepare::fit::Part;
+use crate::prepare::journal::make_folder;
+use crate::scene::Intrinsics;
+use crate::scene::capture::{Shot, alpha_of, decode_image};
+use crate::scene::prior::{read_depth, read_flow, write_depth, write_flow};
+use crate::scene::undistort::{Distortion, Undistortion};
+
+/// Makes the pictures of a camera.
+pub(super) struct Maker<'a> {
+    output: &'a Path,
+    camera: &'a Camera,
+    undistortion: Option<Undistortion>,
+    /// From the part as it is recorded to the finished pictures: this one scales too.
+    from_recorded: Option<Undistortion>,
+    validity: Option<Vec<u8>>,
+}
+
+impl<'a> Maker<'a> {
+    pub fn new(output: &'a Path, camera: &'a Camera) -> Self {
+        let distorts = camera.lens.distortion != Distortion::None;
+        let undistortion = distorts.then(|| Undistortion::new(camera.lens, camera.pinhole));
+        let validity = undistortion.as_ref().and_then(Undistortion::validity);
+        let Part { width, height, .. } = camera.part;
+        let recorded = || Undistortion::new(camera.lens.resized(width, height), camera.pinhole);
+        let from_recorded = (!camera.is_as_recorded()).then(recorded);
+        Maker { output, camera, undistortion, from_recorded, validity }
+    }
+
+    pub fn image<const C: usize>(&self, pixels: &[[u8; C]]) -> Vec<[u8; C]> {
+        self.undistortion.as_ref().map_or_else(|| pixels.to_vec(), |undistortion| undistortion.image(pixels))
+    }
+
+    /// An image of the recorded size, scaled.
+    pub fn scaled(&self, path: &Path, filter: FilterType) -> Result<DynamicImage> {
+        let (width, height) = self.camera.recorded;
+        let mut image = decode_image(path, width, height)?;
+        let (part, Intrinsics { width, height, .. }) = (self.camera.part, self.camera.lens.intrinsics);
+        if part != Part::whole(self.camera.recorded) {
+            image = image.crop_imm(part.x, part.y, part.width, part.height);
+        }
+        if (width, height) == (part.width, part.height) {
+            return Ok(image);
+        }
+        Ok(image.resize_exact(width, height, filter))
+    }
+
+    fn path(&self, folder: &str, frame: u32) -> PathBuf {
+        self.output.join(folder).join(&self.camera.name).join(format!("{frame:05}.png"))
+    }
+
+    pub fn mask_is_done(&self, frame: u32) -> bool {
+        self.validity.is_none() || self.path("masks", frame).is_file()
+    }
+
+    /// The mask of the source, or what of the undistorted picture is valid, if there is need of one.
+    pub fn write_mask(&self, frame: u32, mask: Option<&Path>) -> Result<()> {
+        match (mask, &self.validity) {
+            (Some(mask), _) => self.write_plane("masks", frame, mask, false),
+            (None, Some(validity)) => self.write_png("masks", frame, validity),
+            (None, None) => Ok(()),
+        }
+    }
+
+    /// A mask, or the alpha of an image, scaled and undistorted.
+    pub fn write_plane(&self, folder: &str, frame: u32, from: &Path, of_alpha: bool) -> Result<()> {
+        if self.path(folder, frame).is_file() {
+            return Ok(());
+        }
+        let plane = self.scaled(from, FilterType::Nearest)?;
+        let plane = if of_alpha { alpha_of(plane) } else { plane.into_luma8().into_raw() };
+        let plane = self.undistortion.as_ref().map_or_else(|| plane.clone(), |undistortion| undistortion.mask(&plane));
+        self.write_png(folder, frame, &plane)
+    }
+
+    /// What is taken of a plane of the recorded size.
+    fn part<T: Copy>(&self, plane: &[T]) -> Vec<T> {
+        let Part { x, y, width, height } = self.camera.part;
+        let [across, x, width] = [self.camera.recorded.0, x, width].map(|side| side as usize);
+        let rows = plane.chunks_exact(across).skip(y as usize).take(height as usize);
+        rows.flat_map(|row| &row[x..x + width]).copied().collect()
+    }
+
+    /// Flow and depth of the source, scaled and undistorted as the pictures are.
+    pub fn write_priors(&self, frame: u32, shot: &Shot) -> Result<()> {
+        let (width, height) = self.camera.recorded;
+        let Intrinsics { width: to_width, height: to_height, .. } = self.camera.pinhole.intrinsics;
+        let file = |folder: &str, extension: &str| -> Result<Option<PathBuf>> {
+            let path = self.path(folder, frame).with_extension(extension);
+            if path.is_file() {
+                return Ok(None);
+            }
+            make_folder(&self.output.join(folder).join(&self.camera.name))?;
+            Ok(Some(path))
+        };
+        if let Some(from) = &shot.flow
+            && let Some(to) = file("flow", "flo")?
+        {
+            let mut flow = read_flow(from, width, height)?;
+            if let Some(to) = &self.from_recorded {
+                flow = to.flow(&self.part(&flow));
+            }
+            write_flow(&to, &flow, to_width, to_height)?;
+        }
+        if let Some(from) = &shot.depth
+            && let Some(to) = file("depth", "npy")?
+        {
+            let mut depth = read_depth(from, width, height)?;
+            if let Some(to) = &self.from_recorded {
+                depth = to.depth(&self.part(&depth));
+            }
+            write_depth(&to, &depth, to_width, to_height)?;
+        }
+        Ok(())
+    }
+
+    fn write_png(&self, folder: &str, frame: u32, plane: &[u8]) -> Result<()> {
+        let path = self.path(folder, frame);
+        if path.is_file() {
+            return Ok(());
+        }
+        make_folder(&self.output.join(folder).join(&self.camera.name))?;
+        let Intrinsics { width, height, .. } = self.camera.pinhole.intrinsics;
+        write_atomic(&path, |to| {
+            let encoder = PngEncoder::new(to);
+            encoder.write_image(plane, width, height, ExtendedColorType::L8).map_err(std::io::Error::other)
+        })
+    }
+}

@@ -1,0 +1,224 @@
+//! The pictures of a capture: decoded or taken over, scaled, undistorted.
+
+mod camera;
+mod maker;
+mod plan;
+mod recorded;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use image::codecs::{jpeg::JpegEncoder, png::PngEncoder};
+use image::imageops::FilterType;
+use image::{ExtendedColorType, ImageEncoder};
+use serde_json::Value;
+
+use self::camera::Material;
+use self::maker::Maker;
+use self::plan::Plan;
+use super::journal::{Journal, make_folder};
+use super::settings::{ImageFormat, JPEG_QUALITY, PrepareSettings, Progress};
+use super::source::Source;
+use super::video::{self, Selection};
+use crate::error::{Error, Result};
+use crate::files::{open_file, write_atomic};
+use crate::parallel::in_parallel;
+use crate::scene::capture::Faults;
+use crate::scene::undistort::Lens;
+
+pub(super) use self::camera::Camera;
+
+/// What becomes of a source's pictures.
+pub(super) struct Images {
+    pub output: PathBuf,
+    pub cameras: Vec<Camera>,
+    /// Frames per second of the capture.
+    pub fps: f64,
+    pub notes: Vec<String>,
+    select: Selection,
+    format: ImageFormat,
+    threads: usize,
+    /// See [`Journal::begin`].
+    made_from: Value,
+}
+
+enum Job {
+    Video(usize),
+    Image(usize, u32),
+}
+
+impl Images {
+    /// Compares the cameras with their footage and with each other; everything that does not fit is a fault.
+    pub fn plan(source: &Source, settings: &PrepareSettings, faults: &mut Faults) -> Images {
+        let Plan { cameras, fps, notes, select, made_from } = plan::plan(source, settings, faults);
+        let (output, format, threads) = (settings.output.clone(), settings.format, settings.threads);
+        Images { output, cameras, fps, notes, select, format, threads, made_from }
+    }
+
+    pub fn n_frames(&self) -> u32 {
+        self.select.n
+    }
+
+    /// Seconds of a camera's footage at which the clip begins, and its length.
+    fn span(&self, camera: &Camera) -> (f64, f64) {
+        let rate = self.fps * f64::from(self.select.every);
+        (f64::from(camera.start) / rate, f64::from(self.select.n) / self.fps)
+    }
+
+    pub fn select(&self) -> Selection {
+        self.select
+    }
+
+    pub fn test_cameras(&self) -> Vec<String> {
+        self.cameras.iter().filter(|camera| camera.is_test).map(|camera| camera.name.clone()).collect()
+    }
+
+    /// Name of an image below `images/`.
+    pub fn image_name(&self, camera: &Camera, frame: u32) -> String {
+        let taken_over = camera.taken_over(frame);
+        let extension = taken_over.and_then(|shot| shot.image.extension()?.to_str()).unwrap_or(self.format.extension());
+        format!("{}/{frame:05}.{}", camera.name, extension.to_lowercase())
+    }
+
+    /// Makes the pictures that are not there yet.
+    #[tracing::instrument(level = "info", name = "images", skip_all)]
+    pub fn make(&self, journal: &mut Journal, progress: &(dyn Fn(Progress) + Sync)) -> Result<()> {
+        journal.begin("images", self.made_from.clone())?;
+        let n = self.select.n;
+        let mut jobs = Vec::new();
+        for (index, camera) in self.cameras.iter().enumerate() {
+            make_folder(&self.output.join("images").join(&camera.name))?;
+            match &camera.material {
+                Material::Video(..) => jobs.push(Job::Video(index)),
+                Material::Images(_) => jobs.extend((0..n).map(|frame| Job::Image(index, frame))),
+            }
+        }
+        let (done, total) = (AtomicUsize::new(0), self.cameras.len() * n as usize);
+        let tell = |piece: &str| {
+            let done = done.fetch_add(1, Ordering::Relaxed) + 1;
+            progress(Progress { stage: "images", done, total, piece });
+        };
+        let work = |index: usize| match jobs[index] {
+            Job::Video(camera) => self.decode_video(&self.cameras[camera], &tell),
+            Job::Image(camera, frame) => self.convert_image(&self.cameras[camera], frame, &tell),
+        };
+        in_parallel(jobs.len(), self.threads, work, |_| {}).map(|_| ())
+    }
+
+    /// The sound of videos that have some.
+    pub fn write_sound(&self) -> Result<()> {
+        for camera in &self.cameras {
+            if let Material::Video(path, video) = &camera.material {
+                let (from, length) = self.span(camera);
+                let to = self.output.join(format!("audio/{}.wav", camera.name));
+                if video.has_sound && !to.exists() {
+                    make_folder(&self.output.join("audio"))?;
+                    video::sound(path, from, length, &to)?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn decode_video(&self, camera: &Camera, tell: &dyn Fn(&str)) -> Result<()> {
+        let Material::Video(path, _) = &camera.material else { return Ok(()) };
+        let maker = Maker::new(&self.output, camera);
+        let image = |frame: u32| self.output.join("images").join(self.image_name(camera, frame));
+        let is_done = |frame: &u32| image(*frame).is_file() && maker.mask_is_done(*frame);
+        // What an earlier run decoded is not decoded again.
+        let first =
+            (0..self.select.n).take_while(is_done).map(|frame| tell(&self.image_name(camera, frame))).count() as u32;
+        if first == self.select.n {
+            return Ok(());
+        }
+        let Selection { every, n, .. } = self.select;
+        let rest = Selection { start: camera.start + first * every, every, n: n - first };
+        let threads = (self.threads / self.cameras.len().max(1)).max(1);
+        video::decode(
+            path,
+            rest,
+            camera.part,
+            (camera.lens.intrinsics.width, camera.lens.intrinsics.height),
+            threads,
+            |index, rgb| {
+                let frame = first + index;
+                if !image(frame).is_file() {
+                    let (pixels, _) = rgb.as_chunks::<3>();
+                    self.write(&image(frame), &maker.image(pixels), &camera.pinhole, ExtendedColorType::Rgb8)?;
+                }
+                maker.write_mask(frame, None)?;
+                tell(&self.image_name(camera, frame));
+                Ok(())
+            },
+        )
+    }
+
+    fn convert_image(&self, camera: &Camera, frame: u32, tell: &dyn Fn(&str)) -> Result<()> {
+        let Material::Images(shots) = &camera.material else { return Ok(()) };
+        let shot = &shots[frame as usize];
+        let maker = Maker::new(&self.output, camera);
+        let name = self.image_name(camera, frame);
+        let to = self.output.join("images").join(&name);
+        if !to.is_file() {
+            if camera.taken_over(frame).is_some() {
+                take_over(&shot.image, &to)?;
+            } else {
+                let image = maker.scaled(&shot.image, FilterType::Triangle)?;
+                if !image.color().has_alpha() {
+                    let rgb = image.into_rgb8();
+                    let pixels = maker.image(rgb.as_raw().as_chunks::<3>().0);
+                    self.write(&to, &pixels, &camera.pinhole, ExtendedColorType::Rgb8)?;
+                } else if self.format == ImageFormat::Png {
+                    let rgba = image.into_rgba8();
+                    let pixels = maker.image(rgba.as_raw().as_chunks::<4>().0);
+                    self.write(&to, &pixels, &camera.pinhole, ExtendedColorType::Rgba8)?;
+                } else {
+                    let reason = "has an alpha channel, which JPEG does not hold";
+                    return Err(Error::data(&shot.image, "", reason, "give --format png"));
+                }
+            }
+        }
+        maker.write_mask(frame, shot.mask.as_deref())?;
+        for (folder, mask) in [("foreground", &shot.foreground), ("covisible", &shot.covisible)] {
+            if let Some(mask) = mask {
+                maker.write_plane(folder, frame, mask, *mask == shot.image)?;
+            }
+        }
+        maker.write_priors(frame, shot)?;
+        tell(&name);
+        Ok(())
+    }
+
+    fn write<const C: usize>(&self, to: &Path, pixels: &[[u8; C]], lens: &Lens, kind: ExtendedColorType) -> Result<()> {
+        let (bytes, width, height) = (pixels.as_flattened(), lens.intrinsics.width, lens.intrinsics.height);
+        write_atomic(to, |to| {
+            let done = match self.format {
+                ImageFormat::Png => PngEncoder::new(to).write_image(bytes, width, height, kind),
+                ImageFormat::Jpeg => {
+                    JpegEncoder::new_with_quality(to, JPEG_QUALITY).write_image(bytes, width, height, kind)
+                }
+            };
+            done.map_err(std::io::Error::other)
+        })
+    }
+}
+
+/// A file of the source as it is: a hard link where both are on one file system, else a copy.
+pub(super) fn take_over(from: &Path, to: &Path) -> Result<()> {
+    let fault = |fault: std::io::Error| {
+        Error::data(
+            from,
+            "",
+            format!("cannot be copied to {}: {fault}", to.display()),
+            "check permissions and free space",
+        )
+    };
+    // A link to the source's own link would follow it, so that moving the source breaks nothing.
+    let from_real = fs::canonicalize(from).map_err(fault)?;
+    if fs::hard_link(&from_real, to).is_ok() {
+        return Ok(());
+    }
+    let mut file = open_file(&from_real).map_err(fault)?;
+    write_atomic(to, |to| std::io::copy(&mut file, to).map(|_| ()))
+}

@@ -1,0 +1,91 @@
+//! What a pinhole makes of a direction.
+
+use glam::{DVec2, DVec3};
+
+/// The numbers of a pinhole camera, pixels. A point (x, y, z) of the camera's axes (x right, y down, z forward) is seen at
+/// (fx x / z + cx, fy y / z + cy). Pixel (0, 0) has its corner at (0, 0) and its centre at (0.5, 0.5).
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
+pub struct Intrinsics {
+    /// Pixels of a row.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// Focal length in x.
+    pub fx: f64,
+    /// Focal length in y.
+    pub fy: f64,
+    /// Principal point in x.
+    pub cx: f64,
+    /// Principal point in y.
+    pub cy: f64,
+}
+
+/// How much more a picture of another shape may show in one direction, before it is cropped in the other.
+const MOST_SHOWN: f64 = 1.35;
+
+impl Intrinsics {
+    /// Focal lengths in x and y.
+    pub fn focal(&self) -> DVec2 {
+        DVec2::new(self.fx, self.fy)
+    }
+
+    /// Where the optical axis meets the picture.
+    pub fn principal(&self) -> DVec2 {
+        DVec2::new(self.cx, self.cy)
+    }
+
+    /// Width and height.
+    pub fn size(&self) -> DVec2 {
+        DVec2::new(self.width.into(), self.height.into())
+    }
+
+    /// Pixels in all.
+    pub fn n_pixels(&self) -> u64 {
+        u64::from(self.width) * u64::from(self.height)
+    }
+
+    /// The place in the picture of a point of the camera's axes. The point must be before the camera: z > 0.
+    pub fn project(&self, at: DVec3) -> DVec2 {
+        at.truncate() / at.z * self.focal() + self.principal()
+    }
+
+    /// The direction, in the camera's axes, that a place of the picture shows; its z is 1.
+    pub fn ray(&self, at: DVec2) -> DVec3 {
+        ((at - self.principal()) / self.focal()).extend(1.0)
+    }
+
+    /// Whether a place lies in the picture.
+    pub fn holds(&self, at: DVec2) -> bool {
+        at.cmpge(DVec2::ZERO).all() && at.cmplt(self.size()).all()
+    }
+
+    /// Those of pictures of another size that show the same: pixel edges stay where they are, each axis scales by the ratio of
+    /// the sizes.
+    pub fn scaled(&self, width: u32, height: u32) -> Self {
+        let (x, y) = (f64::from(width) / f64::from(self.width), f64::from(height) / f64::from(self.height));
+        Intrinsics { width, height, fx: self.fx * x, fy: self.fy * y, cx: self.cx * x, cy: self.cy * y }
+    }
+
+    /// Those of pictures whose pixels are the means of `factor` x `factor` of these; what does not fill a pixel at the right and
+    /// at the bottom is cut off.
+    pub fn reduced(&self, factor: u32) -> Self {
+        let [fx, fy, cx, cy] = [self.fx, self.fy, self.cx, self.cy].map(|pixels| pixels / f64::from(factor));
+        Intrinsics { width: self.width / factor, height: self.height / factor, fx, fy, cx, cy }
+    }
+
+    /// Those of a picture of another shape: it shows all that this one does, or, where the shapes differ much, most of it. Where
+    /// one direction would show more than 1.35 times as much as before, the other is cropped.
+    pub fn fitted(&self, [width, height]: [u32; 2]) -> Self {
+        let [w, h, old_w, old_h] = [width, height, self.width, self.height].map(f64::from);
+        let (a, b) = (w / old_w, h / old_h);
+        let zoom = a.max(b).min(MOST_SHOWN * a.min(b));
+        Intrinsics {
+            width,
+            height,
+            fx: self.fx * zoom,
+            fy: self.fy * zoom,
+            cx: w / 2.0 + (self.cx - old_w / 2.0) * zoom,
+            cy: h / 2.0 + (self.cy - old_h / 2.0) * zoom,
+        }
+    }
+}

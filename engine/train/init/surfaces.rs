@@ -1,0 +1,105 @@
+//! The surfaces that the pictures show: of what stands still at the reference frame, and the hulls of what moves.
+
+use super::agree::{self, Agreed};
+use super::eye::{Eye, Seen};
+use super::lens::Lenses;
+use super::points::Found;
+use super::{hull, sweep};
+use crate::error::Result;
+use crate::parallel::in_parallel;
+use crate::scene::capture::Capture;
+use crate::train::config::{Config, Init};
+
+/// Longest side of the pictures that silhouettes are taken from, pixels.
+const HULL_SIDE: usize = 320;
+/// Longest side of the pictures that are swept, pixels.
+const SWEEP_SIDE: usize = 128;
+/// Pixels of the training pictures of a frame for each point of a surface, at least: small pictures show no more.
+const PIXELS_PER_POINT: u64 = 16;
+/// Key of the random choice among a hull's points.
+const HULL_KEY: u64 = 0x6875_6c6c;
+
+/// The pictures that are looked at.
+pub(super) struct Views<'a> {
+    pub capture: &'a Capture,
+    pub config: &'a Config,
+    /// Training cameras that take part.
+    pub cameras: &'a [usize],
+    /// Frames whose hulls are taken.
+    pub hull_frames: &'a [u32],
+}
+
+/// What they show.
+#[derive(Default)]
+pub(super) struct Surfaces {
+    /// Stands still.
+    pub still: Vec<Found>,
+    /// Moves, by frame.
+    pub moving: Vec<(u32, Vec<Found>)>,
+    /// Points that stand still and were known before.
+    pub n_known: usize,
+    /// Those that were found, before they were thinned out.
+    pub n_found: usize,
+}
+
+impl Views<'_> {
+    /// Looks at all of them, frame by frame. `known` are points that stand still, where somebody knows; else those of the capture
+    /// are asked with [`Init::Auto`]. `done` is called after each picture and each sweep.
+    pub fn surfaces(&self, known: Option<&[Found]>, lenses: &Lenses, done: &mut dyn FnMut()) -> Result<Surfaces> {
+        let reference = self.capture.reference_frame;
+        let mut frames: Vec<u32> = self.hull_frames.iter().copied().chain([reference]).collect();
+        frames.sort_unstable();
+        frames.dedup();
+        let threads = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+        let mut surfaces = Surfaces::default();
+        for frame in frames {
+            let (is_reference, has_hull) = (frame == reference, self.hull_frames.contains(&frame));
+            // A picture is dropped as soon as it is reduced: thirty of 8K take gigabytes.
+            let eyes_of = |i: usize| {
+                let camera = self.cameras[i];
+                let Some(shown) = shown(self.capture, camera, frame, is_reference) else { return Ok((None, None)) };
+                let seen = Seen::read(self.capture, camera, shown)?;
+                let eye = |is_wanted: bool, longest: usize| is_wanted.then(|| Eye::new(&seen, longest));
+                Ok((eye(is_reference, SWEEP_SIDE), eye(has_hull, HULL_SIDE)))
+            };
+            let eyes = in_parallel(self.cameras.len(), threads, eyes_of, |_| done())?;
+            let (swept, carving): (Vec<Option<Eye>>, Vec<Option<Eye>>) = eyes.into_iter().unzip();
+            if is_reference {
+                let eyes: Vec<Eye> = swept.into_iter().flatten().collect();
+                let known = match known {
+                    Some(known) => known.to_vec(),
+                    None if self.config.init == Init::Auto => agree::still(&self.capture.points, &eyes),
+                    None => Vec::new(),
+                };
+                surfaces.n_known = known.len();
+                let depths = sweep::sweep(&eyes, threads, &mut *done)?;
+                let found = agree::agree(&eyes, &depths, &known);
+                let of_before = known.into_iter().map(|found| Agreed { found, n_cameras: usize::MAX });
+                let mut all: Vec<Agreed> = of_before.chain(found).collect();
+                all.retain(|point| !lenses.are_veiled_by(&point.found));
+                surfaces.n_found = all.iter().filter(|point| point.n_cameras < usize::MAX).count();
+                let most = (n_pixels(self.capture) / PIXELS_PER_POINT).min(self.config.init_points as u64) as usize;
+                surfaces.still = agree::thin(&all, most.max(surfaces.n_known));
+            }
+            if has_hull {
+                let eyes: Vec<Eye> = carving.into_iter().flatten().collect();
+                let key = [self.config.seed, HULL_KEY, u64::from(frame)];
+                surfaces.moving.push((frame, hull::surface(&eyes, self.config.init_moving_points, &key)));
+            }
+        }
+        Ok(surfaces)
+    }
+}
+
+/// Pixels of all training pictures of one frame.
+fn n_pixels(capture: &Capture) -> u64 {
+    let training = capture.cameras.iter().filter(|camera| !camera.is_test);
+    training.map(|camera| camera.intrinsics.n_pixels()).sum()
+}
+
+/// The frame that a camera shows for `frame`: another, if it has none there and `any` will do. In a monocular clip each
+/// has one frame of its own.
+fn shown(capture: &Capture, camera: usize, frame: u32, any: bool) -> Option<u32> {
+    let camera = &capture.cameras[camera];
+    camera.shot(frame).or_else(|| camera.shots.first().filter(|_| any)).map(|shot| shot.frame)
+}
