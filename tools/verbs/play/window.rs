@@ -250,7 +250,11 @@ impl Player<'_> {
     /// What the sound has to know.
     pub fn heard(&self) -> Heard {
         let q = HeadPose::looking(self.navigator.forward(), self.navigator.above());
-        Heard { clip: self.clip, head: HeadPose { t: 0.0, p: self.navigator.center(), q }, is_muted: self.state.is_muted }
+        Heard {
+            clip: self.clip,
+            head: HeadPose { t: 0.0, p: self.navigator.center(), q },
+            is_muted: self.state.is_muted,
+        }
     }
 
     fn layer(&self, width: u32) -> Layer {
