@@ -183,7 +183,7 @@ fn initial_points_are_read_and_their_faults_told() {
 fn every_contradiction_of_the_lists_is_told() {
     let folder = Folder::new("dynamic-faults");
     write(&folder, 2);
-    let cases: [Case<Value>; 9] = [
+    let cases: [Case<Value>; 10] = [
         (|m| m["k"].as_array_mut().unwrap().truncate(1), "lists 1 frames in k, 2 in w2c"),
         (|m| m["fn"][1].as_array_mut().unwrap().truncate(1), "lists 2 cameras in k, 2 in w2c, 1 in fn"),
         (|m| m["fn"][1][0] = json!("../../secret.png"), "has `..`"),
@@ -192,6 +192,7 @@ fn every_contradiction_of_the_lists_is_told() {
         (|m| m["cam_id"][1][1] = json!(0), "is listed twice in this frame"),
         (|m| m["cam_id"][0][0] = json!(1), "is both a training and a test camera"),
         (|m| m["w2c"][0][0][0][0] = json!(2.0), "has no rotation"),
+        (|m| m["w2c"][0][0][3][0] = json!(0.5), "as the last row of w2c, not [0, 0, 0, 1]"),
         (|m| m["w"] = json!(8), "is 6 x 4, its camera"),
     ];
     for (change, says) in cases {

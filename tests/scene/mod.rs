@@ -1,5 +1,6 @@
 //! Scenes, cameras and pictures: what is written is read back, and no damaged file gets past the readers.
 
+mod cameras;
 mod clips;
 mod demo;
 mod export;

@@ -17,13 +17,13 @@ use serde_json::Value;
 use self::camera::Material;
 use self::maker::Maker;
 use self::plan::Plan;
-use super::journal::{Journal, make_folder};
-use super::settings::{ImageFormat, JPEG_QUALITY, PrepareSettings, Progress};
-use super::source::Source;
-use super::video::{self, Selection};
 use crate::error::{Error, Result};
 use crate::files::{open_file, write_atomic};
 use crate::parallel::in_parallel;
+use crate::prepare::journal::{Journal, make_folder};
+use crate::prepare::settings::{ImageFormat, JPEG_QUALITY, PrepareSettings, Progress};
+use crate::prepare::source::Source;
+use crate::prepare::video::{self, Selection};
 use crate::scene::capture::Faults;
 use crate::scene::undistort::Lens;
 
