@@ -118,12 +118,12 @@ fn middle(splats: &Splats) -> [f64; 3] {
 
 /// Two eyes beside each other where `view` looks from, as far apart as suits a scene with this middle.
 fn eyes(view: &View, middle: [f64; 3]) -> [View; 2] {
-    let m = &view.world_to_camera;
+    let m = view.pose.rows();
     let along = |row: &[f64; 4]| row[3] + (0..3).map(|axis| row[axis] * middle[axis]).sum::<f64>();
     let distance = m[..3].iter().map(|row| along(row).powi(2)).sum::<f64>().sqrt();
     [0.5, -0.5].map(|side| {
         let mut eye = view.clone();
-        eye.world_to_camera[0][3] += side * EYES * distance;
+        eye.pose.translation.x += side * EYES * distance;
         eye
     })
 }

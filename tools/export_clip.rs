@@ -259,7 +259,7 @@ fn spread(views: &[View]) -> Vec<View> {
     let n = views.len().min(MOST_VIEWS);
     let at = |k: usize| {
         let view = &views[k * views.len() / n];
-        let view = view.reduced(view.width.max(view.height).div_ceil(LONGEST_SIDE));
+        let view = view.reduced(view.intrinsics.width.max(view.intrinsics.height).div_ceil(LONGEST_SIDE));
         View { time: (k as f64 + 0.5) / n as f64, time_offset: 0.0, ..view }
     };
     (0..n).map(at).collect()

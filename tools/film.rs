@@ -10,7 +10,7 @@ use crate::verbs::render::check_finite;
 use crate::verbs::synth::size;
 use anyhow::Context;
 use ivv::Constants;
-use ivv::scene::{FlowModel, Orbit, View};
+use ivv::scene::{FlowModel, Intrinsics, Orbit, View};
 use ivv::sound::hrtf::HrtfSet;
 use ivv::sound::path::{Convention, HeadPath, read_path};
 use ivv::sound::pose::{HeadPose, PoseTrack};
@@ -156,8 +156,8 @@ impl Film {
         let path = HeadPath { track: PoseTrack::new((0..n_frames).map(pose).collect())?, camera: None };
         let view = &views[0];
         // Encoders want both sides even.
-        let size = (view.width.max(2) & !1, view.height.max(2) & !1);
-        let fov = 2.0 * (0.5 * f64::from(view.height) / view.fy).atan().to_degrees();
+        let size = (view.intrinsics.width.max(2) & !1, view.intrinsics.height.max(2) & !1);
+        let fov = 2.0 * (0.5 * f64::from(view.intrinsics.height) / view.intrinsics.fy).atan().to_degrees();
         let background = view.background;
         Film { path, fps, size, focal: 0.0, clip: None, times, background, n_frames }.seen(args, fov)
     }
@@ -219,19 +219,21 @@ impl Film {
         let time = self.time(frame).0;
         View {
             name: format!("{frame:05}"),
-            width,
-            height,
-            fx: self.focal,
-            fy: self.focal,
-            cx: 0.5 * f64::from(width),
-            cy: 0.5 * f64::from(height),
-            world_to_camera: pose.world_to_camera().rows(),
+            intrinsics: Intrinsics {
+                width,
+                height,
+                fx: self.focal,
+                fy: self.focal,
+                cx: 0.5 * f64::from(width),
+                cy: 0.5 * f64::from(height),
+            },
+            pose: pose.world_to_camera(),
             time,
             time_offset: 0.0,
             flow_dt: self.clip.map_or(1.0, |(_, n_frames)| 1.0 / f64::from(n_frames)),
             background: self.background,
             flow_model: FlowModel::Velocity,
-            next_world_to_camera: None,
+            next_pose: None,
         }
     }
 

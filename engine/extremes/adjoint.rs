@@ -15,8 +15,8 @@ pub const GROUPS: [&str; 9] =
 /// Random cotangents in [-1, 1) of all outputs, zero where `hidden`.
 pub fn cotangents(seed: u64, view: &View, hidden: impl Fn(usize) -> bool) -> Frame {
     let mut random = Random::new(seed);
-    let mut frame = Frame { width: view.width, height: view.height, ..Frame::default() };
-    for i in 0..(view.width * view.height) as usize {
+    let mut frame = Frame { width: view.intrinsics.width, height: view.intrinsics.height, ..Frame::default() };
+    for i in 0..(view.intrinsics.width * view.intrinsics.height) as usize {
         let mut pixel: [f32; 8] = random.vector(-1.0, 1.0);
         if hidden(i) {
             pixel = [0.0; 8];

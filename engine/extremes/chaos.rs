@@ -69,7 +69,8 @@ fn poisoned_cotangents(bench: &Bench, tally: &mut Tally) -> Result<()> {
     for value in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
         tally.case(format!("a cotangent of {value}"), |_| {
             let mut cotangents = clean.clone();
-            cotangents.color[(view.width * view.height / 2 + view.width / 2) as usize][1] = value;
+            cotangents.color
+                [(view.intrinsics.width * view.intrinsics.height / 2 + view.intrinsics.width / 2) as usize][1] = value;
             let (found, _) = bench.vjp(&splats, &view, &cotangents)?;
             ensure!(is_finite(&found) && found.n_bad > 0, "{} bad", found.n_bad);
             let (after, before) = (&found.params, &before.params);

@@ -1,6 +1,6 @@
 //! Scenes as lists of single Gaussians: easy to make, to leave one out and to reorder.
 
-use crate::scene::{FlowModel, Motion, SH_C0, Splats, View};
+use crate::scene::{FlowModel, Intrinsics, Motion, Pose, SH_C0, Splats, View};
 
 /// One Gaussian in raw parameters (SPEC 2).
 #[derive(Clone, Debug)]
@@ -83,23 +83,32 @@ pub fn ones(splats: &Splats) -> Vec<One> {
 pub fn camera(width: u32, height: u32) -> View {
     View {
         name: format!("{width}x{height}"),
-        width,
-        height,
-        fx: 64.0,
-        fy: 64.0,
-        cx: f64::from(width) / 2.0,
-        cy: f64::from(height) / 2.0,
-        world_to_camera: [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]],
+        intrinsics: Intrinsics {
+            width,
+            height,
+            fx: 64.0,
+            fy: 64.0,
+            cx: f64::from(width) / 2.0,
+            cy: f64::from(height) / 2.0,
+        },
+        pose: Pose::default(),
         time: 0.5,
         time_offset: 0.0,
         flow_dt: 0.125,
         background: [0.2, 0.4, 0.1],
         flow_model: FlowModel::Velocity,
-        next_world_to_camera: None,
+        next_pose: None,
     }
+}
+
+/// `view` with other numbers of its pinhole.
+pub fn with(mut view: View, change: impl FnOnce(&mut Intrinsics)) -> View {
+    change(&mut view.intrinsics);
+    view
 }
 
 /// The world position that `view`, a camera at the origin looking along z, shows at pixel (`x`, `y`) at depth `z`.
 pub fn at_pixel(view: &View, x: f64, y: f64, z: f64) -> [f32; 3] {
-    [(x - view.cx) / view.fx * z, (y - view.cy) / view.fy * z, z].map(|v| v as f32)
+    [(x - view.intrinsics.cx) / view.intrinsics.fx * z, (y - view.intrinsics.cy) / view.intrinsics.fy * z, z]
+        .map(|v| v as f32)
 }

@@ -82,7 +82,7 @@ fn poisoned(bench: &Bench) -> Result<()> {
     let mut d_color = cotangents(&view, 2, 1e-3);
     let (good, _) = start.step(&bench.gpu(), &view, &d_color, &step)?;
     // One pixel, so that only those over it are hurt.
-    d_color[(28 * view.width + 40) as usize] = [f32::NAN, 0.0, 0.0];
+    d_color[(28 * view.intrinsics.width + 40) as usize] = [f32::NAN, 0.0, 0.0];
     let (found, n_bad) = start.step(&bench.gpu(), &view, &d_color, &step)?;
     ensure!(n_bad > 0 && (n_bad as usize) < start.params.len() / 2, "{n_bad} bad gradients");
     let mut hurt = BTreeSet::new();

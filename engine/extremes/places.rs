@@ -3,7 +3,7 @@
 use super::adjoint::{check_adjoint, cotangents};
 use super::case::Case;
 use super::frames::{Tolerance, compare};
-use super::one::{One, at_pixel, ball, camera, scene_of};
+use super::one::{One, at_pixel, ball, camera, scene_of, with};
 use super::random::Random;
 use super::row::{Bench, Tally};
 use crate::error::Error;
@@ -92,14 +92,15 @@ pub(super) fn centres(bench: &Bench, tally: &mut Tally) -> Result<()> {
 
 /// Gaussians of 0.7 to 5 px all over the picture of `view`, a camera at the origin.
 fn spread(view: &View, n: usize) -> Vec<One> {
-    let mut random = Random::new(u64::from(view.width));
+    let mut random = Random::new(u64::from(view.intrinsics.width));
     (0..n)
         .map(|_| {
-            let [x, y] = [view.width, view.height].map(|side| random.uniform(0.0, f64::from(side)));
+            let [x, y] =
+                [view.intrinsics.width, view.intrinsics.height].map(|side| random.uniform(0.0, f64::from(side)));
             let z = random.uniform(2.0, 6.0);
             let color = std::array::from_fn(|_| random.uniform(0.0, 1.0));
             let mut one = ball(at_pixel(view, x, y, z), 1.0, random.uniform(0.2, 0.95), color);
-            one.scale = std::array::from_fn(|_| (random.uniform(0.7, 5.0) * z / view.fx).ln() as f32);
+            one.scale = std::array::from_fn(|_| (random.uniform(0.7, 5.0) * z / view.intrinsics.fx).ln() as f32);
             one.rotation = random.vector(-1.0, 1.0);
             one
         })
@@ -109,9 +110,9 @@ fn spread(view: &View, n: usize) -> Vec<One> {
 pub(super) fn fields_of_view(bench: &Bench, tally: &mut Tally) -> Result<()> {
     for degrees in [1.0, 60.0, 120.0, 179.0f64] {
         let focal = 24.0 / (degrees.to_radians() / 2.0).tan();
-        let square = View { fx: focal, fy: focal, ..camera(48, 32) };
-        let narrow = View { fy: 2.5 * focal, ..square.clone() };
-        let outside = View { cx: -40.0, cy: 90.0, ..square.clone() };
+        let square = with(camera(48, 32), |of| (of.fx, of.fy) = (focal, focal));
+        let narrow = with(square.clone(), |of| of.fy = 2.5 * focal);
+        let outside = with(square.clone(), |of| (of.cx, of.cy) = (-40.0, 90.0));
         for (name, view) in [("", square), (", narrow in y", narrow), (", principal point outside", outside)] {
             let case = Case {
                 tolerance: Tolerance { away: 3e-5, ..Tolerance::default() },
@@ -161,7 +162,7 @@ pub(super) fn image_sizes(bench: &Bench, tally: &mut Tally) -> Result<()> {
 
 fn of_real_rigs(bench: &Bench, tally: &mut Tally, width: u32, height: u32) {
     tally.case(format!("{width} x {height}"), |tally| {
-        let view = View { fx: 3000.0, fy: 3000.0, ..camera(width, height) };
+        let view = with(camera(width, height), |of| (of.fx, of.fy) = (3000.0, 3000.0));
         let mut random = Random::new(u64::from(width));
         let all: Vec<One> = (0..60)
             .map(|_| {

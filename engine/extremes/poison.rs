@@ -53,9 +53,9 @@ const MOTION_SLOTS: [Slot; 5] = [
 /// The camera of all cases: in front of a scene of `random::scene`.
 fn pose() -> View {
     let mut view = camera(40, 28);
-    view.world_to_camera[2][3] = 4.0;
-    view.fx = 40.0;
-    view.fy = 36.0;
+    view.pose.translation.z = 4.0;
+    view.intrinsics.fx = 40.0;
+    view.intrinsics.fy = 36.0;
     view
 }
 
@@ -66,7 +66,8 @@ fn footprint(splats: &Splats, i: usize, view: &View) -> Vec<bool> {
     let time = camera.shifted_time(params.time_offset);
     let near = Rules { alpha_min: rules.alpha_min * (1.0 - 1e-3), ..rules };
     let p = project(&params.gaussian(i), &camera, time, &near);
-    let pixels = (0..view.height).flat_map(|y| (0..view.width).map(move |x| [x, y].map(|v| f64::from(v) + 0.5)));
+    let pixels = (0..view.intrinsics.height)
+        .flat_map(|y| (0..view.intrinsics.width).map(move |x| [x, y].map(|v| f64::from(v) + 0.5)));
     pixels.map(|at| p.is_some_and(|p| p.alpha_at(at, &near) >= near.alpha_min)).collect()
 }
 
@@ -138,15 +139,15 @@ pub(super) fn numbers(bench: &Bench, tally: &mut Tally) -> Result<()> {
 fn cameras(bench: &Bench, tally: &mut Tally) -> Result<()> {
     type ViewSlot = (&'static str, fn(&mut View) -> &mut f64);
     let slots: [ViewSlot; 12] = [
-        ("fx", |view| &mut view.fx),
-        ("fy", |view| &mut view.fy),
-        ("cx", |view| &mut view.cx),
-        ("cy", |view| &mut view.cy),
-        ("rotation", |view| &mut view.world_to_camera[0][0]),
-        ("rotation z", |view| &mut view.world_to_camera[2][1]),
-        ("translation x", |view| &mut view.world_to_camera[0][3]),
-        ("translation y", |view| &mut view.world_to_camera[1][3]),
-        ("translation z", |view| &mut view.world_to_camera[2][3]),
+        ("fx", |view| &mut view.intrinsics.fx),
+        ("fy", |view| &mut view.intrinsics.fy),
+        ("cx", |view| &mut view.intrinsics.cx),
+        ("cy", |view| &mut view.intrinsics.cy),
+        ("rotation", |view| &mut view.pose.rotation.x_axis.x),
+        ("rotation z", |view| &mut view.pose.rotation.y_axis.z),
+        ("translation x", |view| &mut view.pose.translation.x),
+        ("translation y", |view| &mut view.pose.translation.y),
+        ("translation z", |view| &mut view.pose.translation.z),
         ("time", |view| &mut view.time),
         ("time_offset", |view| &mut view.time_offset),
         ("flow_dt", |view| &mut view.flow_dt),

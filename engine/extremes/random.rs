@@ -1,7 +1,9 @@
 //! Seeded random numbers and scenes.
 
+use glam::DVec3;
+
 use crate::scene::capture::Picture;
-use crate::scene::{FlowModel, Motion, Splats, View};
+use crate::scene::{FlowModel, Intrinsics, Motion, Pose, Splats, View};
 
 pub use crate::random::Random;
 
@@ -9,32 +11,29 @@ pub use crate::random::Random;
 pub fn view() -> View {
     View {
         name: "random".into(),
-        width: 80,
-        height: 56,
-        fx: 70.0,
-        fy: 75.0,
-        cx: 38.5,
-        cy: 29.25,
-        world_to_camera: [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 4.0], [0.0, 0.0, 0.0, 1.0]],
+        intrinsics: Intrinsics { width: 80, height: 56, fx: 70.0, fy: 75.0, cx: 38.5, cy: 29.25 },
+        pose: Pose { translation: DVec3::new(0.0, 0.0, 4.0), ..Pose::default() },
         time: 0.4,
         time_offset: 0.3,
         flow_dt: 0.05,
         background: [0.1, 0.3, 0.6],
         flow_model: FlowModel::Velocity,
-        next_world_to_camera: None,
+        next_pose: None,
     }
 }
 
 /// What [`view`] sees, in 40 x 28 pixels.
 pub fn small_view() -> View {
-    View { width: 40, height: 28, fx: 35.0, fy: 37.5, cx: 19.25, cy: 14.5, ..view() }
+    let intrinsics = Intrinsics { width: 40, height: 28, fx: 35.0, fy: 37.5, cx: 19.25, cy: 14.5 };
+    View { intrinsics, ..view() }
 }
 
 /// A picture of noise as large as `view`.
 pub fn noise(seed: u64, view: &View) -> Picture {
     let mut random = Random::new(seed);
-    let pixels = (0..view.width * view.height).map(|_| random.bits() as u32 | 0xff00_0000).collect();
-    Picture { width: view.width, height: view.height, pixels, ..Picture::default() }
+    let pixels =
+        (0..view.intrinsics.width * view.intrinsics.height).map(|_| random.bits() as u32 | 0xff00_0000).collect();
+    Picture { width: view.intrinsics.width, height: view.intrinsics.height, pixels, ..Picture::default() }
 }
 
 /// Values that poison an unguarded kernel: not finite, zeros, denormal, near overflow.

@@ -120,7 +120,7 @@ pub(super) fn time_scales(bench: &Bench, tally: &mut Tally) -> Result<()> {
                 let (found, _) = bench.vjp(&splats, &view, &of_alpha(&view))?;
                 ensure!(found.n_bad == 0 && is_finite(&found), "{} bad", found.n_bad);
                 // The backdrop hides nothing before it: of opacity o and weight e^-u^2 each pixel has at most the share o.
-                let bound = 0.736 * 0.95 * f64::from(view.width * view.height);
+                let bound = 0.736 * 0.95 * f64::from(view.intrinsics.width * view.intrinsics.height);
                 let slope = f64::from(found.motion(1).t_scale.abs());
                 ensure!(slope <= bound, "{slope} by log tau, {bound} is allowed");
                 largest = largest.max(slope / bound);

@@ -5,9 +5,10 @@ use super::frames::{Tolerance, rms};
 use super::one::{One, ball, camera, ones, scene_of};
 use super::random::{scene, view};
 use super::row::{Bench, Tally};
-use crate::scene::{Splats, View};
+use crate::scene::{Splats, View, rotation_of_rows};
 use crate::settings::Constants;
 use anyhow::{Result, ensure};
+use glam::DVec3;
 
 /// Largest RMS against the same scene at the origin or in its own unit: a PSNR of 80 dB.
 const LARGEST_RMS: f64 = 1e-4;
@@ -24,10 +25,8 @@ fn moved_view(offset: [f64; 3]) -> View {
     let ((sin_a, cos_a), (sin_b, cos_b)) = (0.35f64.sin_cos(), 0.2f64.sin_cos());
     let turn = [[cos_a, 0.0, sin_a], [sin_a * sin_b, cos_b, -cos_a * sin_b], [-sin_a * cos_b, sin_b, cos_a * cos_b]];
     let mut view = view();
-    for (row, turn) in view.world_to_camera.iter_mut().zip(turn) {
-        row[..3].copy_from_slice(&turn);
-        row[3] -= (0..3).map(|k| turn[k] * offset[k]).sum::<f64>();
-    }
+    view.pose.rotation = rotation_of_rows(turn.map(DVec3::from));
+    view.pose.translation -= DVec3::from(turn.map(|row| (0..3).map(|k| row[k] * offset[k]).sum::<f64>()));
     view
 }
 
@@ -65,7 +64,7 @@ fn resized(k: f64) -> (Splats, View) {
     splats.motion.iter_mut().flat_map(|m| &mut m.velocity).for_each(scale);
     splats.scale.iter_mut().flatten().for_each(|s| *s = (f64::from(*s) + k.ln()) as f32);
     let mut view = view();
-    view.world_to_camera.iter_mut().take(3).for_each(|row| row[3] *= k);
+    view.pose.translation *= k;
     (splats, view)
 }
 

@@ -91,12 +91,12 @@ fn push_halves(pair: [f32; 2], to: &mut Vec<u8>) {
 
 /// A camera as 3DGS writes it: its place, and its axes as columns.
 fn camera(id: usize, view: &View) -> serde_json::Value {
-    let pose = view.pose();
+    let pose = view.pose;
     // The rows of the way back are the columns of this one.
     let rotation = pose.rotation.to_cols_array_2d();
     let position = pose.center().to_array();
     json!({
-        "id": id, "img_name": view.name, "width": view.width, "height": view.height, "position": position,
-        "rotation": rotation, "fx": view.fx, "fy": view.fy,
+        "id": id, "img_name": view.name, "width": view.intrinsics.width, "height": view.intrinsics.height, "position": position,
+        "rotation": rotation, "fx": view.intrinsics.fx, "fy": view.intrinsics.fy,
     })
 }

@@ -3,6 +3,7 @@
 //! Its files must be the same bytes on every machine. IEEE 754 fixes +, -, *, / and sqrt, but leaves sin, cos, exp and
 //! ln to each platform's library; so angles advance by rotation with literal constants and logarithms are summed here.
 
+use super::intrinsics::Intrinsics;
 use super::pose::{Pose, rotation_of_rows};
 use super::splats::dc_of_color;
 use super::splats::{Motion, Splats};
@@ -187,19 +188,14 @@ fn views() -> Vec<View> {
         let center = [target[0] + 4.3 * turn[1] + 0.5, target[1] - 1.35, target[2] - 4.3 * turn[0]];
         views.push(View {
             name: format!("view{index:02}"),
-            width: 320,
-            height: 240,
-            fx: 300.0,
-            fy: 300.0,
-            cx: 160.0,
-            cy: 120.0,
-            world_to_camera: pose(center.into(), target.into()).rows(),
+            intrinsics: Intrinsics { width: 320, height: 240, fx: 300.0, fy: 300.0, cx: 160.0, cy: 120.0 },
+            pose: pose(center.into(), target.into()),
             time: f64::from(index) / f64::from(N_VIEWS),
             time_offset: 0.0,
             flow_dt: 1.0 / 30.0,
             background: [0.55, 0.74, 0.95],
             flow_model: FlowModel::Velocity,
-            next_world_to_camera: None,
+            next_pose: None,
         });
         turn = advance(turn, STEP);
     }

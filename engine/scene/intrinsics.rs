@@ -4,7 +4,7 @@ use glam::{DVec2, DVec3};
 
 /// The numbers of a pinhole camera, pixels. A point (x, y, z) of the camera's axes (x right, y down, z forward) is seen at
 /// (fx x / z + cx, fy y / z + cy). Pixel (0, 0) has its corner at (0, 0) and its centre at (0.5, 0.5).
-#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Intrinsics {
     /// Pixels of a row.
     pub width: u32,

@@ -67,7 +67,7 @@ impl Navigator {
 
     /// Goes where `view` is, and looks at what is as far as the middle of the scene, if that is before it.
     pub fn go(&mut self, view: &View) {
-        let pose = view.pose();
+        let pose = view.pose;
         (self.rotation, self.center) = (pose.rotation, pose.center());
         self.view = view.clone();
         let depth = self.forward().dot(self.middle - self.center);
@@ -91,7 +91,7 @@ impl Navigator {
 
     /// What it sees in a picture of this size, pixels, as [`View::fitted`] has it.
     pub fn view(&self, size: [u32; 2]) -> View {
-        View { world_to_camera: Pose::at(self.center, self.rotation).rows(), ..self.view.fitted(size) }
+        View { pose: Pose::at(self.center, self.rotation), ..self.view.fitted(size) }
     }
 
     /// Turns as a pointer says that was dragged by so many pixels: what is under it follows it.
@@ -102,7 +102,7 @@ impl Navigator {
 
     /// Shifts so that what is looked at follows a pointer that was dragged by so many pixels of a picture of this size.
     pub fn pan(&mut self, by: DVec2, size: [u32; 2]) {
-        let focal = self.view.intrinsics().fitted(size).focal();
+        let focal = self.view.intrinsics.fitted(size).focal();
         self.shift((-by / focal).extend(0.0) * self.reach);
     }
 

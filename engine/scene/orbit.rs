@@ -11,7 +11,7 @@ const LEAST_SPREAD: f64 = 1e-3;
 
 /// The direction in which `views` are upright on average, world, of length 1; none where there is none.
 pub fn upright(views: &[View]) -> Option<DVec3> {
-    let sum: DVec3 = views.iter().map(|view| -view.pose().down()).sum();
+    let sum: DVec3 = views.iter().map(|view| -view.pose.down()).sum();
     // What is left of views that cancel each other is rounding.
     if sum.length() < 1e-6 { None } else { sum.try_normalize() }
 }
@@ -36,7 +36,7 @@ impl Orbit {
     /// there as their lenses in the median and as high. It begins beside the first view. None where the views do not look at
     /// one place: fewer than two, side by side in parallel, or most of them away from it.
     pub fn new(views: &[View]) -> Option<Orbit> {
-        let poses = views.iter().map(View::pose);
+        let poses = views.iter().map(|view| view.pose);
         let lenses: Vec<(DVec3, DVec3)> =
             poses.map(|pose| (pose.center(), pose.forward().normalize_or_zero())).collect();
         let mut system = DMat3::ZERO;

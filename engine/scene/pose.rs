@@ -2,6 +2,9 @@
 
 use glam::{DMat3, DQuat, DVec3, DVec4};
 
+/// Last row of the 4 x 4 matrix of a pose.
+const LAST_ROW: [f64; 4] = [0.0, 0.0, 0.0, 1.0];
+
 /// World to camera: `x_camera = rotation x_world + translation`; the camera's axes are x right, y down, z forward.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pose {
@@ -47,7 +50,7 @@ impl Pose {
     /// The rows of the 4 x 4 matrix from world to camera.
     pub fn rows(&self) -> [[f64; 4]; 4] {
         let row = |k: usize| self.rotation.row(k).extend(self.translation[k]).to_array();
-        [row(0), row(1), row(2), [0.0, 0.0, 0.0, 1.0]]
+        [row(0), row(1), row(2), LAST_ROW]
     }
 
     /// A point of the world in the camera's axes.
@@ -80,6 +83,18 @@ impl serde::Serialize for Pose {
     /// As [`Pose::rows`].
     fn serialize<S: serde::Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
         self.rows().serialize(to)
+    }
+}
+
+impl<'de> serde::Deserialize<'de> for Pose {
+    /// As [`Pose::rows`]; faults where the last one is not (0, 0, 0, 1). Whether it turns is not asked.
+    fn deserialize<D: serde::Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
+        let rows = <[[f64; 4]; 4]>::deserialize(from)?;
+        if rows[3] != LAST_ROW {
+            let reason = format!("a pose has {:?} as its last row, not [0, 0, 0, 1]", rows[3]);
+            return Err(serde::de::Error::custom(reason));
+        }
+        Ok(Pose::of_rows(&rows))
     }
 }
 

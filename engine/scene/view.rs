@@ -7,29 +7,20 @@ use super::intrinsics::Intrinsics;
 use super::pose::Pose;
 use crate::error::{Error, Result};
 use crate::files::{read_bytes, write_atomic};
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 
-/// A pinhole camera at one time, as a cameras file spells it and the twin reads it: flat, and unchecked until [`read_views`] has
-/// seen it. [`View::intrinsics`] and [`View::pose`] are what it is computed with. Double precision on the host; narrowed once when
-/// it goes to the device.
+/// A pinhole camera at one time, unchecked until [`read_views`] has seen it. Double precision on the host; narrowed once when it
+/// goes to the device.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct View {
     /// Names the output files.
     pub name: String,
-    /// Pixels.
-    pub width: u32,
-    /// Pixels.
-    pub height: u32,
-    /// Focal length in x, pixels.
-    pub fx: f64,
-    /// Focal length in y, pixels.
-    pub fy: f64,
-    /// Principal point in x, pixels; pixel (0, 0) has its centre at (0.5, 0.5).
-    pub cx: f64,
-    /// Principal point in y, pixels.
-    pub cy: f64,
-    /// Rows of the 4 x 4 matrix that maps world to camera (x right, y down, z forward).
-    pub world_to_camera: [[f64; 4]; 4],
+    /// Its pinhole. A file has its fields among the view's own.
+    #[serde(flatten)]
+    pub intrinsics: Intrinsics,
+    /// Where it is. A file has the rows, see [`Pose::rows`].
+    #[serde(rename = "world_to_camera")]
+    pub pose: Pose,
     /// Normalised time.
     #[serde(default)]
     pub time: f64,
@@ -45,9 +36,9 @@ pub struct View {
     /// What the output `flow` is.
     #[serde(default, skip_serializing_if = "FlowModel::is_default")]
     pub flow_model: FlowModel,
-    /// `world_to_camera` one frame on, of a camera that moves; [`FlowModel::Displacement`] uses it.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub next_world_to_camera: Option<[[f64; 4]; 4]>,
+    /// Where it is one frame on, of a camera that moves; [`FlowModel::Displacement`] uses it.
+    #[serde(rename = "next_world_to_camera", default, skip_serializing_if = "Option::is_none")]
+    pub next_pose: Option<Pose>,
 }
 
 /// What a view sees, roughly: the cone about its corners.
@@ -172,54 +163,41 @@ impl View {
         let f = f64::from(height) / (2.0 * (fov.to_radians() / 2.0).tan());
         View {
             name: "view".to_owned(),
-            width,
-            height,
-            fx: f,
-            fy: f,
-            cx: f64::from(width) / 2.0,
-            cy: f64::from(height) / 2.0,
-            world_to_camera: Pose::look_at(eye, target, up).rows(),
+            intrinsics: Intrinsics {
+                width,
+                height,
+                fx: f,
+                fy: f,
+                cx: f64::from(width) / 2.0,
+                cy: f64::from(height) / 2.0,
+            },
+            pose: Pose::look_at(eye, target, up),
             time: 0.0,
             time_offset: 0.0,
             flow_dt: 1.0,
             background: [0.0; 3],
             flow_model: FlowModel::default(),
-            next_world_to_camera: None,
+            next_pose: None,
         }
-    }
-
-    /// Its pinhole.
-    pub fn intrinsics(&self) -> Intrinsics {
-        let View { width, height, fx, fy, cx, cy, .. } = *self;
-        Intrinsics { width, height, fx, fy, cx, cy }
-    }
-
-    /// Where it is.
-    pub fn pose(&self) -> Pose {
-        Pose::of_rows(&self.world_to_camera)
-    }
-
-    /// The view through another pinhole.
-    pub fn through(&self, Intrinsics { width, height, fx, fy, cx, cy }: Intrinsics) -> View {
-        View { width, height, fx, fy, cx, cy, ..self.clone() }
     }
 
     /// The view in smaller pictures, see [`Intrinsics::reduced`].
     pub fn reduced(&self, factor: u32) -> View {
-        self.through(self.intrinsics().reduced(factor))
+        View { intrinsics: self.intrinsics.reduced(factor), ..self.clone() }
     }
 
     /// The view as a picture of another shape has it, pixels, see [`Intrinsics::fitted`].
     pub fn fitted(&self, size: [u32; 2]) -> View {
-        self.through(self.intrinsics().fitted(size))
+        View { intrinsics: self.intrinsics.fitted(size), ..self.clone() }
     }
 
     /// The cone of what it sees, relative to `origin`.
     pub fn cone(&self, origin: [f64; 3]) -> Cone {
-        let (width, height) = (f64::from(self.width), f64::from(self.height));
-        let x = self.cx.max(width - self.cx) / self.fx;
-        let y = self.cy.max(height - self.cy) / self.fy;
-        let pose = self.pose();
+        let Intrinsics { fx, fy, cx, cy, .. } = self.intrinsics;
+        let DVec2 { x: width, y: height } = self.intrinsics.size();
+        let x = cx.max(width - cx) / fx;
+        let y = cy.max(height - cy) / fy;
+        let pose = &self.pose;
         Cone {
             tip: (pose.center() - DVec3::from(origin)).as_vec3().to_array(),
             reach: x.hypot(y) as f32,
@@ -238,17 +216,18 @@ impl View {
             let reason = "has a path separator, a control character or `..`".to_owned();
             return Some(("name", reason, "it names the output files: use a plain file name"));
         }
-        for (field, side) in [("width", self.width), ("height", self.height)] {
+        let Intrinsics { width, height, fx, fy, cx, cy } = self.intrinsics;
+        for (field, side) in [("width", width), ("height", height)] {
             if !(1..=MAX_SIDE).contains(&side) {
                 return Some((field, format!("is {side}, 1 to {MAX_SIDE} is allowed"), "give the size in pixels"));
             }
         }
-        for (field, focal) in [("fx", self.fx), ("fy", self.fy)] {
+        for (field, focal) in [("fx", fx), ("fy", fy)] {
             if !(focal.is_finite() && focal > 0.0) {
                 return Some((field, format!("is {focal}, not a positive number"), "give the focal length in pixels"));
             }
         }
-        let numbers = [("cx", self.cx), ("cy", self.cy), ("time", self.time), ("time_offset", self.time_offset)];
+        let numbers = [("cx", cx), ("cy", cy), ("time", self.time), ("time_offset", self.time_offset)];
         for (field, number) in numbers.into_iter().chain([("flow_dt", self.flow_dt)]) {
             if !number.is_finite() {
                 return Some((field, format!("is {number}"), "give a finite number"));
@@ -257,22 +236,18 @@ impl View {
         if self.background.iter().any(|c| !c.is_finite()) {
             return Some(("background", format!("is {:?}", self.background), "give three finite numbers"));
         }
-        let next = self.next_world_to_camera.as_ref();
-        check_pose("world_to_camera", &self.world_to_camera)
+        let next = self.next_pose.as_ref();
+        check_pose("world_to_camera", &self.pose)
             .or_else(|| next.and_then(|next| check_pose("next_world_to_camera", next)))
     }
 }
 
-fn check_pose(field: &'static str, m: &[[f64; 4]; 4]) -> Option<Fault> {
+fn check_pose(field: &'static str, Pose { rotation, translation }: &Pose) -> Option<Fault> {
     const REMEDY: &str =
         "give the rows of a rotation and translation from world to camera (x right, y down, z forward)";
-    if m.iter().flatten().any(|v| !v.is_finite()) {
+    if !(rotation.is_finite() && translation.is_finite()) {
         return Some((field, "has an entry that is not finite".to_owned(), REMEDY));
     }
-    if m[3] != [0.0, 0.0, 0.0, 1.0] {
-        return Some((field, format!("has {:?} as its last row, not [0, 0, 0, 1]", m[3]), REMEDY));
-    }
-    let rotation = Pose::of_rows(m).rotation;
     for i in 0..3 {
         for j in 0..=i {
             let product = rotation.row(i).dot(rotation.row(j));

@@ -60,7 +60,7 @@ impl Job<'_> {
 impl Extent {
     pub(super) fn new(view: &View, strip: Strip) -> Self {
         let (tiles_x, tiles_y) = strip.tiles(view);
-        Extent { strip, n_tiles: tiles_x * tiles_y, n_pixels: view.width * strip.n_rows }
+        Extent { strip, n_tiles: tiles_x * tiles_y, n_pixels: view.intrinsics.width * strip.n_rows }
     }
 }
 

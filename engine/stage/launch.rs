@@ -121,8 +121,8 @@ impl Renderer {
 
 /// Uploads the strip's rows of the cotangents.
 fn write_cotangents(gpu: &Gpu, backward: &Backward, c: &Frame, view: &View, strip: Strip) -> Result<()> {
-    let first = (view.width * strip.first_row) as usize;
-    let pixels = first..first + (view.width * strip.n_rows) as usize;
+    let first = (view.intrinsics.width * strip.first_row) as usize;
+    let pixels = first..first + (view.intrinsics.width * strip.n_rows) as usize;
     let image0: Vec<_> = pixels.clone().map(|p| [c.color[p][0], c.color[p][1], c.color[p][2], c.alpha[p]]).collect();
     gpu.write(&backward.d_image0, &image0)?;
     if let Some(d_image1) = &backward.d_image1 {

@@ -5,7 +5,7 @@ pub use crate::gpu::generated::constants::types::TILE;
 use crate::gpu::generated::constants::types::{
     EVERY_BLOCK, FLOW_DISPLACEMENT, FLOW_VELOCITY, TILES_ELLIPSE, TILES_RECTANGLE, TILES_SQUARE,
 };
-use crate::scene::{FlowModel, View};
+use crate::scene::{FlowModel, Pose, View};
 use crate::settings::{Constants, TileBound};
 
 /// Pixels of a tile.
@@ -43,12 +43,12 @@ pub struct Strip {
 impl Strip {
     /// The strip that is the whole picture.
     pub fn whole(view: &View) -> Self {
-        Strip { first_row: 0, n_rows: view.height }
+        Strip { first_row: 0, n_rows: view.intrinsics.height }
     }
 
     /// Tiles across and down.
     pub fn tiles(&self, view: &View) -> (u32, u32) {
-        (view.width.div_ceil(TILE), self.n_rows.div_ceil(TILE))
+        (view.intrinsics.width.div_ceil(TILE), self.n_rows.div_ceil(TILE))
     }
 }
 
@@ -59,21 +59,21 @@ pub(super) fn moment(view: &View) -> f64 {
 
 /// Parameters of `strip` of `view` for a scene whose positions were shifted by `-origin`.
 pub fn view_params(view: &View, constants: &Constants, origin: [f64; 3], strip: Strip) -> ViewParams {
-    let m = &view.world_to_camera;
     // Centre of the camera, -R^T t, relative to the scene's origin.
-    let rows = |m: &[[f64; 4]; 4]| -> [[f32; 4]; 3] {
+    let rows = |pose: &Pose| -> [[f32; 4]; 3] {
+        let m = pose.rows();
         let center = |k: usize| -(0..3).map(|r| m[r][k] * m[r][3]).sum::<f64>() - origin[k];
         std::array::from_fn(|r| [m[r][0] as f32, m[r][1] as f32, m[r][2] as f32, center(r) as f32])
     };
-    let [row0, row1, row2] = rows(m);
-    let [next0, next1, next2] = rows(view.next_world_to_camera.as_ref().unwrap_or(m));
+    let [row0, row1, row2] = rows(&view.pose);
+    let [next0, next1, next2] = rows(view.next_pose.as_ref().unwrap_or(&view.pose));
     // SPEC 3: the Jacobian follows the centre up to 30 % of half the field of view beyond the picture's edge.
     let clamp = |f: f64, c: f64, size: f64| {
         let half = size / (2.0 * f);
         (-(c / f + 0.3 * half), (size - c) / f + 0.3 * half)
     };
-    let (u_low, u_high) = clamp(view.fx, view.cx, f64::from(view.width));
-    let (v_low, v_high) = clamp(view.fy, view.cy, f64::from(view.height));
+    let (u_low, u_high) = clamp(view.intrinsics.fx, view.intrinsics.cx, f64::from(view.intrinsics.width));
+    let (v_low, v_high) = clamp(view.intrinsics.fy, view.intrinsics.cy, f64::from(view.intrinsics.height));
     let (tiles_x, tiles_y) = strip.tiles(view);
     let [r, g, b] = view.background;
     let knobs = &constants.knobs;
@@ -87,7 +87,12 @@ pub fn view_params(view: &View, constants: &Constants, origin: [f64; 3], strip: 
         row0,
         row1,
         row2,
-        intrinsics: [view.fx as f32, view.fy as f32, view.cx as f32, view.cy as f32],
+        intrinsics: [
+            view.intrinsics.fx as f32,
+            view.intrinsics.fy as f32,
+            view.intrinsics.cx as f32,
+            view.intrinsics.cy as f32,
+        ],
         clamp_uv: [u_low as f32, u_high as f32, v_low as f32, v_high as f32],
         background: [r, g, b, view.flow_dt as f32],
         next0,
@@ -99,8 +104,8 @@ pub fn view_params(view: &View, constants: &Constants, origin: [f64; 3], strip: 
         alpha_min: constants.alpha_min,
         alpha_max: constants.alpha_max,
         t_min: constants.t_min,
-        width: view.width,
-        height: view.height,
+        width: view.intrinsics.width,
+        height: view.intrinsics.height,
         first_row: strip.first_row,
         n_rows: strip.n_rows,
         tiles_x,

@@ -90,7 +90,11 @@ impl Renderer {
     /// # Errors
     /// As [`Renderer::render`].
     pub fn show(&mut self, view: &View, layer: Layer, screen: &Screen, is_timed: bool) -> Result<FrameReport> {
-        assert_eq!((view.width, view.height), (screen.width, screen.height), "the view and the screen");
+        assert_eq!(
+            (view.intrinsics.width, view.intrinsics.height),
+            (screen.width, screen.height),
+            "the view and the screen"
+        );
         let gpu = self.gpu.clone();
         let outputs = if matches!(layer, Layer::Color | Layer::Alpha) { Outputs::Color } else { Outputs::All };
         let measure = if is_timed { Measure::Times } else { Measure::Nothing };
@@ -98,7 +102,7 @@ impl Renderer {
         self.strips(&job, None, |_, work, landed| {
             let mut rec = Recording::new();
             let strip = landed.extent.strip;
-            let pixels = [strip.first_row, strip.n_rows].map(|rows| view.width * rows);
+            let pixels = [strip.first_row, strip.n_rows].map(|rows| view.intrinsics.width * rows);
             screen.record(&mut rec, &work.blend.image0, work.blend.image1.as_ref(), layer, pixels);
             gpu.run(&rec)
         })
@@ -149,7 +153,7 @@ impl Renderer {
     /// As [`Renderer::render`].
     pub fn begin(&mut self, view: &View, outputs: Outputs, destination: Destination) -> Result<Picture> {
         let job = Job { view, outputs, destination, cotangents: None, measure: Measure::Nothing };
-        let fits = self.longest_strip(view)? >= view.height;
+        let fits = self.longest_strip(view)? >= view.intrinsics.height;
         let launched = if fits { Some(self.launch(&job, Strip::whole(view), 1)?) } else { None };
         Ok(Picture { view: view.clone(), outputs, destination, launched })
     }
@@ -161,7 +165,7 @@ impl Renderer {
     pub fn end(&mut self, picture: Picture) -> Result<(Frame, FrameReport)> {
         let Picture { view, outputs, destination, launched } = picture;
         let job = Job { view: &view, outputs, destination, cotangents: None, measure: Measure::Nothing };
-        let mut frame = Frame { width: view.width, height: view.height, ..Frame::default() };
+        let mut frame = Frame { width: view.intrinsics.width, height: view.intrinsics.height, ..Frame::default() };
         let report = self.strips(&job, launched, |_, _, landed| {
             append(&mut frame, &landed.images);
             Ok(())
@@ -243,7 +247,7 @@ impl Renderer {
     ) -> Result<()> {
         let gpu = self.gpu.clone();
         let time = moment(view);
-        let mut frame = Frame { width: view.width, height: view.height, ..Frame::default() };
+        let mut frame = Frame { width: view.intrinsics.width, height: view.intrinsics.height, ..Frame::default() };
         let add = |fisher: &Fisher, scene: &SceneBuffers, work: &Workspace| {
             let Some(backward) = &work.backward else { return Ok(()) };
             let mut rec = Recording::new();
@@ -294,8 +298,8 @@ impl Renderer {
         let mut report = FrameReport::default();
         let mut strip_rows = self.longest_strip(view)?;
         let mut first_row = 0;
-        while first_row < view.height {
-            let strip = Strip { first_row, n_rows: strip_rows.min(view.height - first_row) };
+        while first_row < view.intrinsics.height {
+            let strip = Strip { first_row, n_rows: strip_rows.min(view.intrinsics.height - first_row) };
             if let Some(landed) = self.strip(job, strip, launched.take(), &mut report)? {
                 if let Some(work) = &self.work {
                     done(&self.scene, work, &landed)?;
@@ -311,7 +315,7 @@ impl Renderer {
 
     /// The most rows, whole tiles, whose images fit a binding.
     pub(super) fn longest_strip(&self, view: &View) -> Result<u32> {
-        let row_bytes = 16 * u64::from(view.width);
+        let row_bytes = 16 * u64::from(view.intrinsics.width);
         let limit = self.gpu.caps().max_binding_bytes;
         let rows = limit / row_bytes / u64::from(TILE) * u64::from(TILE);
         if rows == 0 {
@@ -322,7 +326,7 @@ impl Renderer {
                 remedy: "render a narrower picture or choose another device".to_owned(),
             });
         }
-        let whole = u64::from(view.height.next_multiple_of(TILE));
+        let whole = u64::from(view.intrinsics.height.next_multiple_of(TILE));
         Ok(rows.min(whole) as u32)
     }
 

@@ -16,6 +16,7 @@ use crate::gpu::generated::{Status, ViewParams};
 use crate::gpu::{Buf, Recording, Slice};
 use crate::scene::{Frame, View};
 use crate::settings::Constants;
+use glam::DVec3;
 
 /// Rows of two rotations are alike within this.
 const ALIKE: f64 = 1e-9;
@@ -36,7 +37,7 @@ impl Renderer {
         outputs: Outputs,
         destination: Destination,
     ) -> Result<[Picture; 2]> {
-        let fits = self.longest_strip(eyes[0])? >= eyes[0].height;
+        let fits = self.longest_strip(eyes[0])? >= eyes[0].intrinsics.height;
         let Some((union, back)) = union(eyes).filter(|_| fits) else {
             let [first, second] = eyes.map(|eye| self.begin(eye, outputs, destination));
             return Ok([first?, second?]);
@@ -161,9 +162,12 @@ fn shared_grids(work: &Workspace) -> Slice {
 fn union(eyes: [&View; 2]) -> Option<(View, f64)> {
     let [a, b] = eyes;
     let alike = |x: f64, y: f64| (x - y).abs() <= ALIKE * x.abs().max(1.0);
-    let (m, other) = (&a.world_to_camera, &b.world_to_camera);
+    let (m, other) = (a.pose.rows(), b.pose.rows());
     let same_way = (0..3).all(|row| (0..3).all(|k| alike(m[row][k], other[row][k]))) && alike(m[2][3], other[2][3]);
-    if !same_way || moment(a) != moment(b) || (a.width, a.height) != (b.width, b.height) {
+    if !same_way
+        || moment(a) != moment(b)
+        || (a.intrinsics.width, a.intrinsics.height) != (b.intrinsics.width, b.intrinsics.height)
+    {
         return None;
     }
     // In the camera's axes, from the middle between the eyes: where each is, and the tangents of its borders.
@@ -176,15 +180,16 @@ fn union(eyes: [&View; 2]) -> Option<(View, f64)> {
         let back = place.iter().map(|x| (x / highest).max(x / lowest)).fold(0.0, f64::max);
         (lowest < 0.0 && highest > 0.0).then_some((middle, lowest, highest, back))
     };
-    let (x, left, right, back_x) = axis(0, |v| v.fx, |v| v.cx, a.width)?;
-    let (y, top, bottom, back_y) = axis(1, |v| v.fy, |v| v.cy, a.height)?;
+    let (x, left, right, back_x) = axis(0, |v| v.intrinsics.fx, |v| v.intrinsics.cx, a.intrinsics.width)?;
+    let (y, top, bottom, back_y) = axis(1, |v| v.intrinsics.fy, |v| v.intrinsics.cy, a.intrinsics.height)?;
     let back = back_x.max(back_y) * (1.0 + ALIKE);
     let mut view = a.clone();
-    let pose = &mut view.world_to_camera;
-    (pose[0][3], pose[1][3], pose[2][3]) = (x, y, m[2][3] + back);
+    view.pose.translation = DVec3::new(x, y, m[2][3] + back);
     // Where the eyes' pixels differ, those of the larger ones, which blur farther.
-    (view.fx, view.fy) = (a.fx.min(b.fx), a.fy.min(b.fy));
-    (view.cx, view.cy) = (-left * view.fx, -top * view.fy);
-    (view.width, view.height) = (((right - left) * view.fx).ceil() as u32, ((bottom - top) * view.fy).ceil() as u32);
+    (view.intrinsics.fx, view.intrinsics.fy) =
+        (a.intrinsics.fx.min(b.intrinsics.fx), a.intrinsics.fy.min(b.intrinsics.fy));
+    (view.intrinsics.cx, view.intrinsics.cy) = (-left * view.intrinsics.fx, -top * view.intrinsics.fy);
+    (view.intrinsics.width, view.intrinsics.height) =
+        (((right - left) * view.intrinsics.fx).ceil() as u32, ((bottom - top) * view.intrinsics.fy).ceil() as u32);
     Some((view, back))
 }

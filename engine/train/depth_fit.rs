@@ -170,7 +170,7 @@ fn pairs(
     let shot = capture.cameras[camera].shot(frame);
     let Some(path) = shot.and_then(|shot| shot.depth.as_ref()) else { return Ok(None) };
     let view = capture.view(camera, frame)?;
-    let prior = read_depth(path, view.width, view.height)?;
+    let prior = read_depth(path, view.intrinsics.width, view.intrinsics.height)?;
     let camera = Pinhole::new(&view);
     let pair = |point: &[f64; 3]| {
         let (at, z) = camera.project(DVec3::from_array(*point))?;

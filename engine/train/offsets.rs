@@ -80,7 +80,13 @@ pub fn offset_pictures(capture: &Capture, background: [f32; 3], camera: usize) -
     frames
         .map(|frame| {
             let view = View { background, ..capture.view(camera, frame)? };
-            let reduction = view.width.max(view.height).div_ceil(SIDE).min(view.width).min(view.height);
+            let reduction = view
+                .intrinsics
+                .width
+                .max(view.intrinsics.height)
+                .div_ceil(SIDE)
+                .min(view.intrinsics.width)
+                .min(view.intrinsics.height);
             Ok((view.reduced(reduction), capture.picture(camera, frame)?.reduced(reduction)))
         })
         .collect()

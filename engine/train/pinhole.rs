@@ -12,7 +12,7 @@ pub(super) struct Pinhole {
 
 impl Pinhole {
     pub fn new(view: &View) -> Self {
-        Pinhole { intrinsics: view.intrinsics(), pose: view.pose() }
+        Pinhole { intrinsics: view.intrinsics, pose: view.pose }
     }
 
     /// Place in the image, pixels, and depth; `None` behind the camera.

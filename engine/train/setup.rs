@@ -86,11 +86,11 @@ pub fn near_plane(capture: &Capture) -> f32 {
     let views = lenses(capture);
     let each = capture.points.len().div_ceil(MOST_POINTS).max(1);
     let depth = |view: &View, point: [f64; 3]| {
-        let DVec3 { x, y, z } = view.pose().to_camera(point.into());
+        let DVec3 { x, y, z } = view.pose.to_camera(point.into());
         let is_within = |at: f64, side: u32| (0.0..f64::from(side)).contains(&at);
         let is_seen = z > 0.0
-            && is_within(view.fx * x / z + view.cx, view.width)
-            && is_within(view.fy * y / z + view.cy, view.height);
+            && is_within(view.intrinsics.fx * x / z + view.intrinsics.cx, view.intrinsics.width)
+            && is_within(view.intrinsics.fy * y / z + view.intrinsics.cy, view.intrinsics.height);
         is_seen.then_some(z)
     };
     let points = || capture.points.iter().step_by(each);

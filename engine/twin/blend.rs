@@ -65,12 +65,13 @@ pub fn render<R: Real>(params: &Params<R>, view: &View, rules: &Rules<R>) -> Out
     let splats = visible_sorted(params, &camera, rules);
     let boxes: Vec<[f64; 4]> = splats.iter().map(bounds).collect();
 
-    let n_pixels = view.width as usize * view.height as usize;
-    let mut outputs = Outputs { width: view.width, height: view.height, ..Outputs::with_capacity(n_pixels) };
-    for row in 0..view.height {
+    let n_pixels = view.intrinsics.width as usize * view.intrinsics.height as usize;
+    let mut outputs =
+        Outputs { width: view.intrinsics.width, height: view.intrinsics.height, ..Outputs::with_capacity(n_pixels) };
+    for row in 0..view.intrinsics.height {
         let y = f64::from(row) + 0.5;
         let in_row: Vec<usize> = (0..splats.len()).filter(|&k| boxes[k][2] <= y && y <= boxes[k][3]).collect();
-        for column in 0..view.width {
+        for column in 0..view.intrinsics.width {
             let x = f64::from(column) + 0.5;
             let candidates = in_row.iter().filter(|&&k| boxes[k][0] <= x && x <= boxes[k][1]).map(|&k| &splats[k]);
             outputs.push(blend([x, y], candidates, &camera, rules), params.background);

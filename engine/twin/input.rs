@@ -60,18 +60,18 @@ pub struct Camera<R> {
 impl<R: Real> Camera<R> {
     /// Narrows `view` to numbers of kind `R`.
     pub fn new(view: &View) -> Self {
-        let m = &view.world_to_camera;
+        let m = &view.pose.rows();
         let centre: [f64; 3] = std::array::from_fn(|k| -(m[0][k] * m[0][3] + m[1][k] * m[1][3] + m[2][k] * m[2][3]));
         let rotation = |m: &[[f64; 4]; 4]| std::array::from_fn(|i| std::array::from_fn(|k| R::from_f64(m[i][k])));
         let translation = |m: &[[f64; 4]; 4]| std::array::from_fn(|i| R::from_f64(m[i][3]));
-        let next = view.next_world_to_camera.as_ref().unwrap_or(m);
+        let next = &view.next_pose.as_ref().unwrap_or(&view.pose).rows();
         Camera {
             rotation: rotation(m),
             translation: translation(m),
             centre: centre.map(R::from_f64),
-            focal: [view.fx, view.fy].map(R::from_f64),
-            principal: [view.cx, view.cy].map(R::from_f64),
-            size: [view.width, view.height].map(|n| R::from_f64(f64::from(n))),
+            focal: [view.intrinsics.fx, view.intrinsics.fy].map(R::from_f64),
+            principal: [view.intrinsics.cx, view.intrinsics.cy].map(R::from_f64),
+            size: [view.intrinsics.width, view.intrinsics.height].map(|n| R::from_f64(f64::from(n))),
             time: R::from_f64(view.time),
             flow_dt: R::from_f64(view.flow_dt),
             next: match view.flow_model {

@@ -17,15 +17,15 @@ fn every_number_of_a_binary_model_arrives() {
     assert_eq!(capture.test_frames(), [(0, 0)]);
     assert_eq!(capture.training_frames(), [(1, 0), (2, 0)]);
     let a = capture.view(0, 0).unwrap();
-    assert_eq!((a.name.as_str(), a.width, a.height, a.time, a.flow_dt), ("a", 6, 4, 0.0, 1.0));
-    assert_eq!([a.fx, a.fy, a.cx, a.cy], [4.75, 4.75, 3.0, 1.875]);
+    assert_eq!((a.name.as_str(), a.intrinsics.width, a.intrinsics.height, a.time, a.flow_dt), ("a", 6, 4, 0.0, 1.0));
+    assert_eq!([a.intrinsics.fx, a.intrinsics.fy, a.intrinsics.cx, a.intrinsics.cy], [4.75, 4.75, 3.0, 1.875]);
     // A rotation about x whose half angle has cosine 0.6 and sine 0.8.
     let expected = [[1.0, 0.0, 0.0, 1.0], [0.0, -0.28, -0.96, 2.0], [0.0, 0.96, -0.28, 3.0], [0.0, 0.0, 0.0, 1.0]];
-    for (row, expected) in a.world_to_camera.iter().zip(expected) {
-        row.iter().zip(expected).for_each(|(v, e)| assert!((v - e).abs() < 1e-12, "{:?}", a.world_to_camera));
+    for (row, expected) in a.pose.rows().iter().zip(expected) {
+        row.iter().zip(expected).for_each(|(v, e)| assert!((v - e).abs() < 1e-12, "{:?}", a.pose));
     }
     let b = capture.view(1, 0).unwrap();
-    assert_eq!([b.fx, b.fy, b.cx, b.cy], [5.5, 5.25, 3.125, 2.0]);
+    assert_eq!([b.intrinsics.fx, b.intrinsics.fy, b.intrinsics.cx, b.intrinsics.cy], [5.5, 5.25, 3.125, 2.0]);
     assert_eq!(
         capture.points,
         [

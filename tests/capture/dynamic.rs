@@ -61,7 +61,10 @@ fn cameras_frames_times_and_pixels_arrive() {
     assert_eq!(capture.training_frames()[..3], [(0, 0), (2, 0), (0, 1)]);
     let view = capture.view(2, 3).unwrap();
     assert_eq!((view.name.as_str(), view.time, view.flow_dt), ("2_00003", 0.75, 0.25));
-    assert_eq!((view.fx, view.fy, view.cx, view.cy, view.world_to_camera[0][3]), (5.0, 5.5, 3.0, 2.0, 2.0));
+    assert_eq!(
+        (view.intrinsics.fx, view.intrinsics.fy, view.intrinsics.cx, view.intrinsics.cy, view.pose.translation.x),
+        (5.0, 5.5, 3.0, 2.0, 2.0)
+    );
     let picture = capture.picture(2, 3).unwrap();
     assert_eq!((picture.width, picture.height, picture.pixels.len()), (6, 4, 24));
     assert_eq!(picture.pixels[5].to_le_bytes(), [17 * 2 + 5 * 3 + 5, 5, 7, 255]);
@@ -97,7 +100,7 @@ fn a_moving_camera_has_a_pose_at_each_frame() {
     moving["w2c"][1][1][1][3] = json!(5.0);
     folder.write("train_meta.json", moving.to_string());
     let capture = folder.open();
-    let y = |camera, frame| capture.view(camera, frame).unwrap().world_to_camera[1][3];
+    let y = |camera, frame| capture.view(camera, frame).unwrap().pose.translation.y;
     assert_eq!([y(2, 0), y(2, 1), y(2, 2)], [0.0, 5.0, 0.0]);
     assert_eq!([y(0, 0), y(0, 1), y(0, 2)], [0.0; 3]);
 }

@@ -66,7 +66,7 @@ fn a_folder_arrives_with_its_moving_camera_masks_and_test_camera() {
     assert_eq!((capture.fps, capture.n_frames, capture.reference_frame), (25.0, 3, 1));
     let names: Vec<_> = capture.cameras.iter().map(|camera| (camera.name.as_str(), camera.is_test)).collect();
     assert_eq!(names, [("front", false), ("rig", false), ("side", true)]);
-    let x = |camera, frame| capture.view(camera, frame).unwrap().world_to_camera[0][3];
+    let x = |camera, frame| capture.view(camera, frame).unwrap().pose.translation.x;
     assert_eq!([x(0, 0), x(0, 2), x(1, 0), x(1, 1), x(1, 2), x(2, 1)], [0.0, 0.0, 1.0, 2.0, 3.0, 9.0]);
     let rig = capture.picture(1, 2).unwrap();
     assert_eq!(rig.pixels[1].to_le_bytes(), [13, 1, 7, 255]);

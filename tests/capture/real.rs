@@ -17,13 +17,13 @@ fn the_fox_has_its_published_test_views() {
     assert!(capture.points.iter().all(|point| point.n_views >= 2));
     // The points project into the images that they were made from.
     let view = capture.view(0, 0).unwrap();
-    assert_eq!((view.width, view.height), (266, 474));
+    assert_eq!((view.intrinsics.width, view.intrinsics.height), (266, 474));
     let row = |k: usize, p: [f64; 3]| -> f64 {
-        (0..3).map(|c| view.world_to_camera[k][c] * p[c]).sum::<f64>() + view.world_to_camera[k][3]
+        (0..3).map(|c| view.pose.rows()[k][c] * p[c]).sum::<f64>() + view.pose.translation[k]
     };
     let inside = capture.points.iter().filter(|point| {
         let [x, y, z] = [0, 1, 2].map(|k| row(k, point.position));
-        let (u, v) = (view.fx * x / z + view.cx, view.fy * y / z + view.cy);
+        let (u, v) = (view.intrinsics.fx * x / z + view.intrinsics.cx, view.intrinsics.fy * y / z + view.intrinsics.cy);
         z > 0.0 && (0.0..266.0).contains(&u) && (0.0..474.0).contains(&v)
     });
     assert!(inside.count() > 1000);

@@ -30,11 +30,11 @@ fn poses_are_turned_and_every_eighth_image_is_a_test() {
     assert_eq!((capture.cameras.len(), capture.n_frames), (10, 1));
     assert_eq!(capture.test_frames(), [(0, 0), (8, 0)]);
     let view = capture.view(3, 0).unwrap();
-    assert_eq!((view.name.as_str(), view.width, view.height), ("images_0003", 6, 4));
-    assert_eq!([view.fx, view.fy, view.cx, view.cy], [5.0, 5.5, 3.25, 2.0]);
+    assert_eq!((view.name.as_str(), view.intrinsics.width, view.intrinsics.height), ("images_0003", 6, 4));
+    assert_eq!([view.intrinsics.fx, view.intrinsics.fy, view.intrinsics.cx, view.intrinsics.cy], [5.0, 5.5, 3.25, 2.0]);
     // The world's origin is 5 in front of the camera and 3 to its left; y turns around.
     let expected = [[1.0, 0.0, 0.0, -3.0], [0.0, -1.0, 0.0, 0.0], [0.0, 0.0, -1.0, 5.0], [0.0, 0.0, 0.0, 1.0]];
-    assert_eq!(view.world_to_camera, expected);
+    assert_eq!(view.pose.rows(), expected);
 }
 
 #[test]
@@ -48,9 +48,15 @@ fn intrinsics_come_from_angles_frames_and_images() {
     let capture = folder.open();
     let (first, second) = (capture.view(0, 0).unwrap(), capture.view(1, 0).unwrap());
     let focal = 3.0 / 0.5_f64.tan();
-    assert!((first.fx - focal).abs() < 1e-12 && first.fx == first.fy);
-    assert_eq!((first.width, first.height, first.cx, first.cy), (6, 4, 3.0, 2.0));
-    assert_eq!((second.fx, second.fy, second.cx, second.cy), (9.0, 9.0, 3.0, 1.5));
+    assert!((first.intrinsics.fx - focal).abs() < 1e-12 && first.intrinsics.fx == first.intrinsics.fy);
+    assert_eq!(
+        (first.intrinsics.width, first.intrinsics.height, first.intrinsics.cx, first.intrinsics.cy),
+        (6, 4, 3.0, 2.0)
+    );
+    assert_eq!(
+        (second.intrinsics.fx, second.intrinsics.fy, second.intrinsics.cx, second.intrinsics.cy),
+        (9.0, 9.0, 3.0, 1.5)
+    );
 }
 
 #[test]

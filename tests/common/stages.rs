@@ -133,7 +133,7 @@ impl Fixture {
     /// The two images of `strip`, a row of pixels after the other, as the blend leaves them.
     pub fn blend(&self, view: &View, strip: Strip) -> (Vec<[f32; 4]>, Vec<[f32; 4]>) {
         let (tiles_x, tiles_y) = strip.tiles(view);
-        let (n_tiles, n_pixels) = (tiles_x * tiles_y, (view.width * strip.n_rows) as usize);
+        let (n_tiles, n_pixels) = (tiles_x * tiles_y, (view.intrinsics.width * strip.n_rows) as usize);
         let params = view_params(view, &Constants::default(), self.scene.origin, strip);
         self.gpu.write(&self.view, &[params]).unwrap();
         let tiles = Tiles::new(&self.gpu, self.scene.n.max(1), INTERSECTIONS, n_tiles, false).unwrap();

@@ -73,7 +73,7 @@ fn a_cotangent_beyond_the_fixed_point_s_range_is_counted_and_never_wraps() {
     let splats = scene(10, 60, 0);
     for size in [1e9f32, 1e30, f32::INFINITY, f32::NAN] {
         let mut huge = cotangents(4, &view, |_| true);
-        huge.color[(28 * view.width + 40) as usize] = [size, 0.0, 0.0];
+        huge.color[(28 * view.intrinsics.width + 40) as usize] = [size, 0.0, 0.0];
         let mut renderer = Renderer::new(gpu.clone(), &splats, Constants::default()).unwrap();
         renderer.accumulate(Accumulation::FixedPoint).unwrap();
         let (found, _) = renderer.vjp(&view, &huge).unwrap();

@@ -2,11 +2,11 @@
 
 use super::check::{bits, check_adjoint, is_finite, smooth_cotangents, vjp};
 use crate::common::device::gpu;
-use crate::common::one::{One, ball, camera, scene_of};
+use crate::common::one::{One, ball, camera, scene_of, with};
 use crate::common::random::{Random, scene, view};
 use crate::common::twins::tested;
 use ivv::Constants;
-use ivv::scene::{Motion, Splats, View};
+use ivv::scene::{Intrinsics, Motion, Pose, Splats, View};
 use ivv::stage::Renderer;
 use ivv::twin::Camera;
 
@@ -35,12 +35,14 @@ fn sized(width: u32, height: u32) -> View {
     let base = view();
     let scale = f64::from(width.max(height)) / 80.0;
     View {
-        width,
-        height,
-        fx: base.fx * scale,
-        fy: base.fy * scale,
-        cx: f64::from(width) * 0.48,
-        cy: f64::from(height) * 0.52,
+        intrinsics: Intrinsics {
+            width,
+            height,
+            fx: base.intrinsics.fx * scale,
+            fy: base.intrinsics.fy * scale,
+            cx: f64::from(width) * 0.48,
+            cy: f64::from(height) * 0.52,
+        },
         ..base
     }
 }
@@ -70,17 +72,17 @@ fn the_backward_pass_is_the_adjoint_for_any_view() {
     let turned = {
         let (s, c) = 0.4f64.sin_cos();
         let rows = [[c, 0.0, s, 0.2], [0.0, 1.0, 0.0, -0.1], [-s, 0.0, c, 3.5], [0.0, 0.0, 0.0, 1.0]];
-        View { world_to_camera: rows, ..sized(40, 33) }
+        View { pose: Pose::of_rows(&rows), ..sized(40, 33) }
     };
     let views = [
         ("1x1", sized(1, 1)),
         ("15x17", sized(15, 17)),
         ("40x33", sized(40, 33)),
         ("16x16", sized(16, 16)),
-        ("off centre", View { cx: 3.0, cy: 40.0, ..sized(40, 33) }),
+        ("off centre", with(sized(40, 33), |of| (of.cx, of.cy) = (3.0, 40.0))),
         ("turned", turned),
         // The frustum's clamp is active where the picture is smaller than the scene.
-        ("close", View { fx: 150.0, fy: 140.0, ..sized(40, 33) }),
+        ("close", with(sized(40, 33), |of| (of.fx, of.fy) = (150.0, 140.0))),
         ("no frame time", View { flow_dt: 0.0, ..sized(15, 17) }),
     ];
     let mut faults = Vec::new();

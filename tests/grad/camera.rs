@@ -4,7 +4,7 @@ use super::check::{smooth_cotangents, vjp};
 use crate::common::random::{scene, view};
 use crate::common::twins::tested;
 use ivv::Constants;
-use ivv::scene::{Frame, Splats, View};
+use ivv::scene::{Frame, Pose, Splats, View};
 use ivv::twin::render_f64;
 
 tested! {
@@ -16,15 +16,11 @@ tested! {
 /// `view` turned by `turn` (radians about its own axes) and shifted by `shift` along them.
 fn moved(view: &View, turn: [f64; 3], shift: [f64; 3]) -> View {
     let rotation = glam::DMat3::from_quat(glam::DQuat::from_scaled_axis(turn.into()));
-    let m = &view.world_to_camera;
-    let old = glam::DMat4::from_cols_array_2d(m).transpose();
+    let old = glam::DMat4::from_cols_array_2d(&view.pose.rows()).transpose();
     let new = glam::DMat4::from_mat3(rotation) * old;
-    let rows = new.transpose().to_cols_array_2d();
-    let mut world_to_camera = rows;
-    for k in 0..3 {
-        world_to_camera[k][3] += shift[k];
-    }
-    View { world_to_camera, ..view.clone() }
+    let mut pose = Pose::of_rows(&new.transpose().to_cols_array_2d());
+    pose.translation += glam::DVec3::from(shift);
+    View { pose, ..view.clone() }
 }
 
 /// Sum of cotangent times output.

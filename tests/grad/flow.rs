@@ -5,7 +5,7 @@ use crate::common::device::gpu;
 use crate::common::random::{scene, view};
 use ivv::Constants;
 use ivv::gpu::Recording;
-use ivv::scene::{FlowModel, Frame, View};
+use ivv::scene::{FlowModel, Frame, Pose, View};
 use ivv::stage::{
     Accumulation, Outputs, Purpose, Renderer, Room, SceneBuffers, Size, Strip, Target, Workspace, view_params,
 };
@@ -15,14 +15,14 @@ use ivv::twin::render_f64;
 fn moving_view() -> View {
     let base = view();
     let turn = glam::DMat4::from_rotation_y(0.05) * glam::DMat4::from_translation(glam::DVec3::new(0.03, -0.02, 0.05));
-    let old = glam::DMat4::from_cols_array_2d(&base.world_to_camera).transpose();
-    let next = (turn * old).transpose().to_cols_array_2d();
-    View { flow_model: FlowModel::Displacement, next_world_to_camera: Some(next), ..base }
+    let old = glam::DMat4::from_cols_array_2d(&base.pose.rows()).transpose();
+    let next = Pose::of_rows(&(turn * old).transpose().to_cols_array_2d());
+    View { flow_model: FlowModel::Displacement, next_pose: Some(next), ..base }
 }
 
 #[test]
 fn a_displacement_is_rendered_as_the_truth_and_has_its_adjoint() {
-    let still = View { next_world_to_camera: None, ..moving_view() };
+    let still = View { next_pose: None, ..moving_view() };
     for (name, view) in [("moving", moving_view()), ("still", still)] {
         let splats = scene(4, 60, 1);
         let truth = render_f64(&splats, &view, &Constants::default());
@@ -70,16 +70,16 @@ fn to_first_order_a_displacement_is_the_velocity() {
 fn a_detached_depth_moves_places_and_no_opacities() {
     let (splats, view) = (scene(11, 80, 0), view());
     let only_depth = Frame {
-        color: vec![[0.0; 3]; (view.width * view.height) as usize],
-        alpha: vec![0.0; (view.width * view.height) as usize],
-        flow: vec![[0.0; 2]; (view.width * view.height) as usize],
+        color: vec![[0.0; 3]; (view.intrinsics.width * view.intrinsics.height) as usize],
+        alpha: vec![0.0; (view.intrinsics.width * view.intrinsics.height) as usize],
+        flow: vec![[0.0; 2]; (view.intrinsics.width * view.intrinsics.height) as usize],
         ..cotangents(12, &view, |_| false)
     };
     let (attached, _) = vjp(&splats, &view, &only_depth);
     let gpu = gpu();
     let scene = SceneBuffers::upload(&gpu, &splats, &Constants::default(), Purpose::Gradient).unwrap();
     let (tiles_x, tiles_y) = Strip::whole(&view).tiles(&view);
-    let n_pixels = view.width * view.height;
+    let n_pixels = view.intrinsics.width * view.intrinsics.height;
     let room = Room {
         active: scene.n,
         intersections: 1 << 14,

@@ -10,8 +10,8 @@ use ivv::stage::{Accumulation, Gradients, Renderer};
 fn cotangents(golden: &Golden) -> Frame {
     let flat = |name: &str| golden.cotangents[name].iter().map(|x| *x as f32).collect::<Vec<f32>>();
     Frame {
-        width: golden.view.width,
-        height: golden.view.height,
+        width: golden.view.intrinsics.width,
+        height: golden.view.intrinsics.height,
         color: flat("color").as_chunks().0.to_vec(),
         alpha: flat("alpha"),
         depth: flat("depth"),

@@ -134,7 +134,7 @@ fn t_center_moves_by_steps_that_are_far_below_its_last_bit() {
     // Seen by a camera that looks away.
     let cull = ivv::stage::Cull::new(&gpu, &buffers, 10, true).unwrap();
     let mut away = view();
-    away.world_to_camera[2][3] = -1e3;
+    away.pose.translation.z = -1e3;
     let away = view_params(&away, &Constants::default(), buffers.origin, Strip::whole(&away));
     let away = gpu.upload("view", &[away]).unwrap();
     let status = gpu.upload("status", &[Status::default()]).unwrap();

@@ -6,7 +6,7 @@ use crate::common::random::{scene, view, wild_scene};
 use crate::common::stages::Fixture;
 use crate::common::twins::tested;
 use ivv::Constants;
-use ivv::scene::View;
+use ivv::scene::{Intrinsics, View};
 use ivv::stage::Strip;
 use ivv::twin::render_f64;
 
@@ -66,8 +66,8 @@ fn frames_with_other_constants_are_those_of_float64() {
 #[test]
 fn frames_of_any_size_are_those_of_float64() {
     for (width, height) in [(1, 1), (1, 17), (15, 17), (16, 16), (17, 16), (33, 47), (1, 100), (100, 1)] {
-        let center = (f64::from(width) / 2.0, f64::from(height) / 2.0);
-        let view = View { width, height, cx: center.0, cy: center.1, ..view() };
+        let (cx, cy) = (f64::from(width) / 2.0, f64::from(height) / 2.0);
+        let view = View { intrinsics: Intrinsics { width, height, cx, cy, ..view().intrinsics }, ..view() };
         let splats = scene(77, 120, 1);
         let (frame, report) = render(&splats, &view);
         assert!(report.intersections > 0, "{width} x {height}: nothing to see");
@@ -83,16 +83,16 @@ fn frames_of_any_size_are_those_of_float64() {
 fn strips_of_any_height_show_the_same_bits_as_the_whole() {
     let splats = scene(5, 150, 1);
     for view in [view(), camera(40, 70)] {
-        let view = View { world_to_camera: self::view().world_to_camera, ..view };
+        let view = View { pose: self::view().pose, ..view };
         let whole = pixels(&render(&splats, &view).0);
         assert!(whole.iter().filter(|p| p[3] > 0.1).count() > whole.len() / 2, "the image is nearly empty");
         let fixture = Fixture::new(&splats, &view);
         for rows in [16, 32, 48] {
             let mut first_row = 0;
-            while first_row < view.height {
-                let strip = Strip { first_row, n_rows: rows.min(view.height - first_row) };
+            while first_row < view.intrinsics.height {
+                let strip = Strip { first_row, n_rows: rows.min(view.intrinsics.height - first_row) };
                 let (image0, image1) = fixture.blend(&view, strip);
-                let expected = &whole[(first_row * view.width) as usize..][..image0.len()];
+                let expected = &whole[(first_row * view.intrinsics.width) as usize..][..image0.len()];
                 for ((a, b), expected) in image0.iter().zip(&image1).zip(expected) {
                     let found = std::array::from_fn::<f32, 8, _>(|k| if k < 4 { a[k] } else { b[k - 4] });
                     assert_eq!(found.map(f32::to_bits), expected.map(f32::to_bits), "strip {strip:?}");

@@ -62,7 +62,7 @@ fn no_gaussian_that_contributes_to_a_pixel_is_culled() {
         let mut n_seen = 0;
         for i in 0..splats.len() {
             let Some(p) = project(&params.gaussian(i), &camera, time, &rules) else { continue };
-            if !tiles_truth(&p, &rules, [view.width, view.height]).is_empty() {
+            if !tiles_truth(&p, &rules, [view.intrinsics.width, view.intrinsics.height]).is_empty() {
                 assert!(active.contains(&i), "seed {seed}: Gaussian {i} is culled but seen: {p:?}");
                 n_seen += 1;
             }

@@ -71,17 +71,18 @@ fn view() -> View {
 
 /// `view` from `right` of it, with another middle, background and frame ahead.
 fn beside(view: &View, right: f64) -> View {
-    let mut other = View { cx: view.cx + 3.5, background: [0.7, 0.2, 0.0], flow_dt: 0.07, ..view.clone() };
-    other.world_to_camera[0][3] -= right;
+    let mut other = View { background: [0.7, 0.2, 0.0], flow_dt: 0.07, ..view.clone() };
+    other.intrinsics.cx += 3.5;
+    other.pose.translation.x -= right;
     other
 }
 
 #[test]
 fn every_kernel_for_two_eyes_leaves_the_bits_of_one_for_each() {
     let mut ahead = view();
-    ahead.world_to_camera[1][3] += 0.03;
-    let next = Some(ahead.world_to_camera);
-    let displaced = View { flow_model: FlowModel::Displacement, next_world_to_camera: next, ..view() };
+    ahead.pose.translation.y += 0.03;
+    let next = Some(ahead.pose);
+    let displaced = View { flow_model: FlowModel::Displacement, next_pose: next, ..view() };
     for sh_degree in 0..=3 {
         for sh_bits in [32, 16] {
             let constants = Knobs { sh_bits, ..Knobs::default() }.on(Constants::default());
@@ -106,7 +107,7 @@ fn two_eyes_count_what_is_not_finite_and_follow_the_knobs() {
     poison(&mut splats, &mut random, 2e-3);
     // An eye whose own numbers are out of range counts for itself.
     let mut blind = beside(&view(), 0.3);
-    blind.fx = 1e38;
+    blind.intrinsics.fx = 1e38;
     let [first, second] = compare("blind", &splats, [&view(), &blind], &Constants::default());
     assert!(second.n_bad > first.n_bad && second.n_visible != first.n_visible, "{first:?}, {second:?}");
     for tile_bound in [TileBound::Ellipse, TileBound::Rectangle, TileBound::Square] {

@@ -34,11 +34,12 @@ fn views() -> [View; 2] {
 /// Random signs, no sign in the first column.
 fn signs(view: &View, seed: u64) -> Frame {
     let mut random = Random::new(seed);
-    let n = (view.width * view.height) as usize;
+    let n = (view.intrinsics.width * view.intrinsics.height) as usize;
     let mut sign = || if random.bits() & 1 == 0 { 1.0f32 } else { -1.0 };
-    let color =
-        (0..n).map(|i| if i % view.width as usize == 0 { [0.0; 3] } else { [sign(), sign(), sign()] }).collect();
-    let (width, height) = (view.width, view.height);
+    let color = (0..n)
+        .map(|i| if i % view.intrinsics.width as usize == 0 { [0.0; 3] } else { [sign(), sign(), sign()] })
+        .collect();
+    let (width, height) = (view.intrinsics.width, view.intrinsics.height);
     Frame { width, height, color, alpha: vec![0.0; n], ..Frame::default() }
 }
 

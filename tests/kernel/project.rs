@@ -3,8 +3,9 @@
 use crate::common::random::{scene, view};
 use crate::common::stages::{Active, Fixture};
 use crate::common::twins::tested;
+use glam::DMat3;
 use ivv::Constants;
-use ivv::scene::{Splats, View};
+use ivv::scene::{Pose, Splats, View};
 use ivv::twin::{Camera, Params, Projected, Rules, basis, power, project, tiles_truth};
 
 tested! {
@@ -105,10 +106,13 @@ fn check(what: &str, splats: &Splats, view: &View) -> Worst {
         let color_size =
             1.0 + terms.map(|(c, b)| c[0].abs().max(c[1].abs()).max(c[2].abs()) * (b.abs() + 1.0)).sum::<f64>();
         let speed = g.velocity().iter().map(|v| v.abs()).sum::<f64>();
-        let flow_size = f64::max(view.flow_dt * view.fy / p.z * speed * 2.0, f64::MIN_POSITIVE);
+        let flow_size = f64::max(view.flow_dt * view.intrinsics.fy / p.z * speed * 2.0, f64::MIN_POSITIVE);
         record(&mut worst, &records[at], &p, u, color_size, flow_size);
         let drawn = tile_counts[at] > 0;
-        assert!(drawn || tiles_truth(&p, &rules, [view.width, view.height]).is_empty(), "{what}: {at} has no tile");
+        assert!(
+            drawn || tiles_truth(&p, &rules, [view.intrinsics.width, view.intrinsics.height]).is_empty(),
+            "{what}: {at} has no tile"
+        );
     }
     worst
 }
@@ -116,7 +120,7 @@ fn check(what: &str, splats: &Splats, view: &View) -> Worst {
 #[test]
 fn records_of_every_degree_and_population_are_those_of_float64() {
     let view = view();
-    let turned = View { world_to_camera: rotated(view.world_to_camera), time: 0.1, ..view.clone() };
+    let turned = View { pose: rotated(view.pose), time: 0.1, ..view.clone() };
     for sh_degree in 0..=3 {
         for seed in 0..2 {
             let mixed = scene(10 * u64::from(sh_degree) + seed, 120, sh_degree);
@@ -134,12 +138,8 @@ fn records_of_every_degree_and_population_are_those_of_float64() {
 }
 
 /// The pose after a turn about the camera's y and x axes by about 20 degrees each; the scene stays in sight.
-fn rotated(pose: [[f64; 4]; 4]) -> [[f64; 4]; 4] {
+fn rotated(pose: Pose) -> Pose {
     let ((sin_a, cos_a), (sin_b, cos_b)) = (0.35f64.sin_cos(), 0.2f64.sin_cos());
     let turn = [[cos_a, 0.0, sin_a], [sin_a * sin_b, cos_b, -cos_a * sin_b], [-sin_a * cos_b, sin_b, cos_a * cos_b]];
-    let mut out = pose;
-    for (row, turn) in out.iter_mut().zip(turn) {
-        row[..3].copy_from_slice(&turn);
-    }
-    out
+    Pose { rotation: DMat3::from_cols_array_2d(&turn).transpose(), ..pose }
 }

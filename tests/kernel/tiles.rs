@@ -4,7 +4,7 @@ use crate::common::random::{scene, view, wild_scene};
 use crate::common::stages::Fixture;
 use crate::common::twins::tested;
 use ivv::Constants;
-use ivv::scene::{Splats, View};
+use ivv::scene::{Intrinsics, Splats, View};
 use ivv::twin::{Camera, Params, Rules, exclusive_scan, project, ranges, tiles_truth};
 
 tested! {
@@ -57,7 +57,7 @@ fn check(what: &str, splats: &Splats, view: &View) -> [usize; 2] {
     let mut needed = 0;
     for (at, id) in (0u32..).zip(&active.ids) {
         let Some(p) = project(&params.gaussian(fixture.index_of(*id)), &camera, time, &rules) else { continue };
-        for tile in tiles_truth(&p, &rules, [view.width, view.height]) {
+        for tile in tiles_truth(&p, &rules, [view.intrinsics.width, view.intrinsics.height]) {
             let [first, last] = lists.ranges[tile as usize];
             let list = &lists.entries[first as usize..last as usize];
             assert!(list.contains(&at), "{what}: Gaussian {id} is missing from tile {tile}: {p:?}");
@@ -101,7 +101,8 @@ fn equal_depths_are_listed_by_index() {
 #[test]
 fn images_of_odd_sizes_and_their_last_tiles_miss_no_pair() {
     for (width, height) in [(1, 1), (1, 17), (15, 17), (16, 16), (17, 16), (33, 47), (129, 3)] {
-        let view = View { width, height, cx: f64::from(width) / 2.0, cy: f64::from(height) / 2.0, ..view() };
+        let (cx, cy) = (f64::from(width) / 2.0, f64::from(height) / 2.0);
+        let view = View { intrinsics: Intrinsics { width, height, cx, cy, ..view().intrinsics }, ..view() };
         let [found, _] = check(&format!("{width} x {height}"), &scene(11, 150, 0), &view);
         assert!(found > 0, "{width} x {height}: nothing was listed");
     }

@@ -9,7 +9,7 @@ mod sound;
 
 use display::{Display, Picture, psnr};
 use ivv::formats::write_ply;
-use ivv::scene::{View, demo, write_views};
+use ivv::scene::{Intrinsics, View, demo, write_views};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
@@ -88,9 +88,10 @@ fn told(output: Output) -> String {
 
 /// The view as a window of another size shows it, of the same shape.
 fn scaled(view: &View, zoom: f64) -> View {
-    let [width, height] = [view.width, view.height].map(|side| (f64::from(side) * zoom) as u32);
-    let [fx, fy, cx, cy] = [view.fx, view.fy, view.cx, view.cy].map(|pixels| pixels * zoom);
-    View { width, height, fx, fy, cx, cy, ..view.clone() }
+    let [width, height] = [view.intrinsics.width, view.intrinsics.height].map(|side| (f64::from(side) * zoom) as u32);
+    let Intrinsics { fx, fy, cx, cy, .. } = view.intrinsics;
+    let [fx, fy, cx, cy] = [fx, fy, cx, cy].map(|pixels| pixels * zoom);
+    View { intrinsics: Intrinsics { width, height, fx, fy, cx, cy }, ..view.clone() }
 }
 
 fn size(view: &View) -> String {
@@ -180,7 +181,7 @@ fn the_screen_shows_the_view_through_resizes_unmapping_and_keys() {
     let window = display.tool(&["search", "--sync", "--name", "^ivv$"]);
     for zoom in [2.0, 0.5, 1.25] {
         let view = scaled(&bed.views[0], zoom);
-        let [width, height] = [view.width, view.height].map(|side| side.to_string());
+        let [width, height] = [view.intrinsics.width, view.intrinsics.height].map(|side| side.to_string());
         display.tool(&["windowsize", &window, &width, &height]);
         shows(&view);
     }

@@ -11,8 +11,8 @@ use std::process::Command;
 /// A clip of the scene with noise to one side of the first view.
 fn clip(bed: &Bed, file: &Path, to_the_right: f64) {
     let (splats, _) = ivv::scene::demo();
-    let [right, _, forward, _] = bed.views[0].world_to_camera;
-    let center = bed.views[0].pose().center();
+    let pose = bed.views[0].pose;
+    let (right, forward, center) = (pose.right(), pose.forward(), pose.center());
     let place = [0, 1, 2].map(|k| center[k] + to_the_right * right[k] + 0.2 * forward[k]);
     let mut state = 1u32;
     let noise = |_| {

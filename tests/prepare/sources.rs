@@ -306,9 +306,9 @@ fn colmap_beside_image_sequences_arrives() {
     assert!(prepared.notes.iter().any(|note| note.contains("counted from 1")));
     let capture = Capture::open(&settings.output).unwrap();
     assert_eq!(capture.n_frames, 3);
-    let y = |frame| capture.view(1, frame).unwrap().world_to_camera[1][3];
+    let y = |frame| capture.view(1, frame).unwrap().pose.translation.y;
     assert_eq!([y(0), y(1), y(2)], [1.0, 2.0, 3.0]);
-    assert_eq!(capture.view(2, 2).unwrap().world_to_camera[0][3], 5.0);
+    assert_eq!(capture.view(2, 2).unwrap().pose.translation.x, 5.0);
     model.images.pop();
     write(&model);
     assert_told(&run(&settings).unwrap().0.report, &["moves and has no pose at 1 frames, the first is 2"]);
@@ -409,7 +409,7 @@ fn transforms_arrive_still_and_moving() {
     let moving = PrepareSettings { output: folder.0.join("moving"), ..still.clone() };
     let capture = open(&moving);
     assert_eq!((capture.n_frames, capture.cameras.len(), capture.test_frames().len()), (4, 1, 0));
-    let x = |frame| capture.view(0, frame).unwrap().world_to_camera[0][3];
+    let x = |frame| capture.view(0, frame).unwrap().pose.translation.x;
     assert_eq!([x(0), x(1), x(3)], [0.0, -1.0, -3.0]);
 
     // Two images at one time and none at another: no capture folder holds that.

@@ -78,7 +78,7 @@ fn pairs_counted_on_the_host_are_those_of_the_twin() {
     let off = (counters.added - added as f64).abs();
     assert!(off <= 1e-3 * added as f64, "{} counted, {added} in the twin", counters.added);
     assert!(counters.evaluated >= counters.added && counters.evaluated <= 256.0 * counters.intersections);
-    assert_eq!(counters.pixels, f64::from(view.width * view.height));
+    assert_eq!(counters.pixels, f64::from(view.intrinsics.width * view.intrinsics.height));
     let blend = report.passes.iter().find(|pass| pass.label.starts_with("blend/")).unwrap();
     assert_eq!((blend.units, blend.dispatches), (counters.intersections, 1));
     assert_eq!(blend.cost.exp2, counters.evaluated);

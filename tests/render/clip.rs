@@ -1,6 +1,7 @@
 //! Clips of which only a window is on the device, pictures that follow one another without a wait.
 
 use crate::common::device::gpu;
+use crate::common::one::with;
 use crate::common::random::{self, Random, view};
 use ivv::scene::{Frame, Motion, Splats, View};
 use ivv::stage::{Destination, FrameReport, Outputs, Renderer};
@@ -111,8 +112,8 @@ fn the_work_of_a_frame_does_not_grow_with_the_length_of_the_clip() {
 fn pictures_that_follow_one_another_are_those_that_are_waited_for() {
     let splats = clip(20_000, 0.02);
     let mut views: Vec<View> = (0..12).map(|k| at(0.4 + 0.02 * f64::from(k))).collect();
-    views[4] = View { width: 41, height: 30, ..views[4].clone() };
-    views[7] = View { fx: 500.0, fy: 500.0, ..views[7].clone() };
+    views[4] = with(views[4].clone(), |of| (of.width, of.height) = (41, 30));
+    views[7] = with(views[7].clone(), |of| (of.fx, of.fy) = (500.0, 500.0));
     let alone: Vec<(Frame, FrameReport)> = {
         let mut renderer = Renderer::new(gpu().clone(), &splats, Constants::default()).unwrap();
         views.iter().map(|view| renderer.render(view, Outputs::All).unwrap()).collect()

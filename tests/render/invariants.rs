@@ -2,6 +2,7 @@
 
 use crate::common::device::gpu;
 use crate::common::frames::{bits, render};
+use crate::common::one::with;
 use crate::common::random::{scene, view};
 use ivv::Constants;
 use ivv::scene::Frame;
@@ -32,7 +33,7 @@ fn a_renderer_that_has_drawn_other_views_draws_the_same_bits() {
     let gpu = gpu();
     let splats = scene(32, 200, 1);
     let small = view();
-    let large = ivv::scene::View { width: 200, height: 120, ..view() };
+    let large = with(view(), |of| (of.width, of.height) = (200, 120));
     let mut renderer = Renderer::new(gpu.clone(), &splats, Constants::default()).unwrap();
     let mut frame = |view, outputs| renderer.render(view, outputs).unwrap().0;
     let first = frame(&small, Outputs::All);

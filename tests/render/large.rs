@@ -3,7 +3,7 @@
 use crate::common::device::gpu;
 use crate::common::random::{Random, view};
 use ivv::Constants;
-use ivv::scene::{Splats, View};
+use ivv::scene::{Intrinsics, Splats, View};
 use ivv::stage::{Outputs, Renderer};
 
 /// `n` small Gaussians of degree 3 in a box before [`large`].
@@ -23,9 +23,9 @@ fn crowd(n: usize) -> Splats {
 
 fn large(width: u32, height: u32) -> View {
     let f = f64::from(width) * 0.6;
-    let mut view =
-        View { width, height, fx: f, fy: f, cx: f64::from(width) / 2.0, cy: f64::from(height) / 2.0, ..view() };
-    view.world_to_camera[2][3] = 5.0;
+    let (cx, cy) = (f64::from(width) / 2.0, f64::from(height) / 2.0);
+    let mut view = View { intrinsics: Intrinsics { width, height, fx: f, fy: f, cx, cy }, ..view() };
+    view.pose.translation.z = 5.0;
     view
 }
 
@@ -55,7 +55,8 @@ fn pictures_of_8k_are_rendered_in_strips_that_join_without_a_seam() {
     // A quarter of the height, cut out by moving the principal point: other strips, the same pixels but for the
     // rounding of the moved coordinate.
     let mut cut = large(7680, 1080);
-    (cut.fx, cut.fy, cut.cy) = (large(7680, 4320).fx, large(7680, 4320).fy, 2160.0 - 1616.0);
+    (cut.intrinsics.fx, cut.intrinsics.fy, cut.intrinsics.cy) =
+        (large(7680, 4320).intrinsics.fx, large(7680, 4320).intrinsics.fy, 2160.0 - 1616.0);
     let (part, _) = renderer.render(&cut, Outputs::Color).unwrap();
     let rows = &whole.color[1616 * 7680..(1616 + 1080) * 7680];
     let lit = part.color.iter().filter(|c| c.iter().sum::<f32>() > 1.5).count();

@@ -2,6 +2,7 @@
 
 use super::clip::bits;
 use crate::common::device::gpu;
+use crate::common::one::with;
 use crate::common::random::{self, Random, view};
 use ivv::Constants;
 use ivv::scene::{Frame, Splats, View};
@@ -9,8 +10,8 @@ use ivv::stage::{Destination, FrameReport, Outputs, Renderer};
 
 /// `view` from so far to the right, a picture's middle moved by `shift` pixels.
 fn eye(view: &View, right: f64, shift: f64) -> View {
-    let mut eye = View { cx: view.cx + shift, ..view.clone() };
-    eye.world_to_camera[0][3] -= right;
+    let mut eye = with(view.clone(), |of| of.cx += shift);
+    eye.pose.translation.x -= right;
     eye
 }
 
@@ -57,11 +58,12 @@ fn eyes_that_cannot_share_see_what_each_sees_alone() {
     let mut renderer = Renderer::new(gpu().clone(), &splats, Constants::default()).unwrap();
     let first = view();
     let mut nearer = eye(&first, 0.1, 0.0);
-    nearer.world_to_camera[2][3] -= 0.2;
+    nearer.pose.translation.z -= 0.2;
     let mut turned = eye(&first, 0.1, 0.0);
     let (sin, cos) = 0.1f64.sin_cos();
-    (turned.world_to_camera[0][0], turned.world_to_camera[0][2]) = (cos, sin);
-    (turned.world_to_camera[2][0], turned.world_to_camera[2][2]) = (-sin, cos);
+    let rotation = &mut turned.pose.rotation;
+    (rotation.x_axis.x, rotation.z_axis.x) = (cos, sin);
+    (rotation.x_axis.z, rotation.z_axis.z) = (-sin, cos);
     for other in [nearer, turned, View { time: 0.9, ..first.clone() }, random::small_view()] {
         let found = renderer.stereo([&first, &other], Outputs::All, Destination::Host).unwrap();
         for (view, (frame, report)) in [&first, &other].into_iter().zip(found) {

@@ -187,8 +187,8 @@ fn a_splatv_holds_the_largest_first_and_cameras_as_3dgs_has_them() {
     for row in 0..3 {
         let of = |k: usize| camera["rotation"][k][row].as_f64().unwrap();
         let shift: f64 = -(0..3).map(|k| of(k) * camera["position"][k].as_f64().unwrap()).sum::<f64>();
-        assert!((0..3).all(|k| (of(k) - view.world_to_camera[row][k]).abs() < 1e-12));
-        assert!((shift - view.world_to_camera[row][3]).abs() < 1e-12);
+        assert!((0..3).all(|k| (of(k) - view.pose.rows()[row][k]).abs() < 1e-12));
+        assert!((shift - view.pose.rows()[row][3]).abs() < 1e-12);
     }
 }
 

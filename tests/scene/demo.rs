@@ -43,7 +43,7 @@ fn the_demo_shows_both_populations_to_every_view() {
     assert_eq!(summary.n_non_finite, 0);
     assert_eq!(views.len(), 8);
     for view in &views {
-        let [right, down, forward, _] = view.world_to_camera;
+        let [right, down, forward, _] = view.pose.rows();
         let mut seen = [0, 0];
         for (i, p) in scene.position.iter().enumerate() {
             let motion = i.checked_sub(scene.n_static).map(|d| scene.motion[d]);
@@ -52,7 +52,8 @@ fn the_demo_shows_both_populations_to_every_view() {
                 f64::from(p[k]) + step
             });
             let [x, y, z] = [right, down, forward].map(|r| r[0] * at[0] + r[1] * at[1] + r[2] * at[2] + r[3]);
-            let (u, v) = (view.fx * x / z + view.cx, view.fy * y / z + view.cy);
+            let (u, v) =
+                (view.intrinsics.fx * x / z + view.intrinsics.cx, view.intrinsics.fy * y / z + view.intrinsics.cy);
             if z > 0.1 && (0.0..320.0).contains(&u) && (0.0..240.0).contains(&v) {
                 seen[usize::from(motion.is_some())] += 1;
             }

@@ -6,7 +6,7 @@ use crate::common::device::gpu;
 use crate::common::random;
 use ivv::Constants;
 use ivv::formats::{Clock, Contents, Encoded, FourDgs, Grades};
-use ivv::scene::{Frame, Motion, Splats, View, demo};
+use ivv::scene::{Frame, Intrinsics, Motion, Pose, Splats, View, demo};
 use ivv::stage::{Goal, Outputs, Renderer, Subject, compact};
 
 /// The demo's scene with Gaussians that live shortly all over a long clip, so that there are many chunks.
@@ -200,8 +200,8 @@ fn look(name: usize, eye: [f64; 3]) -> View {
         *to = [row[0], row[1], row[2], -(0..3).map(|k| row[k] * eye[k]).sum::<f64>()];
     }
     let (_, views) = demo();
-    let (width, height, fx, fy, cx, cy) = (640, 480, 500.0, 500.0, 320.0, 240.0);
-    View { name: name.to_string(), world_to_camera, width, height, fx, fy, cx, cy, ..views[0].clone() }
+    let intrinsics = Intrinsics { width: 640, height: 480, fx: 500.0, fy: 500.0, cx: 320.0, cy: 240.0 };
+    View { name: name.to_string(), pose: Pose::of_rows(&world_to_camera), intrinsics, ..views[0].clone() }
 }
 
 #[test]

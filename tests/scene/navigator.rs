@@ -15,13 +15,19 @@ fn demo_navigator() -> (Navigator, Vec<View>) {
 
 /// Rows right, down, forward of a view, world to camera.
 fn axes(view: &View) -> [DVec3; 3] {
-    [0, 1, 2].map(|row| DVec3::from_slice(&view.world_to_camera[row][..3]))
+    [0, 1, 2].map(|row| view.pose.rotation.row(row))
 }
 
 /// Where a view has a point of the world, pixels, and its depth.
 fn seen(view: &View, point: DVec3) -> (DVec2, f64) {
-    let to: [f64; 3] = std::array::from_fn(|k| axes(view)[k].dot(point) + view.world_to_camera[k][3]);
-    (DVec2::new(view.fx * to[0] / to[2] + view.cx, view.fy * to[1] / to[2] + view.cy), to[2])
+    let to: [f64; 3] = std::array::from_fn(|k| axes(view)[k].dot(point) + view.pose.translation[k]);
+    (
+        DVec2::new(
+            view.intrinsics.fx * to[0] / to[2] + view.intrinsics.cx,
+            view.intrinsics.fy * to[1] / to[2] + view.intrinsics.cy,
+        ),
+        to[2],
+    )
 }
 
 /// What is looked at.
@@ -40,11 +46,11 @@ fn a_navigator_begins_at_the_first_view_and_goes_to_any_other() {
     let (mut navigator, views) = demo_navigator();
     for view in [&views[0], &views[3], &views[7]] {
         navigator.go(view);
-        let now = navigator.view([view.width, view.height]);
-        for (a, b) in now.world_to_camera.as_flattened().iter().zip(view.world_to_camera.as_flattened()) {
+        let now = navigator.view([view.intrinsics.width, view.intrinsics.height]);
+        for (a, b) in now.pose.rows().as_flattened().iter().zip(view.pose.rows().as_flattened()) {
             assert!((a - b).abs() < 1e-12, "{a} {b}");
         }
-        let expected = View { world_to_camera: now.world_to_camera, ..view.clone() };
+        let expected = View { pose: now.pose, ..view.clone() };
         assert_eq!(now, expected, "the rest is the view's own");
     }
 }
@@ -68,7 +74,7 @@ fn turning_keeps_what_is_looked_at_in_its_place_and_the_horizon_level() {
     assert!(navigator.center().distance(point) > 0.0 && navigator.view(SIZE) != before);
     navigator.drag(DVec2::new(-60.0, 0.0));
     let after = navigator.view(SIZE);
-    for (a, b) in before.world_to_camera.as_flattened().iter().zip(after.world_to_camera.as_flattened()) {
+    for (a, b) in before.pose.rows().as_flattened().iter().zip(after.pose.rows().as_flattened()) {
         assert!((a - b).abs() < 1e-9, "{a} {b}");
     }
 }
@@ -163,17 +169,26 @@ fn without_views_it_sees_all_of_the_scene_from_before_it() {
 #[test]
 fn a_view_in_a_window_of_its_shape_is_scaled_and_in_others_shows_all_or_is_cropped() {
     let (_, views) = demo();
-    let view = View { cx: 0.4 * f64::from(views[0].width), ..views[0].clone() };
-    let same = view.fitted([2 * view.width, 2 * view.height]);
-    for (a, b) in [(same.fx, view.fx), (same.fy, view.fy), (same.cx, view.cx), (same.cy, view.cy)] {
+    let mut view = views[0].clone();
+    view.intrinsics.cx = 0.4 * f64::from(view.intrinsics.width);
+    let same = view.fitted([2 * view.intrinsics.width, 2 * view.intrinsics.height]);
+    for (a, b) in [
+        (same.intrinsics.fx, view.intrinsics.fx),
+        (same.intrinsics.fy, view.intrinsics.fy),
+        (same.intrinsics.cx, view.intrinsics.cx),
+        (same.intrinsics.cy, view.intrinsics.cy),
+    ] {
         assert!((a - 2.0 * b).abs() < 1e-9, "{a} {b}");
     }
-    let [w, h] = [view.width, view.height].map(f64::from);
+    let [w, h] = [view.intrinsics.width, view.intrinsics.height].map(f64::from);
     // A little wider: as high as it was, so that nothing is lost; by 1.35 no more of its height is shown.
     for (width, shown_of_height) in [(1.0, 1.0), (1.2, 1.0 / 1.2), (1.35, 1.0 / 1.35), (2.7, 1.0 / 1.35)] {
         let fitted = view.fitted([(1000.0 * width * w) as u32, (1000.0 * h) as u32]);
         let shown = |side: u32, focal: f64, old: f64, old_focal: f64| f64::from(side) / focal * old_focal / old;
-        let [across, down] = [shown(fitted.width, fitted.fx, w, view.fx), shown(fitted.height, fitted.fy, h, view.fy)];
+        let [across, down] = [
+            shown(fitted.intrinsics.width, fitted.intrinsics.fx, w, view.intrinsics.fx),
+            shown(fitted.intrinsics.height, fitted.intrinsics.fy, h, view.intrinsics.fy),
+        ];
         assert!((down - shown_of_height).abs() < 1e-3, "{width}: {down} of its height");
         assert!((across - down * width).abs() < 1e-3, "{width}: {across} of its width");
     }

@@ -1,26 +1,21 @@
 //! The circle about what views look at.
 
 use glam::DVec3;
-use ivv::scene::{FlowModel, Orbit, View};
+use ivv::scene::{FlowModel, Intrinsics, Orbit, View};
 use ivv::sound::pose::HeadPose;
 
 /// A view from `lens` towards `at` with its top towards `up`.
 fn view(lens: DVec3, at: DVec3, up: DVec3) -> View {
     View {
         name: "a".into(),
-        width: 32,
-        height: 24,
-        fx: 30.0,
-        fy: 30.0,
-        cx: 16.0,
-        cy: 12.0,
-        world_to_camera: HeadPose { t: 0.0, p: lens, q: HeadPose::looking(at - lens, up) }.world_to_camera().rows(),
+        intrinsics: Intrinsics { width: 32, height: 24, fx: 30.0, fy: 30.0, cx: 16.0, cy: 12.0 },
+        pose: HeadPose { t: 0.0, p: lens, q: HeadPose::looking(at - lens, up) }.world_to_camera(),
         time: 0.0,
         time_offset: 0.0,
         flow_dt: 1.0,
         background: [0.0; 3],
         flow_model: FlowModel::Velocity,
-        next_world_to_camera: None,
+        next_pose: None,
     }
 }
 

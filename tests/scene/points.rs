@@ -66,8 +66,11 @@ fn points_become_gaussians_as_large_as_their_neighbours_are_near() {
     let views = read_views(&json).unwrap();
     assert_eq!(views.len(), 2);
     let view = &views[1];
-    assert_eq!((view.name.as_str(), view.width, view.height), ("view01", 64, 48));
-    assert_eq!((view.fx, view.fy, view.cx, view.cy), (90.0, 80.0, 32.0, 24.0));
+    assert_eq!((view.name.as_str(), view.intrinsics.width, view.intrinsics.height), ("view01", 64, 48));
+    assert_eq!(
+        (view.intrinsics.fx, view.intrinsics.fy, view.intrinsics.cx, view.intrinsics.cy),
+        (90.0, 80.0, 32.0, 24.0)
+    );
     let bad = folder.write("bad.npz", "no archive");
     let failed = python(&[&tool, &bad, &folder.file("none.ply"), &json]).unwrap();
     assert_eq!(failed.status.code(), Some(3));

@@ -1,6 +1,7 @@
 //! Camera files.
 
-use ivv::scene::{FlowModel, View, read_views, write_views};
+use glam::DVec3;
+use ivv::scene::{FlowModel, Intrinsics, Pose, View, read_views, write_views};
 
 use super::{Folder, fault};
 use crate::common::golden;
@@ -8,19 +9,14 @@ use crate::common::golden;
 fn view(name: &str) -> View {
     View {
         name: name.to_owned(),
-        width: 320,
-        height: 240,
-        fx: 300.1,
-        fy: 1.0 / 3.0,
-        cx: 160.0,
-        cy: -2.5e-7,
-        world_to_camera: [[0.0, 0.0, 1.0, 0.1], [1.0, 0.0, 0.0, -2.0], [0.0, 1.0, 0.0, 3.0], [0.0, 0.0, 0.0, 1.0]],
+        intrinsics: Intrinsics { width: 320, height: 240, fx: 300.1, fy: 1.0 / 3.0, cx: 160.0, cy: -2.5e-7 },
+        pose: Pose::of_rows(&[[0.0, 0.0, 1.0, 0.1], [1.0, 0.0, 0.0, -2.0], [0.0, 1.0, 0.0, 3.0], [0.0, 0.0, 0.0, 1.0]]),
         time: 0.1 + 0.2,
         time_offset: -0.37,
         flow_dt: 1.0 / 30.0,
         background: [0.1, 0.2, 0.3],
         flow_model: FlowModel::Velocity,
-        next_world_to_camera: None,
+        next_pose: None,
     }
 }
 
@@ -30,21 +26,27 @@ fn views_are_read_back_equal_to_the_last_bit() {
     let path = folder.file("cameras.json");
     let mut views = vec![view("a"), view("b 2.0")];
     // Numbers whose shortest decimal form needs a parser that rounds correctly.
-    views[1].world_to_camera[0][3] = 0.121_314_151_617_181_93;
-    views[1].fx = f64::from_bits(0x3ff1_9999_9999_999b);
+    views[1].pose.translation.x = 0.121_314_151_617_181_93;
+    views[1].intrinsics.fx = f64::from_bits(0x3ff1_9999_9999_999b);
     write_views(&path, &views).unwrap();
     assert_eq!(read_views(&path).unwrap(), views);
 }
 
 #[test]
 fn the_cone_of_a_view_touches_its_farthest_corner() {
-    let view = View { fx: 250.0, fy: 260.0, cx: 150.0, cy: 130.0, ..view("cone") };
+    let base = view("cone");
+    let intrinsics = Intrinsics { fx: 250.0, fy: 260.0, cx: 150.0, cy: 130.0, ..base.intrinsics };
+    let view = View { intrinsics, ..base };
     let origin = [0.5, -0.25, 1.0];
     let cone = view.cone(origin);
     // A point of the camera at depth 2, in the world, relative to the origin, against the cone.
     let tangent = |[x, y]: [f64; 2]| {
-        let camera = [2.0 * (x - view.cx) / view.fx, 2.0 * (y - view.cy) / view.fy, 2.0];
-        let m = &view.world_to_camera;
+        let camera = [
+            2.0 * (x - view.intrinsics.cx) / view.intrinsics.fx,
+            2.0 * (y - view.intrinsics.cy) / view.intrinsics.fy,
+            2.0,
+        ];
+        let m = view.pose.rows();
         let world = |k: usize| (0..3).map(|row| m[row][k] * (camera[row] - m[row][3])).sum::<f64>() - origin[k];
         let offset: [f64; 3] = std::array::from_fn(|k| world(k) - f64::from(cone.tip[k]));
         let depth: f64 = (0..3).map(|k| offset[k] * f64::from(cone.axis[k])).sum();
@@ -68,13 +70,13 @@ fn absent_fields_have_the_defaults_of_the_specification() {
     assert_eq!(views.len(), 1);
     let view = &views[0];
     assert_eq!((view.time, view.time_offset, view.flow_dt, view.background), (0.0, 0.0, 1.0, [0.0; 3]));
-    assert_eq!((view.fx, view.fy), (5.0, 6.5));
+    assert_eq!((view.intrinsics.fx, view.intrinsics.fy), (5.0, 6.5));
 }
 
 /// (changes a good view, what the error must say)
 type Case = (fn(&mut View), &'static str);
 
-const CASES: [Case; 27] = [
+const CASES: [Case; 25] = [
     (|v| v.name.clear(), "view 1, field `name`: has 0 bytes"),
     (|v| v.name = "x".repeat(201), "field `name`: has 201 bytes"),
     (|v| v.name = "a/b".into(), "field `name`: has a path separator"),
@@ -82,26 +84,24 @@ const CASES: [Case; 27] = [
     (|v| v.name = "a..b".into(), "field `name`: has a path separator"),
     (|v| v.name = "a\nb".into(), "field `name`: has a path separator"),
     (|v| v.name = "first".into(), "view 1 (`first`), field `name`: is the name of an earlier view"),
-    (|v| v.width = 0, "view 1 (`second`), field `width`: is 0"),
-    (|v| v.width = 65537, "field `width`: is 65537"),
-    (|v| v.height = 0, "field `height`: is 0"),
-    (|v| v.height = u32::MAX, "field `height`: is 4294967295"),
-    (|v| v.fx = 0.0, "field `fx`: is 0"),
-    (|v| v.fx = f64::NAN, "field `fx`: is NaN"),
-    (|v| v.fy = -1.0, "field `fy`: is -1"),
-    (|v| v.fy = f64::INFINITY, "field `fy`: is inf"),
-    (|v| v.cx = f64::NAN, "field `cx`: is NaN"),
-    (|v| v.cy = f64::NEG_INFINITY, "field `cy`: is -inf"),
+    (|v| v.intrinsics.width = 0, "view 1 (`second`), field `width`: is 0"),
+    (|v| v.intrinsics.width = 65537, "field `width`: is 65537"),
+    (|v| v.intrinsics.height = 0, "field `height`: is 0"),
+    (|v| v.intrinsics.height = u32::MAX, "field `height`: is 4294967295"),
+    (|v| v.intrinsics.fx = 0.0, "field `fx`: is 0"),
+    (|v| v.intrinsics.fx = f64::NAN, "field `fx`: is NaN"),
+    (|v| v.intrinsics.fy = -1.0, "field `fy`: is -1"),
+    (|v| v.intrinsics.fy = f64::INFINITY, "field `fy`: is inf"),
+    (|v| v.intrinsics.cx = f64::NAN, "field `cx`: is NaN"),
+    (|v| v.intrinsics.cy = f64::NEG_INFINITY, "field `cy`: is -inf"),
     (|v| v.time = f64::NAN, "field `time`: is NaN"),
     (|v| v.time_offset = f64::NAN, "field `time_offset`: is NaN"),
     (|v| v.flow_dt = f64::INFINITY, "field `flow_dt`: is inf"),
     (|v| v.background[1] = f32::NAN, "field `background`: is [0.1, NaN, 0.3]"),
-    (|v| v.world_to_camera[2][3] = f64::NAN, "field `world_to_camera`: has an entry that is not finite"),
-    (|v| v.world_to_camera[3][3] = 2.0, "as its last row, not [0, 0, 0, 1]"),
-    (|v| v.world_to_camera[3][0] = 1e-9, "as its last row, not [0, 0, 0, 1]"),
-    (|v| v.world_to_camera[0][2] = 1.001, "has no rotation: rows 0 and 0"),
-    (|v| v.world_to_camera[0][2] = -1.0, "mirrors"),
-    (|v| v.world_to_camera[1] = [1e300, 1e300, 1e300, 0.0], "has no rotation"),
+    (|v| v.pose.translation.z = f64::NAN, "field `world_to_camera`: has an entry that is not finite"),
+    (|v| v.pose.rotation.z_axis.x = 1.001, "has no rotation: rows 0 and 0"),
+    (|v| v.pose.rotation.z_axis.x = -1.0, "mirrors"),
+    (|v| v.pose.rotation.y_axis = DVec3::splat(1e300), "has no rotation"),
 ];
 
 #[test]
@@ -116,7 +116,7 @@ fn every_fault_of_a_view_is_named_by_the_writer() {
         assert!(!path.exists());
     }
     let mut nearly = view("first");
-    nearly.world_to_camera[0][2] = 1.000_4;
+    nearly.pose.rotation.z_axis.x = 1.000_4;
     write_views(&path, &[nearly]).unwrap();
 }
 
@@ -134,6 +134,8 @@ fn every_fault_of_a_file_is_named_by_the_reader() {
         ("\"fx\": 5,", "", "missing field `fx`"),
         ("\"fx\": 5", "\"fx\": 1e999", "not a cameras file"),
         ("[0,0,0,1]]", "[0,0,0]]", "view 0 (`n`): invalid length 3"),
+        ("[0,0,0,1]]", "[0,0,0,2]]", "as its last row, not [0, 0, 0, 1]"),
+        ("[0,0,0,1]]", "[1e-9,0,0,1]]", "as its last row, not [0, 0, 0, 1]"),
         ("[1,0,0,0]", "[2,0,0,0]", "has no rotation"),
         ("\"name\": \"n\",", "", "view 0: missing field `name`"),
         ("\"name\": \"n\"", "\"name\": \"../n\"", "has a path separator"),
@@ -159,7 +161,7 @@ fn the_golden_cameras_are_read() {
         let views = read_views(&folder.join("camera.json")).unwrap();
         assert_eq!(views.len(), 1, "{case}");
         assert_eq!(views[0].name, case);
-        assert!(views[0].width > 32 && views[0].fx > 32.0);
+        assert!(views[0].intrinsics.width > 32 && views[0].intrinsics.fx > 32.0);
     }
 }
 
@@ -167,7 +169,7 @@ fn the_golden_cameras_are_read() {
 fn a_view_looks_from_where_it_is_to_what_it_looks_at_with_up_upwards() {
     let in_camera = |view: &View, p: [f64; 3]| -> [f64; 3] {
         std::array::from_fn(|row| {
-            let m = &view.world_to_camera[row];
+            let m = view.pose.rows()[row];
             m[3] + (0..3).map(|k| m[k] * p[k]).sum::<f64>()
         })
     };
@@ -180,9 +182,12 @@ fn a_view_looks_from_where_it_is_to_what_it_looks_at_with_up_upwards() {
     // What is above the target is above it in the picture, and straight above.
     let [x, y, z] = in_camera(&view, [3.0, 0.9, 4.0]);
     assert!(x.abs() < 1e-12 && y < -1e-3);
-    assert!((view.cy + view.fy * y / z) < 240.0);
+    assert!((view.intrinsics.cy + view.intrinsics.fy * y / z) < 240.0);
     // The borders are 60 degrees apart.
-    assert!(((240.0 / view.fy).atan().to_degrees() - 30.0).abs() < 1e-12 && view.fx == view.fy);
+    assert!(
+        ((240.0 / view.intrinsics.fy).atan().to_degrees() - 30.0).abs() < 1e-12
+            && view.intrinsics.fx == view.intrinsics.fy
+    );
     let folder = Folder::new("look-at");
     let views = [
         view,

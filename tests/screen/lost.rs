@@ -174,7 +174,8 @@ fn logs_have_colours_on_terminals_alone_and_quiet_leaves_warnings() {
 fn views_that_are_soon_rendered_have_no_line_each() {
     let folder = Folder::new("views");
     let (splats, views) = ivv::scene::demo();
-    let view = ivv::scene::View { width: 16, height: 16, ..views[0].clone() };
+    let mut view = views[0].clone();
+    (view.intrinsics.width, view.intrinsics.height) = (16, 16);
     let views: Vec<_> = (0..30).map(|i| ivv::scene::View { name: format!("v{i}"), ..view.clone() }).collect();
     ivv::formats::write_ply(&folder.0.join("scene.ply"), &splats).unwrap();
     ivv::scene::write_views(&folder.0.join("cameras.json"), &views).unwrap();

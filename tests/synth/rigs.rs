@@ -12,28 +12,38 @@ fn few(rig: Rig, cameras: u32, frames: u32) -> Options {
 }
 
 fn rotation(view: &View) -> DMat3 {
-    let m = &view.world_to_camera;
+    let m = view.pose.rows();
     DMat3::from_cols_array_2d(&[0, 1, 2].map(|k| [m[0][k], m[1][k], m[2][k]]))
 }
 
 fn center(view: &View) -> DVec3 {
-    view.pose().center()
+    view.pose.center()
 }
 
 /// Place in the picture, and depth.
 fn project(view: &View, world: DVec3) -> (DVec2, f64) {
     let at = rotation(view) * (world - center(view));
-    (DVec2::new(view.fx * at.x / at.z + view.cx, view.fy * at.y / at.z + view.cy), at.z)
+    (
+        DVec2::new(
+            view.intrinsics.fx * at.x / at.z + view.intrinsics.cx,
+            view.intrinsics.fy * at.y / at.z + view.intrinsics.cy,
+        ),
+        at.z,
+    )
 }
 
 fn unproject(view: &View, pixel: DVec2, depth: f64) -> DVec3 {
-    let at = DVec3::new((pixel.x - view.cx) / view.fx, (pixel.y - view.cy) / view.fy, 1.0) * depth;
+    let at = DVec3::new(
+        (pixel.x - view.intrinsics.cx) / view.intrinsics.fx,
+        (pixel.y - view.intrinsics.cy) / view.intrinsics.fy,
+        1.0,
+    ) * depth;
     rotation(view).transpose() * at + center(view)
 }
 
 /// The middle of pixel `i` of a picture.
 fn pixel(view: &View, i: usize) -> DVec2 {
-    let width = view.width as usize;
+    let width = view.intrinsics.width as usize;
     DVec2::new((i % width) as f64 + 0.5, (i / width) as f64 + 0.5)
 }
 
@@ -73,7 +83,7 @@ fn a_moving_rig_has_a_pose_for_each_frame_and_flow_by_its_own_way() {
         assert_eq!(own.shots.len(), 4);
         for frame in 0..3 {
             let [now, next] = [frame, frame + 1].map(|frame| capture.view(camera, frame).unwrap());
-            assert!(now.next_world_to_camera == Some(next.world_to_camera), "{}: no way to go", now.name);
+            assert!(now.next_pose == Some(next.pose), "{}: no way to go", now.name);
             let way = (center(&next) - center(&now)).length();
             assert!((0.1..0.4).contains(&way), "{}: {way} m in a frame", now.name);
             let microphone = DVec3::from_slice(&numbers(&truth["microphones"][&own.name][frame as usize]));

@@ -171,10 +171,15 @@ fn a_reduced_view_sees_the_same_through_larger_pixels() {
     let tiny = Tiny::new("view");
     let view = tiny.capture.view(0, 0).unwrap();
     let reduced = view.reduced(2);
-    let at = |view: &View, x: f64, y: f64| [(x - view.cx) / view.fx, (y - view.cy) / view.fy];
+    let at = |view: &View, x: f64, y: f64| {
+        [(x - view.intrinsics.cx) / view.intrinsics.fx, (y - view.intrinsics.cy) / view.intrinsics.fy]
+    };
     // The centre of a large pixel is where four small ones meet.
     let (large, small) = (at(&reduced, 5.5, 7.5), at(&view, 11.0, 15.0));
     assert!((0..2).all(|k| (large[k] - small[k]).abs() < 1e-12));
-    assert_eq!([reduced.width, reduced.height], [view.width / 2, view.height / 2]);
+    assert_eq!(
+        [reduced.intrinsics.width, reduced.intrinsics.height],
+        [view.intrinsics.width / 2, view.intrinsics.height / 2]
+    );
     assert_eq!(view.reduced(1), view);
 }

@@ -169,7 +169,8 @@ fn a_capture_is_read_for_its_views_as_for_its_training() {
     ivv::formats::write_ply(&scene, &ivv::scene::demo().0).unwrap();
     let options = ["--images", "pictures", "--downscale", "2", "--skip-missing"];
     works(&[&["cameras", text(&folder.0), "-o", text(&file)], &options[..]].concat());
-    let sizes: Vec<_> = read_views(&file).unwrap().iter().map(|view| (view.width, view.height)).collect();
+    let sizes: Vec<_> =
+        read_views(&file).unwrap().iter().map(|view| (view.intrinsics.width, view.intrinsics.height)).collect();
     assert_eq!(sizes, [(3, 2), (3, 2)]);
     for of in ["--capture", "--cameras"] {
         works(&[&["render", text(&scene), of, text(&folder.0), "-o", text(&out)], &options[..]].concat());
@@ -220,14 +221,14 @@ fn captures_and_transforms_are_cameras_of_a_scene() {
 
     // OpenGL's axes: y and z of the camera turn around.
     let view = &views[0];
-    let pose = glam::DMat4::from_cols_array_2d(&view.world_to_camera).transpose().inverse();
+    let pose = glam::DMat4::from_cols_array_2d(&view.pose.rows()).transpose().inverse();
     let turned = pose * glam::DMat4::from_scale(glam::DVec3::new(1.0, -1.0, -1.0));
     let rows: Vec<[f64; 4]> = (0..4).map(|row| turned.row(row).to_array()).collect();
     let folder = at("transforms");
     std::fs::create_dir(&folder).unwrap();
     std::fs::copy(&tiny.capture.cameras[0].shot(1).unwrap().image, folder.join("one.png")).unwrap();
     let transforms = serde_json::json!({
-        "w": view.width, "h": view.height, "fl_x": view.fx, "fl_y": view.fy, "cx": view.cx, "cy": view.cy,
+        "w": view.intrinsics.width, "h": view.intrinsics.height, "fl_x": view.intrinsics.fx, "fl_y": view.intrinsics.fy, "cx": view.intrinsics.cx, "cy": view.intrinsics.cy,
         "frames": [{ "file_path": "one.png", "transform_matrix": rows }],
     });
     std::fs::write(folder.join("transforms.json"), transforms.to_string()).unwrap();

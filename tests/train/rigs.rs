@@ -92,11 +92,15 @@ fn first_gaussians_fill_the_pictures_of_an_outward_rig_its_plain_ceilings_too() 
         let mut is_filled = [[false; 8]; 6];
         for position in &splats.position {
             let at: [f64; 3] = std::array::from_fn(|row| {
-                let m = &view.world_to_camera[row];
+                let m = view.pose.rows()[row];
                 (0..3).map(|k| m[k] * f64::from(position[k])).sum::<f64>() + m[3]
             });
-            let (x, y) = (view.fx * at[0] / at[2] + view.cx, view.fy * at[1] / at[2] + view.cy);
-            let (column, row) = (8.0 * x / f64::from(view.width), 6.0 * y / f64::from(view.height));
+            let (x, y) = (
+                view.intrinsics.fx * at[0] / at[2] + view.intrinsics.cx,
+                view.intrinsics.fy * at[1] / at[2] + view.intrinsics.cy,
+            );
+            let (column, row) =
+                (8.0 * x / f64::from(view.intrinsics.width), 6.0 * y / f64::from(view.intrinsics.height));
             if at[2] > 0.0 && (0.0..8.0).contains(&column) && (0.0..6.0).contains(&row) {
                 is_filled[row as usize][column as usize] = true;
             }

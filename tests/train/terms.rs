@@ -153,7 +153,7 @@ fn moving_scene(offsets: [f64; 2]) -> (Splats, Vec<(usize, View, Picture)>) {
     for frame in 0..6 {
         for (index, offset) in offsets.into_iter().enumerate() {
             let mut view = View { time: f64::from(frame) / 8.0, ..camera(48, 40) };
-            view.world_to_camera[0][3] = 0.4 * index as f64;
+            view.pose.translation.x = 0.4 * index as f64;
             let (seen, _) = renderer.render(&View { time_offset: offset, ..view.clone() }, Outputs::Color).unwrap();
             let byte = |x: f32| (x.clamp(0.0, 1.0) * 255.0).round() as u8;
             let words = seen.color.iter().map(|[r, g, b]| u32::from_le_bytes([byte(*r), byte(*g), byte(*b), 255]));

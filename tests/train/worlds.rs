@@ -89,7 +89,7 @@ fn a_similarity_moves_cameras_and_gaussians_together_and_its_inverse_brings_them
     let (splats, view) = (scene(31, 60, 1), view());
     let to = Similarity { origin: [3.0, -20.0, 0.5], scale: 0.37 };
     let there = to.splats(&splats);
-    let moved = ivv::scene::View { world_to_camera: to.pose(&view.pose()).rows(), ..view.clone() };
+    let moved = ivv::scene::View { pose: to.pose(&view.pose), ..view.clone() };
     let near = (f64::from(Constants::default().near) * to.scale) as f32;
     let (own, _) = render(&splats, &view);
     let (other, _) = render_with(&there, &moved, Constants { near, ..Constants::default() });

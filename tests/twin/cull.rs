@@ -36,8 +36,8 @@ fn check<R: Real>(splats: &Splats, view: &View) -> [usize; 3] {
     let params = Params::<R>::new(splats, view);
     let camera = Camera::new(view);
     let time = camera.shifted_time(params.time_offset);
-    let size = [view.width, view.height];
-    let all_rows = [0.0, f64::from(view.height)].map(R::from_f64);
+    let size = [view.intrinsics.width, view.intrinsics.height];
+    let all_rows = [0.0, f64::from(view.intrinsics.height)].map(R::from_f64);
     let mut counts = [0, 0, params.len()];
     for i in 0..params.len() {
         let g = params.gaussian(i);
@@ -89,7 +89,8 @@ fn a_needle_outside_the_image_that_just_reaches_in_is_kept() {
     let view = view();
     let rules = Rules::<f64>::new(&Constants::default());
     let camera = Camera::<f64>::new(&view);
-    let (focal, middle, size) = ([view.fx, view.fy], [view.cx, view.cy], [80.0, 56.0]);
+    let (focal, middle, size) =
+        ([view.intrinsics.fx, view.intrinsics.fy], [view.intrinsics.cx, view.intrinsics.cy], [80.0, 56.0]);
     for axis in 0..2 {
         for ratio in [-1.5, -0.9, -0.7, 0.75, 1.0, 1.5f64] {
             // Along the row of J, where the bound is tight: (1, 0, -u) or (0, 1, -v), and 1 px past the edge's centres.

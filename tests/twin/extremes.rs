@@ -80,7 +80,7 @@ fn a_quaternion_without_direction_drops_the_gaussian() {
 fn the_near_plane_drops_at_the_plane_and_not_beyond() {
     let near = Constants::default().near;
     let mut view = view();
-    view.world_to_camera[2][3] = 0.0;
+    view.pose.translation.z = 0.0;
     for (z, kept) in [(near.next_down(), false), (near, false), (near.next_up(), true), (-1.0, false), (1e6, true)] {
         let params = Params::<f32>::new(&single([0.0, 0.0, z]), &view);
         let rules = Rules::new(&Constants::default());

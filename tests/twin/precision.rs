@@ -1,5 +1,6 @@
 //! The same formulas in f32 and f64, and identities that hold bit for bit.
 
+use glam::{DMat3, DVec3};
 use ivv::Constants;
 use ivv::scene::{Motion, Splats, View};
 use ivv::twin::{Outputs, Params, Real, Rules, render};
@@ -60,10 +61,9 @@ fn far_from_the_origin_f32_adds_other_gaussians_only_where_the_band_warns() {
         let ((sin_a, cos_a), (sin_b, cos_b)) = (0.7f64.sin_cos(), 0.4f64.sin_cos());
         let turn =
             [[cos_a, 0.0, sin_a], [sin_a * sin_b, cos_b, -cos_a * sin_b], [-sin_a * cos_b, sin_b, cos_a * cos_b]];
-        for (row, turn) in view.world_to_camera.iter_mut().zip(turn) {
-            row[..3].copy_from_slice(&turn);
-            row[3] -= (0..3).map(|k| turn[k] * f64::from(offset[k])).sum::<f64>();
-        }
+        view.pose.rotation = DMat3::from_cols_array_2d(&turn).transpose();
+        view.pose.translation -=
+            DVec3::from(turn.map(|row| (0..3).map(|k| row[k] * f64::from(offset[k])).sum::<f64>()));
         let (narrow, truth) = (render_as::<f32>(&splats, &view), render_as::<f64>(&splats, &view));
         for i in 0..truth.alpha.len() {
             let different = narrow.n_contributing[i] != truth.n_contributing[i];

@@ -364,8 +364,8 @@ fn write_views(
         ));
         reports.push(ViewReport {
             name: view.name.clone(),
-            width: view.width,
-            height: view.height,
+            width: view.intrinsics.width,
+            height: view.intrinsics.height,
             seconds,
             frame: profiled.get(reports.len()).cloned().unwrap_or(report),
         });

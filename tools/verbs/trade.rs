@@ -320,7 +320,7 @@ impl Bench<'_> {
             if !file.is_file() || frame + 1 >= self.capture.n_frames {
                 continue;
             }
-            let truth = read_flow(&file, view.width, view.height)?;
+            let truth = read_flow(&file, view.intrinsics.width, view.intrinsics.height)?;
             let (rendered, _) = renderer.render(&view, Outputs::All)?;
             let error = |(a, b): (&[f32; 2], &[f32; 2])| f64::from(a[0] - b[0]).hypot(f64::from(a[1] - b[1]));
             errors.extend(rendered.flow.iter().zip(&truth).map(error).filter(|error| error.is_finite()));

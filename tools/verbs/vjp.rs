@@ -79,11 +79,11 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
 /// The file's cotangents as a frame; outputs that it does not name have none.
 fn cotangents(args: &Args, view: &View) -> anyhow::Result<Frame> {
     let mut tensors = read_tensors(&args.cotangents)?;
-    let (w, h) = (view.width as usize, view.height as usize);
+    let (w, h) = (view.intrinsics.width as usize, view.intrinsics.height as usize);
     let mut take = |name: &str, channels: usize| take(&mut tensors, args, name, w, h, channels);
     let frame = Frame {
-        width: view.width,
-        height: view.height,
+        width: view.intrinsics.width,
+        height: view.intrinsics.height,
         color: take("color", 3)?.as_chunks().0.to_vec(),
         alpha: take("alpha", 1)?,
         depth: take("depth", 1)?,

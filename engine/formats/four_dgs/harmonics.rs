@@ -45,7 +45,7 @@ pub(super) struct Viewpoints<'a> {
 
 impl<'a> Viewpoints<'a> {
     pub(super) fn new(views: &'a [View]) -> Self {
-        Viewpoints { views, centers: views.iter().map(|view| view.pose().center().to_array()).collect() }
+        Viewpoints { views, centers: views.iter().map(|view| view.pose.center().to_array()).collect() }
     }
 
     /// Base colours and harmonics on the format's grids that look like the `coefficients` of a Gaussian at `place`.
@@ -149,7 +149,7 @@ fn factor(norm: &Factor, order: &[usize; K], k: usize) -> Factor {
 
 /// Whether a place is within a view's picture.
 fn sees(view: &View, place: [f64; 3]) -> bool {
-    let (at, intrinsics) = (view.pose().to_camera(place.into()), view.intrinsics());
+    let (at, intrinsics) = (view.pose.to_camera(place.into()), view.intrinsics);
     at.z > 0.0 && intrinsics.holds(intrinsics.project(at))
 }
 

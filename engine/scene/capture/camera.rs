@@ -71,23 +71,17 @@ impl Camera {
     pub(super) fn view(&self, frame: u32, n_frames: u32, pose: &Pose, background: [f32; 3]) -> View {
         let name = if n_frames == 1 { self.name.clone() } else { format!("{}_{frame:05}", self.name) };
         let n_frames = f64::from(n_frames.max(1));
-        let Intrinsics { width, height, fx, fy, cx, cy } = self.intrinsics;
         let next = self.pose(frame + 1);
         View {
             name,
-            width,
-            height,
-            fx,
-            fy,
-            cx,
-            cy,
-            world_to_camera: pose.rows(),
+            intrinsics: self.intrinsics,
+            pose: *pose,
             time: f64::from(frame) / n_frames,
             time_offset: 0.0,
             flow_dt: 1.0 / n_frames,
             background,
             flow_model: FlowModel::Velocity,
-            next_world_to_camera: (next != pose).then(|| next.rows()),
+            next_pose: (next != pose).then_some(*next),
         }
     }
 }

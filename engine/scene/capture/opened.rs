@@ -164,7 +164,7 @@ impl Capture {
             let poses = camera.shots.iter_mut().filter_map(|shot| shot.world_to_camera.as_mut());
             poses.for_each(|pose| *pose = to.pose(pose));
         }
-        self.viewpoints.iter_mut().for_each(|view| view.world_to_camera = to.pose(&view.pose()).rows());
+        self.viewpoints.iter_mut().for_each(|view| view.pose = to.pose(&view.pose));
         self.points.iter_mut().for_each(|point| point.position = to.point(point.position));
         self.moved = self.moved.then(to);
         self

@@ -99,7 +99,7 @@ impl Eye {
                 () => Ground::Still,
             });
         }
-        let (pose, intrinsics) = (view.pose(), view.intrinsics());
+        let (pose, intrinsics) = (view.pose, view.intrinsics);
         Eye {
             width,
             height,

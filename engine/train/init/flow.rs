@@ -193,7 +193,7 @@ fn sights(
             return Ok(Vec::new());
         };
         let view = capture.view(camera, from)?;
-        let flow = read_flow(path, view.width, view.height)?;
+        let flow = read_flow(path, view.intrinsics.width, view.intrinsics.height)?;
         let before = Pinhole::new(&view);
         let after = if from + 1 < capture.n_frames { Pinhole::new(&capture.view(camera, from + 1)?) } else { before };
         let sight = |point: &FramePoint| {

@@ -1,8 +1,8 @@
 //! The lenses of a capture: what lies just before one veils its picture.
 
 use super::points::Found;
+use crate::scene::Pose;
 use crate::scene::capture::{Capture, TRAINING_RADIUS};
-use crate::scene::{Pose, View};
 
 /// Nothing begins nearer before a lens, in training units.
 const NEAREST: f64 = TRAINING_RADIUS / 6.0;
@@ -16,7 +16,7 @@ pub(super) struct Lenses(Vec<Pose>);
 
 impl Lenses {
     pub fn new(capture: &Capture) -> Self {
-        Lenses(capture.lens_views().iter().map(View::pose).collect())
+        Lenses(capture.lens_views().iter().map(|view| view.pose).collect())
     }
 
     /// Whether a Gaussian at a point would veil a picture.

@@ -112,6 +112,6 @@ fn signs(view: &View, truth: &[u32], random: Keyed) -> Frame {
         let sign = |c: usize| if bits >> c & 1 == 0 { 1.0 } else { -1.0 };
         if word >> 24 == 0 { [0.0; 3] } else { std::array::from_fn(sign) }
     });
-    let (width, height) = (view.width, view.height);
+    let (width, height) = (view.intrinsics.width, view.intrinsics.height);
     Frame { width, height, color: color.collect(), alpha: vec![0.0; truth.len()], ..Frame::default() }
 }

@@ -42,8 +42,10 @@ pub(super) fn check(renderer: &mut Renderer, sight: &Sight, camera: usize) -> Re
         for (pixel, (color, word)) in (0..).zip(shown.color.iter().zip(&picture.pixels)) {
             let [r, g, b, mask] = word.to_le_bytes();
             if mask > 0 {
-                let (x, y) =
-                    (pixel % view.width * BLOCKS[0] / view.width, pixel / view.width * BLOCKS[1] / view.height);
+                let (x, y) = (
+                    pixel % view.intrinsics.width * BLOCKS[0] / view.intrinsics.width,
+                    pixel / view.intrinsics.width * BLOCKS[1] / view.intrinsics.height,
+                );
                 let block = &mut blocks[(y * BLOCKS[0] + x) as usize];
                 block.add(color.map(f64::from), [r, g, b].map(|level| f64::from(level) / 255.0));
             }

@@ -57,7 +57,7 @@ impl Trainer {
             if !is_complete {
                 continue;
             }
-            let n_pixels = view.width * view.height;
+            let n_pixels = view.intrinsics.width * view.intrinsics.height;
             let Results { lists, n_tiles, .. } = &step.results;
             let counters = match &self.work {
                 Some(work) => Counters::read(&self.gpu, work, &self.scene, lists, *n_tiles, n_pixels)?,

@@ -15,7 +15,8 @@ impl Trainer {
     pub(super) fn inputs(&mut self, camera: usize, view: &View, picture: &Picture) -> Result<Inputs> {
         let (background, flow_model) = (self.config.background, self.setup.flow_model);
         let step = self.step + 1;
-        let reduction = self.config.resolution.reduction(step, self.total).min(view.width).min(view.height);
+        let reduction =
+            self.config.resolution.reduction(step, self.total).min(view.intrinsics.width).min(view.intrinsics.height);
         let reduced = (reduction > 1).then(|| picture.reduced(reduction));
         let picture = reduced.as_ref().unwrap_or(picture);
         Ok(Inputs {
@@ -100,7 +101,7 @@ impl Trainer {
         let strip = Strip::whole(view);
         let (tiles_x, tiles_y) = strip.tiles(view);
         let n_tiles = tiles_x * tiles_y;
-        let n_pixels = view.width * view.height;
+        let n_pixels = view.intrinsics.width * view.intrinsics.height;
         let room =
             Room { tiles: self.room.tiles.max(n_tiles), pixels: self.room.pixels.max(n_pixels as usize), ..self.room };
         if room.pixels > self.room.pixels || self.work.as_ref().is_some_and(|work| work.room != room) {
