@@ -348,7 +348,7 @@ fn last_begun(markers: &[u8], passes: &[String]) -> String {
 }
 
 impl Submission {
-    /// Waits for the end and reads the timestamps. Where that fails with anything but a lost device, the work goes on, and
+    /// Waits for the end and reads the timestamps. Where that fails with anything but a lost device, the work continues, and
     /// it can be waited for again.
     ///
     /// # Errors

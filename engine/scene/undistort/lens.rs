@@ -130,7 +130,7 @@ impl Distortion {
         }
     }
 
-    /// The point that [`Distortion::distort`] maps to `at`; `None` where there is none within reach.
+    /// The point that [`Distortion::distort`] maps to `at`; `None` where no point within reach does.
     fn undistort(&self, at: [f64; 2], reach: f64) -> Option<[f64; 2]> {
         let r = at[0].hypot(at[1]);
         if r == 0.0 || *self == Distortion::None {
