@@ -13,6 +13,9 @@ pub struct DeviceArgs {
     /// The device: an index or part of a name from `ivv devices`.
     #[arg(long)]
     device: Option<String>,
+    /// Lanes of the subgroups that kernels run with, where the device takes several; by default what suits the hardware.
+    #[arg(long, value_name = "LANES")]
+    subgroup_size: Option<u32>,
 }
 
 impl DeviceArgs {
@@ -26,8 +29,9 @@ impl DeviceArgs {
     pub fn open_with(&self, surface: Vec<&'static CStr>, validation: bool) -> ivv::Result<Arc<Gpu>> {
         let choice = DeviceChoice {
             device: self.device.clone(),
-            pipeline_cache: cache_folder().map(|folder| folder.join("pipelines.bin")),
+            pipeline_cache: cache_folder(),
             surface,
+            subgroup_size: self.subgroup_size,
             validation,
             ..DeviceChoice::default()
         };

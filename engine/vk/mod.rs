@@ -8,6 +8,7 @@
 
 mod buffer;
 mod caps;
+mod choose;
 mod command;
 mod debug;
 mod device;
