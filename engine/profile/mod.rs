@@ -1,6 +1,8 @@
 //! Where the time of a frame or a step goes, against what the device was measured to do; and single kernels, taken out and
-//! run again on what they really worked on.
+//! run again on what they really worked on. And, without running anything, what a
+//! driver's compiler makes of the kernels.
 
+mod budget;
 mod capture;
 mod compare;
 mod lately;
@@ -10,8 +12,11 @@ mod passes;
 mod probe;
 mod replay;
 mod roofline;
+mod statistics;
 mod trace;
+mod waves;
 
+pub use budget::{Budgets, Change};
 pub use capture::{read_dispatch, write_dispatch};
 pub use compare::{Compared, Comparison, Other, Recorded, Verdict};
 pub use lately::Lately;
@@ -19,4 +24,6 @@ pub use limit::{Bound, Peaks};
 pub use passes::{Line, Overhead, Profile, Sample};
 pub use probe::{Prepared, Probe, dispatch_ns, dispatches};
 pub use replay::{Difference, Replay, Replayed};
+pub use statistics::{Static, Statistics};
 pub use trace::{Moment, trace};
+pub use waves::Chip;

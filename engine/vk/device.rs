@@ -75,7 +75,7 @@ impl Drop for Instance {
 }
 
 impl Instance {
-    fn new(choice: &DeviceChoice) -> Result<Arc<Self>> {
+    pub(super) fn new(choice: &DeviceChoice) -> Result<Arc<Self>> {
         let no_loader = |reason: String| Error::NoDevice {
             reason,
             remedy: "install the Vulkan loader and a driver (Debian: libvulkan1 mesa-vulkan-drivers)".to_owned(),
@@ -150,7 +150,7 @@ impl Instance {
     }
 
     /// Usable devices with their capabilities, and the reasons against the others, in the loader's order.
-    fn devices(&self) -> Result<Vec<(vk::PhysicalDevice, std::result::Result<Found, String>)>> {
+    pub(super) fn devices(&self) -> Result<Vec<(vk::PhysicalDevice, std::result::Result<Found, String>)>> {
         // SAFETY: plain query.
         let all = unsafe { self.raw.enumerate_physical_devices() }.map_err(|e| Error::NoDevice {
             reason: format!("vkEnumeratePhysicalDevices: {e:?}"),
@@ -268,9 +268,9 @@ impl Instance {
     }
 }
 
-struct Found {
-    queue_family: u32,
-    caps: Caps,
+pub(super) struct Found {
+    pub(super) queue_family: u32,
+    pub(super) caps: Caps,
 }
 
 /// The devices of this machine: capabilities, or the reason why one cannot run the engine.
@@ -280,7 +280,7 @@ pub fn list_devices() -> Result<Vec<std::result::Result<Caps, String>>> {
 }
 
 /// Index and reason of the device that `wanted` picks among `devices`.
-fn pick(devices: &[std::result::Result<&Caps, &String>], wanted: Option<&str>) -> Result<(usize, String)> {
+pub(super) fn pick(devices: &[std::result::Result<&Caps, &String>], wanted: Option<&str>) -> Result<(usize, String)> {
     let listed = || {
         devices
             .iter()

@@ -12,6 +12,7 @@ mod command;
 mod debug;
 mod device;
 mod pipeline;
+mod statistics;
 #[cfg(feature = "play")]
 mod swapchain;
 
@@ -21,6 +22,7 @@ pub use command::{Binding, Commands, Done, Submission};
 pub use debug::Validation;
 pub use device::{Device, DeviceChoice, list_devices};
 pub use pipeline::{BindingKind, Pipeline, PipelineDesc};
+pub use statistics::{Compiler, Executable};
 #[cfg(feature = "play")]
 pub use swapchain::{Swapchain, WindowHandle, surface_extensions};
 
