@@ -44,7 +44,7 @@ fn no_kernel_is_worse_than_its_budget() {
     assert!(changes.iter().all(|change| !change.is_worse), "kernels got worse: see above");
     assert!(changes.is_empty(), "kernels got better or are new: IVV_BLESS=1 tools/test.sh --budgets keeps that");
     // A table that promises one register less must not be met.
-    let tighter = text(TABLE).replacen("\t96\t", "\t95\t", 1);
+    let tighter = now.text().replacen("\t96\t", "\t95\t", 1);
     let tighter = Budgets::parse(Path::new(TABLE), &tighter).unwrap();
     assert!(tighter.compare(&now).iter().any(|change| change.is_worse), "the comparison notices nothing");
 }
