@@ -89,7 +89,7 @@ impl CaptureArgs {
     }
 }
 
-/// Opens a capture; what `ivv prepare` can make one of is told by its name.
+/// Opens a capture. A source that `ivv prepare` can make a capture of is named in the fault.
 pub fn open(path: &Path, settings: &CaptureSettings) -> ivv::Result<Capture> {
     Capture::open_with(path, settings).map_err(|error| match unprepared(path) {
         Some((_, fault)) => fault.into(),
@@ -97,7 +97,7 @@ pub fn open(path: &Path, settings: &CaptureSettings) -> ivv::Result<Capture> {
     })
 }
 
-/// The report of a capture; what `ivv prepare` can make one of is told by its name.
+/// The report of a capture. A source that `ivv prepare` can make a capture of is named in it.
 pub fn check(path: &Path, settings: &CaptureSettings) -> Report {
     let mut report = check_capture(path, settings);
     if let Some((what, fault)) = unprepared(path).filter(|_| report.n_faults > 0) {

@@ -13,6 +13,9 @@ pub struct DeviceArgs {
     /// The device: an index or part of a name from `ivv devices`.
     #[arg(long)]
     device: Option<String>,
+    /// Lanes of the subgroups that kernels run with, where the device takes several; by default what suits the hardware.
+    #[arg(long, value_name = "LANES")]
+    subgroup_size: Option<u32>,
 }
 
 impl DeviceArgs {
@@ -21,16 +24,15 @@ impl DeviceArgs {
         self.open_with(Vec::new(), false)
     }
 
+    /// The choice alone, without the cache of pipelines.
+    pub fn choice(&self) -> DeviceChoice {
+        DeviceChoice { device: self.device.clone(), subgroup_size: self.subgroup_size, ..DeviceChoice::default() }
+    }
+
     /// As [`DeviceArgs::open`]: a device that can show pictures in windows where `surface` is not empty, which is what they need;
     /// with the validation layer, which speaks in the log.
     pub fn open_with(&self, surface: Vec<&'static CStr>, validation: bool) -> ivv::Result<Arc<Gpu>> {
-        let choice = DeviceChoice {
-            device: self.device.clone(),
-            pipeline_cache: cache_folder().map(|folder| folder.join("pipelines.bin")),
-            surface,
-            validation,
-            ..DeviceChoice::default()
-        };
+        let choice = DeviceChoice { pipeline_cache: cache_folder(), surface, validation, ..self.choice() };
         let gpu = Arc::new(Gpu::open(&Options { device: choice, ..Options::default() })?);
         say!("device: {} ({})", gpu.caps().name, gpu.chosen_because());
         Ok(gpu)

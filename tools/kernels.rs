@@ -1,4 +1,4 @@
-//! Kernels by name: `ivv profile --list`, and what a wrong name is told.
+//! Kernels by name: `ivv profile --list`, and the message for a wrong name.
 
 use crate::screen::out;
 use ivv::gpu::table::{KERNELS, kernel};

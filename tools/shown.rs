@@ -113,7 +113,7 @@ pub fn own(constants: &Constants, background: [f32; 3]) -> BTreeMap<String, Stri
     own
 }
 
-/// The way back: the usual value of what is not said, or not said so that it has a meaning.
+/// The other way: the default of each value that is absent or meaningless.
 pub fn of_own(own: &BTreeMap<String, String>) -> (Constants, Option<[f32; 3]>) {
     let usual = Constants::default();
     let number = |name: &str, usual: f32, is_one: &dyn Fn(f32) -> bool| {

@@ -7,6 +7,8 @@
 #   tools/test.sh --player         the browser player in Chromium: files, pictures against the engine's, page, sound, headset
 #   tools/test.sh --play           the window of `ivv play` under Xvfb: pictures, resizes, faults of the surface, sound
 #   tools/test.sh --manual         every command of the README and the manual, on a small synthetic capture
+#   tools/test.sh --budgets        what compilers of AMD's and NVIDIA's chips make of the kernels, against assets/gpu/budgets.tsv;
+#                                  needs no GPU. IVV_BLESS=1 writes the table
 #   tools/test.sh --fuzz [SECONDS] every reader on damaged files, so long for all formats together; an hour without
 # ARGS go to cargo test.
 set -euo pipefail
@@ -33,6 +35,16 @@ if [ "${1:-}" = --manual ]; then
     tools/setup.sh manual
     build_ivv
     exec tools/manual.sh run "$ivv"
+fi
+if [ "${1:-}" = --budgets ]; then
+    tools/setup.sh test
+    build_ivv
+    if ! tools/gpu/statistics.sh "$ivv" "$CARGO_TARGET_DIR/tmp/gpu"; then
+        echo "test.sh: skipped: the drivers cannot be had, as told above"
+        exit 0
+    fi
+    export IVV_BUDGETS="$CARGO_TARGET_DIR/tmp/gpu"
+    exec cargo test --locked --test it -- repo::budgets --ignored --nocapture
 fi
 slow=no
 if [ "${1:-}" = --slow ]; then

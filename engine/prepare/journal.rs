@@ -61,7 +61,7 @@ impl Journal {
         Ok(Journal { output: output.clone(), record, force: settings.force })
     }
 
-    /// Begins a stage or goes on with it. When its files were made from something else they are removed first, and with the
+    /// Begins a stage or continues it. When its files were made from something else they are removed first, and with the
     /// images all that was made from them; that needs `force`, as does removing files of which nothing is known.
     pub fn begin(&mut self, stage: &'static str, made_from: Value) -> Result<()> {
         if self.record.made_from.get(stage) == Some(&made_from) {

@@ -1,7 +1,7 @@
 //! From what others recorded to the project's capture folder (SPEC 8): video decoded, lenses undistorted, points
 //! triangulated frame by frame, optical flow estimated.
 //!
-//! Every stage goes on where an earlier, interrupted run stopped: each file is written whole and renamed, and `prepare.json`
+//! Every stage continues where an earlier, interrupted run stopped: each file is written whole and renamed, and `prepare.json`
 //! in the folder says from what the files of a stage were made. `capture.toml` comes last.
 
 mod clocks;
@@ -29,7 +29,7 @@ use self::source::{Footage, Source};
 use crate::error::Result;
 use crate::scene::capture::{CaptureSettings, Faults, Manifest, Report, check_capture, write_true_offsets};
 
-/// What a folder or file holds of which [`prepare`] makes a capture, and which is none itself: an English phrase such as
+/// What a folder or file holds of which [`prepare`] makes a capture, and which is not a capture itself: an English phrase such as
 /// `a Pose2Sim recording`; nothing where it is a capture or unknown.
 pub fn recognise(path: &Path) -> Option<String> {
     source::recognise(path)
@@ -83,7 +83,7 @@ fn prepare_posed(
 ) -> Result<Prepared> {
     let mut faults = Faults::default();
     let source = Source::read(settings, &mut faults)?;
-    // What is missing is told before a picture is decoded.
+    // Missing programs are reported before a picture is decoded.
     if source.cameras.iter().any(|camera| matches!(camera.footage, Footage::Video(_))) {
         [FFMPEG, FFPROBE].iter().try_for_each(|program| program.require(&settings.source))?;
     }

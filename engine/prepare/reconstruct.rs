@@ -32,7 +32,7 @@ const OVERLAP: usize = 10;
 const LEAST_PLACED: usize = 3;
 /// Pictures are searched for features in this size at most: larger ones take long on a CPU and hardly place better.
 const MAX_SIDE: &str = "1600";
-/// Pictures of a block of pairs, after each of which progress is told.
+/// Pictures of a block of pairs; progress is reported after each block.
 const BLOCK: usize = 10;
 /// Seconds of one core, measured on pictures of 1280 x 720 with 7,000 features: to find the features of a picture, to match a
 /// pair, to place a picture.

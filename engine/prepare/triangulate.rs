@@ -311,7 +311,7 @@ impl Colmap<'_> {
         self.run("matches_importer", &[&pairs[..], &matching].concat())
     }
 
-    /// Triangulates with the poses of the model in `input`; the points come to the folder `found`. False where there is none.
+    /// Triangulates with the poses of the model in `input`; the points come to the folder `found`. False where there is no point.
     fn triangulate(&self, input: &Path, found: &Path) -> Result<bool> {
         let (said, outcome) = self.attempt(
             "point_triangulator",

@@ -79,7 +79,7 @@ impl Recorded {
     /// Reads `path`: a `profile.json`, or the folder that holds it.
     ///
     /// # Errors
-    /// [`Error::Data`] when it cannot be read, is no profile, or holds a time that is none.
+    /// [`Error::Data`] when it cannot be read, is not a profile, or holds a time that is not a positive number.
     pub fn read(path: &Path) -> Result<Self> {
         let file = if path.is_dir() { path.join("profile.json") } else { path.to_owned() };
         let fault = |place: &str, reason: String| {

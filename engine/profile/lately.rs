@@ -1,4 +1,4 @@
-//! What frames took lately, for whoever watches them as they come.
+//! How long recent frames took, for a display that is drawn beside them.
 
 use crate::report::statistics::quantile;
 use crate::stage::FrameReport;

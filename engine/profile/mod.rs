@@ -1,6 +1,7 @@
 //! Where the time of a frame or a step goes, against what the device was measured to do; and single kernels, taken out and
-//! run again on what they really worked on.
+//! run again on what they really worked on. And, without running anything, what a driver's compiler makes of the kernels.
 
+mod budget;
 mod compare;
 mod dump;
 mod lately;
@@ -10,8 +11,11 @@ mod passes;
 mod probe;
 mod replay;
 mod roofline;
+mod statistics;
 mod trace;
+mod waves;
 
+pub use budget::{Budgets, Drift};
 pub use compare::{Change, Compared, Comparison, Other, Recorded};
 pub use dump::{read_dispatch, write_dispatch};
 pub use lately::Lately;
@@ -19,4 +23,6 @@ pub use limit::{Bound, Peaks};
 pub use passes::{Line, Overhead, Profile, Sample};
 pub use probe::{Prepared, Probe, dispatch_ns, dispatches};
 pub use replay::{Difference, Replay, Replayed};
+pub use statistics::{Static, Statistics};
 pub use trace::{Moment, trace};
+pub use waves::Chip;

@@ -70,7 +70,7 @@ pub struct Mark {
     pub range: Option<[f64; 2]>,
     /// Of its circle, in units of the picture; 0 for none.
     pub radius: f64,
-    /// What is told when it is pointed at; may be empty.
+    /// Its tooltip; may be empty.
     pub title: String,
 }
 

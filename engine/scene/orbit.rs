@@ -9,7 +9,7 @@ use crate::report::statistics::median_high;
 /// differ by a few degrees.
 const LEAST_SPREAD: f64 = 1e-3;
 
-/// The direction in which `views` are upright on average, world, of length 1; none where there is none.
+/// The direction in which `views` are upright on average, world, of length 1; `None` where they have no common one.
 pub fn upright(views: &[View]) -> Option<DVec3> {
     let sum: DVec3 = views.iter().map(|view| -view.pose.down()).sum();
     // What is left of views that cancel each other is rounding.
@@ -60,7 +60,7 @@ impl Orbit {
         }
         let distance = median_high(lenses.iter().map(|(lens, _)| lens.distance(middle)))?;
         let height = median_high(lenses.iter().map(|(lens, _)| up.dot(lens - middle)))?;
-        // Of cameras that hang overhead the circle still goes around.
+        // Even for cameras that hang overhead the path is a circle around the scene.
         let radius = (distance * distance - height * height).max(0.01 * distance * distance).sqrt();
         let first = lenses[0].0 - middle;
         let ahead = first.reject_from_normalized(up).try_normalize().unwrap_or_else(|| up.any_orthonormal_vector());

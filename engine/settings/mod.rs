@@ -24,7 +24,7 @@ pub struct Constants {
 }
 
 settings! {
-    /// What a frame may do in vain, leave out or round. By default it does nothing in vain and leaves out nothing that shows: the
+    /// What a frame may compute needlessly, leave out or round. By default it wastes nothing and leaves out nothing that shows: the
     /// picture is that of SPEC 3.
     #[derive(Copy)]
     pub struct Knobs in "frame." {

@@ -89,7 +89,7 @@ impl Setting {
         if self.range.contains(value) {
             return Ok(());
         }
-        // JSON has no other way to write what is no finite number.
+        // JSON writes every number that is not finite as null.
         let found = if value.is_null() { "not a finite number".to_owned() } else { value.to_string() };
         Err(format!("{} is {found}; expected {}", self.name, self.range))
     }

@@ -145,7 +145,7 @@ pub fn choose(candidates: &[Vec<Candidate>], expected: &[f64], neighbours: &[Vec
     let highest = candidates.iter().zip(expected).map(|(found, model)| found[0].delay - model);
     let offset = median(&highest.collect::<Vec<_>>());
     let mut chosen: Vec<f64> = (0..candidates.len()).map(|at| best(at, expected[at] + offset, FROM_MODEL)).collect();
-    // It settles in a few rounds; a pair that goes on swapping is as good either way.
+    // It settles in a few rounds. A pair that keeps swapping is as good either way.
     for _ in 0..20 {
         let around = |at: usize| median(&neighbours[at].iter().map(|other| chosen[*other]).collect::<Vec<_>>());
         let next: Vec<f64> = (0..candidates.len()).map(|at| best(at, around(at), FROM_NEIGHBOURS)).collect();

@@ -26,7 +26,7 @@ const FADE: usize = 16;
 const SPARED: f64 = 1e-6;
 
 /// The sources of a clip of `seconds`: each as a listener hears it who stays where the microphone was at first, in its gates
-/// alone, and the way that it goes. One that is never heard is left out.
+/// alone, and its path. One that is never heard is left out.
 ///
 /// A microphone that moves is louder near a source than the law of distance of a player, which knows one place of it, can tell;
 /// that is in the recordings then.

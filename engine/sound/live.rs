@@ -135,7 +135,7 @@ impl Listener<'_> {
     }
 }
 
-/// Which part of a clip is to be mixed next, so that it is heard with its picture: sound goes on without a gap as long as it stays
+/// Which part of a clip is to be mixed next, so that it is heard with its picture: sound plays without a gap as long as it stays
 /// near, and jumps where the clip does.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Chase {

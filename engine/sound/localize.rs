@@ -29,7 +29,7 @@ const VAGUENESS: f64 = 0.01;
 /// Gaps up to this are smoothed through; up to this the place is held; seconds.
 const FILLED: f64 = 0.5;
 const HELD: f64 = 3.0;
-/// One who is found in fewer frames, or for a shorter time in seconds, is an error of the detectors.
+/// A person found in fewer frames, or for a shorter time in seconds, is an error of the detectors.
 const MIN_FRAMES: usize = 3;
 const MIN_SECONDS: f64 = 0.1;
 

@@ -11,7 +11,7 @@ use super::hrtf::{HrtfSet, Lookup};
 use super::spectrum::{Spectra, good_length};
 use super::wola::Baker;
 
-/// The ear goes by differences of time up to here, hertz.
+/// Up to this frequency the ear uses differences of time, hertz.
 const ITD_BAND: f64 = 1500.0;
 /// The largest difference of time that is looked for, seconds.
 const ITD_MAX: f64 = 1e-3;

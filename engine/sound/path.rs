@@ -80,7 +80,7 @@ pub struct PathCamera {
 ///
 /// # Errors
 /// [`Error::Data`] with the line or the pose when the file cannot be read or parsed, has no pose, a number that is not
-/// finite, a rotation that is none, or times that do not increase.
+/// finite, rows that are not a rotation, or times that do not increase.
 pub fn read_path(path: &Path, convention: Option<Convention>) -> Result<HeadPath> {
     let text =
         read_text(path).map_err(|fault| Error::data(path, "", format!("cannot be read: {fault}"), "check the path"))?;

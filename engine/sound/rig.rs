@@ -35,7 +35,7 @@ impl RigCamera {
         (!poses.is_empty()).then(|| RigCamera { name: name.to_owned(), lens, poses, offset: 0.0, reach })
     }
 
-    /// Where it is at a frame of its own clock: between two poses it turns evenly and its centre goes straight on.
+    /// Where it is at a frame of its own clock: between two poses it turns evenly and its centre moves along a line.
     pub fn pose(&self, frame: f64) -> Pose {
         let next = self.poses.partition_point(|(at, ..)| *at <= frame).min(self.poses.len() - 1);
         let (from, to) = (self.poses[next.saturating_sub(1)], self.poses[next]);

@@ -102,7 +102,7 @@ impl SourceTrack {
     /// ending is the id; the rate is that of the times.
     ///
     /// # Errors
-    /// [`Error::Data`] with the line when the file cannot be read, has other columns, a number that is none or not finite,
+    /// [`Error::Data`] with the line when the file cannot be read, has other columns, a number that is malformed or not finite,
     /// times that do not increase, or no sample.
     pub fn read_csv(path: &Path) -> Result<SourceTrack> {
         let text = read_text(path)

@@ -155,7 +155,7 @@ fn numbered<'a>(params: &'a Planes, moments: &'a Planes) -> Vec<Numbered<'a>> {
 }
 
 impl Optimiser {
-    /// An optimiser of `scene` that goes on from `moments` and `state`; `sums` is [`lazy_sums`] of the run, for
+    /// An optimiser of `scene` that continues from `moments` and `state`; `sums` is [`lazy_sums`] of the run, for
     /// [`AdamMode::Lazy`] only.
     ///
     /// # Errors

@@ -1,4 +1,4 @@
-//! The cameras' time offsets (SPEC 2, 4), which only the device knows while a run goes on.
+//! The cameras' time offsets (SPEC 2, 4), which only the device knows during a run.
 
 use super::adam::{BETA1, BETA2, correction};
 use crate::error::Result;

@@ -89,7 +89,7 @@ impl Judge<'_> {
 }
 
 /// Finds the grades with which the scene fulfils `goal`, by what its pictures lose. Each attribute is first coarsened alone; what
-/// the losses allow together is then taken where it saves most bytes for its loss, and looked at. `progress` is told how many
+/// the losses allow together is then taken where it saves most bytes for its loss, and measured. `progress` receives how many
 /// files have been looked at, and how many there can be.
 ///
 /// # Errors

@@ -56,10 +56,10 @@ pub struct DensityRound {
     pub center: [f32; 3],
     /// Its size, scene units.
     pub extent: f32,
-    /// Opacity, the largest over the training times, below which a Gaussian goes or is dead.
+    /// Opacity, the largest over the training times, below which a Gaussian is removed or counts as dead.
     pub prune_opacity: f32,
     /// Floaters before the camera: standard deviation, as a part of its depth before a lens that sees it, above which a Gaussian
-    /// goes or is dead.
+    /// is removed or counts as dead.
     pub prune_veil: f32,
     /// Opacity logit that none exceeds afterwards; `f32::MAX` leaves all.
     pub opacity_ceiling: f32,

@@ -8,7 +8,7 @@ use crate::gpu::generated::Status;
 use crate::gpu::{Buf, PassTime, Recording, Running, Slice};
 use crate::scene::{Frame, View};
 
-/// Where a picture goes.
+/// Where a picture is written to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Destination {
     /// It stays on the device.
@@ -69,7 +69,7 @@ pub(super) struct Recorded {
     pub recording: Recording,
     pub lists: Lists,
     pub extent: Extent,
-    /// Where its status goes.
+    /// Where its status is written to.
     pub status: Slice,
     pub rounds: u32,
     /// What is read back behind it.

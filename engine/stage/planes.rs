@@ -103,7 +103,7 @@ impl Arrays {
         })
     }
 
-    /// Each array through `f`, which is told its planes in the layout of the parameters.
+    /// Each array through `f`, which receives its planes in the layout of the parameters.
     pub(super) fn map(&self, f: impl Fn(usize, &[[f32; 4]]) -> Vec<[f32; 4]>) -> Arrays {
         Arrays {
             geometry: f(3, &self.geometry),

@@ -6,7 +6,7 @@ use crate::error::Result;
 use crate::gpu::generated::{self, Status, ViewParams, constants, project_static_sh0, project_stereo_static_sh0};
 use crate::gpu::{Buf, Gpu, Grid, KernelInfo, Recording};
 
-/// vec4 per splat; the layout is told in `include/splat.glsl`.
+/// vec4 per splat; the layout is defined in `include/splat.glsl`.
 pub const SPLAT_PLANES: usize = constants::splat::SPLAT_PLANES as usize;
 
 /// What projection gives, by active index.
@@ -21,7 +21,7 @@ pub struct Projected {
     pub tile_counts: Buf<u32>,
 }
 
-/// One of two eyes: what it looks from, and where what it sees goes.
+/// One of two eyes: its view, and the buffers that its projection is written to.
 #[derive(Clone, Copy)]
 pub struct Eye<'a> {
     /// Where it looks from.

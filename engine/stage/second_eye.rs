@@ -38,7 +38,7 @@ impl SecondEye {
         })
     }
 
-    /// What it looks from, and where what it sees goes.
+    /// Its view, and the buffers that its picture is written to.
     pub fn eye(&self) -> Eye<'_> {
         Eye { view: &self.view, status: &self.status, projected: &self.projected }
     }

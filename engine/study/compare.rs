@@ -317,7 +317,7 @@ impl RunTable {
 /// Width and height of a panel.
 const PANEL: [f64; 2] = [250.0, 190.0];
 
-/// A point with its mean, least and most, and what is told of it.
+/// A point with its mean, least and most, and its label.
 fn mark(x: f64, name: &str, [mean, least, most]: [f64; 3]) -> Mark {
     let title = format!("{name}: {mean:.4} ({least:.4} to {most:.4})");
     Mark { at: [x, mean], range: Some([least, most]), radius: 3.0, title }

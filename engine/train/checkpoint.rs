@@ -208,7 +208,7 @@ impl Checkpoint {
         Ok(!list(folder)?.is_empty())
     }
 
-    /// The step of the newest checkpoint of `folder`, readable or not; none where there is none.
+    /// The step of the newest checkpoint of `folder`, readable or not; `None` where there is no checkpoint.
     ///
     /// # Errors
     /// [`Error::Data`] when the folder is there and cannot be listed.
@@ -237,7 +237,7 @@ impl Checkpoint {
     }
 
     /// Keeps the checkpoint of `step` in `folder`, whose test views have a mean of `psnr` dB, as the best one if it is;
-    /// the best one before it goes. Says whether it is.
+    /// the best one before it is removed. Says whether it is.
     ///
     /// # Errors
     /// [`Error::Data`] when there is no such checkpoint or it cannot be kept.

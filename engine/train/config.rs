@@ -265,7 +265,7 @@ settings! {
     }
 }
 
-/// A learning rate that goes from `start` to `end` exponentially over the run; a number stands for both.
+/// A learning rate that changes exponentially from `start` to `end` over the run; a number stands for both.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(from = "RateForm")]
 pub struct Rate {

@@ -35,7 +35,7 @@ pub fn density_round(
     let grows = due == Some(Round::Growth);
     let (choice, growth) = match density.strategy {
         Strategy::Adc => {
-            // Where no more are added, what goes for its size leaves a hole: walls are large.
+            // Once none are added, removing large Gaussians leaves holes: walls are large.
             let largest = if grows || resets { density.prune_scale * radius } else { f32::MAX };
             // None grows twice in a round.
             let least = (density.growth_least as f64 / f64::from(n.max(1))).min(1.0);

@@ -84,7 +84,7 @@ impl DepthFits {
         self.0.get(&(camera, frame))?.ok()
     }
 
-    /// By (camera, frame), or why there is none.
+    /// By (camera, frame): the fit, or why there is no fit.
     pub fn iter(&self) -> impl Iterator<Item = ((usize, u32), std::result::Result<DepthFit, Unfit>)> {
         self.0.iter().map(|(image, fit)| (*image, *fit))
     }

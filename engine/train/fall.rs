@@ -1,4 +1,4 @@
-//! Whether the scores of the test images fall while a run goes on.
+//! Whether the scores of the test images fall during a run.
 
 use super::config::{Config, Strategy};
 use super::log::{Kind, Log};

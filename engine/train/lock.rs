@@ -30,7 +30,7 @@ struct Holder {
 }
 
 impl RunLock {
-    /// Locks `folder`, which must be there. On a file system without locks it warns and goes on without.
+    /// Locks `folder`, which must be there. On a file system without locks it warns and continues unlocked.
     ///
     /// # Errors
     /// [`Error::Data`] that says who holds it, or when the file of the lock cannot be written.

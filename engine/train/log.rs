@@ -40,7 +40,7 @@ pub struct Log {
 }
 
 impl Log {
-    /// The log in `folder`, with the lines of an earlier part of the run up to `step`; what is no such line is dropped.
+    /// The log in `folder`, with the lines of an earlier part of the run up to `step`; any other line is dropped.
     pub fn open(folder: &Path, step: u64) -> Self {
         let file = folder.join("train.jsonl");
         let text = if step > 0 { read_text(&file).unwrap_or_default() } else { String::new() };

@@ -19,7 +19,7 @@ pub(super) struct Objective {
     pub cameras: Cameras,
 }
 
-/// What of one picture goes to the device.
+/// The part of one picture that is uploaded to the device.
 pub(super) struct Truth {
     shown: Shown,
     camera: usize,

@@ -278,7 +278,7 @@ impl Plan {
         };
         let caps = gpu.caps();
         let is_host = caps.kind == DeviceKind::Cpu;
-        Plan::new(&work, &Limits { binding_bytes: caps.max_binding_bytes, memory_bytes: caps.heap_bytes, is_host })
+        Plan::new(&work, &Limits { binding_bytes: caps.max_binding_bytes, memory_bytes: caps.budget_bytes, is_host })
     }
 
     /// Plans `work` on a device with `limits`. [`Plan::full`] has no Gaussian where a picture alone is too much.

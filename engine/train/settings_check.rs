@@ -34,7 +34,7 @@ pub fn check_settings(settings: &Value) -> Result<(), String> {
 /// Checks that `name` is that of a single setting, or of an end of a learning rate.
 ///
 /// # Errors
-/// It is that of a group, or of nothing; the nearest name is told.
+/// It is that of a group, or of nothing; the message has the nearest name.
 pub fn check_name(name: &str) -> Result<(), String> {
     let is_known = |setting: &Setting| {
         let is_end = setting.range == Range::Rate

@@ -53,11 +53,11 @@ pub struct Density<'a> {
     pub center: [f32; 3],
     /// Its size.
     pub extent: f32,
-    /// Opacity below which a Gaussian goes or is dead.
+    /// Opacity below which a Gaussian is removed or counts as dead.
     pub prune_opacity: f32,
     /// What cameras see.
     pub lenses: &'a [Cone],
-    /// Standard deviation, as a part of its depth before a lens that sees it, above which a Gaussian goes.
+    /// Standard deviation, as a part of its depth before a lens that sees it, above which a Gaussian is removed.
     pub prune_veil: f32,
     /// Gaussians never exceed this.
     pub max_gaussians: usize,

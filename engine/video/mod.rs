@@ -127,7 +127,7 @@ impl Video {
         }
     }
 
-    /// What ffmpeg is told, from `pictures` to `output`.
+    /// The arguments of ffmpeg, from `pictures` to `output`.
     fn arguments(&self, pictures: OsString, output: &Path) -> Vec<OsString> {
         let ending = self.path.extension().unwrap_or_default();
         let mut words: Vec<OsString> = Vec::new();

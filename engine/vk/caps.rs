@@ -29,7 +29,7 @@ pub struct Caps {
     pub api: String,
     /// Graphics card, integrated, software.
     pub kind: DeviceKind,
-    /// Lanes that the engine's kernels run with.
+    /// Lanes that the engine's kernels run with: what suits the hardware, or what was asked for.
     pub subgroup_size: u32,
     /// Smallest subgroup the device may choose on its own.
     pub subgroup_min: u32,
@@ -47,12 +47,16 @@ pub struct Caps {
     pub max_binding_bytes: u64,
     /// Largest single allocation, bytes.
     pub max_allocation_bytes: u64,
-    /// The largest memory heap, bytes.
+    /// The largest memory heap on the device itself, bytes.
     pub heap_bytes: u64,
+    /// What of it this process may use when the device is opened (`VK_EXT_memory_budget`), bytes; all where the device does not say.
+    pub budget_bytes: u64,
     /// Alignment of a storage binding's offset, bytes.
     pub storage_alignment: u64,
     /// Nanoseconds per timestamp tick; 0 where the device has no timestamps.
     pub timestamp_ns: f32,
+    /// Bits of a timestamp; it begins again at 0 after these.
+    pub timestamp_bits: u32,
     /// Push descriptors (`VK_KHR_push_descriptor`); descriptor pools serve where they are absent.
     pub push_descriptors: bool,
     /// Float atomic add on buffers.
@@ -61,6 +65,8 @@ pub struct Caps {
     pub int64_atomics: bool,
     /// Arithmetic in half precision.
     pub float16: bool,
+    /// Whether the driver is a layer over another interface than Vulkan (`VK_KHR_portability_subset`), as MoltenVK is.
+    pub is_portability_subset: bool,
 }
 
 pub(super) fn kind_of(kind: vk::PhysicalDeviceType) -> DeviceKind {

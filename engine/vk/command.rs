@@ -1,6 +1,7 @@
 //! Command streams: recorded once, submitted once, waited for on the timeline.
 
 use super::buffer::{Buffer, Location};
+use super::choose::ticks_since;
 use super::device::Device;
 use super::pipeline::{BindingKind, Pipeline};
 use super::vk_error;
@@ -348,7 +349,7 @@ fn last_begun(markers: &[u8], passes: &[String]) -> String {
 }
 
 impl Submission {
-    /// Waits for the end and reads the timestamps. Where that fails with anything but a lost device, the work goes on, and
+    /// Waits for the end and reads the timestamps. Where that fails with anything but a lost device, the work continues, and
     /// it can be waited for again.
     ///
     /// # Errors
@@ -365,8 +366,9 @@ impl Submission {
         }
         let ns = f64::from(self.0.device.caps().timestamp_ns);
         let first = ticks.first().copied().unwrap_or(0);
-        let since = |tick: u64| tick.saturating_sub(first) as f64 * ns;
-        let pass_ns = ticks.chunks_exact(2).map(|t| [since(t[0]), since(t[1].max(t[0]))]).collect();
+        let bits = self.0.device.caps().timestamp_bits;
+        let since = |tick: u64| ticks_since(first, tick, bits) as f64 * ns;
+        let pass_ns = ticks.chunks_exact(2).map(|t| [since(t[0]), since(t[1]).max(since(t[0]))]).collect();
         Ok(Done { pass_ns })
     }
 }

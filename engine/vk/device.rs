@@ -47,6 +47,10 @@ fn create_device(
     if caps.subgroup_pinned {
         extensions.push(ext::subgroup_size_control::NAME.as_ptr());
     }
+    if caps.is_portability_subset {
+        // Vulkan asks for it wherever it is there.
+        extensions.push(khr::portability_subset::NAME.as_ptr());
+    }
     if shows_pictures {
         extensions.push(khr::swapchain::NAME.as_ptr());
     }
@@ -77,6 +81,12 @@ fn create_device(
     })
 }
 
+/// The name of the file that keeps the pipelines of the device and driver of `uuid`: two devices never overwrite each other's.
+fn cache_name(uuid: [u8; vk::UUID_SIZE]) -> String {
+    let digits: String = uuid.iter().map(|byte| format!("{byte:02x}")).collect();
+    format!("pipelines-{digits}.bin")
+}
+
 fn create_allocator(instance: &Instance, device: &ash::Device, physical: vk::PhysicalDevice) -> Result<Allocator> {
     Allocator::new(&AllocatorCreateDesc {
         instance: instance.raw.clone(),
@@ -96,17 +106,20 @@ impl Device {
     /// [`Error::NoDevice`] when there is no loader, no usable device or none that matches.
     pub fn open(choice: &DeviceChoice) -> Result<(Arc<Self>, String)> {
         let instance = Instance::new(choice)?;
-        let mut devices = instance.devices()?;
+        let mut devices = instance.devices(choice.subgroup_size)?;
         let borrowed: Vec<_> = devices.iter().map(|(_, d)| d.as_ref().map(|f| &f.caps)).collect();
         let (index, why) = pick(&borrowed, choice.device.as_deref())?;
         let (physical, found) = devices.swap_remove(index);
-        let Ok(Found { queue_family, mut caps }) = found else { unreachable!("pick returns usable devices") };
+        let Ok(Found { queue_family, mut caps, pipeline_cache_uuid }) = found else {
+            unreachable!("pick returns usable devices")
+        };
         caps.push_descriptors &= !choice.no_push_descriptors;
 
         let raw = create_device(&instance, physical, queue_family, &caps, !choice.surface.is_empty())?;
         let allocator = create_allocator(&instance, &raw, physical)?;
         // A cache that the driver does not recognise is ignored by the driver; one that cannot be read is no cache.
-        let cached = choice.pipeline_cache.as_ref().filter(|file| file.is_file());
+        let cache_file = choice.pipeline_cache.as_ref().map(|folder| folder.join(cache_name(pipeline_cache_uuid)));
+        let cached = cache_file.as_ref().filter(|file| file.is_file());
         let cached = cached.and_then(|file| std::fs::read(file).ok()).unwrap_or_default();
         let cache_info = vk::PipelineCacheCreateInfo::default().initial_data(&cached);
         let mut kind = vk::SemaphoreTypeCreateInfo::default().semaphore_type(vk::SemaphoreType::TIMELINE);
@@ -135,7 +148,7 @@ impl Device {
             retired: Mutex::default(),
             #[cfg(feature = "play")]
             physical,
-            cache_file: choice.pipeline_cache.clone(),
+            cache_file,
             caps,
             raw,
             instance,
@@ -160,7 +173,7 @@ impl Device {
         (live, peak)
     }
 
-    /// Writes the pipeline cache to the file given at opening; a failure costs time, not results, and is logged.
+    /// Writes the pipeline cache to its file in the folder given at opening; a failure costs time, not results, and is logged.
     pub fn save_pipeline_cache(&self) {
         let Some(file) = &self.cache_file else { return };
         // SAFETY: the cache belongs to this device.

@@ -5,7 +5,7 @@ use super::debug::{Validation, messenger_info};
 use super::probe::Answers;
 use super::vk_error;
 use crate::error::{Error, Result};
-use ash::{Entry, ext, vk};
+use ash::{Entry, ext, khr, vk};
 use std::ffi::CStr;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -23,8 +23,10 @@ pub struct DeviceChoice {
     pub sync_validation: bool,
     /// Do without push descriptors even where they exist, to test the other path.
     pub no_push_descriptors: bool,
-    /// Where compiled pipelines are kept between runs.
+    /// The folder in which compiled pipelines are kept between runs, in a file for each device and driver.
     pub pipeline_cache: Option<PathBuf>,
+    /// Lanes of the subgroups that kernels run with; by default what suits the hardware.
+    pub subgroup_size: Option<u32>,
     /// Instance extensions for the surfaces of windows; where there are any, the device can show pictures in them.
     pub surface: Vec<&'static CStr>,
 }
@@ -89,9 +91,12 @@ impl Instance {
             has_debug_utils = true;
         }
         let layer_names: Vec<_> = wants_validation.then_some(VALIDATION_LAYER.as_ptr()).into_iter().collect();
+        // Without this, drivers over other interfaces (MoltenVK) are not listed.
+        let lists_portability = extensions.iter().any(|e| named(e, khr::portability_enumeration::NAME));
+        let portability = lists_portability.then_some(&khr::portability_enumeration::NAME);
         let debug_utils = has_debug_utils.then_some(&ext::debug_utils::NAME);
         let extension_names: Vec<_> =
-            debug_utils.into_iter().chain(&choice.surface).map(|name| name.as_ptr()).collect();
+            debug_utils.into_iter().chain(portability).chain(&choice.surface).map(|name| name.as_ptr()).collect();
         let application = vk::ApplicationInfo::default()
             .application_name(c"ivv")
             .engine_name(c"ivv")
@@ -101,6 +106,11 @@ impl Instance {
         let checks = [vk::ValidationFeatureEnableEXT::SYNCHRONIZATION_VALIDATION];
         let mut features = vk::ValidationFeaturesEXT::default().enabled_validation_features(&checks);
         let mut info = vk::InstanceCreateInfo::default()
+            .flags(if lists_portability {
+                vk::InstanceCreateFlags::ENUMERATE_PORTABILITY_KHR
+            } else {
+                vk::InstanceCreateFlags::empty()
+            })
             .application_info(&application)
             .enabled_layer_names(&layer_names)
             .enabled_extension_names(&extension_names);
@@ -128,13 +138,16 @@ impl Instance {
     }
 
     /// Usable devices with their capabilities, and the reasons against the others, in the loader's order.
-    pub(super) fn devices(&self) -> Result<Vec<(vk::PhysicalDevice, std::result::Result<Found, String>)>> {
+    pub(super) fn devices(
+        &self,
+        subgroup_size: Option<u32>,
+    ) -> Result<Vec<(vk::PhysicalDevice, std::result::Result<Found, String>)>> {
         // SAFETY: plain query.
         let all = unsafe { self.raw.enumerate_physical_devices() }.map_err(|e| Error::NoDevice {
             reason: format!("vkEnumeratePhysicalDevices: {e:?}"),
             remedy: "install a Vulkan driver (Debian: mesa-vulkan-drivers)".to_owned(),
         })?;
-        Ok(all.into_iter().map(|physical| (physical, Found::probe(&self.raw, physical))).collect())
+        Ok(all.into_iter().map(|physical| (physical, Found::probe(&self.raw, physical, subgroup_size))).collect())
     }
 }
 
@@ -142,20 +155,30 @@ impl Instance {
 pub(super) struct Found {
     pub(super) queue_family: u32,
     pub(super) caps: Caps,
+    /// Of the device and its driver.
+    pub(super) pipeline_cache_uuid: [u8; vk::UUID_SIZE],
 }
 
 impl Found {
     /// `physical`, or the reason why it cannot run the engine.
-    fn probe(instance: &ash::Instance, physical: vk::PhysicalDevice) -> std::result::Result<Self, String> {
+    fn probe(
+        instance: &ash::Instance,
+        physical: vk::PhysicalDevice,
+        subgroup_size: Option<u32>,
+    ) -> std::result::Result<Self, String> {
         let answers = Answers::of(instance, physical)?;
-        Ok(Found { queue_family: answers.usable_family()?, caps: answers.caps() })
+        Ok(Found {
+            queue_family: answers.usable_family()?,
+            caps: answers.caps(subgroup_size)?,
+            pipeline_cache_uuid: answers.pipeline_cache_uuid(),
+        })
     }
 }
 
 /// The devices of this machine: capabilities, or the reason why one cannot run the engine.
 pub fn list_devices() -> Result<Vec<std::result::Result<Caps, String>>> {
     let instance = Instance::new(&DeviceChoice::default())?;
-    Ok(instance.devices()?.into_iter().map(|(_, found)| found.map(|f| f.caps)).collect())
+    Ok(instance.devices(None)?.into_iter().map(|(_, found)| found.map(|f| f.caps)).collect())
 }
 
 /// Index and reason of the device that `wanted` picks among `devices`.
@@ -217,12 +240,15 @@ mod tests {
             max_binding_bytes: 1 << 27,
             max_allocation_bytes: 1 << 31,
             heap_bytes: 1 << 31,
+            budget_bytes: 1 << 31,
             storage_alignment: 16,
             timestamp_ns: 1.0,
+            timestamp_bits: 64,
             push_descriptors: true,
             float_atomics: false,
             int64_atomics: false,
             float16: false,
+            is_portability_subset: false,
         }
     }
 

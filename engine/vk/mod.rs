@@ -8,12 +8,14 @@
 
 mod buffer;
 mod caps;
+mod choose;
 mod command;
 mod debug;
 mod device;
 mod instance;
 mod pipeline;
 mod probe;
+mod statistics;
 #[cfg(feature = "play")]
 mod swapchain;
 
@@ -24,6 +26,7 @@ pub use debug::Validation;
 pub use device::Device;
 pub use instance::{DeviceChoice, list_devices};
 pub use pipeline::{BindingKind, Pipeline, PipelineDesc};
+pub use statistics::{Compiler, Executable};
 #[cfg(feature = "play")]
 pub use swapchain::{Swapchain, WindowHandle, surface_extensions};
 

@@ -1,6 +1,7 @@
 //! What Vulkan says of a device, and what of it the engine needs.
 
 use super::caps::{Caps, kind_of};
+use super::choose;
 use ash::{ext, khr, vk};
 use std::ffi::{CStr, FromBytesUntilNulError};
 
@@ -26,7 +27,9 @@ pub(super) struct Answers {
     size_control: vk::PhysicalDeviceSubgroupSizeControlFeatures<'static>,
     atomics: vk::PhysicalDeviceShaderAtomicFloatFeaturesEXT<'static>,
     memory: vk::PhysicalDeviceMemoryProperties,
+    budget: vk::PhysicalDeviceMemoryBudgetPropertiesEXT<'static>,
     queue_family: Option<usize>,
+    timestamp_bits: u32,
 }
 
 impl Answers {
@@ -55,9 +58,12 @@ impl Answers {
             size_control: Default::default(),
             atomics: Default::default(),
             memory: Default::default(),
+            budget: Default::default(),
             queue_family: None,
+            timestamp_bits: 0,
         };
         let (has_size_control, has_float_atomics) = (answers.has_size_control(), answers.has_float_atomics());
+        let has_budget = answers.has_budget();
         let mut properties = vk::PhysicalDeviceProperties2::default()
             .push_next(&mut answers.subgroup)
             .push_next(&mut answers.driver)
@@ -72,14 +78,21 @@ impl Answers {
         if has_float_atomics {
             features = features.push_next(&mut answers.atomics);
         }
+        let mut memory = vk::PhysicalDeviceMemoryProperties2::default();
+        if has_budget {
+            memory = memory.push_next(&mut answers.budget);
+        }
         // SAFETY: plain queries into structs that live until the calls return; nobody follows their chains afterwards.
         let families = unsafe {
             instance.get_physical_device_properties2(physical, &mut properties);
             instance.get_physical_device_features2(physical, &mut features);
-            answers.memory = instance.get_physical_device_memory_properties(physical);
+            instance.get_physical_device_memory_properties2(physical, &mut memory);
             instance.get_physical_device_queue_family_properties(physical)
         };
+        answers.memory = memory.memory_properties;
         answers.queue_family = families.iter().position(|f| f.queue_flags.contains(vk::QueueFlags::COMPUTE));
+        answers.timestamp_bits =
+            answers.queue_family.and_then(|family| families.get(family)).map_or(0, |f| f.timestamp_valid_bits);
         Ok(answers)
     }
 
@@ -93,6 +106,28 @@ impl Answers {
 
     fn has_float_atomics(&self) -> bool {
         self.has(ext::shader_atomic_float::NAME)
+    }
+
+    fn has_budget(&self) -> bool {
+        self.has(ext::memory_budget::NAME)
+    }
+
+    /// Smallest and largest subgroup that the device takes.
+    fn sizes(&self) -> [u32; 2] {
+        let own = self.subgroup.subgroup_size;
+        if self.pins_subgroups() { [self.sizes.min_subgroup_size, self.sizes.max_subgroup_size] } else { [own; 2] }
+    }
+
+    /// Lanes of the subgroups that kernels run with: those asked for, or what suits the hardware.
+    fn subgroup_size(&self, wanted: Option<u32>) -> Result<u32, String> {
+        let [least, most] = self.sizes();
+        match wanted {
+            Some(lanes) => {
+                choose::check_size(lanes, least, most).map_err(|reason| format!("{}: {reason}", self.name))?;
+                Ok(lanes)
+            }
+            None => Ok(choose::subgroup_size(self.core.vendor_id, least, most, self.subgroup.subgroup_size)),
+        }
     }
 
     /// Whether subgroups of one size can be asked for.
@@ -112,8 +147,9 @@ impl Answers {
         {
             return Err(format!("{name}: subgroup vote, arithmetic, ballot and shuffle are needed in compute"));
         }
-        if !(4..=64).contains(&subgroup.subgroup_size) {
-            return Err(format!("{name}: subgroups of {} lanes; 4 to 64 are supported", subgroup.subgroup_size));
+        let lanes = self.subgroup_size(None)?;
+        if !(4..=64).contains(&lanes) {
+            return Err(format!("{name}: subgroups of {lanes} lanes; 4 to 64 are supported"));
         }
         if v12.timeline_semaphore == vk::FALSE {
             return Err(format!("{name}: timeline semaphores are needed"));
@@ -124,16 +160,20 @@ impl Answers {
         Ok(family as u32)
     }
 
-    /// What of it the engine cares about.
-    pub(super) fn caps(&self) -> Caps {
+    /// What of it the engine cares about, with subgroups of `wanted` lanes where they are asked for.
+    ///
+    /// # Errors
+    /// The device does not take that many.
+    pub(super) fn caps(&self, wanted: Option<u32>) -> Result<Caps, String> {
         let Answers { core, subgroup, sizes, driver, v12, .. } = self;
         let (limits, api) = (&core.limits, core.api_version);
         let text = |name: Result<&CStr, FromBytesUntilNulError>| {
             name.map(|n| n.to_string_lossy().into_owned()).unwrap_or_default()
         };
-        let has_timestamps = limits.timestamp_compute_and_graphics == vk::TRUE;
-        let (subgroup_size, has_size_control) = (subgroup.subgroup_size, self.has_size_control());
-        Caps {
+        let (has_timestamps, has_size_control) = (self.timestamp_bits > 0, self.has_size_control());
+        let budgets = self.has_budget().then_some(&self.budget.heap_budget[..]);
+        let (heap_bytes, budget_bytes) = choose::device_memory(self.memory.memory_heaps_as_slice(), budgets);
+        Ok(Caps {
             name: self.name.clone(),
             driver: format!("{} {}", text(driver.driver_name_as_c_str()), text(driver.driver_info_as_c_str())),
             api: format!(
@@ -143,22 +183,30 @@ impl Answers {
                 vk::api_version_patch(api)
             ),
             kind: kind_of(core.device_type),
-            subgroup_size,
-            subgroup_min: if has_size_control { sizes.min_subgroup_size } else { subgroup_size },
-            subgroup_max: if has_size_control { sizes.max_subgroup_size } else { subgroup_size },
+            subgroup_size: self.subgroup_size(wanted)?,
+            subgroup_min: if has_size_control { sizes.min_subgroup_size } else { subgroup.subgroup_size },
+            subgroup_max: if has_size_control { sizes.max_subgroup_size } else { subgroup.subgroup_size },
             subgroup_pinned: self.pins_subgroups(),
             max_workgroup: limits.max_compute_work_group_invocations,
             max_groups: limits.max_compute_work_group_count[0],
             max_shared_bytes: limits.max_compute_shared_memory_size,
             max_binding_bytes: u64::from(limits.max_storage_buffer_range),
             max_allocation_bytes: self.maintenance3.max_memory_allocation_size,
-            heap_bytes: self.memory.memory_heaps_as_slice().iter().map(|h| h.size).max().unwrap_or(0),
+            heap_bytes,
+            budget_bytes,
             storage_alignment: limits.min_storage_buffer_offset_alignment.max(16),
             timestamp_ns: if has_timestamps { limits.timestamp_period } else { 0.0 },
+            timestamp_bits: self.timestamp_bits,
             push_descriptors: self.has(khr::push_descriptor::NAME),
             float_atomics: self.has_float_atomics() && self.atomics.shader_buffer_float32_atomic_add == vk::TRUE,
             int64_atomics: v12.shader_buffer_int64_atomics == vk::TRUE,
             float16: v12.shader_float16 == vk::TRUE,
-        }
+            is_portability_subset: self.has(khr::portability_subset::NAME),
+        })
+    }
+
+    /// What tells the pipelines of this device and driver from those of others.
+    pub(super) fn pipeline_cache_uuid(&self) -> [u8; vk::UUID_SIZE] {
+        self.core.pipeline_cache_uuid
     }
 }

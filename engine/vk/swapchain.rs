@@ -79,12 +79,12 @@ impl Swapchain {
         Ok(swapchain)
     }
 
-    /// Makes the surface of the window; there is none before.
+    /// Makes the surface of the window, which has none yet.
     fn connect(&mut self) -> Result<()> {
         let Device { instance, physical, queue_family, .. } = &*self.device;
         let display = self.window.display_handle().map_err(no_handle)?.as_raw();
         let window = self.window.window_handle().map_err(no_handle)?.as_raw();
-        // SAFETY: both handles are of the window that this struct holds, and the surface goes before it.
+        // SAFETY: both handles are of the window that this struct holds, and the surface is destroyed before it.
         unsafe {
             self.surface = ash_window::create_surface(&instance.entry, &instance.raw, display, window, None)
                 .map_err(|fault| no_window(format!("the window takes no surface ({fault:?})")))?;

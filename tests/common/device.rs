@@ -70,6 +70,7 @@ pub fn options() -> Options {
             sync_validation: is_set("IVV_TEST_SYNC_VALIDATION"),
             no_push_descriptors: is_set("IVV_TEST_NO_PUSH_DESCRIPTORS"),
             pipeline_cache: None,
+            subgroup_size: None,
             surface: Vec::new(),
         },
         poison: true,

@@ -1,6 +1,7 @@
 //! What the repository promises about itself: who uses whom, the table of kernels, the documents, the barriers.
 
 mod arrows;
+mod budgets;
 mod docs;
 mod extremes;
 mod hazards;

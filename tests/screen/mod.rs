@@ -1,5 +1,6 @@
 //! What `ivv` writes where nobody reads it, where there is no room, and on terminals.
 
+mod device;
 mod lost;
 mod manual;
 #[cfg(unix)]

@@ -46,10 +46,11 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
             caps.max_shared_bytes >> 10,
         );
         out!(
-            "   bindings of up to {} MiB, allocations of up to {} MiB, largest heap {} MiB",
+            "   bindings of up to {} MiB, allocations of up to {} MiB, device memory {} MiB, {} of them free",
             caps.max_binding_bytes >> 20,
             caps.max_allocation_bytes >> 20,
             caps.heap_bytes >> 20,
+            caps.budget_bytes >> 20,
         );
         out!(
             "   push descriptors {}, timestamps {}, float atomics {}, 64-bit atomics {}, half precision {}",

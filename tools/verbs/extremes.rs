@@ -77,7 +77,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let choice = DeviceChoice {
         device: args.device.clone(),
         validation: args.validation,
-        pipeline_cache: cache_folder().map(|folder| folder.join("pipelines.bin")),
+        pipeline_cache: cache_folder(),
         ..DeviceChoice::default()
     };
     // New buffers are filled with a pattern, so that what was never written shows.

@@ -41,7 +41,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// A file with a clock. What it says is told also where its Gaussians are none of ours at all times.
+/// A file with a clock. Its contents are printed even where its Gaussians cannot be ours at all times.
 fn clip(scene: &Path, json: bool) -> anyhow::Result<()> {
     let file = FourDgs::read(scene)?;
     let told = file.summary();

@@ -13,11 +13,12 @@ use ivv::Constants;
 use ivv::files::write_atomic;
 use ivv::formats::read_scene;
 use ivv::gpu::{Dispatch, Gpu};
-use ivv::profile::{Comparison, Moment, Overhead, Peaks, Profile, Recorded, Sample, trace, write_dispatch};
+use ivv::profile::{Comparison, Moment, Overhead, Peaks, Profile, Recorded, Sample, Statistics, trace, write_dispatch};
 use ivv::scene::capture::Capture;
 use ivv::scene::read_views;
 use ivv::stage::{Outputs, Renderer};
 use ivv::train::{Checkpoint, Config, Run, Session, SessionOptions};
+use ivv::vk::Compiler;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
@@ -27,10 +28,10 @@ use std::time::Instant;
 pub struct Args {
     /// A run of `ivv train` (its newest checkpoint; the folder stays as it is), a capture (trained a little first), or,
     /// with --cameras, a scene.
-    #[arg(required_unless_present_any = ["replay", "disassemble", "list", "compare"])]
+    #[arg(required_unless_present_any = ["replay", "disassemble", "list", "compare", "statistics"])]
     subject: Option<PathBuf>,
     /// Where profile.json, profile.md, profile.html, roofline.svg and trace.json go.
-    #[arg(short, long, required_unless_present_any = ["replay", "disassemble", "list", "compare"])]
+    #[arg(short, long, required_unless_present_any = ["replay", "disassemble", "list", "compare", "statistics"])]
     output: Option<PathBuf>,
     /// Cameras to render a scene from: a cameras file.
     #[arg(long)]
@@ -53,6 +54,13 @@ pub struct Args {
     /// Compares two profiles, pass by pass: each a profile.json, or the folder that holds it. Needs no device.
     #[arg(long, num_args = 2, value_names = ["A", "B"], conflicts_with_all = ["subject", "output", "replay", "disassemble", "list"])]
     compare: Vec<PathBuf>,
+    /// Prints what the compiler of the device makes of these kernels, or of all: registers, spills, instructions, waves. Runs
+    /// nothing.
+    #[arg(long, num_args = 0.., value_name = "KERNEL", conflicts_with_all = ["subject", "output", "replay", "disassemble", "list", "compare"])]
+    statistics: Option<Vec<String>>,
+    /// The chip that --statistics counts waves for, such as GA100, where the device's name does not tell it.
+    #[arg(long, requires = "statistics")]
+    chip: Option<String>,
     #[command(flatten)]
     replay: ReplayArgs,
     /// Of a run, where its capture is now, if it has moved.
@@ -73,6 +81,9 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     }
     if let [a, b] = args.compare.as_slice() {
         return compare(a, b, json);
+    }
+    if let Some(names) = &args.statistics {
+        return statistics(args, names, json);
     }
     if args.replay.file().is_some() {
         let gpu = args.device.open()?;
@@ -99,6 +110,22 @@ fn compare(a: &Path, b: &Path, json: bool) -> anyhow::Result<()> {
         out!("{}", serde_json::to_string_pretty(&compared)?);
     } else {
         out!("{}", compared.terminal().trim_end());
+    }
+    Ok(())
+}
+
+fn statistics(args: &Args, names: &[String], json: bool) -> anyhow::Result<()> {
+    let named = names.iter().map(|name| kernels::named("--statistics", name));
+    let mut kernels = named.collect::<anyhow::Result<Vec<_>>>()?;
+    if kernels.is_empty() {
+        kernels = ivv::gpu::generated::ALL.to_vec();
+    }
+    let compiler = Compiler::open(&args.device.choice())?;
+    let statistics = Statistics::of(&compiler, args.chip.as_deref(), &kernels)?;
+    if json {
+        out!("{}", serde_json::to_string_pretty(&statistics)?);
+    } else {
+        out!("{}", statistics.terminal().trim_end());
     }
     Ok(())
 }

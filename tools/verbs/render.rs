@@ -279,7 +279,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let path = args.source.as_deref().or(args.scene.as_deref()).context("give the folder of a run or a scene")?;
     let run = if is_run(path) { Some(Run::read(path)?) } else { None };
     let of_scene = run.as_ref().map_or_else(Constants::default, Run::constants_of_capture);
-    // What is wrong with them is told before a scene is read, which may say some of them itself.
+    // Faults of options are reported before a scene is read, which may set some of them itself.
     let constants_over = |scene: Constants| args.knobs.on(args.constants.checked_over(scene)?);
     constants_over(of_scene)?;
     let stop = Stop::listen()?;

@@ -239,7 +239,7 @@ impl Bench<'_> {
                 total: Some(steps),
                 first: Some(first),
                 priors: priors.clone(),
-                // What all arms share is told once.
+                // What all arms share is printed once.
                 watch: if all.is_empty() { watch() } else { Box::new(|_| ()) },
                 ..SessionOptions::default()
             };

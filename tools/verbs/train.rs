@@ -139,7 +139,7 @@ struct Training<'a> {
     due: Due<'a>,
     progress: Steps,
     log: Log,
-    /// What a page is told that shows the run.
+    /// What a page that shows the run receives.
     said: Said,
     start: Instant,
     /// Of stepping, in processes before this one.

@@ -15,7 +15,7 @@ use std::path::Path;
 /// Temporal factors below this are not told: no alpha reaches a pixel by it.
 const CUTOFF: f64 = 1.0 / 255.0;
 /// Chunks are at least this long, seconds, so that one is fetched in time; and hold at least so many Gaussians where they are
-/// not whole windows, so that what is told of a chunk costs little.
+/// not whole windows, so that the description of a chunk costs little.
 const SHORTEST_CHUNK: f64 = 0.5;
 const LEAST_IN_CHUNK: usize = 256;
 

@@ -33,7 +33,7 @@ pub(super) struct Rounded {
     /// Root mean square over the views that see it of what a channel is off by, of the worst one; over all directions where no
     /// view does.
     pub(super) off: f64,
-    /// Whether a view sees it, or there is none.
+    /// Whether a view sees it, or there are no views.
     pub(super) is_seen: bool,
 }
 

@@ -19,7 +19,7 @@ pub struct Sound {
     pub start: f64,
     /// See `start`; positive.
     pub seconds: f64,
-    /// Seconds of the clip, which increase, and where it is then, in the scene's frame. Between them it goes along lines, before
+    /// Seconds of the clip, which increase, and where it is then, in the scene's frame. Between them it moves along lines, before
     /// and after them it rests.
     pub places: Vec<(f64, [f64; 3])>,
 }
@@ -86,7 +86,7 @@ impl Sounds {
         self.sources.len()
     }
 
-    /// Whether there is none.
+    /// Whether there is no sound.
     pub fn is_empty(&self) -> bool {
         self.sources.is_empty()
     }

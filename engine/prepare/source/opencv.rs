@@ -4,7 +4,7 @@ use crate::scene::undistort::{Distortion, Lens};
 use crate::scene::{Intrinsics, rotation_of_rows};
 use glam::{DMat3, DQuat, DVec3};
 
-/// The lens of OpenCV's matrix and 4, 5 or 8 coefficients (k1 k2 p1 p2 k3 k4 k5 k6), or 4 of its fisheye; or why it is none.
+/// The lens of OpenCV's matrix and 4, 5 or 8 coefficients (k1 k2 p1 p2 k3 k4 k5 k6), or 4 of its fisheye; or why no lens has them.
 pub(super) fn lens(
     size: [u32; 2],
     matrix: &[[f64; 3]; 3],

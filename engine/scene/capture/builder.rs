@@ -100,7 +100,7 @@ impl CaptureBuilder {
         Lens { intrinsics: camera.intrinsics, distortion }
     }
 
-    /// Only pinholes are trained; a lens that several cameras share is told once.
+    /// Only pinholes are trained; a lens that several cameras share is reported once.
     fn check_lenses(&self, faults: &mut Faults) {
         let mut told: Vec<Lens> = Vec::new();
         for camera in &self.cameras {

@@ -133,7 +133,7 @@ impl FrameCache {
     ///
     /// # Errors
     /// `Error::Data` naming the image or mask that is missing, does not decode or has another size than its camera. The
-    /// next call goes on with the next picture.
+    /// next call continues with the next picture.
     pub fn next_picture(&mut self) -> Option<Result<Arc<Picture>>> {
         let shared = &*self.shared;
         let mut state = shared.lock();
@@ -171,7 +171,7 @@ impl Drop for FrameCache {
         self.shared.lock().closed = true;
         self.shared.work.notify_all();
         for thread in self.threads.drain(..) {
-            // A thread that panicked has said so; there is nothing to save here.
+            // A thread that panicked has reported it; there is nothing to save here.
             let _ = thread.join();
         }
     }

@@ -42,7 +42,7 @@ pub(super) fn flat(path: &Path) -> String {
     parts.join("_")
 }
 
-/// `stem` with the first image extension for which a file exists; with `.png` when there is none.
+/// `stem` with the first image extension for which a file exists; with `.png` when no such file exists.
 pub(super) fn with_image_extension(stem: &Path) -> PathBuf {
     let with = |extension: &str| {
         let mut name = stem.as_os_str().to_owned();

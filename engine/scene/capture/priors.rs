@@ -88,7 +88,7 @@ pub fn prior_word(depth: f32, flow: [f32; 2]) -> [u32; 2] {
     [depth.to_bits(), x | y << 16]
 }
 
-/// The depth and the flow that a word of [`prior_word`] holds; none where there is none.
+/// The depth and the flow that a word of [`prior_word`] holds; `None` where it holds none.
 pub(super) fn prior_of([depth, flow]: [u32; 2]) -> (Option<f32>, Option<[f64; 2]>) {
     let flow = [flow as u16, (flow >> 16) as u16].map(half_value);
     let depth = f32::from_bits(depth);
@@ -106,7 +106,7 @@ fn half_value(bits: u16) -> f64 {
     if bits & 0x8000 != 0 { -size } else { size }
 }
 
-/// The bits of the nearest half; infinity's where there is none.
+/// The bits of the nearest half; those of infinity where the number is too large.
 fn half_bits(x: f32) -> u16 {
     let sign = (x.to_bits() >> 16 & 0x8000) as u16;
     let size = x.abs();
@@ -132,7 +132,7 @@ mod tests {
         for bits in (0..0x7c00).chain(0x8000..0xfc00) {
             assert_eq!(half_bits(half_value(bits) as f32), bits, "{bits:x}");
         }
-        // Between two of them the nearer one; the middle goes to the even one.
+        // Round to the nearer one, and to the even one half-way between two.
         for bits in 0..0x7bff_u16 {
             let (low, high) = (half_value(bits), half_value(bits + 1));
             let middle = (low + high) / 2.0;

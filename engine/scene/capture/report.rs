@@ -40,7 +40,7 @@ impl From<Fault> for Error {
     }
 }
 
-/// Collects faults while reading goes on.
+/// Collects faults while reading continues.
 #[derive(Debug, Default)]
 pub(crate) struct Faults {
     kept: Vec<Fault>,

@@ -57,6 +57,14 @@ impl Distortion {
         }
     }
 
+    /// Whether the lens maps angles from the optical axis; else radii of the plane at distance 1.
+    fn is_angular(&self) -> bool {
+        match self {
+            Distortion::None | Distortion::Brown { .. } => false,
+            Distortion::Fisheye(_) => true,
+        }
+    }
+
     /// What becomes of a radius (Brown, without the tangential part) or an angle (fisheye), and its derivative.
     fn radial(&self, at: f64) -> (f64, f64) {
         let square = at * at;
@@ -77,10 +85,7 @@ impl Distortion {
     /// Up to where the lens maps in the order of the radius or, for a fisheye, the angle: beyond it the picture would fold
     /// back over itself.
     fn reach(&self) -> f64 {
-        let end = match self {
-            Distortion::None | Distortion::Brown { .. } => MAX_TANGENT,
-            Distortion::Fisheye(_) => MAX_TANGENT.atan(),
-        };
+        let end = if self.is_angular() { MAX_TANGENT.atan() } else { MAX_TANGENT };
         let rises = |step: u32| {
             let (value, slope) = self.radial(end * f64::from(step) / f64::from(FOLD_STEPS));
             value.is_finite() && value >= 0.0 && slope > 0.0
@@ -130,7 +135,7 @@ impl Distortion {
         }
     }
 
-    /// The point that [`Distortion::distort`] maps to `at`; `None` where there is none within reach.
+    /// The point that [`Distortion::distort`] maps to `at`; `None` where no point within reach does.
     fn undistort(&self, at: [f64; 2], reach: f64) -> Option<[f64; 2]> {
         let r = at[0].hypot(at[1]);
         if r == 0.0 || *self == Distortion::None {
@@ -232,7 +237,7 @@ impl Lens {
     /// The pixel that shows a point of the plane at distance 1; `None` beyond the lens's `reach`.
     pub fn pixel(&self, at: [f64; 2], reach: f64) -> Option<[f64; 2]> {
         let r = at[0].hypot(at[1]);
-        let measure = if let Distortion::Fisheye(_) = self.distortion { r.atan() } else { r };
+        let measure = if self.distortion.is_angular() { r.atan() } else { r };
         if self.distortion != Distortion::None && measure > reach {
             return None;
         }

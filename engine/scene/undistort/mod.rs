@@ -7,7 +7,7 @@ pub use lens::{Distortion, Lens};
 
 use crate::scene::Intrinsics;
 
-/// Flow of at least this magnitude is none: Middlebury's mark in `.flo`.
+/// Flow of at least this magnitude means unknown: Middlebury's mark in `.flo`.
 const UNKNOWN_FLOW: f32 = 1e9;
 /// What is written for it.
 const NO_FLOW: [f32; 2] = [1e10, 1e10];

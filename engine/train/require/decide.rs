@@ -30,13 +30,13 @@ pub struct Fate {
     pub degree: u8,
     /// Added to its colour: what the bands that go are in the mean over the cameras.
     pub color: [f64; 3],
-    /// How it goes on in time.
+    /// How it lives on in time.
     pub time: InTime,
     /// Log-likelihood that the pictures lose by what it loses.
     pub loss: f64,
 }
 
-/// How a Gaussian goes on in time.
+/// How a Gaussian lives on in time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum InTime {
     /// As it did.
@@ -59,7 +59,7 @@ fn loss(information: f64, slope: f64, seen: &Seen, evidence: &Evidence) -> f64 {
 }
 
 /// Fates of all Gaussians at the highest price of a number, `price` at most, at which the pictures lose no more than `margin` dB
-/// of PSNR by what goes; with that price. The rest as in [`fates`].
+/// of PSNR by what is removed; with that price. The rest as in [`fates`].
 pub fn affordable(
     splats: &Splats,
     evidence: &Evidence,

@@ -14,7 +14,7 @@ const LEAST_PICTURES: u32 = 4;
 const LEAST_FRAMES: u32 = 3;
 /// Pictures that are looked at in any case: fewer do not tell the noise.
 const FIRST: usize = 24;
-/// Pictures until the next look at who is still unseen.
+/// Pictures until the next count of the Gaussians that are still unseen.
 const BATCH: usize = 8;
 /// Gaussians that a choice of pictures is made for, evenly taken from those still unseen.
 const SAMPLE: usize = 4096;

@@ -1,5 +1,5 @@
 //! Only what a scene requires (SPEC 12): every so often the run asks the training pictures which parts of which Gaussians
-//! pay for their numbers, and goes on with those.
+//! pay for their numbers, and training continues with those.
 
 mod decide;
 mod evidence;

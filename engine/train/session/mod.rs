@@ -318,7 +318,7 @@ impl<'a> Session<'a> {
         Ok(())
     }
 
-    /// Everything that the run goes on from, as of the last step.
+    /// Everything that the run continues from, as of the last step.
     ///
     /// # Errors
     /// As [`Trainer::checkpoint`].
@@ -394,7 +394,7 @@ impl<'a> Session<'a> {
         Owed { review, offsets, density: false }
     }
 
-    /// Looks what the scene requires, and goes on with that.
+    /// Reviews what the scene requires, and continues with that part.
     fn review(&mut self, due: Due) -> Result<()> {
         let begun = Instant::now();
         let mut looked = work(&mut self.watch, Phase::Review);

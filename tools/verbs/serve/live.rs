@@ -67,7 +67,7 @@ impl Live {
         }
     }
 
-    /// What a page is told: step, total, seconds, loss, psnr, gaussians; the newest scene's name and the report's time, null
+    /// What a page receives: step, total, seconds, loss, psnr, gaussians; the newest scene's name and the report's time, null
     /// where there is none.
     fn state(&self) -> Value {
         let line = match &self.said {

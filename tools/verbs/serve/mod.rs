@@ -164,6 +164,6 @@ async fn talk(stream: TcpStream, site: &Rc<Site>) {
     });
     let mut server = hyper::server::conn::http1::Builder::new();
     server.timer(TokioTimer::new()).header_read_timeout(PATIENCE).max_buf_size(LONGEST_HEAD).half_close(true);
-    // What a connection ends with is told to its other side, if to anyone.
+    // An error that ends a connection concerns its other side alone.
     let _ = server.serve_connection(TokioIo::new(Box::pin(stream)), answer).await;
 }

@@ -81,7 +81,7 @@ impl Site {
         if is_head { answer.map(|_| Either::Left(Full::default())) } else { answer }
     }
 
-    /// What a request is told that is not answered.
+    /// The reply to a request that is refused.
     fn refused<B>(&self, request: &Request<B>) -> Option<Response<Full<Bytes>>> {
         if !matches!(*request.method(), Method::GET | Method::HEAD) {
             let mut answer = told(StatusCode::METHOD_NOT_ALLOWED, "expected GET or HEAD");

@@ -1,0 +1,98 @@
+//! What is chosen of what a device offers: the memory that a plan counts on, the width of subgroups, the bits of its clock.
+
+use ash::vk;
+
+/// PCI numbers of the makers whose hardware wants another width than their drivers call the default.
+const AMD: u32 = 0x1002;
+const NVIDIA: u32 = 0x10de;
+const INTEL: u32 = 0x8086;
+
+/// Bytes of the largest heap on the device itself, which is not the largest of all where a card has less memory than its host;
+/// and how many of them are free for this process, where `VK_EXT_memory_budget` says so in `budgets`.
+pub(super) fn device_memory(heaps: &[vk::MemoryHeap], budgets: Option<&[u64]>) -> (u64, u64) {
+    let on_device = heaps.iter().enumerate().filter(|(_, heap)| heap.flags.contains(vk::MemoryHeapFlags::DEVICE_LOCAL));
+    let Some((index, heap)) = on_device.max_by_key(|(_, heap)| heap.size) else { return (0, 0) };
+    let budget = budgets.and_then(|budgets| budgets.get(index)).copied().filter(|bytes| *bytes > 0);
+    (heap.size, budget.map_or(heap.size, |bytes| bytes.min(heap.size)))
+}
+
+/// The width of subgroups for kernels on a device of `vendor` that can run with `least` to `most` lanes: that of its
+/// multiprocessors. RADV's default of 64 halves the waves of RDNA, and Intel's compiler has 32 registers a lane at 32 lanes where
+/// 16 have 64. Devices of others, and those of one width, keep their `default`.
+pub(super) fn subgroup_size(vendor: u32, least: u32, most: u32, default: u32) -> u32 {
+    let wanted = match vendor {
+        NVIDIA | AMD => 32,
+        INTEL => 16,
+        _ => default,
+    };
+    if (least..=most).contains(&wanted) { wanted } else { default }
+}
+
+/// Whether kernels can run with `lanes` lanes on a device that takes `least` to `most`.
+///
+/// # Errors
+/// What was expected.
+pub(super) fn check_size(lanes: u32, least: u32, most: u32) -> Result<(), String> {
+    if lanes.is_power_of_two() && (least.max(4)..=most.min(64)).contains(&lanes) {
+        Ok(())
+    } else {
+        let expected = if least == most { least.to_string() } else { format!("a power of two from {least} to {most}") };
+        Err(format!("subgroups of {lanes} lanes were asked for; expected {expected}"))
+    }
+}
+
+/// Ticks from `first` to `tick` on a clock of `bits` bits, which begins again at 0.
+pub(super) fn ticks_since(first: u64, tick: u64, bits: u32) -> u64 {
+    let elapsed = tick.wrapping_sub(first);
+    if bits >= 64 { elapsed } else { elapsed & ((1 << bits) - 1) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const LOCAL: vk::MemoryHeapFlags = vk::MemoryHeapFlags::DEVICE_LOCAL;
+
+    fn heap(size: u64, flags: vk::MemoryHeapFlags) -> vk::MemoryHeap {
+        vk::MemoryHeap { size, flags }
+    }
+
+    #[test]
+    fn a_card_with_less_memory_than_its_host_is_planned_by_its_own() {
+        // A card of 8 GiB with a window of 256 MiB, in a machine of 64 GiB.
+        let heaps = [heap(8 << 30, LOCAL), heap(64 << 30, vk::MemoryHeapFlags::empty()), heap(256 << 20, LOCAL)];
+        assert_eq!(device_memory(&heaps, None), (8 << 30, 8 << 30));
+        assert_eq!(device_memory(&heaps, Some(&[5 << 30, 60 << 30, 200 << 20])), (8 << 30, 5 << 30));
+        // A driver that says nothing, or more than there is.
+        assert_eq!(device_memory(&heaps, Some(&[0, 0, 0])), (8 << 30, 8 << 30));
+        assert_eq!(device_memory(&heaps, Some(&[9 << 30, 0, 0])), (8 << 30, 8 << 30));
+        assert_eq!(device_memory(&[], None), (0, 0));
+    }
+
+    #[test]
+    fn subgroups_are_as_wide_as_the_hardware_works() {
+        assert_eq!(subgroup_size(NVIDIA, 32, 32, 32), 32);
+        assert_eq!(subgroup_size(AMD, 32, 64, 64), 32, "RDNA, which RADV would run with 64");
+        assert_eq!(subgroup_size(AMD, 64, 64, 64), 64, "GCN and CDNA");
+        assert_eq!(subgroup_size(INTEL, 8, 32, 32), 16);
+        assert_eq!(subgroup_size(INTEL, 16, 32, 32), 16, "Xe2 has no 8");
+        assert_eq!(subgroup_size(0x10005, 8, 8, 8), 8, "lavapipe");
+    }
+
+    #[test]
+    fn a_size_that_the_device_does_not_take_is_refused() {
+        assert_eq!(check_size(16, 8, 32), Ok(()));
+        for (lanes, least, most) in [(4, 8, 32), (64, 8, 32), (24, 8, 32), (0, 1, 128), (128, 1, 128), (2, 1, 128)] {
+            assert!(check_size(lanes, least, most).unwrap_err().contains(&format!("{lanes} lanes")));
+        }
+    }
+
+    #[test]
+    fn a_clock_of_few_bits_begins_again() {
+        assert_eq!(ticks_since(10, 25, 64), 15);
+        assert_eq!(ticks_since(0xffff_fff0, 0x10, 32), 0x20);
+        assert_eq!(ticks_since(u64::MAX, 1, 64), 2);
+        // The upper bits of a clock of 36 bits may hold anything.
+        assert_eq!(ticks_since(0xabc0_0000_0010, 0x1230_0000_0030, 36), 0x20);
+    }
+}

@@ -1,0 +1,44 @@
+//! The device that a verb works on: the width of its subgroups, and where its pipelines are kept.
+
+use super::{Folder, ivv};
+use std::path::PathBuf;
+
+/// The pipelines in a folder of caches, in the order of their names.
+fn pipelines(cache: &str) -> Vec<PathBuf> {
+    let files = std::fs::read_dir(PathBuf::from(cache).join("ivv")).into_iter().flatten();
+    let mut files: Vec<PathBuf> = files.map(|file| file.unwrap().path()).collect();
+    files.sort();
+    files
+}
+
+#[test]
+fn a_width_that_the_device_does_not_take_is_refused() {
+    let folder = Folder::new("width");
+    let arguments = ["train", &folder.capture(), "-o", &folder.path("run"), "--subgroup-size", "5"];
+    let output = ivv(&arguments).output().unwrap();
+    let told = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(4), "{told}");
+    assert!(told.contains("subgroups of 5 lanes were asked for; expected "), "{told}");
+    assert!(!folder.0.join("run/config.json").exists(), "nothing is begun");
+}
+
+#[test]
+fn pipelines_are_kept_in_a_file_of_their_device_and_a_damaged_one_is_made_anew() {
+    let folder = Folder::new("pipelines");
+    let (capture, cache) = (folder.capture(), folder.path("cache"));
+    let train = |run: &str| {
+        let arguments = ["train", &capture, "-o", &folder.path(run), "--steps", "2", "--quiet"];
+        let output = ivv(&arguments).env("XDG_CACHE_HOME", &cache).output().unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    };
+    train("first");
+    let files = pipelines(&cache);
+    let [file] = &files[..] else { panic!("{files:?}") };
+    let name = file.file_name().unwrap().to_str().unwrap();
+    let digits = name.strip_prefix("pipelines-").and_then(|rest| rest.strip_suffix(".bin"));
+    assert!(digits.is_some_and(|digits| digits.len() == 32 && u128::from_str_radix(digits, 16).is_ok()), "{name}");
+    std::fs::write(file, b"no pipelines").unwrap();
+    train("second");
+    assert_eq!(pipelines(&cache), files);
+    assert_ne!(std::fs::read(file).unwrap(), b"no pipelines", "it was made anew");
+}
