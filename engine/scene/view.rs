@@ -1,5 +1,6 @@
 //! One camera at one time (SPEC 9, "Cameras"), and the files of them.
 
+use serde::Deserialize;
 use std::collections::HashSet;
 use std::path::Path;
 
@@ -83,6 +84,8 @@ const MAX_SIDE: u32 = 1 << 16;
 const MAX_NAME_BYTES: usize = 200;
 /// Largest deviation of R R^T from the identity, entry by entry.
 const ROTATION_TOLERANCE: f64 = 1e-3;
+const POSE_REMEDY: &str =
+    "give the rows of a rotation and translation from world to camera (x right, y down, z forward)";
 
 /// The cameras file as a whole; a view stays untyped until its index is known for error messages.
 #[derive(serde::Deserialize)]
@@ -110,11 +113,24 @@ pub(crate) fn parse_views(path: &Path, text: &[u8]) -> Result<Vec<View>> {
     for (index, value) in document.views.into_iter().enumerate() {
         let name = value.get("name").and_then(|name| name.as_str()).unwrap_or_default();
         let place = place_of(index, name);
+        check_last_rows(path, &place, &value)?;
         let view = serde_json::from_value::<View>(value);
         views.push(view.map_err(|fault| Error::data(path, place, fault.to_string(), "correct this field"))?);
     }
     check_views(path, &views)?;
     Ok(views)
+}
+
+/// A [`Pose`] has no last row: that of a file is checked before.
+fn check_last_rows(path: &Path, place: &str, view: &serde_json::Value) -> Result<()> {
+    for field in ["world_to_camera", "next_world_to_camera"] {
+        let last = view.get(field).and_then(|rows| <[f64; 4]>::deserialize(rows.get(3)?).ok());
+        if let Some(last) = last.filter(|last| *last != [0.0, 0.0, 0.0, 1.0]) {
+            let reason = format!("has {last:?} as its last row, not [0, 0, 0, 1]");
+            return Err(Error::data(path, format!("{place}, field `{field}`"), reason, POSE_REMEDY));
+        }
+    }
+    Ok(())
 }
 
 /// Writes a cameras file that [`read_views`] reads back as equal views.
@@ -243,10 +259,8 @@ impl View {
 }
 
 fn check_pose(field: &'static str, Pose { rotation, translation }: &Pose) -> Option<Fault> {
-    const REMEDY: &str =
-        "give the rows of a rotation and translation from world to camera (x right, y down, z forward)";
     if !(rotation.is_finite() && translation.is_finite()) {
-        return Some((field, "has an entry that is not finite".to_owned(), REMEDY));
+        return Some((field, "has an entry that is not finite".to_owned(), POSE_REMEDY));
     }
     for i in 0..3 {
         for j in 0..=i {
@@ -255,12 +269,12 @@ fn check_pose(field: &'static str, Pose { rotation, translation }: &Pose) -> Opt
             let error = (product - expected).abs();
             if error.is_nan() || error > ROTATION_TOLERANCE {
                 let reason = format!("has no rotation: rows {j} and {i} have the product {product}, not {expected}");
-                return Some((field, reason, REMEDY));
+                return Some((field, reason, POSE_REMEDY));
             }
         }
     }
     if rotation.determinant() < 0.0 {
-        return Some((field, "mirrors: the determinant of its rotation is -1".to_owned(), REMEDY));
+        return Some((field, "mirrors: the determinant of its rotation is -1".to_owned(), POSE_REMEDY));
     }
     None
 }

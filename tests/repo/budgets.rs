@@ -37,7 +37,7 @@ fn no_kernel_is_worse_than_its_budget() {
     }
     let before = Budgets::parse(Path::new(TABLE), &text(TABLE)).unwrap();
     for (chip, [then, is]) in before.other_drivers(&now) {
-        notes::skip(&format!("{chip}: the budgets are of {then}, compiled was with {is}"));
+        notes::skip(format!("{chip}: the budgets are of {then}, compiled was with {is}"));
     }
     let changes = before.compare(&now);
     changes.iter().for_each(|change| println!("{change}"));

@@ -134,8 +134,16 @@ fn every_fault_of_a_file_is_named_by_the_reader() {
         ("\"fx\": 5,", "", "missing field `fx`"),
         ("\"fx\": 5", "\"fx\": 1e999", "not a cameras file"),
         ("[0,0,0,1]]", "[0,0,0]]", "view 0 (`n`): invalid length 3"),
-        ("[0,0,0,1]]", "[0,0,0,2]]", "as its last row, not [0, 0, 0, 1]"),
-        ("[0,0,0,1]]", "[1e-9,0,0,1]]", "as its last row, not [0, 0, 0, 1]"),
+        (
+            "[0,0,0,1]]",
+            "[0,0,0,2]]",
+            "field `world_to_camera`: has [0.0, 0.0, 0.0, 2.0] as its last row, not [0, 0, 0, 1]",
+        ),
+        (
+            "[0,0,0,1]]",
+            "[1e-9,0,0,1]]",
+            "field `world_to_camera`: has [1e-9, 0.0, 0.0, 1.0] as its last row, not [0, 0, 0, 1]",
+        ),
         ("[1,0,0,0]", "[2,0,0,0]", "has no rotation"),
         ("\"name\": \"n\",", "", "view 0: missing field `name`"),
         ("\"name\": \"n\"", "\"name\": \"../n\"", "has a path separator"),
