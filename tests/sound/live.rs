@@ -30,8 +30,9 @@ fn ears() -> HrtfSet {
 
 /// A WAV file of `frames` in memory.
 fn encoded<const CHANNELS: usize>(frames: &[[f32; CHANNELS]]) -> Vec<u8> {
-    let folder = Folder::new("live");
-    let file = folder.file(&format!("{:?}.wav", std::thread::current().id()));
+    // Tests run at once, and each removes its folder.
+    let folder = Folder::new(&format!("live-{:?}", std::thread::current().id()));
+    let file = folder.file("sound.wav");
     wav::write(&file, frames, Depth::Float32).unwrap();
     std::fs::read(&file).unwrap()
 }
