@@ -95,7 +95,7 @@ fn scaled(view: &View, zoom: f64) -> View {
 }
 
 fn size(view: &View) -> String {
-    format!("{}x{}", view.width, view.height)
+    format!("{}x{}", view.intrinsics.width, view.intrinsics.height)
 }
 
 /// A run that goes on; it must end by itself in time.

@@ -139,7 +139,8 @@ impl Player<'_> {
 
     fn open(&mut self, events: &ActiveEventLoop) -> anyhow::Result<()> {
         let (width, height) = self.args.size.unwrap_or_else(|| {
-            let [w, h] = self.views.first().map_or(USUAL, |view| [view.width, view.height]).map(f64::from);
+            let [w, h] =
+                self.views.first().map_or(USUAL, |view| [view.intrinsics.width, view.intrinsics.height]).map(f64::from);
             let zoom = (f64::from(USUAL[0]) / w).min(f64::from(USUAL[1]) / h);
             [w, h].map(|side| ((side * zoom).round() as u32).max(1)).into()
         });
