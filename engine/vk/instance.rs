@@ -94,6 +94,7 @@ impl Instance {
         // Without this, drivers over other interfaces (MoltenVK) are not listed.
         let lists_portability = extensions.iter().any(|e| named(e, khr::portability_enumeration::NAME));
         let portability = lists_portability.then_some(&khr::portability_enumeration::NAME);
+        let flags = portability.map(|_| vk::InstanceCreateFlags::ENUMERATE_PORTABILITY_KHR).unwrap_or_default();
         let debug_utils = has_debug_utils.then_some(&ext::debug_utils::NAME);
         let extension_names: Vec<_> =
             debug_utils.into_iter().chain(portability).chain(&choice.surface).map(|name| name.as_ptr()).collect();
@@ -106,11 +107,7 @@ impl Instance {
         let checks = [vk::ValidationFeatureEnableEXT::SYNCHRONIZATION_VALIDATION];
         let mut features = vk::ValidationFeaturesEXT::default().enabled_validation_features(&checks);
         let mut info = vk::InstanceCreateInfo::default()
-            .flags(if lists_portability {
-                vk::InstanceCreateFlags::ENUMERATE_PORTABILITY_KHR
-            } else {
-                vk::InstanceCreateFlags::empty()
-            })
+            .flags(flags)
             .application_info(&application)
             .enabled_layer_names(&layer_names)
             .enabled_extension_names(&extension_names);
