@@ -197,21 +197,21 @@ impl Commands {
         let (device, point) = (&self.device.raw, vk::PipelineBindPoint::COMPUTE);
         // SAFETY: recording; the buffers and the pipeline are kept alive below until the submission has ended.
         unsafe {
-            device.cmd_bind_pipeline(self.raw, point, pipeline.raw);
+            device.cmd_bind_pipeline(self.raw, point, pipeline.parts.pipeline);
             if let Some(push_descriptor) = &self.device.push_descriptor {
-                push_descriptor.cmd_push_descriptor_set(self.raw, point, pipeline.layout, 0, &writes);
+                push_descriptor.cmd_push_descriptor_set(self.raw, point, pipeline.parts.layout, 0, &writes);
             } else if let Some(pool) = self.descriptors {
-                let layouts = [pipeline.set_layout];
+                let layouts = [pipeline.parts.set_layout];
                 let info = vk::DescriptorSetAllocateInfo::default().descriptor_pool(pool).set_layouts(&layouts);
                 let sets = device.allocate_descriptor_sets(&info).map_err(vk_error("vkAllocateDescriptorSets"))?;
                 for write in &mut writes {
                     write.dst_set = sets.first().copied().unwrap_or_default();
                 }
                 device.update_descriptor_sets(&writes, &[]);
-                device.cmd_bind_descriptor_sets(self.raw, point, pipeline.layout, 0, &sets, &[]);
+                device.cmd_bind_descriptor_sets(self.raw, point, pipeline.parts.layout, 0, &sets, &[]);
             }
             if !push.is_empty() {
-                device.cmd_push_constants(self.raw, pipeline.layout, vk::ShaderStageFlags::COMPUTE, 0, push);
+                device.cmd_push_constants(self.raw, pipeline.parts.layout, vk::ShaderStageFlags::COMPUTE, 0, push);
             }
         }
         self.buffers.extend(bindings.iter().map(|b| b.buffer.clone()));

@@ -32,13 +32,24 @@ pub struct Device {
     pub(super) instance: Arc<Instance>,
 }
 
+/// What a device is opened for.
+#[derive(Clone, Copy, PartialEq)]
+pub(super) enum Purpose {
+    /// To run kernels.
+    Running,
+    /// To run kernels and to show pictures in windows.
+    Showing,
+    /// To compile kernels and to say what became of them. Drivers without their hardware refuse timeline semaphores.
+    Compiling,
+}
+
 /// The device itself, with one compute queue and what of `caps` has to be switched on.
-fn create_device(
+pub(super) fn create_device(
     instance: &Instance,
     physical: vk::PhysicalDevice,
     queue_family: u32,
     caps: &Caps,
-    shows_pictures: bool,
+    purpose: Purpose,
 ) -> Result<ash::Device> {
     let mut extensions = Vec::new();
     if caps.push_descriptors {
@@ -51,8 +62,10 @@ fn create_device(
         // Vulkan asks for it wherever it is there.
         extensions.push(khr::portability_subset::NAME.as_ptr());
     }
-    if shows_pictures {
-        extensions.push(khr::swapchain::NAME.as_ptr());
+    match purpose {
+        Purpose::Running => {}
+        Purpose::Showing => extensions.push(khr::swapchain::NAME.as_ptr()),
+        Purpose::Compiling => extensions.push(khr::pipeline_executable_properties::NAME.as_ptr()),
     }
     let mut atomics = vk::PhysicalDeviceShaderAtomicFloatFeaturesEXT::default().shader_buffer_float32_atomic_add(true);
     if caps.float_atomics {
@@ -61,13 +74,16 @@ fn create_device(
     let priorities = [1.0];
     let queues = [vk::DeviceQueueCreateInfo::default().queue_family_index(queue_family).queue_priorities(&priorities)];
     let mut v12 = vk::PhysicalDeviceVulkan12Features::default().timeline_semaphore(true);
+    let mut executable =
+        vk::PhysicalDevicePipelineExecutablePropertiesFeaturesKHR::default().pipeline_executable_info(true);
     let mut size_control = vk::PhysicalDeviceSubgroupSizeControlFeatures::default()
         .subgroup_size_control(true)
         .compute_full_subgroups(true);
-    let mut info = vk::DeviceCreateInfo::default()
-        .queue_create_infos(&queues)
-        .enabled_extension_names(&extensions)
-        .push_next(&mut v12);
+    let mut info = vk::DeviceCreateInfo::default().queue_create_infos(&queues).enabled_extension_names(&extensions);
+    info = match purpose {
+        Purpose::Running | Purpose::Showing => info.push_next(&mut v12),
+        Purpose::Compiling => info.push_next(&mut executable),
+    };
     if caps.subgroup_pinned {
         info = info.push_next(&mut size_control);
     }
@@ -115,7 +131,8 @@ impl Device {
         };
         caps.push_descriptors &= !choice.no_push_descriptors;
 
-        let raw = create_device(&instance, physical, queue_family, &caps, !choice.surface.is_empty())?;
+        let purpose = if choice.surface.is_empty() { Purpose::Running } else { Purpose::Showing };
+        let raw = create_device(&instance, physical, queue_family, &caps, purpose)?;
         let allocator = create_allocator(&instance, &raw, physical)?;
         // A cache that the driver does not recognise is ignored by the driver; one that cannot be read is no cache.
         let cache_file = choice.pipeline_cache.as_ref().map(|folder| folder.join(cache_name(pipeline_cache_uuid)));

@@ -1,5 +1,6 @@
 //! Compute pipelines.
 
+use super::caps::Caps;
 use super::debug::name_object;
 use super::device::Device;
 use super::vk_error;
@@ -33,11 +34,17 @@ pub struct PipelineDesc<'a> {
 /// A compute pipeline with its layout.
 pub struct Pipeline {
     device: Arc<Device>,
-    pub(super) raw: vk::Pipeline,
-    pub(super) layout: vk::PipelineLayout,
-    pub(super) set_layout: vk::DescriptorSetLayout,
+    pub(super) parts: Parts,
     pub(super) kinds: Vec<BindingKind>,
     pub(super) push_bytes: u32,
+}
+
+/// The handles of a pipeline; null where there is none.
+#[derive(Default)]
+pub(super) struct Parts {
+    pub set_layout: vk::DescriptorSetLayout,
+    pub layout: vk::PipelineLayout,
+    pub pipeline: vk::Pipeline,
 }
 
 impl BindingKind {
@@ -49,9 +56,16 @@ impl BindingKind {
     }
 }
 
-impl Pipeline {
-    /// Compiles `desc` for `device`.
-    pub fn new(device: &Arc<Device>, desc: &PipelineDesc<'_>) -> Result<Self> {
+impl Parts {
+    /// Compiles `desc` for the device `raw` of `caps`. What exists when a later call fails is left to [`Parts::destroy`].
+    pub fn compile(
+        &mut self,
+        raw: &ash::Device,
+        caps: &Caps,
+        cache: vk::PipelineCache,
+        desc: &PipelineDesc<'_>,
+        flags: vk::PipelineCreateFlags,
+    ) -> Result<()> {
         let words = ash::util::read_spv(&mut std::io::Cursor::new(desc.spirv))
             .map_err(|e| crate::Error::Vulkan { call: "reading SPIR-V", reason: format!("{}: {e}", desc.name) })?;
         let bindings: Vec<_> = desc
@@ -66,63 +80,72 @@ impl Pipeline {
                     .stage_flags(vk::ShaderStageFlags::COMPUTE)
             })
             .collect();
-        let flags = if device.push_descriptor.is_some() {
+        let set_flags = if caps.push_descriptors {
             vk::DescriptorSetLayoutCreateFlags::PUSH_DESCRIPTOR_KHR
         } else {
             vk::DescriptorSetLayoutCreateFlags::empty()
         };
-        let set_info = vk::DescriptorSetLayoutCreateInfo::default().flags(flags).bindings(&bindings);
-        let mut pipeline = Pipeline {
-            device: device.clone(),
-            raw: vk::Pipeline::null(),
-            layout: vk::PipelineLayout::null(),
-            set_layout: vk::DescriptorSetLayout::null(),
-            kinds: desc.bindings.to_vec(),
-            push_bytes: desc.push_bytes,
-        };
-        let raw = &device.raw;
-        // SAFETY: each call gets live handles of this device; `pipeline` destroys what exists when a later call fails.
+        let set_info = vk::DescriptorSetLayoutCreateInfo::default().flags(set_flags).bindings(&bindings);
+        // SAFETY: each call gets live handles of this device.
         unsafe {
-            pipeline.set_layout =
+            self.set_layout =
                 raw.create_descriptor_set_layout(&set_info, None).map_err(vk_error("vkCreateDescriptorSetLayout"))?;
-            let sets = [pipeline.set_layout];
+            let sets = [self.set_layout];
             let ranges =
                 [vk::PushConstantRange::default().stage_flags(vk::ShaderStageFlags::COMPUTE).size(desc.push_bytes)];
             let n_ranges = usize::from(desc.push_bytes > 0);
             let layout_info =
                 vk::PipelineLayoutCreateInfo::default().set_layouts(&sets).push_constant_ranges(&ranges[..n_ranges]);
-            pipeline.layout =
-                raw.create_pipeline_layout(&layout_info, None).map_err(vk_error("vkCreatePipelineLayout"))?;
+            self.layout = raw.create_pipeline_layout(&layout_info, None).map_err(vk_error("vkCreatePipelineLayout"))?;
             let module = raw
                 .create_shader_module(&vk::ShaderModuleCreateInfo::default().code(&words), None)
                 .map_err(vk_error("vkCreateShaderModule"))?;
             let mut size = vk::PipelineShaderStageRequiredSubgroupSizeCreateInfo::default()
-                .required_subgroup_size(device.caps().subgroup_size);
+                .required_subgroup_size(caps.subgroup_size);
             let mut stage = vk::PipelineShaderStageCreateInfo::default()
                 .stage(vk::ShaderStageFlags::COMPUTE)
                 .module(module)
                 .name(c"main");
-            if desc.subgroups && device.caps().subgroup_pinned {
+            if desc.subgroups && caps.subgroup_pinned {
                 stage = stage.flags(vk::PipelineShaderStageCreateFlags::REQUIRE_FULL_SUBGROUPS).push_next(&mut size);
             }
-            let info = [vk::ComputePipelineCreateInfo::default().stage(stage).layout(pipeline.layout)];
-            let created = raw.create_compute_pipelines(device.pipeline_cache, &info, None);
+            let info = [vk::ComputePipelineCreateInfo::default().flags(flags).stage(stage).layout(self.layout)];
+            let created = raw.create_compute_pipelines(cache, &info, None);
             raw.destroy_shader_module(module, None);
             let created = created.map_err(|(_, e)| vk_error("vkCreateComputePipelines")(e))?;
-            pipeline.raw = created.first().copied().unwrap_or_default();
+            self.pipeline = created.first().copied().unwrap_or_default();
         }
-        name_object(device.debug.as_ref(), pipeline.raw, desc.name);
+        Ok(())
+    }
+
+    /// # Safety
+    /// They are of `raw`, and nothing uses them any more.
+    pub unsafe fn destroy(&self, raw: &ash::Device) {
+        // SAFETY: the caller's promise; destroying null handles is allowed.
+        unsafe {
+            raw.destroy_pipeline(self.pipeline, None);
+            raw.destroy_pipeline_layout(self.layout, None);
+            raw.destroy_descriptor_set_layout(self.set_layout, None);
+        }
+    }
+}
+
+impl Pipeline {
+    /// Compiles `desc` for `device`.
+    pub fn new(device: &Arc<Device>, desc: &PipelineDesc<'_>) -> Result<Self> {
+        let kinds = desc.bindings.to_vec();
+        let mut pipeline =
+            Pipeline { device: device.clone(), parts: Parts::default(), kinds, push_bytes: desc.push_bytes };
+        let flags = vk::PipelineCreateFlags::empty();
+        pipeline.parts.compile(&device.raw, device.caps(), device.pipeline_cache, desc, flags)?;
+        name_object(device.debug.as_ref(), pipeline.parts.pipeline, desc.name);
         Ok(pipeline)
     }
 }
 
 impl Drop for Pipeline {
     fn drop(&mut self) {
-        // SAFETY: submissions keep the pipelines they use alive; destroying null handles is allowed.
-        unsafe {
-            self.device.raw.destroy_pipeline(self.raw, None);
-            self.device.raw.destroy_pipeline_layout(self.layout, None);
-            self.device.raw.destroy_descriptor_set_layout(self.set_layout, None);
-        }
+        // SAFETY: submissions keep the pipelines they use alive.
+        unsafe { self.parts.destroy(&self.device.raw) }
     }
 }

@@ -1,9 +1,11 @@
 //! What a driver's compiler tells of a pipeline (`VK_KHR_pipeline_executable_properties`).
 
+use super::device::{Purpose, create_device};
 use super::instance::{DeviceChoice, Found, Instance, pick};
-use super::{Caps, PipelineDesc, vk_error};
+use super::pipeline::{Parts, PipelineDesc};
+use super::{Caps, vk_error};
 use crate::error::{Error, Result};
-use ash::{ext, khr, vk};
+use ash::{khr, vk};
 use std::ffi::CStr;
 use std::sync::Arc;
 
@@ -56,36 +58,7 @@ impl Compiler {
             let remedy = "choose another with --device, or a driver that `tools/gpu/drivers.sh` unpacks";
             return Err(fault(reason, remedy));
         }
-        let mut extensions = vec![khr::pipeline_executable_properties::NAME.as_ptr()];
-        let wanted = [
-            (caps.push_descriptors, khr::push_descriptor::NAME),
-            (caps.subgroup_pinned, ext::subgroup_size_control::NAME),
-            (caps.float_atomics, ext::shader_atomic_float::NAME),
-        ];
-        extensions.extend(wanted.iter().filter(|(has, _)| *has).map(|(_, name)| name.as_ptr()));
-        let mut atomics =
-            vk::PhysicalDeviceShaderAtomicFloatFeaturesEXT::default().shader_buffer_float32_atomic_add(true);
-        let mut size_control = vk::PhysicalDeviceSubgroupSizeControlFeatures::default()
-            .subgroup_size_control(true)
-            .compute_full_subgroups(true);
-        let mut executable =
-            vk::PhysicalDevicePipelineExecutablePropertiesFeaturesKHR::default().pipeline_executable_info(true);
-        let priorities = [1.0];
-        let queues =
-            [vk::DeviceQueueCreateInfo::default().queue_family_index(queue_family).queue_priorities(&priorities)];
-        let mut info = vk::DeviceCreateInfo::default()
-            .queue_create_infos(&queues)
-            .enabled_extension_names(&extensions)
-            .push_next(&mut executable);
-        if caps.subgroup_pinned {
-            info = info.push_next(&mut size_control);
-        }
-        if caps.float_atomics {
-            info = info.push_next(&mut atomics);
-        }
-        // SAFETY: `physical` comes from this instance, and all that `info` points to lives until the call returns.
-        let raw = unsafe { instance.raw.create_device(physical, &info, None) }
-            .map_err(|e| fault(format!("{}: vkCreateDevice: {e:?}", caps.name), "choose another with --device"))?;
+        let raw = create_device(&instance, physical, queue_family, &caps, Purpose::Compiling)?;
         let told = khr::pipeline_executable_properties::Device::new(&instance.raw, &raw);
         Ok(Compiler { raw, told, caps, _instance: instance })
     }
@@ -100,55 +73,14 @@ impl Compiler {
     /// # Errors
     /// [`Error::Vulkan`] or [`Error::DriverOutOfMemory`] when the driver refuses.
     pub fn statistics(&self, desc: &PipelineDesc<'_>) -> Result<Vec<Executable>> {
-        let words = ash::util::read_spv(&mut std::io::Cursor::new(desc.spirv))
-            .map_err(|e| Error::Vulkan { call: "reading SPIR-V", reason: format!("{}: {e}", desc.name) })?;
-        let binding = |(kind, at): (&super::BindingKind, u32)| {
-            vk::DescriptorSetLayoutBinding::default()
-                .binding(at)
-                .descriptor_type(kind.descriptor_type())
-                .descriptor_count(1)
-                .stage_flags(vk::ShaderStageFlags::COMPUTE)
-        };
-        let bindings: Vec<_> = desc.bindings.iter().zip(0..).map(binding).collect();
-        let flags = match self.caps.push_descriptors {
-            true => vk::DescriptorSetLayoutCreateFlags::PUSH_DESCRIPTOR_KHR,
-            false => vk::DescriptorSetLayoutCreateFlags::empty(),
-        };
-        let set_info = vk::DescriptorSetLayoutCreateInfo::default().flags(flags).bindings(&bindings);
-        let ranges =
-            [vk::PushConstantRange::default().stage_flags(vk::ShaderStageFlags::COMPUTE).size(desc.push_bytes)];
-        let n_ranges = usize::from(desc.push_bytes > 0);
-        let mut made = Made::of(&self.raw);
-        // SAFETY: each call gets live handles of this device; `made` destroys what exists when a later call fails.
-        unsafe {
-            made.set = self
-                .raw
-                .create_descriptor_set_layout(&set_info, None)
-                .map_err(vk_error("vkCreateDescriptorSetLayout"))?;
-            let sets = [made.set];
-            let layout =
-                vk::PipelineLayoutCreateInfo::default().set_layouts(&sets).push_constant_ranges(&ranges[..n_ranges]);
-            made.layout = self.raw.create_pipeline_layout(&layout, None).map_err(vk_error("vkCreatePipelineLayout"))?;
-            let module = vk::ShaderModuleCreateInfo::default().code(&words);
-            made.module = self.raw.create_shader_module(&module, None).map_err(vk_error("vkCreateShaderModule"))?;
-            let mut size = vk::PipelineShaderStageRequiredSubgroupSizeCreateInfo::default()
-                .required_subgroup_size(self.caps.subgroup_size);
-            let mut stage = vk::PipelineShaderStageCreateInfo::default()
-                .stage(vk::ShaderStageFlags::COMPUTE)
-                .module(made.module)
-                .name(c"main");
-            if desc.subgroups && self.caps.subgroup_pinned {
-                stage = stage.flags(vk::PipelineShaderStageCreateFlags::REQUIRE_FULL_SUBGROUPS).push_next(&mut size);
-            }
-            let info = [vk::ComputePipelineCreateInfo::default()
-                .flags(vk::PipelineCreateFlags::CAPTURE_STATISTICS_KHR)
-                .stage(stage)
-                .layout(made.layout)];
-            let created = self.raw.create_compute_pipelines(vk::PipelineCache::null(), &info, None);
-            let created = created.map_err(|(_, e)| vk_error("vkCreateComputePipelines")(e))?;
-            made.pipeline = created.first().copied().unwrap_or_default();
-            self.read(made.pipeline)
-        }
+        let mut parts = Parts::default();
+        let flags = vk::PipelineCreateFlags::CAPTURE_STATISTICS_KHR;
+        let made = parts.compile(&self.raw, &self.caps, vk::PipelineCache::null(), desc, flags);
+        // SAFETY: the pipeline is of this device and was compiled with the flag.
+        let found = made.and_then(|()| unsafe { self.read(parts.pipeline) });
+        // SAFETY: nothing uses them any more.
+        unsafe { parts.destroy(&self.raw) };
+        found
     }
 
     /// # Safety
@@ -191,38 +123,5 @@ impl Drop for Compiler {
     fn drop(&mut self) {
         // SAFETY: what is made of it is destroyed where it is made.
         unsafe { self.raw.destroy_device(None) }
-    }
-}
-
-/// What a compilation makes; destroyed with it.
-struct Made<'a> {
-    raw: &'a ash::Device,
-    set: vk::DescriptorSetLayout,
-    layout: vk::PipelineLayout,
-    module: vk::ShaderModule,
-    pipeline: vk::Pipeline,
-}
-
-impl<'a> Made<'a> {
-    fn of(raw: &'a ash::Device) -> Self {
-        Made {
-            raw,
-            set: Default::default(),
-            layout: Default::default(),
-            module: Default::default(),
-            pipeline: Default::default(),
-        }
-    }
-}
-
-impl Drop for Made<'_> {
-    fn drop(&mut self) {
-        // SAFETY: they belong to `raw`, nothing uses them any more, and destroying null handles is allowed.
-        unsafe {
-            self.raw.destroy_pipeline(self.pipeline, None);
-            self.raw.destroy_shader_module(self.module, None);
-            self.raw.destroy_pipeline_layout(self.layout, None);
-            self.raw.destroy_descriptor_set_layout(self.set, None);
-        }
     }
 }
