@@ -1,4 +1,5 @@
 //! All tests of the engine in one binary: one link, one Vulkan device.
+mod adversary;
 mod capture;
 mod common;
 mod extreme;

@@ -19,6 +19,18 @@ pub struct Options {
     pub device: DeviceChoice,
     /// Fill new buffers with 0xAB bytes, so that a read of something never written shows.
     pub poison: bool,
+    /// Other SPIR-V for the kernels.
+    pub rewrite: Option<Rewrite>,
+}
+
+/// Changes kernels before they are compiled: so a test runs them with subgroups that its device lacks, or with errors that Vulkan
+/// allows and its device does not make.
+#[derive(Clone, Copy, Debug)]
+pub struct Rewrite {
+    /// Lanes of a subgroup after the change, where it replaces the subgroup operations of all kernels.
+    pub subgroup_size: Option<u32>,
+    /// The SPIR-V to compile in place of [`KernelInfo::spirv`].
+    pub spirv: fn(&KernelInfo) -> Vec<u8>,
 }
 
 /// Time of one pass.
@@ -62,6 +74,8 @@ pub struct Gpu {
     chosen_because: String,
     pipelines: Mutex<HashMap<&'static str, Arc<Pipeline>>>,
     poison: bool,
+    rewrite: Option<Rewrite>,
+    caps: Caps,
 }
 
 impl Gpu {
@@ -71,12 +85,15 @@ impl Gpu {
     /// [`Error::NoDevice`] with the reason.
     pub fn open(options: &Options) -> Result<Self> {
         let (device, chosen_because) = Device::open(&options.device)?;
-        Ok(Gpu { device, chosen_because, pipelines: Mutex::default(), poison: options.poison })
+        let mut caps = device.caps().clone();
+        caps.subgroup_size = options.rewrite.and_then(|rewrite| rewrite.subgroup_size).unwrap_or(caps.subgroup_size);
+        let (poison, rewrite) = (options.poison, options.rewrite);
+        Ok(Gpu { device, chosen_because, pipelines: Mutex::default(), poison, rewrite, caps })
     }
 
-    /// Limits and features.
+    /// Limits and features, with the width of subgroups that the kernels have.
     pub fn caps(&self) -> &Caps {
-        self.device.caps()
+        &self.caps
     }
 
     /// Why this device was taken.
@@ -96,14 +113,16 @@ impl Gpu {
         }
         let _compiling = tracing::debug_span!("compile", kernel = %kernel.name).entered();
         let bindings: Vec<_> = kernel.bindings.iter().map(|b| b.kind).collect();
+        let rewritten = self.rewrite.map(|rewrite| (rewrite.spirv)(kernel));
+        let emulated = self.rewrite.is_some_and(|rewrite| rewrite.subgroup_size.is_some());
         let pipeline = Arc::new(Pipeline::new(
             &self.device,
             &PipelineDesc {
                 name: kernel.name,
-                spirv: kernel.spirv,
+                spirv: rewritten.as_deref().unwrap_or(kernel.spirv),
                 bindings: &bindings,
                 push_bytes: kernel.push_bytes,
-                subgroups: kernel.subgroups,
+                subgroups: kernel.subgroups && !emulated,
             },
         )?);
         pipelines.insert(kernel.name, pipeline.clone());

@@ -1,5 +1,6 @@
 //! The one device of a test run, watched by the validation layer. Lanes choose it through the environment:
-//! `IVV_TEST_DEVICE`, `IVV_TEST_NO_PUSH_DESCRIPTORS`, `IVV_TEST_SYNC_VALIDATION`, and the drivers' own variables.
+//! `IVV_TEST_DEVICE`, `IVV_TEST_NO_PUSH_DESCRIPTORS`, `IVV_TEST_SYNC_VALIDATION`, `IVV_TEST_REWRITE`, and the drivers' own
+//! variables.
 
 use ivv::extremes::Bench;
 use ivv::gpu::{Gpu, Options};
@@ -74,6 +75,7 @@ pub fn options() -> Options {
             surface: Vec::new(),
         },
         poison: true,
+        rewrite: crate::adversary::rewrite(),
     }
 }
 
