@@ -47,7 +47,7 @@ pub enum Error {
     },
     /// The device stopped answering.
     DeviceLost {
-        /// The last pass known to have begun; empty where none was under way.
+        /// The last pass known to have begun; empty where none was under way or the device keeps no breadcrumbs.
         after_pass: String,
     },
     /// A Vulkan call failed in a way that has no better name.
@@ -110,7 +110,11 @@ impl fmt::Display for Error {
                 if !after_pass.is_empty() {
                     write!(f, "the last pass known to have begun is `{after_pass}`; ")?;
                 }
-                write!(f, "run again, with --device to choose another device if it persists")
+                write!(f, "run again, with --device to choose another device if it persists")?;
+                if after_pass.is_empty() {
+                    write!(f, ", or with --breadcrumbs to learn in which pass it is lost")?;
+                }
+                Ok(())
             }
             Error::Vulkan { call, reason } => write!(f, "{call} failed: {reason}"),
             Error::NonFinite { what, count } => write!(f, "{what} holds {count} values that are not finite"),

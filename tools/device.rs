@@ -16,6 +16,9 @@ pub struct DeviceArgs {
     /// Lanes of the subgroups that kernels run with, where the device takes several; by default what suits the hardware.
     #[arg(long, value_name = "LANES")]
     subgroup_size: Option<u32>,
+    /// Note each pass as it begins, so that a lost device is told with the pass that it was lost in. Slower on a GPU.
+    #[arg(long)]
+    breadcrumbs: bool,
 }
 
 impl DeviceArgs {
@@ -26,7 +29,12 @@ impl DeviceArgs {
 
     /// The choice alone, without the cache of pipelines.
     pub fn choice(&self) -> DeviceChoice {
-        DeviceChoice { device: self.device.clone(), subgroup_size: self.subgroup_size, ..DeviceChoice::default() }
+        DeviceChoice {
+            device: self.device.clone(),
+            subgroup_size: self.subgroup_size,
+            breadcrumbs: self.breadcrumbs,
+            ..DeviceChoice::default()
+        }
     }
 
     /// As [`DeviceArgs::open`]: a device that can show pictures in windows where `surface` is not empty, which is what they need;

@@ -27,8 +27,9 @@ pub struct Commands {
     pub(super) raw: vk::CommandBuffer,
     descriptors: Option<vk::DescriptorPool>,
     queries: Option<vk::QueryPool>,
-    // One word per pass, set by the device when the pass begins: names the last pass of a lost device.
-    markers: Arc<Buffer>,
+    // One word per pass, set by the device when the pass begins: names the last pass of a lost device. Only where breadcrumbs
+    // are asked for: each is a transfer between two dispatches, for which a GPU may wait.
+    markers: Option<Buffer>,
     passes: Vec<String>,
     pub(super) buffers: Vec<Arc<Buffer>>,
     /// A binary semaphore that the submission signals beside the timeline: a presentation waits for it.
@@ -52,9 +53,12 @@ impl Commands {
     /// Begins a stream of at most `n_passes` passes with at most `n_bindings` bindings in all.
     pub fn new(device: &Arc<Device>, n_passes: usize, n_bindings: usize, timestamps: bool) -> Result<Self> {
         let raw_device = &device.raw;
-        let mut markers = Buffer::new(device, "markers", 4 * n_passes as u64, Location::Readback)?;
-        if let Some(bytes) = markers.bytes_mut() {
-            bytes.fill(0);
+        let mut markers = None;
+        if device.breadcrumbs {
+            let markers = markers.insert(Buffer::new(device, "markers", 4 * n_passes as u64, Location::Readback)?);
+            if let Some(bytes) = markers.bytes_mut() {
+                bytes.fill(0);
+            }
         }
         let retired = device.retired.lock().ok().and_then(|mut streams| streams.pop());
         let (pool, raw) = retired.map_or_else(|| new_stream(device), Ok)?;
@@ -64,7 +68,7 @@ impl Commands {
             raw,
             descriptors: None,
             queries: None,
-            markers: Arc::new(markers),
+            markers,
             passes: Vec::with_capacity(n_passes),
             buffers: Vec::new(),
             signal: None,
@@ -111,7 +115,9 @@ impl Commands {
                 let label = vk::DebugUtilsLabelEXT::default().label_name(&label);
                 debug.cmd_begin_debug_utils_label(self.raw, &label);
             }
-            self.device.raw.cmd_fill_buffer(self.raw, self.markers.raw, 4 * index as u64, 4, 1);
+            if let Some(markers) = &self.markers {
+                self.device.raw.cmd_fill_buffer(self.raw, markers.raw, 4 * index as u64, 4, 1);
+            }
             self.timestamp(2 * index as u32);
         }
     }
@@ -312,7 +318,10 @@ impl Commands {
         // SAFETY: the semaphore belongs to this device and will be signalled with at least this value.
         unsafe { self.device.raw.wait_semaphores(&info, u64::MAX) }.map_err(|e| match e {
             vk::Result::ERROR_DEVICE_LOST => {
-                Error::DeviceLost { after_pass: last_begun(self.markers.bytes().unwrap_or_default(), &self.passes) }
+                let words = self.markers.as_ref().and_then(Buffer::bytes);
+                Error::DeviceLost {
+                    after_pass: words.map_or_else(String::new, |words| last_begun(words, &self.passes)),
+                }
             }
             other => vk_error("vkWaitSemaphores")(other),
         })

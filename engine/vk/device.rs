@@ -28,6 +28,7 @@ pub struct Device {
     #[cfg(feature = "play")]
     pub(super) physical: vk::PhysicalDevice,
     cache_file: Option<PathBuf>,
+    pub(super) breadcrumbs: bool,
     caps: Caps,
     pub(super) instance: Arc<Instance>,
 }
@@ -166,6 +167,7 @@ impl Device {
             #[cfg(feature = "play")]
             physical,
             cache_file,
+            breadcrumbs: choice.breadcrumbs,
             caps,
             raw,
             instance,

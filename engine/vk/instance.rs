@@ -23,6 +23,9 @@ pub struct DeviceChoice {
     pub sync_validation: bool,
     /// Do without push descriptors even where they exist, to test the other path.
     pub no_push_descriptors: bool,
+    /// Note each pass as it begins, so that [`Error::DeviceLost`](crate::Error::DeviceLost) names the last one. A GPU may wait
+    /// between passes for it.
+    pub breadcrumbs: bool,
     /// The folder in which compiled pipelines are kept between runs, in a file for each device and driver.
     pub pipeline_cache: Option<PathBuf>,
     /// Lanes of the subgroups that kernels run with; by default what suits the hardware.

@@ -53,6 +53,11 @@ void main() {
     const float center_x = float(x) + 0.5;
     const float center_y = float(view.first_row + y) + 0.5;
 
+    // Read once: the compiler may not keep a uniform over a store, nor know that the images do not overlap it.
+    const float alpha_max = view.alpha_max;
+    const float t_min = view.t_min;
+    const float t_cut = view.t_cut;
+
     const uint round = unfolded(pc.round);
     const bool is_last_round = unfolded(pc.last_round) != 0u;
     // A pixel's threshold is alpha_min while it is alive and out of reach once it is finished.
@@ -124,10 +129,10 @@ void main() {
                 for (uint k = 0u; k < PIXELS; ++k) {
                     const float dy = center_y + float(k * shape.lane_rows) - xy.y;
                     const float raw = splat_alpha(m, opacity, vec2(dx, dy));
-                    const float alpha = min(raw, view.alpha_max);
+                    const float alpha = min(raw, alpha_max);
                     precise float T_next = T[k] * (1.0 - alpha);
                     const bool contributes = raw >= threshold[k];
-                    const bool added = contributes && T_next >= view.t_min;
+                    const bool added = contributes && T_next >= t_min;
                     const float w = added ? alpha * T[k] : 0.0;
                     color[k] += w * rgb;
 #ifdef FULL
@@ -137,7 +142,7 @@ void main() {
                     n_last[k] = added ? e + i + 1u : n_last[k];
 #endif
                     T[k] = added ? T_next : T[k];
-                    threshold[k] = (contributes && !added) || T[k] < view.t_cut ? NEVER : threshold[k];
+                    threshold[k] = (contributes && !added) || T[k] < t_cut ? NEVER : threshold[k];
                 }
             } while (word != 0u);
         }

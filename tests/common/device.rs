@@ -70,6 +70,7 @@ pub fn options() -> Options {
             validation: true,
             sync_validation: is_set("IVV_TEST_SYNC_VALIDATION"),
             no_push_descriptors: is_set("IVV_TEST_NO_PUSH_DESCRIPTORS"),
+            breadcrumbs: true,
             pipeline_cache: None,
             subgroup_size: None,
             surface: Vec::new(),

@@ -160,6 +160,12 @@ pub mod grid {
     pub const PLANE_BLOCK: u32 = 32;
 }
 
+/// Of `loss/loss_sum.comp`.
+pub mod loss_sum {
+    /// `AT_ONCE` of the shader.
+    pub const AT_ONCE: u32 = 8;
+}
+
 /// Of `lpips/lpips_conv.comp`.
 pub mod lpips_conv {
     /// `PIXELS` of the shader.

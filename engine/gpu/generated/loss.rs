@@ -297,7 +297,7 @@ pub mod loss_sum {
         name: "loss_sum",
         push_bytes: size_of::<Push>() as u32,
         spirv: include_bytes!("../../../shaders-glsl/spv/loss_sum.spv"),
-        local: 64,
+        local: 128,
         subgroups: false,
         floats: 0x3,
         bindings: &[
