@@ -107,6 +107,13 @@ impl Slice {
             && other.offset < self.offset + self.size
     }
 
+    /// Whether it is a part of `other`, or all of it.
+    pub(super) fn is_within(&self, other: &Slice) -> bool {
+        Arc::ptr_eq(&self.buffer, &other.buffer)
+            && self.offset >= other.offset
+            && self.offset + self.size <= other.offset + other.size
+    }
+
     /// Whether the two are the same range of the same buffer.
     pub(super) fn is(&self, other: &Slice) -> bool {
         Arc::ptr_eq(&self.buffer, &other.buffer) && (self.offset, self.size) == (other.offset, other.size)

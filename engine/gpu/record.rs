@@ -1,7 +1,10 @@
-//! Work as data: a list of passes, and the barriers that their accesses require.
+//! Work as data: a list of passes, and the windows between barriers that their accesses allow.
 
 use super::kernel::{Access, Kernel, KernelInfo, Slice};
 use super::table::{self, Count};
+use crate::vk::Buffer;
+use std::collections::HashMap;
+use std::sync::Arc;
 
 /// How many workgroups a pass has.
 #[derive(Clone)]
@@ -139,24 +142,34 @@ impl Recording {
         }
     }
 
-    /// For each pass, whether a barrier must precede it: one is due when it reads or writes what a pass since the last
-    /// barrier wrote, or writes what one read.
-    pub fn barriers(&self) -> Vec<bool> {
-        let mut since: Vec<(Slice, bool)> = Vec::new();
-        self.passes
-            .iter()
-            .map(|pass| {
-                let accesses = pass.accesses();
-                let due = accesses
-                    .iter()
-                    .any(|(slice, writes)| since.iter().any(|(s, w)| (*writes || *w) && s.overlaps(slice)));
-                if due {
-                    since.clear();
-                }
-                since.extend(accesses);
-                due
-            })
-            .collect()
+    /// The passes, by index, that run between one barrier and the next: each in the earliest window that comes after all
+    /// passes before it which write what it touches, or read what it writes. No order of windows has fewer barriers.
+    pub fn windows(&self) -> Vec<Vec<usize>> {
+        let mut windows: Vec<Vec<usize>> = Vec::new();
+        // By buffer: what was touched, whether it was written, and in which window.
+        let mut touched: HashMap<*const Buffer, Vec<(Slice, bool, usize)>> = HashMap::new();
+        for (at, pass) in self.passes.iter().enumerate() {
+            let accesses = pass.accesses();
+            let conflicts = |(slice, writes): &(Slice, bool)| {
+                let earlier = touched.get(&Arc::as_ptr(&slice.buffer)).map_or(&[][..], Vec::as_slice);
+                let after = |(other, wrote, window): &(Slice, bool, usize)| {
+                    ((*writes || *wrote) && other.overlaps(slice)).then_some(window + 1)
+                };
+                earlier.iter().filter_map(after).max().unwrap_or(0)
+            };
+            let window = accesses.iter().map(conflicts).max().unwrap_or(0);
+            if window == windows.len() {
+                windows.push(Vec::new());
+            }
+            windows[window].push(at);
+            for (slice, writes) in accesses {
+                let of_buffer = touched.entry(Arc::as_ptr(&slice.buffer)).or_default();
+                // A write comes after all that touched its range.
+                of_buffer.retain(|(other, ..)| !(writes && other.is_within(&slice)));
+                of_buffer.push((slice, writes, window));
+            }
+        }
+        windows
     }
 }
 

@@ -1,7 +1,7 @@
 //! The device with its kernels: runs recordings, moves data.
 
 use super::kernel::{Buf, KernelInfo, Pod, Slice};
-use super::record::{Grid, Recording, Work};
+use super::record::{Grid, Pass, Recording, Work};
 use crate::error::{Error, Result};
 use crate::vk::{Buffer, Caps, Commands, Device, DeviceChoice, Location, Pipeline, PipelineDesc};
 use std::collections::HashMap;
@@ -47,24 +47,27 @@ pub struct PassTime {
 /// A recording that the device works on. Dropping it waits.
 pub struct Running {
     submission: crate::vk::Submission,
-    /// Of its passes, where they are timed.
-    labels: Vec<String>,
+    /// Of its passes, where they are timed: the place in the recording and the label, as they ran.
+    passes: Vec<(usize, String)>,
 }
 
 impl Running {
-    /// Waits for its end and returns the time of each pass; none where they are not timed or the device has no timestamps.
+    /// Waits for its end and returns the time of each pass, in the order of the recording; none where they are not timed or the
+    /// device has no timestamps.
     /// Where that fails with anything but a lost device, the work goes on, and it can be waited for again.
     ///
     /// # Errors
     /// [`Error::DeviceLost`] with the last pass that began.
     pub fn wait(&self) -> Result<Vec<PassTime>> {
         let done = tracing::debug_span!("wait", what = %"device").in_scope(|| self.submission.wait())?;
-        let timed = |(label, [begin_ns, end]): (&String, [f64; 2])| PassTime {
+        let mut times: Vec<_> = self.passes.iter().zip(done.pass_ns).collect();
+        times.sort_by_key(|((at, _), _)| *at);
+        let timed = |((_, label), [begin_ns, end]): (&(usize, String), [f64; 2])| PassTime {
             label: label.clone(),
             begin_ns,
             ns: end - begin_ns,
         };
-        Ok(self.labels.iter().zip(done.pass_ns).map(timed).collect())
+        Ok(times.into_iter().map(timed).collect())
     }
 }
 
@@ -215,13 +218,14 @@ impl Gpu {
 
     /// Hands `recording` to the device and does not wait; it begins when all that was handed over before has ended.
     pub fn start(&self, recording: &Recording) -> Result<Running> {
-        Ok(Running { submission: self.submit(recording, false)?, labels: Vec::new() })
+        Ok(Running { submission: self.submit(recording, &recording.windows(), false)?, passes: Vec::new() })
     }
 
     /// As [`Gpu::start`], with the time of each pass taken.
     pub fn start_timed(&self, recording: &Recording) -> Result<Running> {
-        let labels = recording.passes().iter().map(|pass| pass.label.clone()).collect();
-        Ok(Running { submission: self.submit(recording, true)?, labels })
+        let windows = recording.windows();
+        let passes = windows.iter().flatten().map(|&at| (at, recording.passes()[at].label.clone())).collect();
+        Ok(Running { submission: self.submit(recording, &windows, true)?, passes })
     }
 
     /// Runs `recording` and waits for its end.
@@ -235,42 +239,51 @@ impl Gpu {
     }
 
     #[tracing::instrument(level = "debug", name = "submit", skip_all)]
-    fn submit(&self, recording: &Recording, timestamps: bool) -> Result<crate::vk::Submission> {
+    fn submit(
+        &self,
+        recording: &Recording,
+        windows: &[Vec<usize>],
+        timestamps: bool,
+    ) -> Result<crate::vk::Submission> {
         let passes = recording.passes();
         let n_bindings = passes
             .iter()
             .map(|pass| if let Work::Dispatch { slices, .. } = &pass.work { slices.len() } else { 0 })
             .sum();
         let mut commands = Commands::new(&self.device, passes.len(), n_bindings, timestamps)?;
-        // An earlier recording may still be running.
-        commands.barrier();
-        for (pass, barrier) in passes.iter().zip(recording.barriers()) {
-            if barrier {
-                commands.barrier();
+        for window in windows {
+            // The first: an earlier recording may still be running.
+            commands.barrier();
+            for &at in window {
+                self.submit_pass(&mut commands, &passes[at])?;
             }
-            let _pass = tracing::trace_span!("pass", label = %pass.label).entered();
-            commands.begin_pass(&pass.label);
-            match &pass.work {
-                Work::Copy(from, to) => commands.copy(&from.binding(), &to.binding()),
-                Work::Fill(slice, value) => commands.fill(&slice.binding(), *value),
-                Work::Dispatch { kernel, slices, push, grid } => {
-                    let pipeline = self.pipeline(kernel)?;
-                    let bindings: Vec<_> = slices.iter().map(Slice::binding).collect();
-                    match grid {
-                        Grid::Threads(n) => {
-                            let groups = fold(n.div_ceil(kernel.local));
-                            commands.dispatch(&pipeline, &bindings, push, groups)?;
-                        }
-                        Grid::Groups(n) => commands.dispatch(&pipeline, &bindings, push, fold(*n))?,
-                        Grid::Indirect(args) => {
-                            commands.dispatch_indirect(&pipeline, &bindings, push, &args.binding())?;
-                        }
+        }
+        commands.submit()
+    }
+
+    fn submit_pass(&self, commands: &mut Commands, pass: &Pass) -> Result<()> {
+        let _pass = tracing::trace_span!("pass", label = %pass.label).entered();
+        commands.begin_pass(&pass.label);
+        match &pass.work {
+            Work::Copy(from, to) => commands.copy(&from.binding(), &to.binding()),
+            Work::Fill(slice, value) => commands.fill(&slice.binding(), *value),
+            Work::Dispatch { kernel, slices, push, grid } => {
+                let pipeline = self.pipeline(kernel)?;
+                let bindings: Vec<_> = slices.iter().map(Slice::binding).collect();
+                match grid {
+                    Grid::Threads(n) => {
+                        let groups = fold(n.div_ceil(kernel.local));
+                        commands.dispatch(&pipeline, &bindings, push, groups)?;
+                    }
+                    Grid::Groups(n) => commands.dispatch(&pipeline, &bindings, push, fold(*n))?,
+                    Grid::Indirect(args) => {
+                        commands.dispatch_indirect(&pipeline, &bindings, push, &args.binding())?;
                     }
                 }
             }
-            commands.end_pass();
         }
-        commands.submit()
+        commands.end_pass();
+        Ok(())
     }
 }
 

@@ -124,7 +124,7 @@ fn every_atomic_addition_arrives() {
 fn dispatches_that_wait_for_one_another_count_up() {
     let gpu = gpu();
     let (recording, count) = dispatches(&gpu, 50).unwrap();
-    assert_eq!(recording.barriers().iter().filter(|due| **due).count(), 49);
+    assert_eq!(recording.windows().len(), 50);
     gpu.run(&recording).unwrap();
     assert_eq!(gpu.read(&count).unwrap(), [50]);
 }
