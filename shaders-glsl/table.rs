@@ -25,6 +25,7 @@ const EYES: Axis = switch("is_stereo", &[("", NONE), ("stereo", ("STEREO", "1"))
 const HALF: Axis = switch("is_half", &[("", NONE), ("half", ("SH_HALF", "1"))]);
 const MOMENTS: Axis = switch("is_16_bit", &[("", NONE), ("m16", ("MOMENTS_16", "1"))]);
 const STRIDE: Axis = switch("is_halved", &[("", NONE), ("s2", ("STRIDE", "2u"))]);
+const GATHERED: Axis = switch("is_gathered", &[("", NONE), ("gathered", ("GATHERED", "1"))]);
 const DIRECTION: Axis = switch("is_backward", &[("", NONE), ("bwd", ("BACKWARD", "1"))]);
 
 const ACCUMULATION: Axis = Axis {
@@ -97,15 +98,15 @@ pub static FAMILIES: &[Family] = &[
         cost: Some(|_| vec![own(208.0 / 3.0 * 1.5, 208.0 / 12.0)]),
         ..ROW
     },
-    Family { name: "scan_reduce", file: "scan/scan_reduce.comp", twin: |_| "scan::exclusive_scan", ..ROW },
-    Family { name: "scan_spine", file: "scan/scan_spine.comp", twin: |_| "scan::exclusive_scan", ..ROW },
-    Family { name: "scan_downsweep", file: "scan/scan_downsweep.comp", twin: |_| "scan::exclusive_scan", ..ROW },
+    Family { name: "scan_reduce", file: "scan/scan_reduce.comp", twin: |_| "scan::exclusive_scan", axes: &[GATHERED], ..ROW },
+    Family { name: "scan_downsweep", file: "scan/scan_downsweep.comp", twin: |_| "scan::exclusive_scan", axes: &[GATHERED], ..ROW },
     Family {
         name: "sort_count", file: "sort/sort_count.comp", twin: |_| "sort::radix_sort", count: Count::Active,
         limit_ns: |_| 12.0,
         cost: Some(|_| vec![own(4.5, 0.0)]),
         ..ROW
     },
+    Family { name: "sort_places", file: "sort/sort_places.comp", twin: |_| "sort::radix_sort", ..ROW },
     Family {
         name: "sort_scatter", file: "sort/sort_scatter.comp", twin: |_| "sort::radix_sort", count: Count::Active,
         axes: &[switch("is_wide", &[("", ("SUBGROUPS", "16")), ("w32", ("SUBGROUPS", "2"))])],
@@ -131,15 +132,9 @@ pub static FAMILIES: &[Family] = &[
         ..ROW
     },
     Family {
-        name: "tile_ranges", file: "tiles/tile_ranges.comp", twin: |_| "tiles::ranges", count: Count::Intersections,
-        limit_ns: |_| 5.0,
-        cost: Some(|_| vec![own(4.0, 0.0)]),
-        ..ROW
-    },
-    Family {
-        name: "tile_buckets", file: "tiles/tile_buckets.comp", twin: |_| "tiles::ranges", count: Count::Tiles,
-        limit_ns: |_| 20.0,
-        cost: Some(|_| vec![own(8.0, 0.0)]),
+        name: "tile_ranges", file: "tiles/tile_ranges.comp", twin: |_| "tiles::ranges", count: Count::Tiles,
+        limit_ns: |_| 100.0,
+        cost: Some(|_| vec![own(16.0, 0.0)]),
         ..ROW
     },
     Family {
@@ -337,7 +332,7 @@ pub static FAMILIES: &[Family] = &[
         cost: Some(|_| vec![own(2.0 * 98_304.0, 2.0 * 24_576.0)]),
         ..ROW
     },
-    // Times the vec4 of the buffer: parameter and both moments, read and written.
+    // Times the vec4 of a Gaussian: parameter and both moments, read and written.
     Family {
         name: "adam_idle", file: "adam/adam_idle.comp", twin: |s| if s.is("MOMENTS_16") { "adam::rounded_moment" } else { "adam::Adam" }, axes: &[MOMENTS], count: Count::Idle,
         limit_ns: |_| 33.0,

@@ -42,7 +42,7 @@ moments that are rounded to the nearest|shaders-glsl/include/moments.glsl|s/bits
 row 45, LPIPS without its guard at zero features|shaders-glsl/lpips/lpips_tap.comp|s/team_sum(x_square) + EPS/team_sum(x_square)/|n22
 row 53, the luma past the end has a derivative|shaders-glsl/include/bilateral.glsl|s/return luma > 0.0 \&\& luma < 1.0;/return luma > -1e30;/|n23
 a gradient that is not finite moves the moments|shaders-glsl/project/project_bwd.comp|s/^    if (!good) return;$//|n24
-row 16, a sum of counts that wraps|shaders-glsl/scan/scan_spine.comp|s/> 0xffffu ? 0xffffffffu :/> 0xffffffu ? 0xffffffffu :/|n26
+row 16, a sum of counts that wraps|shaders-glsl/scan/scan_downsweep.comp|s/> 0xffffu ? 0xffffffffu :/> 0xffffffu ? 0xffffffffu :/|n26
 room for one intersection more than there is|shaders-glsl/tiles/prepare_intersections.comp|s/const bool fits = n <= pc.capacity/const bool fits = n <= pc.capacity + 1u/|n26
 row 40, offsets without their gauge|shaders-glsl/clock/clock_step.comp|s/clocks\[k\].x -= mean;/clocks[k].x -= 0.0 * mean;/|n27
 row 7, gradients are not looked at|shaders-glsl/project/project_bwd.comp|s/const bool good = finite4.*/const bool good = true;/|n28

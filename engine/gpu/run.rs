@@ -49,9 +49,15 @@ pub struct Running {
     submission: crate::vk::Submission,
     /// Of its passes, where they are timed: the place in the recording and the label, as they ran.
     passes: Vec<(usize, String)>,
+    barriers: usize,
 }
 
 impl Running {
+    /// Barriers in it: one before each window of passes, see [`Recording::windows`].
+    pub fn barriers(&self) -> usize {
+        self.barriers
+    }
+
     /// Waits for its end and returns the time of each pass, in the order of the recording; none where they are not timed or the
     /// device has no timestamps.
     /// Where that fails with anything but a lost device, the work goes on, and it can be waited for again.
@@ -218,14 +224,19 @@ impl Gpu {
 
     /// Hands `recording` to the device and does not wait; it begins when all that was handed over before has ended.
     pub fn start(&self, recording: &Recording) -> Result<Running> {
-        Ok(Running { submission: self.submit(recording, &recording.windows(), false)?, passes: Vec::new() })
+        self.start_as(recording, false)
     }
 
     /// As [`Gpu::start`], with the time of each pass taken.
     pub fn start_timed(&self, recording: &Recording) -> Result<Running> {
+        self.start_as(recording, true)
+    }
+
+    fn start_as(&self, recording: &Recording, timed: bool) -> Result<Running> {
         let windows = recording.windows();
-        let passes = windows.iter().flatten().map(|&at| (at, recording.passes()[at].label.clone())).collect();
-        Ok(Running { submission: self.submit(recording, &windows, true)?, passes })
+        let order = windows.iter().flatten().filter(|_| timed);
+        let passes = order.map(|&at| (at, recording.passes()[at].label.clone())).collect();
+        Ok(Running { submission: self.submit(recording, &windows, timed)?, passes, barriers: windows.len() })
     }
 
     /// Runs `recording` and waits for its end.
@@ -239,12 +250,7 @@ impl Gpu {
     }
 
     #[tracing::instrument(level = "debug", name = "submit", skip_all)]
-    fn submit(
-        &self,
-        recording: &Recording,
-        windows: &[Vec<usize>],
-        timestamps: bool,
-    ) -> Result<crate::vk::Submission> {
+    fn submit(&self, recording: &Recording, windows: &[Vec<usize>], timestamps: bool) -> Result<crate::vk::Submission> {
         let passes = recording.passes();
         let n_bindings = passes
             .iter()

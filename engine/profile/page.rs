@@ -69,13 +69,16 @@ fn tables(profile: &Profile) -> [(String, Table); 4] {
 fn told(profile: &Profile) -> String {
     let device = &profile.device;
     format!(
-        "{}: {} {}s on {}, {}, subgroups of {}; kernels {}",
+        "{}: {} {}s on {}, {}, subgroups of {}; {:.0} passes and {:.0} barriers a {}; kernels {}",
         profile.subject,
         profile.samples,
         profile.sample,
         device.name,
         device.driver,
         device.subgroup_size,
+        profile.total.dispatches,
+        profile.barriers,
+        profile.sample,
         profile.shaders
     )
 }

@@ -14,6 +14,8 @@ pub struct Sample {
     pub passes: Vec<PassReport>,
     /// What they had to do.
     pub counters: Counters,
+    /// Barriers between them.
+    pub barriers: usize,
 }
 
 /// All passes with one label, over the samples that have it.
@@ -79,6 +81,8 @@ pub struct Profile {
     pub lines: Vec<Line>,
     /// Their sum.
     pub total: Line,
+    /// Barriers of a sample, mean of the samples.
+    pub barriers: f64,
     /// What the measuring costs.
     pub overhead: Overhead,
 }
@@ -124,6 +128,7 @@ impl Profile {
             peaks,
             counters: counters.over(n),
             lines,
+            barriers: samples.iter().map(|sample| sample.barriers as f64).sum::<f64>() / n,
             overhead,
         }
     }

@@ -3,7 +3,6 @@
 
 use super::cull::{ARGS_FIRST_GROUP, Cull, indirect};
 use super::moments::Moments;
-use super::planes::{BAND_PLANES, Planes};
 use super::scene::SceneBuffers;
 use crate::error::Result;
 use crate::gpu::generated::{self, AdamParams, Status, adam_catch_up, adam_idle};
@@ -139,21 +138,6 @@ pub struct Optimiser {
     sums: Buf<[f32; 4]>,
 }
 
-/// A buffer of a group: its number in `adam.glsl`, its planes, its parameters and their moments.
-type Numbered<'a> = (u32, u32, &'a Buf<[f32; 4]>, &'a Buf<[f32; 4]>);
-
-/// The buffers of a group in the order of their numbers.
-fn numbered<'a>(params: &'a Planes, moments: &'a Planes) -> Vec<Numbered<'a>> {
-    let mut all = vec![(0, 3, &params.geometry, &moments.geometry), (1, 1, &params.sh0, &moments.sh0)];
-    if let (Some(motion), Some(moments)) = (&params.motion, &moments.motion) {
-        all.push((2, 1, motion, moments));
-    }
-    for (b, (band, moments)) in params.bands.iter().zip(&moments.bands).enumerate() {
-        all.push((3 + b as u32, BAND_PLANES[b] as u32, band, moments));
-    }
-    all
-}
-
 impl Optimiser {
     /// An optimiser of `scene` that continues from `moments` and `state`; `sums` is [`lazy_sums`] of the run, for
     /// [`AdamMode::Lazy`] only.
@@ -186,17 +170,37 @@ impl Optimiser {
         rec.section("adam");
         for (index, group) in scene.groups.iter().enumerate() {
             rec.group(Some(index));
-            for (kind, planes, parameter, moments) in numbered(&group.params, &self.moments.groups[index]) {
-                let Cull { ranges, idle_id, args, .. } = cull;
-                let (adam, state) = (&self.params, &self.state[index]);
-                rec.pass_variant(
-                    kernel,
-                    adam_idle::Args { frame_status: status, adam, ranges, idle_id, parameter, moments, state },
-                    adam_idle::Push { group: index as u32, n: group.n, first: group.first, kind, planes },
-                    indirect(args, ARGS_FIRST_GROUP + scene.groups.len() + index),
-                );
-                rec.scale(f64::from(planes));
-            }
+            let (params, moments) = (&group.params, &self.moments.groups[index]);
+            let [sh1, sh2, sh3] = params.three_bands();
+            let [moments_sh1, moments_sh2, moments_sh3] = moments.three_bands();
+            let args = adam_idle::Args {
+                frame_status: status,
+                adam: &self.params,
+                ranges: &cull.ranges,
+                idle_id: &cull.idle_id,
+                geometry: &params.geometry,
+                sh0: &params.sh0,
+                motion: params.motion_or_any(),
+                sh1,
+                sh2,
+                sh3,
+                moments_geometry: &moments.geometry,
+                moments_sh0: &moments.sh0,
+                moments_motion: moments.motion_or_any(),
+                moments_sh1,
+                moments_sh2,
+                moments_sh3,
+                state: &self.state[index],
+            };
+            let push = adam_idle::Push {
+                group: index as u32,
+                n: group.n,
+                first: group.first,
+                is_dynamic: u32::from(params.motion.is_some()),
+                degree: group.degree() as u32,
+            };
+            rec.pass_variant(kernel, args, push, indirect(&cull.args, ARGS_FIRST_GROUP + scene.groups.len() + index));
+            rec.scale(params.plane_counts().sum::<usize>() as f64);
         }
         rec.group(None);
     }
@@ -241,38 +245,42 @@ impl Optimiser {
         for (index, group) in scene.groups.iter().enumerate() {
             rec.group(Some(index));
             let (all, grid) = of(index, group.n);
-            let buffers = numbered(&group.params, &self.moments.groups[index]);
-            let n_buffers = buffers.len();
-            for (at, (kind, planes, parameter, moments)) in buffers.into_iter().enumerate() {
-                let (adam, sums, state) = (&self.params, &self.sums, &self.state[index]);
-                rec.pass_variant(
-                    kernel,
-                    adam_catch_up::Args {
-                        frame_status: status,
-                        adam,
-                        ranges,
-                        active_id,
-                        sums,
-                        parameter,
-                        moments,
-                        state,
-                    },
-                    adam_catch_up::Push {
-                        group: index as u32,
-                        first: group.first,
-                        n: group.n,
-                        all,
-                        kind,
-                        planes,
-                        until: until as u32,
-                        is_last: u32::from(at + 1 == n_buffers),
-                        log2_beta1: f64::from(BETA1 as f32).log2() as f32,
-                        log2_beta2: f64::from(BETA2 as f32).log2() as f32,
-                    },
-                    grid.clone(),
-                );
-                rec.scale(f64::from(planes));
-            }
+            let (params, moments) = (&group.params, &self.moments.groups[index]);
+            let [sh1, sh2, sh3] = params.three_bands();
+            let [moments_sh1, moments_sh2, moments_sh3] = moments.three_bands();
+            let args = adam_catch_up::Args {
+                frame_status: status,
+                adam: &self.params,
+                ranges,
+                active_id,
+                sums: &self.sums,
+                geometry: &params.geometry,
+                sh0: &params.sh0,
+                motion: params.motion_or_any(),
+                sh1,
+                sh2,
+                sh3,
+                moments_geometry: &moments.geometry,
+                moments_sh0: &moments.sh0,
+                moments_motion: moments.motion_or_any(),
+                moments_sh1,
+                moments_sh2,
+                moments_sh3,
+                state: &self.state[index],
+            };
+            let push = adam_catch_up::Push {
+                group: index as u32,
+                first: group.first,
+                n: group.n,
+                all,
+                is_dynamic: u32::from(params.motion.is_some()),
+                degree: group.degree() as u32,
+                until: until as u32,
+                log2_beta1: f64::from(BETA1 as f32).log2() as f32,
+                log2_beta2: f64::from(BETA2 as f32).log2() as f32,
+            };
+            rec.pass_variant(kernel, args, push, grid);
+            rec.scale(params.plane_counts().sum::<usize>() as f64);
         }
         rec.group(None);
     }

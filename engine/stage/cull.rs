@@ -11,7 +11,6 @@ use crate::gpu::{Buf, Gpu, Grid, Recording};
 pub(super) const ARGS_THREADS: usize = args::ARGS_THREADS as usize;
 pub(super) const ARGS_SCAN: usize = args::ARGS_SCAN as usize;
 pub(super) const ARGS_SORT: usize = args::ARGS_SORT as usize;
-pub(super) const ARGS_SORT_SCAN: usize = args::ARGS_SORT_SCAN as usize;
 pub(super) const ARGS_FIRST_GROUP: usize = args::ARGS_FIRST_GROUP as usize;
 
 /// One entry of an indirect-argument buffer as a grid.
@@ -38,8 +37,6 @@ pub struct Cull {
     pub ranges: Buf<[u32; 2]>,
     /// Grids over the active Gaussians.
     pub args: Buf<[u32; 4]>,
-    /// 256 times the blocks of a sort over the active Gaussians.
-    pub n_digits: Buf<u32>,
     capacity: u32,
 }
 
@@ -58,7 +55,6 @@ impl Cull {
             n_active: gpu.alloc("active count", 1)?,
             ranges: gpu.alloc("group ranges", scene.groups.len())?,
             args: gpu.alloc("active args", ARGS_FIRST_GROUP + 2 * scene.groups.len())?,
-            n_digits: gpu.alloc("active digits", 1)?,
             capacity,
         })
     }
@@ -92,7 +88,6 @@ impl Cull {
                 group_first: &scene.group_first,
                 ranges: &self.ranges,
                 args: &self.args,
-                n_digits: &self.n_digits,
                 frame_status: status,
             },
             prepare_active::Push {

@@ -3,7 +3,7 @@
 use super::moments::Moments;
 use super::scan::{SCAN_BLOCK, Scan};
 use super::scene::{BUCKETS, Group, SceneBuffers};
-use super::sort::{SORT_BLOCK, Sort, SortGrids};
+use super::sort::{SORT_BLOCK, Sort};
 use crate::error::{Error, Result};
 use crate::gpu::generated::constants::density as shared;
 use crate::gpu::generated::{
@@ -425,11 +425,7 @@ fn record_sort(
     pairs: (&Buf<u32>, &Buf<u32>),
 ) -> Result<(Buf<u32>, Buf<u32>)> {
     let n_blocks = n.div_ceil(SORT_BLOCK);
-    let n_digits = 256 * n_blocks;
-    let grids =
-        SortGrids { blocks: Grid::Groups(n_blocks as u32), digits: Grid::Groups(n_digits.div_ceil(SCAN_BLOCK) as u32) };
-    let n_digits = gpu.upload("density digits", &[n_digits as u32])?;
-    Ok(Sort::new(gpu, n)?.record(rec, count, &n_digits, pairs, 4, &grids))
+    Ok(Sort::new(gpu, n)?.record(rec, count, pairs, 4, &Grid::Groups(n_blocks as u32)))
 }
 
 /// Appends the noise of 3DGS-MCMC after a step: faint Gaussians of `scene` wander by `rate` (the learning rate of

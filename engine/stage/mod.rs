@@ -64,6 +64,6 @@ pub use room::{Outcome, Room, Size};
 pub use scan::Scan;
 pub use scene::{Group, SceneBuffers, group_limit};
 pub use show::{Layer, Screen};
-pub use sort::{Sort, SortGrids};
+pub use sort::Sort;
 pub use tiles::{Lists, Tiles};
 pub use workspace::Workspace;

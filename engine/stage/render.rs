@@ -40,6 +40,8 @@ pub struct FrameReport {
     pub replays: u64,
     /// Passes with their times, in order; empty unless asked for.
     pub passes: Vec<PassReport>,
+    /// Barriers between all its passes, summed over strips; zero unless the passes were asked for.
+    pub barriers: usize,
     /// Each pass.
     #[serde(skip)]
     pub times: Vec<PassTime>,
@@ -380,6 +382,7 @@ impl Renderer {
             let counters = Counters::read(&self.gpu, work, &self.scene, lists, extent.n_tiles, extent.n_pixels)?;
             report.passes = add_passes(std::mem::take(&mut report.passes), recording, &landed.times, &counters);
             report.counters.add(&counters);
+            report.barriers += launched.running.barriers();
         }
         report.counting_s += begun.elapsed().as_secs_f64();
         Ok(())

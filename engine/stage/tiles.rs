@@ -1,13 +1,11 @@
 //! Intersections of Gaussians and tiles: placed in depth order, sorted by tile, listed per tile.
 
-use super::cull::{ARGS_SCAN, ARGS_SORT, ARGS_SORT_SCAN, ARGS_THREADS, Cull, indirect};
+use super::cull::{ARGS_SCAN, ARGS_SORT, ARGS_THREADS, Cull, indirect};
 use super::project::{Eye, Projected};
 use super::scan::Scan;
-use super::sort::{Sort, SortGrids};
+use super::sort::Sort;
 use crate::error::Result;
-use crate::gpu::generated::{
-    Status, emit, emit_slots, gather, prepare_intersections, tile_buckets, tile_order, tile_ranges,
-};
+use crate::gpu::generated::{Status, emit, emit_slots, gather, prepare_intersections, tile_order, tile_ranges};
 use crate::gpu::table::Count;
 use crate::gpu::{Buf, Gpu, Grid, Recording};
 
@@ -35,15 +33,14 @@ pub struct Tiles {
     scan: Scan,
     offsets: Buf<u32>,
     n_intersections: Buf<u32>,
-    n_digits: Buf<u32>,
     emit_args: Buf<[u32; 4]>,
     tile_keys: Buf<u32>,
     splat_ids: Buf<u32>,
     slots: Option<Slots>,
     /// First slot of each active Gaussian; for gradients only.
     pub slot_first: Buf<u32>,
+    // Tiles by the length of their lists, and how many of them are in order.
     buckets: Buf<u32>,
-    cursors: Buf<u32>,
     /// First entry of each tile's list.
     pub tile_first: Buf<u32>,
     /// One past the last entry of each tile's list.
@@ -64,7 +61,6 @@ impl Tiles {
             scan: Scan::new(gpu, n)?,
             offsets: gpu.alloc("tile offsets", n)?,
             n_intersections: gpu.alloc("intersection count", 1)?,
-            n_digits: gpu.alloc("intersection digits", 1)?,
             emit_args: gpu.alloc("emit args", 1)?,
             tile_keys: gpu.alloc("tile keys", i)?,
             splat_ids: gpu.alloc("tile splats", i)?,
@@ -73,8 +69,7 @@ impl Tiles {
                 true => Some(Slots { slots: gpu.alloc("slots", i)?, sorted_ids: gpu.alloc("sorted splats", i)? }),
             },
             slot_first: gpu.alloc("slot first", if has_slots { n } else { 1 })?,
-            buckets: gpu.alloc("tile buckets", BUCKETS)?,
-            cursors: gpu.alloc("tile cursors", BUCKETS)?,
+            buckets: gpu.alloc("tile buckets", 2 * BUCKETS)?,
             tile_first: gpu.alloc("tile first", t)?,
             tile_last: gpu.alloc("tile last", t)?,
             tile_order: gpu.alloc("tile order", t)?,
@@ -93,8 +88,7 @@ impl Tiles {
         rec.section("depth sort");
         let pairs = (&projected.depth_keys, &projected.identity);
         let n_rounds = self.depth_bits / 8;
-        let grids = grids(&cull.args);
-        self.depth_sort.record(rec, &cull.n_active, &cull.n_digits, pairs, n_rounds, &grids).1
+        self.depth_sort.record(rec, &cull.n_active, pairs, n_rounds, &indirect(&cull.args, ARGS_SORT)).1
     }
 
     /// Appends the binning of what `eye` sees, in the `order` of their depths, into `n_tiles` tiles. A list of more than `longest`
@@ -111,7 +105,7 @@ impl Tiles {
         rec.section("tiles");
         self.record_pairs(rec, cull, eye, order);
         let (tile_keys, lists) = self.record_sort(rec, &cull.args, n_tiles);
-        self.record_ranges(rec, &cull.args, eye.status, &tile_keys, n_tiles, longest);
+        self.record_ranges(rec, eye.status, &tile_keys, n_tiles, longest);
         lists
     }
 
@@ -120,21 +114,11 @@ impl Tiles {
         let Eye { view, status, projected } = eye;
         let (n_active, tile_counts, offsets) = (&cull.n_active, &projected.tile_counts, &self.offsets);
         let args = &cull.args;
-        rec.pass(
-            gather::Args { count: n_active, index: order, table: tile_counts, gathered: offsets },
-            (),
-            indirect(args, ARGS_THREADS),
-        );
         let n_intersections = &self.n_intersections;
-        self.scan.record(rec, n_active, offsets, n_intersections, indirect(args, ARGS_SCAN));
+        let (from, to) = ([order, tile_counts], (offsets, n_intersections));
+        self.scan.record_gathered(rec, n_active, from, to, indirect(args, ARGS_SCAN));
         rec.pass(
-            prepare_intersections::Args {
-                n_intersections,
-                args,
-                n_digits: &self.n_digits,
-                emit_args: &self.emit_args,
-                frame_status: status,
-            },
+            prepare_intersections::Args { n_intersections, args, emit_args: &self.emit_args, frame_status: status },
             prepare_intersections::Push { capacity: self.capacity },
             Grid::Groups(1),
         );
@@ -176,7 +160,7 @@ impl Tiles {
         let payload = self.slots.as_ref().map_or(splat_ids, |s| &s.slots);
         let pairs = (&self.tile_keys, payload);
         let (tile_keys, sorted) =
-            self.tile_sort.record(rec, n_intersections, &self.n_digits, pairs, n_passes, &grids(args));
+            self.tile_sort.record(rec, n_intersections, pairs, n_passes, &indirect(args, ARGS_SORT));
         rec.count_as(first_pass, Count::Intersections);
 
         rec.section("tiles");
@@ -197,38 +181,24 @@ impl Tiles {
     fn record_ranges(
         &self,
         rec: &mut Recording,
-        args: &Buf<[u32; 4]>,
         frame_status: &Buf<Status>,
         tile_keys: &Buf<u32>,
         n_tiles: u32,
         longest: u32,
     ) {
         let n_intersections = &self.n_intersections;
-        let (tile_first, tile_last, buckets) = (&self.tile_first, &self.tile_last, &self.buckets);
-        for zeroed in [tile_first.range(0, n_tiles as usize), tile_last.range(0, n_tiles as usize)] {
-            rec.fill(zeroed.slice(), 0);
-        }
-        rec.fill(buckets.slice(), 0);
-        rec.fill(self.cursors.slice(), 0);
+        let (tile_first, tile_last) = (&self.tile_first, &self.tile_last);
+        let [buckets, cursors] = &[0, 1].map(|half| self.buckets.range(half * BUCKETS, BUCKETS));
+        rec.fill(self.buckets.slice(), 0);
         rec.pass(
-            tile_ranges::Args { n_intersections, tile_keys, tile_first, tile_last },
-            tile_ranges::Push { n_tiles },
-            indirect(args, ARGS_THREADS),
-        );
-        rec.pass(
-            tile_buckets::Args { tile_first, tile_last, buckets, frame_status },
-            tile_buckets::Push { n_tiles, longest },
+            tile_ranges::Args { n_intersections, tile_keys, tile_first, tile_last, buckets, frame_status },
+            tile_ranges::Push { n_tiles, longest },
             Grid::Threads(n_tiles),
         );
         rec.pass(
-            tile_order::Args { tile_first, tile_last, buckets, cursors: &self.cursors, tile_order: &self.tile_order },
+            tile_order::Args { tile_first, tile_last, buckets, cursors, tile_order: &self.tile_order },
             tile_order::Push { n_tiles },
             Grid::Threads(n_tiles),
         );
     }
-}
-
-/// Grids of a sort of as many keys as `args` says.
-fn grids(args: &Buf<[u32; 4]>) -> SortGrids {
-    SortGrids { blocks: indirect(args, ARGS_SORT), digits: indirect(args, ARGS_SORT_SCAN) }
 }

@@ -4,7 +4,7 @@
 // Grid      one workgroup; one thread per group.
 // Writes    args: ARGS_* below, then one per group for its active Gaussians and one per group for the others; ranges:
 //           [first, last) per group.
-// Numerics  integers only; when the active list overflows, every grid is empty and `failed` says so.
+// Numerics  integers only; when the active list overflows, no grid has work to do and `failed` says so.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "types.glsl"
@@ -19,8 +19,7 @@ layout(set = 0, binding = 1) restrict readonly buffer Offsets { uint offsets[]; 
 layout(set = 0, binding = 2) restrict readonly buffer GroupFirst { uint group_first[]; };
 layout(set = 0, binding = 3) restrict writeonly buffer Ranges { uvec2 ranges[]; };
 layout(set = 0, binding = 4) restrict writeonly buffer Args { uvec4 args[]; };
-layout(set = 0, binding = 5) restrict writeonly buffer NDigits { uint n_digits[]; };
-layout(set = 0, binding = 6) restrict buffer FrameStatus { Status status; };
+layout(set = 0, binding = 5) restrict buffer FrameStatus { Status status; };
 
 void main() {
     const uint n = n_active[0];
@@ -40,11 +39,8 @@ void main() {
         status.capacity_active = pc.capacity;
         if (!fits) status.failed |= FAILED_ACTIVE;
         n_active[0] = used;
-        const uint n_blocks = div_ceil(used, SORT_BLOCK);
-        n_digits[0] = n_blocks * 256u;
         args[ARGS_THREADS] = fold(div_ceil(used, 64u));
-        args[ARGS_SCAN] = fold(div_ceil(used, SCAN_BLOCK));
-        args[ARGS_SORT] = fold(n_blocks);
-        args[ARGS_SORT_SCAN] = fold(div_ceil(n_blocks * 256u, SCAN_BLOCK));
+        args[ARGS_SCAN] = fold(max(div_ceil(used, SCAN_BLOCK), 1u));
+        args[ARGS_SORT] = fold(div_ceil(used, SORT_BLOCK));
     }
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-// Purpose   sums each block of 1,024 values, for the spine.
+// Purpose   sums each block of 1,024 values, or of those that a list of indices names (GATHERED).
 // Equation  none (reduce-then-scan prefix sum).
 // Grid      one workgroup per block.
 // Numerics  u32, wrapping inside a block: the callers' blocks cannot reach 2^32 (checked where the values are made).
@@ -12,8 +12,16 @@
 layout(local_size_x = 128) in;
 
 layout(set = 0, binding = 0) restrict readonly buffer Count { uint count[]; };
+#ifdef GATHERED
+layout(set = 0, binding = 1) restrict readonly buffer Index { uint index[]; };
+layout(set = 0, binding = 2) restrict readonly buffer Table { uint table[]; };
+layout(set = 0, binding = 3) restrict writeonly buffer Partials { uint partials[]; };
+#define VALUE(i) table[index[i]]
+#else
 layout(set = 0, binding = 1) restrict readonly buffer Values { uint values[]; };
 layout(set = 0, binding = 2) restrict writeonly buffer Partials { uint partials[]; };
+#define VALUE(i) values[i]
+#endif
 
 shared uint sh_sums[32];
 
@@ -24,7 +32,7 @@ void main() {
     uint sum = 0u;
     for (uint k = 0u; k < 8u; ++k) {
         const uint i = block * SCAN_BLOCK + k * 128u + lane;
-        if (i < n) sum += values[i];
+        if (i < n) sum += VALUE(i);
     }
     const uint total = subgroupAdd(sum);
     if (gl_SubgroupInvocationID == 0u) sh_sums[gl_SubgroupID] = total;

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-// Purpose   counts the 8-bit digits of each block of 2,048 keys, digit-major.
-// Equation  none (LSD radix sort, reduce-then-scan; stable by construction in sort_scatter).
+// Purpose   counts the 8-bit digits of each block of 2,048 keys, digit-major, and those of all keys.
+// Equation  none (LSD radix sort; stable by construction in sort_scatter).
 // Grid      one workgroup per block.
-// Numerics  integers only.
+// Numerics  integers only. `histogram` is zero at the start.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "grid.glsl"
@@ -14,6 +14,7 @@ layout(push_constant) uniform Push { uint shift; } pc;
 layout(set = 0, binding = 0) restrict readonly buffer Count { uint count[]; };
 layout(set = 0, binding = 1) restrict readonly buffer Keys { uint keys[]; };
 layout(set = 0, binding = 2) restrict writeonly buffer Digits { uint digits[]; };
+layout(set = 0, binding = 3) restrict buffer Histogram { uint histogram[]; };
 
 shared uint sh_digits[256];
 
@@ -30,6 +31,10 @@ void main() {
     }
     barrier();
     if (block < n_blocks) {
-        for (uint d = lane; d < 256u; d += 64u) digits[d * n_blocks + block] = sh_digits[d];
+        for (uint d = lane; d < 256u; d += 64u) {
+            const uint c = sh_digits[d];
+            digits[d * n_blocks + block] = c;
+            if (c > 0u) atomicAdd(histogram[d], c);
+        }
     }
 }

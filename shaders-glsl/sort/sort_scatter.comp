@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 // Purpose   moves each key and its value to its place by one 8-bit digit, stably.
-// Equation  place = scanned count of (digit, block) + count in earlier subgroups + rank inside the subgroup.
+// Equation  place = place of the first of (digit, block) + count in earlier subgroups + rank inside the subgroup.
 // Grid      one workgroup per block of 2,048 keys; each subgroup owns a contiguous run of them.
 // Numerics  integers only. SUBGROUPS is the most subgroups that 64 threads can hold on the device.
 #version 460

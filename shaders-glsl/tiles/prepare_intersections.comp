@@ -14,9 +14,8 @@ layout(local_size_x = 1) in;
 layout(push_constant) uniform Push { uint capacity; } pc;
 layout(set = 0, binding = 0) restrict buffer NIntersections { uint n_intersections[]; };
 layout(set = 0, binding = 1) restrict buffer Args { uvec4 args[]; };
-layout(set = 0, binding = 2) restrict writeonly buffer NDigits { uint n_digits[]; };
-layout(set = 0, binding = 3) restrict writeonly buffer EmitArgs { uvec4 emit_args[]; };
-layout(set = 0, binding = 4) restrict buffer FrameStatus { Status status; };
+layout(set = 0, binding = 2) restrict writeonly buffer EmitArgs { uvec4 emit_args[]; };
+layout(set = 0, binding = 3) restrict buffer FrameStatus { Status status; };
 
 void main() {
     const uint n = n_intersections[0];
@@ -25,12 +24,8 @@ void main() {
     status.capacity_intersections = pc.capacity;
     if (n > pc.capacity) status.failed |= FAILED_INTERSECTIONS;
     const uint used = fits ? n : 0u;
-    const uint n_blocks = div_ceil(used, SORT_BLOCK);
     n_intersections[0] = used;
-    n_digits[0] = n_blocks * 256u;
     emit_args[0] = fits ? args[ARGS_THREADS] : fold(0u);
     args[ARGS_THREADS] = fold(div_ceil(used, 64u));
-    args[ARGS_SCAN] = fold(div_ceil(used, SCAN_BLOCK));
-    args[ARGS_SORT] = fold(n_blocks);
-    args[ARGS_SORT_SCAN] = fold(div_ceil(n_blocks * 256u, SCAN_BLOCK));
+    args[ARGS_SORT] = fold(div_ceil(used, SORT_BLOCK));
 }

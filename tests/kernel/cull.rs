@@ -106,9 +106,7 @@ fn the_active_list_of_any_mix_of_sizes_is_the_list_of_the_marked_ones_in_order()
         assert!(kept[expected.len()..].iter().all(|word| *word == GUARD), "{what}: written past the list");
 
         let n_active = expected.len() as u32;
-        let n_digits = 256 * n_active.div_ceil(2048);
-        assert_eq!(fixture.gpu.read(&fixture.cull.n_digits).unwrap(), [n_digits], "{what}");
-        let grids = [n_active.div_ceil(64), n_active.div_ceil(1024), n_active.div_ceil(2048), n_digits.div_ceil(1024)];
+        let grids = [n_active.div_ceil(64), n_active.div_ceil(1024).max(1), n_active.div_ceil(2048)];
         let groups = ranges.iter().map(|[first, last]| (last - first).div_ceil(64));
         let blocks = [n_static, n_dynamic].into_iter().filter(|n| *n > 0).map(|n| (n as u32).next_multiple_of(BLOCK));
         let idle = blocks.zip(&ranges).map(|(n, [first, last])| (n - (last - first)).div_ceil(64));
@@ -171,7 +169,9 @@ fn an_active_list_that_overflows_says_so_and_leaves_everything_else_empty() {
         let numbers = (status.failed, status.n_active, status.capacity_active);
         assert_eq!(numbers, (FAILED_ACTIVE, 300, capacity));
         assert!(ids.is_empty(), "{} active ones of a list that does not fit", ids.len());
-        assert!(fixture.gpu.read(&fixture.cull.args).unwrap().iter().all(|grid| *grid == folded(0)));
+        // But for the scan's one workgroup, which writes that it found nothing.
+        let args = fixture.gpu.read(&fixture.cull.args).unwrap();
+        assert!(args.iter().enumerate().all(|(at, grid)| *grid == folded(u32::from(at == 1))), "{args:?}");
         assert!(fixture.gpu.read(&fixture.cull.ranges).unwrap().iter().all(|range| *range == [0, 0]));
         let words = fixture.gpu.read(&fixture.cull.active_id).unwrap();
         assert!(words[capacity as usize..].iter().all(|word| *word == GUARD), "capacity {capacity}: guards touched");

@@ -9,25 +9,38 @@ use ivv::twin::exclusive_scan;
 
 tested! {
     "scan/scan_reduce.comp" by exclusive_scan in the_prefix_sum_of_any_length_is_the_twins;
-    "scan/scan_spine.comp" by exclusive_scan in the_prefix_sum_of_any_length_is_the_twins;
     "scan/scan_downsweep.comp" by exclusive_scan in the_prefix_sum_of_any_length_is_the_twins;
 }
 
-/// Lengths around the block (1,024), the spine's step (128 blocks) and one.
+/// Lengths around the block (1,024), the step over the blocks before (128) and one.
 const SIZES: [usize; 11] = [0, 1, 7, 127, 1023, 1024, 1025, 4096, 131_071, 131_072, 131_073];
 
-fn scan_on_device(values: &[u32]) -> (Vec<u32>, u32) {
+/// The sums and the total; with an `index`, those of the values that it names.
+fn scan_on_device(values: &[u32], index: Option<&[u32]>) -> (Vec<u32>, u32) {
     let gpu = gpu();
-    let scan = Scan::new(&gpu, values.len()).unwrap();
-    let count = gpu.upload("count", &[values.len() as u32]).unwrap();
+    let n = index.map_or(values.len(), <[u32]>::len);
+    let scan = Scan::new(&gpu, n).unwrap();
+    let count = gpu.upload("count", &[n as u32]).unwrap();
     // One guard word past the end must survive.
     let guarded: Vec<u32> = values.iter().copied().chain([0xDEAD_BEEF]).collect();
-    let buffer = gpu.upload("values", &guarded).unwrap();
+    let table = gpu.upload("values", &guarded).unwrap();
     let total = gpu.alloc("total", 1).unwrap();
+    let blocks = Grid::Groups((n.div_ceil(1024) as u32).max(1));
     let mut rec = Recording::new();
-    scan.record(&mut rec, &count, &buffer, &total, Grid::Groups(values.len().div_ceil(1024) as u32));
+    let sums = match index {
+        None => {
+            scan.record(&mut rec, &count, &table, &total, blocks);
+            table
+        }
+        Some(index) => {
+            let sums = gpu.upload("sums", &vec![0xDEAD_BEEF; n + 1]).unwrap();
+            let index = gpu.upload("index", index).unwrap();
+            scan.record_gathered(&mut rec, &count, [&index, &table], (&sums, &total), blocks);
+            sums
+        }
+    };
     gpu.run(&rec).unwrap();
-    let mut found = gpu.read(&buffer).unwrap();
+    let mut found = gpu.read(&sums).unwrap();
     assert_eq!(found.pop(), Some(0xDEAD_BEEF), "the word past the end was overwritten");
     (found, gpu.read(&total).unwrap()[0])
 }
@@ -39,7 +52,14 @@ fn the_prefix_sum_of_any_length_is_the_twins() {
         let values: Vec<u32> = (0..n).map(|_| random.bits() as u32 % 1000).collect();
         let twin = exclusive_scan(&values);
         assert!(n < 2 || twin.total > 0);
-        let (offsets, total) = scan_on_device(&values);
+        let (offsets, total) = scan_on_device(&values, None);
         assert_eq!((offsets == twin.offsets, total), (true, twin.total), "{n} values");
+
+        // Half as many, each from anywhere.
+        let index: Vec<u32> = (0..n / 2).map(|_| (random.bits() % n as u64) as u32).collect();
+        let named: Vec<u32> = index.iter().map(|i| values[*i as usize]).collect();
+        let twin = exclusive_scan(&named);
+        let (offsets, total) = scan_on_device(&values, Some(&index));
+        assert_eq!((offsets == twin.offsets, total), (true, twin.total), "{} of {n} values", n / 2);
     }
 }

@@ -4,11 +4,12 @@ use crate::common::device::gpu;
 use crate::common::random::Random;
 use crate::common::twins::tested;
 use ivv::gpu::{Grid, Recording};
-use ivv::stage::{Sort, SortGrids};
+use ivv::stage::Sort;
 use ivv::twin::radix_sort;
 
 tested! {
     "sort/sort_count.comp" by radix_sort in the_sort_of_any_length_is_the_twins_and_stable;
+    "sort/sort_places.comp" by radix_sort in the_sort_of_any_length_is_the_twins_and_stable;
     "sort/sort_scatter.comp" by radix_sort in the_sort_of_any_length_is_the_twins_and_stable;
 }
 
@@ -17,11 +18,9 @@ fn sort_on_device(keys: &[u32], values: &[u32], n_passes: u32) -> (Vec<u32>, Vec
     let n_blocks = keys.len().div_ceil(2048) as u32;
     let sort = Sort::new(&gpu, keys.len()).unwrap();
     let count = gpu.upload("count", &[keys.len() as u32]).unwrap();
-    let n_digits = gpu.upload("digits", &[256 * n_blocks]).unwrap();
     let pairs = (gpu.upload("keys", keys).unwrap(), gpu.upload("values", values).unwrap());
-    let grids = SortGrids { blocks: Grid::Groups(n_blocks), digits: Grid::Groups((256 * n_blocks).div_ceil(1024)) };
     let mut rec = Recording::new();
-    let (keys_out, values_out) = sort.record(&mut rec, &count, &n_digits, (&pairs.0, &pairs.1), n_passes, &grids);
+    let (keys_out, values_out) = sort.record(&mut rec, &count, (&pairs.0, &pairs.1), n_passes, &Grid::Groups(n_blocks));
     gpu.run(&rec).unwrap();
     let read = |buffer| {
         let mut found: Vec<u32> = gpu.read(buffer).unwrap();
@@ -33,7 +32,7 @@ fn sort_on_device(keys: &[u32], values: &[u32], n_passes: u32) -> (Vec<u32>, Vec
 
 #[test]
 fn the_sort_of_any_length_is_the_twins_and_stable() {
-    for (n, n_passes) in [(1, 4), (63, 4), (2047, 1), (2048, 2), (2049, 3), (70_000, 4), (50_001, 1)] {
+    for (n, n_passes) in [(1, 4), (63, 4), (2047, 1), (2048, 2), (2049, 3), (70_000, 4), (50_001, 1), (600_000, 2)] {
         let mut random = Random::new(n as u64);
         // Few distinct keys, so that stability shows.
         let keys: Vec<u32> = (0..n).map(|_| (random.bits() as u32) & 0x0F03_0F0F).collect();

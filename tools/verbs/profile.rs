@@ -202,7 +202,7 @@ fn scene(args: &Args, subject: &Path, output: &Path, gpu: &Arc<Gpu>, json: bool)
         measured.timed.push(1e3 * seconds);
         let begin = (begun - start).as_secs_f64();
         measured.moments.push(Moment { name: view.name.clone(), begin, seconds, passes: report.times });
-        measured.samples.push(Sample { passes: report.passes, counters: report.counters });
+        measured.samples.push(Sample { passes: report.passes, counters: report.counters, barriers: report.barriers });
         progress.step("views");
     }
     measured.write(gpu, peaks, subject, output, json)
@@ -257,7 +257,7 @@ fn training(
                     let begin = (begun - start).as_secs_f64();
                     measured.moments.push(Moment { name: name.to_owned(), begin, seconds, passes });
                 }
-                measured.samples.push(Sample { passes: step.passes, counters: step.counters });
+                measured.samples.push(Sample { passes: step.passes, counters: step.counters, barriers: step.barriers });
             }
         }
         progress.step("steps");

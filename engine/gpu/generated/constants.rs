@@ -18,14 +18,12 @@ pub mod adam {
 pub mod args {
     /// 64 threads a workgroup.
     pub const ARGS_THREADS: u32 = 0;
-    /// SCAN_BLOCK items a workgroup.
+    /// SCAN_BLOCK items a workgroup, at least one.
     pub const ARGS_SCAN: u32 = 1;
     /// SORT_BLOCK keys a workgroup.
     pub const ARGS_SORT: u32 = 2;
-    /// SCAN_BLOCK digit counts a workgroup.
-    pub const ARGS_SORT_SCAN: u32 = 3;
     /// one per group of Gaussians.
-    pub const ARGS_FIRST_GROUP: u32 = 4;
+    pub const ARGS_FIRST_GROUP: u32 = 3;
     /// `SCAN_BLOCK` of the shader.
     pub const SCAN_BLOCK: u32 = 1024;
     /// `SORT_BLOCK` of the shader.

@@ -291,8 +291,6 @@ pub mod prepare_active {
         pub ranges: &'a Buf<[u32; 2]>,
         /// Writes.
         pub args: &'a Buf<[u32; 4]>,
-        /// Writes.
-        pub n_digits: &'a Buf<u32>,
         /// ReadWrites.
         pub frame_status: &'a Buf<crate::gpu::generated::Status>,
     }
@@ -306,7 +304,6 @@ pub mod prepare_active {
                 self.group_first.slice(),
                 self.ranges.slice(),
                 self.args.slice(),
-                self.n_digits.slice(),
                 self.frame_status.slice(),
             ]
         }
@@ -325,7 +322,6 @@ pub mod prepare_active {
             BindingInfo { name: "group_first", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Write },
             BindingInfo { name: "args", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "n_digits", kind: BindingKind::Storage, access: Access::Write },
             BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::ReadWrite },
         ],
     };

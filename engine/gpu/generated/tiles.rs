@@ -61,8 +61,6 @@ pub mod prepare_intersections {
         /// ReadWrites.
         pub args: &'a Buf<[u32; 4]>,
         /// Writes.
-        pub n_digits: &'a Buf<u32>,
-        /// Writes.
         pub emit_args: &'a Buf<[u32; 4]>,
         /// ReadWrites.
         pub frame_status: &'a Buf<crate::gpu::generated::Status>,
@@ -71,13 +69,7 @@ pub mod prepare_intersections {
         type Push = Push;
         const INFO: &'static KernelInfo = INFO;
         fn slices(&self) -> Vec<Slice> {
-            vec![
-                self.n_intersections.slice(),
-                self.args.slice(),
-                self.n_digits.slice(),
-                self.emit_args.slice(),
-                self.frame_status.slice(),
-            ]
+            vec![self.n_intersections.slice(), self.args.slice(), self.emit_args.slice(), self.frame_status.slice()]
         }
     }
     /// What the device needs to know.
@@ -91,7 +83,6 @@ pub mod prepare_intersections {
         bindings: &[
             BindingInfo { name: "n_intersections", kind: BindingKind::Storage, access: Access::ReadWrite },
             BindingInfo { name: "args", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "n_digits", kind: BindingKind::Storage, access: Access::Write },
             BindingInfo { name: "emit_args", kind: BindingKind::Storage, access: Access::Write },
             BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::ReadWrite },
         ],
@@ -227,57 +218,8 @@ pub mod emit_slots {
     };
 }
 
-/// finds where each tile's list begins and ends among the sorted intersections.
+/// finds where each tile's list begins and ends among the sorted intersections, counts the tiles by the logarithm of
 pub mod tile_ranges {
-    use crate::gpu::kernel::*;
-    /// `Push` of the shaders.
-    #[repr(C)]
-    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-    pub struct Push {
-        /// `n_tiles` of the shader.
-        pub n_tiles: u32,
-    }
-    const _: () = {
-        assert!(size_of::<Push>() == 4);
-        assert!(std::mem::offset_of!(Push, n_tiles) == 0);
-    };
-    /// The kernel's buffers.
-    pub struct Args<'a> {
-        /// Reads.
-        pub n_intersections: &'a Buf<u32>,
-        /// Reads.
-        pub tile_keys: &'a Buf<u32>,
-        /// Writes.
-        pub tile_first: &'a Buf<u32>,
-        /// Writes.
-        pub tile_last: &'a Buf<u32>,
-    }
-    impl Kernel for Args<'_> {
-        type Push = Push;
-        const INFO: &'static KernelInfo = INFO;
-        fn slices(&self) -> Vec<Slice> {
-            vec![self.n_intersections.slice(), self.tile_keys.slice(), self.tile_first.slice(), self.tile_last.slice()]
-        }
-    }
-    /// What the device needs to know.
-    pub const INFO: &KernelInfo = &KernelInfo {
-        name: "tile_ranges",
-        push_bytes: size_of::<Push>() as u32,
-        spirv: include_bytes!("../../../shaders-glsl/spv/tile_ranges.spv"),
-        local: 64,
-        subgroups: false,
-        floats: 0x0,
-        bindings: &[
-            BindingInfo { name: "n_intersections", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "tile_keys", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "tile_last", kind: BindingKind::Storage, access: Access::Write },
-        ],
-    };
-}
-
-/// counts the tiles by the logarithm of their list's length, and finds the longest list.
-pub mod tile_buckets {
     use crate::gpu::kernel::*;
     /// `Push` of the shaders.
     #[repr(C)]
@@ -296,8 +238,12 @@ pub mod tile_buckets {
     /// The kernel's buffers.
     pub struct Args<'a> {
         /// Reads.
-        pub tile_first: &'a Buf<u32>,
+        pub n_intersections: &'a Buf<u32>,
         /// Reads.
+        pub tile_keys: &'a Buf<u32>,
+        /// Writes.
+        pub tile_first: &'a Buf<u32>,
+        /// Writes.
         pub tile_last: &'a Buf<u32>,
         /// ReadWrites.
         pub buckets: &'a Buf<u32>,
@@ -308,20 +254,29 @@ pub mod tile_buckets {
         type Push = Push;
         const INFO: &'static KernelInfo = INFO;
         fn slices(&self) -> Vec<Slice> {
-            vec![self.tile_first.slice(), self.tile_last.slice(), self.buckets.slice(), self.frame_status.slice()]
+            vec![
+                self.n_intersections.slice(),
+                self.tile_keys.slice(),
+                self.tile_first.slice(),
+                self.tile_last.slice(),
+                self.buckets.slice(),
+                self.frame_status.slice(),
+            ]
         }
     }
     /// What the device needs to know.
     pub const INFO: &KernelInfo = &KernelInfo {
-        name: "tile_buckets",
+        name: "tile_ranges",
         push_bytes: size_of::<Push>() as u32,
-        spirv: include_bytes!("../../../shaders-glsl/spv/tile_buckets.spv"),
+        spirv: include_bytes!("../../../shaders-glsl/spv/tile_ranges.spv"),
         local: 64,
         subgroups: false,
         floats: 0x0,
         bindings: &[
-            BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "tile_last", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "n_intersections", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tile_keys", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "tile_last", kind: BindingKind::Storage, access: Access::Write },
             BindingInfo { name: "buckets", kind: BindingKind::Storage, access: Access::ReadWrite },
             BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::ReadWrite },
         ],

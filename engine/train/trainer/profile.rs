@@ -16,6 +16,8 @@ pub struct ProfiledStep {
     pub times: Vec<PassTime>,
     /// What the passes had to do.
     pub counters: Counters,
+    /// Barriers between them.
+    pub barriers: usize,
     /// What the host did: name, when it began, seconds.
     pub host: Vec<(&'static str, Instant, f64)>,
 }
@@ -64,7 +66,8 @@ impl Trainer {
                 None => Counters::default(),
             };
             let passes = add_passes(Vec::new(), &rec, &times, &counters);
-            return Ok(ProfiledStep { passes, times, counters, host });
+            let barriers = step.running.barriers();
+            return Ok(ProfiledStep { passes, times, counters, barriers, host });
         }
     }
 
