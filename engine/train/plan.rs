@@ -7,7 +7,7 @@ use super::setup::Setup;
 use super::terms::{self, TermData};
 use crate::gpu::Gpu;
 use crate::scene::Splats;
-use crate::scene::capture::Capture;
+use crate::scene::capture::{Capture, decoded_bytes};
 use crate::stage::{GRID_BYTES, Grids};
 use crate::vk::DeviceKind;
 use std::fmt;
@@ -259,7 +259,7 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// What a run on `capture` needs that begins with `splats` and keeps so many bytes of decoded pictures.
+    /// What a run on `capture` needs that begins with `splats` and keeps at most so many bytes of decoded pictures.
     pub fn of(capture: &Capture, config: &Config, setup: &Setup, splats: &Splats, gpu: &Gpu, cache_bytes: u64) -> Self {
         let pixels = capture.cameras.iter().map(|camera| camera.intrinsics.n_pixels());
         let work = Workload {
@@ -270,7 +270,7 @@ impl Plan {
             pixels: pixels.max().unwrap_or(0),
             sh_degree: config.sh_degree,
             moment_bits: config.moment_bits,
-            cache_bytes,
+            cache_bytes: cache_bytes.min(decoded_bytes(capture, setup.data != TermData::NONE)),
             data: setup.data,
             offsets: !setup.learns_offset.is_empty(),
             grids: setup.has_grid.iter().filter(|has| **has).count() as u64,

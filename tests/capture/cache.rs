@@ -1,6 +1,6 @@
 //! The decode-ahead cache.
 
-use ivv::scene::capture::{Capture, FrameCache, PriorPlan};
+use ivv::scene::capture::{Asked, Capture, FrameCache, PriorPlan};
 
 use super::{Folder, dynamic, png};
 use crate::common::random::Random;
@@ -59,6 +59,32 @@ fn an_image_that_fits_is_decoded_once() {
 }
 
 #[test]
+fn an_image_is_reduced_where_it_is_decoded_and_takes_the_smaller_room() {
+    let (_folder, capture, order) = capture("cache-reduced", 2);
+    // The same image whole and reduced, and by more than its shorter side.
+    let asked: Vec<Asked> = order
+        .iter()
+        .flat_map(|&(camera, frame)| [1, 2, 9].map(|reduction| Asked { camera, frame, reduction }))
+        .collect();
+    let mut cache = FrameCache::new(&capture, asked.clone(), &PriorPlan::default(), u64::MAX / 2, 2).unwrap();
+    for Asked { camera, frame, reduction } in asked {
+        let whole = capture.picture(camera, frame).unwrap();
+        let expected = if reduction == 1 { whole } else { whole.reduced(reduction.min(4)) };
+        assert_eq!(*cache.next_picture().unwrap().unwrap(), expected, "{camera} {frame} by {reduction}");
+    }
+    assert_eq!(cache.stats().n_decoded, 36);
+
+    let halves = order.iter().map(|&(camera, frame)| Asked { camera, frame, reduction: 2 });
+    // A quarter of the pixels each, beside the one that is being decoded.
+    let room = 12 * IMAGE / 4 + 2 * IMAGE;
+    let mut cache = FrameCache::new(&capture, halves, &PriorPlan::default(), room, 1).unwrap();
+    while let Some(picture) = cache.next_picture() {
+        picture.unwrap();
+    }
+    assert_eq!((cache.stats().n_decoded, cache.stats().n_hits), (12, order.len() as u64 - 12));
+}
+
+#[test]
 fn what_is_needed_last_leaves_first() {
     let (_folder, capture, _) = capture("cache-last", 1);
     // Twelve images in turn and room for ten: were the least recently used to leave, each would be decoded every time.
@@ -106,7 +132,7 @@ fn a_cache_may_be_dropped_at_any_time_and_refuses_an_unknown_frame() {
             cache.next_picture().unwrap().unwrap();
         }
     }
-    assert!(FrameCache::new(&capture, [], &PriorPlan::default(), 0, 2).unwrap().next_picture().is_none());
+    assert!(FrameCache::new(&capture, [(0, 0); 0], &PriorPlan::default(), 0, 2).unwrap().next_picture().is_none());
     let error = FrameCache::new(&capture, [(0, 0), (0, 4)], &PriorPlan::default(), 0, 2).err().unwrap();
     assert!(error.to_string().contains("camera 0, frame 4"), "{error}");
 }

@@ -14,10 +14,10 @@ use ivv::files::write_atomic;
 use ivv::formats::read_scene;
 use ivv::gpu::{Dispatch, Gpu};
 use ivv::profile::{Comparison, Moment, Overhead, Peaks, Profile, Recorded, Sample, Statistics, trace, write_dispatch};
-use ivv::scene::capture::Capture;
+use ivv::scene::capture::{Asked, Capture, FrameCache, PriorPlan, decoding_threads, share_of_memory};
 use ivv::scene::read_views;
 use ivv::stage::{Outputs, Renderer};
-use ivv::train::{Checkpoint, Config, Run, Session, SessionOptions};
+use ivv::train::{Checkpoint, Config, Run, Session, SessionOptions, training_order};
 use ivv::vk::Compiler;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -31,7 +31,7 @@ pub struct Args {
     #[arg(required_unless_present_any = ["replay", "disassemble", "list", "compare", "statistics"])]
     subject: Option<PathBuf>,
     /// Where profile.json, profile.md, profile.html, roofline.svg and trace.json go.
-    #[arg(short, long, required_unless_present_any = ["replay", "disassemble", "list", "compare", "statistics"])]
+    #[arg(short, long, required_unless_present_any = ["replay", "disassemble", "list", "compare", "statistics", "feed"])]
     output: Option<PathBuf>,
     /// Cameras to render a scene from: a cameras file.
     #[arg(long)]
@@ -61,6 +61,10 @@ pub struct Args {
     /// The chip that --statistics counts waves for, such as GA100, where the device's name does not tell it.
     #[arg(long, requires = "statistics")]
     chip: Option<String>,
+    /// Only decodes the training images of a capture, in the order of a run and as far ahead, for a device that takes no time:
+    /// what the feed alone can do. Needs no device.
+    #[arg(long, conflicts_with_all = ["cameras", "dump", "replay", "output"])]
+    feed: bool,
     #[command(flatten)]
     replay: ReplayArgs,
     /// Of a run, where its capture is now, if it has moved.
@@ -89,6 +93,9 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         let gpu = args.device.open()?;
         return replay::run(&args.replay, &gpu, json);
     }
+    if let (true, Some(subject)) = (args.feed, &args.subject) {
+        return feed(args, &Capture::open(subject)?, json);
+    }
     let (Some(subject), Some(output)) = (&args.subject, &args.output) else {
         anyhow::bail!("give -o, the folder for the results")
     };
@@ -102,6 +109,58 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         return scene(args, subject, output, &gpu, json);
     }
     training(args, config, subject, output, &gpu, json)
+}
+
+/// Takes every image of the order as soon as it is there.
+fn feed(args: &Args, capture: &Capture, json: bool) -> anyhow::Result<()> {
+    let config = args.settings.resolve()?;
+    let frames = capture.training_frames();
+    let total = config.total(frames.len() as u64);
+    let asked = (1..).zip(training_order(&frames, config.seed, 0, total)).map(|(step, (camera, frame))| Asked {
+        camera,
+        frame,
+        reduction: config.resolution.reduction(step, total),
+    });
+    let threads = decoding_threads();
+    let n_first = frames.len().min(total as usize);
+    let begun = Instant::now();
+    let mut cache = FrameCache::new(capture, asked, &PriorPlan::default(), share_of_memory(), threads)?;
+    // Until every image has been decoded once: later ones come out of memory where they fit.
+    let mut progress = Progress::new("feed", n_first);
+    let mut pixels = 0;
+    for _ in 0..n_first {
+        let Some(picture) = cache.next_picture() else { break };
+        pixels += picture?.pixels.len();
+        progress.step("images");
+    }
+    let seconds = begun.elapsed().as_secs_f64();
+    let first = cache.stats();
+    let mut again = 0;
+    let begun = Instant::now();
+    while let Some(picture) = cache.next_picture() {
+        picture?;
+        again += 1;
+    }
+    let (rest, stats) = (begun.elapsed().as_secs_f64(), cache.stats());
+    let per_second = n_first as f64 / seconds;
+    let decode_ms = 1e3 * stats.decoding.as_secs_f64() / stats.n_decoded.max(1) as f64;
+    if json {
+        let told = serde_json::json!({
+            "images": n_first, "mean_pixels": pixels / n_first.max(1), "threads": threads,
+            "images_per_second": per_second, "decode_ms": decode_ms, "peak_bytes": first.peak_bytes,
+            "later_images": again, "later_images_per_second": f64::from(again) / rest, "hits": stats.n_hits,
+        });
+        out!("{}", serde_json::to_string_pretty(&told)?);
+        return Ok(());
+    }
+    out!("{} images of {} pixels on {threads} threads", n_first, pixels / n_first.max(1));
+    out!("first epoch:  {per_second:.0} images/s, {decode_ms:.1} ms each in a thread");
+    if again > 0 {
+        let (later, hits) = (f64::from(again) / rest, stats.n_hits);
+        out!("later epochs: {later:.0} images/s; {hits} of {again} were in memory");
+    }
+    out!("memory: {:.0} MiB at most", stats.peak_bytes as f64 / f64::from(1 << 20));
+    Ok(())
 }
 
 fn compare(a: &Path, b: &Path, json: bool) -> anyhow::Result<()> {

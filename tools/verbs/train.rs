@@ -17,6 +17,7 @@ use crate::totals::{ProfiledStep, Seconds, cpu_seconds, totals};
 use crate::verbs::eval::Scorer;
 use crate::verbs::render::ConstantArgs;
 use crate::verbs::serve::{Beside, Said};
+use ivv::scene::capture::share_of_memory;
 use ivv::train::{Checkpoint, Evaluation, Event, Fall, Kind, Log, Session, SessionOptions, StepReport, spread};
 use ivv::words::count;
 use std::collections::BTreeMap;
@@ -37,9 +38,9 @@ pub struct Args {
     pub output: PathBuf,
     #[command(flatten)]
     pub settings: SettingArgs,
-    /// Bytes of images to decode ahead.
-    #[arg(long, default_value_t = 256 << 20)]
-    cache_bytes: u64,
+    /// Bytes of images to decode ahead; a quarter of the machine's memory by default.
+    #[arg(long)]
+    cache_bytes: Option<u64>,
     /// Steps between two lines of train.jsonl.
     #[arg(long, default_value_t = 20, value_parser = clap::value_parser!(u64).range(1..))]
     log_every: u64,
@@ -84,7 +85,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let options = SessionOptions {
         constants: run.constants,
         total: Some(*total),
-        cache_bytes: args.cache_bytes,
+        cache_bytes: args.cache_bytes.unwrap_or_else(share_of_memory),
         watch: watch(),
         ..SessionOptions::default()
     };

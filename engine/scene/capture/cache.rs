@@ -21,6 +21,23 @@ const AHEAD: usize = 3;
 /// A position in the order that never comes.
 const NEVER: usize = usize::MAX;
 
+/// An image of the order of a [`FrameCache`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Asked {
+    /// Index of its camera.
+    pub camera: usize,
+    /// Its frame.
+    pub frame: u32,
+    /// Pixels along each side that become one, see [`Picture::reduced`]; at most the image's shorter side is taken.
+    pub reduction: u32,
+}
+
+impl From<(usize, u32)> for Asked {
+    fn from((camera, frame): (usize, u32)) -> Self {
+        Asked { camera, frame, reduction: 1 }
+    }
+}
+
 /// What a [`FrameCache`] has done so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct CacheStats {
@@ -83,14 +100,13 @@ enum Slot {
 }
 
 impl FrameCache {
-    /// Begins to decode the images of `order`, a list of (camera, frame), with the priors that `plan` names, on `n_threads`
-    /// threads (at least one).
+    /// Begins to decode the images of `order` with the priors that `plan` names, on `n_threads` threads (at least one).
     ///
     /// # Errors
     /// `Error::Data` when the capture has no such image.
     pub fn new(
         capture: &Capture,
-        order: impl IntoIterator<Item = (usize, u32)>,
+        order: impl IntoIterator<Item: Into<Asked>>,
         plan: &PriorPlan,
         budget_bytes: u64,
         n_threads: usize,
@@ -98,11 +114,14 @@ impl FrameCache {
         let mut sources = Vec::new();
         let mut known = HashMap::new();
         let mut indices = Vec::new();
-        for (camera, frame) in order {
+        for asked in order {
+            let asked: Asked = asked.into();
             let next = sources.len() as u32;
-            let index = *known.entry((camera, frame)).or_insert(next);
+            let index = *known.entry(asked).or_insert(next);
             if index == next {
-                sources.push(capture.source(camera, frame, plan)?);
+                let source = capture.source(asked.camera, asked.frame, plan)?;
+                let reduction = asked.reduction.min(source.width).min(source.height);
+                sources.push(Source { reduction, ..source });
             }
             indices.push(index);
         }
@@ -183,17 +202,18 @@ impl Shared {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn pixels(&self, index: u32) -> u64 {
+    /// Of an image whose sides are divided by so much.
+    fn pixels(&self, index: u32, reduction: u32) -> u64 {
         let source = &self.sources[index as usize];
-        u64::from(source.width) * u64::from(source.height)
+        u64::from(source.width / reduction) * u64::from(source.height / reduction)
     }
 
     fn decoded_bytes(&self, index: u32) -> u64 {
-        DECODED_BYTES[self.has_priors(index)] * self.pixels(index)
+        DECODED_BYTES[self.has_priors(index)] * self.pixels(index, self.sources[index as usize].reduction)
     }
 
     fn decoding_bytes(&self, index: u32) -> u64 {
-        DECODING_BYTES[self.has_priors(index)] * self.pixels(index)
+        DECODING_BYTES[self.has_priors(index)] * self.pixels(index, 1)
     }
 
     /// 0 or 1.
@@ -254,6 +274,31 @@ impl Shared {
         }
         None
     }
+}
+
+/// Bytes of decoded images that a run keeps by default: a quarter of the memory of this machine, or of what its control group
+/// may have of it; a quarter of 4 GiB where neither can be read.
+pub fn share_of_memory() -> u64 {
+    let number = |text: String| text.trim().parse::<u64>().ok();
+    let read = |path: &str| std::fs::read_to_string(path).ok();
+    let total = read("/proc/meminfo").and_then(|text| {
+        let kib = text.lines().find_map(|line| line.strip_prefix("MemTotal:"))?.trim().strip_suffix("kB")?;
+        number(kib.to_owned())?.checked_mul(1024)
+    });
+    let group = ["/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes"];
+    let limits = group.into_iter().filter_map(|path| read(path).and_then(number));
+    limits.chain(total).min().unwrap_or(4 << 30) / 4
+}
+
+/// Bytes of all training images of `capture`, decoded; with priors where `has_priors`.
+pub fn decoded_bytes(capture: &Capture, has_priors: bool) -> u64 {
+    let pixels = |(camera, _): (usize, u32)| capture.cameras[camera].intrinsics.n_pixels();
+    DECODED_BYTES[usize::from(has_priors)] * capture.training_frames().into_iter().map(pixels).sum::<u64>()
+}
+
+/// Threads that decode by default: as many as there are cores. They sleep once enough is decoded.
+pub fn decoding_threads() -> usize {
+    std::thread::available_parallelism().map_or(1, std::num::NonZero::get)
 }
 
 impl State {

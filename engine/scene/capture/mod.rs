@@ -22,7 +22,7 @@ mod settings;
 mod transforms;
 mod truth;
 
-pub use cache::{CacheStats, FrameCache};
+pub use cache::{Asked, CacheStats, FrameCache, decoded_bytes, decoding_threads, share_of_memory};
 pub use camera::{Camera, Extent, Point, Shot};
 pub use folder::Manifest;
 pub(crate) use folder::{JOURNAL, is_unfinished};

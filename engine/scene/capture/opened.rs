@@ -192,6 +192,7 @@ impl Capture {
             width: camera.intrinsics.width,
             height: camera.intrinsics.height,
             background: self.background,
+            reduction: 1,
         })
     }
 

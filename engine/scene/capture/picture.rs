@@ -95,9 +95,11 @@ pub(super) struct Source {
     pub height: u32,
     pub background: [f32; 3],
     pub priors: PriorSource,
+    /// Pixels along each side that become one; at least 1, at most the shorter side.
+    pub reduction: u32,
 }
 
-/// Decodes an image and its mask.
+/// Decodes an image and its mask, and reduces them.
 ///
 /// # Errors
 /// `Error::Data` naming the image or the mask.
@@ -118,11 +120,13 @@ pub(super) fn decode_or_fault(source: &Source) -> Result<Picture, Fault> {
         }
     }
     let (width, height) = (source.width, source.height);
-    if source.priors.is_empty() {
-        return Ok(Picture { width, height, pixels, ..Picture::default() });
-    }
-    let Priors { words, n_depth, n_flow } = source.priors.decode(width, height, &pixels)?;
-    Ok(Picture { width, height, pixels, priors: words, n_depth, n_flow })
+    let whole = if source.priors.is_empty() {
+        Picture { width, height, pixels, ..Picture::default() }
+    } else {
+        let Priors { words, n_depth, n_flow } = source.priors.decode(width, height, &pixels)?;
+        Picture { width, height, pixels, priors: words, n_depth, n_flow }
+    };
+    Ok(if source.reduction > 1 { whole.reduced(source.reduction) } else { whole })
 }
 
 /// Whether each pixel of a mask for the image of `source` is at least 128; of the image itself, whether its alpha is.
@@ -148,7 +152,7 @@ pub(crate) fn alpha_of(image: DynamicImage) -> Vec<u8> {
 /// `Error::Data` naming the image.
 pub(crate) fn decode_image(path: &Path, width: u32, height: u32) -> error::Result<DynamicImage> {
     let (image, priors) = (path.to_owned(), PriorSource::default());
-    let source = Source { image, mask: None, width, height, background: [0.0; 3], priors };
+    let source = Source { image, mask: None, width, height, background: [0.0; 3], priors, reduction: 1 };
     Ok(guarded(path, || pixels_of(path, &source))?)
 }
 

@@ -10,7 +10,7 @@ use crate::error::{Error, Result};
 use crate::gpu::{Dispatch, Gpu};
 use crate::random::permutation;
 use crate::scene::Splats;
-use crate::scene::capture::{Capture, FrameCache, Picture};
+use crate::scene::capture::{Asked, Capture, FrameCache, Picture, decoding_threads, share_of_memory};
 use crate::settings::Constants;
 use crate::train::checkpoint::{Checkpoint, Owed};
 use crate::train::config::Config;
@@ -25,9 +25,6 @@ use std::cmp::Ordering;
 use std::sync::Arc;
 use std::time::Instant;
 use std::vec::IntoIter;
-
-/// Threads that decode images ahead.
-const THREADS: usize = 2;
 
 /// A run under way.
 ///
@@ -82,7 +79,8 @@ pub struct SessionOptions<'a> {
     pub first: Option<Splats>,
     /// The priors, as another session of the same capture read them.
     pub priors: Option<Priors>,
-    /// Bytes of images that are decoded ahead.
+    /// Bytes of images that are decoded ahead; no more are taken than all training images need. By default a quarter of the
+    /// machine's memory.
     pub cache_bytes: u64,
     /// Is told what takes a while.
     pub watch: Watch<'a>,
@@ -95,7 +93,7 @@ impl Default for SessionOptions<'_> {
             total: None,
             first: None,
             priors: None,
-            cache_bytes: 256 << 20,
+            cache_bytes: share_of_memory(),
             watch: Box::new(|_| ()),
         }
     }
@@ -252,7 +250,7 @@ impl<'a> Session<'a> {
         Ok(true)
     }
 
-    /// As [`Session::step`] with an image that is at hand: the next one of [`Session::order`]. A session steps either this way or
+    /// As [`Session::step`] with an image that is at hand, whole: the next one of [`Session::order`]. A session steps either this way or
     /// the other.
     ///
     /// # Errors
@@ -361,8 +359,16 @@ impl<'a> Session<'a> {
             Some(images) => images,
             none => {
                 let capture = self.capture;
-                let order = training_order(&self.frames, self.config.seed, self.trainer.step(), self.total);
-                let cache = FrameCache::new(capture, order.clone(), &self.priors.plan, self.cache_bytes, THREADS)?;
+                let (config, total, done) = (&self.config, self.total, self.trainer.step());
+                let order = training_order(&self.frames, config.seed, done, total);
+                // Reduced where they are decoded, and kept so: it takes as long as a step of a GPU.
+                let asked = (done + 1..).zip(&order).map(|(step, &(camera, frame))| Asked {
+                    camera,
+                    frame,
+                    reduction: config.resolution.reduction(step, total),
+                });
+                let plan = &self.priors.plan;
+                let cache = FrameCache::new(capture, asked, plan, self.cache_bytes, decoding_threads())?;
                 none.insert((cache, order.into_iter()))
             }
         };

@@ -17,7 +17,8 @@ impl Trainer {
         let step = self.step + 1;
         let reduction =
             self.config.resolution.reduction(step, self.total).min(view.intrinsics.width).min(view.intrinsics.height);
-        let reduced = (reduction > 1).then(|| picture.reduced(reduction));
+        let is_whole = (picture.width, picture.height) == (view.intrinsics.width, view.intrinsics.height);
+        let reduced = (reduction > 1 && is_whole).then(|| picture.reduced(reduction));
         let picture = reduced.as_ref().unwrap_or(picture);
         Ok(Inputs {
             step,
