@@ -36,14 +36,17 @@ impl std::ops::Deref for Watched {
 impl Drop for Watched {
     fn drop(&mut self) {
         let messages = self.0.device().validation().messages();
+        let mut left = Vec::new();
         TURN.with_borrow_mut(|turn| {
             turn.depth -= 1;
             if turn.depth == 0 {
+                left.extend(self.0.device().memory().0.into_iter().filter(|(_, bytes)| *bytes > 0));
                 turn.lock = None;
             }
         });
         if !std::thread::panicking() {
             assert_eq!(messages, Vec::<String>::new(), "the validation layer spoke");
+            assert_eq!(left, [], "buffers outlive the turn: hold the device until they are gone");
         }
     }
 }

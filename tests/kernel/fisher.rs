@@ -73,6 +73,7 @@ fn assert_close(found: &[Response], expected: &[[f64; 11]]) {
 
 #[test]
 fn sums_over_views_are_those_of_the_gradients() {
+    let _device = gpu();
     let splats = mixed(4, 301);
     let mut renderer = Renderer::new(gpu().clone(), &splats, Constants::default()).unwrap();
     let census = renderer.census(&CAMERAS).unwrap();

@@ -102,6 +102,7 @@ fn warm(seed: u64, n: usize, degree: u32) -> Scene {
 
 #[test]
 fn a_step_computes_in_32_bits_and_rounds_what_it_stores_as_the_twin_does() {
+    let _device = gpu();
     let view = view();
     for degree in 0..=3 {
         // Seen and unseen Gaussians of both populations, from the first step on and later.
@@ -126,6 +127,7 @@ fn a_step_computes_in_32_bits_and_rounds_what_it_stores_as_the_twin_does() {
 
 #[test]
 fn moments_fade_to_the_twins_bits_in_groups_of_any_size() {
+    let _device = gpu();
     for n in [1, 2, 31, 32, 33, 127, 129, 300] {
         let mut params = adam_params(&rates(), &StepSettings::default(), 3, 1);
         (params.beta1, params.beta2) = (1.0 - 1.0 / 512.0, 1.0 - 1.0 / 1024.0);
@@ -164,6 +166,7 @@ fn lazy_steps_catch_up_and_round_once() {
 
 #[test]
 fn the_mean_of_many_roundings_is_the_number() {
+    let _device = gpu();
     // They fall by less than half a last bit: rounded to the nearest, they would stand still.
     let mut scene = Scene::new(&scene(3, 2000, 0));
     (scene.params.n_static, scene.params.motion) = (2000, Vec::new());

@@ -48,6 +48,7 @@ fn whole_and_clip(splats: &Splats, constants: Constants) -> [Renderer; 2] {
 
 #[test]
 fn windows_of_a_clip_show_every_bit_of_the_whole_scene() {
+    let _device = gpu();
     let mut splats = clip(20_000, 0.02);
     let mut random = Random::new(3);
     random::poison(&mut splats, &mut random, 1e-4);
@@ -75,6 +76,7 @@ fn windows_of_a_clip_show_every_bit_of_the_whole_scene() {
 
 #[test]
 fn windows_follow_what_is_left_out_of_time_and_are_none_where_they_do_not_pay() {
+    let _device = gpu();
     let splats = clip(20_000, 0.02);
     for temporal_cut in [0.0, 0.3] {
         let knobs = Knobs { temporal_cut, ..Knobs::default() };
@@ -95,6 +97,7 @@ fn windows_follow_what_is_left_out_of_time_and_are_none_where_they_do_not_pay() 
 
 #[test]
 fn the_work_of_a_frame_does_not_grow_with_the_length_of_the_clip() {
+    let _device = gpu();
     // Four times the frames at equal live Gaussians: as many more, which live for a quarter of the clip's time.
     let work = |n: usize, tau: f64| {
         let mut renderer = Renderer::of_clip(gpu().clone(), Arc::new(clip(n, tau)), Constants::default()).unwrap();
@@ -110,6 +113,7 @@ fn the_work_of_a_frame_does_not_grow_with_the_length_of_the_clip() {
 
 #[test]
 fn pictures_that_follow_one_another_are_those_that_are_waited_for() {
+    let _device = gpu();
     let splats = clip(20_000, 0.02);
     let mut views: Vec<View> = (0..12).map(|k| at(0.4 + 0.02 * f64::from(k))).collect();
     views[4] = with(views[4].clone(), |of| (of.width, of.height) = (41, 30));

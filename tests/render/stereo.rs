@@ -17,6 +17,7 @@ fn eye(view: &View, right: f64, shift: f64) -> View {
 
 #[test]
 fn two_eyes_that_share_their_order_see_what_each_sees_alone() {
+    let _device = gpu();
     let worst = |a: &Frame, b: &Frame| {
         let differences = a.color.as_flattened().iter().zip(b.color.as_flattened()).map(|(a, b)| (a - b).abs());
         differences.fold(0.0, f32::max)
@@ -54,6 +55,7 @@ fn two_eyes_that_share_their_order_see_what_each_sees_alone() {
 
 #[test]
 fn eyes_that_cannot_share_see_what_each_sees_alone() {
+    let _device = gpu();
     let splats = random::scene(5, 2000, 1);
     let mut renderer = Renderer::new(gpu().clone(), &splats, Constants::default()).unwrap();
     let first = view();
@@ -76,6 +78,7 @@ fn eyes_that_cannot_share_see_what_each_sees_alone() {
 
 #[test]
 fn an_eye_that_sees_next_to_nothing_takes_nothing_from_the_other() {
+    let _device = gpu();
     // All that is active for both eyes is before one of them: the lists of the other are shorter than there are Gaussians.
     let [left, right] = [eye(&view(), -2.0, 0.0), eye(&view(), 2.0, 0.0)];
     let mut splats: Splats = random::scene(9, 3000, 1);

@@ -33,6 +33,7 @@ fn end(mut session: Session) -> (Splats, Vec<Event>) {
 
 #[test]
 fn a_session_does_what_is_due_whoever_brings_the_images_and_wherever_it_is_resumed() {
+    let _device = gpu();
     let mut tiny = Tiny::new("session");
     tiny.capture = tiny.capture.clone().transformed(&tiny.capture.normalisation());
     let noticed = RefCell::new(BTreeSet::new());
@@ -83,6 +84,7 @@ fn a_session_does_what_is_due_whoever_brings_the_images_and_wherever_it_is_resum
 
 #[test]
 fn a_session_gives_the_scene_that_the_command_line_writes() {
+    let _device = gpu();
     let tiny = Tiny::new("session-command");
     let (path, run) = (tiny.folder.to_str().unwrap(), tiny.folder.join("run"));
     let file = tiny.folder.join("settings.json");
@@ -104,6 +106,7 @@ fn a_session_gives_the_scene_that_the_command_line_writes() {
 
 #[test]
 fn images_follow_one_another_by_epochs_from_any_step() {
+    let _device = gpu();
     let frames: Vec<(usize, u32)> = (0..7).map(|k| (k, k as u32)).collect();
     let all = training_order(&frames, 3, 0, 25);
     assert_eq!(all.len(), 25);
@@ -120,6 +123,7 @@ fn images_follow_one_another_by_epochs_from_any_step() {
 
 #[test]
 fn a_capture_without_training_images_is_refused() {
+    let _device = gpu();
     let mut tiny = Tiny::new("session-none");
     tiny.capture.cameras.iter_mut().for_each(|camera| camera.is_test = true);
     let refused = Session::begin(gpu().clone(), &tiny.capture, config(), SessionOptions::default());
