@@ -89,6 +89,7 @@ fn drive(trainer: &mut Trainer, capture: &Capture, seed: u64, until: u64) -> Vec
 
 #[test]
 fn both_strategies_learn_grow_and_obey_the_budget() {
+    let _device = gpu();
     let tiny = Tiny::new("strategies");
     for strategy in [Strategy::Adc, Strategy::Mcmc] {
         let config = Config { max_gaussians: 200, ..with(strategy) };
@@ -115,6 +116,7 @@ fn both_strategies_learn_grow_and_obey_the_budget() {
 
 #[test]
 fn a_run_with_mcmc_that_was_killed_and_resumed_gives_the_bits_of_one_that_was_not() {
+    let _device = gpu();
     let tiny = Tiny::new("mcmc-resume");
     for adam in [AdamMode::Dense, AdamMode::Lazy, AdamMode::Sparse] {
         let config = Config { adam, ..with(Strategy::Mcmc) };
@@ -136,6 +138,7 @@ fn a_run_with_mcmc_that_was_killed_and_resumed_gives_the_bits_of_one_that_was_no
 
 #[test]
 fn the_opacities_are_reset_when_it_is_time() {
+    let _device = gpu();
     let tiny = Tiny::new("reset");
     let density = Density { reset_every: 12, reset_to: 0.05, ..Density::default() };
     let config = Config { density, ..with(Strategy::Adc) };

@@ -111,6 +111,7 @@ fn hulls_find_what_moves_at_each_frame_and_the_rest_stands_still() {
 
 #[test]
 fn training_from_pictures_is_ahead_of_training_from_random_points() {
+    let _device = gpu();
     let (capture, _) = training(true);
     let gpu = gpu();
     let score = |init: Init| {

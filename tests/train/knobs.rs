@@ -16,6 +16,7 @@ fn preset(name: &str) -> Config {
 
 #[test]
 fn the_exact_preset_gives_the_bits_of_the_reference_through_rounds_of_density_control() {
+    let _device = gpu();
     let tiny = Tiny::new("exact");
     let (exact, reference) = (preset("exact"), preset("reference"));
     assert_ne!(exact, reference);
@@ -37,6 +38,7 @@ fn the_exact_preset_gives_the_bits_of_the_reference_through_rounds_of_density_co
 
 #[test]
 fn every_preset_learns_and_is_another_run() {
+    let _device = gpu();
     let tiny = Tiny::new("presets");
     let begin = from_points(&tiny.capture.points, &tiny.capture, &preset("exact"));
     let mut all: Vec<Vec<u32>> = Vec::new();
@@ -52,6 +54,7 @@ fn every_preset_learns_and_is_another_run() {
 
 #[test]
 fn moments_in_16_bits_train_as_well_as_in_32_and_to_other_bits() {
+    let _device = gpu();
     let tiny = Tiny::new("moments");
     let config = |moment_bits| Config { sh_degree: 1, moment_bits, ..steady() };
     let begin = from_points(&tiny.capture.points, &tiny.capture, &config(32));
@@ -81,6 +84,7 @@ fn reports(tiny: &Tiny, config: &Config, begin: &Splats, steps: u64) -> Vec<ivv:
 
 #[test]
 fn a_run_begins_on_reduced_pictures_and_ends_on_whole_ones() {
+    let _device = gpu();
     let tiny = Tiny::new("coarse");
     let resolution = Resolution { reduction: 2, until: 0.5 };
     let config = Config { sh_degree: 0, resolution, ..Config::default() };
@@ -98,6 +102,7 @@ fn a_run_begins_on_reduced_pictures_and_ends_on_whole_ones() {
 
 #[test]
 fn ssim_is_due_in_every_nth_step_alone() {
+    let _device = gpu();
     let tiny = Tiny::new("cadence");
     let mut config = Config { sh_degree: 0, ..Config::default() };
     config.loss.ssim_every = 3;

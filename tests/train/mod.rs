@@ -88,13 +88,14 @@ impl Drop for Tiny {
 
 /// Trains `steps` steps; returns the Gaussians and the mean loss of the first and the last ten steps.
 fn train(capture: &Capture, config: &Config, splats: &Splats, steps: u64) -> (Splats, f64, f64) {
+    let gpu = gpu();
     let options = SessionOptions {
         total: Some(steps),
         first: Some(splats.clone()),
         priors: Some(Priors::default()),
         ..SessionOptions::default()
     };
-    let mut session = Session::begin(gpu().clone(), capture, config.clone(), options).unwrap();
+    let mut session = Session::begin(gpu.clone(), capture, config.clone(), options).unwrap();
     while session.step().unwrap() {}
     let splats = session.finish().unwrap();
     let reports = session.take_events().into_iter();
@@ -120,6 +121,7 @@ fn bits(splats: &Splats) -> Vec<u32> {
 
 #[test]
 fn training_halves_the_loss_of_a_dynamic_capture_and_improves_views_it_has_not_seen() {
+    let _device = gpu();
     let tiny = Tiny::new("learns");
     let config = Config { sh_degree: 1, ..Config::default() };
     let begin = from_points(&tiny.capture.points, &tiny.capture, &config);
@@ -133,6 +135,7 @@ fn training_halves_the_loss_of_a_dynamic_capture_and_improves_views_it_has_not_s
 
 #[test]
 fn two_runs_of_the_same_command_give_the_same_bits_and_another_seed_does_not() {
+    let _device = gpu();
     let tiny = Tiny::new("repeats");
     let config = Config { sh_degree: 1, init_points: 300, ..Config::default() };
     let begin = from_points(&random_points(&tiny.capture, &config), &tiny.capture, &config);
@@ -145,6 +148,7 @@ fn two_runs_of_the_same_command_give_the_same_bits_and_another_seed_does_not() {
 
 #[test]
 fn gaussians_never_exceed_the_budget() {
+    let _device = gpu();
     let tiny = Tiny::new("budget");
     let config = Config { sh_degree: 0, max_gaussians: 230, ..steady() };
     let begin = from_points(&tiny.capture.points[..200], &tiny.capture, &config);
@@ -154,6 +158,7 @@ fn gaussians_never_exceed_the_budget() {
 
 #[test]
 fn tau_stays_above_half_a_frame() {
+    let _device = gpu();
     let tiny = Tiny::new("tau");
     // A rate that would carry log tau far down within a few steps.
     let lr = LearningRates { t_scale: Rate { start: 1.0, end: 1.0 }, ..LearningRates::default() };
@@ -167,6 +172,7 @@ fn tau_stays_above_half_a_frame() {
 
 #[test]
 fn a_static_clip_trains_static_gaussians_without_temporal_parameters() {
+    let _device = gpu();
     let tiny = Tiny::new("static");
     let mut still = tiny.capture.clone();
     still.n_frames = 1;

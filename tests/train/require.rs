@@ -137,6 +137,7 @@ fn names(found: &Splats, truth: &Splats) -> Vec<usize> {
 
 #[test]
 fn what_moves_and_what_shines_is_told_from_what_does_not() {
+    let _device = gpu();
     let (tiny, truth) = capture_of("require", |capture| known(capture, 1.2));
     let (n, n_moving) = (truth.len(), truth.motion.len());
     assert!(n_moving >= 8 && n > 30, "{n_moving} of {n} move");
@@ -163,6 +164,7 @@ fn what_moves_and_what_shines_is_told_from_what_does_not() {
 
 #[test]
 fn a_scene_that_stands_still_ends_without_a_dynamic_gaussian_and_without_a_grid() {
+    let _device = gpu();
     let (tiny, truth) = capture_of("require-still", |capture| known(capture, 0.0));
     let (first, mut trainer) = reviewed(&tiny.capture, &everything(&truth), 40);
     super::drive(&mut trainer, &tiny.capture, config().seed, 60);
@@ -180,6 +182,7 @@ fn a_scene_that_stands_still_ends_without_a_dynamic_gaussian_and_without_a_grid(
 
 #[test]
 fn one_camera_of_another_exposure_gets_the_only_grid() {
+    let _device = gpu();
     let (tiny, truth) = capture_of("require-grid", |capture| known(capture, 0.0));
     let odd = tiny.capture.training_frames()[0].0;
     for shot in &tiny.capture.cameras[odd].shots {
@@ -207,6 +210,7 @@ fn one_camera_of_another_exposure_gets_the_only_grid() {
 
 #[test]
 fn what_moves_and_was_taken_for_static_begins_to_move() {
+    let _device = gpu();
     let (tiny, truth) = capture_of("require-wake", |capture| known(capture, 0.5));
     // So slow that a static Gaussian overlaps with what it shows.
     let still = Splats { n_static: truth.len(), motion: Vec::new(), ..truth.clone() };
@@ -221,6 +225,7 @@ fn what_moves_and_was_taken_for_static_begins_to_move() {
 
 #[test]
 fn what_was_dropped_brings_nothing_when_it_is_given_back() {
+    let _device = gpu();
     let (tiny, truth) = capture_of("require-back", |capture| known(capture, 1.2));
     let (_, mut trainer) = reviewed(&tiny.capture, &everything(&truth), 40);
     super::drive(&mut trainer, &tiny.capture, config().seed, 72);

@@ -59,6 +59,7 @@ fn circle() -> Capture {
 
 #[test]
 fn what_two_of_24_cameras_see_stays_with_all_that_they_see_of_it() {
+    let _device = gpu();
     let (mut truth, mut random) = (Splats::new(1), Random::new(3));
     for k in 0..24 {
         let (sin, cos) = (std::f64::consts::TAU * (f64::from(k) + 0.5) / 24.0).sin_cos();
@@ -82,6 +83,7 @@ fn what_two_of_24_cameras_see_stays_with_all_that_they_see_of_it() {
 
 #[test]
 fn what_is_there_for_two_of_100_frames_is_judged_by_pictures_of_these() {
+    let _device = gpu();
     const FRAMES: u32 = 100;
     let mut capture = cameras();
     capture.n_frames = FRAMES;

@@ -241,6 +241,7 @@ fn a_killed_training_leaves_no_lock() {
 
 #[test]
 fn an_extended_trainer_owes_nothing_of_the_schedule_that_it_leaves() {
+    let _device = gpu();
     let tiny = Tiny::of_frames("owes", 2);
     let frames = tiny.capture.training_frames();
     for adam in [AdamMode::Lazy, AdamMode::Dense] {

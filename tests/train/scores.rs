@@ -52,6 +52,7 @@ fn renderer_and_meter(tiny: &Tiny) -> (Renderer, Meter) {
 
 #[test]
 fn a_picture_that_is_not_finite_has_no_score() {
+    let _device = gpu();
     let tiny = Tiny::new("not-finite");
     let (mut renderer, mut meter) = renderer_and_meter(&tiny);
     let frames = tiny.capture.test_frames();
@@ -64,6 +65,7 @@ fn a_picture_that_is_not_finite_has_no_score() {
 
 #[test]
 fn a_mask_limits_a_score_to_what_it_marks() {
+    let _device = gpu();
     let tiny = Tiny::new("masked-score");
     let (mut renderer, mut meter) = renderer_and_meter(&tiny);
     let frames = tiny.capture.test_frames()[..1].to_vec();
@@ -119,6 +121,7 @@ fn a_log_keeps_what_was_done_before_a_resumption_and_says_each_thing_once() {
 
 #[test]
 fn the_best_checkpoint_outlives_the_last_three() {
+    let _device = gpu();
     let tiny = Tiny::new("best");
     let gpu = gpu();
     let config = Config { sh_degree: 0, ..Config::default() };

@@ -130,3 +130,25 @@ fn a_capture_without_training_images_is_refused() {
     let fault = refused.err().expect("there is nothing to train on");
     assert!(fault.exit_code() == 3 && fault.to_string().contains("has no training image"), "{fault}");
 }
+
+#[test]
+fn a_step_of_a_full_run_has_so_many_passes_and_barriers() {
+    let gpu = gpu();
+    if gpu.caps().timestamp_ns == 0.0 {
+        crate::common::notes::skip("the device has no timestamps, so there is no list of passes");
+        return;
+    }
+    let tiny = Tiny::new("passes");
+    let config = Config { steps: STEPS, max_gaussians: 2_000, ..Config::default() };
+    let mut session = Session::begin(gpu.clone(), &tiny.capture, config, SessionOptions::default()).unwrap();
+    // All terms of the loss, brightness grids, time offsets; Gaussians that move.
+    let step = session.profile().unwrap().unwrap();
+    let of = |part: &str| step.passes.iter().filter(move |pass| pass.label.contains(part)).map(|pass| pass.dispatches);
+    for part in ["ssim", "prior_loss", "bilateral_adam", "clock_step", "adam_idle", "project_dynamic_sh3"] {
+        assert_eq!(of(part).count(), usize::from(part != "ssim") + 4 * usize::from(part == "ssim"), "{part}");
+    }
+    // A tile's blocks of pixels follow one another, as many as the width of subgroups makes them.
+    let blocks = of("blend_bwd").sum::<u64>() - 1;
+    let n_passes = of("").sum::<u64>() - blocks;
+    assert_eq!((n_passes, step.barriers as u64 - blocks), (0, 0), "{:#?}", of("").collect::<Vec<_>>());
+}

@@ -32,6 +32,7 @@ fn dispatches(tiny: &Tiny, config: &Config) -> std::collections::BTreeMap<String
 
 #[test]
 fn a_term_that_is_off_dispatches_nothing() {
+    let _device = gpu();
     let tiny = Tiny::new("terms");
     let off = Config {
         sh_degree: 0,
@@ -65,6 +66,7 @@ const NOT_TERMS: [&str; 8] =
 
 #[test]
 fn a_step_logs_the_terms_that_are_on_and_its_loss_is_their_weighted_sum() {
+    let _device = gpu();
     let tiny = Tiny::new("logged");
     let loss = Loss { depth: 0.7, flow: 0.3, grid_variation: 4.0, ..Loss::default() };
     let all = Config { sh_degree: 0, loss, ..Config::default() };
@@ -102,6 +104,7 @@ fn a_step_logs_the_terms_that_are_on_and_its_loss_is_their_weighted_sum() {
 
 #[test]
 fn what_is_on_is_the_same_to_the_priors_the_plan_and_the_setup() {
+    let _device = gpu();
     let tiny = Tiny::new("decided");
     let mut of_test_cameras = tiny.capture.clone();
     let mut bare = tiny.capture.clone();
@@ -167,6 +170,7 @@ fn moving_scene(offsets: [f64; 2]) -> (Splats, Vec<(usize, View, Picture)>) {
 
 #[test]
 fn offsets_are_learnt_where_everything_else_is_known() {
+    let _device = gpu();
     let truth = [0.4, -0.4];
     let (splats, pictures) = moving_scene(truth);
     let still = Rate { start: 0.0, end: 0.0 };
@@ -204,6 +208,7 @@ fn offsets_are_learnt_where_everything_else_is_known() {
 
 #[test]
 fn a_fit_finds_the_offset_and_knows_when_there_is_nothing_to_find() {
+    let _device = gpu();
     let truth = 0.7;
     let (splats, pictures) = moving_scene([truth, 0.0]);
     let own: Vec<(View, Picture)> =

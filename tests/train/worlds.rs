@@ -61,6 +61,7 @@ fn the_near_plane_is_an_eighth_of_the_extent_or_half_the_depth_of_the_nearest_po
 
 #[test]
 fn training_is_the_same_wherever_the_origin_is_and_however_long_the_unit() {
+    let _device = gpu();
     let tiny = Tiny::new("worlds");
     let own = Constants::default();
     let (splats, capture, _) = train(tiny.capture.clone());
@@ -86,6 +87,7 @@ fn training_is_the_same_wherever_the_origin_is_and_however_long_the_unit() {
 
 #[test]
 fn a_similarity_moves_cameras_and_gaussians_together_and_its_inverse_brings_them_back() {
+    let _device = gpu();
     let (splats, view) = (scene(31, 60, 1), view());
     let to = Similarity { origin: [3.0, -20.0, 0.5], scale: 0.37 };
     let there = to.splats(&splats);
