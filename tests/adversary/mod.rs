@@ -5,6 +5,7 @@ mod edit;
 mod numeric;
 
 use ivv::gpu::Rewrite;
+pub use numeric::{rounds_otherwise, slack};
 
 /// The change of this lane, none by default.
 pub fn rewrite() -> Option<Rewrite> {
@@ -12,15 +13,5 @@ pub fn rewrite() -> Option<Rewrite> {
     match &*name {
         "numeric" => Some(numeric::REWRITE),
         _ => panic!("IVV_TEST_REWRITE: no change is called {name:?}"),
-    }
-}
-
-/// Writes the rewritten kernels to `IVV_ADV_DUMP`.
-#[test]
-fn dump() {
-    let folder = std::env::var("IVV_ADV_DUMP").unwrap();
-    for row in ivv::gpu::table::KERNELS.iter() {
-        let info = ivv::gpu::generated::ALL.iter().find(|k| k.name == row.name).unwrap();
-        std::fs::write(format!("{folder}/{}.spv", row.name), numeric::rewritten(info)).unwrap();
     }
 }
