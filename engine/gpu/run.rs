@@ -1,7 +1,7 @@
 //! The device with its kernels: runs recordings, moves data.
 
 use super::kernel::{Buf, KernelInfo, Pod, Slice};
-use super::record::{Grid, Recording, Work};
+use super::record::{Grid, Pass, Recording, Work};
 use crate::error::{Error, Result};
 use crate::vk::{Buffer, Caps, Commands, Device, DeviceChoice, Location, Pipeline, PipelineDesc};
 use std::collections::HashMap;
@@ -21,6 +21,8 @@ pub struct Options {
     pub poison: bool,
     /// Other SPIR-V for the kernels.
     pub rewrite: Option<Rewrite>,
+    /// Run the passes between two barriers last to first, where they are not timed: so a barrier that is missing shows.
+    pub reversed: bool,
 }
 
 /// Changes kernels before they are compiled: so a test runs them with subgroups that its device lacks, or with errors that Vulkan
@@ -75,6 +77,7 @@ pub struct Gpu {
     pipelines: Mutex<HashMap<&'static str, Arc<Pipeline>>>,
     poison: bool,
     rewrite: Option<Rewrite>,
+    reversed: bool,
     caps: Caps,
 }
 
@@ -87,8 +90,8 @@ impl Gpu {
         let (device, chosen_because) = Device::open(&options.device)?;
         let mut caps = device.caps().clone();
         caps.subgroup_size = options.rewrite.and_then(|rewrite| rewrite.subgroup_size).unwrap_or(caps.subgroup_size);
-        let (poison, rewrite) = (options.poison, options.rewrite);
-        Ok(Gpu { device, chosen_because, pipelines: Mutex::default(), poison, rewrite, caps })
+        let Options { poison, rewrite, reversed, .. } = *options;
+        Ok(Gpu { device, chosen_because, pipelines: Mutex::default(), poison, rewrite, reversed, caps })
     }
 
     /// Limits and features, with the width of subgroups that the kernels have.
@@ -244,7 +247,11 @@ impl Gpu {
         let mut commands = Commands::new(&self.device, passes.len(), n_bindings, timestamps)?;
         // An earlier recording may still be running.
         commands.barrier();
-        for (pass, barrier) in passes.iter().zip(recording.barriers()) {
+        let mut order: Vec<_> = passes.iter().zip(recording.barriers()).collect();
+        if self.reversed && !timestamps {
+            reverse_windows(&mut order);
+        }
+        for (pass, barrier) in order {
             if barrier {
                 commands.barrier();
             }
@@ -271,6 +278,15 @@ impl Gpu {
             commands.end_pass();
         }
         commands.submit()
+    }
+}
+
+/// Reverses the passes between two barriers. A barrier stays where it is.
+fn reverse_windows(passes: &mut [(&Pass, bool)]) {
+    for window in passes.chunk_by_mut(|_, (_, barrier)| !barrier) {
+        let barrier = std::mem::take(&mut window[0].1);
+        window.reverse();
+        window[0].1 = barrier;
     }
 }
 

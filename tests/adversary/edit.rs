@@ -2,7 +2,7 @@
 
 use rspirv::binary::Assemble;
 use rspirv::dr::{Block, Instruction, Module, Operand};
-use rspirv::spirv::{Decoration, GlslStd450Op as GLOp, Op, Word};
+use rspirv::spirv::{BuiltIn, Decoration, GlslStd450Op as GLOp, Op, StorageClass, Word};
 use std::collections::HashMap;
 
 /// A kernel under change.
@@ -97,6 +97,23 @@ impl Edit {
         self.vector(scalar, n)
     }
 
+    /// A pointer to a value of `of_type`.
+    pub fn pointer(&mut self, class: StorageClass, of_type: Word) -> Word {
+        self.global(Op::TypePointer, None, vec![Operand::StorageClass(class), Operand::IdRef(of_type)])
+    }
+
+    /// A variable that each invocation has to itself, of a value of `of_type`.
+    pub fn private(&mut self, of_type: Word) -> Word {
+        let pointer = self.pointer(StorageClass::Private, of_type);
+        self.global(Op::Variable, Some(pointer), vec![Operand::StorageClass(StorageClass::Private)])
+    }
+
+    /// The variable of what the device tells an invocation.
+    pub fn built_in(&self, which: BuiltIn) -> Option<Word> {
+        let is_it = |i: &&Instruction| i.operands.get(2) == Some(&Operand::BuiltIn(which));
+        self.module.annotations.iter().find(is_it).map(|i| id_of(i, 0))
+    }
+
     fn constant(&mut self, scalar: Word, n: u32, bits: u32) -> Word {
         let (of_type, words, op) = match n {
             1 => (scalar, vec![bits], Op::Constant),
@@ -157,6 +174,16 @@ impl Edit {
     pub fn make_exact(&mut self, value: Word) {
         let decoration = vec![Operand::IdRef(value), Operand::Decoration(Decoration::NoContraction)];
         self.module.annotations.push(Instruction::new(Op::Decorate, None, None, decoration));
+    }
+
+    /// Puts `instructions` where the kernel begins.
+    pub fn begin_with(&mut self, instructions: Vec<Instruction>) {
+        let main = id_of(&self.module.entry_points[0], 1);
+        let function =
+            self.module.functions.iter_mut().find(|f| f.def.as_ref().is_some_and(|i| i.result_id == Some(main)));
+        let block = &mut function.expect("the kernel's function").blocks[0].instructions;
+        let at = block.iter().take_while(|i| i.class.opcode == Op::Variable).count();
+        block.splice(at..at, instructions);
     }
 
     /// Runs `change` over every instruction in the order of the blocks. It appends what shall stand in its place.

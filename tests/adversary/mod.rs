@@ -3,6 +3,7 @@
 mod agree;
 mod edit;
 mod numeric;
+mod order;
 
 use ivv::gpu::Rewrite;
 pub use numeric::{rounds_otherwise, slack};
@@ -12,6 +13,12 @@ pub fn rewrite() -> Option<Rewrite> {
     let name = std::env::var("IVV_TEST_REWRITE").ok()?;
     match &*name {
         "numeric" => Some(numeric::REWRITE),
+        "order" => Some(order::REWRITE),
         _ => panic!("IVV_TEST_REWRITE: no change is called {name:?}"),
     }
+}
+
+/// Whether this lane reverses the passes between two barriers.
+pub fn reversed() -> bool {
+    std::env::var("IVV_TEST_REWRITE").is_ok_and(|name| name == "order")
 }

@@ -57,8 +57,13 @@ pub fn gpu() -> Watched {
 
 /// A device of its own, opened as the lane's, whose kernels are `rewrite`'s.
 pub fn rewritten(rewrite: Rewrite) -> Watched {
+    opened(&Options { rewrite: Some(rewrite), ..options() })
+}
+
+/// A device of its own.
+pub fn opened(options: &Options) -> Watched {
     take_turn();
-    Watched(open(&Options { rewrite: Some(rewrite), ..options() }))
+    Watched(open(options))
 }
 
 fn open(options: &Options) -> Arc<Gpu> {
@@ -89,6 +94,7 @@ pub fn options() -> Options {
         },
         poison: true,
         rewrite: crate::adversary::rewrite(),
+        reversed: crate::adversary::reversed(),
     }
 }
 
