@@ -247,5 +247,6 @@ fn training_has_the_same_bits_in_another_order() {
     };
     let [usual, other] = [ordered, reordered].map(|device| train(device()));
     std::fs::remove_dir_all(&folder).unwrap();
-    assert!(usual.len() > 50 && usual == other);
+    assert!(usual.len() > 300, "none were added");
+    assert!(usual == other);
 }
