@@ -2,7 +2,8 @@
 # Sets up and runs the tests. Every lane has the validation layer on, and any message fails it.
 #   tools/test.sh [ARGS]           the default device
 #   tools/test.sh --slow [ARGS]    the other lanes: subgroups of 4 and 16, one thread, no push descriptors,
-#                                  synchronisation validation, the long tests (with faults of the device at many
+#                                  synchronisation validation, kernels with other devices' roundings, work in another
+#                                  order, the long tests (with faults of the device at many
 #                                  calls), SwiftShader, mutations
 #   tools/test.sh --player         the browser player in Chromium: files, pictures against the engine's, page, sound, headset
 #   tools/test.sh --play           the window of `ivv play` under Xvfb: pictures, resizes, faults of the surface, sound
@@ -155,6 +156,8 @@ else
     lane "lavapipe, one thread" tests IVV_TEST_DEVICE=llvmpipe LP_NUM_THREADS=1
     lane "no push descriptors" tests IVV_TEST_NO_PUSH_DESCRIPTORS=1
     lane "synchronisation validation" tests IVV_TEST_SYNC_VALIDATION=1
+    lane "roundings of other devices" tests IVV_TEST_REWRITE=numeric
+    lane "work in another order" tests IVV_TEST_REWRITE=order
     lane "long tests" long_tests
     if folder=$(chromium); then
         lane "synchronisation between dispatches" tests VK_LAYER_PATH="$folder" IVV_TEST_SYNC_VALIDATION=1 \

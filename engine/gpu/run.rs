@@ -21,6 +21,8 @@ pub struct Options {
     pub poison: bool,
     /// Other SPIR-V for the kernels.
     pub rewrite: Option<Rewrite>,
+    /// Run the passes between two barriers last to first, where they are not timed: so a barrier that is missing shows.
+    pub reversed: bool,
 }
 
 /// Changes kernels before they are compiled: so a test runs them with subgroups that its device lacks, or with errors that Vulkan
@@ -84,6 +86,7 @@ pub struct Gpu {
     pipelines: Mutex<HashMap<&'static str, Arc<Pipeline>>>,
     poison: bool,
     rewrite: Option<Rewrite>,
+    reversed: bool,
     caps: Caps,
 }
 
@@ -96,8 +99,8 @@ impl Gpu {
         let (device, chosen_because) = Device::open(&options.device)?;
         let mut caps = device.caps().clone();
         caps.subgroup_size = options.rewrite.and_then(|rewrite| rewrite.subgroup_size).unwrap_or(caps.subgroup_size);
-        let (poison, rewrite) = (options.poison, options.rewrite);
-        Ok(Gpu { device, chosen_because, pipelines: Mutex::default(), poison, rewrite, caps })
+        let Options { poison, rewrite, reversed, .. } = *options;
+        Ok(Gpu { device, chosen_because, pipelines: Mutex::default(), poison, rewrite, reversed, caps })
     }
 
     /// Limits and features, with the width of subgroups that the kernels have.
@@ -260,7 +263,9 @@ impl Gpu {
         for window in windows {
             // The first: an earlier recording may still be running.
             commands.barrier();
-            for &at in window {
+            let is_reversed = self.reversed && !timestamps;
+            for place in 0..window.len() {
+                let at = window[if is_reversed { window.len() - 1 - place } else { place }];
                 self.submit_pass(&mut commands, &passes[at])?;
             }
         }

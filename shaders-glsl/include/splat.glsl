@@ -5,9 +5,16 @@
 // The region where alpha >= alpha_min is an ellipse about (x, y): |M d|^2 <= log2(opacity / alpha_min). `reach_y` is
 // its half-height, `chord` its half-width along its middle row, and in a row dy from the middle it spans
 //   slope dy -+ chord sqrt(1 - (dy / reach_y)^2).
-// `chord` and `reach_y` carry a margin of 1e-5, far above rounding, so that no pixel is lost.
+// `chord` and `reach_y` carry a margin of 5e-6, far above rounding, so that no pixel is lost.
 
 const uint SPLAT_PLANES = 4u;
+
+// One kernel counts a Gaussian's tiles and another writes them. Sums and products below are `precise`, so both have the same; but
+// Vulkan lets each have its own quotients, roots and logarithms. So the one that writes takes half of the margin: what it lists
+// was counted, and none of its own tiles comes too late for a slot. Of chord, root of 1 - f^2 where f is a quotient, both kernels
+// together err by 1.6e-6, in units of that root; of log(opacity / alpha_min) by 3.5e-6.
+vec3 inner_ellipse(vec3 ellipse) { return vec3(ellipse.x, ellipse.yz * (1.0 - 2.5e-6)); }
+float inner_opacity(float opacity) { return opacity * (1.0 + 4e-6); }
 
 // Alpha before the clamp, at pixel centre minus projected centre. The one definition of what a pixel sees.
 float splat_alpha(vec4 m, float opacity, vec2 d) {
@@ -66,25 +73,26 @@ vec2 box_reach(ViewParams view, float opacity, vec3 ellipse) {
 
 bool boxed(ViewParams view) { return (unfolded(view.bounds) & TILES_MASK) != TILES_ELLIPSE; }
 
+// Of `n` tiles in a row those, [x, y), with a pixel centre from `low` to `high`.
+uvec2 tiles_between(float low, float high, float n) {
+    precise float first = (low - 15.5) * 0.0625;
+    precise float last = (high - 0.5) * 0.0625;
+    return uvec2(uint(clamp(ceil(first), 0.0, n)), uint(clamp(floor(last) + 1.0, 0.0, n)));
+}
+
 // Tile rows [x, y) of the strip that the ellipse may touch.
 uvec2 tile_rows(ViewParams view, float y, float reach_y) {
-    const float margin = 1e-3 + 1e-6 * abs(y);
-    const float top = y - float(view.first_row) - reach_y - margin;
-    const float bottom = y - float(view.first_row) + reach_y + margin;
-    const float n = float(view.tiles_y);
-    return uvec2(
-        uint(clamp(ceil((top - 15.5) / 16.0), 0.0, n)),
-        uint(clamp(floor((bottom - 0.5) / 16.0) + 1.0, 0.0, n)));
+    precise float margin = 1e-3 + 1e-6 * abs(y);
+    precise float top = y - float(view.first_row) - reach_y - margin;
+    precise float bottom = y - float(view.first_row) + reach_y + margin;
+    return tiles_between(top, bottom, float(view.tiles_y));
 }
 
 // Tile columns [x, y) that the ellipse touches in tile row `row` of the strip; x >= y means none.
 uvec2 tile_columns(ViewParams view, vec2 xy, float slope, float chord, float reach_y, uint row) {
     const float y0 = float(view.first_row + TILE * row);
     const vec2 extent = band_extent(xy, slope, chord, reach_y, y0 + 0.5, y0 + 15.5);
-    const float n = float(view.tiles_x);
-    const uvec2 columns = uvec2(
-        uint(clamp(ceil((extent.x - 15.5) / 16.0), 0.0, n)),
-        uint(clamp(floor((extent.y - 0.5) / 16.0) + 1.0, 0.0, n)));
+    const uvec2 columns = tiles_between(extent.x, extent.y, float(view.tiles_x));
     return extent.x <= extent.y ? columns : uvec2(0u);
 }
 
@@ -93,9 +101,8 @@ uvec2 box_columns(ViewParams view, float x, float reach_x) {
     precise float margin = 1e-3 + 1e-6 * (abs(x) + reach_x);
     precise float left = x - reach_x - margin;
     precise float right = x + reach_x + margin;
-    const float n = float(view.tiles_x);
-    const uint first = uint(clamp(ceil((left - 15.5) / 16.0), 0.0, n));
-    return uvec2(first, max(uint(clamp(floor((right - 0.5) / 16.0) + 1.0, 0.0, n)), first));
+    const uvec2 columns = tiles_between(left, right, float(view.tiles_x));
+    return uvec2(columns.x, max(columns.y, columns.x));
 }
 
 // The rows and columns that a Gaussian is listed for, by the view's bound.

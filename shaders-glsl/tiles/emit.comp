@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 // Purpose   writes one (tile, Gaussian) pair per tile that a Gaussian touches, in depth order.
-// Equation  the count's own predicate, include/splat.glsl.
+// Equation  the count's own predicate on an ellipse with half of its margin, include/splat.glsl.
 // Grid      one thread per active Gaussian; those with many tiles are shared by the lanes of their subgroup, row by row.
 //           SLOTS: also numbers the pairs and tells where each Gaussian's begin, for the backward pass.
-// Numerics  a slot that the count foresaw and the rows did not fill gets the tile past the last, which nothing reads.
+// Numerics  no more pairs than were counted, whatever either kernel's roundings; a slot that the count foresaw and the rows did
+//           not fill gets the tile past the last, which nothing reads.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #extension GL_KHR_shader_subgroup_ballot : require
@@ -56,8 +57,8 @@ void main() {
     const uint n = valid ? tile_counts[id] : 0u;
     const uint first = valid ? offsets[i] : 0u;
     const vec2 xy = splats[SPLAT_PLANES * id].xy;
-    const float opacity = splats[SPLAT_PLANES * id + 1u].z;
-    const vec3 ellipse = splats[SPLAT_PLANES * id + 3u].yzw;
+    const float opacity = inner_opacity(splats[SPLAT_PLANES * id + 1u].z);
+    const vec3 ellipse = inner_ellipse(splats[SPLAT_PLANES * id + 3u].yzw);
     const uint none = view.tiles_x * view.tiles_y;
 #ifdef SLOTS
     if (valid) slot_first[id] = first;

@@ -1,9 +1,24 @@
 //! Kernels as other devices might run them: passes over their SPIR-V that a lane chooses by `IVV_TEST_REWRITE`.
 
+mod agree;
+mod edit;
+mod numeric;
+mod order;
+
 use ivv::gpu::Rewrite;
+pub use numeric::{rounds_otherwise, slack};
 
 /// The change of this lane, none by default.
 pub fn rewrite() -> Option<Rewrite> {
     let name = std::env::var("IVV_TEST_REWRITE").ok()?;
-    panic!("IVV_TEST_REWRITE: no change is called {name:?}")
+    match &*name {
+        "numeric" => Some(numeric::REWRITE),
+        "order" => Some(order::REWRITE),
+        _ => panic!("IVV_TEST_REWRITE: no change is called {name:?}"),
+    }
+}
+
+/// Whether this lane reverses the passes between two barriers.
+pub fn reversed() -> bool {
+    std::env::var("IVV_TEST_REWRITE").is_ok_and(|name| name == "order")
 }

@@ -81,7 +81,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         ..DeviceChoice::default()
     };
     // New buffers are filled with a pattern, so that what was never written shows.
-    let open = || Gpu::open(&Options { device: choice.clone(), poison: true, rewrite: None }).map(Arc::new);
+    let open = || Gpu::open(&Options { device: choice.clone(), poison: true, ..Options::default() }).map(Arc::new);
     let mut gpu = open()?;
     let caps = gpu.caps().clone();
     if !json {
