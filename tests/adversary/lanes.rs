@@ -278,7 +278,7 @@ impl Emulation {
             }
             if ends || is_group || op == Op::ControlBarrier {
                 place = 0;
-                self.replace(instruction);
+                self.replace(unrolled(instruction));
             } else if open.members.is_empty() || (op == Op::CompositeExtract && is_ready) {
                 self.replace(instruction);
             } else {
@@ -569,6 +569,15 @@ impl Emulation {
         blocks.push((end, std::mem::take(&mut self.code)));
         self.function(self.rendezvous, blocks);
     }
+}
+
+/// A loop whose laps are known is written out, as it is without the emulation, which makes it long: for lavapipe counts laps,
+/// see [`TURNS`].
+fn unrolled(mut instruction: Instruction) -> Instruction {
+    if instruction.class.opcode == Op::LoopMerge {
+        instruction.operands[2] = Operand::LoopControl(LoopControl::UNROLL);
+    }
+    instruction
 }
 
 /// Exchanges that share their turns.
