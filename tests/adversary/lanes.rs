@@ -9,11 +9,15 @@
 
 use super::module::{assembled, built_ins, id, ids, load};
 use super::uniform::Uniform;
-use ivv::gpu::Rewrite;
+use crate::common::device::gpu;
+use crate::common::notes::skip;
+use ivv::gpu::table::KERNELS;
+use ivv::gpu::{Rewrite, kernel_named};
 use rspirv::dr::{Block, Builder, Function, Instruction, Module, Operand};
 use rspirv::spirv::{BuiltIn, Capability, Decoration, ExecutionMode, FunctionControl, GroupOperation, LoopControl, Op};
 use rspirv::spirv::{Scope, StorageClass, Word};
 use std::collections::{HashMap, HashSet};
+use std::process::Command;
 
 /// Subgroups of 32.
 pub const LANES_32: Rewrite = Rewrite { subgroup_size: Some(32), spirv: |kernel| emulated(kernel.spirv, 32) };
@@ -27,6 +31,16 @@ const BATCH: u32 = 16;
 const TURNS: u32 = 16;
 /// Of a barrier: acquire, release, workgroup memory.
 const SEMANTICS: u32 = 0x108;
+
+/// Whether the device is one that the emulation can run on; a skip is noted where it is not.
+#[track_caller]
+pub fn is_possible() -> bool {
+    let is_lavapipe = gpu().caps().driver.contains("llvmpipe");
+    if !is_lavapipe {
+        skip("subgroups are emulated on lavapipe alone");
+    }
+    is_lavapipe
+}
 
 /// The module with subgroups of `width` lanes; one without subgroup operations stays as it is.
 pub fn emulated(spirv: &[u8], width: u32) -> Vec<u8> {
@@ -257,7 +271,8 @@ impl Emulation {
             let op = instruction.class.opcode;
             let is_ready = ids(&instruction).all(|id| !open.later.contains(&id));
             let is_exchange = matches!(op, Op::GroupNonUniformShuffle | Op::GroupNonUniformShuffleXor);
-            let is_group = instruction.class.opname.starts_with("GroupNonUniform") && op != Op::GroupNonUniformBroadcastFirst;
+            let is_group =
+                instruction.class.opname.starts_with("GroupNonUniform") && op != Op::GroupNonUniformBroadcastFirst;
             let ends = ENDS.contains(&op);
             if is_exchange {
                 let words = self.words_of(&instruction);
@@ -592,12 +607,45 @@ struct Batch {
 }
 
 /// What ends a block.
-const ENDS: [Op; 7] = [
-    Op::SelectionMerge,
-    Op::LoopMerge,
-    Op::Branch,
-    Op::BranchConditional,
-    Op::Switch,
-    Op::Return,
-    Op::Unreachable,
+const ENDS: [Op; 7] =
+    [Op::SelectionMerge, Op::LoopMerge, Op::Branch, Op::BranchConditional, Op::Switch, Op::Return, Op::Unreachable];
+
+#[test]
+fn every_kernel_with_subgroup_operations_can_be_emulated() {
+    let kernels = KERNELS.iter().filter_map(|row| kernel_named(&row.name)).filter(|kernel| kernel.subgroups);
+    let mut n_kernels = 0;
+    for kernel in kernels {
+        for width in [32, 64] {
+            let module = load(&emulated(kernel.spirv, width));
+            let left = module.all_inst_iter().find(|i| i.class.opname.starts_with("GroupNonUniform"));
+            assert!(left.is_none(), "{} at {width}: {left:?}", kernel.name);
+        }
+        n_kernels += 1;
+    }
+    assert!(n_kernels > 100, "only {n_kernels} kernels have subgroup operations");
+}
+
+/// Tests of kernels in which the width of subgroups matters most: `sort_scatter_w32`, the scans, `emit`, and the blends of 4
+/// pixels, forward and backward.
+const CENTRAL: [&str; 5] = [
+    "kernel::sort::the_sort_of_any_length_is_the_twins_and_stable",
+    "kernel::scan::the_prefix_sum_of_any_length_is_the_twins",
+    "kernel::tiles::the_lists_hold_every_needed_pair_and_few_others_in_depth_order",
+    "kernel::blend::frames_of_random_scenes_are_those_of_float64",
+    "grad::golden::gradients_match_the_golden_truth_to_1e_4_with_a_cosine_of_0_99999",
 ];
+
+/// Here and not in a lane alone, so that a kernel that depends on the width fails at once.
+#[test]
+fn central_kernels_are_right_with_32_and_64_lanes() {
+    if !is_possible() {
+        return;
+    }
+    for lanes in ["lanes32", "lanes64"] {
+        let mut tests = Command::new(std::env::current_exe().unwrap());
+        let output = tests.args(CENTRAL).arg("--exact").env("IVV_TEST_REWRITE", lanes).output().unwrap();
+        let told = String::from_utf8_lossy(&output.stdout);
+        let all = format!("{} passed", CENTRAL.len());
+        assert!(output.status.success() && told.contains(&all), "{lanes}: {told}");
+    }
+}

@@ -2,6 +2,7 @@
 
 mod lanes;
 mod module;
+mod operations;
 mod uniform;
 
 use ivv::gpu::Rewrite;
@@ -13,19 +14,5 @@ pub fn rewrite() -> Option<Rewrite> {
         "lanes32" => Some(lanes::LANES_32),
         "lanes64" => Some(lanes::LANES_64),
         _ => panic!("IVV_TEST_REWRITE: no change is called {name:?}"),
-    }
-}
-
-/// Writes what lanes make of each kernel, for looking at.
-#[test]
-fn dump() {
-    for row in ivv::gpu::table::KERNELS.iter() {
-        let Some(kernel) = ivv::gpu::kernel_named(&row.name) else { continue };
-        for (width, rewrite) in [(32, lanes::LANES_32), (64, lanes::LANES_64)] {
-            match std::panic::catch_unwind(|| (rewrite.spirv)(kernel)) {
-                Ok(bytes) => std::fs::write(format!("/tmp/emu/{}_{width}.spv", row.name), bytes).unwrap(),
-                Err(_) => println!("FAULT {} {width}", row.name),
-            }
-        }
     }
 }

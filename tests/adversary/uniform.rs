@@ -23,11 +23,13 @@ struct Construct {
 impl<'a> Uniform<'a> {
     pub fn of(module: &'a Module) -> Self {
         let blocks: Vec<&Block> = module.functions.iter().flat_map(|function| &function.blocks).collect();
-        let numbers = blocks.iter().enumerate().filter_map(|(n, block)| Some((block.label.as_ref()?.result_id?, n))).collect();
+        let numbers =
+            blocks.iter().enumerate().filter_map(|(n, block)| Some((block.label.as_ref()?.result_id?, n))).collect();
         let mut differs = HashSet::new();
         for (variable, built_in) in built_ins(module) {
             use BuiltIn::{NumSubgroups, NumWorkgroups, SubgroupId, SubgroupSize, WorkgroupId, WorkgroupSize};
-            if ![NumSubgroups, NumWorkgroups, SubgroupId, SubgroupSize, WorkgroupId, WorkgroupSize].contains(&built_in) {
+            if ![NumSubgroups, NumWorkgroups, SubgroupId, SubgroupSize, WorkgroupId, WorkgroupSize].contains(&built_in)
+            {
                 differs.insert(variable);
             }
         }
@@ -54,7 +56,10 @@ impl<'a> Uniform<'a> {
             let around = |c: &&Construct| !c.is_loop && c.header < lap.header && lap.merge <= c.merge && self.parts(c);
             for selection in constructs.iter().filter(around) {
                 let is_last = (selection.merge..self.blocks.len()).all(|n| !self.operates(n));
-                assert!(is_last, "some lanes of a subgroup take a loop with subgroup operations, and all take others after it");
+                assert!(
+                    is_last,
+                    "some lanes of a subgroup take a loop with subgroup operations, and all take others after it"
+                );
             }
         }
     }
@@ -62,7 +67,8 @@ impl<'a> Uniform<'a> {
     fn operates(&self, block: usize) -> bool {
         self.blocks[block].instructions.iter().any(|i| {
             let op = i.class.opcode;
-            op == Op::ControlBarrier || (i.class.opname.starts_with("GroupNonUniform") && op != Op::GroupNonUniformBroadcastFirst)
+            op == Op::ControlBarrier
+                || (i.class.opname.starts_with("GroupNonUniform") && op != Op::GroupNonUniformBroadcastFirst)
         })
     }
 
@@ -84,7 +90,9 @@ impl<'a> Uniform<'a> {
         let differs = |n: &usize| {
             let last = self.blocks[*n].instructions.last().expect("an end");
             let branches = matches!(last.class.opcode, Op::BranchConditional | Op::Switch);
-            branches && self.differs.contains(&id(last, 0)) && (!construct.is_loop || ids(last).skip(1).any(|to| self.leaves(construct, to)))
+            branches
+                && self.differs.contains(&id(last, 0))
+                && (!construct.is_loop || ids(last).skip(1).any(|to| self.leaves(construct, to)))
         };
         match construct.is_loop {
             true => (construct.header..construct.merge).any(|n| differs(&n) || self.breaks_apart(construct, n)),

@@ -3,7 +3,7 @@
 //! variables.
 
 use ivv::extremes::Bench;
-use ivv::gpu::{Gpu, Options};
+use ivv::gpu::{Gpu, Options, Rewrite};
 use ivv::vk::DeviceChoice;
 use std::cell::RefCell;
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
@@ -51,6 +51,21 @@ impl Drop for Watched {
 /// The device of this lane, with validation on and new buffers poisoned.
 pub fn gpu() -> Watched {
     static GPU: OnceLock<Arc<Gpu>> = OnceLock::new();
+    take_turn();
+    Watched(GPU.get_or_init(|| open(&options())).clone())
+}
+
+/// A device of its own, opened as the lane's, whose kernels are `rewrite`'s.
+pub fn rewritten(rewrite: Rewrite) -> Watched {
+    take_turn();
+    Watched(open(&Options { rewrite: Some(rewrite), ..options() }))
+}
+
+fn open(options: &Options) -> Arc<Gpu> {
+    Arc::new(Gpu::open(options).expect("a Vulkan device and the validation layer"))
+}
+
+fn take_turn() {
     TURN.with_borrow_mut(|turn| {
         turn.depth += 1;
         if turn.lock.is_none() {
@@ -58,8 +73,6 @@ pub fn gpu() -> Watched {
             turn.lock = Some(TURNS.lock().unwrap_or_else(PoisonError::into_inner));
         }
     });
-    let gpu = GPU.get_or_init(|| Arc::new(Gpu::open(&options()).expect("a Vulkan device and the validation layer")));
-    Watched(gpu.clone())
 }
 
 /// How this lane opens its device.
