@@ -3,7 +3,7 @@
 use super::kernel::{Buf, KernelInfo, Pod, Slice};
 use super::record::{Grid, Pass, Recording, Work};
 use crate::error::{Error, Result};
-use crate::vk::{Buffer, Caps, Commands, Device, DeviceChoice, Location, Pipeline, PipelineDesc};
+use crate::vk::{Buffer, Caps, Commands, Device, DeviceChoice, DeviceKind, Location, Pipeline, PipelineDesc};
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex};
 
@@ -29,7 +29,8 @@ pub struct Options {
 /// allows and its device does not make.
 #[derive(Clone, Copy, Debug)]
 pub struct Rewrite {
-    /// Lanes of a subgroup after the change, where it replaces the subgroup operations of all kernels.
+    /// Lanes of a subgroup after the change, where it replaces the subgroup operations of all kernels. The engine then takes
+    /// the device for a GPU, and so the kernels that it keeps for one.
     pub subgroup_size: Option<u32>,
     /// The SPIR-V to compile in place of [`KernelInfo::spirv`].
     pub spirv: fn(&KernelInfo) -> Vec<u8>,
@@ -98,12 +99,14 @@ impl Gpu {
     pub fn open(options: &Options) -> Result<Self> {
         let (device, chosen_because) = Device::open(&options.device)?;
         let mut caps = device.caps().clone();
-        caps.subgroup_size = options.rewrite.and_then(|rewrite| rewrite.subgroup_size).unwrap_or(caps.subgroup_size);
+        if let Some(lanes) = options.rewrite.and_then(|rewrite| rewrite.subgroup_size) {
+            (caps.subgroup_size, caps.kind) = (lanes, DeviceKind::DiscreteGpu);
+        }
         let Options { poison, rewrite, reversed, .. } = *options;
         Ok(Gpu { device, chosen_because, pipelines: Mutex::default(), poison, rewrite, reversed, caps })
     }
 
-    /// Limits and features, with the width of subgroups that the kernels have.
+    /// Limits and features, with the kind and the width of subgroups that a rewrite says.
     pub fn caps(&self) -> &Caps {
         &self.caps
     }

@@ -2,8 +2,12 @@
 
 mod agree;
 mod edit;
+mod lanes;
+mod module;
 mod numeric;
+mod operations;
 mod order;
+mod uniform;
 
 use ivv::gpu::Rewrite;
 pub use numeric::{rounds_otherwise, slack};
@@ -12,6 +16,8 @@ pub use numeric::{rounds_otherwise, slack};
 pub fn rewrite() -> Option<Rewrite> {
     let name = std::env::var("IVV_TEST_REWRITE").ok()?;
     match &*name {
+        "lanes32" => Some(lanes::LANES_32),
+        "lanes64" => Some(lanes::LANES_64),
         "numeric" => Some(numeric::REWRITE),
         "order" => Some(order::REWRITE),
         _ => panic!("IVV_TEST_REWRITE: no change is called {name:?}"),
