@@ -38,33 +38,43 @@ impl Picture {
     pub fn reduced(&self, factor: u32) -> Picture {
         let (width, height) = (self.width / factor, self.height / factor);
         let mut out = Picture { width, height, ..Picture::default() };
+        let n_pixels = width as usize * height as usize;
+        out.pixels.reserve_exact(n_pixels);
+        out.priors.reserve_exact(if self.priors.is_empty() { 0 } else { n_pixels });
         for (x, y) in (0..height).flat_map(|y| (0..width).map(move |x| (x, y))) {
-            let block = (0..factor * factor).map(|k| {
-                let (column, row) = (factor * x + k % factor, factor * y + k / factor);
-                (row * self.width + column) as usize
+            let rows = (0..factor).map(|row| {
+                let first = (factor * y + row) as usize * self.width as usize + (factor * x) as usize;
+                first..first + factor as usize
             });
-            let (mut color, mut depth, mut flow) = ([Mean::default(); 3], Mean::default(), [Mean::default(); 2]);
-            for pixel in block.filter(|pixel| self.pixels[*pixel] >> 24 != 0) {
-                let channels = self.pixels[pixel].to_le_bytes();
-                color.iter_mut().zip(channels).for_each(|(mean, channel)| mean.add(f64::from(channel)));
-                let Some(word) = self.priors.get(pixel) else { continue };
-                let (own_depth, own_flow) = prior_of(*word);
-                own_depth.into_iter().for_each(|value| depth.add(value.into()));
-                if let Some(own) = own_flow {
-                    flow.iter_mut().zip(own).for_each(|(mean, value)| mean.add(value / f64::from(factor)));
-                }
+            let (mut sums, mut n) = ([0; 3], 0);
+            for word in rows.clone().flat_map(|row| &self.pixels[row]).filter(|word| **word >> 24 != 0) {
+                let [r, g, b, _] = word.to_le_bytes();
+                sums = [sums[0] + u32::from(r), sums[1] + u32::from(g), sums[2] + u32::from(b)];
+                n += 1;
             }
-            let counts = color[0].value().is_finite();
-            // What is not a number is 0 as a byte.
-            let [r, g, b] = color.map(|mean| mean.value().round() as u8);
-            out.pixels.push(u32::from_le_bytes([r, g, b, if counts { 255 } else { 0 }]));
+            let [r, g, b] = if n > 0 { sums.map(|sum| ((2 * sum + n) / (2 * n)) as u8) } else { [0; 3] };
+            out.pixels.push(u32::from_le_bytes([r, g, b, if n > 0 { 255 } else { 0 }]));
             if !self.priors.is_empty() {
-                out.n_depth += u32::from(depth.value().is_finite());
-                out.n_flow += u32::from(flow[0].value().is_finite());
-                out.priors.push(prior_word(depth.value() as f32, flow.map(|mean| mean.value() as f32)));
+                let counts = |pixel: &usize| self.pixels[*pixel] >> 24 != 0;
+                out.add_prior(rows.flatten().filter(counts).map(|pixel| self.priors[pixel]), factor);
             }
         }
         out
+    }
+
+    /// Appends the mean of the priors of the pixels that become one.
+    fn add_prior(&mut self, words: impl Iterator<Item = [u32; 2]>, factor: u32) {
+        let (mut depth, mut flow) = (Mean::default(), [Mean::default(); 2]);
+        for word in words {
+            let (own_depth, own_flow) = prior_of(word);
+            own_depth.into_iter().for_each(|value| depth.add(value.into()));
+            if let Some(own) = own_flow {
+                flow.iter_mut().zip(own).for_each(|(mean, value)| mean.add(value / f64::from(factor)));
+            }
+        }
+        self.n_depth += u32::from(depth.value().is_finite());
+        self.n_flow += u32::from(flow[0].value().is_finite());
+        self.priors.push(prior_word(depth.value() as f32, flow.map(|mean| mean.value() as f32)));
     }
 }
 
