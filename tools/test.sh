@@ -3,7 +3,7 @@
 #   tools/test.sh [ARGS]           the default device
 #   tools/test.sh --slow [ARGS]    the other lanes: subgroups of 4 and 16, one thread, no push descriptors,
 #                                  synchronisation validation, kernels with other devices' roundings, work in another
-#                                  order, the long tests (with faults of the device at many
+#                                  order, subgroups of 32 and 64 emulated, the long tests (with faults of the device at many
 #                                  calls), SwiftShader, mutations
 #   tools/test.sh --player         the browser player in Chromium: files, pictures against the engine's, page, sound, headset
 #   tools/test.sh --play           the window of `ivv play` under Xvfb: pictures, resizes, faults of the surface, sound
@@ -81,6 +81,15 @@ skip() {
 # tests VARIABLE=VALUE...
 tests() { env "$@" cargo test --locked "${arguments[@]}"; }
 
+# wide_subgroups LANES: what runs kernels. Training on emulated subgroups would take hours and show nothing more.
+wide_subgroups() {
+    local kernels=(kernel:: grad:: render:: extreme::)
+    case " ${arguments[*]} " in
+        *" -- "*) tests IVV_TEST_REWRITE="lanes$1" ;;
+        *) env IVV_TEST_REWRITE="lanes$1" cargo test --locked --test it "${arguments[@]}" -- "${kernels[@]}" ;;
+    esac
+}
+
 # The tests marked #[ignore = "slow: ..."], and no others.
 long_tests() {
     case " ${arguments[*]} " in
@@ -156,6 +165,8 @@ else
     lane "lavapipe, one thread" tests IVV_TEST_DEVICE=llvmpipe LP_NUM_THREADS=1
     lane "no push descriptors" tests IVV_TEST_NO_PUSH_DESCRIPTORS=1
     lane "synchronisation validation" tests IVV_TEST_SYNC_VALIDATION=1
+    lane "subgroups of 32, emulated" wide_subgroups 32
+    lane "subgroups of 64, emulated" wide_subgroups 64
     lane "roundings of other devices" tests IVV_TEST_REWRITE=numeric
     lane "work in another order" tests IVV_TEST_REWRITE=order
     lane "long tests" long_tests
