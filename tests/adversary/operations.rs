@@ -147,9 +147,9 @@ fn values(random: &mut Random, width: usize) -> Vec<u32> {
         };
         let active: Vec<bool> = (0..width).map(|lane| is_active(lane, below(10))).collect();
         let lanes: Vec<usize> = (0..width).filter(|lane| active[*lane]).collect();
-        for lane in 0..width {
+        for is_active in active {
             let named = if lanes.is_empty() { below(width) } else { lanes[below(lanes.len())] };
-            values.push(((below(1 << 16) << 16) | named << 8) as u32 | u32::from(active[lane]));
+            values.push(((below(1 << 16) << 16) | named << 8) as u32 | u32::from(is_active));
         }
     }
     values
