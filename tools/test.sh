@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
 # Sets up and runs the tests. Every lane has the validation layer on, and any message fails it.
 #   tools/test.sh [ARGS]           the default device
-#   tools/test.sh --slow [ARGS]    the other lanes: subgroups of 4 and 16, one thread, no push descriptors,
-#                                  synchronisation validation, the long tests (with faults of the device at many
+#   tools/test.sh --slow [ARGS]    the other lanes: subgroups of 4 and 16, emulated ones of 32 and 64, one thread, no push
+#                                  descriptors, synchronisation validation, the long tests (with faults of the device at many
 #                                  calls), SwiftShader, mutations
 #   tools/test.sh --player         the browser player in Chromium: files, pictures against the engine's, page, sound, headset
 #   tools/test.sh --play           the window of `ivv play` under Xvfb: pictures, resizes, faults of the surface, sound
@@ -77,8 +77,22 @@ skip() {
     printf '\n=== skipped: %s: %s\n' "$1" "$2"
 }
 
-# tests VARIABLE=VALUE...
-tests() { env "$@" cargo test --locked "${arguments[@]}"; }
+# tests VARIABLE=VALUE... [ARGS]
+tests() {
+    local variables=()
+    while [[ ${1:-} == *=* ]]; do
+        variables+=("$1")
+        shift
+    done
+    env "${variables[@]}" cargo test --locked "${arguments[@]}" "$@"
+}
+
+# emulated LANES: what runs the kernels, with subgroups of so many lanes. Training has the same kernels and takes long.
+emulated() {
+    local modules=()
+    [ ${#arguments[@]} -gt 0 ] || modules=(--test it -- kernel:: grad:: render:: extreme:: screen:: profile::)
+    tests IVV_TEST_DEVICE=llvmpipe IVV_TEST_REWRITE="lanes$1" "${modules[@]}"
+}
 
 # The tests marked #[ignore = "slow: ..."], and no others.
 long_tests() {
@@ -152,6 +166,13 @@ else
     # These variables are lavapipe's; a GPU would not notice them.
     lane "lavapipe, subgroups of 4" tests IVV_TEST_DEVICE=llvmpipe LP_NATIVE_VECTOR_WIDTH=128
     lane "lavapipe, subgroups of 16" tests IVV_TEST_DEVICE=llvmpipe LP_NATIVE_VECTOR_WIDTH=512
+    for lanes in 32 64; do
+        if [[ $(cargo run --locked --quiet -- devices) == *"llvmpipe Mesa 22."* ]]; then
+            lane "lavapipe, emulated subgroups of $lanes" emulated $lanes
+        else
+            skip "lavapipe, emulated subgroups of $lanes" "this needs lavapipe of Mesa 22"
+        fi
+    done
     lane "lavapipe, one thread" tests IVV_TEST_DEVICE=llvmpipe LP_NUM_THREADS=1
     lane "no push descriptors" tests IVV_TEST_NO_PUSH_DESCRIPTORS=1
     lane "synchronisation validation" tests IVV_TEST_SYNC_VALIDATION=1
