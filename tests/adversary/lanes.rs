@@ -1,11 +1,11 @@
 //! Subgroups of 32 and 64 lanes on a device whose own are narrower: each subgroup operation becomes stores to shared memory, a
 //! barrier, and loads.
 //!
-//! What it leans on, all of it lavapipe's: a workgroup's vectors are coroutines that take turns, and a barrier ends a turn and
-//! counts nothing. So the vectors of a subgroup that meet the same barriers stay in step, while those of other subgroups may
-//! meet other ones. Both sides of an `if` run, masked, so that a vector without active lanes meets its barriers too. Once one
-//! vector has ended, the others get one more turn, hence all wait for each other at the end. A loop that some lanes of a
-//! subgroup leave before others would put their vectors out of step: [`Uniform`] refuses it.
+//! What it leans on, all of it lavapipe's of Mesa 22: a workgroup's vectors are coroutines that take turns, and a barrier ends a
+//! turn and counts nothing. So the vectors of a subgroup that meet the same barriers stay in step, while those of other subgroups
+//! may meet other ones. Both sides of an `if` run, masked, so that a vector without active lanes meets its barriers too; Mesa 25
+//! skips a side that no lane takes. Once one vector has ended, the others get one more turn, hence all wait for each other at the
+//! end. A loop that some lanes of a subgroup leave before others would put their vectors out of step: [`Uniform`] refuses it.
 
 use super::module::{assembled, built_ins, id, ids, load};
 use super::uniform::Uniform;
@@ -35,11 +35,11 @@ const SEMANTICS: u32 = 0x108;
 /// Whether the device is one that the emulation can run on; a skip is noted where it is not.
 #[track_caller]
 pub fn is_possible() -> bool {
-    let is_lavapipe = gpu().caps().driver.contains("llvmpipe");
-    if !is_lavapipe {
-        skip("subgroups are emulated on lavapipe alone");
+    let is_known = gpu().caps().driver.contains("llvmpipe Mesa 22.");
+    if !is_known {
+        skip("subgroups are emulated on lavapipe of Mesa 22 alone");
     }
-    is_lavapipe
+    is_known
 }
 
 /// The module with subgroups of `width` lanes; one without subgroup operations stays as it is.
