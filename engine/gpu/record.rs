@@ -143,7 +143,7 @@ impl Recording {
     }
 
     /// The passes, by index, that run between one barrier and the next: each in the earliest window that comes after all
-    /// passes before it which write what it touches, or read what it writes. No order of windows has fewer barriers.
+    /// passes before it which write what it touches, or read what it writes. No other arrangement has fewer barriers.
     pub fn windows(&self) -> Vec<Vec<usize>> {
         let mut windows: Vec<Vec<usize>> = Vec::new();
         // By buffer: what was touched, whether it was written, and in which window.

@@ -49,7 +49,7 @@ pub use require::{
 };
 pub use run::{CaptureSummary, Run};
 pub use schedule::rates;
-pub use session::{Event, Notice, Phase, Priors, Session, SessionOptions, Watch, training_order};
+pub use session::{Event, Notice, Phase, Priors, Session, SessionOptions, Watch, reduced_order, training_order};
 pub use settings_check::{check_name, check_settings, default_of};
 pub use setup::{Setup, near_plane};
 pub use terms::{Logged, TermData, logged};

@@ -1,6 +1,6 @@
 //! SPIR-V of a kernel, taken apart to be changed: types and constants on demand, instructions put before others.
 
-use rspirv::binary::Assemble;
+use super::module::{assembled, load};
 use rspirv::dr::{Block, Instruction, Module, Operand};
 use rspirv::spirv::{BuiltIn, Decoration, GlslStd450Op as GLOp, Op, StorageClass, Word};
 use std::collections::HashMap;
@@ -17,7 +17,7 @@ pub struct Edit {
 impl Edit {
     /// Takes `spirv` apart. Kernels import GLSL's functions, or are made to.
     pub fn of(spirv: &[u8]) -> Edit {
-        let module = rspirv::dr::load_bytes(spirv).expect("SPIR-V");
+        let module = load(spirv);
         let typed = |i: &Instruction| Some((i.result_id?, i.result_type?));
         let types = module.all_inst_iter().filter_map(typed).collect();
         let glsl = module.ext_inst_imports.first().and_then(|import| import.result_id);
@@ -32,7 +32,7 @@ impl Edit {
 
     /// The SPIR-V after the changes.
     pub fn bytes(&self) -> Vec<u8> {
-        self.module.assemble().iter().flat_map(|word| word.to_le_bytes()).collect()
+        assembled(&self.module)
     }
 
     /// A fresh id.

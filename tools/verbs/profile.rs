@@ -14,10 +14,10 @@ use ivv::files::write_atomic;
 use ivv::formats::read_scene;
 use ivv::gpu::{Dispatch, Gpu};
 use ivv::profile::{Comparison, Moment, Overhead, Peaks, Profile, Recorded, Sample, Statistics, trace, write_dispatch};
-use ivv::scene::capture::{Asked, Capture, FrameCache, PriorPlan, decoding_threads, share_of_memory};
+use ivv::scene::capture::{Capture, FrameCache, PriorPlan, decoding_threads, share_of_memory};
 use ivv::scene::read_views;
 use ivv::stage::{Outputs, Renderer};
-use ivv::train::{Checkpoint, Config, Run, Session, SessionOptions, training_order};
+use ivv::train::{Checkpoint, Config, Run, Session, SessionOptions, reduced_order, training_order};
 use ivv::vk::Compiler;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -116,11 +116,8 @@ fn feed(args: &Args, capture: &Capture, json: bool) -> anyhow::Result<()> {
     let config = args.settings.resolve()?;
     let frames = capture.training_frames();
     let total = config.total(frames.len() as u64);
-    let asked = (1..).zip(training_order(&frames, config.seed, 0, total)).map(|(step, (camera, frame))| Asked {
-        camera,
-        frame,
-        reduction: config.resolution.reduction(step, total),
-    });
+    let order = training_order(&frames, config.seed, 0, total);
+    let asked = reduced_order(&order, &config, 0, total);
     let threads = decoding_threads();
     let n_first = frames.len().min(total as usize);
     let begun = Instant::now();

@@ -361,12 +361,7 @@ impl<'a> Session<'a> {
                 let capture = self.capture;
                 let (config, total, done) = (&self.config, self.total, self.trainer.step());
                 let order = training_order(&self.frames, config.seed, done, total);
-                // Reduced where they are decoded, and kept so: it takes as long as a step of a GPU.
-                let asked = (done + 1..).zip(&order).map(|(step, &(camera, frame))| Asked {
-                    camera,
-                    frame,
-                    reduction: config.resolution.reduction(step, total),
-                });
+                let asked = reduced_order(&order, config, done, total);
                 let plan = &self.priors.plan;
                 let cache = FrameCache::new(capture, asked, plan, self.cache_bytes, decoding_threads())?;
                 none.insert((cache, order.into_iter()))
@@ -439,6 +434,15 @@ pub fn training_order(frames: &[(usize, u32)], seed: u64, done: u64, total: u64)
     let shuffled = |epoch| permutation(n as usize, &[seed, epoch]).into_iter().map(|at| frames[at]);
     let epochs = (done / n..total.div_ceil(n)).flat_map(shuffled);
     epochs.skip((done % n) as usize).take(total.saturating_sub(done) as usize).collect()
+}
+
+/// The images of `order`, which begins after step `done` of `total`, at the size that each step trains on: the threads that decode
+/// reduce them, and not the one that records steps.
+pub fn reduced_order(order: &[(usize, u32)], config: &Config, done: u64, total: u64) -> impl Iterator<Item = Asked> {
+    (done + 1..).zip(order).map(move |(step, &(camera, frame))| {
+        let reduction = config.resolution.reduction(step, total);
+        Asked { camera, frame, reduction }
+    })
 }
 
 /// The images that are trained on, at least one.

@@ -17,6 +17,7 @@ impl Trainer {
         let step = self.step + 1;
         let reduction =
             self.config.resolution.reduction(step, self.total).min(view.intrinsics.width).min(view.intrinsics.height);
+        // A session's cache brings it reduced; others bring it whole.
         let is_whole = (picture.width, picture.height) == (view.intrinsics.width, view.intrinsics.height);
         let reduced = (reduction > 1 && is_whole).then(|| picture.reduced(reduction));
         let picture = reduced.as_ref().unwrap_or(picture);
