@@ -1,11 +1,13 @@
 #!/usr/bin/env bash
 # Puts known faults back, one at a time, and demands that a row of `ivv extremes` turns red, or that a test does where no row
-# can. Works on a copy below the cache folder; needs the shader compiler (tools/setup.sh shaders). About two minutes a fault.
+# can. A fault in a shader is compiled into a folder, out of which the tests, built once, take their kernels: seconds a fault. One in
+# the engine rebuilds it, in a copy below the cache folder. Needs the shader compiler (tools/setup.sh shaders).
 #   tools/mutants.sh [WORD...]     all, or those of which the name or the row holds one of the words
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 source tools/env.sh
 copy=$cache/mutant
+spirv=$cache/mutant-spirv
 log=$cache/mutant.log
 
 # name | file | sed expression | row or tests that must notice. "Row" in a name is one of `ivv extremes`.
@@ -63,25 +65,64 @@ asked() {
     return 1
 }
 
-# Runs the row or the tests $1 on the mutant: 0 where they notice, 1 where they do not, 2 where they cannot be run.
+# shaders_with FILE: the shaders that FILE is, or is part of.
+shaders_with() {
+    local user
+    case $1 in
+    *.comp) echo "$1" ;;
+    *) grep -rlF "#include \"${1##*/}\"" shaders-glsl --include='*.comp' --include='*.glsl' | while read -r user; do
+        shaders_with "$user"
+    done ;;
+    esac
+}
+
+# compile FILE: the kernels that FILE is part of, out of $copy into $spirv.
+compile() {
+    local shader
+    rm -rf "$spirv" && mkdir -p "$spirv"
+    for shader in $(shaders_with "$1" | sort -u); do
+        sed -n "s#^${shader#shaders-glsl/}: ##p" <<<"$kernels" | tr -d ' ' | tr ',' '\n'
+    done | CARGO_MANIFEST_DIR=$copy xargs -P "$(nproc)" -I{} \
+        env IVV_KERNEL={} IVV_SPIRV="$spirv/{}.spv" "$compiler" >"$log" 2>&1
+}
+
+# tests_of ROW_OR_TESTS
+tests_of() {
+    case $1 in
+    n[0-9][0-9]) echo "extreme::$1" ;;
+    *) echo "$1" ;;
+    esac
+}
+
+# Runs the row or the tests $1 on the mutant of file $2: 0 where they notice, 1 where they do not, 2 where they cannot be run.
 noticed() {
     local status=0
-    case $1 in
-    n[0-9][0-9])
-        cargo run --locked --features shaders --bin ivv -- extremes --rows "$1" >"$log" 2>&1 || status=$?
-        [ $status -ne 4 ] || return 0
+    case $2 in
+    shaders-glsl/*)
+        IVV_TEST_REWRITE=replaced IVV_TEST_KERNELS=$spirv cargo test --locked --features shaders --test it "$(tests_of "$1")" \
+            >"$log" 2>&1 || status=$?
         ;;
     *)
-        cargo test --locked --features shaders --no-run >"$log" 2>&1 || return 2
-        cargo test --locked --features shaders --test it "$1" >"$log" 2>&1 || status=$?
-        [ $status -ne 101 ] || return 0
+        (cd "$copy" && own_the_target_folder && cargo test --locked --features shaders --test it --no-run) >"$log" 2>&1 || return 2
+        (cd "$copy" && cargo test --locked --features shaders --test it "$(tests_of "$1")") >"$log" 2>&1 || status=$?
+        own_the_target_folder
         ;;
     esac
+    # cargo's status where tests failed.
+    [ $status -ne 101 ] || return 0
     [ $status -eq 0 ] && return 1
     return 2
 }
 
+# The engine's mutants last: each rebuilds all.
+ordered=$(grep '|shaders-glsl/' <<<"$mutants"; grep -v '|shaders-glsl/' <<<"$mutants")
 tools/setup.sh test shaders
+own_the_target_folder
+cargo test --locked --features shaders --no-run
+kernels=$(cargo run --locked --quiet --features shaders --bin ivv -- profile --list)
+# The build script of the newest build is the compiler: see build.rs.
+compiler=$(find "$CARGO_TARGET_DIR/debug/build" -path '*/ivv-*/output' -printf '%T@ %p\n' | sort -rn | cut -d ' ' -f 2- |
+    xargs sed -n 's/^cargo::rustc-env=IVV_SHADER_COMPILER=//p' | head -n 1)
 passed=0
 failed=0
 skipped=0
@@ -95,19 +136,22 @@ while IFS='|' read -r name file expression tests; do
     git ls-files -z | xargs -0 cp --parents -t "$copy"
     # The tests that need the data beside the project find it from the copy too.
     ln -sfn "$PWD/../shared" "$cache/shared"
-    (cd "$copy" && own_the_target_folder)
-    sed -i "$expression" "$copy/$file"
     result=0
+    if [ $((passed + failed)) -eq 0 ] && { ! compile shaders-glsl/include/finite.glsl || noticed "$tests" "shaders-glsl/"; }; then
+        printf 'FAILED: %s is red without a fault, or the shaders do not compile, see %s\n' "$tests" "$log"
+        exit 1
+    fi
+    sed -i "$expression" "$copy/$file"
     if cmp -s "$file" "$copy/$file"; then
         printf 'FAILED: %s: the expression changes nothing\n' "$name"
-    elif ! (cd "$copy" && IVV_BLESS=1 cargo build --locked --features shaders) >"$log" 2>&1; then
-        printf 'FAILED: %s: the mutant does not build, see %s\n' "$name" "$log"
+    elif [[ $file == shaders-glsl/* ]] && ! compile "$file"; then
+        printf 'FAILED: %s: the mutant does not compile, see %s\n' "$name" "$log"
     else
-        (cd "$copy" && noticed "$tests") || result=$?
+        noticed "$tests" "$file" || result=$?
         case $result in
         0)
             printf '%s is red: %s\n' "$tests" "$name"
-            sed -n 's/^       failed: /    /p;s/^test \(.*\) \.\.\. FAILED/    \1/p' "$log" | head -n 3
+            grep -A 3 '^---- ' "$log" | cut -c 1-150 | sed -n '3,4s/^/    /p'
             passed=$((passed + 1))
             continue
             ;;
@@ -116,8 +160,7 @@ while IFS='|' read -r name file expression tests; do
         esac
     fi
     failed=$((failed + 1))
-done <<<"$mutants"
-rm -rf "$copy" "$cache/shared"
-own_the_target_folder
+done <<<"$ordered"
+rm -rf "$copy" "$spirv" "$cache/shared"
 printf 'mutants: %d passed, %d failed, %d not asked for\n' $passed $failed $skipped
 [ $failed -eq 0 ]

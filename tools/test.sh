@@ -88,11 +88,21 @@ tests() {
     env "${variables[@]}" cargo test --locked "${arguments[@]}" "$@"
 }
 
-# emulated LANES: what runs the kernels, with subgroups of so many lanes. Training has the same kernels and takes long.
-emulated() {
-    local modules=()
-    [ ${#arguments[@]} -gt 0 ] || modules=(--test it -- kernel:: grad:: render:: extreme:: screen:: profile::)
-    tests IVV_TEST_DEVICE=llvmpipe IVV_TEST_REWRITE="lanes$1" "${modules[@]}"
+# Modules that run kernels. Other lanes repeat these alone: readers, pages and sound know no device.
+on_device=(kernel:: grad:: render:: extreme:: profile:: screen::device)
+
+# kernels VARIABLE=VALUE... [MODULE...]: what runs kernels, and further modules.
+kernels() {
+    local variables=()
+    while [[ ${1:-} == *=* ]]; do
+        variables+=("$1")
+        shift
+    done
+    if [ ${#arguments[@]} -gt 0 ]; then
+        tests "${variables[@]}"
+    else
+        tests "${variables[@]}" --test it -- "${on_device[@]}" "$@"
+    fi
 }
 
 # The tests marked #[ignore = "slow: ..."], and no others.
@@ -165,27 +175,28 @@ if [ $slow = no ]; then
     lane "default device" tests
 else
     # These variables are lavapipe's; a GPU would not notice them.
-    lane "lavapipe, subgroups of 4" tests IVV_TEST_DEVICE=llvmpipe LP_NATIVE_VECTOR_WIDTH=128
-    lane "lavapipe, subgroups of 16" tests IVV_TEST_DEVICE=llvmpipe LP_NATIVE_VECTOR_WIDTH=512
+    lane "lavapipe, subgroups of 4" kernels IVV_TEST_DEVICE=llvmpipe LP_NATIVE_VECTOR_WIDTH=128 train::
+    lane "lavapipe, subgroups of 16" kernels IVV_TEST_DEVICE=llvmpipe LP_NATIVE_VECTOR_WIDTH=512 train::
+    # Without training, which has the same kernels and takes long there.
     for lanes in 32 64; do
         if [[ $(cargo run --locked --quiet -- devices) == *"llvmpipe Mesa 22."* ]]; then
-            lane "lavapipe, emulated subgroups of $lanes" emulated $lanes
+            lane "lavapipe, emulated subgroups of $lanes" kernels IVV_TEST_DEVICE=llvmpipe IVV_TEST_REWRITE="lanes$lanes"
         else
             skip "lavapipe, emulated subgroups of $lanes" "this needs lavapipe of Mesa 22"
         fi
     done
-    lane "lavapipe, one thread" tests IVV_TEST_DEVICE=llvmpipe LP_NUM_THREADS=1
-    lane "no push descriptors" tests IVV_TEST_NO_PUSH_DESCRIPTORS=1
-    lane "synchronisation validation" tests IVV_TEST_SYNC_VALIDATION=1
-    lane "roundings of other devices" tests IVV_TEST_REWRITE=numeric
-    lane "work in another order" tests IVV_TEST_REWRITE=order
+    lane "lavapipe, one thread" kernels IVV_TEST_DEVICE=llvmpipe LP_NUM_THREADS=1 train::
+    lane "no push descriptors" kernels IVV_TEST_NO_PUSH_DESCRIPTORS=1 train::
+    lane "synchronisation validation" kernels IVV_TEST_SYNC_VALIDATION=1 train::
+    lane "roundings of other devices" kernels IVV_TEST_REWRITE=numeric train::
+    lane "work in another order" kernels IVV_TEST_REWRITE=order train::
     lane "long tests" long_tests
     if folder=$(chromium); then
-        lane "synchronisation between dispatches" tests VK_LAYER_PATH="$folder" IVV_TEST_SYNC_VALIDATION=1 \
-            VK_KHRONOS_VALIDATION_VALIDATE_SYNC=1 VK_KHRONOS_VALIDATION_SYNCVAL_SHADER_ACCESSES_HEURISTIC=true
+        lane "synchronisation between dispatches" kernels VK_LAYER_PATH="$folder" IVV_TEST_SYNC_VALIDATION=1 \
+            VK_KHRONOS_VALIDATION_VALIDATE_SYNC=1 VK_KHRONOS_VALIDATION_SYNCVAL_SHADER_ACCESSES_HEURISTIC=true train::
         manifest=$folder/vk_swiftshader_icd.json
         # Loaders before 1.3.207 know only the second name.
-        lane "SwiftShader" tests VK_DRIVER_FILES="$manifest" VK_ICD_FILENAMES="$manifest"
+        lane "SwiftShader" kernels VK_DRIVER_FILES="$manifest" VK_ICD_FILENAMES="$manifest" train::
     else
         skip "synchronisation between dispatches" "$folder"
         skip "SwiftShader" "$folder"

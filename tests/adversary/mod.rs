@@ -7,6 +7,7 @@ mod module;
 mod numeric;
 mod operations;
 mod order;
+mod replaced;
 mod uniform;
 
 use ivv::gpu::Rewrite;
@@ -20,6 +21,7 @@ pub fn rewrite() -> Option<Rewrite> {
         "lanes64" => Some(lanes::LANES_64),
         "numeric" => Some(numeric::REWRITE),
         "order" => Some(order::REWRITE),
+        "replaced" => Some(replaced::REWRITE),
         _ => panic!("IVV_TEST_REWRITE: no change is called {name:?}"),
     }
 }
