@@ -50,7 +50,7 @@ row 40, offsets without their gauge|shaders-glsl/clock/clock_step.comp|s/clocks\
 row 7, gradients are not looked at|shaders-glsl/project/project_bwd.comp|s/const bool good = finite4.*/const bool good = true;/|n28
 row 60, the gain at the source|engine/sound/geometry.rs|s/r_m \/ bearing.r_l.max(r_min)/r_m \/ bearing.r_l/|n29
 the second eye with the colours that the first one sees|shaders-glsl/project/project.comp|s/direction_from(second_view, /direction_from(view, /|kernel::eyes
-lists of the second eye on the grids of the first one's|engine/stage/stereo.rs|s/^ *rec.copy(second.grids.slice(), shared_grids(work));$//|render::stereo
+lists of the second eye on the grids of the first|engine/stage/stereo.rs|s/^ *rec.copy(second.grids.slice(), shared_grids(work));$//|render::stereo
 grids without their gauge|shaders-glsl/bilateral/bilateral_gauge.comp|s/-= mean;/-= 0.0 * mean;/|kernel::bilateral
 '
 

@@ -143,6 +143,15 @@ fn tests_say_through_one_function_that_they_do_not_run() {
 }
 
 #[test]
+fn bash_can_read_every_script() {
+    let scripts = files("tools").into_iter().filter(|file| file.ends_with(".sh")).chain([".ci/run".to_owned()]);
+    for script in scripts {
+        let read = std::process::Command::new("bash").arg("-n").arg(root().join(&script)).output().unwrap();
+        assert!(read.status.success(), "{script}: {}", String::from_utf8_lossy(&read.stderr));
+    }
+}
+
+#[test]
 fn the_shipped_demo_is_what_its_generator_makes() {
     let folder = std::env::temp_dir().join(format!("ivv-demo-{}", std::process::id()));
     std::fs::create_dir_all(&folder).unwrap();
