@@ -35,6 +35,7 @@ const ACCUMULATION: Axis = Axis {
         ("float", ("ACCUMULATE", "1")),
         ("fixed", ("ACCUMULATE", "2")),
         ("swap", ("ACCUMULATE", "3")),
+        ("fixed64", ("ACCUMULATE", "4")),
     ],
 };
 
@@ -161,6 +162,7 @@ pub static FAMILIES: &[Family] = &[
                 0 => Cost::of(4.0 + 4.0 + 48.0, 0.0),
                 1 => Cost { float_atomics: 12.0, ..Cost::of(4.0, 0.0) },
                 2 => Cost { atomics: 24.0, ..Cost::of(4.0, 0.0) },
+                // Of 64 bits each; the peak is that of 32.
                 _ => Cost { atomics: 12.0, ..Cost::of(4.0, 0.0) },
             };
             let pixels = 8.0 + 16.0 + s.either("FULL", 16.0, 0.0);

@@ -1,7 +1,7 @@
 //! From cotangents of a picture to gradients of the parameters: the blend's adjoint, then the projection's, which either
 //! writes gradients or moves the parameters at once.
 
-use super::accumulation::{Accumulation, SLOT_PAIRS};
+use super::accumulation::{SLOT_PAIRS, Sums};
 use super::adam::Optimiser;
 use super::blend::{Blend, SEGMENT, coprime_stride};
 use super::cull::{ARGS_FIRST_GROUP, ARGS_THREADS, Cull, indirect};
@@ -42,7 +42,7 @@ pub struct Backward {
     words: Option<Buf<u32>>,
     d_camera_each: Buf<[f32; 4]>,
     camera_partials: Buf<[f32; 4]>,
-    accumulation: Accumulation,
+    sums: Sums,
     wants_camera: bool,
     // Of the fixed point, a power of two.
     scale: f32,
@@ -78,9 +78,9 @@ pub enum Target<'a> {
 impl Backward {
     /// Buffers for pictures within `room`, blended as `blend` does.
     pub fn new(gpu: &Gpu, scene: &SceneBuffers, blend: &Blend, room: &Room) -> Result<Self> {
-        let Room { active, intersections, pixels, outputs, purpose, accumulation, camera, .. } = *room;
+        let Room { active, intersections, pixels, outputs, purpose, sums, camera, .. } = *room;
         let wants_camera = camera || purpose == Purpose::Gradient;
-        let n_slots = if accumulation == Accumulation::Slots { intersections } else { active };
+        let n_slots = if sums == Sums::Slots { intersections } else { active };
         let gradients = if purpose == Purpose::Gradient { &scene.groups[..] } else { &[] };
         let n_camera = if wants_camera { 2 * active as usize } else { 1 };
         Ok(Backward {
@@ -97,13 +97,13 @@ impl Backward {
             d_camera: gpu.alloc("d camera", 3)?,
             carry: gpu.alloc("blend carry", pixels)?,
             d_slots: gpu.alloc("d slots", SLOT_PAIRS * n_slots as usize)?,
-            words: match accumulation {
-                Accumulation::FixedPoint => Some(gpu.alloc("d words", FIXED_WORDS * active as usize)?),
-                _ => None,
+            words: match sums.is_fixed() {
+                true => Some(gpu.alloc("d words", FIXED_WORDS * active as usize)?),
+                false => None,
             },
             d_camera_each: gpu.alloc("d camera of each", n_camera)?,
             camera_partials: gpu.alloc("d camera partials", 3 * CAMERA_GROUPS as usize)?,
-            accumulation,
+            sums,
             wants_camera,
             // Terms stay below 2^54: below 2^22 in units of a cotangent. Those of a loss are those of a mean over three
             // channels.
@@ -224,7 +224,7 @@ impl Backward {
 
     /// Whether each active Gaussian has one sum rather than a slot per pair.
     fn is_summed(&self) -> u32 {
-        u32::from(self.accumulation != Accumulation::Slots)
+        u32::from(self.sums != Sums::Slots)
     }
 
     /// The sum of what all Gaussians, of which the flat index has `n_flat`, and the background say of the camera.
@@ -252,16 +252,16 @@ impl Backward {
         let Size { n_tiles, rounds, .. } = size;
         let Some(tail) = &blend.tail else { unreachable!("the forward pass was recorded for a backward pass") };
         rec.section("blend bwd");
-        let kernel = self.accumulation.kernel(self.outputs, blend.pixels_per_lane());
+        let kernel = self.sums.kernel(self.outputs, blend.pixels_per_lane());
         let words = self.words.as_ref().map(Buf::cast);
-        let sums = words.as_ref().unwrap_or(&self.d_slots);
-        rec.fill(sums.slice(), 0);
+        let d_slots = words.as_ref().unwrap_or(&self.d_slots);
+        rec.fill(d_slots.slice(), 0);
         let subgroups_per_group = kernel.local / blend.subgroup_size();
-        let is_slots = self.accumulation == Accumulation::Slots;
+        let is_slots = self.sums == Sums::Slots;
         let (n_work, n_dispatches) =
             if is_slots { (n_tiles, self.blocks_per_tile) } else { (n_tiles * self.blocks_per_tile, 1) };
         let scale = self.scale;
-        let rounds = rounds * (SEGMENT / self.accumulation.segment());
+        let rounds = rounds * (SEGMENT / self.sums.segment());
         for round in 0..rounds {
             for block in 0..n_dispatches {
                 let args = blend_bwd_p4::Args {
@@ -274,7 +274,7 @@ impl Backward {
                     tail,
                     d_image0: &self.d_image0,
                     carry: &self.carry,
-                    d_slots: sums,
+                    d_slots,
                     d_image1: self.d_image1.as_ref().unwrap_or(&self.d_image0),
                 };
                 let push = blend_bwd_p4::Push {

@@ -1,6 +1,6 @@
 //! How much a frame may hold, and what is to be done when it holds more.
 
-use super::accumulation::{Accumulation, SLOT_PAIRS};
+use super::accumulation::{SLOT_PAIRS, Sums};
 use super::blend::SEGMENT;
 use super::params::{Outputs, Purpose};
 use super::project::SPLAT_PLANES;
@@ -35,7 +35,7 @@ pub struct Room {
     /// Whether a backward pass follows.
     pub purpose: Purpose,
     /// How gradients are added up.
-    pub accumulation: Accumulation,
+    pub sums: Sums,
     /// Whether a step of the optimiser needs the camera's gradient too; [`Purpose::Gradient`] always has it.
     pub camera: bool,
     /// Bits of the depth keys, see [`crate::settings::Knobs`].
@@ -45,7 +45,7 @@ pub struct Room {
 impl Room {
     /// Whether each intersection has a slot for its gradient.
     pub(super) fn has_slots(&self) -> bool {
-        self.purpose != Purpose::Picture && self.accumulation == Accumulation::Slots
+        self.purpose != Purpose::Picture && self.sums == Sums::Slots
     }
 
     /// Intersections whose lists, and slots where there are any, fit one binding.

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-// Purpose   carries the cotangents of a picture back to the splats, in one of four modes of accumulation.
+// Purpose   carries the cotangents of a picture back to the splats, in one of five modes of accumulation.
 // Equation  with q = g . c over all channels: dL/dalpha = T q - (S + g_T T_N) / (1 - alpha), S <- S + w q, back to front.
 // Grid      slots (no ACCUMULATE): one subgroup per tile, for one of the tile's blocks; the blocks come one dispatch after
 //           another, so that each slot has one writer at a time: plain sums in a fixed order, the same bits in every run.
 //           Otherwise one subgroup per block of a tile, all at once: 1 float atomics (the order, and so the last bits, vary
-//           from run to run), 2 fixed point in 64 bits (the same bits in any order), 3 compare-exchange (as 1, on devices
-//           without float atomics).
+//           from run to run), 2 fixed point in 64 bits of two words (the same bits in any order), 3 compare-exchange (as 1, on
+//           devices without float atomics), 4 fixed point in one word of 64 bits (the same bits as 2).
 // Reads     the forward pass's lists, final T and last entry; cotangents: d_image0 (colour, alpha), d_image1 (depth,
 //           inverse depth, flow; FULL only). SEGMENT entries a round, the last entries first; T and S stay in `carry`.
 // Writes    slots, 6 vec2 each, added to what earlier blocks left:
@@ -25,9 +25,13 @@
 #include "block.glsl"
 #if ACCUMULATE == 1
 #extension GL_EXT_shader_atomic_float : require
-#elif ACCUMULATE == 2
+#elif ACCUMULATE == 2 || ACCUMULATE == 4
 #include "finite.glsl"
 #include "fixed.glsl"
+#endif
+#if ACCUMULATE == 4
+#extension GL_EXT_shader_explicit_arithmetic_types_int64 : require
+#extension GL_EXT_shader_atomic_int64 : require
 #endif
 
 layout(local_size_x = 64) in;
@@ -54,6 +58,8 @@ layout(set = 0, binding = 7) restrict readonly buffer DImage0 { vec4 d_image0[];
 layout(set = 0, binding = 8) restrict buffer Carry { vec2 carry[]; };
 #if ACCUMULATE == 1
 layout(set = 0, binding = 9) restrict buffer DSlots { float d_slots[]; };
+#elif ACCUMULATE == 4
+layout(set = 0, binding = 9) restrict buffer DSlots { uint64_t d_slots[]; };
 #elif ACCUMULATE >= 2
 layout(set = 0, binding = 9) restrict buffer DSlots { uint d_slots[]; };
 #else
@@ -76,6 +82,17 @@ void accumulate(uint id, uint c, float x) {
     const uint at = FIXED_WORDS * id + 2u * c;
     const uint old = atomicAdd(d_slots[at], word.x);
     atomicAdd(d_slots[at + 1u], word.y + uint(old + word.x < old));
+}
+#elif ACCUMULATE == 4
+void accumulate(uint id, uint c, float x) {
+    uvec2 word;
+    const bool fits = to_fixed(x * pc.scale, word);
+    const uint at = FIXED_WORDS / 2u * id;
+    if (fits) {
+        atomicAdd(d_slots[at + c], packUint2x32(word));
+    } else {
+        atomicOr(d_slots[at + FIXED_POISON / 2u], uint64_t(1u));
+    }
 }
 #elif ACCUMULATE == 3
 void accumulate(uint id, uint c, float x) {

@@ -27,7 +27,7 @@ pub struct Args {
     #[arg(short, long)]
     output: PathBuf,
     /// How gradients are added up.
-    #[arg(long, value_enum, default_value = "slots")]
+    #[arg(long, value_enum, default_value = "auto")]
     accumulation: Mode,
     #[command(flatten)]
     constants: crate::verbs::render::ConstantArgs,
@@ -38,6 +38,7 @@ pub struct Args {
 /// [`Accumulation`] as an option.
 #[derive(Clone, Copy, clap::ValueEnum)]
 enum Mode {
+    Auto,
     Slots,
     FloatAtomics,
     FixedPoint,
@@ -47,6 +48,7 @@ enum Mode {
 impl From<Mode> for Accumulation {
     fn from(mode: Mode) -> Self {
         match mode {
+            Mode::Auto => Accumulation::Auto,
             Mode::Slots => Accumulation::Slots,
             Mode::FloatAtomics => Accumulation::FloatAtomics,
             Mode::FixedPoint => Accumulation::FixedPoint,
@@ -63,8 +65,10 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     };
     let cotangents = cotangents(args, view)?;
     let splats = read_scene(&args.scene)?;
-    let mut renderer = Renderer::new(args.device.open()?, &splats, constants)?;
-    renderer.accumulate(args.accumulation.into())?;
+    let gpu = args.device.open()?;
+    let sums = Accumulation::from(args.accumulation).on(gpu.caps());
+    let mut renderer = Renderer::new(gpu, &splats, constants)?;
+    renderer.accumulate(sums)?;
     let (gradients, report) = renderer.vjp(view, &cotangents)?;
     if gradients.n_bad > 0 {
         let what = format!("the gradient of view `{}`", view.name);

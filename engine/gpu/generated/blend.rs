@@ -149,7 +149,7 @@ crate::gpu::kernel::variant!(blend_fwd_train_p8 of blend_fwd_train_p4);
 crate::gpu::kernel::variant!(blend_fwd_train_color_p4 of blend_fwd_train_p4);
 crate::gpu::kernel::variant!(blend_fwd_train_color_p8 of blend_fwd_train_p4);
 
-/// carries the cotangents of a picture back to the splats, in one of four modes of accumulation.
+/// carries the cotangents of a picture back to the splats, in one of five modes of accumulation.
 pub mod blend_bwd_p4 {
     use crate::gpu::kernel::*;
     /// `Push` of the shaders.
@@ -249,7 +249,7 @@ crate::gpu::kernel::variant!(blend_bwd_p8 of blend_bwd_p4);
 crate::gpu::kernel::variant!(blend_bwd_color_p4 of blend_bwd_p4);
 crate::gpu::kernel::variant!(blend_bwd_color_p8 of blend_bwd_p4);
 
-/// carries the cotangents of a picture back to the splats, in one of four modes of accumulation.
+/// carries the cotangents of a picture back to the splats, in one of five modes of accumulation.
 pub mod blend_bwd_float_p4 {
     pub use super::blend_bwd_p4::Push;
     use crate::gpu::kernel::*;
@@ -324,7 +324,7 @@ crate::gpu::kernel::variant!(blend_bwd_float_p8 of blend_bwd_float_p4);
 crate::gpu::kernel::variant!(blend_bwd_float_color_p4 of blend_bwd_float_p4);
 crate::gpu::kernel::variant!(blend_bwd_float_color_p8 of blend_bwd_float_p4);
 
-/// carries the cotangents of a picture back to the splats, in one of four modes of accumulation.
+/// carries the cotangents of a picture back to the splats, in one of five modes of accumulation.
 pub mod blend_bwd_fixed_p4 {
     pub use super::blend_bwd_p4::Push;
     use crate::gpu::kernel::*;
@@ -402,6 +402,81 @@ crate::gpu::kernel::variant!(blend_bwd_swap_p4 of blend_bwd_fixed_p4);
 crate::gpu::kernel::variant!(blend_bwd_swap_p8 of blend_bwd_fixed_p4);
 crate::gpu::kernel::variant!(blend_bwd_swap_color_p4 of blend_bwd_fixed_p4);
 crate::gpu::kernel::variant!(blend_bwd_swap_color_p8 of blend_bwd_fixed_p4);
+
+/// carries the cotangents of a picture back to the splats, in one of five modes of accumulation.
+pub mod blend_bwd_fixed64_p4 {
+    pub use super::blend_bwd_p4::Push;
+    use crate::gpu::kernel::*;
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub view: &'a Buf<crate::gpu::generated::ViewParams>,
+        /// Reads.
+        pub tile_order: &'a Buf<u32>,
+        /// Reads.
+        pub tile_first: &'a Buf<u32>,
+        /// Reads.
+        pub splat_ids: &'a Buf<u32>,
+        /// Reads.
+        pub slots: &'a Buf<u32>,
+        /// Reads.
+        pub splats: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub tail: &'a Buf<[u32; 2]>,
+        /// Reads.
+        pub d_image0: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub carry: &'a Buf<[f32; 2]>,
+        /// ReadWrites.
+        pub d_slots: &'a Buf<u64>,
+        /// Reads.
+        pub d_image1: &'a Buf<[f32; 4]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = INFO;
+        fn slices(&self) -> Vec<Slice> {
+            vec![
+                self.view.slice(),
+                self.tile_order.slice(),
+                self.tile_first.slice(),
+                self.splat_ids.slice(),
+                self.slots.slice(),
+                self.splats.slice(),
+                self.tail.slice(),
+                self.d_image0.slice(),
+                self.carry.slice(),
+                self.d_slots.slice(),
+                self.d_image1.slice(),
+            ]
+        }
+    }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "blend_bwd_fixed64_p4",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../../shaders-glsl/spv/blend_bwd_fixed64_p4.spv"),
+        local: 64,
+        subgroups: true,
+        floats: 0x5a0,
+        bindings: &[
+            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+            BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "slots", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_image0", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "carry", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "d_image1", kind: BindingKind::Storage, access: Access::Read },
+        ],
+    };
+}
+crate::gpu::kernel::variant!(blend_bwd_fixed64_p8 of blend_bwd_fixed64_p4);
+crate::gpu::kernel::variant!(blend_bwd_fixed64_color_p4 of blend_bwd_fixed64_p4);
+crate::gpu::kernel::variant!(blend_bwd_fixed64_color_p8 of blend_bwd_fixed64_p4);
 
 /// turns sums in fixed point into floats.
 pub mod fixed_sums {
@@ -524,9 +599,13 @@ pub fn blend_bwd(accumulation: usize, is_color: bool, is_eight: bool) -> &'stati
         (1, false, true) => blend_bwd_float_p8::INFO,
         (0, false, false) => blend_bwd_p4::INFO,
         (0, false, true) => blend_bwd_p8::INFO,
-        (_, true, false) => blend_bwd_swap_color_p4::INFO,
-        (_, true, true) => blend_bwd_swap_color_p8::INFO,
-        (_, false, false) => blend_bwd_swap_p4::INFO,
-        (_, false, true) => blend_bwd_swap_p8::INFO,
+        (3, true, false) => blend_bwd_swap_color_p4::INFO,
+        (3, true, true) => blend_bwd_swap_color_p8::INFO,
+        (3, false, false) => blend_bwd_swap_p4::INFO,
+        (3, false, true) => blend_bwd_swap_p8::INFO,
+        (_, true, false) => blend_bwd_fixed64_color_p4::INFO,
+        (_, true, true) => blend_bwd_fixed64_color_p8::INFO,
+        (_, false, false) => blend_bwd_fixed64_p4::INFO,
+        (_, false, true) => blend_bwd_fixed64_p8::INFO,
     }
 }
