@@ -154,6 +154,14 @@ pub static FAMILIES: &[Family] = &[
         }),
         ..ROW
     },
+    // For GPUs. How many chunks there are is not counted, so their time is no model's.
+    Family { name: "chunk_list", file: "blend/chunk_list.comp", twin: |_| "blend::render_f64", ..ROW },
+    Family { name: "chunk_light", file: "blend/chunk_light.comp", twin: |_| "blend::render_f64", ..ROW },
+    Family {
+        name: "blend_merge", file: "blend/blend_merge.comp", twin: |_| "blend::render_f64",
+        axes: &[switch("is_training", &[("", NONE), ("train", ("TRAIN", "1"))]), OUTPUTS],
+        ..ROW
+    },
     Family {
         name: "blend_bwd", file: "blend/blend_bwd.comp", twin: |_| "jvp::jvp", axes: &[ACCUMULATION, OUTPUTS, PIXELS], count: Count::Intersections,
         limit_ns: |s| s.either("ACCUMULATE", 1000.0, 730.0),

@@ -6,6 +6,7 @@ mod adam;
 mod backward;
 mod bilateral;
 mod blend;
+mod chunks;
 mod clock;
 mod compact;
 mod counters;

@@ -167,10 +167,17 @@ fn items(work: &Workload, is_host: bool) -> Vec<Item> {
         item("image color", Pixels, Pixel, 16.0, 16.0),
         item("image tail", Pixels, Pixel, 8.0, 8.0),
         item("d image color", Pixels, Pixel, 16.0, 16.0),
-        item("blend carry", Pixels, Pixel, 8.0, 8.0),
         item("truth", Pixels, Pixel, 4.0, 4.0),
         item("staged truth", Pixels, Pixel, 4.0, 4.0),
     ];
+    if is_host {
+        items.push(item("blend carry", Pixels, Pixel, 8.0, 8.0));
+    } else {
+        let extra = if work.data == TermData::NONE { 0.0 } else { 16.0 };
+        let of_pixel = [("chunk color", 16.0), ("chunk depth flow", extra), ("chunk light", 4.0), ("chunk last", 4.0)];
+        // Two chunks of 256 pixels for 1,024 intersections.
+        items.extend(of_pixel.map(|(name, bytes)| item(name, Intersections, Intersection, bytes / 2.0, bytes / 2.0)));
+    }
     items.extend(match work.sums {
         Sums::Slots => vec![
             item("slot first", Active, Gaussian, 4.0, 4.0),
