@@ -5,7 +5,7 @@ use super::accumulation::{SLOT_PAIRS, Sums};
 use super::adam::Optimiser;
 use super::blend::{Blend, SEGMENT, coprime_stride};
 use super::chunks::Chunks;
-use super::cull::{ARGS_FIRST_GROUP, ARGS_THREADS, Cull, indirect};
+use super::cull::{ARGS_FIRST_GROUP, Cull, indirect};
 use super::params::{Outputs, Purpose};
 use super::planes::Planes;
 use super::project::Eye;
@@ -256,11 +256,10 @@ impl Backward {
             None => self.record_rounds(rec, drawn, d_slots),
         }
         if let Some(words) = &self.words {
-            let cull = drawn.cull;
             rec.pass(
-                fixed_sums::Args { count: &cull.n_active, words, d_slots: &self.d_slots },
+                fixed_sums::Args { count: &drawn.cull.n_active, words, d_slots: &self.d_slots },
                 fixed_sums::Push { inverse_scale: 1.0 / self.scale },
-                indirect(&cull.args, ARGS_THREADS),
+                drawn.tiles.active_grid(),
             );
         }
     }

@@ -1,6 +1,6 @@
 //! The renderer: a scene on the device, with what its frames are made in.
 
-use super::accumulation::{Accumulation, Sums};
+use super::accumulation::Sums;
 use super::params::{Outputs, Purpose};
 use super::room::{Room, max_active};
 use super::scene::SceneBuffers;
@@ -63,7 +63,8 @@ impl Renderer {
             pixels: 1,
             outputs: Outputs::Color,
             purpose: Purpose::Picture,
-            sums: Accumulation::default().on(gpu.caps()),
+            // For cotangents of any size.
+            sums: Sums::Slots,
             camera: false,
             depth_bits: constants.knobs.depth_bits,
         };

@@ -85,6 +85,23 @@ fn fixed_point_in_one_word_gives_the_bits_of_two() {
 }
 
 #[test]
+fn gaussians_count_where_they_are_more_than_intersections() {
+    // All are active and few touch a tile, the last ones.
+    let mut splats = scene(14, 3000, 0);
+    splats.opacity[..2990].fill(-9.0);
+    let slots = gradients(&splats, Sums::Slots).unwrap();
+    let b = flat(&slots, "opacity");
+    assert!(b[2990..].iter().filter(|x| **x != 0.0).count() > 4 && b[..2990].iter().all(|x| *x == 0.0));
+    for mode in Sums::ALL {
+        let Some(found) = gradients(&splats, mode) else { continue };
+        let a = flat(&found, "opacity");
+        let difference: Vec<f64> = a.iter().zip(&b).map(|(a, b)| a - b).collect();
+        let error = (dot(&difference, &difference) / dot(&b, &b)).sqrt();
+        assert!(error <= 2e-6, "{mode:?}: opacity differs by {error:e}");
+    }
+}
+
+#[test]
 fn auto_is_what_repeats_slots_on_a_cpu_and_integers_on_a_gpu() {
     let gpu = gpu();
     let caps = |kind, int64_atomics, float_atomics| Caps { kind, int64_atomics, float_atomics, ..gpu.caps().clone() };

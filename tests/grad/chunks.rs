@@ -2,7 +2,7 @@
 
 use super::adjoint::layers;
 use super::check::{bits, flat, smooth_cotangents};
-use crate::adversary::slack;
+use crate::adversary::{rounds_otherwise, slack};
 use crate::common::device::as_gpu;
 use crate::common::frames::{Tolerance, compare, pixels};
 use crate::common::one::camera;
@@ -10,10 +10,10 @@ use crate::common::twins::tested;
 use ivv::extremes::adjoint::group_error;
 use ivv::gpu::generated::constants::chunk::CHUNK;
 use ivv::scene::{Frame, Splats};
-use ivv::{Constants, Knobs};
-
 use ivv::stage::{FrameReport, Outputs, Renderer, Sums};
 use ivv::twin::render_f64;
+use ivv::{Constants, Knobs};
+use std::collections::BTreeSet;
 
 tested! {
     "blend/chunk_list.comp" by render_f64 in pictures_of_long_lists_are_those_of_float64;
@@ -34,13 +34,16 @@ fn pictures_of_long_lists_are_those_of_float64() {
     let view = camera(16, 16);
     let chunk = u64::from(CHUNK);
     let lengths = [chunk - 1, chunk, chunk + 1, 2 * chunk, 2 * chunk + 1, 6000];
+    let mut walked = BTreeSet::new();
+    let otherwise = rounds_otherwise("two kernels are compared to the bit");
     let [mut finished, mut open] = [0, 0];
     for (n, [low, high]) in lengths.into_iter().flat_map(|n| OPACITIES.map(|range| (n, range))) {
         let splats = layers(n, low, high);
         let (frame, report) = render(&splats, Constants::default(), Outputs::All);
-        assert!(report.max_tile_list + 40 > n && report.replays == 0, "{report:?}");
+        assert!(report.replays == 0, "{report:?}");
+        walked.insert(report.max_tile_list);
         let color = render(&splats, Constants::default(), Outputs::Color).0.color;
-        assert!(color == frame.color, "{n}, {low}: the colour depends on the other outputs");
+        assert!(otherwise || color == frame.color, "{n}, {low}: the colour depends on the other outputs");
         let truth = render_f64(&splats, &view, &Constants::default());
         let tolerance = Tolerance { n_band: 0.9, away: slack(2.0) * 2e-5, ..Tolerance::default() };
         compare(&frame, &truth, &tolerance).unwrap_or_else(|fault| panic!("{n}, {low}: {fault}"));
@@ -48,13 +51,14 @@ fn pictures_of_long_lists_are_those_of_float64() {
         finished += n_finished;
         open += truth.alpha.len() - n_finished;
     }
+    assert!(lengths[..5].iter().all(|n| walked.contains(n)), "lists of {walked:?} entries");
     assert!(finished > 500 && open > 500, "{finished} pixels are finished and {open} are not");
 }
 
 #[test]
 fn gradients_of_long_lists_are_those_of_the_truth_in_all_ways_and_the_same_bits_in_every_run() {
     let view = camera(16, 16);
-    for (n, [low, high]) in [(2049, OPACITIES[0]), (3500, OPACITIES[1])] {
+    for (n, [low, high]) in [(2100, OPACITIES[0]), (3500, OPACITIES[1])] {
         let splats = layers(n, low, high);
         let cotangents = smooth_cotangents(6, &splats, &view);
         for sums in Sums::ALL {
@@ -81,7 +85,7 @@ fn gradients_of_long_lists_are_those_of_the_truth_in_all_ways_and_the_same_bits_
 
 #[test]
 fn a_transmittance_that_finishes_pixels_finishes_them_in_chunks_as_in_rounds() {
-    if crate::adversary::rounds_otherwise("two kernels agree where a pixel is finished") {
+    if rounds_otherwise("two kernels agree where a pixel is finished") {
         return;
     }
     let usual = Constants::default();
@@ -105,7 +109,7 @@ fn a_picture_of_short_lists_has_the_bits_that_it_has_in_rounds() {
     let splats = layers(900, 0.05, 0.5);
     let view = camera(16, 16);
     let in_rounds = crate::common::frames::render(&splats, &view).0;
-    if crate::adversary::rounds_otherwise("two kernels are compared to the bit") {
+    if rounds_otherwise("two kernels are compared to the bit") {
         return;
     }
     assert!(pixels(&render(&splats, Constants::default(), Outputs::All).0) == pixels(&in_rounds));

@@ -27,7 +27,7 @@ pub struct Args {
     #[arg(short, long)]
     output: PathBuf,
     /// How gradients are added up.
-    #[arg(long, value_enum, default_value = "auto")]
+    #[arg(long, value_enum, default_value = "slots")]
     accumulation: Mode,
     #[command(flatten)]
     constants: crate::verbs::render::ConstantArgs,
@@ -38,7 +38,6 @@ pub struct Args {
 /// [`Accumulation`] as an option.
 #[derive(Clone, Copy, clap::ValueEnum)]
 enum Mode {
-    Auto,
     Slots,
     FloatAtomics,
     FixedPoint,
@@ -48,7 +47,6 @@ enum Mode {
 impl From<Mode> for Accumulation {
     fn from(mode: Mode) -> Self {
         match mode {
-            Mode::Auto => Accumulation::Auto,
             Mode::Slots => Accumulation::Slots,
             Mode::FloatAtomics => Accumulation::FloatAtomics,
             Mode::FixedPoint => Accumulation::FixedPoint,
