@@ -197,11 +197,12 @@ fn rust_type(
     let scalar = |s: naga::Scalar| match (s.kind, s.width) {
         (ScalarKind::Float, 4) => Ok("f32"),
         (ScalarKind::Uint, 4) => Ok("u32"),
+        (ScalarKind::Uint, 8) => Ok("u64"),
         (ScalarKind::Sint, 4) => Ok("i32"),
         other => Err(format!("scalar {other:?} has no Rust type here")),
     };
     match &module.types[handle].inner {
-        TypeInner::Scalar(s) | TypeInner::Atomic(s) => Ok((scalar(*s)?.to_owned(), 4)),
+        TypeInner::Scalar(s) | TypeInner::Atomic(s) => Ok((scalar(*s)?.to_owned(), u32::from(s.width))),
         TypeInner::Vector { size: VectorSize::Tri, .. } => Err("vec3 in a buffer: use vec4 or scalars".to_owned()),
         TypeInner::Vector { size, scalar: s } => Ok((format!("[{}; {}]", scalar(*s)?, *size as u32), 4 * *size as u32)),
         TypeInner::Array { base, size: ArraySize::Constant(n), .. } => {

@@ -35,6 +35,7 @@ const ACCUMULATION: Axis = Axis {
         ("float", ("ACCUMULATE", "1")),
         ("fixed", ("ACCUMULATE", "2")),
         ("swap", ("ACCUMULATE", "3")),
+        ("fixed64", ("ACCUMULATE", "4")),
     ],
 };
 
@@ -153,6 +154,14 @@ pub static FAMILIES: &[Family] = &[
         }),
         ..ROW
     },
+    // For GPUs. How many chunks there are is not counted, so their time is no model's.
+    Family { name: "chunk_list", file: "blend/chunk_list.comp", twin: |_| "blend::render_f64", ..ROW },
+    Family { name: "chunk_light", file: "blend/chunk_light.comp", twin: |_| "blend::render_f64", ..ROW },
+    Family {
+        name: "blend_merge", file: "blend/blend_merge.comp", twin: |_| "blend::render_f64",
+        axes: &[switch("is_training", &[("", NONE), ("train", ("TRAIN", "1"))]), OUTPUTS],
+        ..ROW
+    },
     Family {
         name: "blend_bwd", file: "blend/blend_bwd.comp", twin: |_| "jvp::jvp", axes: &[ACCUMULATION, OUTPUTS, PIXELS], count: Count::Intersections,
         limit_ns: |s| s.either("ACCUMULATE", 1000.0, 730.0),
@@ -161,6 +170,7 @@ pub static FAMILIES: &[Family] = &[
                 0 => Cost::of(4.0 + 4.0 + 48.0, 0.0),
                 1 => Cost { float_atomics: 12.0, ..Cost::of(4.0, 0.0) },
                 2 => Cost { atomics: 24.0, ..Cost::of(4.0, 0.0) },
+                // Of 64 bits each; the peak is that of 32.
                 _ => Cost { atomics: 12.0, ..Cost::of(4.0, 0.0) },
             };
             let pixels = 8.0 + 16.0 + s.either("FULL", 16.0, 0.0);

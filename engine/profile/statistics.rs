@@ -66,7 +66,8 @@ impl Statistics {
         let chip = chip.unwrap_or(&caps.name).to_owned();
         let (mut compiled, mut left_out) = (Vec::with_capacity(kernels.len()), Vec::new());
         for kernel in kernels {
-            if needs_float_atomics(kernel.spirv) && !caps.float_atomics {
+            let lacks = |capability, has: bool| !has && declares(kernel.spirv, capability);
+            if lacks(ATOMIC_FLOAT32_ADD, caps.float_atomics) || lacks(INT64_ATOMICS, caps.int64_atomics) {
                 left_out.push(kernel.name.to_owned());
                 continue;
             }
@@ -123,7 +124,7 @@ impl Statistics {
             told += &format!("waves unknown: {why}\n");
         }
         if !self.left_out.is_empty() {
-            told += &format!("left out, since the device has no float atomics: {}\n", self.left_out.join(", "));
+            told += &format!("left out, since the device has no atomics of their kind: {}\n", self.left_out.join(", "));
         }
         told
     }
@@ -191,9 +192,13 @@ fn instructions(spirv: &[u8]) -> Vec<Vec<u32>> {
     found
 }
 
-/// Whether it declares the capability AtomicFloat32AddEXT.
-fn needs_float_atomics(spirv: &[u8]) -> bool {
-    instructions(spirv).iter().any(|one| matches!(one.as_slice(), [17, 6033]))
+/// SPIR-V's numbers of capabilities.
+const ATOMIC_FLOAT32_ADD: u32 = 6033;
+const INT64_ATOMICS: u32 = 12;
+
+/// Whether a module declares a capability.
+fn declares(spirv: &[u8], capability: u32) -> bool {
+    instructions(spirv).iter().any(|one| one == &[17, capability])
 }
 
 /// Bytes of the variables in workgroups' storage: 32-bit numbers, vectors, arrays and structs of them, without padding.
@@ -237,12 +242,15 @@ mod tests {
     }
 
     #[test]
-    fn a_module_tells_its_shared_memory_and_whether_it_adds_floats_atomically() {
+    fn a_module_tells_its_shared_memory_and_which_atomics_it_needs() {
         assert_eq!(workgroup_bytes(kernel("adam_idle").spirv), 0);
         // Two subgroups with a count for each of 256 digits.
         assert_eq!(workgroup_bytes(kernel("sort_scatter_w32").spirv), 2048);
-        assert!(needs_float_atomics(kernel("blend_bwd_float_p4").spirv));
-        assert!(!needs_float_atomics(kernel("blend_bwd_fixed_p4").spirv));
+        let needs =
+            |name| [ATOMIC_FLOAT32_ADD, INT64_ATOMICS].map(|capability| declares(kernel(name).spirv, capability));
+        assert_eq!(needs("blend_bwd_float_p4"), [true, false]);
+        assert_eq!(needs("blend_bwd_fixed_p4"), [false, false]);
+        assert_eq!(needs("blend_bwd_fixed64_p4"), [false, true]);
     }
 
     #[test]

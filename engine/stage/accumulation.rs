@@ -3,59 +3,93 @@
 use super::blend::SEGMENT;
 use super::params::Outputs;
 use crate::error::{Error, Result};
+use crate::gpu::KernelInfo;
 use crate::gpu::generated::{self, constants::blend_bwd::SWAP_SEGMENT};
-use crate::gpu::{Gpu, KernelInfo};
+use crate::vk::{Caps, DeviceKind};
 
 /// vec2 per slot: the twelve sums that one intersection gives its splat.
 pub const SLOT_PAIRS: usize = 6;
 
-/// How the gradients of a splat's intersections are added up.
+/// How the gradients of a splat's intersections are added up, as a setting: see [`Accumulation::on`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Accumulation {
-    /// One slot per intersection, added in order: the same bits in every run. 48 bytes an intersection.
+    /// What is fast on the device and gives the same bits in every run.
     #[default]
+    Auto,
+    /// One slot per intersection, added in order: the same bits in every run. 48 bytes an intersection.
     Slots,
     /// Atomic additions of floats: the last bits vary from run to run. The device must have them.
     FloatAtomics,
-    /// Atomic additions of 64-bit integers in two words: the same bits in every run, on every device.
+    /// Atomic additions of 64-bit integers: the same bits in every run, on every device.
     FixedPoint,
     /// Compare and exchange: as float atomics, for devices without them.
     CompareExchange,
 }
 
 impl Accumulation {
-    /// All of them.
-    pub const ALL: [Accumulation; 4] =
-        [Accumulation::Slots, Accumulation::FloatAtomics, Accumulation::FixedPoint, Accumulation::CompareExchange];
+    /// What it comes to on a device. `Auto`: slots on a CPU, where an atomic addition costs more than a slot; fixed point on a GPU,
+    /// where slots cost their fill, a dispatch for each block of a tile, and memory that is read again.
+    pub fn on(self, caps: &Caps) -> Sums {
+        match self {
+            Accumulation::Auto if caps.kind == DeviceKind::Cpu => Sums::Slots,
+            Accumulation::Auto | Accumulation::FixedPoint if caps.int64_atomics => Sums::Fixed64,
+            Accumulation::Auto | Accumulation::FixedPoint => Sums::Fixed32,
+            Accumulation::Slots => Sums::Slots,
+            Accumulation::FloatAtomics => Sums::Floats,
+            Accumulation::CompareExchange => Sums::Swapped,
+        }
+    }
+}
 
-    /// Whether `gpu` can.
+/// How a device adds gradients up.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Sums {
+    /// A slot per intersection.
+    Slots,
+    /// Atomic additions of floats.
+    Floats,
+    /// Fixed point in 64 bits, in two atomic additions of 32 bits, the second with the carry of the first.
+    Fixed32,
+    /// Compare and exchange of floats.
+    Swapped,
+    /// Fixed point in one atomic addition of 64 bits: the same bits as [`Sums::Fixed32`].
+    Fixed64,
+}
+
+impl Sums {
+    /// All of them, in the order of the kernels.
+    pub const ALL: [Sums; 5] = [Sums::Slots, Sums::Floats, Sums::Fixed32, Sums::Swapped, Sums::Fixed64];
+
+    /// Whether a device with `caps` can.
     ///
     /// # Errors
     /// [`Error::NoDevice`] with the remedy.
-    pub fn check(self, gpu: &Gpu) -> Result<()> {
-        if self == Accumulation::FloatAtomics && !gpu.caps().float_atomics {
-            return Err(Error::NoDevice {
-                reason: format!("{} has no float atomics, which accumulation `float_atomics` needs", gpu.caps().name),
-                remedy: "choose accumulation slots, fixed_point or compare_exchange".to_owned(),
-            });
-        }
-        Ok(())
+    pub fn check(self, caps: &Caps) -> Result<()> {
+        let (lacks, needs) = match self {
+            Sums::Floats if !caps.float_atomics => ("float atomics", "accumulation `float_atomics`"),
+            Sums::Fixed64 if !caps.int64_atomics => ("64-bit atomics", "fixed point in one addition"),
+            _ => return Ok(()),
+        };
+        Err(Error::NoDevice {
+            reason: format!("{} has no {lacks}, which {needs} needs", caps.name),
+            remedy: "choose accumulation auto, slots, fixed_point or compare_exchange".to_owned(),
+        })
+    }
+
+    /// Whether they are words of fixed point.
+    pub(super) fn is_fixed(self) -> bool {
+        matches!(self, Sums::Fixed32 | Sums::Fixed64)
     }
 
     /// Entries of a list that one round of the backward kernel walks.
     pub(super) fn segment(self) -> u32 {
-        if self == Accumulation::CompareExchange { SWAP_SEGMENT } else { SEGMENT }
+        if self == Sums::Swapped { SWAP_SEGMENT } else { SEGMENT }
     }
 
     /// The kernel of the blend's adjoint that adds up this way.
     pub(super) fn kernel(self, outputs: Outputs, pixels_per_lane: u32) -> &'static KernelInfo {
-        let axis = match self {
-            Accumulation::Slots => 0,
-            Accumulation::FloatAtomics => 1,
-            Accumulation::FixedPoint => 2,
-            Accumulation::CompareExchange => 3,
-        };
-        generated::blend_bwd(axis, outputs == Outputs::Color, pixels_per_lane == 8)
+        generated::blend_bwd(self as usize, outputs == Outputs::Color, pixels_per_lane == 8)
     }
 }

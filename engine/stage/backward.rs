@@ -1,11 +1,12 @@
 //! From cotangents of a picture to gradients of the parameters: the blend's adjoint, then the projection's, which either
 //! writes gradients or moves the parameters at once.
 
-use super::accumulation::{Accumulation, SLOT_PAIRS};
+use super::accumulation::{SLOT_PAIRS, Sums};
 use super::adam::Optimiser;
 use super::blend::{Blend, SEGMENT, coprime_stride};
-use super::cull::{ARGS_FIRST_GROUP, ARGS_THREADS, Cull, indirect};
-use super::params::{Outputs, Purpose, TILE};
+use super::chunks::Chunks;
+use super::cull::{ARGS_FIRST_GROUP, Cull, indirect};
+use super::params::{Outputs, Purpose};
 use super::planes::Planes;
 use super::project::Eye;
 use super::room::{Room, Size};
@@ -13,8 +14,8 @@ use super::scene::{Group, SceneBuffers};
 use super::tiles::{Lists, Tiles};
 use crate::error::Result;
 use crate::gpu::generated::{
-    self, background_sum, blend_bwd_p4, camera_sum, camera_total, constants, fixed_sums, project_bwd_adam_static_sh0,
-    project_bwd_static_sh0,
+    self, background_sum, blend_bwd_p4, blend_bwd_p8, camera_sum, camera_total, constants, fixed_sums,
+    project_bwd_adam_static_sh0, project_bwd_static_sh0,
 };
 use crate::gpu::{Buf, Gpu, Grid, Recording};
 
@@ -42,12 +43,11 @@ pub struct Backward {
     words: Option<Buf<u32>>,
     d_camera_each: Buf<[f32; 4]>,
     camera_partials: Buf<[f32; 4]>,
-    accumulation: Accumulation,
+    sums: Sums,
     wants_camera: bool,
     // Of the fixed point, a power of two.
     scale: f32,
     outputs: Outputs,
-    blocks_per_tile: u32,
 }
 
 /// The forward pass that gradients are of, as it was recorded.
@@ -78,9 +78,9 @@ pub enum Target<'a> {
 impl Backward {
     /// Buffers for pictures within `room`, blended as `blend` does.
     pub fn new(gpu: &Gpu, scene: &SceneBuffers, blend: &Blend, room: &Room) -> Result<Self> {
-        let Room { active, intersections, pixels, outputs, purpose, accumulation, camera, .. } = *room;
+        let Room { active, intersections, pixels, outputs, purpose, sums, camera, .. } = *room;
         let wants_camera = camera || purpose == Purpose::Gradient;
-        let n_slots = if accumulation == Accumulation::Slots { intersections } else { active };
+        let n_slots = if sums == Sums::Slots { intersections } else { active };
         let gradients = if purpose == Purpose::Gradient { &scene.groups[..] } else { &[] };
         let n_camera = if wants_camera { 2 * active as usize } else { 1 };
         Ok(Backward {
@@ -95,15 +95,15 @@ impl Backward {
                 .collect::<Result<_>>()?,
             n_bad: gpu.alloc("bad gradients", 1)?,
             d_camera: gpu.alloc("d camera", 3)?,
-            carry: gpu.alloc("blend carry", pixels)?,
+            carry: gpu.alloc("blend carry", if blend.chunks.is_some() { 1 } else { pixels })?,
             d_slots: gpu.alloc("d slots", SLOT_PAIRS * n_slots as usize)?,
-            words: match accumulation {
-                Accumulation::FixedPoint => Some(gpu.alloc("d words", FIXED_WORDS * active as usize)?),
-                _ => None,
+            words: match sums.is_fixed() {
+                true => Some(gpu.alloc("d words", FIXED_WORDS * active as usize)?),
+                false => None,
             },
             d_camera_each: gpu.alloc("d camera of each", n_camera)?,
             camera_partials: gpu.alloc("d camera partials", 3 * CAMERA_GROUPS as usize)?,
-            accumulation,
+            sums,
             wants_camera,
             // Terms stay below 2^54: below 2^22 in units of a cotangent. Those of a loss are those of a mean over three
             // channels.
@@ -112,7 +112,6 @@ impl Backward {
                 _ => 32f32.exp2(),
             },
             outputs,
-            blocks_per_tile: TILE * TILE / (gpu.caps().subgroup_size * blend.pixels_per_lane()),
         })
     }
 
@@ -224,7 +223,7 @@ impl Backward {
 
     /// Whether each active Gaussian has one sum rather than a slot per pair.
     fn is_summed(&self) -> u32 {
-        u32::from(self.accumulation != Accumulation::Slots)
+        u32::from(self.sums != Sums::Slots)
     }
 
     /// The sum of what all Gaussians, of which the flat index has `n_flat`, and the background say of the camera.
@@ -248,53 +247,95 @@ impl Backward {
     }
 
     fn record_blend(&self, rec: &mut Recording, drawn: Drawn) {
-        let Drawn { cull, eye: Eye { view, projected, .. }, tiles, lists, blend, size } = drawn;
-        let Size { n_tiles, rounds, .. } = size;
-        let Some(tail) = &blend.tail else { unreachable!("the forward pass was recorded for a backward pass") };
         rec.section("blend bwd");
-        let kernel = self.accumulation.kernel(self.outputs, blend.pixels_per_lane());
         let words = self.words.as_ref().map(Buf::cast);
-        let sums = words.as_ref().unwrap_or(&self.d_slots);
-        rec.fill(sums.slice(), 0);
+        let d_slots = words.as_ref().unwrap_or(&self.d_slots);
+        rec.fill(d_slots.slice(), 0);
+        match &drawn.blend.chunks {
+            Some(chunks) => self.record_chunks(rec, drawn, chunks, d_slots),
+            None => self.record_rounds(rec, drawn, d_slots),
+        }
+        if let Some(words) = &self.words {
+            rec.pass(
+                fixed_sums::Args { count: &drawn.cull.n_active, words, d_slots: &self.d_slots },
+                fixed_sums::Push { inverse_scale: 1.0 / self.scale },
+                drawn.tiles.active_grid(),
+            );
+        }
+    }
+
+    /// Blocks of a tile that go back one dispatch after another: all of them where each slot has one writer at a time.
+    fn dispatches(&self, blend: &Blend) -> u32 {
+        if self.sums == Sums::Slots { blend.blocks_per_tile() } else { 1 }
+    }
+
+    fn record_chunks(&self, rec: &mut Recording, drawn: Drawn, chunks: &Chunks, d_slots: &Buf<[f32; 2]>) {
+        let Drawn { eye: Eye { view, projected, .. }, tiles, lists, blend, size, .. } = drawn;
+        for block in 0..self.dispatches(blend) {
+            let args = blend_bwd_p4::Args {
+                view,
+                tile_order: &tiles.tile_order,
+                tile_first: &tiles.tile_first,
+                splat_ids: &lists.splat_ids,
+                slots: lists.slots.as_ref().unwrap_or(&lists.splat_ids),
+                splats: &projected.splats,
+                tail: tail_of(blend),
+                d_image0: &self.d_image0,
+                tile_last: &tiles.tile_last,
+                d_slots,
+                d_image1: self.d_image1.as_ref().unwrap_or(&self.d_image0),
+                chunk_args: &chunks.args,
+                chunk_items: &chunks.items,
+                chunk0: &chunks.image0,
+                chunk1: &chunks.image1,
+            };
+            let push = blend_bwd_p4::Push { n_tiles: size.n_tiles, block, scale: self.scale };
+            let kernel = self.sums.kernel(self.outputs, blend.pixels_per_lane());
+            rec.pass_variant(kernel, args, push, chunks.grid());
+            rec.scale(1.0 / f64::from(self.dispatches(blend)));
+        }
+    }
+
+    fn record_rounds(&self, rec: &mut Recording, drawn: Drawn, d_slots: &Buf<[f32; 2]>) {
+        let Drawn { eye: Eye { view, projected, .. }, tiles, lists, blend, size, .. } = drawn;
+        let Size { n_tiles, rounds, .. } = size;
+        let kernel = self.sums.kernel(self.outputs, blend.pixels_per_lane());
         let subgroups_per_group = kernel.local / blend.subgroup_size();
-        let is_slots = self.accumulation == Accumulation::Slots;
-        let (n_work, n_dispatches) =
-            if is_slots { (n_tiles, self.blocks_per_tile) } else { (n_tiles * self.blocks_per_tile, 1) };
-        let scale = self.scale;
-        let rounds = rounds * (SEGMENT / self.accumulation.segment());
+        let n_dispatches = self.dispatches(blend);
+        let n_work = n_tiles * blend.blocks_per_tile() / n_dispatches;
+        let rounds = rounds * (SEGMENT / self.sums.segment());
         for round in 0..rounds {
             for block in 0..n_dispatches {
-                let args = blend_bwd_p4::Args {
+                let args = blend_bwd_p8::Args {
                     view,
                     tile_order: &tiles.tile_order,
                     tile_first: &tiles.tile_first,
                     splat_ids: &lists.splat_ids,
                     slots: lists.slots.as_ref().unwrap_or(&lists.splat_ids),
                     splats: &projected.splats,
-                    tail,
+                    tail: tail_of(blend),
                     d_image0: &self.d_image0,
                     carry: &self.carry,
-                    d_slots: sums,
+                    d_slots,
                     d_image1: self.d_image1.as_ref().unwrap_or(&self.d_image0),
                 };
-                let push = blend_bwd_p4::Push {
+                let push = blend_bwd_p8::Push {
                     n_work,
-                    stride: if blend.deals() { coprime_stride(n_work) } else { 1 },
+                    stride: coprime_stride(n_work),
                     block,
                     segment: rounds - 1 - round,
                     first_round: u32::from(round == 0),
-                    scale,
+                    scale: self.scale,
                 };
                 rec.pass_variant(kernel, args, push, Grid::Groups(n_work.div_ceil(subgroups_per_group)));
                 rec.scale(1.0 / f64::from(rounds * n_dispatches));
             }
         }
-        if let Some(words) = &self.words {
-            rec.pass(
-                fixed_sums::Args { count: &cull.n_active, words, d_slots: &self.d_slots },
-                fixed_sums::Push { inverse_scale: 1.0 / scale },
-                indirect(&cull.args, ARGS_THREADS),
-            );
-        }
     }
+}
+
+/// What the forward pass kept of each pixel.
+fn tail_of(blend: &Blend) -> &Buf<[u32; 2]> {
+    let Some(tail) = &blend.tail else { unreachable!("the forward pass was recorded for a backward pass") };
+    tail
 }

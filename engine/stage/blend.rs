@@ -1,11 +1,12 @@
 //! Front-to-back blending of each tile's list.
 
+use super::chunks::Chunks;
 use super::params::{Outputs, Purpose, TILE};
 use super::project::Eye;
 use super::tiles::{Lists, Tiles};
 use crate::error::Result;
 pub use crate::gpu::generated::constants::block::SEGMENT;
-use crate::gpu::generated::{self, blend_fwd_p4, blend_fwd_train_p4};
+use crate::gpu::generated::{self, blend_fwd_p4, blend_fwd_p8, blend_fwd_train_p8};
 use crate::gpu::{Buf, Gpu, Grid, KernelInfo, Recording};
 use crate::vk::DeviceKind;
 
@@ -20,16 +21,22 @@ pub struct Blend {
     kernel: &'static KernelInfo,
     subgroup_size: u32,
     pixels_per_lane: u32,
-    deals: bool,
+    // Of long lists, where they have any.
+    pub(super) chunks: Option<Chunks>,
 }
 
 impl Blend {
-    /// Images of up to `pixels` pixels.
-    pub fn new(gpu: &Gpu, pixels: usize, outputs: Outputs, purpose: Purpose) -> Result<Self> {
+    /// Whether `gpu` cuts long lists into chunks, as a GPU does: where lists follow each other on a few threads, rounds are enough.
+    pub(super) fn has_chunks(gpu: &Gpu) -> bool {
+        gpu.caps().kind != DeviceKind::Cpu
+    }
+
+    /// Images of up to `pixels` pixels, of lists of up to `intersections` entries in all.
+    pub fn new(gpu: &Gpu, pixels: usize, intersections: u32, outputs: Outputs, purpose: Purpose) -> Result<Self> {
         let caps = gpu.caps();
-        let is_cpu = caps.kind == DeviceKind::Cpu;
-        // Eight pixels per lane pay where registers cost nothing; 64 lanes with eight would outgrow a tile.
-        let pixels_per_lane = if is_cpu && caps.subgroup_size <= 32 { 8 } else { 4 };
+        let has_chunks = Blend::has_chunks(gpu);
+        // Eight pixels per lane pay where registers cost nothing.
+        let pixels_per_lane = if has_chunks { 4 } else { 8 };
         let kernel = generated::blend_fwd(purpose != Purpose::Picture, outputs == Outputs::Color, pixels_per_lane == 8);
         Ok(Blend {
             image0: gpu.alloc("image color", pixels)?,
@@ -44,7 +51,22 @@ impl Blend {
             kernel,
             subgroup_size: caps.subgroup_size,
             pixels_per_lane,
-            deals: is_cpu,
+            chunks: match has_chunks {
+                true => Some(Chunks::new(gpu, intersections, outputs, purpose)?),
+                false => None,
+            },
+        })
+    }
+
+    /// Images beside these, of pictures that are blended after each other.
+    pub(super) fn beside(&self, gpu: &Gpu) -> Result<Self> {
+        let alloc_like = |image: &Buf<[f32; 4]>| gpu.alloc::<[f32; 4]>("image of a second eye", image.len());
+        Ok(Blend {
+            image0: alloc_like(&self.image0)?,
+            image1: self.image1.as_ref().map(alloc_like).transpose()?,
+            tail: None,
+            chunks: self.chunks.clone(),
+            ..*self
         })
     }
 
@@ -63,22 +85,73 @@ impl Blend {
         self.subgroup_size
     }
 
-    /// Whether heavy tiles are dealt out, since the device gives each thread one run of workgroups.
-    pub fn deals(&self) -> bool {
-        self.deals
+    /// Blocks of pixels of a tile, one for each subgroup.
+    pub(super) fn blocks_per_tile(&self) -> u32 {
+        TILE * TILE / (self.subgroup_size * self.pixels_per_lane)
     }
 
-    /// Appends blending of `lists` in `rounds` rounds, enough for lists of `rounds * SEGMENT` entries.
+    /// Entries of the longest list that `rounds` rounds reach the end of.
+    pub fn longest(&self, rounds: u32) -> u32 {
+        if self.chunks.is_some() { u32::MAX } else { rounds * SEGMENT }
+    }
+
+    /// Appends blending of `lists` in `rounds` rounds, enough for lists of [`Blend::longest`] entries.
     pub fn record(&self, rec: &mut Recording, tiles: &Tiles, lists: &Lists, eye: Eye, n_tiles: u32, rounds: u32) {
-        let Eye { view, projected, .. } = eye;
         rec.section("blend");
-        let n_blocks = n_tiles * (TILE * TILE / (self.subgroup_size * self.pixels_per_lane));
+        match &self.chunks {
+            Some(chunks) => self.record_chunks(rec, chunks, (tiles, lists), eye, n_tiles),
+            None => self.record_rounds(rec, (tiles, lists), eye, n_tiles, rounds),
+        }
+    }
+
+    fn record_chunks(
+        &self,
+        rec: &mut Recording,
+        chunks: &Chunks,
+        (tiles, lists): (&Tiles, &Lists),
+        eye: Eye,
+        n_tiles: u32,
+    ) {
+        chunks.record_list(rec, tiles, lists, eye, n_tiles);
+        let image0 = &self.image0;
+        let no_tail = image0.cast();
+        let args = blend_fwd_p4::Args {
+            view: eye.view,
+            tile_order: &tiles.tile_order,
+            tile_first: &tiles.tile_first,
+            tile_last: &tiles.tile_last,
+            splat_ids: &lists.splat_ids,
+            splats: &eye.projected.splats,
+            image0,
+            image1: self.image1.as_ref().unwrap_or(image0),
+            tail: self.tail.as_ref().unwrap_or(&no_tail),
+            chunk_args: &chunks.args,
+            chunk_items: &chunks.items,
+            chunk_light: &chunks.light,
+            chunk0: &chunks.image0,
+            chunk1: &chunks.image1,
+            chunk_last: &chunks.last,
+        };
+        rec.pass_variant(self.kernel, args, blend_fwd_p4::Push { n_tiles }, chunks.grid());
+        chunks.record_merge(rec, tiles, eye, (image0, self.image1.as_ref()), self.tail.as_ref());
+    }
+
+    fn record_rounds(
+        &self,
+        rec: &mut Recording,
+        (tiles, lists): (&Tiles, &Lists),
+        eye: Eye,
+        n_tiles: u32,
+        rounds: u32,
+    ) {
+        let Eye { view, projected, .. } = eye;
+        let n_blocks = n_tiles * self.blocks_per_tile();
         let subgroups_per_group = self.kernel.local / self.subgroup_size;
         for round in 0..rounds {
             let image1 = self.image1.as_ref().unwrap_or(&self.image0);
-            let push = blend_fwd_p4::Push {
+            let push = blend_fwd_p8::Push {
                 n_blocks,
-                stride: if self.deals { coprime_stride(n_blocks) } else { 1 },
+                stride: coprime_stride(n_blocks),
                 round,
                 last_round: u32::from(round + 1 == rounds),
             };
@@ -86,7 +159,7 @@ impl Blend {
             let (tile_order, tile_first, tile_last) = (&tiles.tile_order, &tiles.tile_first, &tiles.tile_last);
             let (splat_ids, splats, image0) = (&lists.splat_ids, &projected.splats, &self.image0);
             if let Some(tail) = &self.tail {
-                let args = blend_fwd_train_p4::Args {
+                let args = blend_fwd_train_p8::Args {
                     view,
                     tile_order,
                     tile_first,
@@ -100,7 +173,7 @@ impl Blend {
                 rec.pass_variant(self.kernel, args, push, grid);
             } else {
                 let args =
-                    blend_fwd_p4::Args { view, tile_order, tile_first, tile_last, splat_ids, splats, image0, image1 };
+                    blend_fwd_p8::Args { view, tile_order, tile_first, tile_last, splat_ids, splats, image0, image1 };
                 rec.pass_variant(self.kernel, args, push, grid);
             }
             rec.scale(1.0 / f64::from(rounds));

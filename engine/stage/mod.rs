@@ -6,6 +6,7 @@ mod adam;
 mod backward;
 mod bilateral;
 mod blend;
+mod chunks;
 mod clock;
 mod compact;
 mod counters;
@@ -37,7 +38,7 @@ mod tiles;
 mod window;
 mod workspace;
 
-pub use accumulation::{Accumulation, SLOT_PAIRS};
+pub use accumulation::{Accumulation, SLOT_PAIRS, Sums};
 pub use adam::{AdamMode, BETA1, BETA2, EPS, Optimiser, Rates, State, StepSettings, adam_params, lazy_sums};
 pub use backward::{Backward, Drawn, Target};
 pub use bilateral::{GRID_BYTES, GRID_NUMBERS, GRID_SIZE, GridState, GridStep, Grids};

@@ -1,6 +1,6 @@
 //! The renderer: a scene on the device, with what its frames are made in.
 
-use super::accumulation::Accumulation;
+use super::accumulation::Sums;
 use super::params::{Outputs, Purpose};
 use super::room::{Room, max_active};
 use super::scene::SceneBuffers;
@@ -63,7 +63,8 @@ impl Renderer {
             pixels: 1,
             outputs: Outputs::Color,
             purpose: Purpose::Picture,
-            accumulation: Accumulation::default(),
+            // For cotangents of any size.
+            sums: Sums::Slots,
             camera: false,
             depth_bits: constants.knobs.depth_bits,
         };
@@ -85,9 +86,9 @@ impl Renderer {
     ///
     /// # Errors
     /// [`Error::NoDevice`](crate::Error::NoDevice) when the device cannot.
-    pub fn accumulate(&mut self, accumulation: Accumulation) -> Result<()> {
-        accumulation.check(&self.gpu)?;
-        self.room.accumulation = accumulation;
+    pub fn accumulate(&mut self, sums: Sums) -> Result<()> {
+        sums.check(self.gpu.caps())?;
+        self.room.sums = sums;
         Ok(())
     }
 

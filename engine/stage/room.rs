@@ -1,7 +1,8 @@
 //! How much a frame may hold, and what is to be done when it holds more.
 
-use super::accumulation::{Accumulation, SLOT_PAIRS};
-use super::blend::SEGMENT;
+use super::accumulation::{SLOT_PAIRS, Sums};
+use super::blend::{Blend, SEGMENT};
+use super::chunks;
 use super::params::{Outputs, Purpose};
 use super::project::SPLAT_PLANES;
 use crate::gpu::Gpu;
@@ -35,7 +36,7 @@ pub struct Room {
     /// Whether a backward pass follows.
     pub purpose: Purpose,
     /// How gradients are added up.
-    pub accumulation: Accumulation,
+    pub sums: Sums,
     /// Whether a step of the optimiser needs the camera's gradient too; [`Purpose::Gradient`] always has it.
     pub camera: bool,
     /// Bits of the depth keys, see [`crate::settings::Knobs`].
@@ -45,12 +46,13 @@ pub struct Room {
 impl Room {
     /// Whether each intersection has a slot for its gradient.
     pub(super) fn has_slots(&self) -> bool {
-        self.purpose != Purpose::Picture && self.accumulation == Accumulation::Slots
+        self.purpose != Purpose::Picture && self.sums == Sums::Slots
     }
 
-    /// Intersections whose lists, and slots where there are any, fit one binding.
+    /// Intersections whose lists, and slots or chunks where there are any, fit one binding.
     pub(super) fn max_intersections(&self, gpu: &Gpu) -> u32 {
-        let bytes = if self.has_slots() { 8 * SLOT_PAIRS as u64 } else { 4 };
+        let of_chunks = if Blend::has_chunks(gpu) { chunks::BYTES } else { 4 };
+        let bytes = if self.has_slots() { 8 * SLOT_PAIRS as u64 } else { of_chunks };
         (gpu.caps().max_binding_bytes / bytes).min(u64::from(u32::MAX - 1)) as u32
     }
 

@@ -2,7 +2,6 @@
 
 use super::blend::Blend;
 use super::cull::ARGS_FIRST_GROUP;
-use super::params::Purpose;
 use super::project::{Eye, Projected};
 use super::room::Room;
 use super::workspace::Workspace;
@@ -56,7 +55,7 @@ impl SecondEye {
             grids: gpu.alloc("second grids", ARGS_FIRST_GROUP)?,
             status: gpu.alloc("second status", 1)?,
             projected: work.projected.beside(gpu)?,
-            blend: Blend::new(gpu, room.pixels, room.outputs, Purpose::Picture)?,
+            blend: work.blend.beside(gpu)?,
         })
     }
 }

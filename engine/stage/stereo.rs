@@ -1,6 +1,5 @@
 //! Two eyes that look the same way: they share the culling of the scene, its projection and the sort by depth.
 
-use super::blend::SEGMENT;
 use super::cull::ARGS_FIRST_GROUP;
 use super::job::{Destination, Extent, Job, Launched, Measure, Recorded};
 use super::params::{Outputs, Strip, moment, view_params};
@@ -133,7 +132,7 @@ fn record_first(
     rec.copy(status.slice(), second.status.slice());
     Projected::record_both(rec, scene, cull, [work.eye(), second.eye()]);
     let order = tiles.record_order(rec, cull, projected);
-    let lists = tiles.record(rec, cull, work.eye(), &order, n_tiles, SEGMENT);
+    let lists = tiles.record(rec, cull, work.eye(), &order, n_tiles, blend.longest(1));
     blend.record(rec, tiles, &lists, work.eye(), n_tiles, 1);
     (lists, order)
 }
@@ -147,7 +146,7 @@ fn record_second(
 ) -> Lists {
     rec.section("tiles");
     rec.copy(second.grids.slice(), shared_grids(work));
-    let lists = work.tiles.record(rec, &work.cull, second.eye(), order, n_tiles, SEGMENT);
+    let lists = work.tiles.record(rec, &work.cull, second.eye(), order, n_tiles, second.blend.longest(1));
     second.blend.record(rec, &work.tiles, &lists, second.eye(), n_tiles, 1);
     lists
 }

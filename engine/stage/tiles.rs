@@ -83,6 +83,11 @@ impl Tiles {
         Tiles { depth_bits, ..self }
     }
 
+    /// The grid of a thread per active Gaussian, which `cull.args` lose to the intersections; empty where those did not fit.
+    pub(super) fn active_grid(&self) -> Grid {
+        indirect(&self.emit_args, 0)
+    }
+
     /// Appends the sort of `projected` by depth; gives the active indices, near to far.
     pub fn record_order(&self, rec: &mut Recording, cull: &Cull, projected: &Projected) -> Buf<u32> {
         rec.section("depth sort");
@@ -124,7 +129,7 @@ impl Tiles {
         );
         let (tile_keys, splat_ids) = (&self.tile_keys, &self.splat_ids);
         let splats = &projected.splats;
-        let emit_grid = indirect(&self.emit_args, 0);
+        let emit_grid = self.active_grid();
         match &self.slots {
             None => rec.pass(
                 emit::Args { view, n_active, order, tile_counts, offsets, splats, tile_keys, splat_ids },

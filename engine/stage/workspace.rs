@@ -1,7 +1,7 @@
 //! The buffers of all stages of a frame, and their passes in order.
 
 use super::backward::{Backward, Drawn, Target};
-use super::blend::{Blend, SEGMENT};
+use super::blend::Blend;
 use super::cull::Cull;
 use super::params::Purpose;
 use super::project::{Eye, Projected};
@@ -38,7 +38,7 @@ impl Workspace {
     /// # Errors
     /// `OutOfMemory` naming the buffer that does not fit.
     pub fn new(gpu: &Gpu, scene: &SceneBuffers, room: Room) -> Result<Self> {
-        let blend = Blend::new(gpu, room.pixels, room.outputs, room.purpose)?;
+        let blend = Blend::new(gpu, room.pixels, room.intersections, room.outputs, room.purpose)?;
         Ok(Workspace {
             room,
             view: gpu.alloc("view", 1)?,
@@ -89,7 +89,7 @@ impl Workspace {
         seen(rec);
         self.projected.record(rec, scene, &self.cull, view, status);
         let order = self.tiles.record_order(rec, &self.cull, &self.projected);
-        let lists = self.tiles.record(rec, &self.cull, self.eye(), &order, n_tiles, rounds * SEGMENT);
+        let lists = self.tiles.record(rec, &self.cull, self.eye(), &order, n_tiles, self.blend.longest(rounds));
         self.blend.record(rec, &self.tiles, &lists, self.eye(), n_tiles, rounds);
         lists
     }

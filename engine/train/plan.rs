@@ -8,7 +8,7 @@ use super::terms::{self, TermData};
 use crate::gpu::Gpu;
 use crate::scene::Splats;
 use crate::scene::capture::{Capture, decoded_bytes};
-use crate::stage::{GRID_BYTES, Grids};
+use crate::stage::{GRID_BYTES, Grids, Sums};
 use crate::vk::DeviceKind;
 use std::fmt;
 
@@ -41,6 +41,8 @@ pub struct Workload {
     pub offsets: bool,
     /// Cameras that have a bilateral grid.
     pub grids: u64,
+    /// How gradients are added up.
+    pub sums: Sums,
     /// Pixel rows of the largest picture.
     pub height: u32,
 }
@@ -154,25 +156,40 @@ fn items(work: &Workload, is_host: bool) -> Vec<Item> {
         item("depth order", Active, Gaussian, 4.0, 4.0),
         item("tile counts", Active, Gaussian, 4.0, 4.0),
         item("tile offsets", Active, Gaussian, 4.0, 4.0),
-        item("slot first", Active, Gaussian, 4.0, 4.0),
         item("sort keys", Active, Gaussian, 4.0, 4.0),
         item("sort values", Active, Gaussian, 4.0, 4.0),
         item("sort digits", Active, Gaussian, 0.5, 0.5),
-        item("d slots", Intersections, Intersection, 48.0, 48.0),
         item("tile keys", Intersections, Intersection, 4.0, 4.0),
         item("tile splats", Intersections, Intersection, 4.0, 4.0),
-        item("slots", Intersections, Intersection, 4.0, 4.0),
-        item("sorted splats", Intersections, Intersection, 4.0, 4.0),
         item("sort keys", Intersections, Intersection, 4.0, 4.0),
         item("sort values", Intersections, Intersection, 4.0, 4.0),
         item("sort digits", Intersections, Intersection, 0.5, 0.5),
         item("image color", Pixels, Pixel, 16.0, 16.0),
         item("image tail", Pixels, Pixel, 8.0, 8.0),
         item("d image color", Pixels, Pixel, 16.0, 16.0),
-        item("blend carry", Pixels, Pixel, 8.0, 8.0),
         item("truth", Pixels, Pixel, 4.0, 4.0),
         item("staged truth", Pixels, Pixel, 4.0, 4.0),
     ];
+    if is_host {
+        items.push(item("blend carry", Pixels, Pixel, 8.0, 8.0));
+    } else {
+        let extra = if work.data == TermData::NONE { 0.0 } else { 16.0 };
+        let of_pixel = [("chunk color", 16.0), ("chunk depth flow", extra), ("chunk light", 4.0), ("chunk last", 4.0)];
+        // Two chunks of 256 pixels for 1,024 intersections.
+        items.extend(of_pixel.map(|(name, bytes)| item(name, Intersections, Intersection, bytes / 2.0, bytes / 2.0)));
+    }
+    items.extend(match work.sums {
+        Sums::Slots => vec![
+            item("slot first", Active, Gaussian, 4.0, 4.0),
+            item("d slots", Intersections, Intersection, 48.0, 48.0),
+            item("slots", Intersections, Intersection, 4.0, 4.0),
+            item("sorted splats", Intersections, Intersection, 4.0, 4.0),
+        ],
+        Sums::Floats | Sums::Swapped => vec![item("d slots", Active, Gaussian, 48.0, 48.0)],
+        Sums::Fixed32 | Sums::Fixed64 => {
+            vec![item("d slots", Active, Gaussian, 48.0, 48.0), item("d words", Active, Gaussian, 104.0, 104.0)]
+        }
+    });
     items.extend(terms::buffers(work.data).map(|(name, bytes)| item(name, Pixels, Pixel, bytes, bytes)));
     if work.grids > 0 {
         let of_camera = (GRID_BYTES / 3) as f64;
@@ -274,6 +291,7 @@ impl Plan {
             data: setup.data,
             offsets: !setup.learns_offset.is_empty(),
             grids: setup.has_grid.iter().filter(|has| **has).count() as u64,
+            sums: config.accumulation.on(gpu.caps()),
             height: capture.cameras.iter().map(|camera| camera.intrinsics.height).max().unwrap_or(0),
         };
         let caps = gpu.caps();

@@ -61,7 +61,7 @@ pub struct Caps {
     pub push_descriptors: bool,
     /// Float atomic add on buffers.
     pub float_atomics: bool,
-    /// 64-bit integer atomics on buffers.
+    /// 64-bit integers, and atomics of them on buffers.
     pub int64_atomics: bool,
     /// Arithmetic in half precision.
     pub float16: bool,

@@ -74,17 +74,23 @@ pub(super) fn create_device(
     }
     let priorities = [1.0];
     let queues = [vk::DeviceQueueCreateInfo::default().queue_family_index(queue_family).queue_priorities(&priorities)];
-    let mut v12 = vk::PhysicalDeviceVulkan12Features::default().timeline_semaphore(true);
+    let mut v12 = vk::PhysicalDeviceVulkan12Features::default()
+        .timeline_semaphore(purpose != Purpose::Compiling)
+        .shader_buffer_int64_atomics(caps.int64_atomics);
+    let core = vk::PhysicalDeviceFeatures::default().shader_int64(caps.int64_atomics);
     let mut executable =
         vk::PhysicalDevicePipelineExecutablePropertiesFeaturesKHR::default().pipeline_executable_info(true);
     let mut size_control = vk::PhysicalDeviceSubgroupSizeControlFeatures::default()
         .subgroup_size_control(true)
         .compute_full_subgroups(true);
-    let mut info = vk::DeviceCreateInfo::default().queue_create_infos(&queues).enabled_extension_names(&extensions);
-    info = match purpose {
-        Purpose::Running | Purpose::Showing => info.push_next(&mut v12),
-        Purpose::Compiling => info.push_next(&mut executable),
-    };
+    let mut info = vk::DeviceCreateInfo::default()
+        .queue_create_infos(&queues)
+        .enabled_extension_names(&extensions)
+        .enabled_features(&core)
+        .push_next(&mut v12);
+    if purpose == Purpose::Compiling {
+        info = info.push_next(&mut executable);
+    }
     if caps.subgroup_pinned {
         info = info.push_next(&mut size_control);
     }

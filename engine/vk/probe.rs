@@ -26,6 +26,7 @@ pub(super) struct Answers {
     v12: vk::PhysicalDeviceVulkan12Features<'static>,
     size_control: vk::PhysicalDeviceSubgroupSizeControlFeatures<'static>,
     atomics: vk::PhysicalDeviceShaderAtomicFloatFeaturesEXT<'static>,
+    has_int64: bool,
     memory: vk::PhysicalDeviceMemoryProperties,
     budget: vk::PhysicalDeviceMemoryBudgetPropertiesEXT<'static>,
     queue_family: Option<usize>,
@@ -57,6 +58,7 @@ impl Answers {
             v12: Default::default(),
             size_control: Default::default(),
             atomics: Default::default(),
+            has_int64: false,
             memory: Default::default(),
             budget: Default::default(),
             queue_family: None,
@@ -89,6 +91,8 @@ impl Answers {
             instance.get_physical_device_memory_properties2(physical, &mut memory);
             instance.get_physical_device_queue_family_properties(physical)
         };
+        let has_int64 = features.features.shader_int64 == vk::TRUE;
+        answers.has_int64 = has_int64;
         answers.memory = memory.memory_properties;
         answers.queue_family = families.iter().position(|f| f.queue_flags.contains(vk::QueueFlags::COMPUTE));
         answers.timestamp_bits =
@@ -199,7 +203,7 @@ impl Answers {
             timestamp_bits: self.timestamp_bits,
             push_descriptors: self.has(khr::push_descriptor::NAME),
             float_atomics: self.has_float_atomics() && self.atomics.shader_buffer_float32_atomic_add == vk::TRUE,
-            int64_atomics: v12.shader_buffer_int64_atomics == vk::TRUE,
+            int64_atomics: self.has_int64 && v12.shader_buffer_int64_atomics == vk::TRUE,
             float16: v12.shader_float16 == vk::TRUE,
             is_portability_subset: self.has(khr::portability_subset::NAME),
         })

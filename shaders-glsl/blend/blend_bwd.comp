@@ -1,13 +1,15 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-// Purpose   carries the cotangents of a picture back to the splats, in one of four modes of accumulation.
+// Purpose   carries the cotangents of a picture back to the splats, in one of five modes of accumulation.
 // Equation  with q = g . c over all channels: dL/dalpha = T q - (S + g_T T_N) / (1 - alpha), S <- S + w q, back to front.
 // Grid      slots (no ACCUMULATE): one subgroup per tile, for one of the tile's blocks; the blocks come one dispatch after
 //           another, so that each slot has one writer at a time: plain sums in a fixed order, the same bits in every run.
-//           Otherwise one subgroup per block of a tile, all at once: 1 float atomics (the order, and so the last bits, vary
-//           from run to run), 2 fixed point in 64 bits (the same bits in any order), 3 compare-exchange (as 1, on devices
-//           without float atomics).
+//           CHUNKED: one workgroup per chunk of a long list, then one per tile; of its subgroups that of the block.
+//           Otherwise one subgroup per block of a tile, or of a chunk, all at once: 1 float atomics (the order, and so the last bits, vary
+//           from run to run), 2 fixed point in 64 bits of two words (the same bits in any order), 3 compare-exchange (as 1, on
+//           devices without float atomics), 4 fixed point in one word of 64 bits (the same bits as 2).
 // Reads     the forward pass's lists, final T and last entry; cotangents: d_image0 (colour, alpha), d_image1 (depth,
 //           inverse depth, flow; FULL only). SEGMENT entries a round, the last entries first; T and S stay in `carry`.
+//           CHUNKED: a chunk starts from the T that it left, and from S by the colours behind it, as blend_merge has them.
 // Writes    slots, 6 vec2 each, added to what earlier blocks left:
 //           (h u u, h u w) (h w w, h u) (h w, opacity) (r, g) (b, z) (flow), h = dL/dpower, (u, w) = M d;
 //           with ACCUMULATE the same twelve per active Gaussian (fixed point: FIXED_WORDS, see fixed.glsl).
@@ -25,9 +27,13 @@
 #include "block.glsl"
 #if ACCUMULATE == 1
 #extension GL_EXT_shader_atomic_float : require
-#elif ACCUMULATE == 2
+#elif ACCUMULATE == 2 || ACCUMULATE == 4
 #include "finite.glsl"
 #include "fixed.glsl"
+#endif
+#if ACCUMULATE == 4
+#extension GL_EXT_shader_explicit_arithmetic_types_int64 : require
+#extension GL_EXT_shader_atomic_int64 : require
 #endif
 
 layout(local_size_x = 64) in;
@@ -41,8 +47,13 @@ const uint SWAP_SEGMENT = 8192u;
 #endif
 const float LN_2 = 0.6931471805599453;
 
+#ifdef CHUNKED
+// block: that of the slots' dispatch. scale: of the fixed point.
+layout(push_constant) uniform Push { uint n_tiles; uint block; float scale; } pc;
+#else
 // n_work: tiles, or blocks of all tiles with ACCUMULATE. scale: of the fixed point.
 layout(push_constant) uniform Push { uint n_work; uint stride; uint block; uint segment; uint first_round; float scale; } pc;
+#endif
 layout(set = 0, binding = 0) uniform View { ViewParams view; };
 layout(set = 0, binding = 1) restrict readonly buffer TileOrder { uint tile_order[]; };
 layout(set = 0, binding = 2) restrict readonly buffer TileFirst { uint tile_first[]; };
@@ -51,9 +62,15 @@ layout(set = 0, binding = 4) restrict readonly buffer Slots { uint slots[]; };
 layout(set = 0, binding = 5) restrict readonly buffer Splats { vec4 splats[]; };
 layout(set = 0, binding = 6) restrict readonly buffer Tail { uvec2 tail[]; };
 layout(set = 0, binding = 7) restrict readonly buffer DImage0 { vec4 d_image0[]; };
+#ifdef CHUNKED
+layout(set = 0, binding = 8) restrict readonly buffer TileLast { uint tile_last[]; };
+#else
 layout(set = 0, binding = 8) restrict buffer Carry { vec2 carry[]; };
+#endif
 #if ACCUMULATE == 1
 layout(set = 0, binding = 9) restrict buffer DSlots { float d_slots[]; };
+#elif ACCUMULATE == 4
+layout(set = 0, binding = 9) restrict buffer DSlots { uint64_t d_slots[]; };
 #elif ACCUMULATE >= 2
 layout(set = 0, binding = 9) restrict buffer DSlots { uint d_slots[]; };
 #else
@@ -61,6 +78,13 @@ layout(set = 0, binding = 9) restrict buffer DSlots { vec2 d_slots[]; };
 #endif
 // Bound to d_image0 where not FULL, and not read.
 layout(set = 0, binding = 10) restrict readonly buffer DImage1 { vec4 d_image1[]; };
+#ifdef CHUNKED
+layout(set = 0, binding = 11) restrict readonly buffer ChunkArgs { uint chunk_args[]; };
+layout(set = 0, binding = 12) restrict readonly buffer ChunkItems { uvec2 chunk_items[]; };
+layout(set = 0, binding = 13) restrict readonly buffer Chunk0 { vec4 chunk0[]; };
+// Bound to chunk0 where not FULL, and not read.
+layout(set = 0, binding = 14) restrict readonly buffer Chunk1 { vec4 chunk1[]; };
+#endif
 
 // Adds x to sum c of active Gaussian `id`.
 #if ACCUMULATE == 1
@@ -76,6 +100,17 @@ void accumulate(uint id, uint c, float x) {
     const uint at = FIXED_WORDS * id + 2u * c;
     const uint old = atomicAdd(d_slots[at], word.x);
     atomicAdd(d_slots[at + 1u], word.y + uint(old + word.x < old));
+}
+#elif ACCUMULATE == 4
+void accumulate(uint id, uint c, float x) {
+    uvec2 word;
+    const bool fits = to_fixed(x * pc.scale, word);
+    const uint at = FIXED_WORDS / 2u * id;
+    if (fits) {
+        atomicAdd(d_slots[at + c], packUint2x32(word));
+    } else {
+        atomicOr(d_slots[at + FIXED_POISON / 2u], uint64_t(1u));
+    }
 }
 #elif ACCUMULATE == 3
 void accumulate(uint id, uint c, float x) {
@@ -102,6 +137,23 @@ void main() {
     const uint lane = gl_SubgroupInvocationID;
     const uint n_lanes = gl_SubgroupSize;
     const BlockShape shape = block_shape();
+#ifdef CHUNKED
+    const uint n_chunks = chunk_args[4u * CHUNK_ITEMS + 3u];
+    const uint work = linear_group();
+    const bool is_chunk = work < n_chunks;
+    const uint place = min(is_chunk ? 0u : work - n_chunks, pc.n_tiles - 1u);
+    const uvec2 item = is_chunk ? chunk_items[work] : uvec2(tile_order[place], 0u);
+    const uint tile = item.x;
+    const uint begin = tile_first[tile] + item.y * CHUNK;
+#if ACCUMULATE > 0
+    const bool is_other = false;
+#else
+    const bool is_other = gl_SubgroupID != pc.block;
+#endif
+    // Work beyond the last tile, or a tile that has chunks, or another dispatch's block.
+    if (is_other || (!is_chunk && (work - n_chunks > place || begin + CHUNK < tile_last[tile]))) return;
+    const uvec2 first = block_first(view, shape, tile, gl_SubgroupID);
+#else
     const uint slot = linear_group() * (64u / n_lanes) + gl_SubgroupID;
     if (slot >= pc.n_work) return;
     const uint dealt = (slot * pc.stride) % pc.n_work;
@@ -112,14 +164,17 @@ void main() {
     const uint tile = tile_order[dealt];
     const uvec2 first = block_first(view, shape, tile, pc.block);
 #endif
+#endif
     const uint x = first.x + lane % shape.columns;
     const uint y = first.y + lane / shape.columns;
     const vec2 corner = vec2(float(first.x), float(view.first_row + first.y)) + 0.5;
     const float center_x = float(x) + 0.5;
     const float center_y = float(view.first_row + y) + 0.5;
 
+#ifndef CHUNKED
     const uint segment = unfolded(pc.segment);
     const bool is_first_round = unfolded(pc.first_round) != 0u;
+#endif
     // Of each pixel: transmittance behind the entry at hand, sum over later entries, entries added, cotangents.
     float T[PIXELS];
     float S[PIXELS];
@@ -145,15 +200,32 @@ void main() {
 #ifdef FULL
         g_extra[k] = d_image1[pixel];
 #endif
+#ifdef CHUNKED
+        if (is_chunk) {
+            const uint at = work * TILE * TILE + pixel_of_tile(shape, lane, k);
+            const vec4 saved = chunk0[at];
+            T[k] = abs(saved.w);
+            S[k] = dot(g[k], saved.xyz);
+#ifdef FULL
+            const vec4 other = chunk1[at];
+            S[k] += dot(g_extra[k], vec4(view.depth_to_alpha * other.xy, other.zw));
+#endif
+        }
+#else
         if (!is_first_round) {
             const vec2 saved = carry[pixel];
             T[k] = saved.x;
             S[k] = saved.y;
         }
+#endif
         last = max(last, n_last[k]);
     }
+#ifdef CHUNKED
+    uint end = min(subgroupMax(last), begin + CHUNK);
+#else
     const uint begin = tile_first[tile] + segment * WALKED;
     uint end = min(subgroupMax(last), begin + WALKED);
+#endif
     bool more = begin < end;
     while (more) {
         // Lane i looks at the i-th entry from the end.
@@ -264,8 +336,10 @@ void main() {
         end -= min(n_lanes, end - begin);
         more = begin < end;
     }
+#ifndef CHUNKED
     for (uint k = 0u; k < PIXELS; ++k) {
         const uint row = y + k * shape.lane_rows;
         if (segment > 0u && x < view.width && row < view.n_rows) carry[row * view.width + x] = vec2(T[k], S[k]);
     }
+#endif
 }

@@ -2,9 +2,10 @@
 //! `IVV_TEST_DEVICE`, `IVV_TEST_NO_PUSH_DESCRIPTORS`, `IVV_TEST_SYNC_VALIDATION`, `IVV_TEST_REWRITE`, and the drivers' own
 //! variables.
 
+use crate::adversary;
 use ivv::extremes::Bench;
 use ivv::gpu::{Gpu, Options, Rewrite};
-use ivv::vk::DeviceChoice;
+use ivv::vk::{DeviceChoice, DeviceKind};
 use std::cell::RefCell;
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
@@ -58,6 +59,19 @@ pub fn gpu() -> Watched {
     Watched(GPU.get_or_init(|| open(&options())).clone())
 }
 
+/// The device of this lane, taken for a GPU: its kernels have the shapes for GPUs, and subgroups of the device's own width.
+pub fn as_gpu() -> Watched {
+    static GPU: OnceLock<Arc<Gpu>> = OnceLock::new();
+    let own = gpu();
+    if own.caps().kind != DeviceKind::Cpu {
+        return own;
+    }
+    let plain = Rewrite { subgroup_size: None, spirv: |kernel| kernel.spirv.to_vec() };
+    let rewrite = Rewrite { subgroup_size: Some(own.caps().subgroup_size), ..adversary::rewrite().unwrap_or(plain) };
+    take_turn();
+    Watched(GPU.get_or_init(|| open(&Options { rewrite: Some(rewrite), ..options() })).clone())
+}
+
 /// A device of its own, opened as the lane's, whose kernels are `rewrite`'s.
 pub fn rewritten(rewrite: Rewrite) -> Watched {
     opened(&Options { rewrite: Some(rewrite), ..options() })
@@ -97,8 +111,8 @@ pub fn options() -> Options {
             surface: Vec::new(),
         },
         poison: true,
-        rewrite: crate::adversary::rewrite(),
-        reversed: crate::adversary::reversed(),
+        rewrite: adversary::rewrite(),
+        reversed: adversary::reversed(),
     }
 }
 

@@ -137,7 +137,7 @@ impl Fixture {
         let params = view_params(view, &Constants::default(), self.scene.origin, strip);
         self.gpu.write(&self.view, &[params]).unwrap();
         let tiles = Tiles::new(&self.gpu, self.scene.n.max(1), INTERSECTIONS, n_tiles, false).unwrap();
-        let blend = Blend::new(&self.gpu, n_pixels, Outputs::All, Purpose::Picture).unwrap();
+        let blend = Blend::new(&self.gpu, n_pixels, INTERSECTIONS, Outputs::All, Purpose::Picture).unwrap();
         let mut rec = Recording::new();
         rec.fill(self.status.slice(), 0);
         self.cull.record(&mut rec, &self.scene, &self.view, &self.status);

@@ -1,4 +1,4 @@
-//! The four ways of adding gradients up.
+//! The ways of adding gradients up.
 
 use super::check::{bits, cotangents, dot, flat, smooth_cotangents};
 use crate::common::device::gpu;
@@ -7,17 +7,18 @@ use crate::common::twins::tested;
 use ivv::Constants;
 use ivv::extremes::adjoint::group_error;
 use ivv::scene::{Frame, Splats};
-use ivv::stage::{Accumulation, Gradients, Renderer};
+use ivv::stage::{Accumulation, Gradients, Renderer, Sums};
+use ivv::vk::{Caps, DeviceKind};
 
 tested! {
     "blend/fixed_sums.comp" by jvp in all_ways_agree_with_each_other_and_with_dual_numbers;
 }
 
-fn gradients(splats: &Splats, mode: Accumulation) -> Option<Gradients> {
+fn gradients(splats: &Splats, mode: Sums) -> Option<Gradients> {
     gradients_of(splats, mode, &cotangents(3, &view(), |_| false))
 }
 
-fn gradients_of(splats: &Splats, mode: Accumulation, cotangents: &Frame) -> Option<Gradients> {
+fn gradients_of(splats: &Splats, mode: Sums, cotangents: &Frame) -> Option<Gradients> {
     let (gpu, view) = (gpu(), view());
     let mut renderer = Renderer::new(gpu.clone(), splats, Constants::default()).unwrap();
     if let Err(reason) = renderer.accumulate(mode) {
@@ -32,8 +33,8 @@ fn gradients_of(splats: &Splats, mode: Accumulation, cotangents: &Frame) -> Opti
 #[test]
 fn all_ways_agree_with_each_other_and_with_dual_numbers() {
     let splats = scene(8, 300, 1);
-    let slots = gradients(&splats, Accumulation::Slots).unwrap();
-    for mode in Accumulation::ALL {
+    let slots = gradients(&splats, Sums::Slots).unwrap();
+    for mode in Sums::ALL {
         let Some(found) = gradients(&splats, mode) else { continue };
         assert_eq!(found.n_bad, 0, "{mode:?}");
         for name in ["position", "rotation", "scale", "opacity", "sh", "velocity", "t_center", "t_scale"] {
@@ -46,7 +47,7 @@ fn all_ways_agree_with_each_other_and_with_dual_numbers() {
     }
     let (splats, view) = (scene(31, 60, 1), view());
     let smooth = smooth_cotangents(4, &splats, &view);
-    for mode in Accumulation::ALL {
+    for mode in Sums::ALL {
         let Some(found) = gradients_of(&splats, mode, &smooth) else { continue };
         for name in ["position", "rotation", "scale", "opacity", "sh", "velocity", "t_center", "t_scale"] {
             let error = group_error(&found, name, &splats, &view, &smooth).expect("a gradient");
@@ -58,8 +59,9 @@ fn all_ways_agree_with_each_other_and_with_dual_numbers() {
 #[test]
 fn slots_and_fixed_point_give_the_same_bits_in_every_run() {
     let splats = scene(9, 400, 0);
-    for mode in [Accumulation::Slots, Accumulation::FixedPoint] {
-        let first = bits(&gradients(&splats, mode).unwrap());
+    for mode in [Sums::Slots, Sums::Fixed32, Sums::Fixed64] {
+        let Some(first) = gradients(&splats, mode) else { continue };
+        let first = bits(&first);
         assert!(first.iter().any(|x| *x != 0));
         for _ in 0..3 {
             assert_eq!(first, bits(&gradients(&splats, mode).unwrap()), "{mode:?}");
@@ -68,15 +70,73 @@ fn slots_and_fixed_point_give_the_same_bits_in_every_run() {
 }
 
 #[test]
+fn fixed_point_in_one_word_gives_the_bits_of_two() {
+    // One word carries where the other adds its own carry: sums of both signs, and words of zeros.
+    for (seed, n) in [(11, 1), (12, 40), (13, 900)] {
+        let splats = scene(seed, n, 1);
+        let Some(one) = gradients(&splats, Sums::Fixed64) else { return };
+        let two = gradients(&splats, Sums::Fixed32).unwrap();
+        if crate::adversary::rounds_otherwise("two kernels are compared to the bit") {
+            return;
+        }
+        assert!(bits(&one).iter().any(|x| *x != 0));
+        assert_eq!(bits(&one), bits(&two), "{n} Gaussians");
+    }
+}
+
+#[test]
+fn gaussians_count_where_they_are_more_than_intersections() {
+    // All are active and few touch a tile, the last ones.
+    let mut splats = scene(14, 3000, 0);
+    splats.opacity[..2990].fill(-9.0);
+    let slots = gradients(&splats, Sums::Slots).unwrap();
+    let b = flat(&slots, "opacity");
+    assert!(b[2990..].iter().filter(|x| **x != 0.0).count() > 4 && b[..2990].iter().all(|x| *x == 0.0));
+    for mode in Sums::ALL {
+        let Some(found) = gradients(&splats, mode) else { continue };
+        let a = flat(&found, "opacity");
+        let difference: Vec<f64> = a.iter().zip(&b).map(|(a, b)| a - b).collect();
+        let error = (dot(&difference, &difference) / dot(&b, &b)).sqrt();
+        assert!(error <= 2e-6, "{mode:?}: opacity differs by {error:e}");
+    }
+}
+
+#[test]
+fn auto_is_what_repeats_slots_on_a_cpu_and_integers_on_a_gpu() {
+    let gpu = gpu();
+    let caps = |kind, int64_atomics, float_atomics| Caps { kind, int64_atomics, float_atomics, ..gpu.caps().clone() };
+    let auto = |kind, int64| Accumulation::Auto.on(&caps(kind, int64, true));
+    assert_eq!(auto(DeviceKind::Cpu, true), Sums::Slots);
+    assert_eq!(auto(DeviceKind::DiscreteGpu, true), Sums::Fixed64);
+    assert_eq!(auto(DeviceKind::IntegratedGpu, false), Sums::Fixed32);
+    assert_eq!(Accumulation::FixedPoint.on(&caps(DeviceKind::Cpu, true, false)), Sums::Fixed64);
+    assert_eq!(Accumulation::FixedPoint.on(&caps(DeviceKind::Cpu, false, false)), Sums::Fixed32);
+    let poor = caps(DeviceKind::DiscreteGpu, false, false);
+    for sums in Sums::ALL {
+        let lacks = sums.check(&poor).err().map(|e| e.to_string()).unwrap_or_default();
+        let says = match sums {
+            Sums::Floats => "no float atomics",
+            Sums::Fixed64 => "no 64-bit atomics",
+            _ => "",
+        };
+        assert!(lacks.contains(says) && lacks.is_empty() == says.is_empty(), "{sums:?}: {lacks}");
+    }
+}
+
+#[test]
 fn a_cotangent_beyond_the_fixed_point_s_range_is_counted_and_never_wraps() {
     let (gpu, view) = (gpu(), view());
     let splats = scene(10, 60, 0);
-    for size in [1e9f32, 1e30, f32::INFINITY, f32::NAN] {
+    let sizes = [1e9f32, 1e30, f32::INFINITY, f32::NAN];
+    for (size, sums) in sizes.into_iter().flat_map(|size| [Sums::Fixed32, Sums::Fixed64].map(|sums| (size, sums))) {
         let mut huge = cotangents(4, &view, |_| true);
         huge.color[(28 * view.intrinsics.width + 40) as usize] = [size, 0.0, 0.0];
         let mut renderer = Renderer::new(gpu.clone(), &splats, Constants::default()).unwrap();
-        renderer.accumulate(Accumulation::FixedPoint).unwrap();
+        if let Err(reason) = renderer.accumulate(sums) {
+            crate::common::notes::skip(reason);
+            continue;
+        }
         let (found, _) = renderer.vjp(&view, &huge).unwrap();
-        assert!(found.n_bad > 0 && super::check::is_finite(&found), "{size:e}");
+        assert!(found.n_bad > 0 && super::check::is_finite(&found), "{sums:?}: {size:e}");
     }
 }

@@ -7,9 +7,7 @@ use crate::common::random::{scene, view};
 use ivv::Constants;
 use ivv::gpu::Recording;
 use ivv::scene::{FlowModel, Frame, Pose, View};
-use ivv::stage::{
-    Accumulation, Outputs, Purpose, Renderer, Room, SceneBuffers, Size, Strip, Target, Workspace, view_params,
-};
+use ivv::stage::{Outputs, Purpose, Renderer, Room, SceneBuffers, Size, Strip, Sums, Target, Workspace, view_params};
 use ivv::twin::render_f64;
 
 /// [`view`], and a frame on turned by 0.05 about its y axis and shifted.
@@ -88,7 +86,7 @@ fn a_detached_depth_moves_places_and_no_opacities() {
         pixels: n_pixels as usize,
         outputs: Outputs::All,
         purpose: Purpose::Gradient,
-        accumulation: Accumulation::Slots,
+        sums: Sums::Slots,
         camera: false,
         depth_bits: 32,
     };

@@ -4,7 +4,7 @@ use crate::common::device::gpu;
 use crate::common::golden::{CASES, Golden, load};
 use ivv::Constants;
 use ivv::scene::Frame;
-use ivv::stage::{Accumulation, Gradients, Renderer};
+use ivv::stage::{Gradients, Renderer, Sums};
 
 /// The golden cotangents as a frame.
 fn cotangents(golden: &Golden) -> Frame {
@@ -45,7 +45,7 @@ fn groups(d: &Gradients, is_dynamic: bool) -> Vec<(&'static str, Vec<f64>)> {
 #[test]
 fn gradients_match_the_golden_truth_to_1e_4_with_a_cosine_of_0_99999() {
     let gpu = gpu();
-    for (case, mode) in CASES.iter().flat_map(|case| Accumulation::ALL.map(|mode| (*case, mode))) {
+    for (case, mode) in CASES.iter().flat_map(|case| Sums::ALL.map(|mode| (*case, mode))) {
         let Some(golden) = load(case) else { continue };
         let mut renderer = Renderer::new(gpu.clone(), &golden.splats, Constants::default()).unwrap();
         if let Err(reason) = renderer.accumulate(mode) {

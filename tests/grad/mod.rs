@@ -4,10 +4,11 @@ mod accumulation;
 mod adjoint;
 mod camera;
 mod check;
+mod chunks;
 mod flow;
 mod golden;
 
 use crate::common::twins::Tested;
 
 /// Every gradient test that has a twin.
-pub const TESTED: &[&[Tested]] = &[accumulation::TESTED, adjoint::TESTED, camera::TESTED];
+pub const TESTED: &[&[Tested]] = &[accumulation::TESTED, adjoint::TESTED, camera::TESTED, chunks::TESTED];

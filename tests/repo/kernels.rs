@@ -3,6 +3,7 @@
 use super::{files, text, without_comments, words};
 use crate::common::twins::Tested;
 use ivv::gpu::table::{KERNELS, Spec};
+use rspirv::spirv::Capability;
 use std::collections::BTreeSet;
 use std::process::Command;
 
@@ -224,6 +225,33 @@ fn no_shader_has_more_than_24_bindings() {
         let n_bindings = places.max().map_or(0, |last| last + 1);
         assert!((2..=24).contains(&n_bindings), "{shader}: {n_bindings} bindings");
     }
+}
+
+/// Capabilities that not every device has: SPIR-V's names, and the definition of the kernels that may declare them.
+const OPTIONAL: [(&[Capability], (&str, usize)); 2] = [
+    (&[Capability::Int64, Capability::Int64Atomics], ("ACCUMULATE", 4)),
+    (&[Capability::AtomicFloat32AddEXT], ("ACCUMULATE", 1)),
+];
+
+#[test]
+fn only_the_variants_for_devices_that_have_them_use_64_bit_integers_and_float_atomics() {
+    let is_common = |capability: &Capability| {
+        let name = format!("{capability:?}");
+        name == "Shader" || name.starts_with("GroupNonUniform")
+    };
+    let mut n_optional = 0;
+    for row in KERNELS.iter() {
+        let spirv = std::fs::read(super::root().join(format!("shaders-glsl/spv/{}.spv", row.name))).unwrap();
+        let module = rspirv::dr::load_bytes(spirv).unwrap();
+        for capability in module.capabilities.iter().map(|i| i.operands[0].unwrap_capability()) {
+            let found = OPTIONAL.iter().find(|(capabilities, _)| capabilities.contains(&capability));
+            let is_allowed = found.map_or(is_common(&capability), |(_, (define, value))| row.value(define) == *value)
+                || (capability == Capability::AtomicFloat32AddEXT && row.name == "probe_atomic_float");
+            assert!(is_allowed, "{}: {capability:?}", row.name);
+            n_optional += usize::from(found.is_some());
+        }
+    }
+    assert!(n_optional > 8, "only {n_optional} declarations of optional capabilities");
 }
 
 #[test]

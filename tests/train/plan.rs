@@ -3,6 +3,7 @@
 use super::{Tiny, drive};
 use crate::common::device::gpu;
 use ivv::Constants;
+use ivv::stage::{Accumulation, Sums};
 use ivv::train::{BoundBy, Class, Config, Limits, Plan, Setup, TermData, Trainer, Workload, from_points};
 use ivv::vk::DeviceKind;
 use std::collections::BTreeMap;
@@ -22,6 +23,7 @@ fn workload() -> Workload {
         data: TermData::NONE,
         offsets: false,
         grids: 0,
+        sums: Sums::Slots,
         height: 360,
     }
 }
@@ -32,14 +34,20 @@ fn the_plan_is_what_a_trainer_allocates_buffer_by_buffer() {
     let tiny = Tiny::new("plan");
     let gpu = gpu();
     // Pictures of 64 x 48 and thousands of Gaussians: every class counts.
-    for (sh_degree, is_dynamic, moment_bits) in [(0, true, 16), (1, false, 16), (3, true, 32)] {
+    let cases = [
+        (0, true, 16, Accumulation::Slots),
+        (1, false, 16, Accumulation::FixedPoint),
+        (2, false, 32, Accumulation::CompareExchange),
+        (3, true, 32, Accumulation::Auto),
+    ];
+    for (sh_degree, is_dynamic, moment_bits, accumulation) in cases {
         let mut capture = tiny.capture.clone();
         if !is_dynamic {
             capture.n_frames = 1;
             capture.cameras.iter_mut().for_each(|camera| camera.shots.retain(|shot| shot.frame == 0));
         }
         let points: Vec<_> = (0..20).flat_map(|_| capture.points.clone()).collect();
-        let config = Config { sh_degree, moment_bits, ..Config::default() };
+        let config = Config { sh_degree, moment_bits, accumulation, ..Config::default() };
         let begin = from_points(&points, &capture, &config);
         let before = gpu.device().memory().0;
         let mut trainer = Trainer::new(
@@ -70,6 +78,7 @@ fn the_plan_is_what_a_trainer_allocates_buffer_by_buffer() {
             data: TermData { depth: true, flow: true },
             offsets: is_dynamic,
             grids: if is_dynamic { 4 } else { 0 },
+            sums: accumulation.on(gpu.caps()),
             height: 48,
             ..workload()
         };

@@ -63,8 +63,10 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     };
     let cotangents = cotangents(args, view)?;
     let splats = read_scene(&args.scene)?;
-    let mut renderer = Renderer::new(args.device.open()?, &splats, constants)?;
-    renderer.accumulate(args.accumulation.into())?;
+    let gpu = args.device.open()?;
+    let sums = Accumulation::from(args.accumulation).on(gpu.caps());
+    let mut renderer = Renderer::new(gpu, &splats, constants)?;
+    renderer.accumulate(sums)?;
     let (gradients, report) = renderer.vjp(view, &cotangents)?;
     if gradients.n_bad > 0 {
         let what = format!("the gradient of view `{}`", view.name);

@@ -7,6 +7,104 @@ pub mod blend_fwd_p4 {
     #[repr(C)]
     #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
     pub struct Push {
+        /// `n_tiles` of the shader.
+        pub n_tiles: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 4);
+        assert!(std::mem::offset_of!(Push, n_tiles) == 0);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub view: &'a Buf<crate::gpu::generated::ViewParams>,
+        /// Reads.
+        pub tile_order: &'a Buf<u32>,
+        /// Reads.
+        pub tile_first: &'a Buf<u32>,
+        /// Reads.
+        pub tile_last: &'a Buf<u32>,
+        /// Reads.
+        pub splat_ids: &'a Buf<u32>,
+        /// Reads.
+        pub splats: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub image0: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub image1: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub tail: &'a Buf<[u32; 2]>,
+        /// Reads.
+        pub chunk_args: &'a Buf<u32>,
+        /// Reads.
+        pub chunk_items: &'a Buf<[u32; 2]>,
+        /// Reads.
+        pub chunk_light: &'a Buf<f32>,
+        /// Writes.
+        pub chunk0: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub chunk1: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub chunk_last: &'a Buf<u32>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = INFO;
+        fn slices(&self) -> Vec<Slice> {
+            vec![
+                self.view.slice(),
+                self.tile_order.slice(),
+                self.tile_first.slice(),
+                self.tile_last.slice(),
+                self.splat_ids.slice(),
+                self.splats.slice(),
+                self.image0.slice(),
+                self.image1.slice(),
+                self.tail.slice(),
+                self.chunk_args.slice(),
+                self.chunk_items.slice(),
+                self.chunk_light.slice(),
+                self.chunk0.slice(),
+                self.chunk1.slice(),
+                self.chunk_last.slice(),
+            ]
+        }
+    }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "blend_fwd_p4",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../../shaders-glsl/spv/blend_fwd_p4.spv"),
+        local: 64,
+        subgroups: true,
+        floats: 0x38e0,
+        bindings: &[
+            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+            BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tile_last", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "image0", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "image1", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "chunk_args", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "chunk_items", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "chunk_light", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "chunk0", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "chunk1", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "chunk_last", kind: BindingKind::Storage, access: Access::Write },
+        ],
+    };
+}
+
+/// blends each tile's Gaussians front to back into colour, alpha, depth, inverse depth and flow.
+pub mod blend_fwd_p8 {
+    use crate::gpu::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
         /// `n_blocks` of the shader.
         pub n_blocks: u32,
         /// `stride` of the shader.
@@ -60,9 +158,9 @@ pub mod blend_fwd_p4 {
     }
     /// What the device needs to know.
     pub const INFO: &KernelInfo = &KernelInfo {
-        name: "blend_fwd_p4",
+        name: "blend_fwd_p8",
         push_bytes: size_of::<Push>() as u32,
-        spirv: include_bytes!("../../../shaders-glsl/spv/blend_fwd_p4.spv"),
+        spirv: include_bytes!("../../../shaders-glsl/spv/blend_fwd_p8.spv"),
         local: 64,
         subgroups: true,
         floats: 0xe0,
@@ -78,13 +176,13 @@ pub mod blend_fwd_p4 {
         ],
     };
 }
-crate::gpu::kernel::variant!(blend_fwd_p8 of blend_fwd_p4);
 crate::gpu::kernel::variant!(blend_fwd_color_p4 of blend_fwd_p4);
-crate::gpu::kernel::variant!(blend_fwd_color_p8 of blend_fwd_p4);
+crate::gpu::kernel::variant!(blend_fwd_color_p8 of blend_fwd_p8);
+crate::gpu::kernel::variant!(blend_fwd_train_p4 of blend_fwd_p4);
 
 /// blends each tile's Gaussians front to back into colour, alpha, depth, inverse depth and flow.
-pub mod blend_fwd_train_p4 {
-    pub use super::blend_fwd_p4::Push;
+pub mod blend_fwd_train_p8 {
+    pub use super::blend_fwd_p8::Push;
     use crate::gpu::kernel::*;
     /// The kernel's buffers.
     pub struct Args<'a> {
@@ -126,9 +224,9 @@ pub mod blend_fwd_train_p4 {
     }
     /// What the device needs to know.
     pub const INFO: &KernelInfo = &KernelInfo {
-        name: "blend_fwd_train_p4",
+        name: "blend_fwd_train_p8",
         push_bytes: size_of::<Push>() as u32,
-        spirv: include_bytes!("../../../shaders-glsl/spv/blend_fwd_train_p4.spv"),
+        spirv: include_bytes!("../../../shaders-glsl/spv/blend_fwd_train_p8.spv"),
         local: 64,
         subgroups: true,
         floats: 0xe0,
@@ -145,12 +243,310 @@ pub mod blend_fwd_train_p4 {
         ],
     };
 }
-crate::gpu::kernel::variant!(blend_fwd_train_p8 of blend_fwd_train_p4);
-crate::gpu::kernel::variant!(blend_fwd_train_color_p4 of blend_fwd_train_p4);
-crate::gpu::kernel::variant!(blend_fwd_train_color_p8 of blend_fwd_train_p4);
+crate::gpu::kernel::variant!(blend_fwd_train_color_p4 of blend_fwd_p4);
+crate::gpu::kernel::variant!(blend_fwd_train_color_p8 of blend_fwd_train_p8);
 
-/// carries the cotangents of a picture back to the splats, in one of four modes of accumulation.
+/// lists the chunks of the lists that are longer than one, and makes grids over them.
+pub mod chunk_list {
+    use crate::gpu::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `n_tiles` of the shader.
+        pub n_tiles: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 4);
+        assert!(std::mem::offset_of!(Push, n_tiles) == 0);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub tile_first: &'a Buf<u32>,
+        /// Reads.
+        pub tile_last: &'a Buf<u32>,
+        /// ReadWrites.
+        pub chunk_args: &'a Buf<u32>,
+        /// Writes.
+        pub chunk_items: &'a Buf<[u32; 2]>,
+        /// Writes.
+        pub long_lists: &'a Buf<[u32; 2]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = INFO;
+        fn slices(&self) -> Vec<Slice> {
+            vec![
+                self.tile_first.slice(),
+                self.tile_last.slice(),
+                self.chunk_args.slice(),
+                self.chunk_items.slice(),
+                self.long_lists.slice(),
+            ]
+        }
+    }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "chunk_list",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../../shaders-glsl/spv/chunk_list.spv"),
+        local: 64,
+        subgroups: false,
+        floats: 0x0,
+        bindings: &[
+            BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tile_last", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "chunk_args", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "chunk_items", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "long_lists", kind: BindingKind::Storage, access: Access::Write },
+        ],
+    };
+}
+
+/// says how much light each chunk of a long list lets through, so that all chunks can be blended at once.
+pub mod chunk_light {
+    use crate::gpu::kernel::*;
+    /// This kernel takes no push constants.
+    pub type Push = ();
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub view: &'a Buf<crate::gpu::generated::ViewParams>,
+        /// Reads.
+        pub chunk_args: &'a Buf<u32>,
+        /// Reads.
+        pub chunk_items: &'a Buf<[u32; 2]>,
+        /// Reads.
+        pub tile_first: &'a Buf<u32>,
+        /// Reads.
+        pub tile_last: &'a Buf<u32>,
+        /// Reads.
+        pub splat_ids: &'a Buf<u32>,
+        /// Reads.
+        pub splats: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub chunk_light: &'a Buf<f32>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = INFO;
+        fn slices(&self) -> Vec<Slice> {
+            vec![
+                self.view.slice(),
+                self.chunk_args.slice(),
+                self.chunk_items.slice(),
+                self.tile_first.slice(),
+                self.tile_last.slice(),
+                self.splat_ids.slice(),
+                self.splats.slice(),
+                self.chunk_light.slice(),
+            ]
+        }
+    }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "chunk_light",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../../shaders-glsl/spv/chunk_light.spv"),
+        local: 64,
+        subgroups: true,
+        floats: 0xc0,
+        bindings: &[
+            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+            BindingInfo { name: "chunk_args", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "chunk_items", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tile_last", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "chunk_light", kind: BindingKind::Storage, access: Access::Write },
+        ],
+    };
+}
+
+/// merges the chunks of a long list into the picture.
+pub mod blend_merge {
+    use crate::gpu::kernel::*;
+    /// This kernel takes no push constants.
+    pub type Push = ();
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub view: &'a Buf<crate::gpu::generated::ViewParams>,
+        /// Reads.
+        pub chunk_args: &'a Buf<u32>,
+        /// Reads.
+        pub long_lists: &'a Buf<[u32; 2]>,
+        /// Reads.
+        pub tile_first: &'a Buf<u32>,
+        /// Reads.
+        pub tile_last: &'a Buf<u32>,
+        /// ReadWrites.
+        pub chunk0: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub chunk1: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub chunk_last: &'a Buf<u32>,
+        /// Writes.
+        pub image0: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub image1: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub tail: &'a Buf<[u32; 2]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = INFO;
+        fn slices(&self) -> Vec<Slice> {
+            vec![
+                self.view.slice(),
+                self.chunk_args.slice(),
+                self.long_lists.slice(),
+                self.tile_first.slice(),
+                self.tile_last.slice(),
+                self.chunk0.slice(),
+                self.chunk1.slice(),
+                self.chunk_last.slice(),
+                self.image0.slice(),
+                self.image1.slice(),
+                self.tail.slice(),
+            ]
+        }
+    }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "blend_merge",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../../shaders-glsl/spv/blend_merge.spv"),
+        local: 64,
+        subgroups: false,
+        floats: 0x360,
+        bindings: &[
+            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+            BindingInfo { name: "chunk_args", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "long_lists", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tile_last", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "chunk0", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "chunk1", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "chunk_last", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "image0", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "image1", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::Write },
+        ],
+    };
+}
+crate::gpu::kernel::variant!(blend_merge_color of blend_merge);
+crate::gpu::kernel::variant!(blend_merge_train of blend_merge);
+crate::gpu::kernel::variant!(blend_merge_train_color of blend_merge);
+
+/// carries the cotangents of a picture back to the splats, in one of five modes of accumulation.
 pub mod blend_bwd_p4 {
+    use crate::gpu::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `n_tiles` of the shader.
+        pub n_tiles: u32,
+        /// `block` of the shader.
+        pub block: u32,
+        /// `scale` of the shader.
+        pub scale: f32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 12);
+        assert!(std::mem::offset_of!(Push, n_tiles) == 0);
+        assert!(std::mem::offset_of!(Push, block) == 4);
+        assert!(std::mem::offset_of!(Push, scale) == 8);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub view: &'a Buf<crate::gpu::generated::ViewParams>,
+        /// Reads.
+        pub tile_order: &'a Buf<u32>,
+        /// Reads.
+        pub tile_first: &'a Buf<u32>,
+        /// Reads.
+        pub splat_ids: &'a Buf<u32>,
+        /// Reads.
+        pub slots: &'a Buf<u32>,
+        /// Reads.
+        pub splats: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub tail: &'a Buf<[u32; 2]>,
+        /// Reads.
+        pub d_image0: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub tile_last: &'a Buf<u32>,
+        /// ReadWrites.
+        pub d_slots: &'a Buf<[f32; 2]>,
+        /// Reads.
+        pub d_image1: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub chunk_args: &'a Buf<u32>,
+        /// Reads.
+        pub chunk_items: &'a Buf<[u32; 2]>,
+        /// Reads.
+        pub chunk0: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub chunk1: &'a Buf<[f32; 4]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = INFO;
+        fn slices(&self) -> Vec<Slice> {
+            vec![
+                self.view.slice(),
+                self.tile_order.slice(),
+                self.tile_first.slice(),
+                self.splat_ids.slice(),
+                self.slots.slice(),
+                self.splats.slice(),
+                self.tail.slice(),
+                self.d_image0.slice(),
+                self.tile_last.slice(),
+                self.d_slots.slice(),
+                self.d_image1.slice(),
+                self.chunk_args.slice(),
+                self.chunk_items.slice(),
+                self.chunk0.slice(),
+                self.chunk1.slice(),
+            ]
+        }
+    }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "blend_bwd_p4",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../../shaders-glsl/spv/blend_bwd_p4.spv"),
+        local: 64,
+        subgroups: true,
+        floats: 0x66a0,
+        bindings: &[
+            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+            BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "slots", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_image0", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tile_last", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "d_image1", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "chunk_args", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "chunk_items", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "chunk0", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "chunk1", kind: BindingKind::Storage, access: Access::Read },
+        ],
+    };
+}
+
+/// carries the cotangents of a picture back to the splats, in one of five modes of accumulation.
+pub mod blend_bwd_p8 {
     use crate::gpu::kernel::*;
     /// `Push` of the shaders.
     #[repr(C)]
@@ -224,9 +620,9 @@ pub mod blend_bwd_p4 {
     }
     /// What the device needs to know.
     pub const INFO: &KernelInfo = &KernelInfo {
-        name: "blend_bwd_p4",
+        name: "blend_bwd_p8",
         push_bytes: size_of::<Push>() as u32,
-        spirv: include_bytes!("../../../shaders-glsl/spv/blend_bwd_p4.spv"),
+        spirv: include_bytes!("../../../shaders-glsl/spv/blend_bwd_p8.spv"),
         local: 64,
         subgroups: true,
         floats: 0x7a0,
@@ -245,13 +641,100 @@ pub mod blend_bwd_p4 {
         ],
     };
 }
-crate::gpu::kernel::variant!(blend_bwd_p8 of blend_bwd_p4);
 crate::gpu::kernel::variant!(blend_bwd_color_p4 of blend_bwd_p4);
-crate::gpu::kernel::variant!(blend_bwd_color_p8 of blend_bwd_p4);
+crate::gpu::kernel::variant!(blend_bwd_color_p8 of blend_bwd_p8);
 
-/// carries the cotangents of a picture back to the splats, in one of four modes of accumulation.
+/// carries the cotangents of a picture back to the splats, in one of five modes of accumulation.
 pub mod blend_bwd_float_p4 {
     pub use super::blend_bwd_p4::Push;
+    use crate::gpu::kernel::*;
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub view: &'a Buf<crate::gpu::generated::ViewParams>,
+        /// Reads.
+        pub tile_order: &'a Buf<u32>,
+        /// Reads.
+        pub tile_first: &'a Buf<u32>,
+        /// Reads.
+        pub splat_ids: &'a Buf<u32>,
+        /// Reads.
+        pub slots: &'a Buf<u32>,
+        /// Reads.
+        pub splats: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub tail: &'a Buf<[u32; 2]>,
+        /// Reads.
+        pub d_image0: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub tile_last: &'a Buf<u32>,
+        /// ReadWrites.
+        pub d_slots: &'a Buf<f32>,
+        /// Reads.
+        pub d_image1: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub chunk_args: &'a Buf<u32>,
+        /// Reads.
+        pub chunk_items: &'a Buf<[u32; 2]>,
+        /// Reads.
+        pub chunk0: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub chunk1: &'a Buf<[f32; 4]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = INFO;
+        fn slices(&self) -> Vec<Slice> {
+            vec![
+                self.view.slice(),
+                self.tile_order.slice(),
+                self.tile_first.slice(),
+                self.splat_ids.slice(),
+                self.slots.slice(),
+                self.splats.slice(),
+                self.tail.slice(),
+                self.d_image0.slice(),
+                self.tile_last.slice(),
+                self.d_slots.slice(),
+                self.d_image1.slice(),
+                self.chunk_args.slice(),
+                self.chunk_items.slice(),
+                self.chunk0.slice(),
+                self.chunk1.slice(),
+            ]
+        }
+    }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "blend_bwd_float_p4",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../../shaders-glsl/spv/blend_bwd_float_p4.spv"),
+        local: 64,
+        subgroups: true,
+        floats: 0x66a0,
+        bindings: &[
+            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+            BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "slots", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_image0", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tile_last", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "d_image1", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "chunk_args", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "chunk_items", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "chunk0", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "chunk1", kind: BindingKind::Storage, access: Access::Read },
+        ],
+    };
+}
+
+/// carries the cotangents of a picture back to the splats, in one of five modes of accumulation.
+pub mod blend_bwd_float_p8 {
+    pub use super::blend_bwd_p8::Push;
     use crate::gpu::kernel::*;
     /// The kernel's buffers.
     pub struct Args<'a> {
@@ -299,9 +782,9 @@ pub mod blend_bwd_float_p4 {
     }
     /// What the device needs to know.
     pub const INFO: &KernelInfo = &KernelInfo {
-        name: "blend_bwd_float_p4",
+        name: "blend_bwd_float_p8",
         push_bytes: size_of::<Push>() as u32,
-        spirv: include_bytes!("../../../shaders-glsl/spv/blend_bwd_float_p4.spv"),
+        spirv: include_bytes!("../../../shaders-glsl/spv/blend_bwd_float_p8.spv"),
         local: 64,
         subgroups: true,
         floats: 0x7a0,
@@ -320,13 +803,100 @@ pub mod blend_bwd_float_p4 {
         ],
     };
 }
-crate::gpu::kernel::variant!(blend_bwd_float_p8 of blend_bwd_float_p4);
 crate::gpu::kernel::variant!(blend_bwd_float_color_p4 of blend_bwd_float_p4);
-crate::gpu::kernel::variant!(blend_bwd_float_color_p8 of blend_bwd_float_p4);
+crate::gpu::kernel::variant!(blend_bwd_float_color_p8 of blend_bwd_float_p8);
 
-/// carries the cotangents of a picture back to the splats, in one of four modes of accumulation.
+/// carries the cotangents of a picture back to the splats, in one of five modes of accumulation.
 pub mod blend_bwd_fixed_p4 {
     pub use super::blend_bwd_p4::Push;
+    use crate::gpu::kernel::*;
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub view: &'a Buf<crate::gpu::generated::ViewParams>,
+        /// Reads.
+        pub tile_order: &'a Buf<u32>,
+        /// Reads.
+        pub tile_first: &'a Buf<u32>,
+        /// Reads.
+        pub splat_ids: &'a Buf<u32>,
+        /// Reads.
+        pub slots: &'a Buf<u32>,
+        /// Reads.
+        pub splats: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub tail: &'a Buf<[u32; 2]>,
+        /// Reads.
+        pub d_image0: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub tile_last: &'a Buf<u32>,
+        /// ReadWrites.
+        pub d_slots: &'a Buf<u32>,
+        /// Reads.
+        pub d_image1: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub chunk_args: &'a Buf<u32>,
+        /// Reads.
+        pub chunk_items: &'a Buf<[u32; 2]>,
+        /// Reads.
+        pub chunk0: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub chunk1: &'a Buf<[f32; 4]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = INFO;
+        fn slices(&self) -> Vec<Slice> {
+            vec![
+                self.view.slice(),
+                self.tile_order.slice(),
+                self.tile_first.slice(),
+                self.splat_ids.slice(),
+                self.slots.slice(),
+                self.splats.slice(),
+                self.tail.slice(),
+                self.d_image0.slice(),
+                self.tile_last.slice(),
+                self.d_slots.slice(),
+                self.d_image1.slice(),
+                self.chunk_args.slice(),
+                self.chunk_items.slice(),
+                self.chunk0.slice(),
+                self.chunk1.slice(),
+            ]
+        }
+    }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "blend_bwd_fixed_p4",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../../shaders-glsl/spv/blend_bwd_fixed_p4.spv"),
+        local: 64,
+        subgroups: true,
+        floats: 0x64a0,
+        bindings: &[
+            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+            BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "slots", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_image0", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tile_last", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "d_image1", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "chunk_args", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "chunk_items", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "chunk0", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "chunk1", kind: BindingKind::Storage, access: Access::Read },
+        ],
+    };
+}
+
+/// carries the cotangents of a picture back to the splats, in one of five modes of accumulation.
+pub mod blend_bwd_fixed_p8 {
+    pub use super::blend_bwd_p8::Push;
     use crate::gpu::kernel::*;
     /// The kernel's buffers.
     pub struct Args<'a> {
@@ -374,9 +944,9 @@ pub mod blend_bwd_fixed_p4 {
     }
     /// What the device needs to know.
     pub const INFO: &KernelInfo = &KernelInfo {
-        name: "blend_bwd_fixed_p4",
+        name: "blend_bwd_fixed_p8",
         push_bytes: size_of::<Push>() as u32,
-        spirv: include_bytes!("../../../shaders-glsl/spv/blend_bwd_fixed_p4.spv"),
+        spirv: include_bytes!("../../../shaders-glsl/spv/blend_bwd_fixed_p8.spv"),
         local: 64,
         subgroups: true,
         floats: 0x5a0,
@@ -395,13 +965,174 @@ pub mod blend_bwd_fixed_p4 {
         ],
     };
 }
-crate::gpu::kernel::variant!(blend_bwd_fixed_p8 of blend_bwd_fixed_p4);
 crate::gpu::kernel::variant!(blend_bwd_fixed_color_p4 of blend_bwd_fixed_p4);
-crate::gpu::kernel::variant!(blend_bwd_fixed_color_p8 of blend_bwd_fixed_p4);
+crate::gpu::kernel::variant!(blend_bwd_fixed_color_p8 of blend_bwd_fixed_p8);
 crate::gpu::kernel::variant!(blend_bwd_swap_p4 of blend_bwd_fixed_p4);
-crate::gpu::kernel::variant!(blend_bwd_swap_p8 of blend_bwd_fixed_p4);
+crate::gpu::kernel::variant!(blend_bwd_swap_p8 of blend_bwd_fixed_p8);
 crate::gpu::kernel::variant!(blend_bwd_swap_color_p4 of blend_bwd_fixed_p4);
-crate::gpu::kernel::variant!(blend_bwd_swap_color_p8 of blend_bwd_fixed_p4);
+crate::gpu::kernel::variant!(blend_bwd_swap_color_p8 of blend_bwd_fixed_p8);
+
+/// carries the cotangents of a picture back to the splats, in one of five modes of accumulation.
+pub mod blend_bwd_fixed64_p4 {
+    pub use super::blend_bwd_p4::Push;
+    use crate::gpu::kernel::*;
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub view: &'a Buf<crate::gpu::generated::ViewParams>,
+        /// Reads.
+        pub tile_order: &'a Buf<u32>,
+        /// Reads.
+        pub tile_first: &'a Buf<u32>,
+        /// Reads.
+        pub splat_ids: &'a Buf<u32>,
+        /// Reads.
+        pub slots: &'a Buf<u32>,
+        /// Reads.
+        pub splats: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub tail: &'a Buf<[u32; 2]>,
+        /// Reads.
+        pub d_image0: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub tile_last: &'a Buf<u32>,
+        /// ReadWrites.
+        pub d_slots: &'a Buf<u64>,
+        /// Reads.
+        pub d_image1: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub chunk_args: &'a Buf<u32>,
+        /// Reads.
+        pub chunk_items: &'a Buf<[u32; 2]>,
+        /// Reads.
+        pub chunk0: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub chunk1: &'a Buf<[f32; 4]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = INFO;
+        fn slices(&self) -> Vec<Slice> {
+            vec![
+                self.view.slice(),
+                self.tile_order.slice(),
+                self.tile_first.slice(),
+                self.splat_ids.slice(),
+                self.slots.slice(),
+                self.splats.slice(),
+                self.tail.slice(),
+                self.d_image0.slice(),
+                self.tile_last.slice(),
+                self.d_slots.slice(),
+                self.d_image1.slice(),
+                self.chunk_args.slice(),
+                self.chunk_items.slice(),
+                self.chunk0.slice(),
+                self.chunk1.slice(),
+            ]
+        }
+    }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "blend_bwd_fixed64_p4",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../../shaders-glsl/spv/blend_bwd_fixed64_p4.spv"),
+        local: 64,
+        subgroups: true,
+        floats: 0x64a0,
+        bindings: &[
+            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+            BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "slots", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_image0", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tile_last", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "d_image1", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "chunk_args", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "chunk_items", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "chunk0", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "chunk1", kind: BindingKind::Storage, access: Access::Read },
+        ],
+    };
+}
+
+/// carries the cotangents of a picture back to the splats, in one of five modes of accumulation.
+pub mod blend_bwd_fixed64_p8 {
+    pub use super::blend_bwd_p8::Push;
+    use crate::gpu::kernel::*;
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub view: &'a Buf<crate::gpu::generated::ViewParams>,
+        /// Reads.
+        pub tile_order: &'a Buf<u32>,
+        /// Reads.
+        pub tile_first: &'a Buf<u32>,
+        /// Reads.
+        pub splat_ids: &'a Buf<u32>,
+        /// Reads.
+        pub slots: &'a Buf<u32>,
+        /// Reads.
+        pub splats: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub tail: &'a Buf<[u32; 2]>,
+        /// Reads.
+        pub d_image0: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub carry: &'a Buf<[f32; 2]>,
+        /// ReadWrites.
+        pub d_slots: &'a Buf<u64>,
+        /// Reads.
+        pub d_image1: &'a Buf<[f32; 4]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = INFO;
+        fn slices(&self) -> Vec<Slice> {
+            vec![
+                self.view.slice(),
+                self.tile_order.slice(),
+                self.tile_first.slice(),
+                self.splat_ids.slice(),
+                self.slots.slice(),
+                self.splats.slice(),
+                self.tail.slice(),
+                self.d_image0.slice(),
+                self.carry.slice(),
+                self.d_slots.slice(),
+                self.d_image1.slice(),
+            ]
+        }
+    }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "blend_bwd_fixed64_p8",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../../shaders-glsl/spv/blend_bwd_fixed64_p8.spv"),
+        local: 64,
+        subgroups: true,
+        floats: 0x5a0,
+        bindings: &[
+            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+            BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "slots", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_image0", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "carry", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "d_image1", kind: BindingKind::Storage, access: Access::Read },
+        ],
+    };
+}
+crate::gpu::kernel::variant!(blend_bwd_fixed64_color_p4 of blend_bwd_fixed64_p4);
+crate::gpu::kernel::variant!(blend_bwd_fixed64_color_p8 of blend_bwd_fixed64_p8);
 
 /// turns sums in fixed point into floats.
 pub mod fixed_sums {
@@ -509,6 +1240,16 @@ pub fn blend_fwd(is_training: bool, is_color: bool, is_eight: bool) -> &'static 
     }
 }
 
+/// The kernel of `blend/blend_merge.comp` for these choices.
+pub fn blend_merge(is_training: bool, is_color: bool) -> &'static crate::gpu::KernelInfo {
+    match (is_training, is_color) {
+        (false, false) => blend_merge::INFO,
+        (false, true) => blend_merge_color::INFO,
+        (true, false) => blend_merge_train::INFO,
+        (true, true) => blend_merge_train_color::INFO,
+    }
+}
+
 /// The kernel of `blend/blend_bwd.comp` for these choices.
 pub fn blend_bwd(accumulation: usize, is_color: bool, is_eight: bool) -> &'static crate::gpu::KernelInfo {
     match (accumulation, is_color, is_eight) {
@@ -524,9 +1265,13 @@ pub fn blend_bwd(accumulation: usize, is_color: bool, is_eight: bool) -> &'stati
         (1, false, true) => blend_bwd_float_p8::INFO,
         (0, false, false) => blend_bwd_p4::INFO,
         (0, false, true) => blend_bwd_p8::INFO,
-        (_, true, false) => blend_bwd_swap_color_p4::INFO,
-        (_, true, true) => blend_bwd_swap_color_p8::INFO,
-        (_, false, false) => blend_bwd_swap_p4::INFO,
-        (_, false, true) => blend_bwd_swap_p8::INFO,
+        (3, true, false) => blend_bwd_swap_color_p4::INFO,
+        (3, true, true) => blend_bwd_swap_color_p8::INFO,
+        (3, false, false) => blend_bwd_swap_p4::INFO,
+        (3, false, true) => blend_bwd_swap_p8::INFO,
+        (_, true, false) => blend_bwd_fixed64_color_p4::INFO,
+        (_, true, true) => blend_bwd_fixed64_color_p8::INFO,
+        (_, false, false) => blend_bwd_fixed64_p4::INFO,
+        (_, false, true) => blend_bwd_fixed64_p8::INFO,
     }
 }

@@ -72,6 +72,22 @@ pub mod bound {
     pub const ALWAYS: f32 = 1e30;
 }
 
+/// Of `include/chunk.glsl`.
+pub mod chunk {
+    /// entries of a chunk; a list that is longer has chunks, a workgroup each.
+    pub const CHUNK: u32 = 1024;
+    /// workgroups in a row of a grid of chunks, whose rows are an atomic maximum.
+    pub const CHUNK_ROW: u32 = 64;
+    /// chunks, and after them a workgroup for each tile.
+    pub const CHUNK_ALL: u32 = 0;
+    /// chunks.
+    pub const CHUNK_ITEMS: u32 = 1;
+    /// long lists, MERGE_GROUPS workgroups each.
+    pub const CHUNK_LONG: u32 = 2;
+    /// workgroups that merge a tile.
+    pub const MERGE_GROUPS: u32 = 4;
+}
+
 /// Of `clock/clock_step.comp`.
 pub mod clock_step {
     /// `BETA_1` of the shader.

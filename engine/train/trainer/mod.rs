@@ -114,7 +114,8 @@ impl Trainer {
         total: u64,
         setup: Setup,
     ) -> Result<Self> {
-        config.accumulation.check(&gpu)?;
+        let accumulation = config.accumulation.on(gpu.caps());
+        accumulation.check(gpu.caps())?;
         let constants = config.frame.on(constants);
         let scene = SceneBuffers::upload(&gpu, splats, &constants, Purpose::Training)?;
         let zeros = zeros_like(splats);
@@ -134,7 +135,7 @@ impl Trainer {
             pixels: 1,
             outputs: objective.outputs(),
             purpose: Purpose::Training,
-            accumulation: config.accumulation,
+            sums: accumulation,
             camera: objective.cameras.wants_gradient(),
             depth_bits: constants.knobs.depth_bits,
         };

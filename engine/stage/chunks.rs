@@ -1,0 +1,111 @@
+//! Long lists on GPUs: cut into chunks that are blended at once, and merged. See `include/chunk.glsl`.
+
+use super::params::{Outputs, Purpose, TILE_PIXELS};
+use super::project::Eye;
+use super::tiles::{Lists, Tiles};
+use crate::error::Result;
+use crate::gpu::generated::constants::chunk::{CHUNK, CHUNK_ALL, CHUNK_ITEMS, CHUNK_LONG};
+use crate::gpu::generated::{self, blend_merge, chunk_light, chunk_list};
+use crate::gpu::{Buf, Gpu, Grid, Recording};
+
+/// Bytes, per intersection, of the longest binding: a vec4 for each pixel of a chunk.
+pub(super) const BYTES: u64 = 16 * TILE_PIXELS as u64 * CHUNKS as u64 / CHUNK as u64;
+/// Chunks of lists with CHUNK entries in all, at most: lists of one entry more have two.
+const CHUNKS: u32 = 2;
+
+/// The chunks of a picture's long lists, and what each leaves for every pixel of its tile.
+#[derive(Clone)]
+pub(super) struct Chunks {
+    /// Grids: over chunks and tiles, over chunks, over long lists; the fourth word of each counts its items.
+    pub args: Buf<u32>,
+    /// Tile and number.
+    pub items: Buf<[u32; 2]>,
+    // Of each long list, tile and first chunk.
+    long_lists: Buf<[u32; 2]>,
+    /// Share of the light that comes through.
+    pub light: Buf<f32>,
+    /// Colour, and transmittance with the sign of whether the pixel goes on; later the colours behind instead.
+    pub image0: Buf<[f32; 4]>,
+    /// The same of depth, inverse depth and flow; `image0` where nobody asks for them.
+    pub image1: Buf<[f32; 4]>,
+    /// Number of the last entry added; `image0` where no backward pass follows.
+    pub last: Buf<u32>,
+}
+
+impl Chunks {
+    /// Room for the chunks of all lists of up to `intersections` entries together.
+    pub fn new(gpu: &Gpu, intersections: u32, outputs: Outputs, purpose: Purpose) -> Result<Self> {
+        let n = (u64::from(CHUNKS) * u64::from(intersections) / u64::from(CHUNK)) as usize;
+        let pixels = n * TILE_PIXELS as usize;
+        let image0 = gpu.alloc("chunk color", pixels)?;
+        Ok(Chunks {
+            args: gpu.alloc("chunk args", 12)?,
+            items: gpu.alloc("chunks", n)?,
+            long_lists: gpu.alloc("long lists", n)?,
+            light: gpu.alloc("chunk light", pixels)?,
+            image1: match outputs {
+                Outputs::Color => image0.clone(),
+                Outputs::All => gpu.alloc("chunk depth flow", pixels)?,
+            },
+            last: match purpose {
+                Purpose::Picture => image0.cast(),
+                Purpose::Gradient | Purpose::Training => gpu.alloc("chunk last", pixels)?,
+            },
+            image0,
+        })
+    }
+
+    /// The grid over chunks and tiles.
+    pub fn grid(&self) -> Grid {
+        self.indirect(CHUNK_ALL)
+    }
+
+    fn indirect(&self, at: u32) -> Grid {
+        Grid::Indirect(self.args.range(4 * at as usize, 4).slice())
+    }
+
+    /// Appends the list of the chunks, and the light that each lets through.
+    pub fn record_list(&self, rec: &mut Recording, tiles: &Tiles, lists: &Lists, eye: Eye, n_tiles: u32) {
+        let Chunks { args: chunk_args, items: chunk_items, long_lists, light: chunk_light, .. } = self;
+        let (tile_first, tile_last) = (&tiles.tile_first, &tiles.tile_last);
+        rec.fill(chunk_args.slice(), 0);
+        rec.pass(
+            chunk_list::Args { tile_first, tile_last, chunk_args, chunk_items, long_lists },
+            chunk_list::Push { n_tiles },
+            Grid::Threads(n_tiles),
+        );
+        let (view, splat_ids, splats) = (eye.view, &lists.splat_ids, &eye.projected.splats);
+        rec.pass(
+            chunk_light::Args { view, chunk_args, chunk_items, tile_first, tile_last, splat_ids, splats, chunk_light },
+            (),
+            self.indirect(CHUNK_ITEMS),
+        );
+    }
+
+    /// Appends the merging of the blended chunks into the images and, before a backward pass, the tail.
+    pub fn record_merge(
+        &self,
+        rec: &mut Recording,
+        tiles: &Tiles,
+        eye: Eye,
+        (image0, image1): (&Buf<[f32; 4]>, Option<&Buf<[f32; 4]>>),
+        tail: Option<&Buf<[u32; 2]>>,
+    ) {
+        let kernel = generated::blend_merge(tail.is_some(), image1.is_none());
+        let no_tail = image0.cast();
+        let args = blend_merge::Args {
+            view: eye.view,
+            chunk_args: &self.args,
+            long_lists: &self.long_lists,
+            tile_first: &tiles.tile_first,
+            tile_last: &tiles.tile_last,
+            chunk0: &self.image0,
+            chunk1: &self.image1,
+            chunk_last: &self.last,
+            image0,
+            image1: image1.unwrap_or(image0),
+            tail: tail.unwrap_or(&no_tail),
+        };
+        rec.pass_variant(kernel, args, (), self.indirect(CHUNK_LONG));
+    }
+}
