@@ -147,6 +147,7 @@ fn record_second(
 ) -> Lists {
     rec.section("tiles");
     rec.copy(second.grids.slice(), shared_grids(work));
+    work.tiles.record_clear(rec);
     let lists = work.tiles.record(rec, &work.cull, second.eye(), order, n_tiles, SEGMENT);
     second.blend.record(rec, &work.tiles, &lists, second.eye(), n_tiles, 1);
     lists
