@@ -26,6 +26,8 @@ const HALF: Axis = switch("is_half", &[("", NONE), ("half", ("SH_HALF", "1"))]);
 const MOMENTS: Axis = switch("is_16_bit", &[("", NONE), ("m16", ("MOMENTS_16", "1"))]);
 const STRIDE: Axis = switch("is_halved", &[("", NONE), ("s2", ("STRIDE", "2u"))]);
 const GATHERED: Axis = switch("is_gathered", &[("", NONE), ("gathered", ("GATHERED", "1"))]);
+const CARRIED: Axis = switch("is_indexed", &[("", NONE), ("indexed", ("INDEXED", "1"))]);
+const LANES: Axis = switch("is_wide", &[("", ("NARROW", "1")), ("w32", NONE)]);
 const DIRECTION: Axis = switch("is_backward", &[("", NONE), ("bwd", ("BACKWARD", "1"))]);
 
 const ACCUMULATION: Axis = Axis {
@@ -46,6 +48,11 @@ fn stepping(spec: &Spec) -> &'static str {
         (true, false) => "adam::Adam",
         (true, true) => "adam::rounded_moment",
     }
+}
+
+/// A round of a sort: key and value read and written, or the key alone read; and the counts of its block.
+fn scattering(spec: &Spec) -> Vec<Term> {
+    vec![own(spec.either("INDEXED", 12.5, 16.5), 0.0)]
 }
 
 /// All families.
@@ -101,18 +108,25 @@ pub static FAMILIES: &[Family] = &[
     },
     Family { name: "scan_reduce", file: "scan/scan_reduce.comp", twin: |_| "scan::exclusive_scan", axes: &[GATHERED], ..ROW },
     Family { name: "scan_downsweep", file: "scan/scan_downsweep.comp", twin: |_| "scan::exclusive_scan", axes: &[GATHERED], ..ROW },
+    // Of a key and round. With 24 bits of depth, 13 of tiles, and slots: 3 * 21 - 4 and 2 * 21 - 4 bytes.
     Family {
         name: "sort_count", file: "sort/sort_count.comp", twin: |_| "sort::radix_sort", count: Count::Active,
         limit_ns: |_| 12.0,
         cost: Some(|_| vec![own(4.5, 0.0)]),
         ..ROW
     },
-    Family { name: "sort_places", file: "sort/sort_places.comp", twin: |_| "sort::radix_sort", ..ROW },
     Family {
         name: "sort_scatter", file: "sort/sort_scatter.comp", twin: |_| "sort::radix_sort", count: Count::Active,
-        axes: &[switch("is_wide", &[("", ("SUBGROUPS", "16")), ("w32", ("SUBGROUPS", "2"))])],
+        axes: &[CARRIED],
         limit_ns: |_| 57.0,
-        cost: Some(|_| vec![own(16.5, 0.0)]),
+        cost: Some(scattering),
+        ..ROW
+    },
+    Family {
+        name: "sort_exchange", file: "sort/sort_exchange.comp", twin: |_| "sort::radix_sort", count: Count::Active,
+        axes: &[CARRIED],
+        limit_ns: |_| 57.0,
+        cost: Some(scattering),
         ..ROW
     },
     Family {
@@ -121,14 +135,12 @@ pub static FAMILIES: &[Family] = &[
         cost: Some(|_| vec![own(12.0, 0.0)]),
         ..ROW
     },
-    Family { name: "prepare_intersections", file: "tiles/prepare_intersections.comp", twin: |_| "scan::exclusive_scan", ..ROW },
     Family {
         name: "emit", file: "tiles/emit.comp", twin: |_| "tiles::tiles_truth", count: Count::Intersections,
-        axes: &[switch("has_slots", &[("", NONE), ("slots", ("SLOTS", "1"))])],
+        axes: &[switch("has_slots", &[("", NONE), ("slots", ("SLOTS", "1"))]), LANES],
         limit_ns: |s| s.either("SLOTS", 55.0, 50.0),
         cost: Some(|s| {
-            let slots = s.either("SLOTS", 4.0, 0.0);
-            vec![per(Count::Active, 44.0 + slots, 40.0), own(8.0 + slots, 0.0)]
+            vec![per(Count::Active, 44.0 + s.either("SLOTS", 4.0, 0.0), 40.0), own(8.0, 0.0)]
         }),
         ..ROW
     },

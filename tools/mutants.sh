@@ -26,7 +26,7 @@ alpha_min as a strict bound|shaders-glsl/blend/blend_fwd.comp|s/raw >= threshold
 row 28, the transmittance is not found again|shaders-glsl/blend/blend_bwd.comp|s/const float T_i = T\[k\] \* ra;/const float T_i = T[k];/|n08
 the gradient of an opacity of 0 is no number|shaders-glsl/blend/blend_bwd.comp|s/max(opacity, 1e-37)/opacity/|the_exact_preset_gives
 the second round of blending begins anew|shaders-glsl/blend/blend_fwd.comp|s/if (inside \&\& round > 0u)/if (inside \&\& round > 1u)/|n09
-row 25, a sort that is not stable|shaders-glsl/sort/sort_scatter.comp|s/peers.x \& below.x/peers.x \& ~below.x/;s/(lane ^ j) < lane/(lane ^ j) > lane/|n10
+row 25, a sort that is not stable|shaders-glsl/sort/sort_scatter.comp|s/(lane ^ j) < lane/(lane ^ j) > lane/|n10
 row 35, the window in time at half its length|shaders-glsl/cull/bound.comp|s/exp(t_scale) \* sqrt/0.5 * exp(t_scale) * sqrt/|n11
 row 36, the gradient of tau instead of log tau|shaders-glsl/project/project_bwd.comp|s/2.0 \* u \* u \* d_exponent/2.0 * u * u * rate * d_exponent/|n11
 row 37, 1 over tau overflows|shaders-glsl/include/temporal.glsl|s/exp(min(-t_scale, 80.0))/exp(-t_scale)/|n12
@@ -45,7 +45,7 @@ row 45, LPIPS without its guard at zero features|shaders-glsl/lpips/lpips_tap.co
 row 53, the luma past the end has a derivative|shaders-glsl/include/bilateral.glsl|s/return luma > 0.0 \&\& luma < 1.0;/return luma > -1e30;/|n23
 a gradient that is not finite moves the moments|shaders-glsl/project/project_bwd.comp|s/^    if (!good) return;$//|n24
 row 16, a sum of counts that wraps|shaders-glsl/scan/scan_downsweep.comp|s/> 0xffffu ? 0xffffffffu :/> 0xffffffu ? 0xffffffffu :/|n26
-room for one intersection more than there is|shaders-glsl/tiles/prepare_intersections.comp|s/const bool fits = n <= pc.capacity/const bool fits = n <= pc.capacity + 1u/|n26
+room for one intersection more than there is|shaders-glsl/scan/scan_downsweep.comp|s/const bool fits = n <= pc.capacity/const bool fits = n <= pc.capacity + 1u/|n26
 row 40, offsets without their gauge|shaders-glsl/clock/clock_step.comp|s/clocks\[k\].x -= mean;/clocks[k].x -= 0.0 * mean;/|n27
 row 7, gradients are not looked at|shaders-glsl/project/project_bwd.comp|s/const bool good = finite4.*/const bool good = true;/|n28
 row 60, the gain at the source|engine/sound/geometry.rs|s/r_m \/ bearing.r_l.max(r_min)/r_m \/ bearing.r_l/|n29

@@ -3,10 +3,10 @@
 use super::frames::bits;
 use super::random::{scene, view};
 use super::row::{Bench, Tally};
-use crate::gpu::generated::{Status, prepare_intersections};
+use crate::gpu::generated::Status;
 use crate::gpu::{Grid, Recording};
 use crate::settings::Constants;
-use crate::stage::{Outputs, Renderer, Scan};
+use crate::stage::{Outputs, PairGrids, Renderer, Scan};
 use crate::twin::exclusive_scan;
 use anyhow::{Result, anyhow, ensure};
 use std::sync::Arc;
@@ -49,24 +49,21 @@ pub(super) fn counts(bench: &Bench, tally: &mut Tally) -> Result<()> {
     Ok(())
 }
 
-/// The kernel that decides whether `n` intersections fit: more than `capacity`, or in a frame that has failed, leave none
-/// and empty every grid.
+/// The kernel that decides whether `n` intersections fit, here of one Gaussian: more than `capacity`, or in a frame that has
+/// failed, leave none and empty every grid.
 fn decided(bench: &Bench, n: u32, capacity: u32, failed: u32) -> Result<()> {
     let gpu = bench.gpu();
-    let n_intersections = gpu.upload("n", &[n])?;
     let args = gpu.upload("args", &[[7, 1, 1, 7]; 3])?;
     let emit_args = gpu.alloc("emit args", 1)?;
     let frame_status = gpu.upload("status", &[Status { failed, ..Status::default() }])?;
+    let [count, index, table] = [1, 0, n].map(|word| gpu.upload("word", &[word]));
+    let (sums, total) = (gpu.alloc("sums", 1)?, gpu.alloc("n", 1)?);
+    let blocks = Grid::Groups(1);
+    let grids = PairGrids { blocks, args: &args, emit_args: &emit_args, frame_status: &frame_status, capacity };
     let mut rec = Recording::new();
-    let bound = prepare_intersections::Args {
-        n_intersections: &n_intersections,
-        args: &args,
-        emit_args: &emit_args,
-        frame_status: &frame_status,
-    };
-    rec.pass(bound, prepare_intersections::Push { capacity }, Grid::Groups(1));
+    Scan::new(&gpu, 1)?.record_gathered(&mut rec, &count?, [&index?, &table?], (&sums, &total), grids);
     gpu.run(&rec)?;
-    let (left, status) = (gpu.read(&n_intersections)?[0], gpu.read(&frame_status)?[0]);
+    let (left, status) = (gpu.read(&total)?[0], gpu.read(&frame_status)?[0]);
     // Of threads, of a scan, which is over, and of a sort.
     let [threads, _, sort]: [[u32; 4]; 3] = gpu.read(&args)?.try_into().map_err(|_| anyhow!("three grids"))?;
     let grids = [threads, sort, gpu.read(&emit_args)?[0]];

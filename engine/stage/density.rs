@@ -3,7 +3,7 @@
 use super::moments::Moments;
 use super::scan::{SCAN_BLOCK, Scan};
 use super::scene::{BUCKETS, Group, SceneBuffers};
-use super::sort::{SORT_BLOCK, Sort};
+use super::sort::{Carried, SORT_BLOCK, Sort, Unsorted};
 use crate::error::{Error, Result};
 use crate::gpu::generated::constants::density as shared;
 use crate::gpu::generated::{
@@ -422,10 +422,12 @@ fn record_sort(
     rec: &mut Recording,
     count: &Buf<u32>,
     n: usize,
-    pairs: (&Buf<u32>, &Buf<u32>),
+    (keys, values): (&Buf<u32>, &Buf<u32>),
 ) -> Result<(Buf<u32>, Buf<u32>)> {
-    let n_blocks = n.div_ceil(SORT_BLOCK);
-    Ok(Sort::new(gpu, n)?.record(rec, count, pairs, 4, &Grid::Groups(n_blocks as u32)))
+    let sort = Sort::new(gpu, n, u32::BITS)?;
+    let blocks = &Grid::Groups(n.div_ceil(SORT_BLOCK) as u32);
+    sort.record_clear(rec);
+    Ok(sort.record(rec, Unsorted { count, keys, carried: Carried::Values(values), n_bits: u32::BITS, blocks }))
 }
 
 /// Appends the noise of 3DGS-MCMC after a step: faint Gaussians of `scene` wander by `rate` (the learning rate of

@@ -3,10 +3,12 @@
 use crate::gpu::generated::ViewParams;
 pub use crate::gpu::generated::constants::types::TILE;
 use crate::gpu::generated::constants::types::{
-    EVERY_BLOCK, FLOW_DISPLACEMENT, FLOW_VELOCITY, TILES_ELLIPSE, TILES_RECTANGLE, TILES_SQUARE,
+    DEPTH_SHIFT_16, DEPTH_SHIFT_24, EVERY_BLOCK, FLOW_DISPLACEMENT, FLOW_VELOCITY, TILES_ELLIPSE, TILES_RECTANGLE,
+    TILES_SQUARE,
 };
 use crate::scene::{FlowModel, Pose, View};
-use crate::settings::{Constants, TileBound};
+use crate::settings::{Constants, Knobs, TileBound};
+use crate::vk::DeviceKind;
 
 /// Pixels of a tile.
 pub(super) const TILE_PIXELS: u32 = TILE * TILE;
@@ -18,6 +20,14 @@ pub enum Outputs {
     Color,
     /// Colour, alpha, depth, inverse depth and flow.
     All,
+}
+
+/// `constants` with these `knobs`, and with what they leave to the device. Depth keys have 24 bits on a GPU, which spares it a round
+/// of their sort, and all bits of the depth on a CPU driver.
+pub fn constants_on(kind: DeviceKind, knobs: Knobs, constants: Constants) -> Constants {
+    let of_device = if kind == DeviceKind::Cpu { u32::BITS } else { 24 };
+    let depth_bits = if knobs.depth_bits == 0 { of_device } else { knobs.depth_bits };
+    Knobs { depth_bits, ..knobs }.on(constants)
 }
 
 /// Whether a backward pass follows a frame.
@@ -116,7 +126,11 @@ pub fn view_params(view: &View, constants: &Constants, origin: [f64; 3], strip: 
         },
         depth_to_alpha: 1.0,
         bounds,
-        depth_shift: if knobs.depth_bits == u32::BITS { 0 } else { 27 - knobs.depth_bits },
+        depth_shift: match knobs.depth_bits {
+            24 => DEPTH_SHIFT_24,
+            16 => DEPTH_SHIFT_16,
+            _ => 0,
+        },
         t_cut: knobs.t_cut,
         unused0: 0.0,
         unused1: 0.0,

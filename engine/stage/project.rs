@@ -15,8 +15,8 @@ pub struct Projected {
     pub splats: Buf<[f32; 4]>,
     /// Bits of the camera depth.
     pub depth_keys: Buf<u32>,
-    /// The active index itself, the value that the depth sort carries.
-    pub identity: Buf<u32>,
+    /// Room for active indices in the order of their depths.
+    pub order: Buf<u32>,
     /// Tiles touched.
     pub tile_counts: Buf<u32>,
 }
@@ -45,7 +45,7 @@ impl Projected {
         Ok(Projected {
             splats: gpu.alloc("splats", SPLAT_PLANES * n)?,
             depth_keys: gpu.alloc("depth keys", n)?,
-            identity: gpu.alloc("depth order", n)?,
+            order: gpu.alloc("depth order", n)?,
             tile_counts: gpu.alloc("tile counts", n)?,
         })
     }
@@ -55,7 +55,7 @@ impl Projected {
         Ok(Projected {
             splats: gpu.alloc("second splats", self.splats.len())?,
             depth_keys: self.depth_keys.clone(),
-            identity: self.identity.clone(),
+            order: self.order.clone(),
             tile_counts: gpu.alloc("second tile counts", self.tile_counts.len())?,
         })
     }
@@ -78,7 +78,6 @@ impl Projected {
                 sh0: &group.params.sh0,
                 splats: &self.splats,
                 depth_keys: &self.depth_keys,
-                identity: &self.identity,
                 tile_counts: &self.tile_counts,
                 frame_status: status,
                 motion: group.params.motion_or_any(),
@@ -91,7 +90,7 @@ impl Projected {
     }
 
     /// Appends the projection of every group's active Gaussians for two eyes of one time, which reads each Gaussian once. Depth keys
-    /// and identity are those of the first eye.
+    /// are those of the first eye.
     pub fn record_both(rec: &mut Recording, scene: &SceneBuffers, cull: &Cull, [first, second]: [Eye; 2]) {
         each_group(rec, scene, cull, |rec, group, [sh1, sh2, sh3], [_, kernel], index, grid| {
             let args = project_stereo_static_sh0::Args {
@@ -102,7 +101,6 @@ impl Projected {
                 sh0: &group.params.sh0,
                 splats: &first.projected.splats,
                 depth_keys: &first.projected.depth_keys,
-                identity: &first.projected.identity,
                 tile_counts: &first.projected.tile_counts,
                 frame_status: first.status,
                 motion: group.params.motion_or_any(),

@@ -1,7 +1,7 @@
 //! The renderer: a scene on the device, with what its frames are made in.
 
 use super::accumulation::Sums;
-use super::params::{Outputs, Purpose};
+use super::params::{Outputs, Purpose, constants_on};
 use super::room::{Room, max_active};
 use super::scene::SceneBuffers;
 use super::second_eye::SecondEye;
@@ -34,7 +34,7 @@ impl Renderer {
     /// # Errors
     /// [`Error::OutOfMemory`](crate::Error::OutOfMemory) naming the buffer that does not fit.
     pub fn new(gpu: Arc<Gpu>, splats: &Splats, constants: Constants) -> Result<Self> {
-        let constants = constants.knobs.on(constants);
+        let constants = constants_on(gpu.caps().kind, constants.knobs, constants);
         let scene = SceneBuffers::upload(&gpu, splats, &constants, Purpose::Picture)?;
         Ok(Self::of_scene(gpu, scene, constants, None))
     }
@@ -46,7 +46,7 @@ impl Renderer {
     /// # Errors
     /// As [`Renderer::new`].
     pub fn of_clip(gpu: Arc<Gpu>, splats: Arc<Splats>, constants: Constants) -> Result<Self> {
-        let constants = constants.knobs.on(constants);
+        let constants = constants_on(gpu.caps().kind, constants.knobs, constants);
         let Some(mut windows) = Windows::of(&gpu, &splats, &constants) else {
             return Self::new(gpu, &splats, constants);
         };

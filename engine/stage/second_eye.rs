@@ -29,7 +29,7 @@ impl SecondEye {
     /// As [`SecondEye::new`].
     pub fn fit<'a>(place: &'a mut Option<SecondEye>, gpu: &Gpu, work: &Workspace) -> Result<&'a Self> {
         let is_its_own = |second: &SecondEye| {
-            second.room == work.room && second.projected.identity.slice().overlaps(&work.projected.identity.slice())
+            second.room == work.room && second.projected.order.slice().overlaps(&work.projected.order.slice())
         };
         Ok(match place.take().filter(is_its_own) {
             Some(second) => place.insert(second),

@@ -146,6 +146,7 @@ fn record_second(
 ) -> Lists {
     rec.section("tiles");
     rec.copy(second.grids.slice(), shared_grids(work));
+    work.tiles.record_clear(rec);
     let lists = work.tiles.record(rec, &work.cull, second.eye(), order, n_tiles, second.blend.longest(1));
     second.blend.record(rec, &work.tiles, &lists, second.eye(), n_tiles, 1);
     lists

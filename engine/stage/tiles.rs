@@ -2,15 +2,17 @@
 
 use super::cull::{ARGS_SCAN, ARGS_SORT, ARGS_THREADS, Cull, indirect};
 use super::project::{Eye, Projected};
-use super::scan::Scan;
-use super::sort::Sort;
+use super::scan::{PairGrids, Scan};
+use super::sort::{Carried, Sort, Unsorted, is_wide};
 use crate::error::Result;
-use crate::gpu::generated::{Status, emit, emit_slots, gather, prepare_intersections, tile_order, tile_ranges};
+use crate::gpu::generated::{self, Status, emit, emit_slots, gather, tile_order, tile_ranges};
 use crate::gpu::table::Count;
 use crate::gpu::{Buf, Gpu, Grid, Recording};
 
 /// Buckets of the tile order, one per bit width of a list's length.
 const BUCKETS: usize = 32;
+/// Words from one binding to the next that may begin there on every device: 256 bytes.
+const APART: usize = 64;
 
 /// The lists of all tiles, one after the other: sorted by tile, then depth, then index.
 pub struct Lists {
@@ -39,8 +41,10 @@ pub struct Tiles {
     slots: Option<Slots>,
     /// First slot of each active Gaussian; for gradients only.
     pub slot_first: Buf<u32>,
-    // Tiles by the length of their lists, and how many of them are in order.
-    buckets: Buf<u32>,
+    // What counts up from zero: see `record_clear`.
+    counters: Buf<u32>,
+    // Of those, tiles by the length of their lists, and how many of them are in order.
+    buckets: [Buf<u32>; 2],
     /// First entry of each tile's list.
     pub tile_first: Buf<u32>,
     /// One past the last entry of each tile's list.
@@ -49,15 +53,28 @@ pub struct Tiles {
     pub tile_order: Buf<u32>,
     depth_bits: u32,
     capacity: u32,
+    is_wide: bool,
+}
+
+/// Bits of the keys of so many tiles: they go from 0 to `n_tiles`, which marks a slot that no tile reads.
+fn key_bits(n_tiles: u32) -> u32 {
+    u32::BITS - n_tiles.leading_zeros()
 }
 
 impl Tiles {
     /// Room for `active` Gaussians, `intersections` pairs and `tiles` tiles; with a slot per pair or without.
     pub fn new(gpu: &Gpu, active: u32, intersections: u32, tiles: u32, has_slots: bool) -> Result<Self> {
         let (n, i, t) = (active as usize, intersections as usize, tiles as usize);
+        let lengths = [Sort::n_counters(n, u32::BITS), Sort::n_counters(i, key_bits(tiles)), APART, APART];
+        let counters = gpu.alloc("tile counters", lengths.iter().sum())?;
+        let mut next = 0;
+        let [of_depths, of_tiles, buckets, cursors] = lengths.map(|length| {
+            next += length;
+            counters.range(next - length, length)
+        });
         Ok(Tiles {
-            depth_sort: Sort::new(gpu, n)?,
-            tile_sort: Sort::new(gpu, i)?,
+            depth_sort: Sort::counting_in(gpu, n, of_depths)?,
+            tile_sort: Sort::counting_in(gpu, i, of_tiles)?,
             scan: Scan::new(gpu, n)?,
             offsets: gpu.alloc("tile offsets", n)?,
             n_intersections: gpu.alloc("intersection count", 1)?,
@@ -69,16 +86,18 @@ impl Tiles {
                 true => Some(Slots { slots: gpu.alloc("slots", i)?, sorted_ids: gpu.alloc("sorted splats", i)? }),
             },
             slot_first: gpu.alloc("slot first", if has_slots { n } else { 1 })?,
-            buckets: gpu.alloc("tile buckets", 2 * BUCKETS)?,
+            counters,
+            buckets: [buckets, cursors].map(|whole| whole.range(0, BUCKETS)),
             tile_first: gpu.alloc("tile first", t)?,
             tile_last: gpu.alloc("tile last", t)?,
             tile_order: gpu.alloc("tile order", t)?,
             depth_bits: u32::BITS,
             capacity: intersections,
+            is_wide: is_wide(gpu),
         })
     }
 
-    /// Sorts by depth keys of so many bits, a multiple of 8, from now on; they have 32 otherwise.
+    /// Sorts by depth keys of so many bits from now on; they have 32 otherwise.
     pub fn with_depth_bits(self, depth_bits: u32) -> Self {
         Tiles { depth_bits, ..self }
     }
@@ -88,12 +107,23 @@ impl Tiles {
         indirect(&self.emit_args, 0)
     }
 
-    /// Appends the sort of `projected` by depth; gives the active indices, near to far.
+    /// Appends the sort of `projected` by depth; gives the active indices, near to far. The first binning may follow.
     pub fn record_order(&self, rec: &mut Recording, cull: &Cull, projected: &Projected) -> Buf<u32> {
         rec.section("depth sort");
-        let pairs = (&projected.depth_keys, &projected.identity);
-        let n_rounds = self.depth_bits / 8;
-        self.depth_sort.record(rec, &cull.n_active, pairs, n_rounds, &indirect(&cull.args, ARGS_SORT)).1
+        self.record_clear(rec);
+        let unsorted = Unsorted {
+            count: &cull.n_active,
+            keys: &projected.depth_keys,
+            carried: Carried::Places(&projected.order),
+            n_bits: self.depth_bits,
+            blocks: &indirect(&cull.args, ARGS_SORT),
+        };
+        self.depth_sort.record(rec, unsorted).1
+    }
+
+    /// Appends what must come before another binning in the same order.
+    pub fn record_clear(&self, rec: &mut Recording) {
+        rec.fill(self.counters.slice(), 0);
     }
 
     /// Appends the binning of what `eye` sees, in the `order` of their depths, into `n_tiles` tiles. A list of more than `longest`
@@ -118,25 +148,24 @@ impl Tiles {
     fn record_pairs(&self, rec: &mut Recording, cull: &Cull, eye: Eye, order: &Buf<u32>) {
         let Eye { view, status, projected } = eye;
         let (n_active, tile_counts, offsets) = (&cull.n_active, &projected.tile_counts, &self.offsets);
-        let args = &cull.args;
-        let n_intersections = &self.n_intersections;
-        let (from, to) = ([order, tile_counts], (offsets, n_intersections));
-        self.scan.record_gathered(rec, n_active, from, to, indirect(args, ARGS_SCAN));
-        rec.pass(
-            prepare_intersections::Args { n_intersections, args, emit_args: &self.emit_args, frame_status: status },
-            prepare_intersections::Push { capacity: self.capacity },
-            Grid::Groups(1),
-        );
+        let grids = PairGrids {
+            blocks: indirect(&cull.args, ARGS_SCAN),
+            args: &cull.args,
+            emit_args: &self.emit_args,
+            frame_status: status,
+            capacity: self.capacity,
+        };
+        self.scan.record_gathered(rec, n_active, [order, tile_counts], (offsets, &self.n_intersections), grids);
         let (tile_keys, splat_ids) = (&self.tile_keys, &self.splat_ids);
         let splats = &projected.splats;
         let emit_grid = self.active_grid();
+        let kernel = generated::emit(self.slots.is_some(), self.is_wide);
         match &self.slots {
-            None => rec.pass(
-                emit::Args { view, n_active, order, tile_counts, offsets, splats, tile_keys, splat_ids },
-                (),
-                emit_grid,
-            ),
-            Some(Slots { slots, .. }) => {
+            None => {
+                let args = emit::Args { view, n_active, order, tile_counts, offsets, splats, tile_keys, splat_ids };
+                rec.pass_variant(kernel, args, (), emit_grid);
+            }
+            Some(_) => {
                 let slot_first = &self.slot_first;
                 let args = emit_slots::Args {
                     view,
@@ -147,10 +176,9 @@ impl Tiles {
                     splats,
                     tile_keys,
                     splat_ids,
-                    slots,
                     slot_first,
                 };
-                rec.pass(args, (), emit_grid);
+                rec.pass_variant(kernel, args, (), emit_grid);
             }
         }
     }
@@ -160,12 +188,15 @@ impl Tiles {
         rec.section("tile sort");
         let (n_intersections, splat_ids) = (&self.n_intersections, &self.splat_ids);
         let first_pass = rec.passes().len();
-        // Keys go from 0 to n_tiles, which marks a slot that no tile reads.
-        let n_passes = (u32::BITS - n_tiles.leading_zeros()).div_ceil(8).max(1);
-        let payload = self.slots.as_ref().map_or(splat_ids, |s| &s.slots);
-        let pairs = (&self.tile_keys, payload);
-        let (tile_keys, sorted) =
-            self.tile_sort.record(rec, n_intersections, pairs, n_passes, &indirect(args, ARGS_SORT));
+        let carried = self.slots.as_ref().map_or(Carried::Values(splat_ids), |s| Carried::Places(&s.slots));
+        let unsorted = Unsorted {
+            count: n_intersections,
+            keys: &self.tile_keys,
+            carried,
+            n_bits: key_bits(n_tiles),
+            blocks: &indirect(args, ARGS_SORT),
+        };
+        let (tile_keys, sorted) = self.tile_sort.record(rec, unsorted);
         rec.count_as(first_pass, Count::Intersections);
 
         rec.section("tiles");
@@ -193,8 +224,7 @@ impl Tiles {
     ) {
         let n_intersections = &self.n_intersections;
         let (tile_first, tile_last) = (&self.tile_first, &self.tile_last);
-        let [buckets, cursors] = &[0, 1].map(|half| self.buckets.range(half * BUCKETS, BUCKETS));
-        rec.fill(self.buckets.slice(), 0);
+        let [buckets, cursors] = &self.buckets;
         rec.pass(
             tile_ranges::Args { n_intersections, tile_keys, tile_first, tile_last, buckets, frame_status },
             tile_ranges::Push { n_tiles, longest },

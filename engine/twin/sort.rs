@@ -23,23 +23,25 @@ pub fn block_histograms(keys: &[u32], shift: u32, block: usize) -> Vec<u32> {
     counts
 }
 
-/// Sorts (key, value) pairs by the lowest `8 * n_passes` bits of the key, least significant digit first, in blocks of
-/// `block` keys. Stable: equal keys keep their order. The result does not depend on `block`.
-pub fn radix_sort(keys: &[u32], values: &[u32], n_passes: u32, block: usize) -> (Vec<u32>, Vec<u32>) {
+/// Sorts (key, value) pairs by the lowest `n_bits` bits of the key, least significant digit first, in blocks of `block`
+/// keys. Stable: equal keys keep their order. The result does not depend on `block`, nor on how bits are cut into digits.
+pub fn radix_sort(keys: &[u32], values: &[u32], n_bits: u32, block: usize) -> (Vec<u32>, Vec<u32>) {
     let (mut keys, mut values) = (keys.to_vec(), values.to_vec());
-    for pass in 0..n_passes {
-        (keys, values) = sort_pass(&keys, &values, 8 * pass, block);
+    let low_bits = u32::MAX.checked_shr(u32::BITS - n_bits).unwrap_or(0);
+    for shift in (0..n_bits).step_by(8) {
+        (keys, values) = sort_pass(&keys, &values, low_bits, shift, block);
     }
     (keys, values)
 }
 
-/// Histogram, scan, scatter for one digit.
-fn sort_pass(keys: &[u32], values: &[u32], shift: u32, block: usize) -> (Vec<u32>, Vec<u32>) {
+/// Histogram, scan, scatter for one digit of the keys' `low_bits`.
+fn sort_pass(keys: &[u32], values: &[u32], low_bits: u32, shift: u32, block: usize) -> (Vec<u32>, Vec<u32>) {
     let n_blocks = keys.len().div_ceil(block);
-    let mut place = exclusive_scan(&block_histograms(keys, shift, block)).offsets;
+    let low: Vec<u32> = keys.iter().map(|key| key & low_bits).collect();
+    let mut place = exclusive_scan(&block_histograms(&low, shift, block)).offsets;
     let (mut keys_out, mut values_out) = (vec![0; keys.len()], vec![0; keys.len()]);
     for (i, (&key, &value)) in keys.iter().zip(values).enumerate() {
-        let next = &mut place[digit(key, shift) * n_blocks + i / block];
+        let next = &mut place[digit(low[i], shift) * n_blocks + i / block];
         keys_out[*next as usize] = key;
         values_out[*next as usize] = value;
         *next += 1;

@@ -26,7 +26,7 @@ struct ViewParams {
     uint flow_model;  // FLOW_*
     float depth_to_alpha;  // 1, or 0 where the cotangents of the depths must not reach the opacities
     uint bounds;      // TILES_*, and EVERY_BLOCK or not
-    uint depth_shift; // bits that a depth key is short of 27; 0 for all bits of the depth
+    uint depth_shift; // low bits that a depth key lacks: DEPTH_SHIFT_*, or 0 for all bits of the depth
     float t_cut;      // a pixel whose transmittance has fallen below this is finished; 0 leaves it to t_min
     float unused0;    // to whole vec4
     float unused1;
@@ -59,6 +59,9 @@ struct AdamParams {
     float scale_reg;       // weight of the sum of the standard deviations, per scene unit
     float step;            // number of the step, from 1
 };
+
+const uint DEPTH_SHIFT_24 = 4u;   // of keys of 24 bits
+const uint DEPTH_SHIFT_16 = 11u;  // of keys of 16 bits
 
 const uint FLOW_VELOCITY = 0u;
 const uint FLOW_DISPLACEMENT = 1u;

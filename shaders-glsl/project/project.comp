@@ -31,28 +31,27 @@ layout(set = 0, binding = 3) restrict readonly buffer Geometry { vec4 geometry[]
 layout(set = 0, binding = 4) restrict readonly buffer Sh0 { vec4 sh0[]; };
 layout(set = 0, binding = 5) restrict writeonly buffer Splats { vec4 splats[]; };
 layout(set = 0, binding = 6) restrict writeonly buffer DepthKeys { uint depth_keys[]; };
-layout(set = 0, binding = 7) restrict writeonly buffer Identity { uint identity[]; };
-layout(set = 0, binding = 8) restrict writeonly buffer TileCounts { uint tile_counts[]; };
-layout(set = 0, binding = 9) restrict buffer FrameStatus { Status status; };
+layout(set = 0, binding = 7) restrict writeonly buffer TileCounts { uint tile_counts[]; };
+layout(set = 0, binding = 8) restrict buffer FrameStatus { Status status; };
 // One interface for all variants: what a variant does not need is bound to something else and not read.
-layout(set = 0, binding = 10) restrict readonly buffer Motion { vec4 motion[]; };
+layout(set = 0, binding = 9) restrict readonly buffer Motion { vec4 motion[]; };
 #ifdef SH_HALF
 // Bands as halves, from sh_half.comp; places as those of the vec4.
-layout(set = 0, binding = 11) restrict readonly buffer Sh1 { uvec2 sh1[]; };
-layout(set = 0, binding = 12) restrict readonly buffer Sh2 { uvec2 sh2[]; };
-layout(set = 0, binding = 13) restrict readonly buffer Sh3 { uvec2 sh3[]; };
+layout(set = 0, binding = 10) restrict readonly buffer Sh1 { uvec2 sh1[]; };
+layout(set = 0, binding = 11) restrict readonly buffer Sh2 { uvec2 sh2[]; };
+layout(set = 0, binding = 12) restrict readonly buffer Sh3 { uvec2 sh3[]; };
 vec4 band(uvec2 words) { return vec4(unpackHalf2x16(words.x), unpackHalf2x16(words.y)); }
 #else
-layout(set = 0, binding = 11) restrict readonly buffer Sh1 { vec4 sh1[]; };
-layout(set = 0, binding = 12) restrict readonly buffer Sh2 { vec4 sh2[]; };
-layout(set = 0, binding = 13) restrict readonly buffer Sh3 { vec4 sh3[]; };
+layout(set = 0, binding = 10) restrict readonly buffer Sh1 { vec4 sh1[]; };
+layout(set = 0, binding = 11) restrict readonly buffer Sh2 { vec4 sh2[]; };
+layout(set = 0, binding = 12) restrict readonly buffer Sh3 { vec4 sh3[]; };
 vec4 band(vec4 values) { return values; }
 #endif
 #ifdef STEREO
-layout(set = 0, binding = 14) uniform SecondView { ViewParams second_view; };
-layout(set = 0, binding = 15) restrict writeonly buffer SecondSplats { vec4 second_splats[]; };
-layout(set = 0, binding = 16) restrict writeonly buffer SecondTileCounts { uint second_tile_counts[]; };
-layout(set = 0, binding = 17) restrict buffer SecondStatus { Status second_status; };
+layout(set = 0, binding = 13) uniform SecondView { ViewParams second_view; };
+layout(set = 0, binding = 14) restrict writeonly buffer SecondSplats { vec4 second_splats[]; };
+layout(set = 0, binding = 15) restrict writeonly buffer SecondTileCounts { uint second_tile_counts[]; };
+layout(set = 0, binding = 16) restrict buffer SecondStatus { Status second_status; };
 const uint EYES = 2u;
 // The statement for each eye k: a loop would keep the arrays out of registers.
 #define EACH_EYE(statement) { const uint k = 0u; statement } { const uint k = 1u; statement }
@@ -158,13 +157,13 @@ void colors_of(uint i, vec3 dir[EYES], out vec3 colors[EYES]) {
     EACH_EYE(colors[k] += 0.5;)
 }
 
-// Positive floats order as their bits do. A short key counts from the near plane on and is full 2^16 times as far: what lies
-// farther, and before the near plane, where nothing is drawn, shares the last one.
+// Positive floats order as their bits do. A short key counts from the near plane on. It is full 2^32 times as far if it has 24
+// bits, 2^16 times if it has 16: what lies farther, and before the near plane, where nothing is drawn, shares the last one.
 uint depth_key(ViewParams view, float z) {
     const uint bits = floatBitsToUint(z);
     const uint shift = unfolded(view.depth_shift);
     const uint steps = (bits - floatBitsToUint(view.near)) >> shift;
-    return shift == 0u ? bits : min(steps, (1u << (27u - shift)) - 1u);
+    return shift == 0u ? bits : min(steps, shift == DEPTH_SHIFT_24 ? 0xffffffu : 0xffffu);
 }
 
 // Tiles that the splat is listed for; whether it shows in one, and whether anything of it is not finite.
@@ -227,7 +226,6 @@ void main() {
         vec3 color[EYES];
         colors_of(i, dir, color);
         depth_keys[at] = depth_key(view, splat.z);
-        identity[at] = at;
         PUT(splats, tile_counts, view, splat, color[0], seen[0], bad[0])
 #ifdef STEREO
         const Splat second = splat_of(second_view, g);

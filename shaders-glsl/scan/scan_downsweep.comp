@@ -1,12 +1,15 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 // Purpose   replaces each value by the sum of all before it and gives the sum of all, which saturates at 2^32 - 1. GATHERED: of
-//           the values that a list of indices names, and writes the sums in the list's order.
+//           the values that a list of indices names, the tiles of each Gaussian, and writes the sums in the list's order; turns
+//           their sum, the number of intersections, into grids, and reports an overflow.
 // Equation  none (reduce-then-scan prefix sum; each block adds up the sums of those before it, which are few).
 // Grid      one workgroup per block of 1,024 values, 8 consecutive ones per thread; at least one, which gives the total.
-// Numerics  u32; the total is summed in halves, so an overflow is reported and never wraps.
+// Numerics  u32; the total is summed in halves, so an overflow is reported and never wraps. On overflow every later grid is empty,
+//           so nothing is drawn from a truncated list.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #extension GL_KHR_shader_subgroup_arithmetic : require
+#include "types.glsl"
 #include "grid.glsl"
 #include "args.glsl"
 
@@ -19,6 +22,10 @@ layout(set = 0, binding = 2) restrict readonly buffer Index { uint index[]; };
 layout(set = 0, binding = 3) restrict readonly buffer Table { uint table[]; };
 layout(set = 0, binding = 4) restrict writeonly buffer Sums { uint sums[]; };
 layout(set = 0, binding = 5) restrict writeonly buffer Total { uint total[]; };
+layout(set = 0, binding = 6) restrict buffer Args { uvec4 args[]; };
+layout(set = 0, binding = 7) restrict writeonly buffer EmitArgs { uvec4 emit_args[]; };
+layout(set = 0, binding = 8) restrict buffer FrameStatus { Status status; };
+layout(push_constant) uniform Push { uint capacity; } pc;
 #define VALUE(i) table[index[i]]
 #else
 layout(set = 0, binding = 2) restrict buffer Sums { uint sums[]; };
@@ -31,6 +38,23 @@ shared uint sh_own[32];
 shared uint sh_before[32];
 shared uint sh_high[32];
 shared uint sh_low[32];
+
+// The sum of all as it counts from here on.
+uint finished(uint n) {
+#ifdef GATHERED
+    const bool fits = n <= pc.capacity && status.failed == 0u;
+    status.n_intersections = n;
+    status.capacity_intersections = pc.capacity;
+    if (n > pc.capacity) status.failed |= FAILED_INTERSECTIONS;
+    const uint used = fits ? n : 0u;
+    emit_args[0] = fits ? args[ARGS_THREADS] : fold(0u);
+    args[ARGS_THREADS] = fold(div_ceil(used, 64u));
+    args[ARGS_SORT] = fold(div_ceil(used, SORT_BLOCK));
+    return used;
+#else
+    return n;
+#endif
+}
 
 void main() {
     const uint lane = gl_LocalInvocationIndex;
@@ -81,6 +105,6 @@ void main() {
             all_high += sh_high[s];
             all_low += sh_low[s];
         }
-        total[0] = all_high + (all_low >> 16u) > 0xffffu ? 0xffffffffu : (all_high << 16u) + all_low;
+        total[0] = finished(all_high + (all_low >> 16u) > 0xffffu ? 0xffffffffu : (all_high << 16u) + all_low);
     }
 }

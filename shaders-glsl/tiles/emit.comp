@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 // Purpose   writes one (tile, Gaussian) pair per tile that a Gaussian touches, in depth order.
 // Equation  the count's own predicate on an ellipse with half of its margin, include/splat.glsl.
-// Grid      one thread per active Gaussian; those with many tiles are shared by the lanes of their subgroup, row by row.
-//           SLOTS: also numbers the pairs and tells where each Gaussian's begin, for the backward pass.
+// Grid      one thread per active Gaussian. A subgroup hands its Gaussians' rows of tiles around, a row to a lane, and then the
+//           pairs of these rows, a pair to a lane: so neighbours are stored by neighbours. NARROW, for subgroups of up to 16 lanes:
+//           each lane writes its own Gaussian's pairs, but for those with many tiles, which are shared row by row.
+//           SLOTS: also tells where each Gaussian's pairs begin, for the backward pass.
 // Numerics  no more pairs than were counted, whatever either kernel's roundings; a slot that the count foresaw and the rows did
 //           not fill gets the tile past the last, which nothing reads.
 #version 460
@@ -17,9 +19,6 @@
 
 layout(local_size_x = 64) in;
 
-// A Gaussian with more tiles than this is shared.
-const uint MANY = 24u;
-
 layout(set = 0, binding = 0) uniform View { ViewParams view; };
 layout(set = 0, binding = 1) restrict readonly buffer NActive { uint n_active[]; };
 layout(set = 0, binding = 2) restrict readonly buffer Order { uint order[]; };
@@ -29,17 +28,17 @@ layout(set = 0, binding = 5) restrict readonly buffer Splats { vec4 splats[]; };
 layout(set = 0, binding = 6) restrict writeonly buffer TileKeys { uint tile_keys[]; };
 layout(set = 0, binding = 7) restrict writeonly buffer SplatIds { uint splat_ids[]; };
 #ifdef SLOTS
-layout(set = 0, binding = 8) restrict writeonly buffer Slots { uint slots[]; };
-layout(set = 0, binding = 9) restrict writeonly buffer SlotFirst { uint slot_first[]; };
+layout(set = 0, binding = 8) restrict writeonly buffer SlotFirst { uint slot_first[]; };
 #endif
 
 void write_pair(uint at, uint tile, uint id) {
     tile_keys[at] = tile;
     splat_ids[at] = id;
-#ifdef SLOTS
-    slots[at] = at;
-#endif
 }
+
+#ifdef NARROW
+// A Gaussian with more tiles than this is shared.
+const uint MANY = 24u;
 
 // Writes the columns of one row from `at` on and never past `end`; returns the next place.
 uint emit_row(uvec2 columns, uint row, uint at, uint end, uint id) {
@@ -49,6 +48,16 @@ uint emit_row(uvec2 columns, uint row, uint at, uint end, uint id) {
     }
     return at;
 }
+#else
+// The last lane whose number of earlier items is at most `item`: it has that item. The first lane has none before it.
+uint holder(uint earlier, uint item) {
+    uint lane = 0u;
+    for (uint step = gl_SubgroupSize >> 1u; step > 0u; step >>= 1u) {
+        lane += subgroupShuffle(earlier, lane + step) <= item ? step : 0u;
+    }
+    return lane;
+}
+#endif
 
 void main() {
     const uint i = linear_thread(gl_WorkGroupSize.x);
@@ -60,10 +69,12 @@ void main() {
     const float opacity = inner_opacity(splats[SPLAT_PLANES * id + 1u].z);
     const vec3 ellipse = inner_ellipse(splats[SPLAT_PLANES * id + 3u].yzw);
     const uint none = view.tiles_x * view.tiles_y;
+    const uint lane = gl_SubgroupInvocationID;
 #ifdef SLOTS
     if (valid) slot_first[id] = first;
 #endif
 
+#ifdef NARROW
     const bool own = n > 0u && n <= MANY;
     const uvec2 rows = own ? listed_rows(view, xy, opacity, ellipse) : uvec2(0u);
     uint at = first;
@@ -74,7 +85,6 @@ void main() {
         for (; at < first + n; ++at) write_pair(at, none, id);
     }
 
-    const uint lane = gl_SubgroupInvocationID;
     const uvec4 many = subgroupBallot(n > MANY);
     for (uint half_mask = 0u; half_mask < 2u; ++half_mask) {
         uint word = half_mask == 0u ? many.x : many.y;
@@ -102,4 +112,57 @@ void main() {
             for (uint k = base + lane; k < end_o; k += gl_SubgroupSize) write_pair(k, none, id_o);
         }
     }
+#else
+    const uvec2 rows = n > 0u ? listed_rows(view, xy, opacity, ellipse) : uvec2(0u);
+    const uint n_rows = rows.y - min(rows.x, rows.y);
+    const uint rows_before = subgroupExclusiveAdd(n_rows);
+    const uint all_rows = subgroupAdd(n_rows);
+    if (n_rows == 0u) {
+        for (uint k = 0u; k < n; ++k) write_pair(first + k, none, id);
+    }
+    // Pairs of the Gaussian whose rows the last lap may have left half done.
+    uint begun = 0u;
+    uint begun_by = gl_SubgroupSize;
+    for (uint row0 = 0u; row0 < all_rows; row0 += gl_SubgroupSize) {
+        const uint item = row0 + lane;
+        const uint owner = holder(rows_before, item);
+        const vec2 xy_o = vec2(subgroupShuffle(xy.x, owner), subgroupShuffle(xy.y, owner));
+        const float opacity_o = subgroupShuffle(opacity, owner);
+        const vec3 ellipse_o = vec3(
+            subgroupShuffle(ellipse.x, owner), subgroupShuffle(ellipse.y, owner), subgroupShuffle(ellipse.z, owner));
+        const uint id_o = subgroupShuffle(id, owner);
+        const uint first_o = subgroupShuffle(first, owner);
+        const uint n_o = subgroupShuffle(n, owner);
+        const uint rows_before_o = subgroupShuffle(rows_before, owner);
+        const uint n_rows_o = subgroupShuffle(n_rows, owner);
+        const uint row = subgroupShuffle(rows.x, owner) + item - rows_before_o;
+        uvec2 columns = uvec2(0u);
+        if (item < all_rows) columns = listed_columns(view, xy_o, opacity_o, ellipse_o, row);
+        const uint width = columns.y - min(columns.x, columns.y);
+        const uint before = subgroupExclusiveAdd(width);
+        const uint n_pairs = subgroupAdd(width);
+        // Of its Gaussian's pairs, those in earlier rows of this lap, and of laps before.
+        const uint head = max(rows_before_o, row0) - row0;
+        const uint done = before - subgroupShuffle(before, head) + (owner == begun_by ? begun : 0u);
+        begun = subgroupShuffle(done + width, gl_SubgroupSize - 1u);
+        begun_by = subgroupShuffle(owner, gl_SubgroupSize - 1u);
+        // By the number of a pair in this lap: its place, its tile, and the end of its Gaussian's.
+        const uint place = first_o + done - before;
+        const uint tile = row * view.tiles_x + columns.x - before;
+        const uint end = first_o + n_o;
+        for (uint pair0 = 0u; pair0 < n_pairs; pair0 += gl_SubgroupSize) {
+            const uint pair = pair0 + lane;
+            const uint from = holder(before, pair);
+            const uint at = subgroupShuffle(place, from) + pair;
+            const uint tile_of = subgroupShuffle(tile, from) + pair;
+            const uint id_of = subgroupShuffle(id_o, from);
+            const uint end_of = subgroupShuffle(end, from);
+            if (pair < n_pairs && at < end_of) write_pair(at, tile_of, id_of);
+        }
+        // Behind the last row of a Gaussian.
+        if (item < all_rows && item + 1u == rows_before_o + n_rows_o) {
+            for (uint k = done + width; k < n_o; ++k) write_pair(first_o + k, none, id_o);
+        }
+    }
+#endif
 }

@@ -625,7 +625,7 @@ fn every_kernel_with_subgroup_operations_can_be_emulated() {
     assert!(n_kernels > 100, "only {n_kernels} kernels have subgroup operations");
 }
 
-/// Tests of kernels in which the width of subgroups matters most: `sort_scatter_w32`, the scans, `emit`, and the blends of 4
+/// Tests of kernels in which the width of subgroups matters most: `sort_exchange`, the scans, `emit`, and the blends of 4
 /// pixels, forward and backward.
 const CENTRAL: [&str; 5] = [
     "kernel::sort::the_sort_of_any_length_is_the_twins_and_stable",

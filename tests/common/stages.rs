@@ -30,7 +30,6 @@ pub struct Active {
     /// Four vec4 each, see `include/splat.glsl`.
     pub splats: Vec<[[f32; 4]; 4]>,
     pub depth_keys: Vec<u32>,
-    pub identity: Vec<u32>,
     pub tile_counts: Vec<u32>,
 }
 
@@ -103,7 +102,6 @@ impl Fixture {
             ranges: gpu.read(&self.cull.ranges).unwrap(),
             splats: planes.as_chunks::<4>().0[..n].to_vec(),
             depth_keys: words(&p.depth_keys),
-            identity: words(&p.identity),
             tile_counts: words(&p.tile_counts),
         }
     }

@@ -16,7 +16,6 @@ struct Left {
     splats: Vec<u32>,
     tile_counts: Vec<u32>,
     depth_keys: Vec<u32>,
-    identity: Vec<u32>,
 }
 
 /// Culls `splats` for the first of `views`, and projects what is active for both, in one dispatch and in one for each.
@@ -46,7 +45,6 @@ fn project(splats: &Splats, views: [&View; 2], constants: &Constants) -> [[Left;
             splats: gpu.read(&places[k].splats.cast()).unwrap(),
             tile_counts: gpu.read(&places[k].tile_counts).unwrap(),
             depth_keys: gpu.read(&places[k].depth_keys).unwrap(),
-            identity: gpu.read(&places[k].identity).unwrap(),
         })
     };
     [leave(true), leave(false)]
@@ -60,7 +58,7 @@ fn compare(what: &str, splats: &Splats, views: [&View; 2], constants: &Constants
     assert_eq!(found.status, expected.status, "{what}");
     assert!(found.splats == expected.splats, "{what}: splats of the second eye");
     assert!(found.tile_counts == expected.tile_counts, "{what}: tile counts of the second eye");
-    assert!(found.depth_keys == together[0].depth_keys && found.identity == together[0].identity, "{what}: its order");
+    assert!(found.depth_keys == together[0].depth_keys, "{what}: its order");
     assert!(found.splats != together[0].splats, "{what}: the eyes see the same");
     together.map(|left| left.status)
 }

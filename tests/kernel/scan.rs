@@ -3,8 +3,9 @@
 use crate::common::device::gpu;
 use crate::common::random::Random;
 use crate::common::twins::tested;
+use ivv::gpu::generated::Status;
 use ivv::gpu::{Grid, Recording};
-use ivv::stage::Scan;
+use ivv::stage::{PairGrids, Scan};
 use ivv::twin::exclusive_scan;
 
 tested! {
@@ -35,7 +36,11 @@ fn scan_on_device(values: &[u32], index: Option<&[u32]>) -> (Vec<u32>, u32) {
         Some(index) => {
             let sums = gpu.upload("sums", &vec![0xDEAD_BEEF; n + 1]).unwrap();
             let index = gpu.upload("index", index).unwrap();
-            scan.record_gathered(&mut rec, &count, [&index, &table], (&sums, &total), blocks);
+            let args = &gpu.upload("args", &[[7, 1, 1, 7]; 3]).unwrap();
+            let emit_args = &gpu.alloc("emit args", 1).unwrap();
+            let frame_status = &gpu.upload("status", &[Status::default()]).unwrap();
+            let grids = PairGrids { blocks, args, emit_args, frame_status, capacity: u32::MAX };
+            scan.record_gathered(&mut rec, &count, [&index, &table], (&sums, &total), grids);
             sums
         }
     };

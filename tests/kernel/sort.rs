@@ -4,27 +4,42 @@ use crate::common::device::gpu;
 use crate::common::random::Random;
 use crate::common::twins::tested;
 use ivv::gpu::{Grid, Recording};
-use ivv::stage::Sort;
+use ivv::stage::{Carried, Sort, Unsorted};
 use ivv::twin::radix_sort;
 
 tested! {
     "sort/sort_count.comp" by radix_sort in the_sort_of_any_length_is_the_twins_and_stable;
-    "sort/sort_places.comp" by radix_sort in the_sort_of_any_length_is_the_twins_and_stable;
     "sort/sort_scatter.comp" by radix_sort in the_sort_of_any_length_is_the_twins_and_stable;
+    "sort/sort_exchange.comp" by radix_sort in the_sort_of_any_length_is_the_twins_and_stable;
 }
 
-fn sort_on_device(keys: &[u32], values: &[u32], n_passes: u32) -> (Vec<u32>, Vec<u32>) {
+/// A word past the end, which must survive.
+const GUARD: u32 = 0xDEAD_BEEF;
+
+/// The sorted keys and what goes with them: the `values`, or without them the places.
+fn sort_on_device(keys: &[u32], values: Option<&[u32]>, n_bits: u32) -> (Vec<u32>, Vec<u32>) {
     let gpu = gpu();
-    let n_blocks = keys.len().div_ceil(2048) as u32;
-    let sort = Sort::new(&gpu, keys.len()).unwrap();
-    let count = gpu.upload("count", &[keys.len() as u32]).unwrap();
-    let pairs = (gpu.upload("keys", keys).unwrap(), gpu.upload("values", values).unwrap());
+    let n = keys.len();
+    let guarded = |words: &[u32]| [words, &[GUARD]].concat();
+    let upload = |name, words: &[u32]| gpu.upload(name, &guarded(words)).unwrap();
+    let sort = Sort::new(&gpu, n, n_bits).unwrap();
+    let count = gpu.upload("count", &[n as u32]).unwrap();
+    let room = upload("values", values.unwrap_or(&vec![0; n]));
+    let keys = upload("keys", keys);
+    let carried = if values.is_some() { Carried::Values(&room) } else { Carried::Places(&room) };
+    // Workgroups without keys, as a folded grid has.
+    let blocks = &Grid::Groups(n.div_ceil(2048) as u32 + 2);
+    let unsorted = Unsorted { count: &count, keys: &keys, carried, n_bits, blocks };
     let mut rec = Recording::new();
-    let (keys_out, values_out) = sort.record(&mut rec, &count, (&pairs.0, &pairs.1), n_passes, &Grid::Groups(n_blocks));
+    sort.record_clear(&mut rec);
+    let (keys_out, values_out) = sort.record(&mut rec, unsorted);
     gpu.run(&rec).unwrap();
+    for given in [&keys, &room] {
+        assert_eq!(gpu.read(given).unwrap()[n], GUARD, "the word past the end was overwritten");
+    }
     let read = |buffer| {
         let mut found: Vec<u32> = gpu.read(buffer).unwrap();
-        found.truncate(keys.len());
+        found.truncate(n);
         found
     };
     (read(&keys_out), read(&values_out))
@@ -32,19 +47,28 @@ fn sort_on_device(keys: &[u32], values: &[u32], n_passes: u32) -> (Vec<u32>, Vec
 
 #[test]
 fn the_sort_of_any_length_is_the_twins_and_stable() {
-    for (n, n_passes) in [(1, 4), (63, 4), (2047, 1), (2048, 2), (2049, 3), (70_000, 4), (50_001, 1), (600_000, 2)] {
+    // Around blocks of 2,048 keys, and around ranges of 1, 2, 4, 8 and 16 of them.
+    let sizes = [(1, 32), (63, 32), (2047, 8), (2048, 16), (2049, 24), (4097, 7), (8200, 9), (33_000, 13), (50_001, 1)];
+    for (n, n_bits) in sizes.into_iter().chain([(70_000, 32), (131_072, 3), (600_000, 13)]) {
         let mut random = Random::new(n as u64);
         // Few distinct keys, so that stability shows.
         let keys: Vec<u32> = (0..n).map(|_| (random.bits() as u32) & 0x0F03_0F0F).collect();
-        let values: Vec<u32> = (0..n as u32).collect();
-        let found = sort_on_device(&keys, &values, n_passes);
-        assert!(found == radix_sort(&keys, &values, n_passes, 2048), "{n} keys, {n_passes} passes");
+        let places: Vec<u32> = (0..n as u32).collect();
+        let values: Vec<u32> = places.iter().map(|place| place ^ 0x55).collect();
+        let found = sort_on_device(&keys, Some(&values), n_bits);
+        assert!(found == radix_sort(&keys, &values, n_bits, 2048), "{n} keys, {n_bits} bits");
+        let found = sort_on_device(&keys, None, n_bits);
+        assert!(found == radix_sort(&keys, &places, n_bits, 2048), "{n} places, {n_bits} bits");
     }
 }
 
 #[test]
 fn equal_keys_keep_their_order_through_every_pass() {
     let values: Vec<u32> = (0..10_000).rev().collect();
-    let (_, found) = sort_on_device(&vec![7; values.len()], &values, 4);
-    assert_eq!(found, values);
+    // The largest key too, which what lies past the end is taken for.
+    for key in [0, 7, u32::MAX] {
+        let keys = vec![key; values.len()];
+        assert_eq!(sort_on_device(&keys, Some(&values), 32).1, values);
+        assert!(sort_on_device(&keys, None, 32).1.into_iter().eq(0..10_000));
+    }
 }

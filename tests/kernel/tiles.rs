@@ -9,7 +9,6 @@ use ivv::twin::{Camera, Params, Rules, exclusive_scan, project, ranges, tiles_tr
 
 tested! {
     "tiles/gather.comp" by exclusive_scan in the_lists_hold_every_needed_pair_and_few_others_in_depth_order;
-    "tiles/prepare_intersections.comp" by exclusive_scan in the_lists_hold_every_needed_pair_and_few_others_in_depth_order;
     "tiles/emit.comp" by tiles_truth in the_lists_hold_every_needed_pair_and_few_others_in_depth_order;
     "tiles/tile_ranges.comp" by ranges in the_lists_hold_every_needed_pair_and_few_others_in_depth_order;
     "tiles/tile_order.comp" by ranges in the_lists_hold_every_needed_pair_and_few_others_in_depth_order;

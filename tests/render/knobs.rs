@@ -1,11 +1,14 @@
 //! What may be traded for time: exact knobs change no bit, the others what they say and no more.
 
 use crate::adversary::rounds_otherwise;
+use crate::common::device::gpu;
 use crate::common::frames::{bits, pixels, render, render_with};
 use crate::common::one::{ball, camera, scene_of};
 use crate::common::random::{scene, view, wild_scene};
 use ivv::scene::{Frame, Splats, View};
+use ivv::stage::constants_on;
 use ivv::twin::render_f64;
+use ivv::vk::DeviceKind;
 use ivv::{Constants, Knobs, TileBound};
 
 fn turned(splats: &Splats, view: &View, knobs: Knobs) -> (Frame, ivv::stage::FrameReport) {
@@ -56,7 +59,7 @@ fn short_depth_keys_tell_apart_what_they_say() {
         assert_eq!(report.visible, 2);
         frame
     };
-    for (depth_bits, told) in [(32, 1), (24, 8), (16, 2048)] {
+    for (depth_bits, told) in [(32, 1), (24, 16), (16, 2048)] {
         let right = picture(told, 32);
         assert!(bits(&picture(told, depth_bits)) == bits(&right), "{depth_bits} bits");
         let swapped = difference(&picture(told - 1, depth_bits), &right);
@@ -64,7 +67,7 @@ fn short_depth_keys_tell_apart_what_they_say() {
     }
     // A whole scene's picture, then, differs where neighbours in depth overlap, and little.
     let splats = scene(4, 300, 1);
-    let (exact, _) = render(&splats, &view());
+    let (exact, _) = turned(&splats, &view(), Knobs { depth_bits: 32, ..Knobs::default() });
     let changed =
         |depth_bits| difference(&turned(&splats, &view(), Knobs { depth_bits, ..Knobs::default() }).0, &exact);
     assert!(changed(24) < 1e-3 && changed(16) < 0.2, "{} {}", changed(24), changed(16));
@@ -76,13 +79,37 @@ fn a_short_depth_key_orders_everything_in_its_range_and_keeps_what_lies_beyond()
     let far =
         Splats { position: splats.position.iter().map(|[x, y, z]| [1e4 * x, 1e4 * y, 1e4 * z]).collect(), ..splats };
     let far = Splats { scale: far.scale.iter().map(|s| s.map(|s| s + 1e4f32.ln())).collect(), ..far };
-    let (exact, own) = render(&far, &view());
-    for depth_bits in [24, 16] {
+    let (exact, own) = turned(&far, &view(), Knobs { depth_bits: 32, ..Knobs::default() });
+    for (depth_bits, most) in [(24, 1e-3), (16, 1.0)] {
         let (frame, report) = turned(&far, &view(), Knobs { depth_bits, ..Knobs::default() });
         assert_eq!((report.visible, report.intersections), (own.visible, own.intersections));
-        assert!(report.visible > 10 && difference(&frame, &exact) < 1.0);
+        let error = difference(&frame, &exact);
+        assert!(report.visible > 10 && error < most, "{depth_bits} bits: {error}");
         assert!(frame.alpha.iter().any(|alpha| *alpha > 0.1));
     }
+}
+
+#[test]
+fn depth_keys_have_by_default_the_bits_of_the_device() {
+    let of = |kind, depth_bits| {
+        let knobs = Knobs { depth_bits, ..Knobs::default() };
+        constants_on(kind, knobs, Constants::default()).knobs.depth_bits
+    };
+    assert_eq!(Knobs::default().depth_bits, 0);
+    for (kind, bits) in [(DeviceKind::Cpu, 32), (DeviceKind::DiscreteGpu, 24), (DeviceKind::IntegratedGpu, 24)] {
+        assert_eq!([0, 16, 24, 32].map(|asked| of(kind, asked)), [bits, 16, 24, 32], "{kind:?}");
+    }
+    // And a picture is made with them: of two Gaussians a step of 32 bits apart, the one behind first in the file.
+    let z = |steps: u32| f32::from_bits(4.0f32.to_bits() + steps);
+    let front = ball([0.0, 0.0, z(0)], 0.1, 0.9, [1.0, 0.0, 0.0]);
+    let back = ball([0.0, 0.0, z(1)], 0.1, 0.9, [0.0, 0.0, 1.0]);
+    let picture = |depth_bits| {
+        let knobs = Knobs { depth_bits, ..Knobs::default() };
+        bits(&turned(&scene_of(&[back, front]), &camera(48, 32), knobs).0)
+    };
+    assert!(picture(24) != picture(32));
+    let kind = gpu().caps().kind;
+    assert!(picture(0) == picture(of(kind, 0)), "{kind:?}");
 }
 
 #[test]

@@ -208,8 +208,10 @@ fn workgroups_are_literal_and_hold_whole_subgroups_of_4_to_64() {
         let local = local_size(&code).unwrap_or_else(|| panic!("{shader}: local_size_x is not a literal"));
         if code.contains("GL_KHR_shader_subgroup") {
             with_subgroups += 1;
-            // At most 32 subgroups of 4: the size of the shared arrays that hold one number for each.
-            assert!(local <= 128 && local.is_multiple_of(64), "{shader}: {local} threads");
+            // At most 32 subgroups of 4: the size of the shared arrays that hold one number for each. Or 8 of 32, which is the least
+            // where the engine picks these.
+            let most = if shader == "sort/sort_exchange.comp" { 256 } else { 128 };
+            assert!(local <= most && local.is_multiple_of(64), "{shader}: {local} threads");
         }
     }
     assert!(with_subgroups > 5);

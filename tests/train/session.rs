@@ -4,6 +4,7 @@ use super::{Tiny, bits};
 use crate::common::device::gpu;
 use ivv::scene::Splats;
 use ivv::train::{Checkpoint, Config, Event, Notice, Phase, Required, Session, SessionOptions, training_order};
+use ivv::vk::DeviceKind;
 use std::cell::RefCell;
 use std::collections::BTreeSet;
 use std::process::Command;
@@ -151,5 +152,7 @@ fn a_step_of_a_full_run_has_so_many_passes_and_barriers() {
     // A tile's blocks of pixels follow one another, as many as the width of subgroups makes them.
     let blocks = of("blend_bwd").iter().sum::<u64>() - 1;
     let n_passes = of("").iter().sum::<u64>() - blocks;
-    assert_eq!((n_passes, step.barriers as u64 - blocks), (66, 40));
+    // Two passes for each round of the depth sort, and two for that of the tiles.
+    let rounds = if gpu.caps().kind == DeviceKind::Cpu { 4 } else { 3 };
+    assert_eq!((n_passes, step.barriers as u64 - blocks), (50 + 2 * rounds, 26 + 2 * rounds));
 }

@@ -35,14 +35,15 @@ fn the_scan_saturates_and_says_so_only_when_the_total_does_not_fit() {
 fn the_radix_sort_is_the_stable_sort_at_every_size_and_block() {
     let mut random = Random::new(2);
     for n in SIZES {
-        for (mask, n_passes) in [(u32::MAX, 4), (0x00ff_ffff, 3), (0x3ff, 2), (0x7, 1), (0, 1)] {
+        // With bits above those that it is sorted by, and without.
+        for (mask, n_bits) in [(u32::MAX, 32), (u32::MAX, 13), (0x00ff_ffff, 24), (0x3ff, 10), (0x7, 2), (0, 1)] {
             let keys: Vec<u32> = (0..n).map(|_| random.bits() as u32 & mask).collect();
             let values: Vec<u32> = (0..n as u32).collect();
             let mut expected: Vec<(u32, u32)> = keys.iter().copied().zip(values.iter().copied()).collect();
-            expected.sort_by_key(|pair| pair.0);
+            expected.sort_by_key(|pair| u64::from(pair.0) % (1 << n_bits));
             for block in [64, 256, 4096] {
-                let (keys, values) = radix_sort(&keys, &values, n_passes, block);
-                assert_eq!(keys.into_iter().zip(values).collect::<Vec<_>>(), expected, "{n} keys, mask {mask:x}");
+                let (keys, values) = radix_sort(&keys, &values, n_bits, block);
+                assert_eq!(keys.into_iter().zip(values).collect::<Vec<_>>(), expected, "{n} keys, {n_bits} bits");
             }
         }
     }

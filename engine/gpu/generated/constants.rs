@@ -278,6 +278,18 @@ pub mod sh_half {
     pub const LARGEST: f32 = 65504.0;
 }
 
+/// Of `include/sort.glsl`.
+pub mod sort {
+    /// room for the values of a digit.
+    pub const DIGITS: u32 = 256;
+}
+
+/// Of `sort/sort_exchange.comp`.
+pub mod sort_exchange {
+    /// `SUBGROUPS` of the shader.
+    pub const SUBGROUPS: u32 = 8;
+}
+
 /// Of `include/splat.glsl`.
 pub mod splat {
     /// `SPLAT_PLANES` of the shader.
@@ -300,6 +312,10 @@ pub mod ssim {
 
 /// Of `include/types.glsl`.
 pub mod types {
+    /// of keys of 24 bits.
+    pub const DEPTH_SHIFT_24: u32 = 4;
+    /// of keys of 16 bits.
+    pub const DEPTH_SHIFT_16: u32 = 11;
     /// `FLOW_VELOCITY` of the shader.
     pub const FLOW_VELOCITY: u32 = 0;
     /// `FLOW_DISPLACEMENT` of the shader.

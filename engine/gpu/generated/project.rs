@@ -34,8 +34,6 @@ pub mod project_static_sh0 {
         /// Writes.
         pub depth_keys: &'a Buf<u32>,
         /// Writes.
-        pub identity: &'a Buf<u32>,
-        /// Writes.
         pub tile_counts: &'a Buf<u32>,
         /// ReadWrites.
         pub frame_status: &'a Buf<crate::gpu::generated::Status>,
@@ -60,7 +58,6 @@ pub mod project_static_sh0 {
                 self.sh0.slice(),
                 self.splats.slice(),
                 self.depth_keys.slice(),
-                self.identity.slice(),
                 self.tile_counts.slice(),
                 self.frame_status.slice(),
                 self.motion.slice(),
@@ -77,7 +74,7 @@ pub mod project_static_sh0 {
         spirv: include_bytes!("../../../shaders-glsl/spv/project_static_sh0.spv"),
         local: 64,
         subgroups: true,
-        floats: 0x3c38,
+        floats: 0x1e38,
         bindings: &[
             BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
             BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
@@ -86,7 +83,6 @@ pub mod project_static_sh0 {
             BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Write },
             BindingInfo { name: "depth_keys", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "identity", kind: BindingKind::Storage, access: Access::Write },
             BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Write },
             BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::ReadWrite },
             BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
@@ -119,8 +115,6 @@ pub mod project_static_sh1_half {
         /// Writes.
         pub depth_keys: &'a Buf<u32>,
         /// Writes.
-        pub identity: &'a Buf<u32>,
-        /// Writes.
         pub tile_counts: &'a Buf<u32>,
         /// ReadWrites.
         pub frame_status: &'a Buf<crate::gpu::generated::Status>,
@@ -145,7 +139,6 @@ pub mod project_static_sh1_half {
                 self.sh0.slice(),
                 self.splats.slice(),
                 self.depth_keys.slice(),
-                self.identity.slice(),
                 self.tile_counts.slice(),
                 self.frame_status.slice(),
                 self.motion.slice(),
@@ -162,7 +155,7 @@ pub mod project_static_sh1_half {
         spirv: include_bytes!("../../../shaders-glsl/spv/project_static_sh1_half.spv"),
         local: 64,
         subgroups: true,
-        floats: 0x438,
+        floats: 0x238,
         bindings: &[
             BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
             BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
@@ -171,7 +164,6 @@ pub mod project_static_sh1_half {
             BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Write },
             BindingInfo { name: "depth_keys", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "identity", kind: BindingKind::Storage, access: Access::Write },
             BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Write },
             BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::ReadWrite },
             BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
@@ -214,8 +206,6 @@ pub mod project_stereo_static_sh0 {
         /// Writes.
         pub depth_keys: &'a Buf<u32>,
         /// Writes.
-        pub identity: &'a Buf<u32>,
-        /// Writes.
         pub tile_counts: &'a Buf<u32>,
         /// ReadWrites.
         pub frame_status: &'a Buf<crate::gpu::generated::Status>,
@@ -248,7 +238,6 @@ pub mod project_stereo_static_sh0 {
                 self.sh0.slice(),
                 self.splats.slice(),
                 self.depth_keys.slice(),
-                self.identity.slice(),
                 self.tile_counts.slice(),
                 self.frame_status.slice(),
                 self.motion.slice(),
@@ -269,7 +258,7 @@ pub mod project_stereo_static_sh0 {
         spirv: include_bytes!("../../../shaders-glsl/spv/project_stereo_static_sh0.spv"),
         local: 64,
         subgroups: true,
-        floats: 0xbc38,
+        floats: 0x5e38,
         bindings: &[
             BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
             BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
@@ -278,7 +267,6 @@ pub mod project_stereo_static_sh0 {
             BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Write },
             BindingInfo { name: "depth_keys", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "identity", kind: BindingKind::Storage, access: Access::Write },
             BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Write },
             BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::ReadWrite },
             BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
@@ -315,8 +303,6 @@ pub mod project_stereo_static_sh1_half {
         /// Writes.
         pub depth_keys: &'a Buf<u32>,
         /// Writes.
-        pub identity: &'a Buf<u32>,
-        /// Writes.
         pub tile_counts: &'a Buf<u32>,
         /// ReadWrites.
         pub frame_status: &'a Buf<crate::gpu::generated::Status>,
@@ -349,7 +335,6 @@ pub mod project_stereo_static_sh1_half {
                 self.sh0.slice(),
                 self.splats.slice(),
                 self.depth_keys.slice(),
-                self.identity.slice(),
                 self.tile_counts.slice(),
                 self.frame_status.slice(),
                 self.motion.slice(),
@@ -370,7 +355,7 @@ pub mod project_stereo_static_sh1_half {
         spirv: include_bytes!("../../../shaders-glsl/spv/project_stereo_static_sh1_half.spv"),
         local: 64,
         subgroups: true,
-        floats: 0x8438,
+        floats: 0x4238,
         bindings: &[
             BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
             BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
@@ -379,7 +364,6 @@ pub mod project_stereo_static_sh1_half {
             BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Write },
             BindingInfo { name: "depth_keys", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "identity", kind: BindingKind::Storage, access: Access::Write },
             BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Write },
             BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::ReadWrite },
             BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },

@@ -118,8 +118,18 @@ pub mod scan_downsweep {
 
 /// replaces each value by the sum of all before it and gives the sum of all, which saturates at 2^32 - 1. GATHERED: of
 pub mod scan_downsweep_gathered {
-    pub use super::scan_downsweep::Push;
     use crate::gpu::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `capacity` of the shader.
+        pub capacity: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 4);
+        assert!(std::mem::offset_of!(Push, capacity) == 0);
+    };
     /// The kernel's buffers.
     pub struct Args<'a> {
         /// Reads.
@@ -134,6 +144,12 @@ pub mod scan_downsweep_gathered {
         pub sums: &'a Buf<u32>,
         /// Writes.
         pub total: &'a Buf<u32>,
+        /// ReadWrites.
+        pub args: &'a Buf<[u32; 4]>,
+        /// Writes.
+        pub emit_args: &'a Buf<[u32; 4]>,
+        /// ReadWrites.
+        pub frame_status: &'a Buf<crate::gpu::generated::Status>,
     }
     impl Kernel for Args<'_> {
         type Push = Push;
@@ -146,6 +162,9 @@ pub mod scan_downsweep_gathered {
                 self.table.slice(),
                 self.sums.slice(),
                 self.total.slice(),
+                self.args.slice(),
+                self.emit_args.slice(),
+                self.frame_status.slice(),
             ]
         }
     }
@@ -164,6 +183,9 @@ pub mod scan_downsweep_gathered {
             BindingInfo { name: "table", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "sums", kind: BindingKind::Storage, access: Access::Write },
             BindingInfo { name: "total", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "args", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "emit_args", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::ReadWrite },
         ],
     };
 }

@@ -40,55 +40,6 @@ pub mod gather {
     };
 }
 
-/// turns the number of intersections into grids, and reports an overflow.
-pub mod prepare_intersections {
-    use crate::gpu::kernel::*;
-    /// `Push` of the shaders.
-    #[repr(C)]
-    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-    pub struct Push {
-        /// `capacity` of the shader.
-        pub capacity: u32,
-    }
-    const _: () = {
-        assert!(size_of::<Push>() == 4);
-        assert!(std::mem::offset_of!(Push, capacity) == 0);
-    };
-    /// The kernel's buffers.
-    pub struct Args<'a> {
-        /// ReadWrites.
-        pub n_intersections: &'a Buf<u32>,
-        /// ReadWrites.
-        pub args: &'a Buf<[u32; 4]>,
-        /// Writes.
-        pub emit_args: &'a Buf<[u32; 4]>,
-        /// ReadWrites.
-        pub frame_status: &'a Buf<crate::gpu::generated::Status>,
-    }
-    impl Kernel for Args<'_> {
-        type Push = Push;
-        const INFO: &'static KernelInfo = INFO;
-        fn slices(&self) -> Vec<Slice> {
-            vec![self.n_intersections.slice(), self.args.slice(), self.emit_args.slice(), self.frame_status.slice()]
-        }
-    }
-    /// What the device needs to know.
-    pub const INFO: &KernelInfo = &KernelInfo {
-        name: "prepare_intersections",
-        push_bytes: size_of::<Push>() as u32,
-        spirv: include_bytes!("../../../shaders-glsl/spv/prepare_intersections.spv"),
-        local: 1,
-        subgroups: false,
-        floats: 0x0,
-        bindings: &[
-            BindingInfo { name: "n_intersections", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "args", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "emit_args", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::ReadWrite },
-        ],
-    };
-}
-
 /// writes one (tile, Gaussian) pair per tile that a Gaussian touches, in depth order.
 pub mod emit {
     use crate::gpu::kernel::*;
@@ -149,6 +100,7 @@ pub mod emit {
         ],
     };
 }
+crate::gpu::kernel::variant!(emit_w32 of emit);
 
 /// writes one (tile, Gaussian) pair per tile that a Gaussian touches, in depth order.
 pub mod emit_slots {
@@ -173,8 +125,6 @@ pub mod emit_slots {
         /// Writes.
         pub splat_ids: &'a Buf<u32>,
         /// Writes.
-        pub slots: &'a Buf<u32>,
-        /// Writes.
         pub slot_first: &'a Buf<u32>,
     }
     impl Kernel for Args<'_> {
@@ -190,7 +140,6 @@ pub mod emit_slots {
                 self.splats.slice(),
                 self.tile_keys.slice(),
                 self.splat_ids.slice(),
-                self.slots.slice(),
                 self.slot_first.slice(),
             ]
         }
@@ -212,11 +161,11 @@ pub mod emit_slots {
             BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "tile_keys", kind: BindingKind::Storage, access: Access::Write },
             BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "slots", kind: BindingKind::Storage, access: Access::Write },
             BindingInfo { name: "slot_first", kind: BindingKind::Storage, access: Access::Write },
         ],
     };
 }
+crate::gpu::kernel::variant!(emit_slots_w32 of emit_slots);
 
 /// finds where each tile's list begins and ends among the sorted intersections, counts the tiles by the logarithm of
 pub mod tile_ranges {
@@ -342,9 +291,11 @@ pub mod tile_order {
 }
 
 /// The kernel of `tiles/emit.comp` for these choices.
-pub fn emit(has_slots: bool) -> &'static crate::gpu::KernelInfo {
-    match has_slots {
-        false => emit::INFO,
-        true => emit_slots::INFO,
+pub fn emit(has_slots: bool, is_wide: bool) -> &'static crate::gpu::KernelInfo {
+    match (has_slots, is_wide) {
+        (false, false) => emit::INFO,
+        (true, false) => emit_slots::INFO,
+        (true, true) => emit_slots_w32::INFO,
+        (false, true) => emit_w32::INFO,
     }
 }

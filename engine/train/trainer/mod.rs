@@ -19,7 +19,7 @@ use crate::scene::{Cone, Splats, View};
 use crate::settings::Constants;
 use crate::stage::{
     AdamMode, DensityRound, Lists, Moments, Optimiser, Purpose, Room, SceneBuffers, State, StepSettings, Workspace,
-    adam_params, lazy_sums,
+    adam_params, constants_on, lazy_sums,
 };
 use crate::train::config::Config;
 use crate::train::density::{density_round, regularisers};
@@ -116,7 +116,7 @@ impl Trainer {
     ) -> Result<Self> {
         let accumulation = config.accumulation.on(gpu.caps());
         accumulation.check(gpu.caps())?;
-        let constants = config.frame.on(constants);
+        let constants = constants_on(gpu.caps().kind, config.frame, constants);
         let scene = SceneBuffers::upload(&gpu, splats, &constants, Purpose::Training)?;
         let zeros = zeros_like(splats);
         let state = vec![[0.0; 4]; splats.len()];
