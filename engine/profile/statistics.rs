@@ -165,11 +165,18 @@ impl Static {
     }
 }
 
-/// Whether a GPU would run the kernel in a frame or a step: `Blend` takes eight pixels a lane on CPUs alone, `Sort` the narrow
-/// scatter on subgroups below 32, and probes only measure the device.
-pub(super) fn gpu_runs(kernel: &str) -> bool {
+/// Whether a GPU with subgroups of `lanes` would run the kernel in a frame or a step: `Blend` takes eight pixels a lane on CPUs
+/// alone, `Sort` the narrow scatter on subgroups below 32, `Grids` teams of lanes on CPUs, `Lpips` the convolution of their width,
+/// and probes only measure the device.
+pub(super) fn gpu_runs(kernel: &str, lanes: u32) -> bool {
     let is_for_gpus = |spec: &table::Spec| {
-        spec.value("PIXELS") != 8 && spec.value("SUBGROUPS") != 16 && !spec.file.starts_with("probe/")
+        let by_teams = ["bilateral/bilateral_slice.comp", "bilateral/bilateral_bwd.comp"].contains(&spec.file);
+        let has_width = spec.family.axes.iter().any(|axis| axis.name == "lanes");
+        spec.value("PIXELS") != 8
+            && spec.value("SUBGROUPS") != 16
+            && !by_teams
+            && (!has_width || spec.value("LANES") == lanes as usize)
+            && !spec.file.starts_with("probe/")
     };
     table::kernel(kernel).is_some_and(is_for_gpus)
 }
@@ -247,8 +254,20 @@ mod tests {
 
     #[test]
     fn shapes_for_cpus_and_probes_have_no_budget() {
-        assert!(["blend_fwd_p4", "sort_scatter_w32", "cull_dynamic"].into_iter().all(gpu_runs));
-        assert!(!["blend_fwd_p8", "blend_bwd_float_color_p8", "sort_scatter", "probe_fma"].into_iter().any(gpu_runs));
+        assert!(["blend_fwd_p4", "sort_scatter_w32", "cull_dynamic"].into_iter().all(|kernel| gpu_runs(kernel, 32)));
+        assert!(
+            ![
+                "blend_fwd_p8",
+                "blend_bwd_float_color_p8",
+                "sort_scatter",
+                "probe_fma",
+                "bilateral_bwd",
+                "lpips_conv",
+                "lpips_conv_w64"
+            ]
+            .into_iter()
+            .any(|kernel| gpu_runs(kernel, 32))
+        );
     }
 
     #[test]

@@ -19,7 +19,6 @@ tested! {
     "lpips/lpips_conv.comp" by lpips in lpips_and_cotangent_of_noise_are_those_of_dual_numbers;
     "lpips/lpips_pool.comp" by lpips in lpips_and_cotangent_of_noise_are_those_of_dual_numbers;
     "lpips/lpips_tap.comp" by lpips in lpips_and_cotangent_of_noise_are_those_of_dual_numbers;
-    "lpips/lpips_sum.comp" by lpips in lpips_and_cotangent_of_noise_are_those_of_dual_numbers;
     "lpips/lpips_pool_bwd.comp" by lpips in lpips_and_cotangent_of_noise_are_those_of_dual_numbers;
     "lpips/lpips_input_bwd.comp" by lpips in lpips_and_cotangent_of_noise_are_those_of_dual_numbers;
 }

@@ -154,6 +154,9 @@ pub mod lpips_conv {
         ],
     };
 }
+crate::gpu::kernel::variant!(lpips_conv_w16 of lpips_conv);
+crate::gpu::kernel::variant!(lpips_conv_w32 of lpips_conv);
+crate::gpu::kernel::variant!(lpips_conv_w64 of lpips_conv);
 
 /// convolves feature maps: forward with bias and ReLU, or a cotangent back to the maps it came from.
 pub mod lpips_conv_bwd {
@@ -193,6 +196,9 @@ pub mod lpips_conv_bwd {
         ],
     };
 }
+crate::gpu::kernel::variant!(lpips_conv_bwd_w16 of lpips_conv_bwd);
+crate::gpu::kernel::variant!(lpips_conv_bwd_w32 of lpips_conv_bwd);
+crate::gpu::kernel::variant!(lpips_conv_bwd_w64 of lpips_conv_bwd);
 
 /// takes the greatest of each 3 x 3 window, two pixels apart, and keeps which it was.
 pub mod lpips_pool {
@@ -533,10 +539,16 @@ pub mod lpips_input_bwd {
 }
 
 /// The kernel of `lpips/lpips_conv.comp` for these choices.
-pub fn lpips_conv(is_backward: bool) -> &'static crate::gpu::KernelInfo {
-    match is_backward {
-        false => lpips_conv::INFO,
-        true => lpips_conv_bwd::INFO,
+pub fn lpips_conv(is_backward: bool, lanes: usize) -> &'static crate::gpu::KernelInfo {
+    match (is_backward, lanes) {
+        (false, 0) => lpips_conv::INFO,
+        (true, 0) => lpips_conv_bwd::INFO,
+        (true, 1) => lpips_conv_bwd_w16::INFO,
+        (true, 2) => lpips_conv_bwd_w32::INFO,
+        (false, 1) => lpips_conv_w16::INFO,
+        (false, 2) => lpips_conv_w32::INFO,
+        (true, _) => lpips_conv_bwd_w64::INFO,
+        (false, _) => lpips_conv_w64::INFO,
     }
 }
 
