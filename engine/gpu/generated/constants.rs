@@ -286,6 +286,10 @@ pub mod ssim {
     pub const SSIM_C1: f32 = 0.0001;
     /// `SSIM_C2` of the shader.
     pub const SSIM_C2: f32 = 0.0009;
+}
+
+/// Of `include/ssim_filter.glsl`.
+pub mod ssim_filter {
     /// pixels across a tile.
     pub const TILE_COLUMNS: u32 = 32;
     /// outputs of a thread, which share their inputs; as many rows has a tile of outputs.

@@ -164,24 +164,39 @@ pub mod l1 {
     };
 }
 
-/// adds the workgroups' sums of 1 - SSIM, absolute and squared error.
+/// adds what up to four terms of the loss left by workgroup.
 pub mod loss_sum {
     use crate::gpu::kernel::*;
     /// `Push` of the shaders.
     #[repr(C)]
     #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
     pub struct Push {
-        /// `n` of the shader.
-        pub n: u32,
+        /// `n0` of the shader.
+        pub n0: u32,
+        /// `n1` of the shader.
+        pub n1: u32,
+        /// `n2` of the shader.
+        pub n2: u32,
+        /// `n3` of the shader.
+        pub n3: u32,
     }
     const _: () = {
-        assert!(size_of::<Push>() == 4);
-        assert!(std::mem::offset_of!(Push, n) == 0);
+        assert!(size_of::<Push>() == 16);
+        assert!(std::mem::offset_of!(Push, n0) == 0);
+        assert!(std::mem::offset_of!(Push, n1) == 4);
+        assert!(std::mem::offset_of!(Push, n2) == 8);
+        assert!(std::mem::offset_of!(Push, n3) == 12);
     };
     /// The kernel's buffers.
     pub struct Args<'a> {
         /// Reads.
-        pub sums: &'a Buf<[f32; 4]>,
+        pub sums0: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub sums1: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub sums2: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub sums3: &'a Buf<[f32; 4]>,
         /// Writes.
         pub loss: &'a Buf<[f32; 4]>,
     }
@@ -189,7 +204,7 @@ pub mod loss_sum {
         type Push = Push;
         const INFO: &'static KernelInfo = INFO;
         fn slices(&self) -> Vec<Slice> {
-            vec![self.sums.slice(), self.loss.slice()]
+            vec![self.sums0.slice(), self.sums1.slice(), self.sums2.slice(), self.sums3.slice(), self.loss.slice()]
         }
     }
     /// What the device needs to know.
@@ -199,9 +214,12 @@ pub mod loss_sum {
         spirv: include_bytes!("../../../shaders-glsl/spv/loss_sum.spv"),
         local: 128,
         subgroups: false,
-        floats: 0x3,
+        floats: 0x1f,
         bindings: &[
-            BindingInfo { name: "sums", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sums0", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sums1", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sums2", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sums3", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "loss", kind: BindingKind::Storage, access: Access::Write },
         ],
     };

@@ -290,7 +290,7 @@ pub mod lpips_tap {
         /// Reads.
         pub linear: &'a Buf<[f32; 4]>,
         /// Writes.
-        pub sums: &'a Buf<f32>,
+        pub sums: &'a Buf<[f32; 4]>,
     }
     impl Kernel for Args<'_> {
         type Push = Push;
@@ -329,7 +329,7 @@ pub mod lpips_tap_bwd {
         /// Reads.
         pub linear: &'a Buf<[f32; 4]>,
         /// Writes.
-        pub sums: &'a Buf<f32>,
+        pub sums: &'a Buf<[f32; 4]>,
         /// Writes.
         pub d_features: &'a Buf<[f32; 4]>,
     }
@@ -360,49 +360,6 @@ pub mod lpips_tap_bwd {
             BindingInfo { name: "linear", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "sums", kind: BindingKind::Storage, access: Access::Write },
             BindingInfo { name: "d_features", kind: BindingKind::Storage, access: Access::Write },
-        ],
-    };
-}
-
-/// adds the workgroups' shares of LPIPS.
-pub mod lpips_sum {
-    use crate::gpu::kernel::*;
-    /// `Push` of the shaders.
-    #[repr(C)]
-    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-    pub struct Push {
-        /// `n` of the shader.
-        pub n: u32,
-    }
-    const _: () = {
-        assert!(size_of::<Push>() == 4);
-        assert!(std::mem::offset_of!(Push, n) == 0);
-    };
-    /// The kernel's buffers.
-    pub struct Args<'a> {
-        /// Reads.
-        pub sums: &'a Buf<f32>,
-        /// Writes.
-        pub value: &'a Buf<f32>,
-    }
-    impl Kernel for Args<'_> {
-        type Push = Push;
-        const INFO: &'static KernelInfo = INFO;
-        fn slices(&self) -> Vec<Slice> {
-            vec![self.sums.slice(), self.value.slice()]
-        }
-    }
-    /// What the device needs to know.
-    pub const INFO: &KernelInfo = &KernelInfo {
-        name: "lpips_sum",
-        push_bytes: size_of::<Push>() as u32,
-        spirv: include_bytes!("../../../shaders-glsl/spv/lpips_sum.spv"),
-        local: 64,
-        subgroups: false,
-        floats: 0x3,
-        bindings: &[
-            BindingInfo { name: "sums", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "value", kind: BindingKind::Storage, access: Access::Write },
         ],
     };
 }

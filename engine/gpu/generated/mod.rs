@@ -341,7 +341,6 @@ pub const ALL: &[&super::KernelInfo] = &[
     lpips_pool::INFO,
     lpips_tap::INFO,
     lpips_tap_bwd::INFO,
-    lpips_sum::INFO,
     lpips_pool_bwd::INFO,
     lpips_input_bwd::INFO,
     bilateral_slice::INFO,
