@@ -8,7 +8,6 @@ pub const MOST_TERMS: usize = 4;
 
 /// Appends the addition of what each of `terms` left, [`MOST_TERMS`] at most: its four sums become one of `totals`.
 pub fn record_totals(rec: &mut Recording, terms: &[Buf<[f32; 4]>], totals: &Buf<[f32; 4]>) {
-    rec.section("totals");
     assert!(terms.len() <= MOST_TERMS.min(totals.len()), "{} terms", terms.len());
     let Some(first) = terms.first() else { return };
     let of = |term: usize| terms.get(term).unwrap_or(first);

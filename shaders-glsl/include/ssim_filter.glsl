@@ -16,16 +16,25 @@ const uint PITCH = 3u * COLUMNS | 1u;
 const uint OUT_PITCH = ACROSS + 1u;
 const uint OUT_PLANE = RUN * OUT_PITCH;
 
-// Adds `value`, input T of a run, to `sum[K]`. Written out, as a compiler that leaves a loop over T rolled reads the window from memory.
-#define TAP(T, K) if (T >= APART * K && T <= APART * K + 2u * SSIM_RADIUS) \
-    sum[K] = fma(NUMBERS(SSIM_WINDOW[(T - APART * K) % 11u]), value, sum[K]);
+// Adds `value`, input T of a run, to what output K sums. The window's later half has a sum of its own: half the rounding error, which
+// the variances of flat pictures are made of. Written out, as a compiler that leaves a loop over T rolled reads the window from memory.
+#define ADD(SUM, T, K) SUM[K] = fma(NUMBERS(SSIM_WINDOW[(T - APART * K) % 11u]), value, SUM[K]);
+#define TAP(T, K) if (T >= APART * K && T <= APART * K + 2u * SSIM_RADIUS) { \
+    if (T <= APART * K + SSIM_RADIUS) { ADD(sum, T, K) } else { ADD(late, T, K) } \
+}
 #define TAPS(T) TAP(T, 0u) TAP(T, 1u) TAP(T, 2u) TAP(T, 3u) TAP(T, 4u) TAP(T, 5u) TAP(T, 6u) TAP(T, 7u)
-// The run's inputs: `value` becomes LOAD(T), T counting those that are there.
+// An input: `value` becomes LOAD(T), T counting those that are there.
 #define INPUT(T, LOAD) if (T < INPUTS && T % EVERY == FIRST) { const NUMBERS value = LOAD(T / EVERY); TAPS(T) }
-#define FILTER(LOAD) INPUT(0u, LOAD) INPUT(1u, LOAD) INPUT(2u, LOAD) INPUT(3u, LOAD) INPUT(4u, LOAD) INPUT(5u, LOAD) INPUT(6u, LOAD) \
+// A run: `sum` becomes its outputs.
+#define FILTER(LOAD) { \
+    NUMBERS late[RUN]; \
+    for (uint k = 0u; k < RUN; ++k) sum[k] = late[k] = NUMBERS(0.0); \
+    INPUT(0u, LOAD) INPUT(1u, LOAD) INPUT(2u, LOAD) INPUT(3u, LOAD) INPUT(4u, LOAD) INPUT(5u, LOAD) INPUT(6u, LOAD) \
     INPUT(7u, LOAD) INPUT(8u, LOAD) INPUT(9u, LOAD) INPUT(10u, LOAD) INPUT(11u, LOAD) INPUT(12u, LOAD) INPUT(13u, LOAD) \
     INPUT(14u, LOAD) INPUT(15u, LOAD) INPUT(16u, LOAD) INPUT(17u, LOAD) INPUT(18u, LOAD) INPUT(19u, LOAD) INPUT(20u, LOAD) \
-    INPUT(21u, LOAD) INPUT(22u, LOAD) INPUT(23u, LOAD) INPUT(24u, LOAD)
+    INPUT(21u, LOAD) INPUT(22u, LOAD) INPUT(23u, LOAD) INPUT(24u, LOAD) \
+    for (uint k = 0u; k < RUN; ++k) sum[k] += late[k]; \
+}
 
 // Filtered down, by row and thread; then along both axes, by channel, row and column.
 shared NUMBERS sh[max(RUN * PITCH, 3u * OUT_PLANE)];
@@ -42,7 +51,6 @@ void filter_across(uint thread, NUMBERS down[RUN]) {
     const uint first = row * PITCH;
     const uint column = APART * RUN * run / EVERY;
     NUMBERS sum[RUN];
-    for (uint k = 0u; k < RUN; ++k) sum[k] = NUMBERS(0.0);
 #define DOWN(T) sh[first + PLACE(channel, column + T)]
     FILTER(DOWN)
     barrier();

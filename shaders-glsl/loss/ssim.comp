@@ -51,7 +51,6 @@ void filter_down(uint thread, uvec2 first, out vec4 sum[RUN]) {
     const uint channel = thread % 3u;
     const int x = int(first.x + thread / 3u) - int(SSIM_RADIUS);
     const int y = int(first.y) - int(SSIM_RADIUS);
-    for (uint k = 0u; k < RUN; ++k) sum[k] = vec4(0.0);
 #define MOMENTS(T) moments_of(pair_at(x, y + int(T), channel))
     FILTER(MOMENTS)
 }

@@ -41,7 +41,6 @@ void filter_down(uint thread, uvec2 first, out vec3 sum[RUN]) {
     const ivec2 places = ivec2(div_ceil(pc.width, STRIDE), div_ceil(pc.height, STRIDE));
     const int x = int(first.x / STRIDE + thread % COLUMNS) - int(SSIM_RADIUS / STRIDE);
     const int y = int(first.y / STRIDE) - int(SSIM_RADIUS / STRIDE);
-    for (uint k = 0u; k < RUN; ++k) sum[k] = vec3(0.0);
 #define PARTIALS(T) partials_at(x, y + int(T), channel, places)
     FILTER(PARTIALS)
 }
