@@ -30,6 +30,11 @@ const CARRIED: Axis = switch("is_indexed", &[("", NONE), ("indexed", ("INDEXED",
 const LANES: Axis = switch("is_wide", &[("", ("NARROW", "1")), ("w32", NONE)]);
 const DIRECTION: Axis = switch("is_backward", &[("", NONE), ("bwd", ("BACKWARD", "1"))]);
 
+const LANES: Axis = Axis {
+    name: "lanes",
+    values: &[("", NONE), ("w16", ("LANES", "16u")), ("w32", ("LANES", "32u")), ("w64", ("LANES", "64u"))],
+};
+
 const ACCUMULATION: Axis = Axis {
     name: "accumulation",
     values: &[
@@ -242,29 +247,23 @@ pub static FAMILIES: &[Family] = &[
         cost: Some(|_| vec![own(24.0, 6.0)]),
         ..ROW
     },
-    // Eleven taps of four moments of three channels; of three partial derivatives of three channels on the way back.
+    // Eleven taps of four moments of three channels along either axis; of three partial derivatives of three channels on the way back.
     Family {
-        name: "ssim_rows", file: "loss/ssim_rows.comp", twin: |_| "ssim::photometric", axes: &[STRIDE], count: Count::Pixels,
-        limit_ns: |s| s.either("STRIDE", 80.0, 128.0),
-        cost: Some(|_| vec![own(20.0 + 48.0, 2.0 * 11.0 * 12.0)]),
+        name: "ssim", file: "loss/ssim.comp", twin: |_| "ssim::photometric", axes: &[STRIDE], count: Count::Pixels,
+        limit_ns: |s| s.either("STRIDE", 125.0, 240.0),
+        cost: Some(|s| {
+            let places = s.either("STRIDE", 0.25, 1.0);
+            vec![own(20.0 + places * 36.0, places * (2.0 * 2.0 * 11.0 * 12.0 + 3.0 * 40.0))]
+        }),
         ..ROW
     },
     Family {
-        name: "ssim_columns", file: "loss/ssim_columns.comp", twin: |_| "ssim::photometric", axes: &[STRIDE], count: Count::Pixels,
-        limit_ns: |s| s.either("STRIDE", 75.0, 243.0),
-        cost: Some(|_| vec![own(48.0 + 20.0 + 48.0, 2.0 * 11.0 * 12.0 + 3.0 * 40.0)]),
-        ..ROW
-    },
-    Family {
-        name: "ssim_bwd_rows", file: "loss/ssim_bwd_rows.comp", twin: |_| "ssim::photometric", axes: &[STRIDE], count: Count::Pixels,
-        limit_ns: |s| s.either("STRIDE", 25.0, 90.0),
-        cost: Some(|_| vec![own(48.0 + 48.0, 2.0 * 11.0 * 9.0)]),
-        ..ROW
-    },
-    Family {
-        name: "ssim_bwd_columns", file: "loss/ssim_bwd_columns.comp", twin: |_| "ssim::photometric", axes: &[STRIDE], count: Count::Pixels,
-        limit_ns: |s| s.either("STRIDE", 50.0, 90.0),
-        cost: Some(|_| vec![own(48.0 + 20.0 + 16.0, 2.0 * 11.0 * 9.0 + 3.0 * 10.0)]),
+        name: "ssim_bwd", file: "loss/ssim_bwd.comp", twin: |_| "ssim::photometric", axes: &[STRIDE], count: Count::Pixels,
+        limit_ns: |s| s.either("STRIDE", 110.0, 160.0),
+        cost: Some(|s| {
+            let places = s.either("STRIDE", 0.25, 1.0);
+            vec![own(places * 36.0 + 20.0 + 16.0, places * 2.0 * 2.0 * 11.0 * 9.0 + 3.0 * 10.0)]
+        }),
         ..ROW
     },
     Family {
@@ -291,7 +290,7 @@ pub static FAMILIES: &[Family] = &[
     },
     // Of a multiply-add; the maps are small beside them.
     Family {
-        name: "lpips_conv", file: "lpips/lpips_conv.comp", twin: |_| "lpips::lpips", axes: &[DIRECTION], count: Count::Recorded,
+        name: "lpips_conv", file: "lpips/lpips_conv.comp", twin: |_| "lpips::lpips", axes: &[DIRECTION, LANES], count: Count::Recorded,
         limit_ns: |_| 0.53,
         cost: Some(|_| vec![own(0.0, 2.0)]),
         ..ROW
@@ -308,7 +307,6 @@ pub static FAMILIES: &[Family] = &[
         cost: Some(|s| vec![own(s.either("BACKWARD", 48.0, 32.0), s.either("BACKWARD", 60.0, 28.0))]),
         ..ROW
     },
-    Family { name: "lpips_sum", file: "lpips/lpips_sum.comp", twin: |_| "lpips::lpips", ..ROW },
     Family {
         name: "lpips_pool_bwd", file: "lpips/lpips_pool_bwd.comp", twin: |_| "lpips::lpips", count: Count::Recorded,
         limit_ns: |_| 60.0,
@@ -334,17 +332,24 @@ pub static FAMILIES: &[Family] = &[
         cost: Some(|_| vec![own(32.0, 216.0)]),
         ..ROW
     },
-    // Per dispatch: the 24,576 numbers of a grid, with gradient, moments, variation; four parts around each.
+    // What the three above do, for GPUs.
+    Family {
+        name: "bilateral_grade", file: "bilateral/bilateral_grade.comp", twin: |_| "bilateral::BilateralGrid", axes: &[DIRECTION], count: Count::Pixels,
+        limit_ns: |s| s.either("BACKWARD", 700.0, 100.0),
+        cost: Some(|s| vec![own(s.either("BACKWARD", 48.0, 32.0), s.either("BACKWARD", 636.0, 216.0))]),
+        ..ROW
+    },
+    // Per dispatch: the 24,576 numbers of a grid, with variation, gradient, moments; four parts around each.
     Family {
         name: "bilateral_sum", file: "bilateral/bilateral_sum.comp", twin: |_| "bilateral::BilateralGrid",
-        limit_ns: |_| 580_000.0,
-        cost: Some(|_| vec![own(5.0 * 98_304.0, 4.0 * 24_576.0)]),
+        limit_ns: |_| 800_000.0,
+        cost: Some(|_| vec![own(6.0 * 98_304.0, 22.0 * 24_576.0)]),
         ..ROW
     },
     Family {
         name: "bilateral_adam", file: "bilateral/bilateral_adam.comp", twin: |_| "adam::Adam",
-        limit_ns: |_| 400_000.0,
-        cost: Some(|_| vec![own(7.0 * 98_304.0, 30.0 * 24_576.0)]),
+        limit_ns: |_| 300_000.0,
+        cost: Some(|_| vec![own(7.0 * 98_304.0, 12.0 * 24_576.0)]),
         ..ROW
     },
     // Recorded: cameras.

@@ -38,7 +38,7 @@ fx taken for fy|shaders-glsl/project/project.comp|s/const vec3 a1 = f_z.y \*/con
 pictures cut to whole tiles|shaders-glsl/cull/cull.comp|s/vec2(float(view.width),/vec2(float(view.width \/ 16u * 16u),/|n18
 colours below 0|shaders-glsl/project/project.comp|s/max(color, vec3(0.0))/color/|n19
 row 42, the end-point error of no error is divided by|shaders-glsl/loss/prior_loss.comp|s/distance > 0.0 ? pc.flow_weight \* (flow_error \/ distance) : vec2(0.0)/pc.flow_weight * (flow_error \/ distance)/|n20
-row 44, a variance below 0|shaders-glsl/loss/ssim_columns.comp|s/precise vec3 d = max(variances, vec3(0.0))/precise vec3 d = variances/|n21
+row 44, a variance below 0|shaders-glsl/loss/ssim.comp|s/precise vec3 d = max(variances, vec3(0.0))/precise vec3 d = variances/|n21
 row 54, halves that do not saturate|shaders-glsl/project/sh_half.comp|s/clamp(x.\([xy]\), -LARGEST, LARGEST)/x.\1/g|n25
 moments that are rounded to the nearest|shaders-glsl/include/moments.glsl|s/bits \& 0xffffu)/uvec4(0x8000u))/|n25
 row 45, LPIPS without its guard at zero features|shaders-glsl/lpips/lpips_tap.comp|s/team_sum(x_square) + EPS/team_sum(x_square)/|n22

@@ -56,7 +56,7 @@ impl Budgets {
         let mut budgets = Budgets::default();
         for (chip, statistics) in compiled {
             budgets.drivers.insert(chip.to_owned(), statistics.driver.clone());
-            for one in statistics.kernels.iter().filter(|one| gpu_runs(&one.kernel)) {
+            for one in statistics.kernels.iter().filter(|one| gpu_runs(&one.kernel, one.subgroup)) {
                 let whole = [one.registers, one.spills, one.scratch_bytes, None, one.instructions, one.latency];
                 let mut numbers = whole.map(|value| value.map(|value| value as f64));
                 numbers[WAVES] = one.waves;

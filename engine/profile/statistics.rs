@@ -166,12 +166,19 @@ impl Static {
     }
 }
 
-/// Whether a GPU would run the kernel in a frame or a step: `Blend` takes eight pixels a lane on CPUs alone, `Sort` and `Tiles` have
-/// kernels for subgroups below 32, and probes only measure the device.
-pub(super) fn gpu_runs(kernel: &str) -> bool {
+/// Whether a GPU with subgroups of `lanes` would run the kernel in a frame or a step: `Blend` takes eight pixels a lane on CPUs
+/// alone, `Sort` and `Tiles` have kernels for subgroups below 32, `Grids` teams of lanes on CPUs, `Lpips` the convolution of their
+/// width, and probes only measure the device.
+pub(super) fn gpu_runs(kernel: &str, lanes: u32) -> bool {
     let is_for_gpus = |spec: &table::Spec| {
         let is_narrow = spec.is("NARROW") || spec.file == "sort/sort_scatter.comp";
-        spec.value("PIXELS") != 8 && !is_narrow && !spec.file.starts_with("probe/")
+        let by_teams = ["bilateral/bilateral_slice.comp", "bilateral/bilateral_bwd.comp"].contains(&spec.file);
+        let has_width = spec.family.axes.iter().any(|axis| axis.name == "lanes");
+        spec.value("PIXELS") != 8
+            && !is_narrow
+            && !by_teams
+            && (!has_width || spec.value("LANES") == lanes as usize)
+            && !spec.file.starts_with("probe/")
     };
     table::kernel(kernel).is_some_and(is_for_gpus)
 }
@@ -256,12 +263,19 @@ mod tests {
 
     #[test]
     fn shapes_for_cpus_and_probes_have_no_budget() {
-        assert!(["blend_fwd_p4", "sort_exchange", "emit_slots_w32", "cull_dynamic"].into_iter().all(gpu_runs));
-        assert!(
-            !["blend_fwd_p8", "blend_bwd_float_color_p8", "sort_scatter", "emit_slots", "probe_fma"]
-                .into_iter()
-                .any(gpu_runs)
-        );
+        let ours = ["blend_fwd_p4", "sort_exchange", "emit_slots_w32", "cull_dynamic"];
+        assert!(ours.into_iter().all(|kernel| gpu_runs(kernel, 32)));
+        let others = [
+            "blend_fwd_p8",
+            "blend_bwd_float_color_p8",
+            "sort_scatter",
+            "emit_slots",
+            "probe_fma",
+            "bilateral_bwd",
+            "lpips_conv",
+            "lpips_conv_w64",
+        ];
+        assert!(!others.into_iter().any(|kernel| gpu_runs(kernel, 32)));
     }
 
     #[test]

@@ -5,8 +5,8 @@ use super::adam::{BETA1, BETA2, EPS, correction};
 use crate::error::Result;
 use crate::gpu::generated::constants::bilateral::{self as shared, PANELS, TEAM};
 use crate::gpu::generated::{
-    Status, bilateral_adam, bilateral_bwd, bilateral_gauge, bilateral_slice, bilateral_slice_bwd, bilateral_sum,
-    loss_sum,
+    Status, bilateral_adam, bilateral_bwd, bilateral_gauge, bilateral_grade, bilateral_grade_bwd, bilateral_slice,
+    bilateral_slice_bwd, bilateral_sum,
 };
 use crate::gpu::{Buf, Gpu, Grid, Recording};
 use crate::vk::DeviceKind;
@@ -20,7 +20,7 @@ pub const GRID_BYTES: u64 = 3 * 4 * GRID_NUMBERS as u64;
 
 /// vec4 of a camera's grid: rows of maps.
 const ROWS: usize = shared::GRID_ROWS as usize;
-/// vec4 that a team sums.
+/// vec4 that a part sums.
 const PART_SUMS: usize = shared::PART_SUMS as usize;
 /// Threads per workgroup of the kernel that leaves one sum each.
 const LOCAL: usize = bilateral_slice::INFO.local as usize;
@@ -71,8 +71,6 @@ pub struct GridStep {
     pub camera_step: u64,
     /// Learning rate (SPEC 6: 2e-3).
     pub rate: f64,
-    /// Weight of the camera's total variation in the loss (SPEC 6: 10).
-    pub tv_weight: f64,
 }
 
 /// The cameras' grids, their moments, and the scratch of a backward pass.
@@ -83,12 +81,25 @@ pub struct Grids {
     second: Buf<[f32; 4]>,
     /// Gradient of the grid of the camera at hand, [`GRID_NUMBERS`].
     pub d_grid: Buf<[f32; 4]>,
-    /// Total variation of that grid before the step, unweighted, in the first number.
-    pub tv: Buf<[f32; 4]>,
-    stepped: Buf<[f32; 4]>,
-    tv_sums: Buf<[f32; 4]>,
+    /// Total variation of that grid before the step, unweighted: sums by workgroup, in the first number.
+    pub tv_sums: Buf<[f32; 4]>,
     partials: Buf<[f32; 4]>,
-    is_cpu: bool,
+    is_for_gpus: bool,
+}
+
+/// Cotangents of a picture as a camera shows it, and where those of the picture itself go; 16 bytes a pixel each.
+#[derive(Clone, Copy)]
+pub struct GradedBack<'a> {
+    /// The picture: colour in the first three channels.
+    pub image: &'a Buf<[f32; 4]>,
+    /// The cotangent of what the camera shows.
+    pub d_graded: &'a Buf<[f32; 4]>,
+    /// The cotangent of `image`, which is overwritten; 0 in its fourth channel.
+    pub d_image: &'a Buf<[f32; 4]>,
+    /// Width and height.
+    pub size: [u32; 2],
+    /// Weight of the camera's total variation in the loss (SPEC 6: 10).
+    pub tv_weight: f64,
 }
 
 /// How the pixels of a picture are dealt out.
@@ -101,11 +112,11 @@ struct Parts {
 }
 
 impl Parts {
-    fn new(is_cpu: bool, height: u32) -> Self {
-        // A team reads the four columns of cells at its corners once, which pays over many pixels; a GPU wants teams.
-        let most_rows = if is_cpu { 8 } else { 2 };
+    fn new(height: u32) -> Self {
+        // The four columns of cells at a part's corners are read, and summed, once.
+        const MOST_ROWS: u32 = 8;
         let panel_rows = height.div_ceil(PANELS);
-        let down = panel_rows.div_ceil(most_rows).max(1);
+        let down = panel_rows.div_ceil(MOST_ROWS).max(1);
         Parts { rows: panel_rows.div_ceil(down).max(1), down }
     }
 
@@ -113,13 +124,19 @@ impl Parts {
         PANELS * PANELS * self.down
     }
 
-    /// vec4 that the teams sum.
+    /// vec4 that the parts sum.
     fn n_sums(self) -> usize {
         self.count() as usize * PART_SUMS
     }
 
-    fn grid(self) -> Grid {
+    /// A team for each.
+    fn teams(self) -> Grid {
         Grid::Threads(TEAM * self.count())
+    }
+
+    /// A workgroup for each.
+    fn groups(self) -> Grid {
+        Grid::Groups(self.count())
     }
 }
 
@@ -149,12 +166,16 @@ impl Grids {
             first: all("bilateral first moments", |s| &s.first)?,
             second: all("bilateral second moments", |s| &s.second)?,
             d_grid: gpu.alloc("d bilateral grid", ROWS)?,
-            tv: gpu.alloc("bilateral variation", 1)?,
-            stepped: gpu.alloc("bilateral step", ROWS)?,
             tv_sums: gpu.alloc("bilateral variation sums", ROWS.div_ceil(LOCAL))?,
             partials: gpu.alloc("bilateral partials", 0)?,
-            is_cpu: gpu.caps().kind == DeviceKind::Cpu,
+            // As wide as no CPU driver's subgroups are: a GPU's, which a test emulates.
+            is_for_gpus: gpu.caps().kind != DeviceKind::Cpu || gpu.caps().subgroup_size >= 32,
         })
+    }
+
+    /// These with the kernels for GPUs or with those for CPU drivers, whatever the device is.
+    pub fn by_kernels_for_gpus(self, is_for_gpus: bool) -> Self {
+        Grids { is_for_gpus, ..self }
     }
 
     /// The grids and moments of all cameras.
@@ -175,10 +196,10 @@ impl Grids {
         self.n_cameras
     }
 
-    /// Bytes of scratch that a backward pass on pictures of `height` rows needs on a CPU driver or another device; the width does
-    /// not matter. The graded picture and its cotangent are the caller's, 16 bytes a pixel each.
-    pub fn scratch_bytes(is_cpu: bool, height: u32) -> u64 {
-        16 * Parts::new(is_cpu, height).n_sums() as u64
+    /// Bytes of scratch that a backward pass on pictures of `height` rows needs; the width does not matter. The graded picture and
+    /// its cotangent are the caller's, 16 bytes a pixel each.
+    pub fn scratch_bytes(height: u32) -> u64 {
+        16 * Parts::new(height).n_sums() as u64
     }
 
     /// Makes room for the backward pass of pictures of `height` rows; room once there stays.
@@ -186,7 +207,7 @@ impl Grids {
     /// # Errors
     /// `OutOfMemory` naming the buffer that does not fit.
     pub fn fit(&mut self, gpu: &Gpu, height: u32) -> Result<()> {
-        let needed = Parts::new(self.is_cpu, height).n_sums();
+        let needed = Parts::new(height).n_sums();
         if needed > self.partials.len() {
             self.partials = gpu.alloc("bilateral partials", needed)?;
         }
@@ -208,37 +229,46 @@ impl Grids {
         [width, height]: [u32; 2],
     ) {
         rec.section("bilateral");
-        let parts = Parts::new(self.is_cpu, height);
+        let parts = Parts::new(height);
         let camera_grid = &self.of_camera(&self.grids, camera);
-        let push = bilateral_slice::Push { width, height, rows: parts.rows, parts: parts.down };
-        rec.pass(bilateral_slice::Args { camera_grid, image, graded }, push, parts.grid());
+        let (rows, down) = (parts.rows, parts.down);
+        if self.is_for_gpus {
+            let push = bilateral_grade::Push { width, height, rows, parts: down };
+            rec.pass(bilateral_grade::Args { camera_grid, image, graded }, push, parts.groups());
+        } else {
+            let push = bilateral_slice::Push { width, height, rows, parts: down };
+            rec.pass(bilateral_slice::Args { camera_grid, image, graded }, push, parts.teams());
+        }
     }
 
-    /// Appends the adjoint of [`Grids::record_slice`]: from the cotangent of the graded colour those of the colour, to
-    /// `d_image` (0 in its fourth channel), and of the grid, to [`Grids::d_grid`]. Needs [`Grids::fit`].
-    pub fn record_backward(
-        &self,
-        rec: &mut Recording,
-        camera: usize,
-        image: &Buf<[f32; 4]>,
-        d_graded: &Buf<[f32; 4]>,
-        d_image: &Buf<[f32; 4]>,
-        [width, height]: [u32; 2],
-    ) {
+    /// Appends the adjoint of [`Grids::record_slice`]: from the cotangent of the graded colour that of the colour, and
+    /// [`Grids::d_grid`], to which the total variation of the camera's grid adds its share; its value is left in
+    /// [`Grids::tv_sums`]. Needs [`Grids::fit`].
+    pub fn record_backward(&self, rec: &mut Recording, camera: usize, back: &GradedBack) {
         rec.section("bilateral");
-        let parts = Parts::new(self.is_cpu, height);
+        let GradedBack { image, d_graded, d_image, size: [width, height], tv_weight } = *back;
+        let parts = Parts::new(height);
         let camera_grid = &self.of_camera(&self.grids, camera);
-        let (partials, d_grid) = (&self.partials.range(0, parts.n_sums()), &self.d_grid);
-        let push = bilateral_slice_bwd::Push { width, height, rows: parts.rows, parts: parts.down };
-        rec.pass(bilateral_slice_bwd::Args { camera_grid, image, d_graded, d_image }, push, parts.grid());
-        let push = bilateral_bwd::Push { width, height, rows: parts.rows, parts: parts.down };
-        rec.pass(bilateral_bwd::Args { image, d_graded, partials }, push, parts.grid());
-        let push = bilateral_sum::Push { parts: parts.down };
-        rec.pass(bilateral_sum::Args { partials, d_grid }, push, Grid::Threads(ROWS as u32));
+        let Grids { d_grid, tv_sums, .. } = self;
+        let partials = &self.partials.range(0, parts.n_sums());
+        let (rows, down) = (parts.rows, parts.down);
+        if self.is_for_gpus {
+            let args = bilateral_grade_bwd::Args { camera_grid, image, d_graded, d_image, partials };
+            let push = bilateral_grade_bwd::Push { width, height, rows, parts: down };
+            rec.pass(args, push, parts.groups());
+        } else {
+            let push = bilateral_slice_bwd::Push { width, height, rows, parts: down };
+            rec.pass(bilateral_slice_bwd::Args { camera_grid, image, d_graded, d_image }, push, parts.teams());
+            let push = bilateral_bwd::Push { width, height, rows, parts: down };
+            rec.pass(bilateral_bwd::Args { image, d_graded, partials }, push, parts.teams());
+        }
+        let args = bilateral_sum::Args { partials, camera_grid, d_grid, sums: tv_sums };
+        let push = bilateral_sum::Push { parts: down, tv_weight: tv_weight as f32 };
+        rec.pass(args, push, Grid::Threads(ROWS as u32));
     }
 
-    /// Appends the step of `camera`'s grid along [`Grids::d_grid`] and its total variation, whose value is left in
-    /// [`Grids::tv`]; then, when it is due, the gauge. Nothing moves when `status` says that the frame failed.
+    /// Appends the step of `camera`'s grid along [`Grids::d_grid`]; then, when it is due, the gauge. Nothing moves when `status`
+    /// says that the frame failed.
     ///
     /// The gauge reads and writes all grids, so it is restored once in as many steps as there are cameras: the work of one
     /// more camera a step. In between the mean over the cameras strays by less than one learning rate or so, since Adam
@@ -246,16 +276,13 @@ impl Grids {
     pub fn record_step(&self, rec: &mut Recording, camera: usize, step: &GridStep, status: &Buf<Status>) {
         rec.section("bilateral");
         let [grid, first, second] = [&self.grids, &self.first, &self.second].map(|b| self.of_camera(b, camera));
-        let Grids { d_grid, tv, stepped, tv_sums, .. } = self;
         rec.pass(
             bilateral_adam::Args {
                 frame_status: status,
                 camera_grid: &grid,
-                d_grid,
+                d_grid: &self.d_grid,
                 first: &first,
                 second: &second,
-                stepped,
-                sums: tv_sums,
             },
             bilateral_adam::Push {
                 rate: (step.rate / correction(BETA1, step.camera_step)) as f32,
@@ -263,13 +290,9 @@ impl Grids {
                 beta2: BETA2 as f32,
                 inverse_c2: (1.0 / correction(BETA2, step.camera_step)) as f32,
                 eps: EPS,
-                tv_weight: step.tv_weight as f32,
             },
             Grid::Threads(ROWS as u32),
         );
-        rec.copy(stepped.slice(), grid.slice());
-        let n = tv_sums.len() as u32;
-        rec.pass(loss_sum::Args { sums: tv_sums, loss: tv }, loss_sum::Push { n }, Grid::Groups(1));
         if step.is_free && step.step.is_multiple_of(self.n_cameras as u64) {
             rec.pass(
                 bilateral_gauge::Args { frame_status: status, grids: &self.grids },

@@ -1,8 +1,8 @@
 //! The photometric loss of SPEC 4: 0.8 L1 + 0.2 (1 - SSIM), value and cotangent.
 
 use crate::error::Result;
-use crate::gpu::generated::constants::ssim::RUN;
-use crate::gpu::generated::{self, l1, loss_sum, ssim_bwd_columns, ssim_bwd_rows, ssim_columns, ssim_rows};
+use crate::gpu::generated::constants::ssim_filter::{RUN, TILE_COLUMNS};
+use crate::gpu::generated::{self, l1, ssim, ssim_bwd};
 use crate::gpu::{Buf, Gpu, Grid, Recording};
 
 /// Threads per workgroup of the kernel that leaves one sum each.
@@ -46,34 +46,30 @@ pub struct Pictures<'a> {
     pub n_visible: u32,
 }
 
-/// Scratch and result of the photometric loss.
+/// Scratch of the photometric loss.
 pub struct Photometric {
-    /// Sums over pixels and channels: 1 - SSIM, absolute error, squared error. See [`Photometric::values`].
-    pub sums: Buf<[f32; 4]>,
-    moments: Buf<[f32; 4]>,
-    partials: Buf<[f32; 4]>,
-    filtered: Buf<[f32; 4]>,
+    partials: Buf<f32>,
     group_sums: Buf<[f32; 4]>,
 }
+
+/// Numbers of a place that the way back needs.
+const PARTIALS: usize = 9;
 
 impl Photometric {
     /// Room for pictures of up to `pixels` pixels.
     pub fn new(gpu: &Gpu, pixels: usize) -> Result<Self> {
         Ok(Photometric {
-            sums: gpu.alloc("loss", 1)?,
-            moments: gpu.alloc("ssim moments", 3 * pixels)?,
-            partials: gpu.alloc("ssim partials", 3 * pixels)?,
-            filtered: gpu.alloc("ssim filtered", 3 * pixels)?,
-            // Every thread serves at least one pixel.
-            group_sums: gpu.alloc("loss sums", pixels.div_ceil(LOCAL as usize))?,
+            partials: gpu.alloc("ssim partials", PARTIALS * pixels)?,
+            // A column of pixels has the most tiles of all pictures of so many.
+            group_sums: gpu.alloc("loss sums", pixels.div_ceil(RUN as usize))?,
         })
     }
 
     /// Appends the loss of a picture against the truth, and its cotangent. Without a `structure` the absolute error is all
-    /// there is.
-    pub fn record(&self, rec: &mut Recording, pictures: &Pictures, structure: Option<Structure>) {
+    /// there is. Gives sums by workgroup, over pixels and channels: 1 - SSIM, absolute error, squared error.
+    pub fn record(&self, rec: &mut Recording, pictures: &Pictures, structure: Option<Structure>) -> Buf<[f32; 4]> {
         rec.section("loss");
-        let Photometric { sums, moments, partials, filtered, group_sums } = self;
+        let Photometric { partials, group_sums } = self;
         let Pictures { image, truth, d_image, size, n_visible } = *pictures;
         let [width, height] = size;
         let n_values = 3.0 * n_visible as f32;
@@ -82,34 +78,23 @@ impl Photometric {
             let n = width * height;
             let args = l1::Args { image, truth, d_image, sums: group_sums };
             rec.pass(args, l1::Push { n, l1_weight }, Grid::Threads(n));
-            let n = n.div_ceil(LOCAL);
-            rec.pass(loss_sum::Args { sums: group_sums, loss: sums }, loss_sum::Push { n }, Grid::Groups(1));
-            return;
+            return group_sums.range(0, n.div_ceil(LOCAL) as usize);
         };
-        let stride = structure.stride;
-        let (columns, rows) = (width.div_ceil(stride), height.div_ceil(stride));
-        let of = [generated::ssim_rows, generated::ssim_columns, generated::ssim_bwd_rows, generated::ssim_bwd_columns];
-        let [of_rows, of_columns, bwd_rows, bwd_columns] = of.map(|of| of(stride != 1));
-        let args = ssim_rows::Args { image, truth, moments };
-        let grid = Grid::Threads(columns.div_ceil(RUN) * height);
-        rec.pass_variant(of_rows, args, ssim_rows::Push { width, height }, grid);
-        let args = ssim_columns::Args { moments, image, truth, partials, sums: group_sums };
-        let n_columns = rows.div_ceil(RUN) * columns;
-        rec.pass_variant(of_columns, args, ssim_columns::Push { width, height }, Grid::Threads(n_columns));
-        let args = ssim_bwd_rows::Args { partials, filtered };
-        let grid = Grid::Threads(width.div_ceil(RUN) * rows);
-        rec.pass_variant(bwd_rows, args, ssim_bwd_rows::Push { width, height }, grid);
-        let args = ssim_bwd_columns::Args { filtered, image, truth, d_image };
+        let is_halved = structure.stride != 1;
+        let tiles = |rows: u32| width.div_ceil(TILE_COLUMNS) * height.div_ceil(rows);
+        let args = ssim::Args { image, truth, partials, sums: group_sums };
+        let n = tiles(RUN * structure.stride);
+        rec.pass_variant(generated::ssim(is_halved), args, ssim::Push { width, height }, Grid::Groups(n));
+        let args = ssim_bwd::Args { partials, image, truth, d_image };
         let ssim_weight = structure.times * structure.pixels_per_place(size) as f32 * SSIM_WEIGHT / n_values;
-        let push = ssim_bwd_columns::Push { width, height, l1_weight, ssim_weight };
-        rec.pass_variant(bwd_columns, args, push, Grid::Threads(height.div_ceil(RUN) * width));
-        let n = n_columns.div_ceil(LOCAL);
-        rec.pass(loss_sum::Args { sums: group_sums, loss: sums }, loss_sum::Push { n }, Grid::Groups(1));
+        let push = ssim_bwd::Push { width, height, l1_weight, ssim_weight };
+        rec.pass_variant(generated::ssim_bwd(is_halved), args, push, Grid::Groups(tiles(RUN)));
+        group_sums.range(0, n as usize)
     }
 
-    /// SSIM, mean absolute and mean squared error over the visible pixels of a picture of this size, from the sums; without
-    /// SSIM the first says nothing. Hidden pixels equal the truth, so
-    /// they add to 1 - SSIM only where a visible neighbour differs.
+    /// SSIM, mean absolute and mean squared error over the visible pixels of a picture of this size, from the total of the sums;
+    /// without SSIM the first says nothing. Hidden pixels equal the truth, so they add to 1 - SSIM only where a visible neighbour
+    /// differs.
     pub fn values(sums: [f32; 4], n_visible: u32, size: [u32; 2], structure: Structure) -> [f64; 3] {
         let [lost, absolute, squared, _] = sums.map(|sum| f64::from(sum) / (3.0 * f64::from(n_visible)));
         [1.0 - lost * structure.pixels_per_place(size), absolute, squared]

@@ -6,11 +6,14 @@ use super::lpips_trunk::{COLORS, Conv, Layer, Network, Trunk, tap_planes};
 use crate::error::{Error, Result};
 use crate::gpu::generated::constants::lpips_conv::{BLOCKS, PIXELS};
 use crate::gpu::generated::{
-    constants, lpips_conv, lpips_conv_bwd, lpips_input, lpips_input_bwd, lpips_pool, lpips_pool_bwd, lpips_sum,
-    lpips_tap, lpips_tap_bwd,
+    self, constants, lpips_conv, lpips_conv_bwd, lpips_input, lpips_input_bwd, lpips_pool, lpips_pool_bwd, lpips_tap,
+    lpips_tap_bwd,
 };
 use crate::gpu::kernel::Pod;
-use crate::gpu::{Buf, Gpu, Grid, Recording};
+use crate::gpu::{Buf, Gpu, Grid, KernelInfo, Recording};
+
+/// Widths of subgroups that have kernels of their own, in the order of the table; others share the first kernel.
+const WIDTHS: [u32; 3] = [16, 32, 64];
 
 /// Pixels of a workgroup that compares features.
 const TAP_PIXELS: u32 = lpips_tap::INFO.local / constants::lpips_tap::TEAM;
@@ -41,12 +44,10 @@ pub struct Cotangent<'a> {
 
 /// LPIPS with its weights and scratch on the device.
 pub struct Lpips {
-    /// LPIPS of the recording that ran last: 0 for equal pictures.
-    pub value: Buf<f32>,
     net: Network,
     maps: Vec<Maps>,
     d_blocks: Buf<f32>,
-    sums: Buf<f32>,
+    sums: Buf<[f32; 4]>,
 }
 
 /// Scratch of one depth, which only grows: features of picture and truth, and the picture's cotangent.
@@ -93,8 +94,7 @@ impl Lpips {
             })
         });
         let maps = maps.collect::<Result<_>>()?;
-        let [value, d_blocks, sums] = [gpu.alloc("lpips", 1)?, gpu.alloc(D_BLOCKS, 0)?, gpu.alloc(SUMS, 0)?];
-        Ok(Lpips { value, net, maps, d_blocks, sums })
+        Ok(Lpips { net, maps, d_blocks: gpu.alloc(D_BLOCKS, 0)?, sums: gpu.alloc(SUMS, 0)? })
     }
 
     /// The network whose features are compared.
@@ -110,7 +110,7 @@ impl Lpips {
     pub fn scratch_bytes(&self, size: [u32; 2], with_cotangent: bool) -> Result<u64> {
         let Extent { maps, d_blocks, sums, .. } = self.extent(size, with_cotangent)?;
         let of_maps = |len: &MapsLen| 32 * len.features + 8 * len.choices + 16 * len.cotangent;
-        Ok((maps.iter().map(of_maps).sum::<usize>() + 4 * (d_blocks + sums)) as u64)
+        Ok((maps.iter().map(of_maps).sum::<usize>() + 4 * d_blocks + 16 * sums) as u64)
     }
 
     fn extent(&self, size: [u32; 2], with_cotangent: bool) -> Result<Extent> {
@@ -155,7 +155,8 @@ impl Lpips {
         grow(gpu, &mut self.sums, SUMS, extent.sums)
     }
 
-    /// Appends LPIPS of `what`, which ends up in `value`; and its cotangent, if there is a place for it.
+    /// Appends LPIPS of `what`, and its cotangent, if there is a place for it. Gives sums by workgroup; the first number of their
+    /// total is LPIPS, 0 for equal pictures.
     ///
     /// # Errors
     /// [`Error::Data`] naming the file of weights when the crop is too small for its trunk; [`Error::OutOfMemory`] when
@@ -166,7 +167,7 @@ impl Lpips {
         rec: &mut Recording,
         what: &Compared<'_>,
         cotangent: Option<Cotangent<'_>>,
-    ) -> Result<()> {
+    ) -> Result<Buf<[f32; 4]>> {
         let inside =
             |axis: usize| what.origin[axis].checked_add(what.crop[axis]).is_some_and(|end| end <= what.size[axis]);
         assert!(inside(0) && inside(1), "a crop lies within its picture");
@@ -175,15 +176,10 @@ impl Lpips {
         let passes = Passes { lpips: self, sizes: &extent.sizes, lanes: gpu.caps().subgroup_size };
         rec.section("lpips");
         passes.forward(rec, what, cotangent.is_some());
-        rec.pass(
-            lpips_sum::Args { sums: &self.sums, value: &self.value },
-            lpips_sum::Push { n: extent.sums as u32 },
-            Grid::Groups(1),
-        );
         if let Some(cotangent) = cotangent {
             passes.backward(rec, what, &cotangent);
         }
-        Ok(())
+        Ok(self.sums.range(0, extent.sums))
     }
 }
 
@@ -271,7 +267,8 @@ impl Passes<'_> {
         let ([in_width, in_height], [out_width, out_height]) = (self.sizes[conv.from], self.sizes[conv.to]);
         let in_planes = net.planes(conv.from);
         let run = tap_planes(4 * in_planes * conv.kernel);
-        rec.pass(
+        rec.pass_variant(
+            self.conv_kernel(false),
             lpips_conv::Args {
                 features: &maps[conv.from].features[side],
                 weights: &conv.forward,
@@ -299,6 +296,10 @@ impl Passes<'_> {
             self.conv_grid(out_width * out_height, conv.outputs),
         );
         rec.scale(conv.multiply_adds(self.sizes[conv.to], net.channels[conv.from]));
+    }
+
+    fn conv_kernel(&self, is_backward: bool) -> &'static KernelInfo {
+        generated::lpips_conv(is_backward, WIDTHS.iter().position(|width| *width == self.lanes).map_or(0, |at| at + 1))
     }
 
     fn conv_grid(&self, pixels: u32, channels: u32) -> Grid {
@@ -371,7 +372,8 @@ impl Passes<'_> {
         let out_channels = conv.stride * conv.stride * net.channels[conv.from];
         let (taps, run) = (conv.taps_back(), tap_planes(conv.outputs));
         let to_picture = conv.from == 0;
-        rec.pass(
+        rec.pass_variant(
+            self.conv_kernel(true),
             lpips_conv_bwd::Args {
                 features: &maps[conv.to].cotangent,
                 weights: &conv.backward,

@@ -1,7 +1,7 @@
 //! The losses against priors of depth and flow (SPEC 4): values and cotangents.
 
 use crate::error::Result;
-use crate::gpu::generated::{loss_sum, prior_loss};
+use crate::gpu::generated::prior_loss;
 use crate::gpu::{Buf, Gpu, Grid, Recording};
 
 /// Threads per workgroup of the kernel that leaves one sum each.
@@ -31,12 +31,10 @@ pub struct PriorWeights {
     pub n_flow: u32,
 }
 
-/// Scratch and result of the losses against priors.
+/// Scratch of the losses against priors.
 pub struct PriorLoss {
     /// Priors, see [`prior_word`](crate::scene::capture::prior_word).
     pub priors: Buf<[u32; 2]>,
-    /// Sums over pixels: error of the depth, end-point error of the flow.
-    pub sums: Buf<[f32; 4]>,
     group_sums: Buf<[f32; 4]>,
     space: DepthSpace,
 }
@@ -46,14 +44,14 @@ impl PriorLoss {
     pub fn new(gpu: &Gpu, pixels: usize, space: DepthSpace) -> Result<Self> {
         Ok(PriorLoss {
             priors: gpu.alloc("priors", pixels)?,
-            sums: gpu.alloc("prior losses", 1)?,
             group_sums: gpu.alloc("prior loss sums", pixels.div_ceil(LOCAL as usize))?,
             space,
         })
     }
 
     /// Appends the losses of `image1` (depth, inverse depth, flow) against the priors, where `truth`'s mask lets a pixel
-    /// count, and their cotangents to `d_image1`; all of `n_pixels` pixels.
+    /// count, and their cotangents to `d_image1`; all of `n_pixels` pixels. Gives sums by workgroup, over pixels: error of the depth,
+    /// end-point error of the flow.
     pub fn record(
         &self,
         rec: &mut Recording,
@@ -62,9 +60,9 @@ impl PriorLoss {
         d_image1: &Buf<[f32; 4]>,
         n_pixels: u32,
         weights: &PriorWeights,
-    ) {
+    ) -> Buf<[f32; 4]> {
         rec.section("priors");
-        let PriorLoss { priors, sums, group_sums, space } = self;
+        let PriorLoss { priors, group_sums, space } = self;
         let share = |weight: f64, n: u32| (weight / f64::from(n.max(1))) as f32;
         rec.pass(
             prior_loss::Args { image1, truth, priors, d_image1, sums: group_sums },
@@ -76,11 +74,10 @@ impl PriorLoss {
             },
             Grid::Threads(n_pixels),
         );
-        let n = n_pixels.div_ceil(LOCAL);
-        rec.pass(loss_sum::Args { sums: group_sums, loss: sums }, loss_sum::Push { n }, Grid::Groups(1));
+        group_sums.range(0, n_pixels.div_ceil(LOCAL) as usize)
     }
 
-    /// Mean error of the depth and mean end-point error, from the sums.
+    /// Mean error of the depth and mean end-point error, from the total of the sums.
     pub fn values([depth, flow, ..]: [f32; 4], weights: &PriorWeights) -> [f64; 2] {
         [(depth, weights.n_depth), (flow, weights.n_flow)].map(|(sum, n)| f64::from(sum) / f64::from(n.max(1)))
     }

@@ -6,7 +6,7 @@ use super::setup::Setup;
 use super::terms::{self, WithCotangent};
 use crate::error::{Error, Result};
 use crate::gpu::{Buf, Gpu, Recording};
-use crate::stage::{ClockStep, Clocks, GridStep, Grids, Workspace};
+use crate::stage::{ClockStep, Clocks, GradedBack, GridStep, Grids, Workspace};
 use std::path::Path;
 
 /// The cameras' own parameters.
@@ -129,7 +129,9 @@ impl Cameras {
         grid: Option<OwnGrid>,
     ) {
         if let (Some(graded), Some(grid)) = (&self.graded, grid) {
-            graded.grids.record_backward(rec, grid.place, rendered, &graded.d_image, d_rendered, size);
+            let (d_graded, tv_weight) = (&graded.d_image, terms::grid_variation_weight(&self.config));
+            let back = GradedBack { image: rendered, d_graded, d_image: d_rendered, size, tv_weight };
+            graded.grids.record_backward(rec, grid.place, &back);
         }
     }
 
@@ -144,8 +146,7 @@ impl Cameras {
         let done = (step - 1) as f64 / total.max(1) as f64;
         let Config { lr, loss, .. } = &self.config;
         if let (Some(graded), Some(grid)) = (&self.graded, grid) {
-            let (rate, tv_weight) = (lr.grid.at(done), terms::grid_variation_weight(&self.config));
-            let at = GridStep { step, is_free: graded.is_free, camera_step: grid.step, rate, tv_weight };
+            let at = GridStep { step, is_free: graded.is_free, camera_step: grid.step, rate: lr.grid.at(done) };
             graded.grids.record_step(rec, grid.place, &at, &work.status);
         }
         let (Some(clocks), Some(backward)) = (&self.clocks, &work.backward) else { return };

@@ -7,7 +7,7 @@ use crate::gpu::{Gpu, Recording};
 use crate::report::statistics::{mean, median_high};
 use crate::scene::capture::{Capture, Picture};
 use crate::scene::{Frame, Splats, View};
-use crate::stage::{Compared, Lpips, Outputs, Photometric, Pictures, Renderer, Structure, Trunk};
+use crate::stage::{Compared, Lpips, Outputs, Photometric, Pictures, Renderer, Structure, Trunk, record_totals};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -320,17 +320,19 @@ impl Meter {
         let size = [picture.width, picture.height];
         let mut rec = Recording::new();
         let pictures = Pictures { image: &image, truth: &truth, d_image: &d_image, size, n_visible };
-        loss.record(&mut rec, &pictures, Some(Structure::WHOLE));
+        let mut left = vec![loss.record(&mut rec, &pictures, Some(Structure::WHOLE))];
         let mut lpips = self.lpips.as_mut().filter(|lpips| lpips.scratch_bytes(size, false).is_ok());
         if let Some(lpips) = &mut lpips {
             let compared = Compared { image: &image, truth: &truth, size, origin: [0, 0], crop: size };
-            lpips.record(gpu, &mut rec, &compared, None)?;
+            left.push(lpips.record(gpu, &mut rec, &compared, None)?);
         }
+        let totals = gpu.alloc("totals", left.len())?;
+        record_totals(&mut rec, &left, &totals);
         gpu.run(&rec)?;
-        let sums = gpu.read(&loss.sums)?.first().copied().unwrap_or_default();
+        let totals = gpu.read(&totals)?;
+        let sums = totals.first().copied().unwrap_or_default();
         let [ssim, l1, _] = Photometric::values(sums, n_visible, size, Structure::WHOLE);
-        let lpips = lpips.map(|lpips| gpu.read(&lpips.value)).transpose()?;
-        let lpips = lpips.and_then(|value| value.first().copied().map(f64::from));
+        let lpips = totals.get(1).map(|[value, ..]| f64::from(*value));
         // A picture that is hidden as a whole has no error.
         let psnr_aligned = if visible.is_empty() { psnr(0.0) } else { psnr(aligned_mse(&visible)) };
         let psnr = psnr(squares / (3.0 * f64::from(n_visible)));

@@ -3,12 +3,12 @@
 use super::cameras::{Cameras, OwnGrid};
 use super::config::Config;
 use super::setup::Setup;
-use super::terms::{self, Part, Rendered, Shown, Term};
+use super::terms::{self, Left, Part, Rendered, Shown, Term};
 use crate::error::Result;
 use crate::gpu::generated::ViewParams;
 use crate::gpu::{Buf, Gpu, Recording, Slice};
 use crate::scene::capture::Picture;
-use crate::stage::{Outputs, Workspace};
+use crate::stage::{MOST_TERMS, Outputs, Workspace, record_totals};
 use std::collections::BTreeMap;
 
 /// The terms of the loss, with their scratch, and the cameras' own parameters.
@@ -16,6 +16,9 @@ pub(super) struct Objective {
     terms: Vec<Box<dyn Term>>,
     /// The training image: RGB and the mask in the top byte, 8 bits each, row-major.
     truth: Buf<u32>,
+    /// What each term leaves of the step that is recorded, and the totals of those that leave something.
+    left: Vec<Left>,
+    totals: Buf<[f32; 4]>,
     pub cameras: Cameras,
 }
 
@@ -29,8 +32,11 @@ pub(super) struct Truth {
     staged: Vec<Option<Slice>>,
 }
 
-/// Where a step leaves the sums of each term; none of a term that the step is without.
-pub(super) struct Sums(Vec<Option<Slice>>);
+/// Where a step leaves the totals of its terms, and which terms it has.
+pub(super) struct Sums {
+    totals: Slice,
+    has: Vec<bool>,
+}
 
 /// The terms of one picture.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -45,6 +51,8 @@ impl Objective {
         Ok(Objective {
             terms: terms::begin(gpu, config, setup.data)?,
             truth: gpu.alloc("truth", 1)?,
+            left: Vec::new(),
+            totals: gpu.alloc("loss totals", MOST_TERMS)?,
             cameras: Cameras::new(gpu, config, setup)?,
         })
     }
@@ -79,7 +87,6 @@ impl Objective {
             n_visible,
             n_depth: picture.n_depth,
             n_flow: picture.n_flow,
-            has_grid: grid.is_some(),
         };
         let staged = self.terms.iter().map(|term| term.upload(gpu, picture, &shown)).collect::<Result<_>>()?;
         Ok(Truth { shown, camera, grid, colors: gpu.staged("staged truth", &picture.pixels)?, staged })
@@ -104,10 +111,12 @@ impl Objective {
     pub fn record_loss(&mut self, gpu: &Gpu, rec: &mut Recording, work: &Workspace, target: &Truth) -> Result<()> {
         let Some(backward) = &work.backward else { return Ok(()) };
         let (shown, rendered) = (&target.shown, (&work.blend.image0, &backward.d_image0));
+        let grid_variation = target.grid.and(self.cameras.grids()).map(|grids| grids.tv_sums.clone());
         let (image, d_image) = self.cameras.record_shown(gpu, rec, rendered, shown.size, target.grid)?;
         let geometry = work.blend.image1.as_ref().zip(backward.d_image1.as_ref());
-        let on = Rendered { image, d_image, geometry, truth: &self.truth };
-        self.terms.iter_mut().try_for_each(|term| term.record(gpu, rec, shown, &on))?;
+        let grid_variation = grid_variation.as_ref();
+        let on = Rendered { image, d_image, geometry, truth: &self.truth, grid_variation };
+        self.left = self.terms.iter_mut().map(|term| term.record(gpu, rec, shown, &on)).collect::<Result<_>>()?;
         self.cameras.record_back(rec, rendered, shown.size, target.grid);
         Ok(())
     }
@@ -117,23 +126,22 @@ impl Objective {
         self.cameras.record_step(rec, work, (target.camera, target.grid), (step, total));
     }
 
-    /// Appends copies of the terms' sums to where the host can read them.
-    pub fn record_report(&self, rec: &mut Recording, gpu: &Gpu, target: &Truth) -> Result<Sums> {
-        let mut copied = |term: &dyn Term| {
-            let Some(sums) = term.sums(&target.shown, self.cameras.grids()) else { return Ok(None) };
-            let to = gpu.readback::<u8>("loss of a step", sums.size() as usize)?;
-            rec.copy(sums, to.clone());
-            Ok(Some(to))
-        };
-        Ok(Sums(self.terms.iter().map(|term| copied(term.as_ref())).collect::<Result<_>>()?))
+    /// Appends the totals of the terms, to where the host can read them.
+    pub fn record_report(&self, rec: &mut Recording, gpu: &Gpu) -> Result<Sums> {
+        let there: Vec<_> = self.left.iter().flatten().cloned().collect();
+        record_totals(rec, &there, &self.totals);
+        let totals = gpu.readback::<[f32; 4]>("loss of a step", there.len())?;
+        rec.copy(self.totals.range(0, there.len()).slice(), totals.clone());
+        Ok(Sums { totals, has: self.left.iter().map(Option::is_some).collect() })
     }
 
     /// The values of a step that has ended.
-    pub fn values(&self, gpu: &Gpu, target: &Truth, Sums(sums): &Sums) -> Result<Values> {
+    pub fn values(&self, gpu: &Gpu, target: &Truth, sums: &Sums) -> Result<Values> {
+        let totals = gpu.peek::<[f32; 4]>(&sums.totals)?;
+        let there = self.terms.iter().zip(&sums.has).filter(|(_, has)| **has);
         let mut values = Values::default();
-        for (term, sums) in self.terms.iter().zip(sums) {
-            let Some(sums) = sums else { continue };
-            let parts = term.parts(&target.shown, &gpu.peek::<f32>(sums)?);
+        for ((term, _), sums) in there.zip(totals) {
+            let parts = term.parts(&target.shown, sums);
             values.loss += parts.iter().fold(0.0, |sum, Part { weight, error, .. }| sum + weight * error);
             values.logged.extend(parts.iter().map(|part| (part.key, part.value)));
         }

@@ -132,7 +132,7 @@ struct Item {
 }
 
 /// Every buffer of a training step that grows with the work. Tiles, counters and transfers are left out: below 1 %.
-fn items(work: &Workload, is_host: bool) -> Vec<Item> {
+fn items(work: &Workload) -> Vec<Item> {
     use Class::*;
     use Per::*;
     let item = |name, class, per, bytes: f64, bound: f64| Item { name, class, per, bytes, bound };
@@ -193,12 +193,11 @@ fn items(work: &Workload, is_host: bool) -> Vec<Item> {
     items.extend(terms::buffers(work.data).map(|(name, bytes)| item(name, Pixels, Pixel, bytes, bytes)));
     if work.grids > 0 {
         let of_camera = (GRID_BYTES / 3) as f64;
-        let partials = Grids::scratch_bytes(is_host, work.height) as f64;
+        let partials = Grids::scratch_bytes(work.height) as f64;
         items.extend([
             item("bilateral grids", Cameras, Camera, of_camera, of_camera),
             item("bilateral first moments", Cameras, Camera, of_camera, of_camera),
             item("bilateral second moments", Cameras, Camera, of_camera, of_camera),
-            item("bilateral step", Cameras, Once, of_camera, of_camera),
             item("d bilateral grid", Cameras, Once, of_camera, of_camera),
             item("bilateral partials", Cameras, Once, partials, partials),
             item("image graded", Pixels, Pixel, 16.0, 16.0),
@@ -221,9 +220,9 @@ pub struct Need {
 }
 
 impl Need {
-    fn new(work: &Workload, gaussians: u64, is_host: bool) -> Self {
+    fn new(work: &Workload, gaussians: u64) -> Self {
         let bytes = |item: &Item| (item.bytes * item.per.count(work, gaussians as f64)) as u64;
-        let buffers = items(work, is_host).iter().map(|item| (item.name, item.class, bytes(item))).collect();
+        let buffers = items(work).iter().map(|item| (item.name, item.class, bytes(item))).collect();
         Need { gaussians, buffers }
     }
 
@@ -311,17 +310,16 @@ impl Plan {
         let by_memory = {
             let cache = if limits.is_host { work.cache_bytes } else { 0 };
             // Bytes are linear in the number.
-            let (fixed, million) =
-                (Need::new(work, 0, limits.is_host).bytes(), Need::new(work, 1_000_000, limits.is_host).bytes());
+            let (fixed, million) = (Need::new(work, 0).bytes(), Need::new(work, 1_000_000).bytes());
             limits.memory_bytes.saturating_sub(fixed + cache) as f64 * 1e6 / (million - fixed) as f64
         };
-        let bindings = items(work, limits.is_host).into_iter().filter(|item| item.bound > 0.0);
+        let bindings = items(work).into_iter().filter(|item| item.bound > 0.0);
         let bounds = bindings.map(|item| (by_binding(&item), BoundBy::Binding(item.name)));
         let all = [(work.max_gaussians, BoundBy::MaxGaussians), (by_memory as u64, BoundBy::Memory)].into_iter();
         let (most, bound_by) = all.chain(bounds).min_by_key(|(most, _)| *most).unwrap_or((0, BoundBy::MaxGaussians));
         Plan {
-            begin: Need::new(work, work.gaussians, limits.is_host),
-            full: Need::new(work, most, limits.is_host),
+            begin: Need::new(work, work.gaussians),
+            full: Need::new(work, most),
             bound_by,
             limits: *limits,
             cache_bytes: work.cache_bytes,

@@ -7,17 +7,6 @@ const float SSIM_WINDOW[11] = float[11](0.0010283801, 0.0075987581, 0.0360007721
 const float SSIM_C1 = 0.0001;
 const float SSIM_C2 = 0.0009;
 
-// SSIM may be taken at every STRIDE-th pixel of every STRIDE-th row alone; its gradient reaches all pixels.
-#ifndef STRIDE
-#define STRIDE 1u
-#endif
-
-// Outputs per thread along the filter's axis: 11 + RUN - 1 loads serve RUN outputs.
-const uint RUN = 4u;
-const uint RUN_LOADS = 2u * SSIM_RADIUS + STRIDE * (RUN - 1u) + 1u;
-// On the way back, the first tap that is a place: RUN is a multiple of STRIDE, so a run begins at one.
-const uint FIRST_PLACE = SSIM_RADIUS % STRIDE;
-
 // A training image's pixel: RGB and the mask in the top byte, 8 bits each.
 // Decoded by a product, which every device rounds alike, unlike a division; 255 gives exactly 1.
 vec4 unpack_truth(uint word) {

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 // Purpose   the absolute error alone, in the steps without SSIM: its cotangent and sums.
-// Equation  L = (1 - lambda) mean|x - y|, as ssim_bwd_columns.comp has it.
+// Equation  L = (1 - lambda) mean|x - y|, as ssim_bwd.comp has it.
 // Grid      one thread per pixel.
 // Writes    d_image: the colour's cotangent, and 0 for alpha; sums: (0, L1, squared error, 0) per workgroup.
-// Numerics  as ssim_bwd_columns.comp; the sums have a fixed order.
+// Numerics  as ssim_bwd.comp; the sums have a fixed order.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "grid.glsl"

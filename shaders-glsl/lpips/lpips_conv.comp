@@ -48,24 +48,33 @@ layout(set = 0, binding = 3) restrict writeonly buffer Maps { float maps[]; };
 
 const uint PIXELS = 16u;
 const uint BLOCKS = 2u;
+// Lanes of a subgroup, and pixels of one load, four lanes each. GPUs have their own kernels: where the width is not known, the lane
+// and the load that a pixel is in are not either, and a compiler keeps all loads in memory.
+#ifdef LANES
+const uint WIDTH = LANES;
+const uint PER_LOAD = min(LANES / 4u, PIXELS);
+#else
+#define WIDTH gl_SubgroupSize
+#define PER_LOAD min(gl_SubgroupSize / 4u, PIXELS)
+#endif
 
 void main() {
     const uint lane = gl_SubgroupInvocationID;
     const uint n_pixels = pc.out_width * pc.out_height;
     const uint across = div_ceil(n_pixels, PIXELS);
     const uint unit = linear_group() * gl_NumSubgroups + gl_SubgroupID;
-    if (unit >= across * div_ceil(pc.out_channels, BLOCKS * gl_SubgroupSize)) return;
+    if (unit >= across * div_ceil(pc.out_channels, BLOCKS * WIDTH)) return;
     // Neighbouring units share weights, which are the larger part of what is read.
     const uint first = unit % across * PIXELS;
     uint channel[BLOCKS];
     uint column_of[BLOCKS];
     for (uint b = 0u; b < BLOCKS; ++b) {
-        channel[b] = (unit / across * BLOCKS + b) * gl_SubgroupSize + lane;
+        channel[b] = (unit / across * BLOCKS + b) * WIDTH + lane;
         column_of[b] = min(channel[b], pc.out_channels - 1u);
     }
 
-    // Where this lane loads: pixels of one load, four lanes each; larger subgroups load some twice.
-    const uint per_load = min(gl_SubgroupSize / 4u, PIXELS);
+    // Where this lane loads; subgroups of more than four lanes a pixel would load some twice.
+    const uint per_load = PER_LOAD;
     const uint n_loads = PIXELS / per_load;
     const int row_planes = int(pc.in_width * pc.in_planes);
     int row[PIXELS];

@@ -3,7 +3,7 @@
 // Equation  n(f) = f / sqrt(sum f^2 + eps); d = mean over pixels of sum over channels of w (n(x) - n(y))^2;
 //           dd/dx = (h - n(x) (h . n(x))) / sqrt(sum x^2 + eps) with h = 2 w (n(x) - n(y)) / pixels.
 // Grid      four threads per pixel, which share its channels.
-// Writes    sums: one per workgroup, from `first_sum` on; d_features: 0 where x is not above 0 (ReLU).
+// Writes    sums: one per workgroup, in the first number, from `first_sum` on; d_features: 0 where x is not above 0 (ReLU).
 // Numerics  eps is inside the root, so where all features are dead value and cotangent are 0. `precise`: equal features
 //           give exactly 0.
 #version 460
@@ -18,7 +18,7 @@ layout(push_constant) uniform Push { uint pixels; uint planes; uint first_sum; f
 layout(set = 0, binding = 0) restrict readonly buffer Features { vec4 features[]; };
 layout(set = 0, binding = 1) restrict readonly buffer TruthFeatures { vec4 truth_features[]; };
 layout(set = 0, binding = 2) restrict readonly buffer Linear { vec4 linear[]; };
-layout(set = 0, binding = 3) restrict writeonly buffer Sums { float sums[]; };
+layout(set = 0, binding = 3) restrict writeonly buffer Sums { vec4 sums[]; };
 #ifdef BACKWARD
 layout(set = 0, binding = 4) restrict writeonly buffer DFeatures { vec4 d_features[]; };
 #endif
@@ -77,6 +77,6 @@ void main() {
     if (thread == 0u && linear_group() < div_ceil(pc.pixels, 64u / TEAM)) {
         float sum = 0.0;
         for (uint k = 0u; k < 64u / TEAM; ++k) sum += sh_sums[k];
-        sums[pc.first_sum + linear_group()] = pc.per_pixel * sum;
+        sums[pc.first_sum + linear_group()] = vec4(pc.per_pixel * sum, 0.0, 0.0, 0.0);
     }
 }

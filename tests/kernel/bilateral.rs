@@ -10,6 +10,7 @@ use ivv::twin::{Adam, BilateralGrid, Dual, centred};
 
 tested! {
     "bilateral/bilateral_slice.comp" by BilateralGrid in slices_are_the_twins_to_1e_6_at_any_size;
+    "bilateral/bilateral_grade.comp" by BilateralGrid in slices_are_the_twins_to_1e_6_at_any_size;
     "bilateral/bilateral_bwd.comp" by BilateralGrid in the_backward_pass_is_the_adjoint_of_the_derivative;
     "bilateral/bilateral_sum.comp" by BilateralGrid in the_backward_pass_is_the_adjoint_of_the_derivative;
     "bilateral/bilateral_adam.comp" by Adam in a_step_is_the_twins_and_a_gradient_that_is_not_finite_moves_nothing;
@@ -27,6 +28,11 @@ fn wide(numbers: &[f32]) -> Vec<f64> {
     numbers.iter().map(|x| f64::from(*x)).collect()
 }
 
+/// By the kernels for CPU drivers and by those for GPUs.
+fn by_both(case: &Case) -> [Found; 2] {
+    [false, true].map(|for_gpus| case.on_device_by(&gpu(), Some(for_gpus), 0.0).unwrap())
+}
+
 /// |found - truth| / |truth|, of a truth that is not zero.
 fn relative_l2(found: &[f32], truth: &[f64]) -> f64 {
     assert_eq!(found.len(), truth.len());
@@ -40,13 +46,15 @@ fn relative_l2(found: &[f32], truth: &[f64]) -> f64 {
 fn slices_are_the_twins_to_1e_6_at_any_size() {
     for size in SIZES {
         let case = Case::random(1, size);
-        let (found, truth) = (case.on_device(&gpu()).unwrap().graded, case.truth());
+        let truth = case.truth();
         let differs =
             truth.as_flattened().iter().zip(wide(case.image.as_flattened())).any(|(a, b)| (a - b).abs() > 0.01);
         assert!(differs, "the grid does nothing");
-        let both = found.as_flattened().iter().zip(truth.as_flattened());
-        let error = both.fold(0.0, |most, (a, b)| f64::max(most, (f64::from(*a) - b).abs()));
-        assert!(error <= 1e-6, "{size:?}: {error:.1e}");
+        for found in by_both(&case) {
+            let both = found.graded.as_flattened().iter().zip(truth.as_flattened());
+            let error = both.fold(0.0, |most, (a, b)| f64::max(most, (f64::from(*a) - b).abs()));
+            assert!(error <= 1e-6, "{size:?}: {error:.1e}");
+        }
     }
 }
 
@@ -54,7 +62,7 @@ fn slices_are_the_twins_to_1e_6_at_any_size() {
 fn the_identity_gives_every_colour_its_bits() {
     for size in SIZES {
         let case = Case { state: GridState::identity(), ..Case::random(2, size) };
-        assert!(case.on_device(&gpu()).unwrap().graded == case.image, "{size:?}");
+        assert!(by_both(&case).iter().all(|found| found.graded == case.image), "{size:?}");
     }
 }
 
@@ -72,8 +80,10 @@ fn cotangents_of_colours_are_those_of_dual_numbers() {
                 truth[channel] = dot(along, d.map(f64::from));
             }
         }
-        let error = relative_l2(case.on_device(&gpu()).unwrap().d_image.as_flattened(), truth.as_flattened());
-        assert!(error <= 1e-6, "{size:?}: {error:.1e}");
+        for found in by_both(&case) {
+            let error = relative_l2(found.d_image.as_flattened(), truth.as_flattened());
+            assert!(error <= 1e-6, "{size:?}: {error:.1e}");
+        }
     }
 }
 
@@ -81,24 +91,25 @@ fn cotangents_of_colours_are_those_of_dual_numbers() {
 fn every_number_of_a_small_pictures_gradient_of_the_grid_is_the_dual_numbers() {
     for size in [[1, 1], [3, 4]] {
         let case = Case::random(4, size);
-        let found = case.on_device(&gpu()).unwrap().d_grid;
-        let none = vec![[0.0; 3]; case.image.len()];
-        let mut direction = vec![0.0; GRID_NUMBERS];
-        let touched: Vec<usize> = (0..GRID_NUMBERS).filter(|i| found[*i] != 0.0).collect();
-        assert!(touched.len() >= 50, "{} of the grid's numbers have a gradient", touched.len());
-        let truth = touched.iter().map(|i| {
-            direction[*i] = 1.0;
-            let along = case.along(&direction, &none);
-            direction[*i] = 0.0;
-            dot(along.into_iter().flatten(), wide(case.d_graded.as_flattened()))
-        });
-        let truth: Vec<f64> = truth.collect();
-        let found: Vec<f32> = touched.iter().map(|i| found[*i]).collect();
-        let error = relative_l2(&found, &truth);
-        assert!(error <= 1e-6, "{size:?}: {error:.1e}");
-        // And what has none on the device has none in truth.
-        let rest: Vec<f64> = (0..GRID_NUMBERS).map(|i| f64::from(u8::from(!touched.contains(&i)))).collect();
-        assert!(case.along(&rest, &none).as_flattened().iter().all(|x| *x == 0.0), "{size:?}");
+        for Found { d_grid: found, .. } in by_both(&case) {
+            let none = vec![[0.0; 3]; case.image.len()];
+            let mut direction = vec![0.0; GRID_NUMBERS];
+            let touched: Vec<usize> = (0..GRID_NUMBERS).filter(|i| found[*i] != 0.0).collect();
+            assert!(touched.len() >= 50, "{} of the grid's numbers have a gradient", touched.len());
+            let truth = touched.iter().map(|i| {
+                direction[*i] = 1.0;
+                let along = case.along(&direction, &none);
+                direction[*i] = 0.0;
+                dot(along.into_iter().flatten(), wide(case.d_graded.as_flattened()))
+            });
+            let truth: Vec<f64> = truth.collect();
+            let found: Vec<f32> = touched.iter().map(|i| found[*i]).collect();
+            let error = relative_l2(&found, &truth);
+            assert!(error <= 1e-6, "{size:?}: {error:.1e}");
+            // And what has none on the device has none in truth.
+            let rest: Vec<f64> = (0..GRID_NUMBERS).map(|i| f64::from(u8::from(!touched.contains(&i)))).collect();
+            assert!(case.along(&rest, &none).as_flattened().iter().all(|x| *x == 0.0), "{size:?}");
+        }
     }
 }
 
@@ -106,22 +117,23 @@ fn every_number_of_a_small_pictures_gradient_of_the_grid_is_the_dual_numbers() {
 fn the_backward_pass_is_the_adjoint_of_the_derivative() {
     for size in SIZES {
         let case = Case::random(5, size);
-        let found = case.on_device(&gpu()).unwrap();
-        let gradient = [wide(&found.d_grid), wide(found.d_image.as_flattened())].concat();
-        let norm = dot(gradient.clone(), gradient.clone()).sqrt();
-        assert!(norm > 0.0);
-        let mut random = Random::new(6);
-        for _ in 0..3 {
-            let mut draw = || random.uniform(-1.0, 1.0);
-            let of_grid: Vec<f64> = (0..GRID_NUMBERS).map(|_| draw()).collect();
-            let of_image: Vec<[f64; 3]> = case.image.iter().map(|_| [draw(), draw(), draw()]).collect();
-            let forward = case.along(&of_grid, &of_image);
-            let forward = dot(forward.into_iter().flatten(), wide(case.d_graded.as_flattened()));
-            let direction = [of_grid, of_image.as_flattened().to_vec()].concat();
-            let backward = dot(gradient.clone(), direction.clone());
-            // Along a direction that is mostly of the null space, the difference is one of many numbers that cancel.
-            let error = (forward - backward).abs() / norm;
-            assert!(forward != 0.0 && error <= 1e-6, "{size:?}: {forward} and {backward}, {error:.1e}");
+        for found in by_both(&case) {
+            let gradient = [wide(&found.d_grid), wide(found.d_image.as_flattened())].concat();
+            let norm = dot(gradient.clone(), gradient.clone()).sqrt();
+            assert!(norm > 0.0);
+            let mut random = Random::new(6);
+            for _ in 0..3 {
+                let mut draw = || random.uniform(-1.0, 1.0);
+                let of_grid: Vec<f64> = (0..GRID_NUMBERS).map(|_| draw()).collect();
+                let of_image: Vec<[f64; 3]> = case.image.iter().map(|_| [draw(), draw(), draw()]).collect();
+                let forward = case.along(&of_grid, &of_image);
+                let forward = dot(forward.into_iter().flatten(), wide(case.d_graded.as_flattened()));
+                let direction = [of_grid, of_image.as_flattened().to_vec()].concat();
+                let backward = dot(gradient.clone(), direction.clone());
+                // Along a direction that is mostly of the null space, the difference is one of many numbers that cancel.
+                let error = (forward - backward).abs() / norm;
+                assert!(forward != 0.0 && error <= 1e-6, "{size:?}: {forward} and {backward}, {error:.1e}");
+            }
         }
     }
 }
@@ -133,9 +145,10 @@ fn a_pixel_whose_cotangent_is_not_finite_has_no_share_in_the_grids_gradient() {
         let mut case = plain.clone();
         case.d_graded[100][1] = value;
         case.d_graded[200] = [1.0; 3];
-        let found = case.on_device(&gpu()).unwrap();
-        assert!(found.d_grid.iter().all(|x| x.is_finite()) && found.d_grid.iter().any(|x| *x != 0.0));
-        assert!(found.d_image[100].iter().any(|x| !x.is_finite()), "the colour's cotangent may not hide it");
+        for found in by_both(&case) {
+            assert!(found.d_grid.iter().all(|x| x.is_finite()) && found.d_grid.iter().any(|x| *x != 0.0));
+            assert!(found.d_image[100].iter().any(|x| !x.is_finite()), "the colour's cotangent may not hide it");
+        }
     }
 }
 
@@ -159,8 +172,7 @@ fn a_step_is_the_twins_and_a_gradient_that_is_not_finite_moves_nothing() {
         let grids = Grids::upload(&gpu, &states).unwrap();
         let rate = 2e-3;
         // No gauge: 7 is no multiple of 3.
-        step(&gpu, &grids, 1, &d_grid, &GridStep { step: 7, is_free: true, camera_step, rate, tv_weight: 0.0 }, 0)
-            .unwrap();
+        step(&gpu, &grids, 1, &d_grid, &GridStep { step: 7, is_free: true, camera_step, rate }, 0).unwrap();
         let found = grids.download(&gpu).unwrap();
         assert!(found[0] == states[0] && found[2] == states[2], "other cameras moved");
         let found = &found[1];
@@ -194,31 +206,20 @@ fn a_step_is_the_twins_and_a_gradient_that_is_not_finite_moves_nothing() {
 fn total_variation_and_its_gradient_are_the_twins() {
     let gpu = gpu();
     let state = random_grid(&mut Random::new(13), 0.3);
-    let grids = Grids::upload(&gpu, &[state.clone(), state.clone()]).unwrap();
     let tv_weight = 10.0;
-    step(
-        &gpu,
-        &grids,
-        0,
-        &[0.0; GRID_NUMBERS],
-        &GridStep { step: 1, is_free: true, camera_step: 1, rate: 0.0, tv_weight },
-        0,
-    )
-    .unwrap();
-    let found = &grids.download(&gpu).unwrap()[0];
-    assert_eq!(found.grid, state.grid, "rate 0 moves the moments alone");
-    let value = gpu.read(&grids.tv).unwrap()[0][0];
-    let truth = BilateralGrid::new(&wide(&state.grid)).total_variation();
-    assert!(truth > 0.0 && (f64::from(value) - truth).abs() <= 1e-6 * truth, "{value} for {truth}");
+    let case = Case { state, d_graded: vec![[0.0; 3]; 5 * 4], ..Case::random(13, [5, 4]) };
+    let found = case.on_device_by(&gpu, None, tv_weight).unwrap();
+    let truth = BilateralGrid::new(&wide(&case.state.grid)).total_variation();
+    let value = f64::from(found.variation);
+    assert!(truth > 0.0 && (value - truth).abs() <= 1e-6 * truth, "{value} for {truth}");
     let [nx, ny, nz] = GRID_SIZE;
     let corners = [0, nx - 1, nx * (ny - 1), nx * ny - 1, nx * ny * (nz - 1), nx * ny * nz - 1];
     let inside = [5 * nx * ny + 3 * nx + 9, 2 * nx * ny + 14 * nx + 1, nx * ny];
     for (cell, entry) in corners.into_iter().chain(inside).zip([0, 11, 5, 7, 3, 10, 2, 8, 6]) {
         let dual = |(i, x): (usize, &f32)| Dual::new((*x).into(), f64::from(u8::from(i == 12 * cell + entry)));
-        let numbers: Vec<Dual> = state.grid.iter().enumerate().map(dual).collect();
+        let numbers: Vec<Dual> = case.state.grid.iter().enumerate().map(dual).collect();
         let truth = tv_weight * BilateralGrid::new(&numbers).total_variation().tangent;
-        // The first step's mean is a tenth of the gradient.
-        let found = f64::from(found.first[12 * cell + entry]) / f64::from(1.0 - 0.9f32);
+        let found = f64::from(found.d_grid[12 * cell + entry]);
         assert!(truth != 0.0 && (found - truth).abs() <= 1e-6 * truth.abs() + 1e-9, "cell {cell}: {found} for {truth}");
     }
 }
@@ -231,7 +232,7 @@ fn the_gauge_takes_off_what_the_twin_does() {
         let states: Vec<GridState> = (0..n_cameras).map(|_| random_grid(&mut random, 0.5)).collect();
         let grids = Grids::upload(&gpu, &states).unwrap();
         // A rate of 0, so that the gauge alone moves numbers.
-        let numbers = GridStep { step: n_cameras, is_free: true, camera_step: 1, rate: 0.0, tv_weight: 0.0 };
+        let numbers = GridStep { step: n_cameras, is_free: true, camera_step: 1, rate: 0.0 };
         step(&gpu, &grids, 0, &[0.0; GRID_NUMBERS], &numbers, 0).unwrap();
         let before: Vec<Vec<f64>> = states.iter().map(|state| wide(&state.grid)).collect();
         let truth = centred(&before);
@@ -263,13 +264,7 @@ fn the_gauge_keeps_the_mean_over_the_cameras_at_the_identity() {
     for number in 1..=60u64 {
         let camera = (number as usize - 1) % n_cameras;
         let d_grid: Vec<f32> = tint.iter().map(|t| t + random.uniform(-0.5, 0.5) as f32).collect();
-        let numbers = GridStep {
-            step: number,
-            is_free: true,
-            camera_step: (number - 1) / n_cameras as u64 + 1,
-            rate,
-            tv_weight: 0.1,
-        };
+        let numbers = GridStep { step: number, is_free: true, camera_step: (number - 1) / n_cameras as u64 + 1, rate };
         step(&gpu, &grids, camera, &d_grid, &numbers, 0).unwrap();
         if number.is_multiple_of(n_cameras as u64) || number % n_cameras as u64 == 4 {
             let states = grids.download(&gpu).unwrap();
@@ -294,7 +289,7 @@ fn a_failed_frame_leaves_all_bits() {
     states[0].first.iter_mut().for_each(|m| *m = random.uniform(-1.0, 1.0) as f32);
     let d_grid: Vec<f32> = (0..GRID_NUMBERS).map(|_| random.uniform(-1.0, 1.0) as f32).collect();
     // With the gauge, which is due after an even step.
-    let numbers = GridStep { step: 4, is_free: true, camera_step: 3, rate: 2e-3, tv_weight: 10.0 };
+    let numbers = GridStep { step: 4, is_free: true, camera_step: 3, rate: 2e-3 };
     let grids = Grids::upload(&gpu, &states).unwrap();
     for failed in [1, 2, 1 << 31] {
         step(&gpu, &grids, 0, &d_grid, &numbers, failed).unwrap();
@@ -312,10 +307,10 @@ fn gradients_have_the_same_bits_in_every_run() {
         let all = [found.d_grid, found.d_image.as_flattened().to_vec(), found.graded.as_flattened().to_vec()];
         all.map(|numbers| numbers.into_iter().map(f32::to_bits).collect::<Vec<_>>())
     };
-    let first = bits(case.on_device(&gpu()).unwrap());
-    assert!(first[0].iter().any(|x| *x != 0));
+    let first = by_both(&case).map(bits);
+    assert!(first[0][0].iter().any(|x| *x != 0));
     for _ in 0..3 {
-        assert!(bits(case.on_device(&gpu()).unwrap()) == first);
+        assert!(by_both(&case).map(bits) == first);
     }
 }
 

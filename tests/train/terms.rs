@@ -42,7 +42,7 @@ fn a_term_that_is_off_dispatches_nothing() {
         ..Config::default()
     };
     let least = dispatches(&tiny, &off);
-    assert!(least["blend bwd"] > 0 && least["loss"] == 5, "{least:?}");
+    assert!(least["blend bwd"] > 0 && least["loss"] == 2, "{least:?}");
     for (added, config) in [
         (vec!["priors"], Config { loss: Loss { depth: 1.0, ..off.loss.clone() }, ..off.clone() }),
         (vec!["priors"], Config { loss: Loss { flow: 1.0, ..off.loss.clone() }, ..off.clone() }),

@@ -149,7 +149,110 @@ pub mod bilateral_bwd {
     };
 }
 
-/// adds the parts' sums around each cell: the gradient of the camera's grid.
+/// does for GPUs what bilateral_slice does: maps each pixel's colour by the grid's affine map at its place and luma. With
+pub mod bilateral_grade {
+    use crate::gpu::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `width` of the shader.
+        pub width: u32,
+        /// `height` of the shader.
+        pub height: u32,
+        /// `rows` of the shader.
+        pub rows: u32,
+        /// `parts` of the shader.
+        pub parts: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 16);
+        assert!(std::mem::offset_of!(Push, width) == 0);
+        assert!(std::mem::offset_of!(Push, height) == 4);
+        assert!(std::mem::offset_of!(Push, rows) == 8);
+        assert!(std::mem::offset_of!(Push, parts) == 12);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub camera_grid: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub image: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub graded: &'a Buf<[f32; 4]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = INFO;
+        fn slices(&self) -> Vec<Slice> {
+            vec![self.camera_grid.slice(), self.image.slice(), self.graded.slice()]
+        }
+    }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "bilateral_grade",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../../shaders-glsl/spv/bilateral_grade.spv"),
+        local: 128,
+        subgroups: false,
+        floats: 0x7,
+        bindings: &[
+            BindingInfo { name: "camera_grid", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "image", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "graded", kind: BindingKind::Storage, access: Access::Write },
+        ],
+    };
+}
+
+/// does for GPUs what bilateral_slice does: maps each pixel's colour by the grid's affine map at its place and luma. With
+pub mod bilateral_grade_bwd {
+    pub use super::bilateral_grade::Push;
+    use crate::gpu::kernel::*;
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub camera_grid: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub image: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub d_graded: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub d_image: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub partials: &'a Buf<[f32; 4]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = INFO;
+        fn slices(&self) -> Vec<Slice> {
+            vec![
+                self.camera_grid.slice(),
+                self.image.slice(),
+                self.d_graded.slice(),
+                self.d_image.slice(),
+                self.partials.slice(),
+            ]
+        }
+    }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "bilateral_grade_bwd",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../../shaders-glsl/spv/bilateral_grade_bwd.spv"),
+        local: 128,
+        subgroups: false,
+        floats: 0x1f,
+        bindings: &[
+            BindingInfo { name: "camera_grid", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "image", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_graded", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "d_image", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "partials", kind: BindingKind::Storage, access: Access::Write },
+        ],
+    };
+}
+
+/// forms the gradient of the camera's grid: the parts' sums around each cell, and the total variation's share.
 pub mod bilateral_sum {
     use crate::gpu::kernel::*;
     /// `Push` of the shaders.
@@ -158,23 +261,30 @@ pub mod bilateral_sum {
     pub struct Push {
         /// `parts` of the shader.
         pub parts: u32,
+        /// `tv_weight` of the shader.
+        pub tv_weight: f32,
     }
     const _: () = {
-        assert!(size_of::<Push>() == 4);
+        assert!(size_of::<Push>() == 8);
         assert!(std::mem::offset_of!(Push, parts) == 0);
+        assert!(std::mem::offset_of!(Push, tv_weight) == 4);
     };
     /// The kernel's buffers.
     pub struct Args<'a> {
         /// Reads.
         pub partials: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub camera_grid: &'a Buf<[f32; 4]>,
         /// Writes.
         pub d_grid: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub sums: &'a Buf<[f32; 4]>,
     }
     impl Kernel for Args<'_> {
         type Push = Push;
         const INFO: &'static KernelInfo = INFO;
         fn slices(&self) -> Vec<Slice> {
-            vec![self.partials.slice(), self.d_grid.slice()]
+            vec![self.partials.slice(), self.camera_grid.slice(), self.d_grid.slice(), self.sums.slice()]
         }
     }
     /// What the device needs to know.
@@ -184,15 +294,17 @@ pub mod bilateral_sum {
         spirv: include_bytes!("../../../shaders-glsl/spv/bilateral_sum.spv"),
         local: 64,
         subgroups: true,
-        floats: 0x3,
+        floats: 0xf,
         bindings: &[
             BindingInfo { name: "partials", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "camera_grid", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "d_grid", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "sums", kind: BindingKind::Storage, access: Access::Write },
         ],
     };
 }
 
-/// one step of Adam on one camera's grid, along its gradient and that of the total variation.
+/// one step of Adam on one camera's grid, along its gradient.
 pub mod bilateral_adam {
     use crate::gpu::kernel::*;
     /// `Push` of the shaders.
@@ -209,23 +321,20 @@ pub mod bilateral_adam {
         pub inverse_c2: f32,
         /// `eps` of the shader.
         pub eps: f32,
-        /// `tv_weight` of the shader.
-        pub tv_weight: f32,
     }
     const _: () = {
-        assert!(size_of::<Push>() == 24);
+        assert!(size_of::<Push>() == 20);
         assert!(std::mem::offset_of!(Push, rate) == 0);
         assert!(std::mem::offset_of!(Push, beta1) == 4);
         assert!(std::mem::offset_of!(Push, beta2) == 8);
         assert!(std::mem::offset_of!(Push, inverse_c2) == 12);
         assert!(std::mem::offset_of!(Push, eps) == 16);
-        assert!(std::mem::offset_of!(Push, tv_weight) == 20);
     };
     /// The kernel's buffers.
     pub struct Args<'a> {
         /// Reads.
         pub frame_status: &'a Buf<crate::gpu::generated::Status>,
-        /// Reads.
+        /// ReadWrites.
         pub camera_grid: &'a Buf<[f32; 4]>,
         /// Reads.
         pub d_grid: &'a Buf<[f32; 4]>,
@@ -233,10 +342,6 @@ pub mod bilateral_adam {
         pub first: &'a Buf<[f32; 4]>,
         /// ReadWrites.
         pub second: &'a Buf<[f32; 4]>,
-        /// Writes.
-        pub stepped: &'a Buf<[f32; 4]>,
-        /// Writes.
-        pub sums: &'a Buf<[f32; 4]>,
     }
     impl Kernel for Args<'_> {
         type Push = Push;
@@ -248,8 +353,6 @@ pub mod bilateral_adam {
                 self.d_grid.slice(),
                 self.first.slice(),
                 self.second.slice(),
-                self.stepped.slice(),
-                self.sums.slice(),
             ]
         }
     }
@@ -260,15 +363,13 @@ pub mod bilateral_adam {
         spirv: include_bytes!("../../../shaders-glsl/spv/bilateral_adam.spv"),
         local: 64,
         subgroups: false,
-        floats: 0x7e,
+        floats: 0x1e,
         bindings: &[
             BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "camera_grid", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "camera_grid", kind: BindingKind::Storage, access: Access::ReadWrite },
             BindingInfo { name: "d_grid", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "first", kind: BindingKind::Storage, access: Access::ReadWrite },
             BindingInfo { name: "second", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "stepped", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "sums", kind: BindingKind::Storage, access: Access::Write },
         ],
     };
 }
@@ -321,5 +422,13 @@ pub fn bilateral_slice(is_backward: bool) -> &'static crate::gpu::KernelInfo {
     match is_backward {
         false => bilateral_slice::INFO,
         true => bilateral_slice_bwd::INFO,
+    }
+}
+
+/// The kernel of `bilateral/bilateral_grade.comp` for these choices.
+pub fn bilateral_grade(is_backward: bool) -> &'static crate::gpu::KernelInfo {
+    match is_backward {
+        false => bilateral_grade::INFO,
+        true => bilateral_grade_bwd::INFO,
     }
 }

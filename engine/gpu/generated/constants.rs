@@ -46,6 +46,14 @@ pub mod bilateral {
     pub const PART_SUMS: u32 = 4 * LEVELS * 3;
 }
 
+/// Of `bilateral/bilateral_grade.comp`.
+pub mod bilateral_grade {
+    /// `QUARTER` of the shader.
+    pub const QUARTER: u32 = 32;
+    /// `QUARTERS` of the shader.
+    pub const QUARTERS: u32 = 4;
+}
+
 /// Of `blend/blend_bwd.comp`.
 pub mod blend_bwd {
     /// `SWAP_SEGMENT` of the shader.
@@ -306,8 +314,14 @@ pub mod ssim {
     pub const SSIM_C1: f32 = 0.0001;
     /// `SSIM_C2` of the shader.
     pub const SSIM_C2: f32 = 0.0009;
-    /// `RUN` of the shader.
-    pub const RUN: u32 = 4;
+}
+
+/// Of `include/ssim_filter.glsl`.
+pub mod ssim_filter {
+    /// pixels across a tile.
+    pub const TILE_COLUMNS: u32 = 32;
+    /// outputs of a thread, which share their inputs; as many rows has a tile of outputs.
+    pub const RUN: u32 = 8;
 }
 
 /// Of `include/types.glsl`.

@@ -154,6 +154,9 @@ pub mod lpips_conv {
         ],
     };
 }
+crate::gpu::kernel::variant!(lpips_conv_w16 of lpips_conv);
+crate::gpu::kernel::variant!(lpips_conv_w32 of lpips_conv);
+crate::gpu::kernel::variant!(lpips_conv_w64 of lpips_conv);
 
 /// convolves feature maps: forward with bias and ReLU, or a cotangent back to the maps it came from.
 pub mod lpips_conv_bwd {
@@ -193,6 +196,9 @@ pub mod lpips_conv_bwd {
         ],
     };
 }
+crate::gpu::kernel::variant!(lpips_conv_bwd_w16 of lpips_conv_bwd);
+crate::gpu::kernel::variant!(lpips_conv_bwd_w32 of lpips_conv_bwd);
+crate::gpu::kernel::variant!(lpips_conv_bwd_w64 of lpips_conv_bwd);
 
 /// takes the greatest of each 3 x 3 window, two pixels apart, and keeps which it was.
 pub mod lpips_pool {
@@ -284,7 +290,7 @@ pub mod lpips_tap {
         /// Reads.
         pub linear: &'a Buf<[f32; 4]>,
         /// Writes.
-        pub sums: &'a Buf<f32>,
+        pub sums: &'a Buf<[f32; 4]>,
     }
     impl Kernel for Args<'_> {
         type Push = Push;
@@ -323,7 +329,7 @@ pub mod lpips_tap_bwd {
         /// Reads.
         pub linear: &'a Buf<[f32; 4]>,
         /// Writes.
-        pub sums: &'a Buf<f32>,
+        pub sums: &'a Buf<[f32; 4]>,
         /// Writes.
         pub d_features: &'a Buf<[f32; 4]>,
     }
@@ -354,49 +360,6 @@ pub mod lpips_tap_bwd {
             BindingInfo { name: "linear", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "sums", kind: BindingKind::Storage, access: Access::Write },
             BindingInfo { name: "d_features", kind: BindingKind::Storage, access: Access::Write },
-        ],
-    };
-}
-
-/// adds the workgroups' shares of LPIPS.
-pub mod lpips_sum {
-    use crate::gpu::kernel::*;
-    /// `Push` of the shaders.
-    #[repr(C)]
-    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-    pub struct Push {
-        /// `n` of the shader.
-        pub n: u32,
-    }
-    const _: () = {
-        assert!(size_of::<Push>() == 4);
-        assert!(std::mem::offset_of!(Push, n) == 0);
-    };
-    /// The kernel's buffers.
-    pub struct Args<'a> {
-        /// Reads.
-        pub sums: &'a Buf<f32>,
-        /// Writes.
-        pub value: &'a Buf<f32>,
-    }
-    impl Kernel for Args<'_> {
-        type Push = Push;
-        const INFO: &'static KernelInfo = INFO;
-        fn slices(&self) -> Vec<Slice> {
-            vec![self.sums.slice(), self.value.slice()]
-        }
-    }
-    /// What the device needs to know.
-    pub const INFO: &KernelInfo = &KernelInfo {
-        name: "lpips_sum",
-        push_bytes: size_of::<Push>() as u32,
-        spirv: include_bytes!("../../../shaders-glsl/spv/lpips_sum.spv"),
-        local: 64,
-        subgroups: false,
-        floats: 0x3,
-        bindings: &[
-            BindingInfo { name: "sums", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "value", kind: BindingKind::Storage, access: Access::Write },
         ],
     };
 }
@@ -533,10 +496,16 @@ pub mod lpips_input_bwd {
 }
 
 /// The kernel of `lpips/lpips_conv.comp` for these choices.
-pub fn lpips_conv(is_backward: bool) -> &'static crate::gpu::KernelInfo {
-    match is_backward {
-        false => lpips_conv::INFO,
-        true => lpips_conv_bwd::INFO,
+pub fn lpips_conv(is_backward: bool, lanes: usize) -> &'static crate::gpu::KernelInfo {
+    match (is_backward, lanes) {
+        (false, 0) => lpips_conv::INFO,
+        (true, 0) => lpips_conv_bwd::INFO,
+        (true, 1) => lpips_conv_bwd_w16::INFO,
+        (true, 2) => lpips_conv_bwd_w32::INFO,
+        (false, 1) => lpips_conv_w16::INFO,
+        (false, 2) => lpips_conv_w32::INFO,
+        (true, _) => lpips_conv_bwd_w64::INFO,
+        (false, _) => lpips_conv_w64::INFO,
     }
 }
 

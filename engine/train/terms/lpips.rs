@@ -1,10 +1,10 @@
 //! LPIPS (SPEC 4, L_perc), of the picture or of a square of it; where there are weights of its trunk.
 
-use super::term::{Logged, Part, Rendered, Shown, Term, TermKind};
+use super::term::{Left, Logged, Part, Rendered, Shown, Term, TermKind};
 use crate::error::Result;
-use crate::gpu::{Gpu, Recording, Slice};
+use crate::gpu::{Gpu, Recording};
 use crate::random::Keyed;
-use crate::stage::{self, Cotangent, Grids, Lpips};
+use crate::stage::{self, Cotangent, Lpips};
 use crate::train::config::Loss;
 use std::path::Path;
 
@@ -71,21 +71,17 @@ impl Perceptual {
 }
 
 impl Term for Perceptual {
-    fn record(&mut self, gpu: &Gpu, rec: &mut Recording, shown: &Shown, on: &Rendered) -> Result<()> {
+    fn record(&mut self, gpu: &Gpu, rec: &mut Recording, shown: &Shown, on: &Rendered) -> Result<Left> {
         if !self.is_due(shown) {
-            return Ok(());
+            return Ok(None);
         }
         let [origin, crop] = self.part(shown);
         let compared = stage::Compared { image: on.image, truth: on.truth, size: shown.size, origin, crop };
         let weight = (self.weight * self.every as f64) as f32;
-        self.network.record(gpu, rec, &compared, Some(Cotangent { d_image: on.d_image, weight }))
+        self.network.record(gpu, rec, &compared, Some(Cotangent { d_image: on.d_image, weight })).map(Some)
     }
 
-    fn sums(&self, shown: &Shown, _: Option<&Grids>) -> Option<Slice> {
-        self.is_due(shown).then(|| self.network.value.slice())
-    }
-
-    fn parts(&self, _: &Shown, sums: &[f32]) -> Vec<Part> {
-        sums.first().map(|value| Part::error("lpips", f64::from(*value), self.weight)).into_iter().collect()
+    fn parts(&self, _: &Shown, [value, ..]: [f32; 4]) -> Vec<Part> {
+        vec![Part::error("lpips", f64::from(value), self.weight)]
     }
 }

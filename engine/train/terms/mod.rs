@@ -16,8 +16,8 @@ use crate::scene::capture::Capture;
 use crate::train::config::Config;
 use term::TermKind;
 
+pub(super) use term::{Left, Part, Rendered, Shown, Term, WithCotangent};
 pub use term::{Logged, TermData};
-pub(super) use term::{Part, Rendered, Shown, Term, WithCotangent};
 pub(super) use variation::weight as grid_variation_weight;
 
 /// All terms. They are recorded, and added up, in this order: the first sets the cotangent of the colours, the others add

@@ -1,14 +1,14 @@
 //! The error of the colours: 0.8 of the mean absolute error and 0.2 of 1 - SSIM (SPEC 4). Always on.
 
-use super::term::{Logged, Part, Rendered, Shown, Term, TermKind};
+use super::term::{Left, Logged, Part, Rendered, Shown, Term, TermKind};
 use crate::error::Result;
-use crate::gpu::{Gpu, Recording, Slice};
-use crate::stage::{Grids, Photometric, Pictures, SSIM_WEIGHT, Structure};
+use crate::gpu::{Gpu, Recording};
+use crate::stage::{Photometric, Pictures, SSIM_WEIGHT, Structure};
 use crate::train::metrics::psnr;
 
 pub(super) const TERM: TermKind = TermKind {
     logged: LOGGED,
-    buffers: |_| &[("ssim moments", 48.0), ("ssim partials", 48.0), ("ssim filtered", 48.0)],
+    buffers: |_| &[("ssim partials", 36.0), ("loss sums", 2.0)],
     new: |gpu, config, _| {
         let (every, stride) = (config.loss.ssim_every, config.loss.ssim_stride);
         Ok(Some(Box::new(Colors { photometric: Photometric::new(gpu, 1)?, every, stride })))
@@ -43,7 +43,7 @@ impl Term for Colors {
         Ok(())
     }
 
-    fn record(&mut self, _: &Gpu, rec: &mut Recording, shown: &Shown, on: &Rendered) -> Result<()> {
+    fn record(&mut self, _: &Gpu, rec: &mut Recording, shown: &Shown, on: &Rendered) -> Result<Left> {
         let pictures = Pictures {
             image: on.image,
             truth: on.truth,
@@ -51,20 +51,13 @@ impl Term for Colors {
             size: shown.size,
             n_visible: shown.n_visible,
         };
-        self.photometric.record(rec, &pictures, self.structure(shown));
-        Ok(())
+        Ok(Some(self.photometric.record(rec, &pictures, self.structure(shown))))
     }
 
-    fn sums(&self, _: &Shown, _: Option<&Grids>) -> Option<Slice> {
-        Some(self.photometric.sums.slice())
-    }
-
-    fn parts(&self, shown: &Shown, sums: &[f32]) -> Vec<Part> {
+    fn parts(&self, shown: &Shown, sums: [f32; 4]) -> Vec<Part> {
         let structure = self.structure(shown);
-        let mut found = [0.0; 4];
-        found.iter_mut().zip(sums).for_each(|(found, sum)| *found = *sum);
         let taken = structure.unwrap_or(Structure::WHOLE);
-        let [ssim, l1, mse] = Photometric::values(found, shown.n_visible, shown.size, taken);
+        let [ssim, l1, mse] = Photometric::values(sums, shown.n_visible, shown.size, taken);
         let weight = f64::from(SSIM_WEIGHT);
         let mut parts = vec![Part::error("l1", l1, 1.0 - weight)];
         parts.extend(structure.map(|_| Part { key: "ssim", value: ssim, error: 1.0 - ssim, weight }));

@@ -1,11 +1,11 @@
 //! The errors of depth and flow against priors (SPEC 4), both in one pass over the picture.
 
-use super::term::{Logged, Part, Rendered, Shown, Term, TermData, TermKind};
+use super::term::{Left, Logged, Part, Rendered, Shown, Term, TermData, TermKind};
 use crate::error::Result;
 use crate::gpu::generated::ViewParams;
 use crate::gpu::{Gpu, Recording, Slice};
 use crate::scene::capture::{Capture, Picture};
-use crate::stage::{DepthSpace, Grids, Outputs, PriorLoss, PriorWeights};
+use crate::stage::{DepthSpace, Outputs, PriorLoss, PriorWeights};
 use crate::train::config::Config;
 
 pub(super) const TERM: TermKind = TermKind {
@@ -90,24 +90,20 @@ impl Term for Priors {
         rec.copy(staged.clone(), self.scratch.priors.range(0, n).slice());
     }
 
-    fn record(&mut self, _: &Gpu, rec: &mut Recording, shown: &Shown, on: &Rendered) -> Result<()> {
-        let Some((image, d_image)) = on.geometry else { return Ok(()) };
+    fn record(&mut self, _: &Gpu, rec: &mut Recording, shown: &Shown, on: &Rendered) -> Result<Left> {
+        let Some((image, d_image)) = on.geometry else { return Ok(None) };
         let n = shown.size[0] * shown.size[1];
-        match self.weights(shown) {
-            Some(weights) => self.scratch.record(rec, image, on.truth, d_image, n, &weights),
+        let Some(weights) = self.weights(shown) else {
             // What an earlier step left there would be taken for this one's.
-            None => rec.fill(d_image.range(0, n as usize).slice(), 0),
-        }
-        Ok(())
+            rec.fill(d_image.range(0, n as usize).slice(), 0);
+            return Ok(None);
+        };
+        Ok(Some(self.scratch.record(rec, image, on.truth, d_image, n, &weights)))
     }
 
-    fn sums(&self, shown: &Shown, _: Option<&Grids>) -> Option<Slice> {
-        self.weights(shown).map(|_| self.scratch.sums.slice())
-    }
-
-    fn parts(&self, shown: &Shown, sums: &[f32]) -> Vec<Part> {
-        let (Some(weights), [depth, flow, ..]) = (self.weights(shown), sums) else { return Vec::new() };
-        let [depth, flow] = PriorLoss::values([*depth, *flow, 0.0, 0.0], &weights);
+    fn parts(&self, shown: &Shown, sums: [f32; 4]) -> Vec<Part> {
+        let Some(weights) = self.weights(shown) else { return Vec::new() };
+        let [depth, flow] = PriorLoss::values(sums, &weights);
         let depth = Part::error("depth", depth, weights.depth);
         let flow = Part { key: "flow", value: flow * f64::from(shown.reduction), error: flow, weight: weights.flow };
         [depth, flow].into_iter().filter(|part| part.weight > 0.0).collect()

@@ -4,8 +4,11 @@ use crate::error::Result;
 use crate::gpu::generated::ViewParams;
 use crate::gpu::{Buf, Gpu, Recording, Slice};
 use crate::scene::capture::{Capture, Picture};
-use crate::stage::{Grids, Outputs};
+use crate::stage::Outputs;
 use crate::train::config::Config;
+
+/// Sums by workgroup; none where there are none.
+pub(in crate::train) type Left = Option<Buf<[f32; 4]>>;
 
 /// A term; none where it is off.
 pub(super) type Begun = Result<Option<Box<dyn Term>>>;
@@ -77,14 +80,12 @@ pub(in crate::train) trait Term: Send + Sync {
     /// Appends the copy of what [`Term::upload`] gave.
     fn record_upload(&self, _rec: &mut Recording, _staged: &Slice, _shown: &Shown) {}
 
-    /// Appends its passes and its part of the cotangents, where it is due.
-    fn record(&mut self, gpu: &Gpu, rec: &mut Recording, shown: &Shown, on: &Rendered) -> Result<()>;
+    /// Appends its passes and its part of the cotangents, where it is due. Gives what it leaves, sums by workgroup; none in a step
+    /// without it.
+    fn record(&mut self, gpu: &Gpu, rec: &mut Recording, shown: &Shown, on: &Rendered) -> Result<Left>;
 
-    /// Where it leaves its sums; none in a step without it.
-    fn sums(&self, shown: &Shown, grids: Option<&Grids>) -> Option<Slice>;
-
-    /// Its parts, from what it left: numbers of 32 bits.
-    fn parts(&self, shown: &Shown, sums: &[f32]) -> Vec<Part>;
+    /// Its parts, from the total of what it left.
+    fn parts(&self, shown: &Shown, sums: [f32; 4]) -> Vec<Part>;
 }
 
 /// The picture of a step, as far as it decides what the terms do.
@@ -102,8 +103,6 @@ pub(in crate::train) struct Shown {
     pub n_depth: u32,
     /// Those of them that have flow.
     pub n_flow: u32,
-    /// Whether its camera has a bilateral grid.
-    pub has_grid: bool,
 }
 
 /// A picture and its cotangent.
@@ -119,6 +118,8 @@ pub(in crate::train) struct Rendered<'a> {
     pub geometry: Option<WithCotangent<'a>>,
     /// The picture: RGB and the mask.
     pub truth: &'a Buf<u32>,
+    /// The total variation of the camera's grid by workgroup, which is there when the step ends; none where it has no grid.
+    pub grid_variation: Option<&'a Buf<[f32; 4]>>,
 }
 
 /// A part of the loss in one step: an error with its weight, and what is logged of it.

@@ -1,9 +1,8 @@
 //! The total variation of the camera's bilateral grid (SPEC 7). Its gradient is part of the grid's own step.
 
-use super::term::{Logged, Part, Rendered, Shown, Term, TermKind};
+use super::term::{Left, Logged, Part, Rendered, Shown, Term, TermKind};
 use crate::error::Result;
-use crate::gpu::{Gpu, Recording, Slice};
-use crate::stage::Grids;
+use crate::gpu::{Gpu, Recording};
 use crate::train::config::Config;
 
 pub(super) const TERM: TermKind = TermKind {
@@ -22,16 +21,11 @@ struct Variation {
 }
 
 impl Term for Variation {
-    fn record(&mut self, _: &Gpu, _: &mut Recording, _: &Shown, _: &Rendered) -> Result<()> {
-        Ok(())
+    fn record(&mut self, _: &Gpu, _: &mut Recording, _: &Shown, on: &Rendered) -> Result<Left> {
+        Ok(on.grid_variation.cloned())
     }
 
-    fn sums(&self, shown: &Shown, grids: Option<&Grids>) -> Option<Slice> {
-        grids.filter(|_| shown.has_grid).map(|grids| grids.tv.slice())
-    }
-
-    fn parts(&self, _: &Shown, sums: &[f32]) -> Vec<Part> {
-        let variation = sums.first().map(|value| f64::from(*value));
-        variation.map(|variation| Part::error("grid_variation", variation, self.weight)).into_iter().collect()
+    fn parts(&self, _: &Shown, [variation, ..]: [f32; 4]) -> Vec<Part> {
+        vec![Part::error("grid_variation", f64::from(variation), self.weight)]
     }
 }

@@ -155,7 +155,7 @@ impl Trainer {
             n_tiles,
             lists,
             status: gpu.readback::<Status>("status of a step", 1)?,
-            sums: self.objective.record_report(&mut rec, gpu, truth)?,
+            sums: self.objective.record_report(&mut rec, gpu)?,
             n_bad: gpu.readback::<u32>("bad gradients of a step", 1)?,
         };
         rec.copy(status.slice(), results.status.clone());
