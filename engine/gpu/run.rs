@@ -23,6 +23,17 @@ pub struct Options {
     pub rewrite: Option<Rewrite>,
     /// Run the passes between two barriers last to first, where they are not timed: so a barrier that is missing shows.
     pub reversed: bool,
+    /// Record as for another device. What was recorded so is looked at, and not run: kernels are those that suit the other.
+    pub stands_in: Option<StandIn>,
+}
+
+/// What recordings are made for in place of the device that holds their buffers: a graphics card with bindings of 4 GiB.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct StandIn {
+    /// Lanes of its subgroups.
+    pub subgroup_size: u32,
+    /// Whether it adds floats in memory.
+    pub float_atomics: bool,
 }
 
 /// Changes kernels before they are compiled: so a test runs them with subgroups that its device lacks, or with errors that Vulkan
@@ -101,6 +112,10 @@ impl Gpu {
         let mut caps = device.caps().clone();
         if let Some(lanes) = options.rewrite.and_then(|rewrite| rewrite.subgroup_size) {
             (caps.subgroup_size, caps.kind) = (lanes, DeviceKind::DiscreteGpu);
+        }
+        if let Some(StandIn { subgroup_size, float_atomics }) = options.stands_in {
+            let (kind, max_binding_bytes) = (DeviceKind::DiscreteGpu, u64::from(u32::MAX));
+            caps = Caps { kind, subgroup_size, max_binding_bytes, float_atomics, int64_atomics: true, ..caps };
         }
         let Options { poison, rewrite, reversed, .. } = *options;
         Ok(Gpu { device, chosen_because, pipelines: Mutex::default(), poison, rewrite, reversed, caps })

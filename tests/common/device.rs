@@ -99,6 +99,7 @@ pub fn options() -> Options {
         poison: true,
         rewrite: crate::adversary::rewrite(),
         reversed: crate::adversary::reversed(),
+        stands_in: None,
     }
 }
 
