@@ -3,7 +3,7 @@
 #   tools/test.sh [ARGS]           the default device
 #   tools/test.sh --slow [ARGS]    the other lanes: subgroups of 4 and 16, emulated ones of 32 and 64, one thread, no push
 #                                  descriptors, synchronisation validation, roundings and orders of work of other
-#                                  devices, the long tests (with faults of the device at many
+#                                  devices, accesses out of bounds, the long tests (with faults of the device at many
 #                                  calls), SwiftShader, mutations
 #   tools/test.sh --player         the browser player in Chromium: files, pictures against the engine's, page, sound, headset
 #   tools/test.sh --play           the window of `ivv play` under Xvfb: pictures, resizes, faults of the surface, sound
@@ -179,6 +179,7 @@ else
     lane "synchronisation validation" tests IVV_TEST_SYNC_VALIDATION=1
     lane "roundings of other devices" tests IVV_TEST_REWRITE=numeric
     lane "work in another order" tests IVV_TEST_REWRITE=order
+    lane "accesses out of bounds" tests IVV_TEST_REWRITE=bounds
     lane "long tests" long_tests
     if folder=$(chromium); then
         lane "synchronisation between dispatches" tests VK_LAYER_PATH="$folder" IVV_TEST_SYNC_VALIDATION=1 \

@@ -6,13 +6,22 @@ use std::collections::{HashMap, HashSet};
 
 /// Rounds up to which compilers are taken to unroll a loop that says how often it goes round.
 const UNROLLED: f64 = 32.0;
-/// Instructions that count a loop which is unrolled: an addition, a comparison, a branch.
-const COUNTING: f64 = 3.0;
+// What an instruction of SPIR-V becomes, on average. RADV's program of `blend_fwd_train_p4` for navi31 has 159 instructions in the
+// loop over hits, that of `blend_bwd_p4` 305; with these numbers shares of the whole come to 149 and 338.
+/// Memory: an address, and a wait.
+const ACCESS: f64 = 5.0;
+/// Sums and products: many become one.
+const SUM: f64 = 0.6;
+/// Conditional branches: many become selections.
+const BRANCH: f64 = 0.5;
+/// What counts a loop that is unrolled: an addition, a comparison, a branch.
+const COUNTING: f64 = 2.0 + BRANCH;
 
 /// Opcodes that become no instruction: of the structure, of addresses, of parts of vectors.
 const FREE: [u32; 16] = [59, 65, 79, 80, 81, 82, 83, 124, 245, 246, 247, 248, 249, 253, 254, 255];
 const LOAD: u32 = 61;
 const STORE: u32 = 62;
+const CONDITIONAL: u32 = 250;
 const BRANCHES: [u32; 6] = [249, 250, 251, 252, 253, 254];
 /// The storage class of variables that a compiler keeps in registers.
 const FUNCTION: u32 = 7;
@@ -165,7 +174,7 @@ impl<'a> Module<'a> {
     fn next(&self, block: usize) -> Vec<usize> {
         let labels: Vec<u32> = match self.blocks[block].last() {
             Some([249, to]) => vec![*to],
-            Some([250, _, yes, no, ..]) => vec![*yes, *no],
+            Some([CONDITIONAL, _, yes, no, ..]) => vec![*yes, *no],
             Some([251, _, rest @ ..]) => rest.iter().step_by(2).copied().collect(),
             _ => Vec::new(),
         };
@@ -181,7 +190,7 @@ impl<'a> Module<'a> {
 
     /// Rounds of a loop that counts from a constant, or from the number of a lane, by a constant up to a constant.
     fn times(&self, header: usize) -> Option<f64> {
-        let [250, condition, ..] = self.blocks[header].last()? else { return None };
+        let [CONDITIONAL, condition, ..] = self.blocks[header].last()? else { return None };
         let [176 | 177, _, _, counter, end] = self.made.get(condition)? else { return None };
         let (end, [245, _, _, values @ ..]) = (self.constant(*end)?, self.made.get(counter)?) else { return None };
         let (mut first, mut step) = (0, None);
@@ -207,7 +216,12 @@ impl<'a> Module<'a> {
         match one {
             [op, ..] if FREE.contains(op) => 0.0,
             [LOAD, _, _, pointer, ..] | [STORE, pointer, ..] if is_register(pointer) => 0.0,
-            [STORE, ..] => 1.0,
+            [STORE, ..] => ACCESS,
+            // Atomic operations among them; a vector comes in one load.
+            [LOAD | 227..=242, ..] => ACCESS,
+            // OpFAdd, OpFSub, OpFMul, OpVectorTimesScalar.
+            [129 | 131 | 133 | 142, of_type, ..] => SUM * components(of_type),
+            [CONDITIONAL, ..] => BRANCH,
             [_, of_type, ..] => components(of_type),
             _ => 1.0,
         }
@@ -227,7 +241,7 @@ mod tests {
     fn a_kernel_without_loops_runs_what_is_written() {
         let loops = of("gather");
         assert_eq!((loops.bodies.len(), loops.run(1.0, |_| 9.0)), (1, loops.written()));
-        assert_eq!(loops.run(7.0, |_| 9.0), 7.0 * loops.written());
+        assert!((loops.run(7.0, |_| 9.0) - 7.0 * loops.written()).abs() < 1e-9);
     }
 
     /// The batches of the forward blend, in them two halves of a mask, in each what it hits, and four pixels of that.
@@ -244,7 +258,8 @@ mod tests {
         // Another hit costs the body of the hits and four pixels; another batch costs no hit.
         let cost = |batches: f64, hits: f64| loops.run(1.0, |depth| if depth == 0 { batches } else { hits });
         let hit = cost(1.0, 11.0) - cost(1.0, 10.0);
-        assert_eq!(hit, loops.bodies[hits].weight + 4.0 * loops.bodies[pixels].weight);
+        let expected = loops.bodies[hits].weight + 4.0 * loops.bodies[pixels].weight;
+        assert!((hit - expected).abs() < 1e-6, "{hit} {expected}");
         assert!(cost(2.0, 11.0) - cost(1.0, 11.0) > 0.0);
     }
 
@@ -256,6 +271,7 @@ mod tests {
         assert!(of_count.contains(&Some(4.0)) && of_count.contains(&Some(32.0)), "{of_count:?}");
         let long = of("camera_total");
         assert_eq!((long.bodies[1].times, long.bodies[1].is_unrolled), (Some(64.0), false));
-        assert_eq!(long.run(1.0, |_| 0.0) - long.written(), 63.0 * long.bodies[1].weight);
+        let more = long.run(1.0, |_| 0.0) - long.written();
+        assert!((more - 63.0 * long.bodies[1].weight).abs() < 1e-6, "{more}");
     }
 }

@@ -35,7 +35,8 @@ fn works(arguments: &[&str]) -> String {
 fn a_pass_takes_its_longest_resource_and_its_barrier() {
     let gpu = gpu();
     let n = 6400u32;
-    let [index, table, between, last] = ["index", "table", "between", "last"].map(|name| gpu.alloc(name, 6400).unwrap());
+    let [index, table, between, last] =
+        ["index", "table", "between", "last"].map(|name| gpu.alloc(name, 6400).unwrap());
     let count = &gpu.upload("count", &[n]).unwrap();
     let mut rec = Recording::new();
     rec.section("first");
@@ -147,7 +148,15 @@ fn the_page_of_estimates_says_how_it_is_made_and_of_which_kernels_it_is() {
         std::fs::write(&file, format!("{before}{begin}{made}{end}{after}")).unwrap();
     }
     let text = std::fs::read_to_string(&file).unwrap();
-    for holds in [MEND, "| section | H200 | RTX4090 | RX7900XTX | A770 |", "| sum |", "VkSplat", "gsplat", "Faster-GS", "LichtFeld"] {
+    for holds in [
+        MEND,
+        "| section | H200 | RTX4090 | RX7900XTX | A770 |",
+        "| sum |",
+        "VkSplat",
+        "gsplat",
+        "Faster-GS",
+        "LichtFeld",
+    ] {
         assert!(text.contains(holds), "{holds}");
     }
     if !text.contains(&format!("Kernels: {}.", shaders_hash())) {
