@@ -55,10 +55,11 @@ fn a_pass_takes_its_longest_resource_and_its_barrier() {
     let estimate = Estimate::new(&card, &rec, &counters, &compiled);
     let [first, second] = estimate.parts.as_slice() else { panic!("{:?}", estimate.parts) };
     assert_eq!((first.name.as_str(), first.passes, first.barriers), ("first", 2, 2));
-    assert_eq!((second.passes, second.barriers, second.instructions), (1, 1, 200.0 * 100.0));
+    assert_eq!((second.passes, second.barriers), (1, 1));
     // 4 bytes a number of the fill, 12 of the kernel; 200 subgroups of 32.
     assert_eq!((first.bytes, second.bytes), (6400.0 * 16.0, 6400.0 * 12.0));
     let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-9, "{a} {b}");
+    near(second.instructions, 200.0 * 100.0);
     near(second.alone_us[0], 76.8);
     near(second.alone_us[2], 20.0);
     near(second.us, 76.8 + 0.5);
