@@ -6,6 +6,7 @@ mod capture;
 mod date;
 mod device;
 mod due;
+mod estimate;
 mod export_clip;
 mod fault;
 mod files;

@@ -3,7 +3,7 @@
 #   tools/test.sh [ARGS]           the default device
 #   tools/test.sh --slow [ARGS]    the other lanes: subgroups of 4 and 16, emulated ones of 32 and 64, one thread, no push
 #                                  descriptors, synchronisation validation, roundings and orders of work of other
-#                                  devices, the long tests (with faults of the device at many
+#                                  devices, accesses out of bounds, the long tests (with faults of the device at many
 #                                  calls), SwiftShader, mutations
 #   tools/test.sh --player         the browser player in Chromium: files, pictures against the engine's, page, sound, headset
 #   tools/test.sh --play           the window of `ivv play` under Xvfb: pictures, resizes, faults of the surface, sound
@@ -190,6 +190,7 @@ else
     lane "synchronisation validation" kernels IVV_TEST_SYNC_VALIDATION=1 train::
     lane "roundings of other devices" kernels IVV_TEST_REWRITE=numeric train::
     lane "work in another order" kernels IVV_TEST_REWRITE=order train::
+    lane "accesses out of bounds" kernels IVV_TEST_REWRITE=bounds train::
     lane "long tests" long_tests
     if folder=$(chromium); then
         lane "synchronisation between dispatches" kernels VK_LAYER_PATH="$folder" IVV_TEST_SYNC_VALIDATION=1 \

@@ -100,6 +100,11 @@ impl Slice {
         self.size
     }
 
+    /// Bytes of its buffer before it.
+    pub fn offset(&self) -> u64 {
+        self.offset
+    }
+
     /// Whether the two share a byte.
     pub fn overlaps(&self, other: &Slice) -> bool {
         Arc::ptr_eq(&self.buffer, &other.buffer)

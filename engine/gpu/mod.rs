@@ -15,7 +15,7 @@ mod window;
 pub use dispatch::{Bound, Dispatch, kernel as kernel_named};
 pub use kernel::{Buf, Kernel, KernelInfo, Slice};
 pub use record::{Grid, Pass, Recording, Work};
-pub use run::{Gpu, Options, PassTime, Rewrite, Running};
+pub use run::{COUNTS, Gpu, Options, PassTime, Rewrite, Running, StandIn};
 use std::collections::BTreeMap;
 #[cfg(feature = "play")]
 pub use window::Window;

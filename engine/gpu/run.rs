@@ -1,6 +1,7 @@
 //! The device with its kernels: runs recordings, moves data.
 
-use super::kernel::{Buf, KernelInfo, Pod, Slice};
+use super::generated::ALL;
+use super::kernel::{BindingKind, Buf, KernelInfo, Pod, Slice};
 use super::record::{Grid, Pass, Recording, Work};
 use crate::error::{Error, Result};
 use crate::vk::{Buffer, Caps, Commands, Device, DeviceChoice, DeviceKind, Location, Pipeline, PipelineDesc};
@@ -23,6 +24,19 @@ pub struct Options {
     pub rewrite: Option<Rewrite>,
     /// Run the passes between two barriers last to first, where they are not timed: so a barrier that is missing shows.
     pub reversed: bool,
+    /// Bind a buffer of words behind the buffers of every kernel, which rewritten kernels count in: see [`Gpu::counted`].
+    pub counts: bool,
+    /// Record as for another device. What was recorded so is looked at, and not run: kernels are those that suit the other.
+    pub stands_in: Option<StandIn>,
+}
+
+/// What recordings are made for in place of the device that holds their buffers: a graphics card with bindings of 4 GiB.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct StandIn {
+    /// Lanes of its subgroups.
+    pub subgroup_size: u32,
+    /// Whether it adds floats in memory.
+    pub float_atomics: bool,
 }
 
 /// Changes kernels before they are compiled: so a test runs them with subgroups that its device lacks, or with errors that Vulkan
@@ -35,6 +49,9 @@ pub struct Rewrite {
     /// The SPIR-V to compile in place of [`KernelInfo::spirv`].
     pub spirv: fn(&KernelInfo) -> Vec<u8>,
 }
+
+/// The name of the buffer that rewritten kernels count in.
+pub const COUNTS: &str = "counts of rewritten kernels";
 
 /// Time of one pass.
 #[derive(Clone, Debug)]
@@ -88,6 +105,7 @@ pub struct Gpu {
     poison: bool,
     rewrite: Option<Rewrite>,
     reversed: bool,
+    counts: Option<Buf<u32>>,
     caps: Caps,
 }
 
@@ -102,8 +120,30 @@ impl Gpu {
         if let Some(lanes) = options.rewrite.and_then(|rewrite| rewrite.subgroup_size) {
             (caps.subgroup_size, caps.kind) = (lanes, DeviceKind::DiscreteGpu);
         }
+        if let Some(StandIn { subgroup_size, float_atomics }) = options.stands_in {
+            let (kind, max_binding_bytes) = (DeviceKind::DiscreteGpu, u64::from(u32::MAX));
+            caps = Caps { kind, subgroup_size, max_binding_bytes, float_atomics, int64_atomics: true, ..caps };
+        }
         let Options { poison, rewrite, reversed, .. } = *options;
-        Ok(Gpu { device, chosen_because, pipelines: Mutex::default(), poison, rewrite, reversed, caps })
+        let (pipelines, counts) = (Mutex::default(), None);
+        let mut gpu = Gpu { device, chosen_because, pipelines, poison, rewrite, reversed, counts, caps };
+        if options.counts {
+            gpu.counts = Some(gpu.upload(COUNTS, &vec![0; ALL.len() + 1])?);
+        }
+        Ok(gpu)
+    }
+
+    /// What rewritten kernels counted since the last call, by kernel; nothing where they do not count. A kernel has the word of its
+    /// place among [`ALL`], others the last.
+    pub fn counted(&self) -> Result<Vec<(&'static str, u32)>> {
+        let Some(counts) = &self.counts else { return Ok(Vec::new()) };
+        let words = self.read(counts)?;
+        let names = ALL.iter().map(|kernel| kernel.name).chain(["another kernel"]);
+        let counted: Vec<_> = names.zip(words).filter(|(_, n)| *n > 0).collect();
+        if !counted.is_empty() {
+            self.write(counts, &vec![0; counts.len()])?;
+        }
+        Ok(counted)
     }
 
     /// Limits and features, with the kind and the width of subgroups that a rewrite says.
@@ -127,7 +167,8 @@ impl Gpu {
             return Ok(pipeline.clone());
         }
         let _compiling = tracing::debug_span!("compile", kernel = %kernel.name).entered();
-        let bindings: Vec<_> = kernel.bindings.iter().map(|b| b.kind).collect();
+        let counted = self.counts.iter().map(|_| BindingKind::Storage);
+        let bindings: Vec<_> = kernel.bindings.iter().map(|b| b.kind).chain(counted).collect();
         let rewritten = self.rewrite.map(|rewrite| (rewrite.spirv)(kernel));
         let emulated = self.rewrite.is_some_and(|rewrite| rewrite.subgroup_size.is_some());
         let pipeline = Arc::new(Pipeline::new(
@@ -260,7 +301,7 @@ impl Gpu {
         let passes = recording.passes();
         let n_bindings = passes
             .iter()
-            .map(|pass| if let Work::Dispatch { slices, .. } = &pass.work { slices.len() } else { 0 })
+            .map(|pass| if let Work::Dispatch { slices, .. } = &pass.work { slices.len() + 1 } else { 0 })
             .sum();
         let mut commands = Commands::new(&self.device, passes.len(), n_bindings, timestamps)?;
         for window in windows {
@@ -283,7 +324,8 @@ impl Gpu {
             Work::Fill(slice, value) => commands.fill(&slice.binding(), *value),
             Work::Dispatch { kernel, slices, push, grid } => {
                 let pipeline = self.pipeline(kernel)?;
-                let bindings: Vec<_> = slices.iter().map(Slice::binding).collect();
+                let counts = self.counts.iter().map(|counts| counts.slice().binding());
+                let bindings: Vec<_> = slices.iter().map(Slice::binding).chain(counts).collect();
                 match grid {
                     Grid::Threads(n) => {
                         let groups = fold(n.div_ceil(kernel.local));

@@ -2,6 +2,7 @@
 
 use super::statistics::{Statistics, gpu_runs};
 use crate::error::{Error, Result};
+use crate::files::read_bytes;
 use std::collections::BTreeMap;
 use std::fmt::{self, Display};
 use std::path::Path;
@@ -9,6 +10,7 @@ use std::path::Path;
 /// Numbers of a kernel, in the order of the table's columns.
 const NUMBERS: [&str; 6] = ["registers", "spills", "scratch", "waves", "instructions", "latency"];
 const WAVES: usize = 3;
+const INSTRUCTIONS: usize = 4;
 
 /// Kernel x chip. A chip is written `navi31/32`: with the lanes of its subgroups.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -93,6 +95,44 @@ impl Budgets {
             }
         }
         Ok(budgets)
+    }
+
+    /// What `tools/gpu/statistics.sh` wrote into `folder`: a file for each chip, named `CHIP-LANES.json`.
+    ///
+    /// # Errors
+    /// [`Error::Data`] with the file.
+    pub fn read_folder(folder: &Path) -> Result<Self> {
+        let fault = |path: &Path, reason: String| {
+            Error::data(path, "", reason, "give a folder that tools/gpu/statistics.sh wrote")
+        };
+        let listed = std::fs::read_dir(folder).map_err(|e| fault(folder, format!("cannot be listed: {e}")))?;
+        let mut compiled = Vec::new();
+        for path in
+            listed.flatten().map(|entry| entry.path()).filter(|path| path.extension().is_some_and(|e| e == "json"))
+        {
+            let chip = path.file_stem().unwrap_or_default().to_string_lossy().replacen('-', "/", 1);
+            let read = serde_json::from_slice::<Statistics>(&read_bytes(&path)?);
+            compiled.push((chip, read.map_err(|e| fault(&path, format!("expected statistics: {e}")))?));
+        }
+        if compiled.is_empty() {
+            return Err(fault(folder, "holds no statistics".to_owned()));
+        }
+        Ok(Budgets::of(compiled.iter().map(|(chip, statistics)| (chip.as_str(), statistics))))
+    }
+
+    /// Chips that kernels were compiled for.
+    pub fn chips(&self) -> usize {
+        self.drivers.len()
+    }
+
+    /// Who compiled for `chip`.
+    pub fn driver(&self, chip: &str) -> Option<&str> {
+        self.drivers.get(chip).map(String::as_str)
+    }
+
+    /// Instructions that `kernel` became on `chip`.
+    pub fn instructions(&self, kernel: &str, chip: &str) -> Option<f64> {
+        *self.rows.get(&(kernel.to_owned(), chip.to_owned()))?.get(INSTRUCTIONS)?
     }
 
     /// The table, tab separated, behind a line for each chip's driver.

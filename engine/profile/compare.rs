@@ -3,6 +3,7 @@
 use crate::error::{Error, Result};
 use crate::files::read_file;
 use crate::report::Table;
+use crate::stage::Counters;
 use serde::{Deserialize, Serialize};
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
@@ -32,7 +33,7 @@ pub struct Recorded {
     device: RecordedDevice,
     shaders: String,
     peaks: RecordedPeaks,
-    counters: RecordedCounters,
+    counters: Counters,
     lines: Vec<RecordedLine>,
     total: RecordedLine,
     overhead: RecordedOverhead,
@@ -51,14 +52,6 @@ struct RecordedPeaks {
     flops: f64,
     rows: f64,
     exp2: f64,
-}
-
-#[derive(Clone, Debug, Deserialize)]
-struct RecordedCounters {
-    gaussians: f64,
-    pixels: f64,
-    intersections: f64,
-    evaluated: f64,
 }
 
 #[derive(Clone, Debug, Deserialize)]
@@ -104,6 +97,11 @@ impl Recorded {
             }
         }
         Ok(read)
+    }
+
+    /// What its samples had to do, on average.
+    pub fn counters(&self) -> &Counters {
+        &self.counters
     }
 
     /// The pass called `label`.

@@ -2,10 +2,13 @@
 //! run again on what they really worked on. And, without running anything, what a driver's compiler makes of the kernels.
 
 mod budget;
+mod cards;
 mod compare;
 mod dump;
+mod estimate;
 mod lately;
 mod limit;
+mod loops;
 mod page;
 mod passes;
 mod probe;
@@ -16,8 +19,10 @@ mod trace;
 mod waves;
 
 pub use budget::{Budgets, Drift};
+pub use cards::{CARDS, Card, Figure};
 pub use compare::{Change, Compared, Comparison, Other, Recorded};
 pub use dump::{read_dispatch, write_dispatch};
+pub use estimate::{Estimate, Part, side_by_side};
 pub use lately::Lately;
 pub use limit::{Bound, Peaks};
 pub use passes::{Line, Overhead, Profile, Sample};

@@ -184,7 +184,7 @@ pub(super) fn gpu_runs(kernel: &str, lanes: u32) -> bool {
 }
 
 /// The instructions of a SPIR-V module, each with its opcode first.
-fn instructions(spirv: &[u8]) -> Vec<Vec<u32>> {
+pub(super) fn instructions(spirv: &[u8]) -> Vec<Vec<u32>> {
     let words: Vec<u32> = bytemuck::pod_collect_to_vec(spirv);
     let mut found = Vec::new();
     let mut at = 5;

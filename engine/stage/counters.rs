@@ -1,16 +1,19 @@
 //! What a frame had to do, counted, and its passes with their times and their part of it.
 
+use super::cull::{ARGS_SCAN, ARGS_SORT};
 use super::pairs::{Blocks, Pairs};
+use super::scan::SCAN_BLOCK;
 use super::scene::SceneBuffers;
+use super::sort::SORT_BLOCK;
 use super::tiles::Lists;
 use super::workspace::Workspace;
 use crate::error::Result;
 use crate::gpu::table::{self, Cost, Count, Spec};
-use crate::gpu::{Gpu, Pass, PassTime, Recording, Work};
-use serde::Serialize;
+use crate::gpu::{Gpu, Grid, Pass, PassTime, Recording, Work};
+use serde::{Deserialize, Serialize};
 
 /// What a frame had to do; sums over its strips.
-#[derive(Clone, Debug, Default, Serialize)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Counters {
     /// Gaussians of the scene.
     pub gaussians: f64,
@@ -136,6 +139,26 @@ impl Counters {
             }
         }
         (units, cost)
+    }
+
+    /// Workgroups of `pass`; where the device counts them, as it will.
+    pub fn workgroups(&self, pass: &Pass) -> f64 {
+        let Work::Dispatch { kernel, grid, .. } = &pass.work else { return 0.0 };
+        match grid {
+            Grid::Threads(n) => f64::from(n.div_ceil(kernel.local)),
+            Grid::Groups(n) => f64::from(*n),
+            Grid::Indirect(args) => {
+                // A thread emits all pairs of a Gaussian; what has no count is a scan over the active ones.
+                let is_emit = row(pass).is_some_and(|row| row.family.name == "emit");
+                let count = if is_emit || pass.count == Count::Dispatches { Count::Active } else { pass.count };
+                let each = match args.offset() as usize / size_of::<[u32; 4]>() {
+                    ARGS_SCAN => SCAN_BLOCK,
+                    ARGS_SORT => SORT_BLOCK,
+                    _ => kernel.local as usize,
+                };
+                (self.units(count, pass.group) / each as f64).ceil()
+            }
+        }
     }
 }
 

@@ -1,6 +1,7 @@
 //! Kernels as other devices might run them: passes over their SPIR-V that a lane chooses by `IVV_TEST_REWRITE`.
 
 mod agree;
+mod bounds;
 mod edit;
 mod lanes;
 mod module;
@@ -22,8 +23,14 @@ pub fn rewrite() -> Option<Rewrite> {
         "numeric" => Some(numeric::REWRITE),
         "order" => Some(order::REWRITE),
         "replaced" => Some(replaced::REWRITE),
+        "bounds" => Some(bounds::REWRITE),
         _ => panic!("IVV_TEST_REWRITE: no change is called {name:?}"),
     }
+}
+
+/// Whether this lane's kernels count their accesses that are out of bounds.
+pub fn counts() -> bool {
+    std::env::var("IVV_TEST_REWRITE").is_ok_and(|name| name == "bounds")
 }
 
 /// Whether this lane reverses the passes between two barriers.

@@ -2,25 +2,10 @@
 
 use super::{root, text};
 use crate::common::notes;
-use ivv::profile::{Budgets, Statistics};
+use ivv::profile::Budgets;
 use std::path::Path;
 
 const TABLE: &str = "assets/gpu/budgets.tsv";
-
-/// What `tools/gpu/statistics.sh` wrote into `folder`: a file for each chip, named `CHIP-LANES.json`.
-fn compiled(folder: &Path) -> Vec<(String, Statistics)> {
-    let files = std::fs::read_dir(folder).unwrap().map(|file| file.unwrap().path());
-    let mut found: Vec<(String, Statistics)> = files
-        .filter(|file| file.extension().is_some_and(|ending| ending == "json"))
-        .map(|file| {
-            let chip = file.file_stem().unwrap().to_str().unwrap().replacen('-', "/", 1);
-            let read = serde_json::from_slice(&std::fs::read(&file).unwrap());
-            (chip, read.unwrap_or_else(|fault| panic!("{}: {fault}", file.display())))
-        })
-        .collect();
-    found.sort_by(|(a, _), (b, _)| a.cmp(b));
-    found
-}
 
 #[test]
 #[ignore = "slow: compiles all kernels for eleven chips; tools/test.sh --budgets runs it"]
@@ -29,9 +14,8 @@ fn no_kernel_is_worse_than_its_budget() {
         notes::skip("the statistics of offline drivers are not there; tools/test.sh --budgets makes them");
         return;
     };
-    let compiled = compiled(Path::new(&folder));
-    assert!(compiled.len() > 5, "{} chips only", compiled.len());
-    let now = Budgets::of(compiled.iter().map(|(chip, statistics)| (chip.as_str(), statistics)));
+    let now = Budgets::read_folder(Path::new(&folder)).unwrap();
+    assert!(now.chips() > 5, "{} chips only", now.chips());
     if std::env::var_os("IVV_BLESS").is_some() {
         std::fs::write(root().join(TABLE), now.text()).unwrap();
     }

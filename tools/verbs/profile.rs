@@ -1,6 +1,7 @@
 //! `ivv profile`.
 
 use crate::device::DeviceArgs;
+use crate::estimate::{self, EstimateArgs};
 use crate::files::{make_folder, write_json};
 use crate::kernels;
 use crate::passes::cpu_threads;
@@ -28,10 +29,10 @@ use std::time::Instant;
 pub struct Args {
     /// A run of `ivv train` (its newest checkpoint; the folder stays as it is), a capture (trained a little first), or,
     /// with --cameras, a scene.
-    #[arg(required_unless_present_any = ["replay", "disassemble", "list", "compare", "statistics"])]
+    #[arg(required_unless_present_any = ["replay", "disassemble", "list", "compare", "statistics", "estimate"])]
     subject: Option<PathBuf>,
     /// Where profile.json, profile.md, profile.html, roofline.svg and trace.json go.
-    #[arg(short, long, required_unless_present_any = ["replay", "disassemble", "list", "compare", "statistics", "feed"])]
+    #[arg(short, long, required_unless_present_any = ["replay", "disassemble", "list", "compare", "statistics", "feed", "estimate"])]
     output: Option<PathBuf>,
     /// Cameras to render a scene from: a cameras file.
     #[arg(long)]
@@ -66,6 +67,8 @@ pub struct Args {
     #[arg(long, conflicts_with_all = ["cameras", "dump", "replay", "output"])]
     feed: bool,
     #[command(flatten)]
+    estimate: EstimateArgs,
+    #[command(flatten)]
     replay: ReplayArgs,
     /// Of a run, where its capture is now, if it has moved.
     #[arg(long)]
@@ -88,6 +91,9 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     }
     if let Some(names) = &args.statistics {
         return statistics(args, names, json);
+    }
+    if args.estimate.is_some() {
+        return estimate::run(&args.estimate, &args.settings.resolve()?, &args.device, json);
     }
     if args.replay.file().is_some() {
         let gpu = args.device.open()?;

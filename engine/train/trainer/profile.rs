@@ -2,7 +2,7 @@
 
 use super::{Results, Step, Trainer};
 use crate::error::Result;
-use crate::gpu::{Dispatch, PassTime};
+use crate::gpu::{Dispatch, PassTime, Recording};
 use crate::scene::View;
 use crate::scene::capture::Picture;
 use crate::stage::{Counters, PassReport, add_passes};
@@ -69,6 +69,16 @@ impl Trainer {
             let barriers = step.running.barriers();
             return Ok(ProfiledStep { passes, times, counters, barriers, host });
         }
+    }
+
+    /// The passes of a step on `picture`, which is not taken.
+    ///
+    /// # Errors
+    /// As [`Trainer::train`].
+    pub fn recorded(&mut self, camera: usize, view: &View, picture: &Picture) -> Result<Recording> {
+        self.finish()?;
+        let inputs = self.inputs(camera, view, picture)?;
+        Ok(self.record(&inputs)?.0)
     }
 
     /// As [`Trainer::train`], but waits for the end and gives the step's first dispatch of a kernel, with what it worked on.
