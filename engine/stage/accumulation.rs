@@ -28,8 +28,8 @@ pub enum Accumulation {
 }
 
 impl Accumulation {
-    /// What it comes to on a device. `Auto`: slots on a CPU, where an atomic addition costs more than a slot; fixed point on a GPU,
-    /// where slots cost their fill, a dispatch for each block of a tile, and memory that is read again.
+    /// What it comes to on a device. `Auto`: slots on a CPU, where an atomic addition costs more than a slot; fixed point on a
+    /// GPU, where slots cost their fill, a dispatch for each block of a tile, and memory that is read again.
     pub fn on(self, caps: &Caps) -> Sums {
         match self {
             Accumulation::Auto if caps.kind == DeviceKind::Cpu => Sums::Slots,

@@ -4,8 +4,8 @@
 // Grid      slots (no ACCUMULATE): one subgroup per tile, for one of the tile's blocks; the blocks come one dispatch after
 //           another, so that each slot has one writer at a time: plain sums in a fixed order, the same bits in every run.
 //           CHUNKED: one workgroup per chunk of a long list, then one per tile; of its subgroups that of the block.
-//           Otherwise one subgroup per block of a tile, or of a chunk, all at once: 1 float atomics (the order, and so the last bits, vary
-//           from run to run), 2 fixed point in 64 bits of two words (the same bits in any order), 3 compare-exchange (as 1, on
+//           Otherwise one subgroup per block of a tile, or of a chunk, all at once: 1 float atomics (the order, and so the last
+//           bits, vary from run to run), 2 fixed point in 64 bits of two words (the same bits in any order), 3 compare-exchange (as 1, on
 //           devices without float atomics), 4 fixed point in one word of 64 bits (the same bits as 2).
 // Reads     the forward pass's lists, final T and last entry; cotangents: d_image0 (colour, alpha), d_image1 (depth,
 //           inverse depth, flow; FULL only). SEGMENT entries a round, the last entries first; T and S stay in `carry`.

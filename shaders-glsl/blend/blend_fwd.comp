@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 // Purpose   blends each tile's Gaussians front to back into colour, alpha, depth, inverse depth and flow.
 // Equation  SPEC 3: w = alpha T, T <- T (1 - alpha); stop before T falls below t_min, or when it is below t_cut.
-// Grid      one subgroup per block of pixels, PIXELS per lane in a column; no barrier, no shared memory. CHUNKED: one workgroup per
-//           chunk of a long list, then one per tile.
+// Grid      one subgroup per block of pixels, PIXELS per lane in a column; no barrier, no shared memory. CHUNKED: one
+//           workgroup per chunk of a long list, then one per tile.
 // Reads     splats through the tile's list, SEGMENT entries a round; later rounds continue from the images. CHUNKED: in one
 //           round; a chunk starts from the light that those in front of it let through.
 // Writes    image0: colour and alpha; image1: depth, inverse depth, flow (FULL only). Between rounds: sums and T, whose

@@ -2,8 +2,8 @@
 // Purpose   merges the chunks of a long list into the picture.
 // Equation  a pixel ends with the first chunk that finishes it: colours up to there add up, T is what that chunk leaves.
 // Grid      one thread per pixel of a tile with a long list, MERGE_GROUPS workgroups a tile.
-// Writes    as blend_fwd. TRAIN: also, in place of each chunk's colour, the sum over the chunks behind it, from which the backward
-//           pass starts that chunk.
+// Writes    as blend_fwd. TRAIN: also, in place of each chunk's colour, the sum over the chunks behind it, from which the
+//           backward pass starts that chunk.
 // Numerics  sums go from the back to the front, so that those behind a chunk cancel nothing.
 #version 460
 #extension GL_GOOGLE_include_directive : require

@@ -1,6 +1,6 @@
 // Sums in fixed point: 64 bits, which add up to the same bits in any order, in two words or one.
 
-// Words per active Gaussian: twelve sums, low word first, then one that is not 0 when a term was out of range; its upper word is idle.
+// Words per active Gaussian: twelve sums, low word first, then one that is not 0 when a term was out of range, and an idle one.
 const uint FIXED_WORDS = 26u;
 const uint FIXED_POISON = 24u;
 
