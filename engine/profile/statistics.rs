@@ -165,12 +165,11 @@ impl Static {
     }
 }
 
-/// Whether a GPU would run the kernel in a frame or a step: `Blend` takes eight pixels a lane on CPUs alone, `Sort` and `Tiles` have
-/// kernels for subgroups below 32, and probes only measure the device.
+/// Whether a GPU would run the kernel in a frame or a step: `Blend` takes eight pixels a lane on CPUs alone, `Sort` the scatter
+/// on subgroups below 32, and probes only measure the device.
 pub(super) fn gpu_runs(kernel: &str) -> bool {
     let is_for_gpus = |spec: &table::Spec| {
-        let is_narrow = spec.is("NARROW") || spec.file == "sort/sort_scatter.comp";
-        spec.value("PIXELS") != 8 && !is_narrow && !spec.file.starts_with("probe/")
+        spec.value("PIXELS") != 8 && spec.file != "sort/sort_scatter.comp" && !spec.file.starts_with("probe/")
     };
     table::kernel(kernel).is_some_and(is_for_gpus)
 }
@@ -248,12 +247,8 @@ mod tests {
 
     #[test]
     fn shapes_for_cpus_and_probes_have_no_budget() {
-        assert!(["blend_fwd_p4", "sort_exchange", "emit_slots_w32", "cull_dynamic"].into_iter().all(gpu_runs));
-        assert!(
-            !["blend_fwd_p8", "blend_bwd_float_color_p8", "sort_scatter", "emit_slots", "probe_fma"]
-                .into_iter()
-                .any(gpu_runs)
-        );
+        assert!(["blend_fwd_p4", "sort_exchange", "emit_slots", "cull_dynamic"].into_iter().all(gpu_runs));
+        assert!(!["blend_fwd_p8", "blend_bwd_float_color_p8", "sort_scatter", "probe_fma"].into_iter().any(gpu_runs));
     }
 
     #[test]
