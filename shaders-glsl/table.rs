@@ -27,7 +27,6 @@ const MOMENTS: Axis = switch("is_16_bit", &[("", NONE), ("m16", ("MOMENTS_16", "
 const STRIDE: Axis = switch("is_halved", &[("", NONE), ("s2", ("STRIDE", "2u"))]);
 const GATHERED: Axis = switch("is_gathered", &[("", NONE), ("gathered", ("GATHERED", "1"))]);
 const CARRIED: Axis = switch("is_indexed", &[("", NONE), ("indexed", ("INDEXED", "1"))]);
-const LANES: Axis = switch("is_wide", &[("", ("NARROW", "1")), ("w32", NONE)]);
 const DIRECTION: Axis = switch("is_backward", &[("", NONE), ("bwd", ("BACKWARD", "1"))]);
 
 const LANES: Axis = Axis {
@@ -142,7 +141,7 @@ pub static FAMILIES: &[Family] = &[
     },
     Family {
         name: "emit", file: "tiles/emit.comp", twin: |_| "tiles::tiles_truth", count: Count::Intersections,
-        axes: &[switch("has_slots", &[("", NONE), ("slots", ("SLOTS", "1"))]), LANES],
+        axes: &[switch("has_slots", &[("", NONE), ("slots", ("SLOTS", "1"))])],
         limit_ns: |s| s.either("SLOTS", 55.0, 50.0),
         cost: Some(|s| {
             vec![per(Count::Active, 44.0 + s.either("SLOTS", 4.0, 0.0), 40.0), own(8.0, 0.0)]

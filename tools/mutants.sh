@@ -19,7 +19,7 @@ row 2, exponent as a quadratic form|shaders-glsl/include/splat.glsl|s/precise fl
 row 9, quaternions normalised without scaling|shaders-glsl/include/rotation.glsl|s/const vec4 scaled = q \/ largest;/const vec4 scaled = q;/|n04
 the near plane a hundredth further|shaders-glsl/cull/cull.comp|s/p.z > view.near/p.z > 1.01 * view.near/|n05
 cull without its reach|shaders-glsl/cull/bound.comp|s/float reach = s \*/float reach = 0.5 * s */|n06
-row 22, count and emit disagree|shaders-glsl/tiles/emit.comp|s/row < rows.y; ++row/row + 1u < rows.y; ++row/|n06
+row 22, count and emit disagree|shaders-glsl/tiles/emit.comp|s/if (item < all_rows) columns/if (item + 1u < all_rows) columns/|n06
 row 10, forward and backward see other predicates|shaders-glsl/blend/blend_bwd.comp|s/raw >= view.alpha_min/raw >= 1.05 * view.alpha_min/|n07
 row 27, a clamped alpha has a derivative|shaders-glsl/blend/blend_bwd.comp|s/added \&\& raw < view.alpha_max ?/added ?/|n07
 alpha_min as a strict bound|shaders-glsl/blend/blend_fwd.comp|s/raw >= threshold\[k\]/raw > threshold[k] * 1.0001/|n07

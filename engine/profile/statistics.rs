@@ -167,15 +167,14 @@ impl Static {
 }
 
 /// Whether a GPU with subgroups of `lanes` would run the kernel in a frame or a step: `Blend` takes eight pixels a lane on CPUs
-/// alone, `Sort` and `Tiles` have kernels for subgroups below 32, `Grids` teams of lanes on CPUs, `Lpips` the convolution of their
-/// width, and probes only measure the device.
+/// alone, `Sort` the scatter on subgroups below 32, `Grids` teams of lanes on CPUs, `Lpips` the convolution of their width, and
+/// probes only measure the device.
 pub(super) fn gpu_runs(kernel: &str, lanes: u32) -> bool {
     let is_for_gpus = |spec: &table::Spec| {
-        let is_narrow = spec.is("NARROW") || spec.file == "sort/sort_scatter.comp";
         let by_teams = ["bilateral/bilateral_slice.comp", "bilateral/bilateral_bwd.comp"].contains(&spec.file);
         let has_width = spec.family.axes.iter().any(|axis| axis.name == "lanes");
         spec.value("PIXELS") != 8
-            && !is_narrow
+            && spec.file != "sort/sort_scatter.comp"
             && !by_teams
             && (!has_width || spec.value("LANES") == lanes as usize)
             && !spec.file.starts_with("probe/")
@@ -263,13 +262,12 @@ mod tests {
 
     #[test]
     fn shapes_for_cpus_and_probes_have_no_budget() {
-        let ours = ["blend_fwd_p4", "sort_exchange", "emit_slots_w32", "cull_dynamic"];
+        let ours = ["blend_fwd_p4", "sort_exchange", "emit_slots", "cull_dynamic"];
         assert!(ours.into_iter().all(|kernel| gpu_runs(kernel, 32)));
         let others = [
             "blend_fwd_p8",
             "blend_bwd_float_color_p8",
             "sort_scatter",
-            "emit_slots",
             "probe_fma",
             "bilateral_bwd",
             "lpips_conv",

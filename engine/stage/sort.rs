@@ -47,11 +47,6 @@ pub struct Sort {
     is_wide: bool,
 }
 
-/// Whether the kernels are those for subgroups of 32 lanes or more.
-pub(super) fn is_wide(gpu: &Gpu) -> bool {
-    gpu.caps().subgroup_size >= 32
-}
-
 /// Rounds of a sort by so many bits.
 fn n_rounds(n_bits: u32) -> u32 {
     n_bits.div_ceil(DIGIT_BITS).max(1)
@@ -87,7 +82,7 @@ impl Sort {
             round_counters: Self::round_counters(capacity),
             keys: gpu.alloc("sort keys", capacity)?,
             values: gpu.alloc("sort values", capacity)?,
-            is_wide: is_wide(gpu),
+            is_wide: gpu.caps().subgroup_size >= 32,
         })
     }
 

@@ -3,9 +3,9 @@
 use super::cull::{ARGS_SCAN, ARGS_SORT, ARGS_THREADS, Cull, indirect};
 use super::project::{Eye, Projected};
 use super::scan::{PairGrids, Scan};
-use super::sort::{Carried, Sort, Unsorted, is_wide};
+use super::sort::{Carried, Sort, Unsorted};
 use crate::error::Result;
-use crate::gpu::generated::{self, Status, emit, emit_slots, gather, tile_order, tile_ranges};
+use crate::gpu::generated::{Status, emit, emit_slots, gather, tile_order, tile_ranges};
 use crate::gpu::table::Count;
 use crate::gpu::{Buf, Gpu, Grid, Recording};
 
@@ -53,7 +53,6 @@ pub struct Tiles {
     pub tile_order: Buf<u32>,
     depth_bits: u32,
     capacity: u32,
-    is_wide: bool,
 }
 
 /// Bits of the keys of so many tiles: they go from 0 to `n_tiles`, which marks a slot that no tile reads.
@@ -93,7 +92,6 @@ impl Tiles {
             tile_order: gpu.alloc("tile order", t)?,
             depth_bits: u32::BITS,
             capacity: intersections,
-            is_wide: is_wide(gpu),
         })
     }
 
@@ -159,11 +157,10 @@ impl Tiles {
         let (tile_keys, splat_ids) = (&self.tile_keys, &self.splat_ids);
         let splats = &projected.splats;
         let emit_grid = self.active_grid();
-        let kernel = generated::emit(self.slots.is_some(), self.is_wide);
         match &self.slots {
             None => {
                 let args = emit::Args { view, n_active, order, tile_counts, offsets, splats, tile_keys, splat_ids };
-                rec.pass_variant(kernel, args, (), emit_grid);
+                rec.pass(args, (), emit_grid);
             }
             Some(_) => {
                 let slot_first = &self.slot_first;
@@ -178,7 +175,7 @@ impl Tiles {
                     splat_ids,
                     slot_first,
                 };
-                rec.pass_variant(kernel, args, (), emit_grid);
+                rec.pass(args, (), emit_grid);
             }
         }
     }

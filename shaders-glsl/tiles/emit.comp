@@ -2,8 +2,7 @@
 // Purpose   writes one (tile, Gaussian) pair per tile that a Gaussian touches, in depth order.
 // Equation  the count's own predicate on an ellipse with half of its margin, include/splat.glsl.
 // Grid      one thread per active Gaussian. A subgroup hands its Gaussians' rows of tiles around, a row to a lane, and then the
-//           pairs of these rows, a pair to a lane: so neighbours are stored by neighbours. NARROW, for subgroups of up to 16 lanes:
-//           each lane writes its own Gaussian's pairs, but for those with many tiles, which are shared row by row.
+//           pairs of these rows, a pair to a lane: so no lane waits for one with more, and neighbours are stored by neighbours.
 //           SLOTS: also tells where each Gaussian's pairs begin, for the backward pass.
 // Numerics  no more pairs than were counted, whatever either kernel's roundings; a slot that the count foresaw and the rows did
 //           not fill gets the tile past the last, which nothing reads.
@@ -36,19 +35,6 @@ void write_pair(uint at, uint tile, uint id) {
     splat_ids[at] = id;
 }
 
-#ifdef NARROW
-// A Gaussian with more tiles than this is shared.
-const uint MANY = 24u;
-
-// Writes the columns of one row from `at` on and never past `end`; returns the next place.
-uint emit_row(uvec2 columns, uint row, uint at, uint end, uint id) {
-    for (uint column = columns.x; column < columns.y; ++column) {
-        if (at < end) write_pair(at, row * view.tiles_x + column, id);
-        ++at;
-    }
-    return at;
-}
-#else
 // The last lane whose number of earlier items is at most `item`: it has that item. The first lane has none before it.
 uint holder(uint earlier, uint item) {
     uint lane = 0u;
@@ -57,7 +43,6 @@ uint holder(uint earlier, uint item) {
     }
     return lane;
 }
-#endif
 
 void main() {
     const uint i = linear_thread(gl_WorkGroupSize.x);
@@ -74,45 +59,6 @@ void main() {
     if (valid) slot_first[id] = first;
 #endif
 
-#ifdef NARROW
-    const bool own = n > 0u && n <= MANY;
-    const uvec2 rows = own ? listed_rows(view, xy, opacity, ellipse) : uvec2(0u);
-    uint at = first;
-    for (uint row = rows.x; row < rows.y; ++row) {
-        at = emit_row(listed_columns(view, xy, opacity, ellipse, row), row, at, first + n, id);
-    }
-    if (own) {
-        for (; at < first + n; ++at) write_pair(at, none, id);
-    }
-
-    const uvec4 many = subgroupBallot(n > MANY);
-    for (uint half_mask = 0u; half_mask < 2u; ++half_mask) {
-        uint word = half_mask == 0u ? many.x : many.y;
-        while (word != 0u) {
-            const uint owner = 32u * half_mask + uint(findLSB(word));
-            word &= word - 1u;
-            const vec2 xy_o = vec2(subgroupShuffle(xy.x, owner), subgroupShuffle(xy.y, owner));
-            const float opacity_o = subgroupShuffle(opacity, owner);
-            const vec3 ellipse_o = vec3(
-                subgroupShuffle(ellipse.x, owner), subgroupShuffle(ellipse.y, owner), subgroupShuffle(ellipse.z, owner));
-            const uint id_o = subgroupShuffle(id, owner);
-            const uint first_o = subgroupShuffle(first, owner);
-            const uint end_o = first_o + subgroupShuffle(n, owner);
-            const uvec2 rows_o = listed_rows(view, xy_o, opacity_o, ellipse_o);
-            uint base = first_o;
-            for (uint row0 = rows_o.x; row0 < rows_o.y; row0 += gl_SubgroupSize) {
-                const uint row = row0 + lane;
-                uvec2 columns = uvec2(0u);
-                if (row < rows_o.y) columns = listed_columns(view, xy_o, opacity_o, ellipse_o, row);
-                const uint width = columns.y - min(columns.x, columns.y);
-                const uint before = subgroupExclusiveAdd(width);
-                emit_row(columns, row, base + before, end_o, id_o);
-                base += subgroupAdd(width);
-            }
-            for (uint k = base + lane; k < end_o; k += gl_SubgroupSize) write_pair(k, none, id_o);
-        }
-    }
-#else
     const uvec2 rows = n > 0u ? listed_rows(view, xy, opacity, ellipse) : uvec2(0u);
     const uint n_rows = rows.y - min(rows.x, rows.y);
     const uint rows_before = subgroupExclusiveAdd(n_rows);
@@ -164,5 +110,4 @@ void main() {
             for (uint k = done + width; k < n_o; ++k) write_pair(first_o + k, none, id_o);
         }
     }
-#endif
 }

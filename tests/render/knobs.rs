@@ -103,9 +103,10 @@ fn depth_keys_have_by_default_the_bits_of_the_device() {
     let z = |steps: u32| f32::from_bits(4.0f32.to_bits() + steps);
     let front = ball([0.0, 0.0, z(0)], 0.1, 0.9, [1.0, 0.0, 0.0]);
     let back = ball([0.0, 0.0, z(1)], 0.1, 0.9, [0.0, 0.0, 1.0]);
+    let both = scene_of(&[back, front]);
     let picture = |depth_bits| {
         let knobs = Knobs { depth_bits, ..Knobs::default() };
-        bits(&turned(&scene_of(&[back, front]), &camera(48, 32), knobs).0)
+        bits(&turned(&both, &camera(48, 32), knobs).0)
     };
     assert!(picture(24) != picture(32));
     let kind = gpu().caps().kind;

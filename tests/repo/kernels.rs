@@ -220,7 +220,10 @@ fn workgroups_are_literal_and_hold_whole_subgroups_of_4_to_64() {
 #[test]
 fn no_shader_has_more_than_24_bindings() {
     for shader in shaders() {
-        let code = without_comments(&source(&shader));
+        let own = source(&shader);
+        let included = own.split("#include \"").skip(1).filter_map(|rest| rest.split('"').next());
+        let includes: String = included.map(|name| text(&format!("shaders-glsl/include/{name}"))).collect();
+        let code = without_comments(&(own.clone() + &includes));
         // Variants of a shader declare their own: the highest place counts.
         let places =
             code.split("binding = ").skip(1).map(|rest| rest.split(')').next().unwrap().parse::<usize>().unwrap());

@@ -160,12 +160,6 @@ pub mod density_children {
     pub const LOG_SHRINK: f32 = 0.47000363;
 }
 
-/// Of `tiles/emit.comp`.
-pub mod emit {
-    /// `MANY` of the shader.
-    pub const MANY: u32 = 24;
-}
-
 /// Of `include/fixed.glsl`.
 pub mod fixed {
     /// `FIXED_WORDS` of the shader.

@@ -100,7 +100,6 @@ pub mod emit {
         ],
     };
 }
-crate::gpu::kernel::variant!(emit_w32 of emit);
 
 /// writes one (tile, Gaussian) pair per tile that a Gaussian touches, in depth order.
 pub mod emit_slots {
@@ -165,7 +164,6 @@ pub mod emit_slots {
         ],
     };
 }
-crate::gpu::kernel::variant!(emit_slots_w32 of emit_slots);
 
 /// finds where each tile's list begins and ends among the sorted intersections, counts the tiles by the logarithm of
 pub mod tile_ranges {
@@ -291,11 +289,9 @@ pub mod tile_order {
 }
 
 /// The kernel of `tiles/emit.comp` for these choices.
-pub fn emit(has_slots: bool, is_wide: bool) -> &'static crate::gpu::KernelInfo {
-    match (has_slots, is_wide) {
-        (false, false) => emit::INFO,
-        (true, false) => emit_slots::INFO,
-        (true, true) => emit_slots_w32::INFO,
-        (false, true) => emit_w32::INFO,
+pub fn emit(has_slots: bool) -> &'static crate::gpu::KernelInfo {
+    match has_slots {
+        false => emit::INFO,
+        true => emit_slots::INFO,
     }
 }
