@@ -120,7 +120,8 @@ pub(super) fn similarity(bench: &Bench, tally: &mut Tally) -> Result<()> {
                     } else if name.starts_with("bright") {
                         5e-3
                     } else {
-                        2e-6
+                        // Rounding of the variances, by luck of the colours: 6e-6 in the mean over random ones.
+                        1e-5
                     };
                     let exact = pair.dual(&pair.image).ssim.value;
                     tally.within("SSIM", (found.ssim - exact).abs(), allowed)
