@@ -182,6 +182,18 @@ fn an_access_past_the_end_is_counted_and_does_not_happen() {
     assert_eq!(counted(&gpu), [("gather", 1)]);
 }
 
+/// What fails the tests of the lane.
+#[test]
+#[should_panic(expected = "past the end")]
+fn a_turn_in_which_a_kernel_counted_ends_in_a_panic() {
+    let gpu = counting_device();
+    let [index, table, gathered] = [(); 3].map(|()| gpu.upload("numbers", &[0u32; 64]).unwrap());
+    let count = &gpu.upload("count", &[65u32]).unwrap();
+    let mut rec = Recording::new();
+    rec.pass(gather::Args { count, index: &index, table: &table, gathered: &gathered }, (), Grid::Threads(128));
+    gpu.run(&rec).unwrap();
+}
+
 #[test]
 fn an_atomic_past_the_end_is_counted() {
     let gpu = counting_device();
