@@ -72,6 +72,11 @@ impl Error {
         Error::Data { file: file.to_owned(), place: place.into(), reason: reason.into(), remedy: remedy.into() }
     }
 
+    /// Whether it may pass once others free memory.
+    pub fn is_out_of_memory(&self) -> bool {
+        matches!(self, Error::OutOfMemory { .. } | Error::DriverOutOfMemory { .. })
+    }
+
     /// The process exit code of SPEC 10.
     pub fn exit_code(&self) -> u8 {
         match self {

@@ -275,7 +275,7 @@ pub static FAMILIES: &[Family] = &[
     Family {
         name: "prior_loss", file: "loss/prior_loss.comp", twin: |_| "prior::depth_loss", count: Count::Pixels,
         limit_ns: |_| 40.0,
-        cost: Some(|_| vec![own(16.0 + 8.0 + 16.0, 20.0)]),
+        cost: Some(|_| vec![own(16.0 + 6.0 + 16.0, 20.0)]),
         ..ROW
     },
     Family { name: "clock_apply", file: "clock/clock_apply.comp", twin: |_| "input::Camera", ..ROW },

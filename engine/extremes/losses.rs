@@ -50,9 +50,9 @@ pub(super) fn no_error(bench: &Bench, tally: &mut Tally) -> Result<()> {
 
 fn no_error_of_priors(bench: &Bench) -> Result<()> {
     let mut case = priors::Case::random(8, 300);
-    // Sizes down to where squares underflow; flows are halves.
+    // Sizes down to the smallest halves, which priors are.
     for (i, pixel) in case.image1.iter_mut().enumerate() {
-        let scale = f32::exp2(-((i % 24) as f32));
+        let scale = f32::exp2(-((i % 23) as f32));
         *pixel = [0.75 * scale, 1.25 * scale, 0.5 * scale, -scale];
         (case.depth[i], case.flow[i], case.counts[i]) = (pixel[1], [pixel[2], pixel[3]], true);
     }

@@ -33,7 +33,7 @@ pub fn noise(seed: u64, view: &View) -> Picture {
     let mut random = Random::new(seed);
     let pixels =
         (0..view.intrinsics.width * view.intrinsics.height).map(|_| random.bits() as u32 | 0xff00_0000).collect();
-    Picture { width: view.intrinsics.width, height: view.intrinsics.height, pixels, ..Picture::default() }
+    Picture::new(view.intrinsics.width, view.intrinsics.height, pixels)
 }
 
 /// Values that poison an unguarded kernel: not finite, zeros, denormal, near overflow.

@@ -6,6 +6,7 @@ pub mod generated;
 pub mod kernel;
 mod record;
 mod run;
+mod staging;
 /// The table of kernels, shared with the build.
 #[path = "../../shaders-glsl/table.rs"]
 pub mod table;
@@ -16,6 +17,7 @@ pub use dispatch::{Bound, Dispatch, kernel as kernel_named};
 pub use kernel::{Buf, Kernel, KernelInfo, Slice};
 pub use record::{Grid, Pass, Recording, Work};
 pub use run::{COUNTS, Gpu, Options, PassTime, Rewrite, Running, StandIn};
+pub use staging::Staging;
 use std::collections::BTreeMap;
 #[cfg(feature = "play")]
 pub use window::Window;

@@ -4,6 +4,7 @@ use super::kernel::{Access, Kernel, KernelInfo, Slice};
 use super::table::{self, Count};
 use crate::vk::Buffer;
 use std::collections::HashMap;
+use std::hash::{BuildHasherDefault, Hasher};
 use std::sync::Arc;
 
 /// How many workgroups a pass has.
@@ -147,12 +148,12 @@ impl Recording {
     pub fn windows(&self) -> Vec<Vec<usize>> {
         let mut windows: Vec<Vec<usize>> = Vec::new();
         // By buffer: what was touched, whether it was written, and in which window.
-        let mut touched: HashMap<*const Buffer, Vec<(Slice, bool, usize)>> = HashMap::new();
+        let mut touched: HashMap<*const Buffer, Vec<(&Slice, bool, usize)>, ByAddress> = HashMap::default();
         for (at, pass) in self.passes.iter().enumerate() {
             let accesses = pass.accesses();
-            let conflicts = |(slice, writes): &(Slice, bool)| {
+            let conflicts = |(slice, writes): &(&Slice, bool)| {
                 let earlier = touched.get(&Arc::as_ptr(&slice.buffer)).map_or(&[][..], Vec::as_slice);
-                let after = |(other, wrote, window): &(Slice, bool, usize)| {
+                let after = |(other, wrote, window): &(&Slice, bool, usize)| {
                     ((*writes || *wrote) && other.overlaps(slice)).then_some(window + 1)
                 };
                 earlier.iter().filter_map(after).max().unwrap_or(0)
@@ -165,7 +166,7 @@ impl Recording {
             for (slice, writes) in accesses {
                 let of_buffer = touched.entry(Arc::as_ptr(&slice.buffer)).or_default();
                 // A write comes after all that touched its range.
-                of_buffer.retain(|(other, ..)| !(writes && other.is_within(&slice)));
+                of_buffer.retain(|(other, ..)| !(writes && other.is_within(slice)));
                 of_buffer.push((slice, writes, window));
             }
         }
@@ -183,15 +184,37 @@ impl Pass {
     }
 
     /// Slices touched, and whether they are written.
-    fn accesses(&self) -> Vec<(Slice, bool)> {
+    fn accesses(&self) -> Vec<(&Slice, bool)> {
         match &self.work {
             Work::Dispatch { kernel, slices, grid, .. } => {
-                let bound = slices.iter().zip(kernel.bindings).map(|(slice, b)| (slice.clone(), b.access.writes()));
-                let args = if let Grid::Indirect(args) = grid { Some((args.clone(), false)) } else { None };
+                let bound = slices.iter().zip(kernel.bindings).map(|(slice, b)| (slice, b.access.writes()));
+                let args = if let Grid::Indirect(args) = grid { Some((args, false)) } else { None };
                 bound.chain(args).collect()
             }
-            Work::Copy(from, to) => vec![(from.clone(), false), (to.clone(), Access::Write.writes())],
-            Work::Fill(slice, _) => vec![(slice.clone(), true)],
+            Work::Copy(from, to) => vec![(from, false), (to, Access::Write.writes())],
+            Work::Fill(slice, _) => vec![(slice, true)],
         }
+    }
+}
+
+/// Hashes addresses, of which a step looks up some thousand. The standard library's hasher, which withstands keys that are chosen
+/// to collide, took most of the search for windows.
+type ByAddress = BuildHasherDefault<AddressHasher>;
+
+#[derive(Default)]
+struct AddressHasher(u64);
+
+impl Hasher for AddressHasher {
+    fn write(&mut self, bytes: &[u8]) {
+        bytes.iter().for_each(|byte| self.write_usize(usize::from(*byte)));
+    }
+
+    fn write_usize(&mut self, n: usize) {
+        // The golden ratio's bits: high and low bits of the product depend on all of `n`.
+        self.0 = (self.0 ^ n as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15).rotate_left(32);
+    }
+
+    fn finish(&self) -> u64 {
+        self.0
     }
 }

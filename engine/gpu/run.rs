@@ -353,6 +353,6 @@ fn whole_words(slice: &Slice) -> Slice {
     Slice { size: slice.size.next_multiple_of(4), ..slice.clone() }
 }
 
-fn unmapped(what: &str) -> Error {
+pub(super) fn unmapped(what: &str) -> Error {
     Error::Vulkan { call: "mapping host memory", reason: format!("{what} staging is not visible to the host") }
 }

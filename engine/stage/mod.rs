@@ -58,7 +58,7 @@ pub use lpips_trunk::Trunk;
 pub use moments::{Moments, moment_word, moments_of};
 pub use params::{Outputs, Purpose, Strip, constants_on, view_params};
 pub use planes::Planes;
-pub use priors::{DepthSpace, PriorLoss, PriorWeights};
+pub use priors::{DepthSpace, NO_PRIOR, PriorLoss, PriorPlanes, PriorWeights};
 pub use project::{Eye, Projected};
 pub use render::{FrameReport, Picture};
 pub use renderer::Renderer;

@@ -31,10 +31,21 @@ pub struct PriorWeights {
     pub n_flow: u32,
 }
 
+/// Priors of a picture on the device: halves, see [`half_bits`](crate::scene::capture::half_bits). A picture without depths, or
+/// without flows, has [`NO_PRIOR`] in their place.
+#[derive(Clone)]
+pub struct PriorPlanes {
+    /// Of the depth, two pixels a word.
+    pub depths: Buf<u32>,
+    /// Of the flow, a pixel a word: columns in the low half, rows in the high one.
+    pub flows: Buf<u32>,
+}
+
+/// A word of halves that are not finite.
+pub const NO_PRIOR: u32 = 0x7c00_7c00;
+
 /// Scratch of the losses against priors.
 pub struct PriorLoss {
-    /// Priors, see [`prior_word`](crate::scene::capture::prior_word).
-    pub priors: Buf<[u32; 2]>,
     group_sums: Buf<[f32; 4]>,
     space: DepthSpace,
 }
@@ -43,34 +54,36 @@ impl PriorLoss {
     /// Room for pictures of up to `pixels` pixels.
     pub fn new(gpu: &Gpu, pixels: usize, space: DepthSpace) -> Result<Self> {
         Ok(PriorLoss {
-            priors: gpu.alloc("priors", pixels)?,
             group_sums: gpu.alloc("prior loss sums", pixels.div_ceil(LOCAL as usize))?,
             space,
         })
     }
 
-    /// Appends the losses of `image1` (depth, inverse depth, flow) against the priors, where `truth`'s mask lets a pixel
+    /// Appends the losses of `image1` (depth, inverse depth, flow) against `priors`, where `truth`'s mask lets a pixel
     /// count, and their cotangents to `d_image1`; all of `n_pixels` pixels. Gives sums by workgroup, over pixels: error of the depth,
     /// end-point error of the flow.
     pub fn record(
         &self,
         rec: &mut Recording,
-        image1: &Buf<[f32; 4]>,
+        (image1, d_image1): (&Buf<[f32; 4]>, &Buf<[f32; 4]>),
         truth: &Buf<u32>,
-        d_image1: &Buf<[f32; 4]>,
+        priors: &PriorPlanes,
         n_pixels: u32,
         weights: &PriorWeights,
     ) -> Buf<[f32; 4]> {
         rec.section("priors");
-        let PriorLoss { priors, group_sums, space } = self;
+        let PriorLoss { group_sums, space } = self;
+        let PriorPlanes { depths, flows } = priors;
         let share = |weight: f64, n: u32| (weight / f64::from(n.max(1))) as f32;
         rec.pass(
-            prior_loss::Args { image1, truth, priors, d_image1, sums: group_sums },
+            prior_loss::Args { image1, truth, depths, flows, d_image1, sums: group_sums },
             prior_loss::Push {
                 n: n_pixels,
                 is_metric: u32::from(*space == DepthSpace::Metric),
                 depth_weight: share(weights.depth, weights.n_depth),
                 flow_weight: share(weights.flow, weights.n_flow),
+                last_depth: depths.len() as u32 - 1,
+                last_flow: flows.len() as u32 - 1,
             },
             Grid::Threads(n_pixels),
         );

@@ -142,7 +142,7 @@ mod tests {
             inverse_depth: vec![1.0; n],
             flow: vec![[0.0; 2]; n],
         };
-        let picture = Picture { width, height, pixels: (0..n as u32).map(truth).collect(), ..Picture::default() };
+        let picture = Picture::new(width, height, (0..n as u32).map(truth).collect());
         let map = ColorMap::of_view(&frame, &picture);
         let aligned = map.aligned(&frame);
         assert_eq!(aligned.len(), n);

@@ -7,6 +7,7 @@ mod config;
 mod density;
 mod depth_fit;
 mod fall;
+mod images;
 mod init;
 mod lock;
 mod log;
@@ -41,7 +42,7 @@ pub use metrics::{
     Evaluation, METRICS, METRICS_OF, Meter, SceneScores, Scores, Sight, ViewScores, evaluate, psnr, spread,
 };
 pub use offsets::{Agreement, OffsetFit, fit_offset, learnt_offsets, offset_pictures};
-pub use plan::{BoundBy, Class, INTERSECTIONS_PER_GAUSSIAN, Limits, Need, Plan, Workload};
+pub use plan::{BoundBy, Class, INTERSECTIONS_PER_GAUSSIAN, ImageMemory, Limits, Need, Plan, Workload};
 pub use preset::{PRESETS, Preset, merge};
 pub use require::{
     Due, Evidence, Fate, GridCheck, InTime, Review, Seen, affordable, carry_out, fates, merge_resting, review,

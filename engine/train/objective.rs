@@ -2,34 +2,31 @@
 
 use super::cameras::{Cameras, OwnGrid};
 use super::config::Config;
+use super::images::{Counts, Images, Loaded, Planes};
 use super::setup::Setup;
 use super::terms::{self, Left, Part, Rendered, Shown, Term};
 use crate::error::Result;
 use crate::gpu::generated::ViewParams;
-use crate::gpu::{Buf, Gpu, Recording, Slice};
-use crate::scene::capture::Picture;
+use crate::gpu::{Buf, Gpu, Recording, Slice, Staging};
 use crate::stage::{MOST_TERMS, Outputs, Workspace, record_totals};
 use std::collections::BTreeMap;
 
-/// The terms of the loss, with their scratch, and the cameras' own parameters.
+/// The terms of the loss, with their scratch, the training images, and the cameras' own parameters.
 pub(super) struct Objective {
     terms: Vec<Box<dyn Term>>,
-    /// The training image: RGB and the mask in the top byte, 8 bits each, row-major.
-    truth: Buf<u32>,
     /// What each term leaves of the step that is recorded, and the totals of those that leave something.
     left: Vec<Left>,
     totals: Buf<[f32; 4]>,
+    pub images: Images,
     pub cameras: Cameras,
 }
 
-/// The part of one picture that is uploaded to the device.
+/// The picture of a step.
 pub(super) struct Truth {
     shown: Shown,
     camera: usize,
     grid: Option<OwnGrid>,
-    colors: Slice,
-    /// What each term needs beside the colours.
-    staged: Vec<Option<Slice>>,
+    loaded: Loaded,
 }
 
 /// Where a step leaves the totals of its terms, and which terms it has.
@@ -50,9 +47,9 @@ impl Objective {
     pub fn new(gpu: &Gpu, config: &Config, setup: &Setup) -> Result<Self> {
         Ok(Objective {
             terms: terms::begin(gpu, config, setup.data)?,
-            truth: gpu.alloc("truth", 1)?,
             left: Vec::new(),
             totals: gpu.alloc("loss totals", MOST_TERMS)?,
+            images: Images::new(gpu, setup.data)?,
             cameras: Cameras::new(gpu, config, setup)?,
         })
     }
@@ -70,37 +67,27 @@ impl Objective {
 
     /// Room for pictures of `pixels` pixels.
     pub fn fit(&mut self, gpu: &Gpu, pixels: usize) -> Result<()> {
-        self.truth = gpu.alloc("truth", pixels)?;
+        self.images.fit(gpu, pixels)?;
         self.cameras.fit(gpu, pixels)?;
         self.terms.iter_mut().try_for_each(|term| term.fit(gpu, pixels))
     }
 
-    /// Takes the picture of step `step`, which `camera` took and which was reduced by `reduction`, to where the device copies it
-    /// from.
-    pub fn upload(&mut self, gpu: &Gpu, picture: &Picture, camera: usize, step: u64, reduction: u32) -> Result<Truth> {
-        let n_visible = picture.pixels.iter().filter(|word| **word >> 24 != 0).count().max(1) as u32;
+    /// Takes the picture of step `step`, which `camera` took and which was reduced by `reduction`.
+    pub fn target(&mut self, loaded: Loaded, camera: usize, step: u64, reduction: u32) -> Truth {
         let grid = self.cameras.next(camera);
-        let shown = Shown {
-            step,
-            size: [picture.width, picture.height],
-            reduction,
-            n_visible,
-            n_depth: picture.n_depth,
-            n_flow: picture.n_flow,
-        };
-        let staged = self.terms.iter().map(|term| term.upload(gpu, picture, &shown)).collect::<Result<_>>()?;
-        Ok(Truth { shown, camera, grid, colors: gpu.staged("staged truth", &picture.pixels)?, staged })
+        let Counts { size, n_visible, n_depth, n_flow } = loaded.counts;
+        let shown = Shown { step, size, reduction, n_visible, n_depth, n_flow };
+        Truth { shown, camera, grid, loaded }
+    }
+
+    /// Keeps the picture of a step that the device has been given, if it is to stay.
+    pub fn keep(&mut self, target: &Truth) {
+        self.images.keep(&target.loaded);
     }
 
     /// Appends the upload of `target` and the shift of the view by its camera's clock.
     pub fn record_upload(&self, rec: &mut Recording, work: &Workspace, target: &Truth) {
-        let n = (target.shown.size[0] * target.shown.size[1]) as usize;
-        rec.copy(target.colors.clone(), self.truth.range(0, n).slice());
-        for (term, staged) in self.terms.iter().zip(&target.staged) {
-            if let Some(staged) = staged {
-                term.record_upload(rec, staged, &target.shown);
-            }
-        }
+        self.images.record_upload(rec, &target.loaded);
         self.cameras.record_clock(rec, work, target.camera);
     }
 
@@ -115,7 +102,8 @@ impl Objective {
         let (image, d_image) = self.cameras.record_shown(gpu, rec, rendered, shown.size, target.grid)?;
         let geometry = work.blend.image1.as_ref().zip(backward.d_image1.as_ref());
         let grid_variation = grid_variation.as_ref();
-        let on = Rendered { image, d_image, geometry, truth: &self.truth, grid_variation };
+        let Planes { colors: truth, priors } = &self.images.planes(&target.loaded);
+        let on = Rendered { image, d_image, geometry, truth, priors, grid_variation };
         self.left = self.terms.iter_mut().map(|term| term.record(gpu, rec, shown, &on)).collect::<Result<_>>()?;
         self.cameras.record_back(rec, rendered, shown.size, target.grid);
         Ok(())
@@ -127,10 +115,10 @@ impl Objective {
     }
 
     /// Appends the totals of the terms, to where the host can read them.
-    pub fn record_report(&self, rec: &mut Recording, gpu: &Gpu) -> Result<Sums> {
+    pub fn record_report(&self, rec: &mut Recording, staging: &Staging) -> Result<Sums> {
         let there: Vec<_> = self.left.iter().flatten().cloned().collect();
         record_totals(rec, &there, &self.totals);
-        let totals = gpu.readback::<[f32; 4]>("loss of a step", there.len())?;
+        let totals = staging.readback::<[f32; 4]>("loss of a step", there.len())?;
         rec.copy(self.totals.range(0, there.len()).slice(), totals.clone());
         Ok(Sums { totals, has: self.left.iter().map(Option::is_some).collect() })
     }

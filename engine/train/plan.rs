@@ -5,9 +5,10 @@
 use super::config::Config;
 use super::setup::Setup;
 use super::terms::{self, TermData};
+use super::trainer::IN_FLIGHT;
 use crate::gpu::Gpu;
 use crate::scene::Splats;
-use crate::scene::capture::{Capture, decoded_bytes};
+use crate::scene::capture::{Capture, decoded_bytes, pixel_bytes};
 use crate::stage::{GRID_BYTES, Grids, Sums};
 use crate::vk::DeviceKind;
 use std::fmt;
@@ -15,6 +16,10 @@ use std::fmt;
 /// Pairs with tiles that a Gaussian is taken to have, on average over all, in the view that has most of them: 2 to 10 are
 /// seen, fewest where they are small. A run that has more grows its lists.
 pub const INTERSECTIONS_PER_GAUSSIAN: f64 = 4.0;
+
+/// Quarters of the memory that a run with the most Gaussians leaves that pictures may take: its lists may grow longer than
+/// planned, and others use the device too.
+const IMAGE_QUARTERS: u64 = 3;
 
 /// What is to be trained.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
@@ -35,6 +40,10 @@ pub struct Workload {
     pub moment_bits: u32,
     /// Bytes of decoded pictures kept ahead, in the host's memory.
     pub cache_bytes: u64,
+    /// Bytes of all training images.
+    pub image_bytes: u64,
+    /// Bytes of them to keep on the device; none for a share of what the rest leaves.
+    pub kept_image_bytes: Option<u64>,
     /// What the terms of the loss take of the capture beside its colours.
     pub data: TermData,
     /// Whether cameras' time offsets are learnt.
@@ -132,7 +141,7 @@ struct Item {
 }
 
 /// Every buffer of a training step that grows with the work. Tiles, counters and transfers are left out: below 1 %.
-fn items(work: &Workload) -> Vec<Item> {
+fn items(work: &Workload, is_host: bool) -> Vec<Item> {
     use Class::*;
     use Per::*;
     let item = |name, class, per, bytes: f64, bound: f64| Item { name, class, per, bytes, bound };
@@ -141,6 +150,7 @@ fn items(work: &Workload) -> Vec<Item> {
     let bands = [48.0, 64.0, 96.0];
     let each = 48.0 + 16.0 + bands[..work.sh_degree.min(3) as usize].iter().sum::<f64>();
     let moments = f64::from(work.moment_bits / 16);
+    let image = pixel_bytes(work.data.depth, work.data.flow) as f64;
     let mut items = vec![
         cut("parameters", Parameters, Gaussian, each),
         cut("parameters", Parameters, Dynamic, 16.0),
@@ -167,8 +177,8 @@ fn items(work: &Workload) -> Vec<Item> {
         item("image color", Pixels, Pixel, 16.0, 16.0),
         item("image tail", Pixels, Pixel, 8.0, 8.0),
         item("d image color", Pixels, Pixel, 16.0, 16.0),
-        item("truth", Pixels, Pixel, 4.0, 4.0),
-        item("staged truth", Pixels, Pixel, 4.0, 4.0),
+        item("truth", Pixels, Pixel, image, 4.0),
+        item("staged truth", Pixels, Pixel, image * IN_FLIGHT as f64, 4.0),
     ];
     if is_host {
         items.push(item("blend carry", Pixels, Pixel, 8.0, 8.0));
@@ -220,9 +230,9 @@ pub struct Need {
 }
 
 impl Need {
-    fn new(work: &Workload, gaussians: u64) -> Self {
+    fn new(work: &Workload, gaussians: u64, is_host: bool) -> Self {
         let bytes = |item: &Item| (item.bytes * item.per.count(work, gaussians as f64)) as u64;
-        let buffers = items(work).iter().map(|item| (item.name, item.class, bytes(item))).collect();
+        let buffers = items(work, is_host).iter().map(|item| (item.name, item.class, bytes(item))).collect();
         Need { gaussians, buffers }
     }
 
@@ -272,11 +282,30 @@ pub struct Plan {
     pub limits: Limits,
     /// Bytes of decoded pictures, in the host's memory.
     pub cache_bytes: u64,
+    /// Bytes of pictures that stay on the device.
+    pub image_bytes: u64,
+}
+
+/// Memory for pictures.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ImageMemory {
+    /// The most bytes of decoded pictures in the host's memory.
+    pub cache_bytes: u64,
+    /// Bytes of pictures that stay on the device; none for a share of what the rest leaves.
+    pub device_bytes: Option<u64>,
 }
 
 impl Plan {
-    /// What a run on `capture` needs that begins with `splats` and keeps at most so many bytes of decoded pictures.
-    pub fn of(capture: &Capture, config: &Config, setup: &Setup, splats: &Splats, gpu: &Gpu, cache_bytes: u64) -> Self {
+    /// What a run on `capture` needs that begins with `splats` and has so much memory for pictures.
+    pub fn of(
+        capture: &Capture,
+        config: &Config,
+        setup: &Setup,
+        splats: &Splats,
+        gpu: &Gpu,
+        memory: ImageMemory,
+    ) -> Self {
+        let image_bytes = decoded_bytes(capture, setup.data.depth, setup.data.flow);
         let pixels = capture.cameras.iter().map(|camera| camera.intrinsics.n_pixels());
         let work = Workload {
             gaussians: splats.len() as u64,
@@ -286,7 +315,9 @@ impl Plan {
             pixels: pixels.max().unwrap_or(0),
             sh_degree: config.sh_degree,
             moment_bits: config.moment_bits,
-            cache_bytes: cache_bytes.min(decoded_bytes(capture, setup.data != TermData::NONE)),
+            cache_bytes: memory.cache_bytes.min(image_bytes),
+            image_bytes,
+            kept_image_bytes: memory.device_bytes,
             data: setup.data,
             offsets: !setup.learns_offset.is_empty(),
             grids: setup.has_grid.iter().filter(|has| **has).count() as u64,
@@ -310,19 +341,24 @@ impl Plan {
         let by_memory = {
             let cache = if limits.is_host { work.cache_bytes } else { 0 };
             // Bytes are linear in the number.
-            let (fixed, million) = (Need::new(work, 0).bytes(), Need::new(work, 1_000_000).bytes());
+            let [fixed, million] = [0, 1_000_000].map(|n| Need::new(work, n, limits.is_host).bytes());
             limits.memory_bytes.saturating_sub(fixed + cache) as f64 * 1e6 / (million - fixed) as f64
         };
-        let bindings = items(work).into_iter().filter(|item| item.bound > 0.0);
+        let bindings = items(work, limits.is_host).into_iter().filter(|item| item.bound > 0.0);
         let bounds = bindings.map(|item| (by_binding(&item), BoundBy::Binding(item.name)));
         let all = [(work.max_gaussians, BoundBy::MaxGaussians), (by_memory as u64, BoundBy::Memory)].into_iter();
         let (most, bound_by) = all.chain(bounds).min_by_key(|(most, _)| *most).unwrap_or((0, BoundBy::MaxGaussians));
+        let full = Need::new(work, most, limits.is_host);
+        // As much again as the run needs is for what scores it meanwhile. Of a software driver the host's cache is memory of the
+        // device already.
+        let left = if limits.is_host { 0 } else { limits.memory_bytes.saturating_sub(2 * full.bytes()) };
         Plan {
-            begin: Need::new(work, work.gaussians),
-            full: Need::new(work, most),
+            begin: Need::new(work, work.gaussians, limits.is_host),
+            full,
             bound_by,
             limits: *limits,
             cache_bytes: work.cache_bytes,
+            image_bytes: work.kept_image_bytes.unwrap_or(left / 4 * IMAGE_QUARTERS).min(work.image_bytes),
         }
     }
 }
@@ -330,12 +366,13 @@ impl Plan {
 impl fmt::Display for Plan {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let mib = |bytes: u64| bytes as f64 / f64::from(1 << 20);
-        let Plan { begin, full, bound_by, limits, cache_bytes } = self;
+        let Plan { begin, full, bound_by, limits, cache_bytes, image_bytes } = self;
         writeln!(f, "{:<22} {:>12} {:>12} Gaussians", "memory, MiB", begin.gaussians, full.gaussians)?;
         for class in Class::ALL {
             writeln!(f, "  {:<20} {:>12.1} {:>12.1}", class.label(), mib(begin.class(class)), mib(full.class(class)))?;
         }
         writeln!(f, "  {:<20} {:>12.1} {:>12.1}", "device", mib(begin.bytes()), mib(full.bytes()))?;
+        writeln!(f, "  {:<20} {:>12.1} {:>12.1}", "images (device)", mib(*image_bytes), mib(*image_bytes))?;
         writeln!(f, "  {:<20} {:>12.1} {:>12.1}", "frame cache (host)", mib(*cache_bytes), mib(*cache_bytes))?;
         let (memory, binding) = (mib(limits.memory_bytes), mib(limits.binding_bytes));
         write!(

@@ -8,6 +8,7 @@ use ash::vk;
 use gpu_allocator::MemoryLocation;
 use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme};
 use std::sync::Arc;
+use std::sync::atomic::Ordering;
 
 /// Where a buffer lives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -82,6 +83,7 @@ impl Buffer {
         buffer.allocation = Some(allocation);
         name_object(device.debug.as_ref(), raw, name);
         buffer.account(true);
+        device.n_buffers_made.fetch_add(1, Ordering::Relaxed);
         Ok(buffer)
     }
 

@@ -9,6 +9,7 @@ use ash::{ext, khr, vk};
 use gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 
 /// A Vulkan device with its queue and its allocator.
@@ -21,6 +22,7 @@ pub struct Device {
     pub(super) allocator: Mutex<Option<Allocator>>,
     pub(super) live_bytes: Mutex<BTreeMap<String, u64>>,
     pub(super) peak_bytes: Mutex<u64>,
+    pub(super) n_buffers_made: AtomicU64,
     pub(super) pipeline_cache: vk::PipelineCache,
     pub(super) timeline: vk::Semaphore,
     pub(super) submitted: Mutex<u64>,
@@ -166,6 +168,7 @@ impl Device {
             allocator: Mutex::new(Some(allocator)),
             live_bytes: Mutex::default(),
             peak_bytes: Mutex::default(),
+            n_buffers_made: AtomicU64::new(0),
             pipeline_cache,
             timeline,
             submitted: Mutex::new(0),
@@ -196,6 +199,11 @@ impl Device {
         let live = self.live_bytes.lock().map(|m| m.clone()).unwrap_or_default();
         let peak = self.peak_bytes.lock().map(|p| *p).unwrap_or_default();
         (live, peak)
+    }
+
+    /// Buffers made since the device was opened.
+    pub fn n_buffers_made(&self) -> u64 {
+        self.n_buffers_made.load(Ordering::Relaxed)
     }
 
     /// Writes the pipeline cache to its file in the folder given at opening; a failure costs time, not results, and is logged.

@@ -74,6 +74,23 @@ fn a_training_without_memory_leaves_its_last_step() {
     assert!(irregular > 0, "the regular checkpoints alone would do");
 }
 
+/// Images that stay on the device give way to what needs its memory, and are decoded again: the run ends, with the same bits.
+#[test]
+fn images_that_stay_on_the_device_give_way() {
+    let bed = Bed::with_options("images", &["offsets=false"], &["--device-image-bytes", "1000000"]);
+    assert!(bed.trained().written == Bed::shared().trained().written, "other bits than without");
+    let n_buffers = bed.counts()["vkCreateBuffer"];
+    let mut n_ended = 0;
+    // From the first images to the last steps.
+    for tenths in 2..8 {
+        let ended = bed.run(Verb::Train, Some(&format!("vkCreateBuffer:{}:-2", n_buffers * tenths / 10)));
+        let code = sweep::judge(&ended).unwrap();
+        n_ended += usize::from(code == 0);
+        assert!(code != 0 || ended.written == bed.trained().written, "{} gives other bits", ended.fault);
+    }
+    assert!(n_ended > 2, "{n_ended} runs went on");
+}
+
 /// Between the end of the last step and its checkpoint too.
 #[test]
 fn a_training_without_memory_at_its_end_leaves_its_last_step() {

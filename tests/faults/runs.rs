@@ -59,6 +59,8 @@ pub struct Bed {
     layer: PathBuf,
     serial: AtomicUsize,
     settings: Vec<String>,
+    /// Further options of its trainings.
+    options: Vec<String>,
     undisturbed: OnceLock<Ended>,
 }
 
@@ -86,6 +88,12 @@ impl Bed {
 
     /// A new one, with these settings of its trainings.
     pub fn new(name: &str, settings: &[&str]) -> Self {
+        Self::with_options(name, settings, &[])
+    }
+
+    /// A new one, with these settings and further options of its trainings.
+    pub fn with_options(name: &str, settings: &[&str], options: &[&str]) -> Self {
+        let further = options.iter().map(|option| (*option).to_owned()).collect();
         let folder = crate::common::quick_folder().join(format!("ivv-faults-{name}-{}", std::process::id()));
         let _ = std::fs::remove_dir_all(&folder);
         std::fs::create_dir_all(&folder).unwrap();
@@ -99,7 +107,8 @@ impl Bed {
         let layer = folder.join("layer");
         super::built::layer(&layer);
         let settings = settings.iter().map(|set| (*set).to_owned()).collect();
-        let bed = Bed { folder, layer, serial: AtomicUsize::new(0), settings, undisturbed: OnceLock::new() };
+        let serial = AtomicUsize::new(0);
+        let bed = Bed { folder, layer, serial, settings, options: further, undisturbed: OnceLock::new() };
         let ended = bed.run(Verb::Train, None);
         assert_eq!(ended.code, Some(0), "{}", ended.told);
         std::fs::rename(&ended.folder, bed.folder.join("run")).unwrap();
@@ -185,6 +194,7 @@ impl Bed {
                 let settings =
                     settings.into_iter().chain(["density.every=1"]).chain(self.settings.iter().map(String::as_str));
                 command.args(settings.flat_map(|set| ["--set", set]));
+                command.args(&self.options);
                 command.args(["--max-gaussians", "200", "--sh-degree", "1", "--eval-every", "0"]);
                 command.args(["--steps", &STEPS.to_string(), "--checkpoint-every", &EVERY.to_string()]);
             }

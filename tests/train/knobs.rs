@@ -3,7 +3,7 @@
 use super::{Tiny, bits, steady, train};
 use crate::adversary::rounds_otherwise;
 use crate::common::device::gpu;
-use ivv::scene::capture::{Picture, PriorPlan, prior_word};
+use ivv::scene::capture::{Picture, PriorPlan, half_bits, half_value};
 use ivv::scene::{Splats, View};
 use ivv::train::{Config, Preset, Resolution, Setup, Trainer, from_points, merge};
 use ivv::{Constants, Knobs};
@@ -145,33 +145,35 @@ fn a_reduced_picture_holds_the_means_of_what_counts() {
     let pixel = |r: u8, mask: u8| u32::from_le_bytes([r, 2 * r, 0, mask]);
     let none = f32::NAN;
     // Two blocks of four pixels and a column that fills none.
-    let picture = Picture {
-        width: 5,
-        height: 2,
-        pixels: [[10, 20, 3, 4, 90], [30, 41, 5, 6, 90]]
-            .as_flattened()
-            .iter()
-            .enumerate()
-            .map(|(i, r)| pixel(*r, if i % 5 >= 2 || i == 6 { 0 } else { 255 }))
-            .collect(),
-        priors: [
-            [(1.0, [2.0, -4.0]), (none, [4.0, 0.0]), (7.0, [1.0; 2]), (7.0, [1.0; 2]), (9.0, [9.0; 2])],
-            [(3.0, [none, 0.0]), (8.0, [100.0; 2]), (7.0, [1.0; 2]), (7.0, [1.0; 2]), (9.0, [9.0; 2])],
-        ]
-        .as_flattened()
-        .iter()
-        .map(|(depth, flow)| prior_word(*depth, *flow))
-        .collect(),
-        n_depth: 3,
-        n_flow: 2,
-    };
+    let shown = [[10, 20, 3, 4, 90], [30, 41, 5, 6, 90]];
+    let pixels = shown.as_flattened().iter().enumerate();
+    let pixels = pixels.map(|(i, r)| pixel(*r, if i % 5 >= 2 || i == 6 { 0 } else { 255 })).collect();
+    let depth = [[1.0, none, 7.0, 7.0, 9.0], [3.0, 8.0, 7.0, 7.0, 9.0]];
+    let flow = [
+        [[2.0, -4.0], [4.0, 0.0], [1.0; 2], [1.0; 2], [9.0; 2]],
+        [[none, 0.0], [100.0; 2], [1.0; 2], [1.0; 2], [9.0; 2]],
+    ];
+    let plain = Picture::new(5, 2, pixels);
+    let halves = |flow: &[f32; 2]| flow.map(half_bits);
+    let picture = plain.clone().with_priors(
+        depth.as_flattened().iter().copied().map(half_bits).collect(),
+        flow.as_flattened().iter().map(halves).collect(),
+    );
+    // The fourth pixel is hidden, and so is the whole second block.
+    assert_eq!((picture.n_visible, picture.n_depth, picture.n_flow), (3, 2, 2));
     let reduced = picture.reduced(2);
-    // (10 + 20 + 30) / 3; the fourth pixel is hidden, and so is the whole second block.
     assert_eq!((reduced.width, reduced.height), (2, 1));
+    // (10 + 20 + 30) / 3.
     assert_eq!(reduced.pixels, [pixel(20, 255), 0]);
-    assert_eq!((reduced.n_depth, reduced.n_flow), (1, 1));
-    assert_eq!(reduced.priors[0], prior_word(2.0, [1.5, -1.0]));
-    assert!(!f32::from_bits(reduced.priors[1][0]).is_finite());
+    assert_eq!((reduced.n_visible, reduced.n_depth, reduced.n_flow), (1, 1, 1));
+    assert_eq!((reduced.depth[0], reduced.flow[0]), (half_bits(2.0), [1.5, -1.0].map(half_bits)));
+    assert!(!half_value(reduced.depth[1]).is_finite() && !half_value(reduced.flow[1][0]).is_finite());
+    // Each plane of priors alone, and none.
+    let depths_alone = plain.clone().with_priors(picture.depth.clone(), Vec::new()).reduced(2);
+    assert_eq!((&depths_alone.depth, depths_alone.flow.len(), depths_alone.n_flow), (&reduced.depth, 0, 0));
+    let flows_alone = plain.clone().with_priors(Vec::new(), picture.flow.clone()).reduced(2);
+    assert_eq!((&flows_alone.flow, flows_alone.depth.len(), flows_alone.n_depth), (&reduced.flow, 0, 0));
+    assert_eq!(plain.reduced(2), Picture::new(2, 1, reduced.pixels));
     assert_eq!(picture.reduced(1).pixels.len(), 10);
 }
 

@@ -3,6 +3,7 @@
 mod compare;
 mod density;
 mod fall;
+mod feed;
 mod init;
 mod knobs;
 mod leak;

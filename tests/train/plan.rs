@@ -20,6 +20,8 @@ fn workload() -> Workload {
         sh_degree: 3,
         moment_bits: 32,
         cache_bytes: 256 << 20,
+        image_bytes: 3 << 30,
+        kept_image_bytes: None,
         data: TermData::NONE,
         offsets: false,
         grids: 0,
@@ -103,6 +105,12 @@ fn the_plan_is_what_a_trainer_allocates_buffer_by_buffer() {
     }
 }
 
+/// Bytes of images that stay on a device that is filled with Gaussians.
+fn tight_images(limits: &Limits) -> u64 {
+    let work = Workload { max_gaussians: 1 << 40, ..workload() };
+    Plan::new(&work, &Limits { binding_bytes: u64::MAX, ..*limits }).image_bytes
+}
+
 #[test]
 fn the_tightest_bound_is_named_and_holds() {
     let plan = |work: &Workload, limits: &Limits| Plan::new(work, limits);
@@ -126,6 +134,15 @@ fn the_tightest_bound_is_named_and_holds() {
         let left = room.abs_diff(tight.full.bytes());
         assert!(tight.full.gaussians > 100_000 && left <= 2 * each, "{left} bytes left, {each} each");
     }
+    // Images take three quarters of what the run leaves when it has doubled, no more than there are, and what they are given.
+    assert_eq!(free.image_bytes, 3 << 30, "all of them");
+    let small = plan(&workload(), &Limits { memory_bytes: 2 << 30, ..LIMITS });
+    let left = (2 << 30) - 2 * small.full.bytes();
+    assert!(small.image_bytes < 3 << 30 && small.image_bytes.abs_diff(left / 4 * 3) < 4, "{}", small.image_bytes);
+    assert_eq!(tight_images(&Limits { memory_bytes: 1 << 30, ..LIMITS }), 0, "Gaussians take all memory");
+    assert_eq!(plan(&workload(), &Limits { is_host: true, ..LIMITS }).image_bytes, 0, "the cache is there already");
+    let given = Workload { kept_image_bytes: Some(5000), ..workload() };
+    assert_eq!(plan(&given, &Limits { is_host: true, ..LIMITS }).image_bytes, 5000);
     let text = free.to_string();
     assert!(text.contains("--max-gaussians") && text.contains("moments") && text.lines().count() > 8, "{text}");
 }

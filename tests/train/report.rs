@@ -114,7 +114,7 @@ fn a_report_shows_everything_it_is_given() {
         "bytes_by_buffer": { "sh & more": 2 << 20 },
     });
     // 700 pixels wide, so that it is halved; one pixel is hidden by the mask.
-    let mut truth = Picture { width: 700, height: 4, pixels: vec![0xff80_8080; 2800], ..Picture::default() };
+    let mut truth = Picture::new(700, 4, vec![0xff80_8080; 2800]);
     truth.pixels[5] = 0;
     let render = Frame { width: 700, height: 4, color: vec![[0.5, f32::NAN, 2.0]; 2800], ..Frame::default() };
     let (scores, one) = (scores(), scores_of(20.0));

@@ -134,7 +134,7 @@ fn what_is_on_is_the_same_to_the_priors_the_plan_and_the_setup() {
         let session = Session::begin(gpu().clone(), capture, config, options).unwrap();
         let priors = session.priors();
         assert_eq!((priors.depth.is_some(), priors.plan.flow), (depth, flow));
-        let has_buffers = session.plan().begin.buffers.iter().any(|(name, ..)| *name == "staged priors");
+        let has_buffers = session.plan().begin.buffers.iter().any(|(name, ..)| *name == "image depth flow");
         assert_eq!(has_buffers, depth || flow);
     }
 }
@@ -162,7 +162,7 @@ fn moving_scene(offsets: [f64; 2]) -> (Splats, Vec<(usize, View, Picture)>) {
             let words = seen.color.iter().map(|[r, g, b]| u32::from_le_bytes([byte(*r), byte(*g), byte(*b), 255]));
             let pixels: Vec<u32> = words.collect();
             assert!(pixels.iter().any(|word| word & 0xff > 100), "an empty picture");
-            pictures.push((index, view, Picture { width: 48, height: 40, pixels, ..Picture::default() }));
+            pictures.push((index, view, Picture::new(48, 40, pixels)));
         }
     }
     (splats, pictures)

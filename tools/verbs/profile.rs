@@ -18,7 +18,7 @@ use ivv::profile::{Comparison, Moment, Overhead, Peaks, Profile, Recorded, Sampl
 use ivv::scene::capture::{Capture, FrameCache, PriorPlan, decoding_threads, share_of_memory};
 use ivv::scene::read_views;
 use ivv::stage::{Outputs, Renderer};
-use ivv::train::{Checkpoint, Config, Run, Session, SessionOptions, reduced_order, training_order};
+use ivv::train::{Checkpoint, Config, Run, Session, SessionOptions, Setup, TermData, reduced_order, training_order};
 use ivv::vk::Compiler;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -127,13 +127,18 @@ fn feed(args: &Args, capture: &Capture, json: bool) -> anyhow::Result<()> {
     let threads = decoding_threads();
     let n_first = frames.len().min(total as usize);
     let begun = Instant::now();
-    let mut cache = FrameCache::new(capture, asked, &PriorPlan::default(), share_of_memory(), threads)?;
+    // Depths as they are in their files: fits to points only scale them.
+    let TermData { depth, flow } = Setup::new(capture, &config).data;
+    let depth = frames.iter().filter(|_| depth).map(|image| (*image, [1.0, 0.0])).collect();
+    let mut cache = FrameCache::new(capture, asked, &PriorPlan { flow, depth }, share_of_memory(), threads)?;
     // Until every image has been decoded once: later ones come out of memory where they fit.
     let mut progress = Progress::new("feed", n_first);
-    let mut pixels = 0;
+    let (mut pixels, mut bytes) = (0, 0);
     for _ in 0..n_first {
         let Some(picture) = cache.next_picture() else { break };
-        pixels += picture?.pixels.len();
+        let picture = picture?;
+        pixels += picture.pixels.len();
+        bytes += picture.bytes();
         progress.step("images");
     }
     let seconds = begun.elapsed().as_secs_f64();
@@ -149,14 +154,15 @@ fn feed(args: &Args, capture: &Capture, json: bool) -> anyhow::Result<()> {
     let decode_ms = 1e3 * stats.decoding.as_secs_f64() / stats.n_decoded.max(1) as f64;
     if json {
         let told = serde_json::json!({
-            "images": n_first, "mean_pixels": pixels / n_first.max(1), "threads": threads,
+            "images": n_first, "mean_pixels": pixels / n_first.max(1), "mean_bytes": bytes / n_first.max(1), "threads": threads,
             "images_per_second": per_second, "decode_ms": decode_ms, "peak_bytes": first.peak_bytes,
             "later_images": again, "later_images_per_second": f64::from(again) / rest, "hits": stats.n_hits,
         });
         out!("{}", serde_json::to_string_pretty(&told)?);
         return Ok(());
     }
-    out!("{} images of {} pixels on {threads} threads", n_first, pixels / n_first.max(1));
+    let mean = |sum: usize| sum / n_first.max(1);
+    out!("{n_first} images of {} pixels, {} bytes, on {threads} threads", mean(pixels), mean(bytes));
     out!("first epoch:  {per_second:.0} images/s, {decode_ms:.1} ms each in a thread");
     if again > 0 {
         let (later, hits) = (f64::from(again) / rest, stats.n_hits);

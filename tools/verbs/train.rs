@@ -41,6 +41,10 @@ pub struct Args {
     /// Bytes of images to decode ahead; a quarter of the machine's memory by default.
     #[arg(long)]
     cache_bytes: Option<u64>,
+    /// Bytes of images to keep in the device's memory, where steps on them need neither decoding nor a copy. By default three
+    /// quarters of what the memory plan leaves, or none where that is the machine's own memory.
+    #[arg(long)]
+    device_image_bytes: Option<u64>,
     /// Steps between two lines of train.jsonl.
     #[arg(long, default_value_t = 20, value_parser = clap::value_parser!(u64).range(1..))]
     log_every: u64,
@@ -86,6 +90,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         constants: run.constants,
         total: Some(*total),
         cache_bytes: args.cache_bytes.unwrap_or_else(share_of_memory),
+        device_image_bytes: args.device_image_bytes,
         watch: watch(),
         ..SessionOptions::default()
     };

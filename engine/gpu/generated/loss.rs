@@ -240,13 +240,19 @@ pub mod prior_loss {
         pub depth_weight: f32,
         /// `flow_weight` of the shader.
         pub flow_weight: f32,
+        /// `last_depth` of the shader.
+        pub last_depth: u32,
+        /// `last_flow` of the shader.
+        pub last_flow: u32,
     }
     const _: () = {
-        assert!(size_of::<Push>() == 16);
+        assert!(size_of::<Push>() == 24);
         assert!(std::mem::offset_of!(Push, n) == 0);
         assert!(std::mem::offset_of!(Push, is_metric) == 4);
         assert!(std::mem::offset_of!(Push, depth_weight) == 8);
         assert!(std::mem::offset_of!(Push, flow_weight) == 12);
+        assert!(std::mem::offset_of!(Push, last_depth) == 16);
+        assert!(std::mem::offset_of!(Push, last_flow) == 20);
     };
     /// The kernel's buffers.
     pub struct Args<'a> {
@@ -255,7 +261,9 @@ pub mod prior_loss {
         /// Reads.
         pub truth: &'a Buf<u32>,
         /// Reads.
-        pub priors: &'a Buf<[u32; 2]>,
+        pub depths: &'a Buf<u32>,
+        /// Reads.
+        pub flows: &'a Buf<u32>,
         /// Writes.
         pub d_image1: &'a Buf<[f32; 4]>,
         /// Writes.
@@ -265,7 +273,14 @@ pub mod prior_loss {
         type Push = Push;
         const INFO: &'static KernelInfo = INFO;
         fn slices(&self) -> Vec<Slice> {
-            vec![self.image1.slice(), self.truth.slice(), self.priors.slice(), self.d_image1.slice(), self.sums.slice()]
+            vec![
+                self.image1.slice(),
+                self.truth.slice(),
+                self.depths.slice(),
+                self.flows.slice(),
+                self.d_image1.slice(),
+                self.sums.slice(),
+            ]
         }
     }
     /// What the device needs to know.
@@ -275,11 +290,12 @@ pub mod prior_loss {
         spirv: include_bytes!("../../../shaders-glsl/spv/prior_loss.spv"),
         local: 64,
         subgroups: false,
-        floats: 0x19,
+        floats: 0x31,
         bindings: &[
             BindingInfo { name: "image1", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "truth", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "priors", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "depths", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "flows", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "d_image1", kind: BindingKind::Storage, access: Access::Write },
             BindingInfo { name: "sums", kind: BindingKind::Storage, access: Access::Write },
         ],

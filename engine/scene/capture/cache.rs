@@ -6,15 +6,13 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use super::opened::Capture;
-use super::picture::{Picture, Source, decode_or_fault};
+use super::picture::{Picture, Source, decode_or_fault, pixel_bytes};
 use super::priors::PriorPlan;
 use super::report::Fault;
 use crate::error::Result;
 
 /// Bytes of a pixel while its image is being decoded: the result and what the decoder gives; with priors.
 const DECODING_BYTES: [u64; 2] = [8, 32];
-/// Bytes of a decoded pixel; with its priors.
-const DECODED_BYTES: [u64; 2] = [4, 12];
 /// Images for each thread that may be ahead of the consumer by making others leave: enough that no thread waits, and not
 /// more, because what the consumer is about to hand back is often the best to leave.
 const AHEAD: usize = 3;
@@ -209,16 +207,13 @@ impl Shared {
     }
 
     fn decoded_bytes(&self, index: u32) -> u64 {
-        DECODED_BYTES[self.has_priors(index)] * self.pixels(index, self.sources[index as usize].reduction)
+        let Source { priors, reduction, .. } = &self.sources[index as usize];
+        pixel_bytes(priors.depth.is_some(), priors.flow.is_some()) * self.pixels(index, *reduction)
     }
 
     fn decoding_bytes(&self, index: u32) -> u64 {
-        DECODING_BYTES[self.has_priors(index)] * self.pixels(index, 1)
-    }
-
-    /// 0 or 1.
-    fn has_priors(&self, index: u32) -> usize {
-        usize::from(!self.sources[index as usize].priors.is_empty())
+        let has_priors = !self.sources[index as usize].priors.is_empty();
+        DECODING_BYTES[usize::from(has_priors)] * self.pixels(index, 1)
     }
 
     /// The work of a thread.
@@ -290,10 +285,10 @@ pub fn share_of_memory() -> u64 {
     limits.chain(total).min().unwrap_or(4 << 30) / 4
 }
 
-/// Bytes of all training images of `capture`, decoded; with priors where `has_priors`.
-pub fn decoded_bytes(capture: &Capture, has_priors: bool) -> u64 {
+/// Bytes of all training images of `capture`, decoded; each with priors of the depth and of the flow where that is asked for.
+pub fn decoded_bytes(capture: &Capture, has_depth: bool, has_flow: bool) -> u64 {
     let pixels = |(camera, _): (usize, u32)| capture.cameras[camera].intrinsics.n_pixels();
-    DECODED_BYTES[usize::from(has_priors)] * capture.training_frames().into_iter().map(pixels).sum::<u64>()
+    pixel_bytes(has_depth, has_flow) * capture.training_frames().into_iter().map(pixels).sum::<u64>()
 }
 
 /// Threads that decode by default: as many as there are cores. They sleep once enough is decoded.

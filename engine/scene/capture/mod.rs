@@ -27,9 +27,9 @@ pub use camera::{Camera, Extent, Point, Shot};
 pub use folder::Manifest;
 pub(crate) use folder::{JOURNAL, is_unfinished};
 pub use opened::{Capture, TRAINING_RADIUS};
-pub use picture::Picture;
+pub use picture::{Picture, pixel_bytes};
 pub use points::FramePoint;
-pub use priors::{PriorPlan, prior_word};
+pub use priors::{PriorPlan, half_bits, half_value};
 pub use report::{Fault, Report};
 pub use settings::{Alpha, CaptureSettings};
 

@@ -6,7 +6,7 @@ use image::{DynamicImage, ImageDecoder};
 
 use super::decoder::{DECODER_SLACK, decoder_of, guarded};
 use super::header::{BROKEN, fault, read_size};
-use super::priors::{PriorSource, Priors, prior_of, prior_word};
+use super::priors::{PriorSource, half_bits, half_value, is_prior};
 use super::report::Fault;
 use crate::error;
 
@@ -23,77 +23,99 @@ pub struct Picture {
     /// Row by row, top first: red in the lowest 8 bits, then green and blue; the highest 8 bits are 255 where the pixel
     /// counts and 0 where the mask excludes it.
     pub pixels: Vec<u32>,
-    /// Priors of depth and flow, by pixel, see [`prior_word`](super::prior_word); empty where there are none.
-    pub priors: Vec<[u32; 2]>,
+    /// Priors of the depth, by pixel: halves, see [`half_bits`](super::half_bits); one that is not finite is none. Empty where
+    /// there are none at all.
+    pub depth: Vec<u16>,
+    /// Priors of the flow, by pixel: halves of its columns and rows, in pixels; none where either is not finite. Empty where
+    /// there are none at all.
+    pub flow: Vec<[u16; 2]>,
+    /// Pixels that count.
+    pub n_visible: u32,
     /// Pixels that count and have a prior of depth.
     pub n_depth: u32,
     /// Pixels that count and have a prior of flow.
     pub n_flow: u32,
 }
 
+/// Whether the mask lets a pixel count.
+fn counts(word: u32) -> bool {
+    word >> 24 != 0
+}
+
+/// Bytes of a pixel of a [`Picture`], with priors of the depth and of the flow where there are some.
+pub fn pixel_bytes(has_depth: bool, has_flow: bool) -> u64 {
+    let with = |has: bool, bytes: usize| if has { bytes } else { 0 };
+    (size_of::<u32>() + with(has_depth, size_of::<u16>()) + with(has_flow, size_of::<[u16; 2]>())) as u64
+}
+
 impl Picture {
+    /// A picture of these `pixels`, without priors.
+    pub fn new(width: u32, height: u32, pixels: Vec<u32>) -> Picture {
+        let n_visible = pixels.iter().filter(|word| counts(**word)).count() as u32;
+        Picture { width, height, pixels, n_visible, ..Picture::default() }
+    }
+
+    /// Bytes of its pixels with their priors.
+    pub fn bytes(&self) -> usize {
+        size_of_val(&self.pixels[..]) + size_of_val(&self.depth[..]) + size_of_val(&self.flow[..])
+    }
+
+    /// The picture with priors: each by pixel, or empty.
+    #[must_use]
+    pub fn with_priors(self, depth: Vec<u16>, flow: Vec<[u16; 2]>) -> Picture {
+        let n = |has: &mut dyn Iterator<Item = bool>| {
+            self.pixels.iter().zip(has).filter(|(word, has)| counts(**word) && *has).count() as u32
+        };
+        let n_depth = n(&mut depth.iter().map(|half| is_prior(&[*half])));
+        let n_flow = n(&mut flow.iter().map(|halves| is_prior(halves)));
+        Picture { depth, flow, n_depth, n_flow, ..self }
+    }
+
     /// The picture in pixels that are the means of `factor` x `factor` of its own, of those that count, rounded to 8 bits; a
     /// pixel counts when one of them does. Priors are means likewise, the flow's in its own pixels. What does not fill a pixel
     /// at the right and at the bottom is cut off.
     pub fn reduced(&self, factor: u32) -> Picture {
         let (width, height) = (self.width / factor, self.height / factor);
-        let mut out = Picture { width, height, ..Picture::default() };
         let n_pixels = width as usize * height as usize;
-        out.pixels.reserve_exact(n_pixels);
-        out.priors.reserve_exact(if self.priors.is_empty() { 0 } else { n_pixels });
+        let room = |is_empty: bool| if is_empty { 0 } else { n_pixels };
+        let mut pixels = Vec::with_capacity(n_pixels);
+        let mut depth = Vec::with_capacity(room(self.depth.is_empty()));
+        let mut flow = Vec::with_capacity(room(self.flow.is_empty()));
         for (x, y) in (0..height).flat_map(|y| (0..width).map(move |x| (x, y))) {
             let rows = (0..factor).map(|row| {
                 let first = (factor * y + row) as usize * self.width as usize + (factor * x) as usize;
                 first..first + factor as usize
             });
+            let shown = || rows.clone().flatten().filter(|pixel| counts(self.pixels[*pixel]));
             let (mut sums, mut n) = ([0; 3], 0);
-            for word in rows.clone().flat_map(|row| &self.pixels[row]).filter(|word| **word >> 24 != 0) {
-                let [r, g, b, _] = word.to_le_bytes();
+            for pixel in shown() {
+                let [r, g, b, _] = self.pixels[pixel].to_le_bytes();
                 sums = [sums[0] + u32::from(r), sums[1] + u32::from(g), sums[2] + u32::from(b)];
                 n += 1;
             }
             let [r, g, b] = if n > 0 { sums.map(|sum| ((2 * sum + n) / (2 * n)) as u8) } else { [0; 3] };
-            out.pixels.push(u32::from_le_bytes([r, g, b, if n > 0 { 255 } else { 0 }]));
-            if !self.priors.is_empty() {
-                let counts = |pixel: &usize| self.pixels[*pixel] >> 24 != 0;
-                out.add_prior(rows.flatten().filter(counts).map(|pixel| self.priors[pixel]), factor);
+            pixels.push(u32::from_le_bytes([r, g, b, if n > 0 { 255 } else { 0 }]));
+            if !self.depth.is_empty() {
+                let [mean] = mean(shown().map(|pixel| [self.depth[pixel]]));
+                depth.push(half_bits(mean as f32));
+            }
+            if !self.flow.is_empty() {
+                let mean = mean(shown().map(|pixel| self.flow[pixel]));
+                flow.push(mean.map(|mean| half_bits((mean / f64::from(factor)) as f32)));
             }
         }
-        out
-    }
-
-    /// Appends the mean of the priors of the pixels that become one.
-    fn add_prior(&mut self, words: impl Iterator<Item = [u32; 2]>, factor: u32) {
-        let (mut depth, mut flow) = (Mean::default(), [Mean::default(); 2]);
-        for word in words {
-            let (own_depth, own_flow) = prior_of(word);
-            own_depth.into_iter().for_each(|value| depth.add(value.into()));
-            if let Some(own) = own_flow {
-                flow.iter_mut().zip(own).for_each(|(mean, value)| mean.add(value / f64::from(factor)));
-            }
-        }
-        self.n_depth += u32::from(depth.value().is_finite());
-        self.n_flow += u32::from(flow[0].value().is_finite());
-        self.priors.push(prior_word(depth.value() as f32, flow.map(|mean| mean.value() as f32)));
+        Picture::new(width, height, pixels).with_priors(depth, flow)
     }
 }
 
-/// The mean of some values; not a number without any.
-#[derive(Clone, Copy, Default)]
-struct Mean {
-    sum: f64,
-    n: f64,
-}
-
-impl Mean {
-    fn add(&mut self, value: f64) {
-        self.sum += value;
-        self.n += 1.0;
+/// The mean of those of `priors` that are some; not a number without any.
+fn mean<const N: usize>(priors: impl Iterator<Item = [u16; N]>) -> [f64; N] {
+    let (mut sums, mut n) = ([0.0; N], 0.0);
+    for prior in priors.filter(|prior| is_prior(prior)) {
+        sums.iter_mut().zip(prior).for_each(|(sum, half)| *sum += half_value(half));
+        n += 1.0;
     }
-
-    fn value(self) -> f64 {
-        self.sum / self.n
-    }
+    sums.map(|sum| sum / n)
 }
 
 /// What is needed to decode one image; the threads of a cache share it.
@@ -129,13 +151,8 @@ pub(super) fn decode_or_fault(source: &Source) -> Result<Picture, Fault> {
             }
         }
     }
-    let (width, height) = (source.width, source.height);
-    let whole = if source.priors.is_empty() {
-        Picture { width, height, pixels, ..Picture::default() }
-    } else {
-        let Priors { words, n_depth, n_flow } = source.priors.decode(width, height, &pixels)?;
-        Picture { width, height, pixels, priors: words, n_depth, n_flow }
-    };
+    let (depth, flow) = source.priors.decode(source.width, source.height)?;
+    let whole = Picture::new(source.width, source.height, pixels).with_priors(depth, flow);
     Ok(if source.reduction > 1 { whole.reduced(source.reduction) } else { whole })
 }
 

@@ -1,5 +1,6 @@
 //! A training run: a capture's images in their order, with what is due between steps.
 
+mod feed;
 mod notice;
 mod priors;
 
@@ -10,21 +11,22 @@ use crate::error::{Error, Result};
 use crate::gpu::{Dispatch, Gpu};
 use crate::random::permutation;
 use crate::scene::Splats;
-use crate::scene::capture::{Asked, Capture, FrameCache, Picture, decoding_threads, share_of_memory};
+use crate::scene::capture::{Asked, Capture, Picture, share_of_memory};
 use crate::settings::Constants;
 use crate::train::checkpoint::{Checkpoint, Owed};
 use crate::train::config::Config;
+use crate::train::images::Shot;
 use crate::train::init::initialise;
 use crate::train::offsets::learnt_offsets;
-use crate::train::plan::Plan;
+use crate::train::plan::{ImageMemory, Plan};
 use crate::train::require::{Due, review, review_due};
 use crate::train::setup::Setup;
 use crate::train::trainer::{ProfiledStep, Trainer};
+use feed::{Feed, Next};
 use notice::work;
 use std::cmp::Ordering;
 use std::sync::Arc;
 use std::time::Instant;
-use std::vec::IntoIter;
 
 /// A run under way.
 ///
@@ -56,9 +58,11 @@ pub struct Session<'a> {
     plan: Plan,
     n_left_out: usize,
     trainer: Trainer,
-    /// The images to come, in their order, decoded ahead; made for the first step that needs it.
-    images: Option<(FrameCache, IntoIter<Image>)>,
+    /// The images to come, in their order; made for the first step that needs it.
+    feed: Option<Feed>,
     cache_bytes: u64,
+    /// Bytes of images that stay on the device.
+    image_bytes: u64,
     /// A step, and what is due after it and has not been done.
     owed: (u64, Owed),
     events: Vec<Event>,
@@ -82,6 +86,9 @@ pub struct SessionOptions<'a> {
     /// Bytes of images that are decoded ahead; no more are taken than all training images need. By default a quarter of the
     /// machine's memory.
     pub cache_bytes: u64,
+    /// Bytes of images that stay in the device's memory once they are there; none for what the plan says. Steps on them
+    /// neither decode nor copy anything, and have the same bits.
+    pub device_image_bytes: Option<u64>,
     /// Is told what takes a while.
     pub watch: Watch<'a>,
 }
@@ -94,8 +101,15 @@ impl Default for SessionOptions<'_> {
             first: None,
             priors: None,
             cache_bytes: share_of_memory(),
+            device_image_bytes: None,
             watch: Box::new(|_| ()),
         }
+    }
+}
+
+impl SessionOptions<'_> {
+    fn image_memory(&self) -> ImageMemory {
+        ImageMemory { cache_bytes: self.cache_bytes, device_bytes: self.device_image_bytes }
     }
 }
 
@@ -107,6 +121,7 @@ impl<'a> Session<'a> {
     pub fn begin(gpu: Arc<Gpu>, capture: &'a Capture, config: Config, mut options: SessionOptions<'a>) -> Result<Self> {
         let frames = training_frames(capture)?;
         let setup = Setup::new(capture, &config);
+        let memory = options.image_memory();
         let watch = &mut options.watch;
         let made;
         let first = options.first.take();
@@ -119,7 +134,7 @@ impl<'a> Session<'a> {
         };
         let known = options.priors.take();
         let priors = known.map_or_else(|| Priors::read(capture, &config, &setup, watch), Ok)?;
-        let plan = Plan::of(capture, &config, &setup, splats, &gpu, options.cache_bytes);
+        let plan = Plan::of(capture, &config, &setup, splats, &gpu, memory);
         watch(Notice::Planned(&plan));
         let total = options.total.unwrap_or_else(|| config.total(frames.len() as u64));
         let trainer = Trainer::new(gpu.clone(), splats, options.constants, config.clone(), total, setup)?;
@@ -140,9 +155,10 @@ impl<'a> Session<'a> {
         let frames = training_frames(capture)?;
         let (config, splats) = (checkpoint.config.clone(), &checkpoint.params);
         let setup = Setup::new(capture, &config);
+        let memory = options.image_memory();
         let (known, watch) = (options.priors.take(), &mut options.watch);
         let priors = known.map_or_else(|| Priors::read(capture, &config, &setup, watch), Ok)?;
-        let plan = Plan::of(capture, &config, &setup, splats, &gpu, options.cache_bytes);
+        let plan = Plan::of(capture, &config, &setup, splats, &gpu, memory);
         watch(Notice::Planned(&plan));
         let trainer = Trainer::resume(gpu.clone(), checkpoint, options.constants, setup)?;
         let numbers = (checkpoint.total, priors, plan, splats.len());
@@ -167,11 +183,12 @@ impl<'a> Session<'a> {
             total,
             frames,
             priors,
+            image_bytes: plan.image_bytes,
             plan,
             n_left_out: n_first.saturating_sub(trainer.n_gaussians() as usize),
             owed: (trainer.step(), Owed::default()),
             trainer,
-            images: None,
+            feed: None,
             cache_bytes,
             events: Vec::new(),
             seconds: 0.0,
@@ -185,7 +202,7 @@ impl<'a> Session<'a> {
     /// As [`Trainer::extend`].
     pub fn extend(&mut self, config: Config, total: u64) -> Result<()> {
         self.trainer.extend(config.clone(), total)?;
-        (self.config, self.total, self.images) = (config, total, None);
+        (self.config, self.total, self.feed) = (config, total, None);
         Ok(())
     }
 
@@ -226,7 +243,7 @@ impl<'a> Session<'a> {
 
     /// Seconds in which steps waited for images.
     pub fn waited(&self) -> f64 {
-        self.images.as_ref().map_or(0.0, |(cache, _)| cache.stats().waited.as_secs_f64())
+        self.feed.as_ref().map_or(0.0, |feed| feed.stats().waited.as_secs_f64())
     }
 
     /// The images of the steps to come, as camera and frame, see [`training_order`].
@@ -245,8 +262,8 @@ impl<'a> Session<'a> {
     /// # Errors
     /// Those of the device and of the images.
     pub fn step(&mut self) -> Result<bool> {
-        let Some((at, picture)) = self.picture()? else { return Ok(false) };
-        self.step_on(at, &picture)?;
+        let Some(next) = self.picture()? else { return Ok(false) };
+        self.step_with(next.image(), next.shot())?;
         Ok(true)
     }
 
@@ -255,11 +272,15 @@ impl<'a> Session<'a> {
     ///
     /// # Errors
     /// Those of the device.
-    pub fn step_on(&mut self, (camera, frame): (usize, u32), picture: &Picture) -> Result<()> {
+    pub fn step_on(&mut self, image: (usize, u32), picture: &Picture) -> Result<()> {
         self.settle()?;
+        self.step_with(image, Shot::Passes(picture))
+    }
+
+    fn step_with(&mut self, (camera, frame): Image, shot: Shot) -> Result<()> {
         let view = self.capture.view(camera, frame)?;
         let begun = Instant::now();
-        self.trainer.train(camera, &view, picture)?;
+        self.trainer.train_on(camera, &view, shot)?;
         self.stepped(begun)
     }
 
@@ -268,10 +289,11 @@ impl<'a> Session<'a> {
     /// # Errors
     /// As [`Session::step`].
     pub fn profile(&mut self) -> Result<Option<ProfiledStep>> {
-        let Some(((camera, frame), picture)) = self.picture()? else { return Ok(None) };
+        let Some(next) = self.picture()? else { return Ok(None) };
+        let (camera, frame) = next.image();
         let view = self.capture.view(camera, frame)?;
         let begun = Instant::now();
-        let profiled = self.trainer.profile(camera, &view, &picture)?;
+        let profiled = self.trainer.profile_on(camera, &view, next.shot())?;
         self.stepped(begun)?;
         Ok(Some(profiled))
     }
@@ -282,9 +304,10 @@ impl<'a> Session<'a> {
     /// # Errors
     /// As [`Trainer::dump`].
     pub fn dump(&mut self, kernel: &str) -> Result<Option<Dispatch>> {
-        let Some(((camera, frame), picture)) = self.picture()? else { return Ok(None) };
+        let Some(next) = self.picture()? else { return Ok(None) };
+        let (camera, frame) = next.image();
         let view = self.capture.view(camera, frame)?;
-        self.trainer.dump(camera, &view, &picture, kernel)
+        self.trainer.dump(camera, &view, next.shot(), kernel)
     }
 
     /// Waits until all steps that were handed over have ended.
@@ -353,22 +376,31 @@ impl<'a> Session<'a> {
     }
 
     /// The next image, after what is due before it.
-    fn picture(&mut self) -> Result<Option<(Image, Arc<Picture>)>> {
+    fn picture(&mut self) -> Result<Option<Next>> {
         self.settle()?;
-        let (cache, order) = match &mut self.images {
-            Some(images) => images,
+        loop {
+            let next = self.feed()?.next_image()?;
+            let is_missing = next.as_ref().and_then(Next::on_device).is_some_and(|name| !self.trainer.has_image(name));
+            if !is_missing {
+                return Ok(next);
+            }
+            // Images gave way to what needed the device's memory more. From here on as many stay as there are now.
+            (self.image_bytes, self.feed) = (self.trainer.image_bytes(), None);
+        }
+    }
+
+    fn feed(&mut self) -> Result<&mut Feed> {
+        Ok(match &mut self.feed {
+            Some(feed) => feed,
             none => {
-                let capture = self.capture;
+                self.trainer.release_images();
                 let (config, total, done) = (&self.config, self.total, self.trainer.step());
                 let order = training_order(&self.frames, config.seed, done, total);
-                let asked = reduced_order(&order, config, done, total);
+                let asked = reduced_order(&order, config, done, total).collect();
                 let plan = &self.priors.plan;
-                let cache = FrameCache::new(capture, asked, plan, self.cache_bytes, decoding_threads())?;
-                none.insert((cache, order.into_iter()))
+                none.insert(Feed::new(self.capture, asked, plan, self.cache_bytes, self.image_bytes)?)
             }
-        };
-        let Some(at) = order.next() else { return Ok(None) };
-        Ok(cache.next_picture().transpose()?.map(|picture| (at, picture)))
+        })
     }
 
     /// Notes a step that was handed over, and waits for it where something is due after it.

@@ -4,7 +4,7 @@ use super::term::{Left, Logged, Part, Rendered, Shown, Term, TermData, TermKind}
 use crate::error::Result;
 use crate::gpu::generated::ViewParams;
 use crate::gpu::{Gpu, Recording, Slice};
-use crate::scene::capture::{Capture, Picture};
+use crate::scene::capture::Capture;
 use crate::stage::{DepthSpace, Outputs, PriorLoss, PriorWeights};
 use crate::train::config::Config;
 
@@ -25,9 +25,8 @@ pub(super) const TERM: TermKind = TermKind {
     },
 };
 
-/// With what they ask of a frame.
-const BUFFERS: &[(&str, f64)] =
-    &[("image depth flow", 16.0), ("d image depth flow", 16.0), ("priors", 8.0), ("staged priors", 8.0)];
+/// What they ask of a frame.
+const BUFFERS: &[(&str, f64)] = &[("image depth flow", 16.0), ("d image depth flow", 16.0)];
 
 const LOGGED: &[Logged] = &[
     Logged { key: "depth", plot: "Error of the depth against its priors", from_zero: true },
@@ -81,15 +80,6 @@ impl Term for Priors {
         Ok(())
     }
 
-    fn upload(&self, gpu: &Gpu, picture: &Picture, shown: &Shown) -> Result<Option<Slice>> {
-        self.weights(shown).map(|_| gpu.staged("staged priors", &picture.priors)).transpose()
-    }
-
-    fn record_upload(&self, rec: &mut Recording, staged: &Slice, shown: &Shown) {
-        let n = (shown.size[0] * shown.size[1]) as usize;
-        rec.copy(staged.clone(), self.scratch.priors.range(0, n).slice());
-    }
-
     fn record(&mut self, _: &Gpu, rec: &mut Recording, shown: &Shown, on: &Rendered) -> Result<Left> {
         let Some((image, d_image)) = on.geometry else { return Ok(None) };
         let n = shown.size[0] * shown.size[1];
@@ -98,7 +88,7 @@ impl Term for Priors {
             rec.fill(d_image.range(0, n as usize).slice(), 0);
             return Ok(None);
         };
-        Ok(Some(self.scratch.record(rec, image, on.truth, d_image, n, &weights)))
+        Ok(Some(self.scratch.record(rec, (image, d_image), on.truth, on.priors, n, &weights)))
     }
 
     fn parts(&self, shown: &Shown, sums: [f32; 4]) -> Vec<Part> {

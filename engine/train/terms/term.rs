@@ -3,8 +3,8 @@
 use crate::error::Result;
 use crate::gpu::generated::ViewParams;
 use crate::gpu::{Buf, Gpu, Recording, Slice};
-use crate::scene::capture::{Capture, Picture};
-use crate::stage::Outputs;
+use crate::scene::capture::Capture;
+use crate::stage::{Outputs, PriorPlanes};
 use crate::train::config::Config;
 
 /// Sums by workgroup; none where there are none.
@@ -71,15 +71,6 @@ pub(in crate::train) trait Term: Send + Sync {
         Ok(())
     }
 
-    /// Takes what it needs of `picture` beside the colours to where the device copies it from; none where the picture has
-    /// nothing for it.
-    fn upload(&self, _gpu: &Gpu, _picture: &Picture, _shown: &Shown) -> Result<Option<Slice>> {
-        Ok(None)
-    }
-
-    /// Appends the copy of what [`Term::upload`] gave.
-    fn record_upload(&self, _rec: &mut Recording, _staged: &Slice, _shown: &Shown) {}
-
     /// Appends its passes and its part of the cotangents, where it is due. Gives what it leaves, sums by workgroup; none in a step
     /// without it.
     fn record(&mut self, gpu: &Gpu, rec: &mut Recording, shown: &Shown, on: &Rendered) -> Result<Left>;
@@ -120,6 +111,8 @@ pub(in crate::train) struct Rendered<'a> {
     pub truth: &'a Buf<u32>,
     /// The total variation of the camera's grid by workgroup, which is there when the step ends; none where it has no grid.
     pub grid_variation: Option<&'a Buf<[f32; 4]>>,
+    /// Its priors.
+    pub priors: &'a PriorPlanes,
 }
 
 /// A part of the loss in one step: an error with its weight, and what is logged of it.

@@ -13,8 +13,8 @@ pub use report::StepReport;
 
 use crate::error::Result;
 use crate::gpu::generated::{AdamParams, Status};
-use crate::gpu::{Buf, Gpu, Recording, Running, Slice};
-use crate::scene::capture::Picture;
+use crate::gpu::{Buf, Gpu, Recording, Running, Slice, Staging};
+use crate::scene::capture::{Asked, Picture};
 use crate::scene::{Cone, Splats, View};
 use crate::settings::Constants;
 use crate::stage::{
@@ -23,6 +23,7 @@ use crate::stage::{
 };
 use crate::train::config::Config;
 use crate::train::density::{density_round, regularisers};
+use crate::train::images::Shot;
 use crate::train::objective::{Objective, Sums, Truth};
 use crate::train::schedule::rates;
 use crate::train::setup::Setup;
@@ -31,7 +32,7 @@ use std::sync::Arc;
 use tracing::debug_span;
 
 /// Steps that the device has at a time: it works on one while the host prepares the next.
-const IN_FLIGHT: usize = 2;
+pub(in crate::train) const IN_FLIGHT: usize = 2;
 /// Largest coefficient of a colour that training begins with: fourth powers of ten times as much are still finite, which
 /// SSIM takes.
 const BRIGHTEST: f32 = 1e4;
@@ -51,6 +52,7 @@ pub struct Trainer {
     optimiser: Optimiser,
     work: Option<Workspace>,
     objective: Objective,
+    staging: Staging,
     // Gaussians that cannot be drawn, counted once per step; density control removes them.
     n_undrawable: Buf<u32>,
     room: Room,
@@ -141,6 +143,7 @@ impl Trainer {
         };
         Ok(Trainer {
             objective,
+            staging: Staging::new(&gpu),
             n_undrawable: gpu.upload("undrawable Gaussians", &[0u32])?,
             gpu,
             constants,
@@ -208,16 +211,23 @@ impl Trainer {
         adam_params(&rates(&self.config, step, self.total, self.setup.extent.radius), &settings, step, self.scene.n)
     }
 
-    /// Hands over one step on `picture`, which camera `camera` of the capture took as `view` says, after the density control due. Reports of the steps that have
-    /// ended meanwhile come from [`Trainer::take_reports`].
+    /// Hands over one step on `picture`, which camera `camera` of the capture took as `view` says, after the density control
+    /// due. Reports of the steps that have ended meanwhile come from [`Trainer::take_reports`].
     ///
     /// # Errors
     /// [`crate::Error::OutOfMemory`] when a picture's lists do not fit the device, [`crate::Error::DeviceLost`]; nothing moves
     /// then.
-    #[tracing::instrument(level = "debug", name = "step", skip_all, fields(step = self.step + 1))]
     pub fn train(&mut self, camera: usize, view: &View, picture: &Picture) -> Result<()> {
+        self.train_on(camera, view, Shot::Passes(picture))
+    }
+
+    /// As [`Trainer::train`], on a picture that may stay on the device.
+    #[tracing::instrument(level = "debug", name = "step", skip_all, fields(step = self.step + 1))]
+    pub(in crate::train) fn train_on(&mut self, camera: usize, view: &View, shot: Shot) -> Result<()> {
+        // Before density control, for which pictures may have to give way.
+        let loaded = self.load(view, shot)?;
         self.control_density()?;
-        let inputs = self.inputs(camera, view, picture)?;
+        let inputs = self.inputs(camera, view, loaded);
         self.start(inputs)?;
         while self.in_flight.len() >= IN_FLIGHT {
             self.end_oldest()?;
@@ -234,6 +244,29 @@ impl Trainer {
             self.end_oldest()?;
         }
         self.control_density()
+    }
+
+    /// Whether the picture of this name has stayed on the device, see [`Shot`].
+    pub(in crate::train) fn has_image(&self, name: &Asked) -> bool {
+        self.objective.images.has(name)
+    }
+
+    /// Bytes of the pictures that have stayed on the device.
+    pub(in crate::train) fn image_bytes(&self) -> u64 {
+        self.objective.images.kept_bytes()
+    }
+
+    /// Gives up the pictures that have stayed on the device.
+    pub(in crate::train) fn release_images(&mut self) {
+        self.objective.images.release();
+    }
+
+    /// Does `work`, and again where memory runs out while pictures stay on the device: they give way to it.
+    fn with_memory<T>(&mut self, work: impl Fn(&mut Self) -> Result<T>) -> Result<T> {
+        match work(self) {
+            Err(error) if error.is_out_of_memory() && self.objective.images.release() => work(self),
+            outcome => outcome,
+        }
     }
 
     /// Reports of the steps that have ended since the last call, in order.
@@ -269,10 +302,12 @@ impl Trainer {
         }
         self.work = None;
         self.catch_up()?;
-        let (moments, state) = (&self.optimiser.moments, &self.optimiser.state);
         let origin = self.scene.origin;
         let lenses: Vec<Cone> = self.setup.lenses.iter().map(|view| view.cone(origin)).collect();
-        let grown = round.run(&self.gpu, &self.scene, moments, state, &lenses, &self.constants)?;
+        let grown = self.with_memory(|trainer| {
+            let Trainer { gpu, scene, optimiser: Optimiser { moments, state, .. }, constants, .. } = trainer;
+            round.run(gpu, scene, moments, state, &lenses, constants)
+        })?;
         self.scene = grown.scene;
         (self.optimiser.moments, self.optimiser.state) = (grown.moments, grown.state);
         self.controlled = self.step;

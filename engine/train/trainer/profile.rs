@@ -6,6 +6,7 @@ use crate::gpu::{Dispatch, PassTime, Recording};
 use crate::scene::View;
 use crate::scene::capture::Picture;
 use crate::stage::{Counters, PassReport, add_passes};
+use crate::train::images::Shot;
 use std::time::Instant;
 
 /// A step whose passes were timed.
@@ -28,21 +29,28 @@ impl Trainer {
     ///
     /// # Errors
     /// As [`Trainer::train`].
-    #[tracing::instrument(level = "debug", name = "step", skip_all, fields(step = self.step + 1))]
     pub fn profile(&mut self, camera: usize, view: &View, picture: &Picture) -> Result<ProfiledStep> {
-        self.finish()?;
+        self.profile_on(camera, view, Shot::Passes(picture))
+    }
+
+    /// As [`Trainer::profile`], on a picture that may stay on the device.
+    #[tracing::instrument(level = "debug", name = "step", skip_all, fields(step = self.step + 1))]
+    pub(in crate::train) fn profile_on(&mut self, camera: usize, view: &View, shot: Shot) -> Result<ProfiledStep> {
         let mut host = Vec::new();
         let mut begun = Instant::now();
         let mut done = |what| {
             host.push((what, begun, begun.elapsed().as_secs_f64()));
             begun = Instant::now();
         };
-        let mut inputs = self.inputs(camera, view, picture)?;
+        let loaded = self.load(view, shot)?;
         done("upload images");
+        self.finish()?;
+        let mut inputs = self.inputs(camera, view, loaded);
         loop {
             let (rec, results) = self.record(&inputs)?;
             done("record");
             let step = Step { inputs, running: self.gpu.start_timed(&rec)?, results };
+            self.objective.keep(&step.inputs.truth);
             self.step = step.inputs.step;
             let times = match step.running.wait() {
                 Ok(times) => times,
@@ -85,12 +93,20 @@ impl Trainer {
     ///
     /// # Errors
     /// As [`Trainer::train`].
-    pub fn dump(&mut self, camera: usize, view: &View, picture: &Picture, kernel: &str) -> Result<Option<Dispatch>> {
+    pub(in crate::train) fn dump(
+        &mut self,
+        camera: usize,
+        view: &View,
+        shot: Shot,
+        kernel: &str,
+    ) -> Result<Option<Dispatch>> {
+        let loaded = self.load(view, shot)?;
         self.finish()?;
-        let inputs = self.inputs(camera, view, picture)?;
+        let inputs = self.inputs(camera, view, loaded);
         loop {
             let (rec, results) = self.record(&inputs)?;
             let dispatch = self.gpu.run_dumping(rec, kernel)?;
+            self.objective.keep(&inputs.truth);
             if self.end(&inputs, &results)? {
                 self.step = inputs.step;
                 return Ok(dispatch);

@@ -132,8 +132,9 @@ impl Trainer {
         let reports = std::mem::take(&mut self.reports);
         // Two scenes need not fit the device.
         self.work = None;
-        *self = Self::resume(self.gpu.clone(), checkpoint, self.constants, self.setup.clone())?;
-        self.reports = reports;
+        let mut other = Self::resume(self.gpu.clone(), checkpoint, self.constants, self.setup.clone())?;
+        other.objective.images.inherit(&mut self.objective.images);
+        *self = Trainer { reports, ..other };
         Ok(())
     }
 

@@ -8,30 +8,52 @@ use crate::scene::View;
 use crate::scene::capture::Picture;
 use crate::stage::{AdamMode, Outcome, Room, Size, Strip, Target, Workspace, record_mcmc_noise, view_params};
 use crate::train::density::noise;
+use crate::train::images::{Loaded, Shot};
 use tracing::debug_span;
 
 impl Trainer {
+    /// Pixels along each side that become one in the step to come.
+    fn reduction(&self, view: &View) -> u32 {
+        let reduction = self.config.resolution.reduction(self.step + 1, self.total);
+        reduction.min(view.intrinsics.width).min(view.intrinsics.height)
+    }
+
+    /// Takes the picture of the step to come to where the device can get it.
     #[tracing::instrument(level = "debug", name = "upload", skip_all)]
-    pub(super) fn inputs(&mut self, camera: usize, view: &View, picture: &Picture) -> Result<Inputs> {
-        let (background, flow_model) = (self.config.background, self.setup.flow_model);
-        let step = self.step + 1;
-        let reduction =
-            self.config.resolution.reduction(step, self.total).min(view.intrinsics.width).min(view.intrinsics.height);
+    pub(super) fn load(&mut self, view: &View, shot: Shot) -> Result<Loaded> {
+        let reduction = self.reduction(view);
         // A session's cache brings it reduced; others bring it whole.
-        let is_whole = (picture.width, picture.height) == (view.intrinsics.width, view.intrinsics.height);
-        let reduced = (reduction > 1 && is_whole).then(|| picture.reduced(reduction));
-        let picture = reduced.as_ref().unwrap_or(picture);
-        Ok(Inputs {
+        let is_whole =
+            |picture: &Picture| (picture.width, picture.height) == (view.intrinsics.width, view.intrinsics.height);
+        let reduced;
+        let shot = match shot {
+            Shot::Passes(picture) if reduction > 1 && is_whole(picture) => {
+                reduced = picture.reduced(reduction);
+                Shot::Passes(&reduced)
+            }
+            shot => shot,
+        };
+        let loaded = self.objective.images.load(&self.gpu, &self.staging, shot)?;
+        let Some(loaded) = loaded else { unreachable!("callers ask Trainer::has_image first") };
+        Ok(loaded)
+    }
+
+    /// What the step to come needs.
+    pub(super) fn inputs(&mut self, camera: usize, view: &View, loaded: Loaded) -> Inputs {
+        let (background, flow_model) = (self.config.background, self.setup.flow_model);
+        let (step, reduction) = (self.step + 1, self.reduction(view));
+        Inputs {
             step,
             view: View { background, flow_model, ..view.reduced(reduction) },
-            truth: self.objective.upload(&self.gpu, picture, camera, step, reduction)?,
-        })
+            truth: self.objective.target(loaded, camera, step, reduction),
+        }
     }
 
     /// Hands a step to the device.
     pub(super) fn start(&mut self, inputs: Inputs) -> Result<()> {
         let (rec, results) = self.record(&inputs)?;
         let running = self.gpu.start(&rec)?;
+        self.objective.keep(&inputs.truth);
         self.step = inputs.step;
         self.in_flight.push_back(Step { inputs, running, results });
         Ok(())
@@ -113,18 +135,22 @@ impl Trainer {
             }
         }
         if room.pixels > self.room.pixels {
-            self.objective.fit(&self.gpu, room.pixels)?;
+            self.with_memory(|trainer| trainer.objective.fit(&trainer.gpu, room.pixels))?;
         }
         self.room = Room { tiles: room.tiles, pixels: room.pixels, ..self.room };
+        self.with_memory(|trainer| {
+            Workspace::fit(&mut trainer.work, &trainer.gpu, &trainer.scene, trainer.room).map(drop)
+        })?;
         let mut params: ViewParams = view_params(view, &self.constants, self.scene.origin, strip);
         self.objective.adjust(&mut params);
         let adam = self.adam_params(*step);
-        let (gpu, scene, optimiser, rounds) = (&self.gpu, &self.scene, &self.optimiser, self.rounds);
+        let (gpu, staging, scene, optimiser) = (&self.gpu, &self.staging, &self.scene, &self.optimiser);
+        let rounds = self.rounds;
         let work = Workspace::fit(&mut self.work, gpu, scene, self.room)?;
         let mut rec = Recording::new();
         rec.section("upload");
-        rec.copy(gpu.staged("staged view", &[params])?, work.view.slice());
-        rec.copy(gpu.staged("staged adam parameters", &[adam])?, optimiser.params.slice());
+        rec.copy(staging.staged("staged view", &[params])?, work.view.slice());
+        rec.copy(staging.staged("staged adam parameters", &[adam])?, optimiser.params.slice());
         self.objective.record_upload(&mut rec, work, truth);
         let status = &work.status;
         let is_lazy = self.config.adam == AdamMode::Lazy;
@@ -154,9 +180,9 @@ impl Trainer {
         let results = Results {
             n_tiles,
             lists,
-            status: gpu.readback::<Status>("status of a step", 1)?,
-            sums: self.objective.record_report(&mut rec, gpu)?,
-            n_bad: gpu.readback::<u32>("bad gradients of a step", 1)?,
+            status: staging.readback::<Status>("status of a step", 1)?,
+            sums: self.objective.record_report(&mut rec, staging)?,
+            n_bad: staging.readback::<u32>("bad gradients of a step", 1)?,
         };
         rec.copy(status.slice(), results.status.clone());
         rec.copy(optimiser.n_bad.slice(), results.n_bad.clone());

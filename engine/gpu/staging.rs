@@ -1,0 +1,78 @@
+//! Memory of the host on the way to the device and back, used again and again.
+
+use super::kernel::{Pod, Slice};
+use super::run::{Gpu, unmapped};
+use crate::error::Result;
+use crate::vk::{Buffer, Device, Location};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// Buffers that the host sees, by name. What is lent comes back by itself once neither a recording nor its submission holds it,
+/// so steps that follow each other need as many buffers of a name as there are steps at a time, and make none.
+pub struct Staging {
+    device: Arc<Device>,
+    kept: Mutex<Vec<(Location, Arc<Buffer>)>>,
+}
+
+impl Staging {
+    /// None yet.
+    pub fn new(gpu: &Gpu) -> Self {
+        Staging { device: gpu.device.clone(), kept: Mutex::default() }
+    }
+
+    /// As [`Gpu::staged`]: bytes that a recording may copy from, `items`.
+    ///
+    /// # Errors
+    /// [`crate::Error::OutOfMemory`].
+    pub fn staged<T: Pod>(&self, name: &str, items: &[T]) -> Result<Slice> {
+        let bytes: &[u8] = bytemuck::cast_slice(items);
+        self.staged_parts(name, bytes.len(), &[(0, bytes)])
+    }
+
+    /// As [`Staging::staged`]: `words` words, with bytes from these words on. What lies between is left as it is.
+    ///
+    /// # Errors
+    /// As [`Staging::staged`].
+    pub fn staged_words(&self, name: &str, words: usize, parts: &[(usize, &[u8])]) -> Result<Slice> {
+        let parts: Vec<_> = parts.iter().map(|(first, bytes)| (4 * first, *bytes)).collect();
+        self.staged_parts(name, 4 * words, &parts)
+    }
+
+    fn staged_parts(&self, name: &str, size: usize, parts: &[(usize, &[u8])]) -> Result<Slice> {
+        let mut buffer = self.take(name, Location::Upload, size as u64)?;
+        let mapped = Arc::get_mut(&mut buffer).and_then(Buffer::bytes_mut).ok_or_else(|| unmapped(name))?;
+        for (first, bytes) in parts {
+            mapped[*first..first + bytes.len()].copy_from_slice(bytes);
+        }
+        Ok(self.lend(Location::Upload, buffer, size as u64))
+    }
+
+    /// As [`Gpu::readback`]: room for `len` items that a recording may copy to; read them with [`Gpu::peek`].
+    ///
+    /// # Errors
+    /// As [`Staging::staged`].
+    pub fn readback<T: Pod>(&self, name: &str, len: usize) -> Result<Slice> {
+        let size = (len * size_of::<T>()) as u64;
+        let buffer = self.take(name, Location::Readback, size)?;
+        Ok(self.lend(Location::Readback, buffer, size))
+    }
+
+    /// A buffer of at least `size` bytes that nobody else holds. One that is too small makes way for it.
+    fn take(&self, name: &str, location: Location, size: u64) -> Result<Arc<Buffer>> {
+        let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
+        let is_free = |(of, buffer): &(Location, Arc<Buffer>)| {
+            *of == location && buffer.name() == name && Arc::strong_count(buffer) == 1
+        };
+        if let Some(at) = kept.iter().position(is_free) {
+            let (_, buffer) = kept.swap_remove(at);
+            if buffer.size() >= size {
+                return Ok(buffer);
+            }
+        }
+        Ok(Arc::new(Buffer::new(&self.device, name, size, location)?))
+    }
+
+    fn lend(&self, location: Location, buffer: Arc<Buffer>, size: u64) -> Slice {
+        self.kept.lock().unwrap_or_else(PoisonError::into_inner).push((location, buffer.clone()));
+        Slice { buffer, offset: 0, size }
+    }
+}
