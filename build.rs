@@ -7,7 +7,7 @@ mod generate;
 #[path = "shaders-glsl/manifest.rs"]
 mod manifest;
 #[path = "shaders-glsl/table.rs"]
-#[expect(dead_code, unused_imports, reason = "the build reads names, files and definitions; the engine reads the rest")]
+#[expect(dead_code, reason = "the build reads names, files and definitions; the engine reads the rest")]
 mod table;
 
 use std::path::Path;

@@ -163,15 +163,10 @@ fn recorded(card: &Card, config: &Config, device: &DeviceArgs, work: &Work) -> a
         flow_model: FlowModel::Velocity,
         next_pose: None,
     };
-    let n_pixels = width * height;
-    let picture = Picture {
-        width,
-        height,
-        pixels: vec![u32::MAX; n_pixels as usize],
-        priors: vec![[0; 2]; n_pixels as usize],
-        n_depth: n_pixels,
-        n_flow: n_pixels,
-    };
+    // Halves: a depth of 1, no motion.
+    let n_pixels = (width * height) as usize;
+    let picture = Picture::new(width, height, vec![u32::MAX; n_pixels]);
+    let picture = picture.with_priors(vec![0x3c00; n_pixels], vec![[0; 2]; n_pixels]);
     let setup = Setup {
         n_trained: CAMERAS,
         learns_offset: if config.offsets { vec![true; CAMERAS] } else { Vec::new() },

@@ -53,10 +53,7 @@ pub struct PriorLoss {
 impl PriorLoss {
     /// Room for pictures of up to `pixels` pixels.
     pub fn new(gpu: &Gpu, pixels: usize, space: DepthSpace) -> Result<Self> {
-        Ok(PriorLoss {
-            group_sums: gpu.alloc("prior loss sums", pixels.div_ceil(LOCAL as usize))?,
-            space,
-        })
+        Ok(PriorLoss { group_sums: gpu.alloc("prior loss sums", pixels.div_ceil(LOCAL as usize))?, space })
     }
 
     /// Appends the losses of `image1` (depth, inverse depth, flow) against `priors`, where `truth`'s mask lets a pixel

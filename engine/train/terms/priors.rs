@@ -3,7 +3,7 @@
 use super::term::{Left, Logged, Part, Rendered, Shown, Term, TermData, TermKind};
 use crate::error::Result;
 use crate::gpu::generated::ViewParams;
-use crate::gpu::{Gpu, Recording, Slice};
+use crate::gpu::{Gpu, Recording};
 use crate::scene::capture::Capture;
 use crate::stage::{DepthSpace, Outputs, PriorLoss, PriorWeights};
 use crate::train::config::Config;

@@ -2,7 +2,7 @@
 
 use crate::error::Result;
 use crate::gpu::generated::ViewParams;
-use crate::gpu::{Buf, Gpu, Recording, Slice};
+use crate::gpu::{Buf, Gpu, Recording};
 use crate::scene::capture::Capture;
 use crate::stage::{Outputs, PriorPlanes};
 use crate::train::config::Config;

@@ -84,8 +84,9 @@ impl Trainer {
     /// # Errors
     /// As [`Trainer::train`].
     pub fn recorded(&mut self, camera: usize, view: &View, picture: &Picture) -> Result<Recording> {
+        let loaded = self.load(view, Shot::Passes(picture))?;
         self.finish()?;
-        let inputs = self.inputs(camera, view, picture)?;
+        let inputs = self.inputs(camera, view, loaded);
         Ok(self.record(&inputs)?.0)
     }
 
