@@ -3,6 +3,7 @@
 mod command;
 mod compare;
 mod estimate;
+mod sweep;
 
 use crate::common::device::gpu;
 use crate::common::random;
