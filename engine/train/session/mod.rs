@@ -302,7 +302,7 @@ impl<'a> Session<'a> {
     /// step that is not counted.
     ///
     /// # Errors
-    /// As [`Trainer::dump`].
+    /// As [`Session::step`].
     pub fn dump(&mut self, kernel: &str) -> Result<Option<Dispatch>> {
         let Some(next) = self.picture()? else { return Ok(None) };
         let (camera, frame) = next.image();
