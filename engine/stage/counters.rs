@@ -148,9 +148,16 @@ impl Counters {
             Grid::Threads(n) => f64::from(n.div_ceil(kernel.local)),
             Grid::Groups(n) => f64::from(*n),
             Grid::Indirect(args) => {
-                // A thread emits all pairs of a Gaussian; what has no count is a scan over the active ones.
-                let is_emit = row(pass).is_some_and(|row| row.family.name == "emit");
-                let count = if is_emit || pass.count == Count::Dispatches { Count::Active } else { pass.count };
+                let family = row(pass).map_or("", |row| row.family.name);
+                // Blends have a workgroup a tile, and others for the chunks of long lists, which nobody counts: as if there were none.
+                match family {
+                    "blend_fwd" | "blend_bwd" => return self.tiles,
+                    "chunk_light" | "blend_merge" => return 0.0,
+                    _ => {}
+                }
+                // `emit` has a thread for each Gaussian; what has no count is a scan over the active ones.
+                let is_of_active = family == "emit" || pass.count == Count::Dispatches;
+                let count = if is_of_active { Count::Active } else { pass.count };
                 let each = match args.offset() as usize / size_of::<[u32; 4]>() {
                     ARGS_SCAN => SCAN_BLOCK,
                     ARGS_SORT => SORT_BLOCK,
