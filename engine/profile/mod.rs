@@ -12,6 +12,8 @@ mod probe;
 mod replay;
 mod roofline;
 mod statistics;
+mod sweep;
+mod sweep_report;
 mod trace;
 mod waves;
 
@@ -24,5 +26,7 @@ pub use passes::{Line, Overhead, Profile, Sample};
 pub use probe::{Prepared, Probe, dispatch_ns, dispatches};
 pub use replay::{Difference, Replay, Replayed};
 pub use statistics::{Static, Statistics};
+pub use sweep::{Course, Grows, Point, Sweep, SweepOptions};
+pub use sweep_report::Exponent;
 pub use trace::{Moment, trace};
 pub use waves::Chip;

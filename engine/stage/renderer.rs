@@ -65,6 +65,7 @@ impl Renderer {
             purpose: Purpose::Picture,
             accumulation: Accumulation::default(),
             camera: false,
+            idle: false,
             depth_bits: constants.knobs.depth_bits,
         };
         Renderer { gpu, scene, constants, work: None, room, spare: Vec::new(), second: None, windows }

@@ -8,7 +8,7 @@ use super::terms::{self, TermData};
 use crate::gpu::Gpu;
 use crate::scene::Splats;
 use crate::scene::capture::{Capture, decoded_bytes};
-use crate::stage::{GRID_BYTES, Grids};
+use crate::stage::{AdamMode, GRID_BYTES, Grids};
 use crate::vk::DeviceKind;
 use std::fmt;
 
@@ -37,6 +37,8 @@ pub struct Workload {
     pub cache_bytes: u64,
     /// What the terms of the loss take of the capture beside its colours.
     pub data: TermData,
+    /// Whether Adam moves the Gaussians out of view too.
+    pub dense: bool,
     /// Whether cameras' time offsets are learnt.
     pub offsets: bool,
     /// Cameras that have a bilateral grid.
@@ -149,7 +151,6 @@ fn items(work: &Workload, is_host: bool) -> Vec<Item> {
         cut("state", Moments, Gaussian, 16.0),
         item("splats", Active, Gaussian, 64.0, 64.0),
         item("active ids", Active, Gaussian, 4.0, 4.0),
-        item("idle ids", Active, Gaussian, 4.0, 4.0),
         item("depth keys", Active, Gaussian, 4.0, 4.0),
         item("depth order", Active, Gaussian, 4.0, 4.0),
         item("tile counts", Active, Gaussian, 4.0, 4.0),
@@ -187,6 +188,9 @@ fn items(work: &Workload, is_host: bool) -> Vec<Item> {
             item("image graded", Pixels, Pixel, 16.0, 16.0),
             item("d image graded", Pixels, Pixel, 16.0, 16.0),
         ]);
+    }
+    if work.dense {
+        items.push(item("idle ids", Active, Gaussian, 4.0, 4.0));
     }
     if work.offsets {
         items.push(item("d camera of each", Active, Gaussian, 32.0, 32.0));
@@ -272,6 +276,7 @@ impl Plan {
             moment_bits: config.moment_bits,
             cache_bytes: cache_bytes.min(decoded_bytes(capture, setup.data != TermData::NONE)),
             data: setup.data,
+            dense: config.adam == AdamMode::Dense,
             offsets: !setup.learns_offset.is_empty(),
             grids: setup.has_grid.iter().filter(|has| **has).count() as u64,
             height: capture.cameras.iter().map(|camera| camera.intrinsics.height).max().unwrap_or(0),

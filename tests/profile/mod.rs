@@ -2,6 +2,7 @@
 
 mod command;
 mod compare;
+mod sweep;
 
 use crate::common::device::gpu;
 use crate::common::random;

@@ -20,6 +20,7 @@ fn workload() -> Workload {
         moment_bits: 32,
         cache_bytes: 256 << 20,
         data: TermData::NONE,
+        dense: true,
         offsets: false,
         grids: 0,
         height: 360,

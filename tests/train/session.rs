@@ -151,5 +151,5 @@ fn a_step_of_a_full_run_has_so_many_passes_and_barriers() {
     // A tile's blocks of pixels follow one another, as many as the width of subgroups makes them.
     let blocks = of("blend_bwd").iter().sum::<u64>() - 1;
     let n_passes = of("").iter().sum::<u64>() - blocks;
-    assert_eq!((n_passes, step.barriers as u64 - blocks), (66, 40));
+    assert_eq!((n_passes, step.barriers as u64 - blocks), (68, 41));
 }

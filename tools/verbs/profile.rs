@@ -13,7 +13,10 @@ use ivv::Constants;
 use ivv::files::write_atomic;
 use ivv::formats::read_scene;
 use ivv::gpu::{Dispatch, Gpu};
-use ivv::profile::{Comparison, Moment, Overhead, Peaks, Profile, Recorded, Sample, Statistics, trace, write_dispatch};
+use ivv::profile::{
+    Comparison, Moment, Overhead, Peaks, Profile, Recorded, Sample, Statistics, Sweep, SweepOptions, trace,
+    write_dispatch,
+};
 use ivv::scene::capture::{Capture, FrameCache, PriorPlan, decoding_threads, share_of_memory};
 use ivv::scene::read_views;
 use ivv::stage::{Outputs, Renderer};
@@ -28,7 +31,7 @@ use std::time::Instant;
 pub struct Args {
     /// A run of `ivv train` (its newest checkpoint; the folder stays as it is), a capture (trained a little first), or,
     /// with --cameras, a scene.
-    #[arg(required_unless_present_any = ["replay", "disassemble", "list", "compare", "statistics"])]
+    #[arg(required_unless_present_any = ["replay", "disassemble", "list", "compare", "statistics", "sweep"])]
     subject: Option<PathBuf>,
     /// Where profile.json, profile.md, profile.html, roofline.svg and trace.json go.
     #[arg(short, long, required_unless_present_any = ["replay", "disassemble", "list", "compare", "statistics", "feed"])]
@@ -65,6 +68,14 @@ pub struct Args {
     /// what the feed alone can do. Needs no device.
     #[arg(long, conflicts_with_all = ["cameras", "dump", "replay", "output"])]
     feed: bool,
+    /// Times a step and a frame of made-up scenes against the length of the clip, cameras, pixels and Gaussians, up to so many
+    /// Gaussians, and writes sweep.md, sweep.json and sweep.svg to OUTPUT.
+    #[arg(long, num_args = 0..=1, default_missing_value = "300000", value_name = "GAUSSIANS",
+        value_parser = clap::value_parser!(u64).range(1..), conflicts_with_all = ["subject", "cameras", "dump", "replay", "feed"])]
+    sweep: Option<u64>,
+    /// How long --sweep may take; what would take longer is left out.
+    #[arg(long, default_value_t = 240.0, requires = "sweep")]
+    seconds: f64,
     #[command(flatten)]
     replay: ReplayArgs,
     /// Of a run, where its capture is now, if it has moved.
@@ -95,6 +106,9 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     }
     if let (true, Some(subject)) = (args.feed, &args.subject) {
         return feed(args, &Capture::open(subject)?, json);
+    }
+    if let (Some(most), Some(output)) = (args.sweep, &args.output) {
+        return sweep(args, most as usize, output, json);
     }
     let (Some(subject), Some(output)) = (&args.subject, &args.output) else {
         anyhow::bail!("give -o, the folder for the results")
@@ -167,6 +181,27 @@ fn compare(a: &Path, b: &Path, json: bool) -> anyhow::Result<()> {
     } else {
         out!("{}", compared.terminal().trim_end());
     }
+    Ok(())
+}
+
+fn sweep(args: &Args, most_gaussians: usize, output: &Path, json: bool) -> anyhow::Result<()> {
+    anyhow::ensure!(args.seconds > 0.0, "--seconds {}: give how long it may take, above 0", args.seconds);
+    let adam = args.settings.resolve()?.adam;
+    make_folder(output)?;
+    let gpu = args.device.open()?;
+    let options = SweepOptions { most_gaussians, seconds: args.seconds, adam, ..SweepOptions::default() };
+    let mut progress = Progress::new("sweep", options.points());
+    let sweep = Sweep::measure(&gpu, &options, &mut || progress.step("sizes"))?;
+    write_json(&output.join("sweep.json"), &sweep)?;
+    for (file, text) in [("sweep.md", sweep.markdown()), ("sweep.svg", sweep.svg())] {
+        write_atomic(&output.join(file), |to| to.write_all(text.as_bytes()))?;
+    }
+    if json {
+        out!("{}", serde_json::to_string_pretty(&sweep)?);
+        return Ok(());
+    }
+    out!("{}", sweep.terminal().trim_end());
+    out!("{}", output.join("sweep.svg").display());
     Ok(())
 }
 

@@ -122,8 +122,8 @@ pub mod density {
     pub const N_BUCKET: u32 = 4;
     /// `CODE_BUCKET` of the shader.
     pub const CODE_BUCKET: u32 = 29;
-    /// `CODE_TIME` of the shader.
-    pub const CODE_TIME: u32 = 24;
+    /// `LEVELS_BESIDE_PLACE` of the shader.
+    pub const LEVELS_BESIDE_PLACE: u32 = 4;
 }
 
 /// Of `density/density_children.comp`.
@@ -156,6 +156,12 @@ pub mod grid {
     pub const MAX_GROUPS: u32 = 65535;
     /// items in one block of planes.
     pub const PLANE_BLOCK: u32 = 32;
+}
+
+/// Of `include/live.glsl`.
+pub mod live {
+    /// `NO_BLOCK` of the shader.
+    pub const NO_BLOCK: u32 = 0xffffffff;
 }
 
 /// Of `loss/loss_sum.comp`.
@@ -280,6 +286,12 @@ pub mod ssim {
     pub const SSIM_C2: f32 = 0.0009;
     /// `RUN` of the shader.
     pub const RUN: u32 = 4;
+}
+
+/// Of `include/temporal.glsl`.
+pub mod temporal {
+    /// `FOREVER` of the shader.
+    pub const FOREVER: u32 = 0xffffffff;
 }
 
 /// Of `include/types.glsl`.

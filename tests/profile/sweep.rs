@@ -1,0 +1,57 @@
+//! How times grow, on tiny sizes.
+
+use crate::common::device::gpu;
+use ivv::profile::{Grows, Sweep, SweepOptions};
+use ivv::stage::AdamMode;
+use std::process::Command;
+
+#[test]
+fn a_sweep_has_one_thing_grow_at_a_time_and_says_what_it_left_out() {
+    let gpu = gpu();
+    let options =
+        SweepOptions { gaussians: 300, most_gaussians: 20_000, size: [64, 48], seconds: 40.0, adam: AdamMode::Lazy };
+    let mut n_begun = 0;
+    let sweep = Sweep::measure(&gpu, &options, &mut || n_begun += 1).unwrap();
+    assert_eq!(sweep.courses.iter().map(|course| course.points.len()).sum::<usize>(), n_begun);
+    assert!(sweep.seconds < 80.0, "{} s", sweep.seconds);
+    for course in &sweep.courses {
+        let [first, .., last] = course.points.as_slice() else { panic!("{:?} has fewer than two points", course.grows) };
+        assert!(course.points.is_sorted_by(|a, b| a.size < b.size));
+        assert!(course.points.iter().all(|point| point.step_ms > 0.0 && point.frame_ms > 0.0), "{course:?}");
+        assert!(course.step.is_some() && course.frame.is_some());
+        let near = |a: f64, b: f64| (0.7..1.4).contains(&(a / b));
+        match course.grows {
+            Grows::Gaussians => assert!(last.active > 2.5 * first.active && last.gaussians > first.gaussians),
+            Grows::Frames => assert!(last.gaussians > 3 * first.gaussians && near(last.active, first.active)),
+            Grows::Cameras | Grows::Pixels => assert!(last.gaussians == first.gaussians && near(last.active, first.active)),
+        }
+        if course.grows == Grows::Frames && gpu.caps().timestamp_ns > 0.0 {
+            // Blocks that live are as many, but for those that live in part.
+            assert!(last.live < first.live + 3.0 * 128.0 && last.live >= last.active, "{course:?}");
+        }
+    }
+    // 768 frames with 300 Gaussians each time are 51,200.
+    assert!(sweep.left_out.iter().any(|what| what.starts_with("768 frames: 51200")), "{:?}", sweep.left_out);
+    let (told, picture) = (sweep.markdown(), sweep.svg());
+    assert!(told.contains("## Left out") && told.contains("Adam `lazy`") && told.matches("Exponents: step ").count() == 4);
+    assert_eq!(picture.matches("<g transform").count(), 4);
+}
+
+#[test]
+fn the_command_writes_a_table_numbers_and_a_picture() {
+    let folder = std::env::temp_dir().join(format!("ivv-sweep-{}", std::process::id()));
+    let mut command = Command::new(env!("CARGO_BIN_EXE_ivv"));
+    command.args(["profile", "--sweep", "3000", "--seconds", "0.5", "-o", folder.to_str().unwrap()]);
+    if let Ok(device) = std::env::var("IVV_TEST_DEVICE") {
+        command.args(["--device", &device]);
+    }
+    let output = command.output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let read = |file: &str| std::fs::read_to_string(folder.join(file)).unwrap();
+    let sweep: serde_json::Value = serde_json::from_str(&read("sweep.json")).unwrap();
+    assert_eq!(sweep["courses"].as_array().unwrap().len(), 4);
+    assert!(read("sweep.md").contains("## Left out") && read("sweep.svg").starts_with("<svg"));
+    std::fs::remove_dir_all(&folder).unwrap();
+    let refused = Command::new(env!("CARGO_BIN_EXE_ivv")).args(["profile", "--sweep", "capture"]).output().unwrap();
+    assert_eq!(refused.status.code(), Some(2), "a sweep takes no subject");
+}
