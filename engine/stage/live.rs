@@ -2,6 +2,7 @@
 
 use super::scene::{CULL_BLOCK, Group};
 use crate::error::Result;
+use crate::gpu::generated::constants::grid::MAX_GROUPS;
 use crate::gpu::generated::{ViewParams, live_blocks};
 use crate::gpu::table::Count;
 use crate::gpu::{Buf, Gpu, Grid, Recording};
@@ -27,7 +28,7 @@ pub struct Live {
 }
 
 impl Live {
-    /// For `n` Gaussians, which all live until [`Live::record`] asks.
+    /// For `n` Gaussians, which all live until a view is culled for.
     pub(super) fn new(gpu: &Gpu, n: usize, dynamic: bool) -> Result<Self> {
         let n_blocks = (n as u32).div_ceil(CULL_BLOCK);
         let blocks: Vec<u32> = (0..n_blocks).collect();
@@ -79,6 +80,3 @@ impl Group {
         rec.pass(args, live_blocks::Push { n: *n_blocks, first: self.first / CULL_BLOCK }, Grid::Threads(*n_blocks));
     }
 }
-
-/// Workgroups in one dimension of a grid.
-const MAX_GROUPS: u32 = crate::gpu::generated::constants::grid::MAX_GROUPS;

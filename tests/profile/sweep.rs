@@ -15,7 +15,9 @@ fn a_sweep_has_one_thing_grow_at_a_time_and_says_what_it_left_out() {
     assert_eq!(sweep.courses.iter().map(|course| course.points.len()).sum::<usize>(), n_begun);
     assert!(sweep.seconds < 80.0, "{} s", sweep.seconds);
     for course in &sweep.courses {
-        let [first, .., last] = course.points.as_slice() else { panic!("{:?} has fewer than two points", course.grows) };
+        let [first, .., last] = course.points.as_slice() else {
+            panic!("{:?} has fewer than two points", course.grows)
+        };
         assert!(course.points.is_sorted_by(|a, b| a.size < b.size));
         assert!(course.points.iter().all(|point| point.step_ms > 0.0 && point.frame_ms > 0.0), "{course:?}");
         assert!(course.step.is_some() && course.frame.is_some());
@@ -23,7 +25,9 @@ fn a_sweep_has_one_thing_grow_at_a_time_and_says_what_it_left_out() {
         match course.grows {
             Grows::Gaussians => assert!(last.active > 2.5 * first.active && last.gaussians > first.gaussians),
             Grows::Frames => assert!(last.gaussians > 3 * first.gaussians && near(last.active, first.active)),
-            Grows::Cameras | Grows::Pixels => assert!(last.gaussians == first.gaussians && near(last.active, first.active)),
+            Grows::Cameras | Grows::Pixels => {
+                assert!(last.gaussians == first.gaussians && near(last.active, first.active))
+            }
         }
         if course.grows == Grows::Frames && gpu.caps().timestamp_ns > 0.0 {
             // Blocks that live are as many, but for those that live in part.
@@ -33,7 +37,9 @@ fn a_sweep_has_one_thing_grow_at_a_time_and_says_what_it_left_out() {
     // 768 frames with 300 Gaussians each time are 51,200.
     assert!(sweep.left_out.iter().any(|what| what.starts_with("768 frames: 51200")), "{:?}", sweep.left_out);
     let (told, picture) = (sweep.markdown(), sweep.svg());
-    assert!(told.contains("## Left out") && told.contains("Adam `lazy`") && told.matches("Exponents: step ").count() == 4);
+    assert!(
+        told.contains("## Left out") && told.contains("Adam `lazy`") && told.matches("Exponents: step ").count() == 4
+    );
     assert_eq!(picture.matches("<g transform").count(), 4);
 }
 
