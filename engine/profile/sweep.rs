@@ -268,7 +268,7 @@ impl Course {
         let begun = Instant::now();
         let mut points: Vec<Point> = Vec::new();
         // Seconds that the last two points took.
-        let mut took = [0.0; 2];
+        let mut took = [0.0f64; 2];
         for (size, work) in grows.works(options) {
             let name = format!("{size} {}", grows.name());
             let growth = if took[0] > 0.0 { (took[1] / took[0]).max(1.0) } else { 1.0 };

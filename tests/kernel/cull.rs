@@ -236,7 +236,7 @@ fn blocks_are_listed_that_have_someone_alive_and_no_others() {
         for last in [0.01f32.ln(), f32::INFINITY, f32::NAN, 80.0] {
             let moving = |i: usize| {
                 let t_scale = if i + 1 == n { last } else { random.uniform(-6.0, -4.5) as f32 };
-                let at = random.vector(-0.5, 0.5);
+                let at = random.vector::<2>(-0.5, 0.5);
                 One {
                     motion: Some(lasting(t_scale, i as f32 / n as f32)),
                     ..ball([at[0], at[1], 4.0], 0.05, 0.5, [0.5; 3])

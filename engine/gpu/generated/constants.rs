@@ -288,8 +288,8 @@ pub mod ssim {
     pub const RUN: u32 = 4;
 }
 
-/// Of `include/temporal.glsl`.
-pub mod temporal {
+/// Of `include/time_key.glsl`.
+pub mod time_key {
     /// `FOREVER` of the shader.
     pub const FOREVER: u32 = 0xffffffff;
 }
