@@ -7,7 +7,6 @@ mod init;
 mod knobs;
 mod leak;
 mod live;
-mod lives;
 mod look;
 mod overwrite;
 mod plan;
