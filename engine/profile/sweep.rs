@@ -1,7 +1,7 @@
 //! How the time of a step and of a frame grows with Gaussians, pixels, the length of a clip and cameras: each grows by itself, the
 //! others stay.
 
-use super::sweep_report::Exponent;
+use super::exponent::Exponent;
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
 use crate::random::Random;
