@@ -9,6 +9,8 @@ pub enum Count {
     Active,
     /// The other Gaussians.
     Idle,
+    /// Gaussians of blocks of which one may live at the view's time, and the static ones.
+    Live,
     /// Pairs of a Gaussian and a tile.
     Intersections,
     /// Tiles of the picture.

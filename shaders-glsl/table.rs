@@ -69,13 +69,20 @@ pub static FAMILIES: &[Family] = &[
         ..ROW
     },
     Family {
-        name: "cull", file: "cull/cull.comp", twin: |_| "tiles::tiles_truth", axes: &[POPULATION], count: Count::Gaussians,
+        name: "live_blocks", file: "cull/live_blocks.comp", twin: |_| "cull::visible", count: Count::Gaussians,
+        limit_ns: |_| 0.5,
+        // Of those that do not live, which are most, bits and count; of the others their place in the list.
+        cost: Some(|_| vec![own(28.0 / 128.0, 2.0 / 128.0)]),
+        ..ROW
+    },
+    Family {
+        name: "cull", file: "cull/cull.comp", twin: |_| "tiles::tiles_truth", axes: &[POPULATION], count: Count::Live,
         limit_ns: |_| 25.0,
         cost: Some(|s| vec![own(16.0 + 1.25 * s.motion() + 0.125, 40.0)]),
         ..ROW
     },
     Family {
-        name: "compact", file: "cull/compact.comp", twin: |_| "scan::exclusive_scan", count: Count::Gaussians,
+        name: "compact", file: "cull/compact.comp", twin: |_| "scan::exclusive_scan", count: Count::Live,
         limit_ns: |_| 5.0,
         cost: Some(|_| vec![own(0.125 + 4.0 / 128.0, 0.0), per(Count::Active, 4.0, 0.0)]),
         ..ROW

@@ -18,8 +18,10 @@ fn halves(bench: &Bench, values: &[[f32; 4]]) -> Result<Vec<[u32; 4]>> {
     let band = gpu.upload("band", values)?;
     let halves = gpu.upload("halves", &vec![GUARD; values.len() + 1])?;
     let mut rec = Recording::new();
-    let n = values.len() as u32;
-    rec.pass(sh_half::Args { band: &band, halves: &halves }, sh_half::Push { n }, Grid::Threads(n));
+    let (size, unread) = (values.len() as u32, gpu.upload("live blocks", &[0u32; 4])?);
+    let push = sh_half::Push { n: size.div_ceil(128), size, planes: 1, is_listed: 0 };
+    let args = sh_half::Args { band: &band, halves: &halves, live: &unread, live_args: &unread };
+    rec.pass(args, push, Grid::Groups(push.n));
     gpu.run(&rec)?;
     let mut found = gpu.read(&halves)?;
     ensure!(found.pop() == Some(GUARD), "the pair past the end was overwritten");

@@ -136,6 +136,13 @@ impl Recording {
         }
     }
 
+    /// The pass appended last grows with `count` instead of what the table says.
+    pub fn count(&mut self, count: Count) {
+        if let Some(pass) = self.passes.last_mut() {
+            pass.count = count;
+        }
+    }
+
     /// The pass appended last has `scale` units per counted one, see [`Pass::scale`].
     pub fn scale(&mut self, scale: f64) {
         if let Some(pass) = self.passes.last_mut() {

@@ -82,8 +82,12 @@ impl Recorded {
             return Err(fault("", format!("expected a profile of at most {MAX_BYTES} bytes, found {bytes}")));
         }
         let text = read_file(&file).map_err(|e| fault("", format!("cannot be read: {e}")))?;
-        let read: Recorded =
+        let mut read: Recorded =
             serde_json::from_slice(&text).map_err(|e| fault("", format!("expected a profile: {e}")))?;
+        // Older profiles are of an engine that culled all Gaussians.
+        if read.counters.live == 0.0 {
+            read.counters.live = read.counters.gaussians;
+        }
         let mut labels = HashSet::new();
         for (line, is_pass) in read.lines.iter().map(|line| (line, true)).chain([(&read.total, false)]) {
             let RecordedLine { label, median_ms, p95_ms, .. } = line;

@@ -21,6 +21,7 @@ fn tables(profile: &Profile) -> [(String, Table); 4] {
     let count = |what: &str, n: f64| vec![what.to_owned(), format!("{n:.0}")];
     let counter_rows = vec![
         count("Gaussians", counters.gaussians),
+        count("in blocks that live", counters.live),
         count("active", counters.active),
         count("visible", counters.visible),
         count("intersections", counters.intersections),

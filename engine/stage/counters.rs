@@ -3,7 +3,7 @@
 use super::cull::{ARGS_SCAN, ARGS_SORT};
 use super::pairs::{Blocks, Pairs};
 use super::scan::SCAN_BLOCK;
-use super::scene::SceneBuffers;
+use super::scene::{Group, SceneBuffers};
 use super::sort::SORT_BLOCK;
 use super::tiles::Lists;
 use super::workspace::Workspace;
@@ -33,9 +33,12 @@ pub struct Counters {
     pub added: f64,
     /// Pixels that are finished before their list's end.
     pub finished: f64,
-    /// Gaussians and active ones of each group.
+    /// Of blocks that may live at the view's time.
+    #[serde(default)]
+    pub live: f64,
+    /// Gaussians, live and active ones of each group.
     #[serde(skip)]
-    groups: Vec<[f64; 2]>,
+    groups: Vec<[f64; 3]>,
 }
 
 impl Counters {
@@ -65,9 +68,13 @@ impl Counters {
             last: gpu.read(&work.tiles.tile_last.range(0, tiles))?,
         };
         let Pairs { evaluated, added, finished } = blocks.pairs();
-        let groups = scene.groups.iter().zip(ranges);
+        let of_group = |(group, range): (&Group, &[u32; 2])| {
+            Ok([group.n, group.live.count(gpu, group.n)?, range[1] - range[0]].map(f64::from))
+        };
+        let groups = scene.groups.iter().zip(&ranges).map(of_group).collect::<Result<Vec<_>>>()?;
         Ok(Counters {
             gaussians: f64::from(scene.n),
+            live: groups.iter().map(|[_, live, _]| live).sum(),
             active: f64::from(active),
             visible: f64::from(status.n_visible),
             intersections: f64::from(intersections),
@@ -76,13 +83,14 @@ impl Counters {
             evaluated,
             added,
             finished,
-            groups: groups.map(|(group, range)| [f64::from(group.n), f64::from(range[1] - range[0])]).collect(),
+            groups,
         })
     }
 
     /// Adds those of another strip of the same frame; the scene is the same.
     pub fn add(&mut self, other: &Counters) {
         self.gaussians = other.gaussians;
+        self.live += other.live;
         self.active += other.active;
         self.visible += other.visible;
         self.intersections += other.intersections;
@@ -95,22 +103,24 @@ impl Counters {
 
     /// The mean of `n` frames that were added up.
     pub fn over(&self, n: f64) -> Counters {
-        let Counters { active, visible, intersections, tiles, pixels, evaluated, added, finished, .. } = *self;
-        let [active, visible, intersections, tiles] = [active, visible, intersections, tiles].map(|sum| sum / n);
-        let [pixels, evaluated, added, finished] = [pixels, evaluated, added, finished].map(|sum| sum / n);
+        let Counters { live, active, visible, intersections, tiles, pixels, evaluated, added, finished, .. } = *self;
+        let [live, active, visible] = [live, active, visible].map(|sum| sum / n);
+        let [intersections, tiles, pixels] = [intersections, tiles, pixels].map(|sum| sum / n);
+        let [evaluated, added, finished] = [evaluated, added, finished].map(|sum| sum / n);
         let gaussians = self.gaussians;
         let groups = Vec::new();
-        Counters { gaussians, active, visible, intersections, tiles, pixels, evaluated, added, finished, groups }
+        Counters { gaussians, live, active, visible, intersections, tiles, pixels, evaluated, added, finished, groups }
     }
 
     /// How many of `count` there are, in one group of Gaussians or in all. What is not counted by group is taken to be
     /// spread as the active Gaussians are.
     pub fn units(&self, count: Count, group: Option<usize>) -> f64 {
         let of_group = group.and_then(|group| self.groups.get(group).copied());
-        let [n, active] = of_group.unwrap_or([self.gaussians, self.active]);
+        let [n, live, active] = of_group.unwrap_or([self.gaussians, self.live, self.active]);
         let share = if self.active > 0.0 { active / self.active } else { 0.0 };
         match count {
             Count::Gaussians => n,
+            Count::Live => live,
             Count::Active => active,
             Count::Idle => n - active,
             Count::Visible => self.visible * share,

@@ -1,7 +1,8 @@
 //! Which Gaussians a view may see: time window and frustum, then a compact list in index order.
 
+use super::live::{Among, CULL_BLOCK};
 use super::scan::{SCAN_BLOCK, Scan};
-use super::scene::{CULL_BLOCK, SceneBuffers};
+use super::scene::SceneBuffers;
 use crate::error::Result;
 use crate::gpu::generated::constants::args;
 use crate::gpu::generated::{Status, ViewParams, compact, cull_dynamic, cull_static, prepare_active};
@@ -65,22 +66,24 @@ impl Cull {
         let (bits, counts) = (&self.bits, &self.offsets);
         for (index, group) in scene.groups.iter().enumerate() {
             rec.group(Some(index));
-            let (n, first, bound, grid) = (group.n, group.first, &group.bound, Grid::Threads(group.n));
+            let (n, first, bound) = (group.n, group.first, &group.bound);
+            group.live.record(rec, view, (bits, counts), first / CULL_BLOCK);
             if let (Some(motion), Some(window)) = (&group.params.motion, &group.window) {
-                let args = cull_dynamic::Args { view, bound, bits, counts, motion, window };
-                rec.pass(args, cull_dynamic::Push { n, first }, grid);
+                let (live, live_args) = (&group.live.blocks, &group.live.args.cast());
+                let args = cull_dynamic::Args { view, bound, bits, counts, motion, window, live, live_args };
+                rec.pass(args, cull_dynamic::Push { n, first }, group.live.grid(Among::Live).0);
             } else {
-                rec.pass(cull_static::Args { view, bound, bits, counts }, cull_static::Push { n, first }, grid);
+                rec.pass(
+                    cull_static::Args { view, bound, bits, counts },
+                    cull_static::Push { n, first },
+                    Grid::Threads(n),
+                );
             }
         }
         rec.group(None);
         let blocks = Grid::Groups((scene.n_flat / CULL_BLOCK).div_ceil(SCAN_BLOCK as u32));
         self.scan.record(rec, &self.n_blocks, &self.offsets, &self.n_active, blocks);
-        rec.pass(
-            compact::Args { bits, offsets: &self.offsets, active_id: &self.active_id, idle_id: &self.idle_id },
-            compact::Push { n: scene.n_flat, capacity: self.capacity, wants_idle: u32::from(self.wants_idle) },
-            Grid::Threads(scene.n_flat),
-        );
+        self.record_compact(rec, scene);
         rec.pass(
             prepare_active::Args {
                 n_active: &self.n_active,
@@ -97,5 +100,27 @@ impl Cull {
             },
             Grid::Groups(1),
         );
+    }
+
+    /// Appends the lists of the active Gaussians and, if they are wanted, of the others.
+    fn record_compact(&self, rec: &mut Recording, scene: &SceneBuffers) {
+        let among = if self.wants_idle { Among::All } else { Among::Live };
+        for (index, group) in scene.groups.iter().enumerate() {
+            rec.group(Some(index));
+            let (grid, is_listed) = group.live.grid(among);
+            let args = compact::Args {
+                bits: &self.bits,
+                offsets: &self.offsets,
+                active_id: &self.active_id,
+                idle_id: &self.idle_id,
+                live: &group.live.blocks,
+                live_args: &group.live.args.cast(),
+            };
+            let (n, first) = (group.n.next_multiple_of(CULL_BLOCK), group.first);
+            let wants_idle = u32::from(self.wants_idle);
+            rec.pass(args, compact::Push { n, first, capacity: self.capacity, is_listed, wants_idle }, grid);
+            rec.count(among.counted());
+        }
+        rec.group(None);
     }
 }

@@ -1,5 +1,6 @@
 //! Density control (SPEC 6): which Gaussians go, which grow and where each is stored, decided and carried out on the device.
 
+use super::live::Among;
 use super::moments::Moments;
 use super::scan::{SCAN_BLOCK, Scan};
 use super::scene::{BUCKETS, Group, SceneBuffers};
@@ -18,6 +19,8 @@ use crate::settings::Constants;
 const MAX_FLAT: u32 = 1 << shared::SOURCE_BITS;
 /// Weight of opacity 1 among those that are drawn, while the sum of all fits 32 bits.
 const WEIGHT: u32 = 1023;
+/// Leaves places of 16 bits.
+const MOST_LEVELS: u32 = 12;
 /// Log of the largest standard deviation whose square f32 holds.
 const LARGEST: f32 = 44.0;
 
@@ -189,6 +192,11 @@ impl DensityRound {
         }
     }
 
+    /// Times that slots of time are halved, until they are two frames long.
+    fn levels(&self) -> u32 {
+        self.n_frames.div_ceil(2).next_power_of_two().ilog2().min(MOST_LEVELS)
+    }
+
     fn record_classify(
         &self,
         rec: &mut Recording,
@@ -220,6 +228,7 @@ impl DensityRound {
                 gradient,
                 bucket: group.bucket() as u32,
                 n_lenses,
+                levels: self.levels(),
                 veil: self.prune_veil,
             };
             let (geometry, grid) = (&group.params.geometry, Grid::Threads(group.n));
@@ -335,7 +344,8 @@ impl DensityRound {
             }
         }
         // Whatever could not be drawn was pruned or relocated.
-        scene.record_bounds(&mut rec, constants, &gpu.upload("undrawable Gaussians", &[0])?);
+        scene.record_bounds(&mut rec, constants, &gpu.upload("undrawable Gaussians", &[0])?, Among::All);
+        scene.record_halves(&mut rec, Among::All);
         gpu.run(&rec)?;
         Ok((moments, state))
     }

@@ -66,6 +66,7 @@ impl Renderer {
             // For cotangents of any size.
             sums: Sums::Slots,
             camera: false,
+            idle: false,
             depth_bits: constants.knobs.depth_bits,
         };
         Renderer { gpu, scene, constants, work: None, room, spare: Vec::new(), second: None, windows }

@@ -39,6 +39,8 @@ pub struct Room {
     pub sums: Sums,
     /// Whether a step of the optimiser needs the camera's gradient too; [`Purpose::Gradient`] always has it.
     pub camera: bool,
+    /// Whether the Gaussians out of view are listed, for the steps of dense Adam.
+    pub idle: bool,
     /// Bits of the depth keys, see [`crate::settings::Knobs`].
     pub depth_bits: u32,
 }

@@ -1,16 +1,14 @@
 //! A scene on the device: groups of Gaussians of one population and one SH degree, each short enough for the device's
 //! bindings.
 
+use super::live::{Among, CULL_BLOCK, Live};
 use super::params::Purpose;
 use super::planes::{Arrays, BAND_PLANES, Planes};
 use crate::error::{Error, Result};
-use crate::gpu::generated::{bound_dynamic, bound_static, cull_static, sh_half};
-use crate::gpu::{Buf, Gpu, Grid, Recording};
+use crate::gpu::generated::{bound_dynamic, bound_static, sh_half};
+use crate::gpu::{Buf, Gpu, Recording};
 use crate::scene::{Motion, Splats};
 use crate::settings::{Constants, Knobs};
-
-/// Gaussians per workgroup of the cull; groups begin at multiples of it in the flat index.
-pub const CULL_BLOCK: u32 = cull_static::INFO.local;
 
 /// Gaussians that share their kernels: static or dynamic, one SH degree, one set of buffers.
 pub struct Group {
@@ -28,6 +26,8 @@ pub struct Group {
     pub halves: Vec<Buf<[u32; 2]>>,
     /// Half-width of the time window, derived; dynamic groups only.
     pub window: Option<Buf<f32>>,
+    /// Its blocks of `CULL_BLOCK` Gaussians, and which of them live at the view's time.
+    pub live: Live,
 }
 
 /// A scene on the device.
@@ -83,7 +83,8 @@ impl SceneBuffers {
         let n_bad = gpu.upload("bad Gaussians", &[0u32])?;
         let mut scene = Self::from_groups(gpu, groups, n_flat, limit, degree, origin)?;
         let mut rec = Recording::new();
-        scene.record_bounds(&mut rec, constants, &n_bad);
+        scene.record_bounds(&mut rec, constants, &n_bad, Among::All);
+        scene.record_halves(&mut rec, Among::All);
         gpu.run(&rec)?;
         scene.n_bad = gpu.read(&n_bad)?.first().copied().unwrap_or(0);
         Ok(scene)
@@ -134,26 +135,33 @@ impl SceneBuffers {
         Ok(SceneBuffers { groups, n_flat, n, group_first, group_limit, sh_degree, origin, n_bad: 0 })
     }
 
-    /// Appends the derivation of what culling and projection read; due whenever the parameters have changed. `n_bad` grows by the
-    /// number of Gaussians that can never be drawn.
-    pub fn record_bounds(&self, rec: &mut Recording, constants: &Constants, n_bad: &Buf<u32>) {
+    /// Appends the derivation of what culling reads; due whenever the parameters of any `among` these have changed. `n_bad` grows by
+    /// the number of Gaussians that can never be drawn.
+    pub fn record_bounds(&self, rec: &mut Recording, constants: &Constants, n_bad: &Buf<u32>, among: Among) {
         rec.section("bound");
         for (index, group) in self.groups.iter().enumerate() {
             rec.group(Some(index));
-            group.record_bound(rec, constants, n_bad);
+            group.record_bound(rec, constants, n_bad, among);
         }
         rec.group(None);
-        self.record_halves(rec);
     }
 
-    /// Appends the rounding of what projection reads as halves; due whenever the coefficients have changed.
-    pub fn record_halves(&self, rec: &mut Recording) {
-        for group in &self.groups {
-            for (band, halves) in group.params.bands.iter().zip(&group.halves) {
-                let n = band.len() as u32;
-                rec.pass(sh_half::Args { band, halves }, sh_half::Push { n }, Grid::Threads(n));
+    /// Appends the rounding of what projection reads as halves; due whenever the coefficients of any `among` these have changed.
+    pub fn record_halves(&self, rec: &mut Recording, among: Among) {
+        rec.section("bound");
+        for (index, group) in self.groups.iter().enumerate() {
+            rec.group(Some(index));
+            let Live { blocks: live, args, .. } = &group.live;
+            let live_args = &args.cast();
+            for ((band, halves), planes) in group.params.bands.iter().zip(&group.halves).zip(BAND_PLANES) {
+                let (grid, is_listed) = group.live.grid(among);
+                let (n, size) = (group.n.div_ceil(CULL_BLOCK), band.len() as u32);
+                let push = sh_half::Push { n, size, planes: planes as u32, is_listed };
+                rec.pass(sh_half::Args { band, halves, live, live_args }, push, grid);
+                rec.count(among.counted());
             }
         }
+        rec.group(None);
     }
 
     /// Reads numbers in the parameters' layout back into the scene's order; one [`Planes`] per group.
@@ -214,6 +222,7 @@ impl Group {
             params,
             bound: gpu.alloc("bound", slot.n)?,
             window: if slot.dynamic { Some(gpu.alloc("window", slot.n)?) } else { None },
+            live: Live::new(gpu, slot.n, slot.dynamic)?,
         })
     }
 
@@ -227,20 +236,21 @@ impl Group {
         bucket(self.params.motion.is_some(), self.degree())
     }
 
-    fn record_bound(&self, rec: &mut Recording, constants: &Constants, n_bad: &Buf<u32>) {
+    fn record_bound(&self, rec: &mut Recording, constants: &Constants, n_bad: &Buf<u32>, among: Among) {
         let (geometry, bound, n) = (&self.params.geometry, &self.bound, self.n);
-        let grid = Grid::Threads(n);
+        let (grid, is_listed) = self.live.grid(among);
         let Constants { alpha_min, knobs: Knobs { time_cull, temporal_cut, .. }, .. } = *constants;
         let temporal_cut = if time_cull { temporal_cut } else { -1.0 };
-        if let (Some(motion), Some(window)) = (&self.params.motion, &self.window) {
+        if let (Some(motion), Some(window), Some(life)) = (&self.params.motion, &self.window, &self.live.life) {
+            let (live, live_args) = (&self.live.blocks, &self.live.args.cast());
             rec.pass(
-                bound_dynamic::Args { geometry, bound, n_bad, motion, window },
-                bound_dynamic::Push { n, alpha_min, temporal_cut },
+                bound_dynamic::Args { geometry, bound, n_bad, motion, window, life, live, live_args },
+                bound_dynamic::Push { n, alpha_min, temporal_cut, is_listed },
                 grid,
             );
+            rec.count(among.counted());
         } else {
-            let push = bound_static::Push { n, alpha_min, temporal_cut };
-            rec.pass(bound_static::Args { geometry, bound, n_bad }, push, grid);
+            rec.pass(bound_static::Args { geometry, bound, n_bad }, bound_static::Push { n, alpha_min }, grid);
         }
     }
 }

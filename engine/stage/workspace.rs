@@ -43,7 +43,7 @@ impl Workspace {
             room,
             view: gpu.alloc("view", 1)?,
             status: gpu.upload("status", &[Status::default()])?,
-            cull: Cull::new(gpu, scene, room.active, room.purpose == Purpose::Training)?,
+            cull: Cull::new(gpu, scene, room.active, room.idle)?,
             projected: Projected::new(gpu, room.active)?,
             tiles: Tiles::new(gpu, room.active, room.intersections, room.tiles, room.has_slots())?
                 .with_depth_bits(room.depth_bits),

@@ -9,7 +9,7 @@ use super::trainer::IN_FLIGHT;
 use crate::gpu::Gpu;
 use crate::scene::Splats;
 use crate::scene::capture::{Capture, decoded_bytes, pixel_bytes};
-use crate::stage::{GRID_BYTES, Grids, Sums};
+use crate::stage::{AdamMode, GRID_BYTES, Grids, Sums};
 use crate::vk::DeviceKind;
 use std::fmt;
 
@@ -46,6 +46,8 @@ pub struct Workload {
     pub kept_image_bytes: Option<u64>,
     /// What the terms of the loss take of the capture beside its colours.
     pub data: TermData,
+    /// Whether Adam moves the Gaussians out of view too.
+    pub dense: bool,
     /// Whether cameras' time offsets are learnt.
     pub offsets: bool,
     /// Cameras that have a bilateral grid.
@@ -161,7 +163,6 @@ fn items(work: &Workload, is_host: bool) -> Vec<Item> {
         cut("state", Moments, Gaussian, 16.0),
         item("splats", Active, Gaussian, 64.0, 64.0),
         item("active ids", Active, Gaussian, 4.0, 4.0),
-        item("idle ids", Active, Gaussian, 4.0, 4.0),
         item("depth keys", Active, Gaussian, 4.0, 4.0),
         item("depth order", Active, Gaussian, 4.0, 4.0),
         item("tile counts", Active, Gaussian, 4.0, 4.0),
@@ -213,6 +214,9 @@ fn items(work: &Workload, is_host: bool) -> Vec<Item> {
             item("image graded", Pixels, Pixel, 16.0, 16.0),
             item("d image graded", Pixels, Pixel, 16.0, 16.0),
         ]);
+    }
+    if work.dense {
+        items.push(item("idle ids", Active, Gaussian, 4.0, 4.0));
     }
     if work.offsets {
         items.push(item("d camera of each", Active, Gaussian, 32.0, 32.0));
@@ -319,6 +323,7 @@ impl Plan {
             image_bytes,
             kept_image_bytes: memory.device_bytes,
             data: setup.data,
+            dense: config.adam == AdamMode::Dense,
             offsets: !setup.learns_offset.is_empty(),
             grids: setup.has_grid.iter().filter(|has| **has).count() as u64,
             sums: config.accumulation.on(gpu.caps()),

@@ -187,8 +187,8 @@ impl Density<'_> {
         depth > 0.0 && width > self.prune_veil * (depth + 2.0 * aside.max(0.0))
     }
 
-    /// Where a Gaussian is stored: population and falling SH degree, thirty-first of the clip (0: longer than a quarter of
-    /// it), Morton's code.
+    /// Where a Gaussian is stored: population and falling SH degree, slot of time, Morton's code. Slots are 1 / 2^k of the clip
+    /// long, down to two frames; a Gaussian has the shortest that 4 tau fits into. Longer ones come first.
     pub fn code(&self, i: usize) -> u32 {
         let cell = |k: usize| {
             let x = (self.splats.position[i][k] - self.center[k]) / self.extent;
@@ -196,13 +196,16 @@ impl Density<'_> {
         };
         let morton =
             (0..8).flat_map(|bit| (0..3).map(move |k| (bit, k))).map(|(bit, k)| (cell(k) >> bit & 1) << (3 * bit + k));
-        let time = i.checked_sub(self.splats.n_static).map_or(0, |at| {
+        let morton = morton.sum::<u32>();
+        let place = i.checked_sub(self.splats.n_static).map_or(morton, |at| {
             let motion = self.splats.motion[at];
-            let time =
-                if motion.t_scale > 0.25f32.ln() { 0 } else { 1 + (30.0 * motion.t_center.clamp(0.0, 1.0)) as u32 };
-            1 << 31 | time << 24
+            let most = self.n_frames.div_ceil(2).next_power_of_two().ilog2().min(12);
+            let level = (-1.442_695 * motion.t_scale - 2.0).floor().clamp(0.0, most as f32);
+            let n_slots = 1u32 << level as u32;
+            let slot = ((motion.t_center.clamp(0.0, 1.0) * n_slots as f32) as u32).min(n_slots - 1);
+            1 << 31 | (n_slots - 1 + slot) << (28 - most) | morton >> (most.max(4) - 4)
         });
-        morton.sum::<u32>() | time | (3 - self.splats.degree_of(i) as u32) << 29
+        place | (3 - self.splats.degree_of(i) as u32) << 29
     }
 }
 

@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 // Purpose   marks the Gaussians of a group that may touch the strip at the view's time.
 // Equation  |C| <= |J|^2 |M|^2 + blur, so the alpha_min ellipse reaches at most sqrt(reach^2 |J|^2 + 2 ln(1/alpha_min) blur).
-// Grid      one thread per Gaussian of a group, 128 per workgroup.
-// Writes    one bit per Gaussian (flat index), one count per workgroup.
+// Grid      one thread per Gaussian of a group, 128 per workgroup; of dynamic ones, those of the listed blocks.
+// Writes    one bit per Gaussian (flat index), one count per block.
 // Numerics  conservative: margins of 1e-2 px and 1e-5 of the position. The near test is the projection's own.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #extension GL_KHR_shader_subgroup_ballot : require
+#include "unfolded.glsl"
 #include "types.glsl"
 #include "grid.glsl"
 #include "camera.glsl"
@@ -22,6 +23,9 @@ layout(set = 0, binding = 3) restrict writeonly buffer Counts { uint counts[]; }
 #ifdef DYNAMIC
 layout(set = 0, binding = 4) restrict readonly buffer Motion { vec4 motion[]; };
 layout(set = 0, binding = 5) restrict readonly buffer Window { float window[]; };
+layout(set = 0, binding = 6) restrict readonly buffer Live { uint live[]; };
+layout(set = 0, binding = 7) restrict readonly buffer LiveArgs { uint live_args[]; };
+#include "live.glsl"
 #endif
 
 shared uint sh_words[4];
@@ -44,9 +48,14 @@ bool may_touch(vec3 mean, float reach) {
 }
 
 void main() {
-    const uint group = linear_group();
+    const uint n_blocks = div_ceil(pc.n, 128u);
+#ifdef DYNAMIC
+    const uint block = block_at(linear_group(), n_blocks, 1u);
+#else
+    const uint block = linear_group();
+#endif
     const uint lane = gl_LocalInvocationIndex;
-    const uint i = group * 128u + lane;
+    const uint i = min(block, n_blocks) * 128u + lane;
     if (lane < 4u) sh_words[lane] = 0u;
     barrier();
     bool visible = false;
@@ -66,10 +75,10 @@ void main() {
         if (gl_SubgroupSize > 32u) atomicOr(sh_words[(at >> 5u) + 1u], ballot.y);
     }
     barrier();
-    if (group < div_ceil(pc.n, 128u)) {
-        if (lane < 4u) bits[(pc.first + group * 128u) / 32u + lane] = sh_words[lane];
+    if (block < n_blocks) {
+        if (lane < 4u) bits[(pc.first + block * 128u) / 32u + lane] = sh_words[lane];
         if (lane == 0u) {
-            counts[pc.first / 128u + group] =
+            counts[pc.first / 128u + block] =
                 bitCount(sh_words[0]) + bitCount(sh_words[1]) + bitCount(sh_words[2]) + bitCount(sh_words[3]);
         }
     }

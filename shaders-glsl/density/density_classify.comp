@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 // Purpose   decides for each Gaussian of a group whether it is kept, how hard it is pulled and where it is stored.
 // Equation  pull = sum of gradient norms / frames seen. Opacity: the largest over the training times f / F, at the one
-//           nearest to t_center. Code: Morton's, of 0.5 + 0.5 x / (1 + |x|) with x = (p - centre) / extent.
+//           nearest to t_center. Slot of time: of those that are 1 / 2^k of a clip, k <= levels, the shortest that 4 tau fits into.
+//           Code: Morton's, of 0.5 + 0.5 x / (1 + |x|) with x = (p - centre) / extent.
 // Grid      one thread per flat index of the group, its gap included.
 // Writes    flags; score: the pull as a key that sorts the hardest first, all ones for who cannot grow; or, where
 //           `weight` is not 0, a number proportional to the opacity, 0 for the dead. Everything by flat index.
@@ -31,6 +32,7 @@ layout(push_constant) uniform Push {
     float gradient;
     uint bucket;
     uint n_lenses;
+    uint levels;
     float veil;           // standard deviation, in units of its depth before a lens, above which it is not kept
 } pc;
 layout(set = 0, binding = 0) restrict readonly buffer Geometry { vec4 geometry[]; };
@@ -83,11 +85,14 @@ void main() {
     const float n_frames = float(pc.n_frames);
     const float frame = clamp(floor(v.w * n_frames + 0.5), 0.0, n_frames - 1.0);
     opacity *= temporal_weight(v.w, t_scale, frame / n_frames);
-    // Those that last longer than a quarter of the clip belong to no time.
-    const bool lasts = t_scale > log(0.25);
-    code |= (lasts ? 0u : 1u + uint(30.0 * clamp(v.w, 0.0, 1.0))) << CODE_TIME;
-#endif
+    precise float level = floor(-1.442695 * t_scale - 2.0);
+    const uint n_slots = 1u << uint(clamp(level, 0.0, float(pc.levels)));
+    const uint slot = min(uint(clamp(v.w, 0.0, 1.0) * float(n_slots)), n_slots - 1u);
+    code |= (n_slots - 1u + slot) << (CODE_BUCKET - 1u - pc.levels);
+    code |= morton(mean_opacity.xyz) >> (max(pc.levels, LEVELS_BESIDE_PLACE) - LEVELS_BESIDE_PLACE);
+#else
     code |= morton(mean_opacity.xyz);
+#endif
     const float width = exp(min(scale, 80.0));
     bool veils = false;
     for (uint k = 0u; k < unfolded(pc.n_lenses); ++k) {

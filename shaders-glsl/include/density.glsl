@@ -24,6 +24,7 @@ const uint N_CLONED = 2u;
 const uint N_SPLIT = 3u;
 const uint N_BUCKET = 4u;  // eight: Gaussians of each bucket, 4 * is dynamic + 3 - SH degree
 
-// Bucket, time and place of a Gaussian, most significant first: 3, 5 and 24 bits.
+// Bucket, slot of time and place of a Gaussian, most significant first. The bucket has 3 bits, the slot one more than there are
+// levels, the place 24, of which the lowest make way for more than so many levels.
 const uint CODE_BUCKET = 29u;
-const uint CODE_TIME = 24u;
+const uint LEVELS_BESIDE_PLACE = 4u;

@@ -88,6 +88,7 @@ fn a_detached_depth_moves_places_and_no_opacities() {
         purpose: Purpose::Gradient,
         sums: Sums::Slots,
         camera: false,
+        idle: false,
         depth_bits: 32,
     };
     let work = Workspace::new(&gpu, &scene, room).unwrap();

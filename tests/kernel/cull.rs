@@ -8,13 +8,14 @@ use crate::common::twins::tested;
 use ivv::Constants;
 use ivv::gpu::generated::compact;
 use ivv::gpu::{Grid, Recording};
-use ivv::scene::Motion;
-use ivv::stage::{Purpose, SceneBuffers};
-use ivv::twin::{Camera, Params, Rules, exclusive_scan, project, tiles_truth};
+use ivv::scene::{Motion, View};
+use ivv::stage::{Among, Purpose, SceneBuffers};
+use ivv::twin::{Camera, Params, Rules, exclusive_scan, project, tiles_truth, visible};
 
 tested! {
     "cull/bound.comp" by tiles_truth in no_gaussian_that_contributes_to_a_pixel_is_culled;
     "cull/cull.comp" by tiles_truth in no_gaussian_that_contributes_to_a_pixel_is_culled;
+    "cull/live_blocks.comp" by visible in blocks_are_listed_that_have_someone_alive_and_no_others;
     "cull/compact.comp" by exclusive_scan in compaction_works_around_the_limit_of_65535_workgroups;
     "cull/prepare_active.comp" by exclusive_scan in the_active_list_of_any_mix_of_sizes_is_the_list_of_the_marked_ones_in_order;
 }
@@ -200,8 +201,15 @@ fn compaction_works_around_the_limit_of_65535_workgroups() {
         let ids = gpu.upload("ids", &vec![GUARD; marked.len() + 4]).unwrap();
         let (bits, offsets) = (gpu.upload("bits", &bits).unwrap(), gpu.upload("offsets", &offsets).unwrap());
         let others = gpu.upload("others", &vec![GUARD; n as usize - marked.len() + 4]).unwrap();
-        let args = compact::Args { bits: &bits, offsets: &offsets, active_id: &ids, idle_id: &others };
-        let push = compact::Push { n, capacity: marked.len() as u32 + 4, wants_idle: 1 };
+        let args = compact::Args {
+            bits: &bits,
+            offsets: &offsets,
+            active_id: &ids,
+            idle_id: &others,
+            live: &offsets,
+            live_args: &offsets,
+        };
+        let push = compact::Push { n, first: 0, capacity: marked.len() as u32 + 4, is_listed: 0, wants_idle: 1 };
         let mut rec = Recording::new();
         rec.pass(args, push, Grid::Threads(n));
         gpu.run(&rec).unwrap();
@@ -211,4 +219,96 @@ fn compaction_works_around_the_limit_of_65535_workgroups() {
         let expected = (0..n).filter(|i| marked.binary_search(i).is_err()).chain([GUARD; 4]);
         assert!(others.into_iter().eq(expected), "the others of {n} places");
     }
+}
+
+/// What `bound.comp` makes of the half-width of a life, in double precision.
+fn half_width(one: &One) -> f64 {
+    let level = (1.0 / (1.0 + (-f64::from(one.opacity)).exp()) * 255.0).ln();
+    f64::from(one.motion.unwrap().t_scale).exp() * level.sqrt()
+}
+
+#[test]
+fn blocks_are_listed_that_have_someone_alive_and_no_others() {
+    let lasting = |t_scale: f32, t_center: f32| Motion { velocity: [0.5, 0.0, 0.0], t_center, t_scale };
+    let mut random = Random::new(11);
+    for n in [1usize, 127, 128, 129, 1000] {
+        // In order of time; whatever the last one is.
+        for last in [0.01f32.ln(), f32::INFINITY, f32::NAN, 80.0] {
+            let moving = |i: usize| {
+                let t_scale = if i + 1 == n { last } else { random.uniform(-6.0, -4.5) as f32 };
+                let at = random.vector::<2>(-0.5, 0.5);
+                One {
+                    motion: Some(lasting(t_scale, i as f32 / n as f32)),
+                    ..ball([at[0], at[1], 4.0], 0.05, 0.5, [0.5; 3])
+                }
+            };
+            let mut all: Vec<One> = (0..n).map(moving).collect();
+            // Never seen: not finite, and too faint.
+            all[n / 2].position[0] = f32::NAN;
+            all[n / 3].opacity = -9.0;
+            for time in [0.0, 0.25, 0.999, -3.0, 40.0] {
+                let what = format!("{n} Gaussians, the last of t_scale {last}, at {time}");
+                let view = View { time, time_offset: 0.0, ..camera(64, 48) };
+                let splats = scene_of(&all);
+                let fixture = Fixture::new(&splats, &view);
+                let (gpu, group) = (&fixture.gpu, &fixture.scene.groups[0]);
+                gpu.write(&fixture.cull.bits, &vec![GUARD; fixture.cull.bits.len()]).unwrap();
+                gpu.write(&fixture.cull.offsets, &vec![GUARD; fixture.cull.offsets.len()]).unwrap();
+                let (_, ids) = fixture.cull();
+                let [x, y, z, n_live] = gpu.read(&group.live.args).unwrap()[0];
+                assert_eq!([x, y, z, n_live], if n_live == 0 { [0; 4] } else { folded(n_live) }, "{what}");
+                let mut live = gpu.read(&group.live.blocks).unwrap();
+                live.truncate(n_live as usize);
+                live.sort_unstable();
+
+                let params = Params::<f64>::new(&splats, &view);
+                let (camera, rules) = (Camera::<f64>::new(&view), Rules::<f64>::new(&Constants::default()));
+                let seen = |i: &usize| visible(&params.gaussian(*i), &camera, time, [0.0, 48.0], &rules);
+                let expected: Vec<u32> = (0..n).filter(|i| *i != n / 2 && seen(i)).map(|i| i as u32).collect();
+                assert_eq!(ids, expected, "{what}");
+                // Lives of f32 end within a hundredth of their length.
+                let alive = |i: usize, wider: f64| {
+                    let motion = all[i].motion.unwrap();
+                    let is_drawn = i != n / 2 && i != n / 3 && !motion.t_scale.is_nan();
+                    is_drawn && (time - f64::from(motion.t_center)).abs() <= wider * half_width(&all[i])
+                };
+                for block in 0..n.div_ceil(128) {
+                    let members = || 128 * block..n.min(128 * block + 128);
+                    let (must, may) = (members().any(|i| alive(i, 0.99)), members().any(|i| alive(i, 1.01)));
+                    let first = members().map(|i| all[i].motion.unwrap()).map(|m| f64::from(m.t_center));
+                    // A block may live between its members' lives.
+                    let within = first.clone().any(|t| t <= time) && first.clone().any(|t| t >= time);
+                    let listed = live.binary_search(&(block as u32)).is_ok();
+                    assert!(listed >= must && (listed <= may || within), "{what}: block {block} {listed}");
+                    let words = &gpu.read(&fixture.cull.bits).unwrap()[4 * block..4 * block + 4];
+                    let marked = members().filter(|i| words[i % 128 / 32] >> (i % 32) & 1 == 1).map(|i| i as u32);
+                    assert!(marked.eq(expected.iter().copied().filter(|i| *i as usize / 128 == block)), "{what}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn a_block_lives_anew_when_its_gaussians_do() {
+    let one = |t_center: f32| One {
+        motion: Some(Motion { velocity: [0.0; 3], t_center, t_scale: -5.0 }),
+        ..ball([0.0, 0.0, 4.0], 0.05, 0.5, [0.5; 3])
+    };
+    let all: Vec<One> = (0..384).map(|i| one(if i < 128 { 0.1 } else { 0.9 })).collect();
+    let fixture = Fixture::new(&scene_of(&all), &View { time: 0.1, time_offset: 0.0, ..camera(64, 48) });
+    assert_eq!(fixture.cull().1.len(), 128);
+    // Two move, one of a block that lives and one of a block that does not: the listed blocks alone are looked at.
+    let motion = fixture.scene.groups[0].params.motion.as_ref().unwrap();
+    let mut moved = fixture.gpu.read(motion).unwrap();
+    (moved[5][3], moved[200][3]) = (0.5, 0.1);
+    fixture.gpu.write(motion, &moved).unwrap();
+    let bound = |among| {
+        let mut rec = Recording::new();
+        let n_bad = fixture.gpu.upload("bad", &[0u32]).unwrap();
+        fixture.scene.record_bounds(&mut rec, &Constants::default(), &n_bad, among);
+        fixture.gpu.run(&rec).unwrap();
+        fixture.cull().1.len()
+    };
+    assert_eq!([bound(Among::Live), bound(Among::All)], [127, 128]);
 }

@@ -301,6 +301,25 @@ fn the_hardest_pulled_grow_and_the_faint_go_as_in_the_twin() {
 }
 
 #[test]
+fn a_long_clip_is_stored_by_slots_as_long_as_lives() {
+    if rounds_otherwise("places on the edge of a cell, whose side the last bit of a quotient decides") {
+        return;
+    }
+    let (mut splats, state) = scene(20, 100, 900, 1);
+    let t_scales = [-3.0, -4.2, -4.9, -5.5, -9.0, f32::NEG_INFINITY];
+    splats.motion.iter_mut().zip(t_scales.into_iter().cycle()).for_each(|(motion, t_scale)| motion.t_scale = t_scale);
+    let case = Case::new(splats, state, 1 << 20);
+    let (after, _) = case.check(&DensityRound { n_frames: 300, prune_opacity: 0.0, ..ROUND });
+    let motion = &after.splats.motion;
+    let shortest: Vec<f32> = motion.iter().filter(|m| m.t_scale < -8.0).map(|m| m.t_center).collect();
+    assert!(shortest.len() > 60, "{}", shortest.len());
+    let slot = |t: &f32| (256.0 * t) as u32;
+    let in_order = shortest.windows(2).filter(|pair| slot(&pair[0]) <= slot(&pair[1])).count();
+    // Two degrees are stored apart.
+    assert!(in_order + 2 >= shortest.len(), "{in_order} of {} follow the one before in time", shortest.len());
+}
+
+#[test]
 fn what_is_wide_before_a_lens_goes_whoever_looks_through_it() {
     // A third of the depth, from above and from below, before the lens and behind it; far from any; at the cone's side, within and
     // without; where the lens is, a little beside it.

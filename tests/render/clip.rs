@@ -75,6 +75,45 @@ fn windows_of_a_clip_show_every_bit_of_the_whole_scene() {
 }
 
 #[test]
+fn pictures_and_gradients_do_not_tell_in_which_blocks_gaussians_die() {
+    let gpu = gpu();
+    let mut splats = clip(3_000, 0.01);
+    splats.motion[7].t_scale = f32::INFINITY;
+    splats.motion[9].t_center = f32::NAN;
+    splats.motion[11].t_scale = 60.0;
+    // By time, so that most blocks are dead at any, and mixed, so that none is.
+    let mut order: Vec<usize> = (500..splats.len()).collect();
+    order.sort_by(|a, b| splats.motion[a - 500].t_center.total_cmp(&splats.motion[b - 500].t_center));
+    let order: Vec<usize> = (0..500).chain(order).collect();
+    let sorted = splats.in_order(&order);
+    let [mut by_time, mut mixed] =
+        [&sorted, &splats].map(|splats| Renderer::new(gpu.clone(), splats, Constants::default()).unwrap());
+    for time in [0.0, 0.3, 0.31, 0.999, -0.5, 9.0] {
+        let view = at(time);
+        let (found, report) = by_time.render(&view, Outputs::All).unwrap();
+        let (expected, other) = mixed.render(&view, Outputs::All).unwrap();
+        assert_eq!((bits(&found), report.active), (bits(&expected), other.active), "at {time}");
+        let [found, expected] =
+            [&mut by_time, &mut mixed].map(|renderer| renderer.vjp(&view, &expected).unwrap().0.params);
+        let numbers = |splats: &Splats, i: usize| {
+            let motion = i.checked_sub(500).map(|i| splats.motion[i]);
+            let motion = motion.map(|m| [m.velocity[0], m.velocity[1], m.velocity[2], m.t_center, m.t_scale]);
+            let all = splats.position[i].into_iter().chain(splats.rotation[i]).chain(splats.scale[i]);
+            let all = all.chain([splats.opacity[i]]).chain(splats.sh[i]).chain(motion.into_iter().flatten());
+            all.map(f32::to_bits).collect::<Vec<_>>()
+        };
+        for (i, from) in order.iter().enumerate() {
+            assert_eq!(numbers(&found, i), numbers(&expected, *from), "Gaussian {from} at {time}");
+        }
+        if gpu.caps().timestamp_ns > 0.0 {
+            let live = |renderer: &mut Renderer| renderer.profile(&view, Outputs::Color).unwrap().counters.live;
+            let (few, all) = (live(&mut by_time), live(&mut mixed));
+            assert!(few < 1_500.0 && (time != 0.3 || all > 3_400.0), "{few} and {all} live at {time}");
+        }
+    }
+}
+
+#[test]
 fn windows_follow_what_is_left_out_of_time_and_are_none_where_they_do_not_pay() {
     let _device = gpu();
     let splats = clip(20_000, 0.02);

@@ -8,6 +8,7 @@ mod init;
 mod knobs;
 mod leak;
 mod live;
+mod lives;
 mod look;
 mod overwrite;
 mod plan;

@@ -23,6 +23,7 @@ fn workload() -> Workload {
         image_bytes: 3 << 30,
         kept_image_bytes: None,
         data: TermData::NONE,
+        dense: true,
         offsets: false,
         grids: 0,
         sums: Sums::Slots,

@@ -146,8 +146,8 @@ pub mod density {
     pub const N_BUCKET: u32 = 4;
     /// `CODE_BUCKET` of the shader.
     pub const CODE_BUCKET: u32 = 29;
-    /// `CODE_TIME` of the shader.
-    pub const CODE_TIME: u32 = 24;
+    /// `LEVELS_BESIDE_PLACE` of the shader.
+    pub const LEVELS_BESIDE_PLACE: u32 = 4;
 }
 
 /// Of `density/density_children.comp`.
@@ -174,6 +174,12 @@ pub mod grid {
     pub const MAX_GROUPS: u32 = 65535;
     /// items in one block of planes.
     pub const PLANE_BLOCK: u32 = 32;
+}
+
+/// Of `include/live.glsl`.
+pub mod live {
+    /// `NO_BLOCK` of the shader.
+    pub const NO_BLOCK: u32 = 0xffffffff;
 }
 
 /// Of `loss/loss_sum.comp`.
@@ -316,6 +322,12 @@ pub mod ssim_filter {
     pub const TILE_COLUMNS: u32 = 32;
     /// outputs of a thread, which share their inputs; as many rows has a tile of outputs.
     pub const RUN: u32 = 8;
+}
+
+/// Of `include/time_key.glsl`.
+pub mod time_key {
+    /// `FOREVER` of the shader.
+    pub const FOREVER: u32 = 0xffffffff;
 }
 
 /// Of `include/types.glsl`.

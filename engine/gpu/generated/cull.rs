@@ -11,14 +11,11 @@ pub mod bound_static {
         pub n: u32,
         /// `alpha_min` of the shader.
         pub alpha_min: f32,
-        /// `temporal_cut` of the shader.
-        pub temporal_cut: f32,
     }
     const _: () = {
-        assert!(size_of::<Push>() == 12);
+        assert!(size_of::<Push>() == 8);
         assert!(std::mem::offset_of!(Push, n) == 0);
         assert!(std::mem::offset_of!(Push, alpha_min) == 4);
-        assert!(std::mem::offset_of!(Push, temporal_cut) == 8);
     };
     /// The kernel's buffers.
     pub struct Args<'a> {
@@ -54,8 +51,27 @@ pub mod bound_static {
 
 /// derives from each Gaussian the numbers that culling reads: centre, reach, and time window.
 pub mod bound_dynamic {
-    pub use super::bound_static::Push;
     use crate::gpu::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `n` of the shader.
+        pub n: u32,
+        /// `alpha_min` of the shader.
+        pub alpha_min: f32,
+        /// `temporal_cut` of the shader.
+        pub temporal_cut: f32,
+        /// `is_listed` of the shader.
+        pub is_listed: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 16);
+        assert!(std::mem::offset_of!(Push, n) == 0);
+        assert!(std::mem::offset_of!(Push, alpha_min) == 4);
+        assert!(std::mem::offset_of!(Push, temporal_cut) == 8);
+        assert!(std::mem::offset_of!(Push, is_listed) == 12);
+    };
     /// The kernel's buffers.
     pub struct Args<'a> {
         /// Reads.
@@ -68,6 +84,12 @@ pub mod bound_dynamic {
         pub motion: &'a Buf<[f32; 4]>,
         /// Writes.
         pub window: &'a Buf<f32>,
+        /// Writes.
+        pub life: &'a Buf<[u32; 2]>,
+        /// Reads.
+        pub live: &'a Buf<u32>,
+        /// Reads.
+        pub live_args: &'a Buf<u32>,
     }
     impl Kernel for Args<'_> {
         type Push = Push;
@@ -79,6 +101,9 @@ pub mod bound_dynamic {
                 self.n_bad.slice(),
                 self.motion.slice(),
                 self.window.slice(),
+                self.life.slice(),
+                self.live.slice(),
+                self.live_args.slice(),
             ]
         }
     }
@@ -88,7 +113,7 @@ pub mod bound_dynamic {
         push_bytes: size_of::<Push>() as u32,
         spirv: include_bytes!("../../../shaders-glsl/spv/bound_dynamic.spv"),
         local: 128,
-        subgroups: false,
+        subgroups: true,
         floats: 0x1b,
         bindings: &[
             BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
@@ -96,6 +121,74 @@ pub mod bound_dynamic {
             BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::ReadWrite },
             BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "window", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "life", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "live", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "live_args", kind: BindingKind::Storage, access: Access::Read },
+        ],
+    };
+}
+
+/// lists the blocks of 128 dynamic Gaussians of which one may live at the view's time, and empties the others.
+pub mod live_blocks {
+    use crate::gpu::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `n` of the shader.
+        pub n: u32,
+        /// `first` of the shader.
+        pub first: u32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 8);
+        assert!(std::mem::offset_of!(Push, n) == 0);
+        assert!(std::mem::offset_of!(Push, first) == 4);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub view: &'a Buf<crate::gpu::generated::ViewParams>,
+        /// Reads.
+        pub life: &'a Buf<[u32; 2]>,
+        /// Writes.
+        pub live: &'a Buf<u32>,
+        /// ReadWrites.
+        pub live_args: &'a Buf<u32>,
+        /// Writes.
+        pub bits: &'a Buf<u32>,
+        /// Writes.
+        pub counts: &'a Buf<u32>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = INFO;
+        fn slices(&self) -> Vec<Slice> {
+            vec![
+                self.view.slice(),
+                self.life.slice(),
+                self.live.slice(),
+                self.live_args.slice(),
+                self.bits.slice(),
+                self.counts.slice(),
+            ]
+        }
+    }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "live_blocks",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../../shaders-glsl/spv/live_blocks.spv"),
+        local: 128,
+        subgroups: true,
+        floats: 0x0,
+        bindings: &[
+            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
+            BindingInfo { name: "life", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "live", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "live_args", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "bits", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "counts", kind: BindingKind::Storage, access: Access::Write },
         ],
     };
 }
@@ -170,6 +263,10 @@ pub mod cull_dynamic {
         pub motion: &'a Buf<[f32; 4]>,
         /// Reads.
         pub window: &'a Buf<f32>,
+        /// Reads.
+        pub live: &'a Buf<u32>,
+        /// Reads.
+        pub live_args: &'a Buf<u32>,
     }
     impl Kernel for Args<'_> {
         type Push = Push;
@@ -182,6 +279,8 @@ pub mod cull_dynamic {
                 self.counts.slice(),
                 self.motion.slice(),
                 self.window.slice(),
+                self.live.slice(),
+                self.live_args.slice(),
             ]
         }
     }
@@ -200,11 +299,13 @@ pub mod cull_dynamic {
             BindingInfo { name: "counts", kind: BindingKind::Storage, access: Access::Write },
             BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "window", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "live", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "live_args", kind: BindingKind::Storage, access: Access::Read },
         ],
     };
 }
 
-/// lists the marked Gaussians in index order, and the others if asked for.
+/// lists the marked Gaussians of a group in index order, and the others if asked for.
 pub mod compact {
     use crate::gpu::kernel::*;
     /// `Push` of the shaders.
@@ -213,16 +314,22 @@ pub mod compact {
     pub struct Push {
         /// `n` of the shader.
         pub n: u32,
+        /// `first` of the shader.
+        pub first: u32,
         /// `capacity` of the shader.
         pub capacity: u32,
+        /// `is_listed` of the shader.
+        pub is_listed: u32,
         /// `wants_idle` of the shader.
         pub wants_idle: u32,
     }
     const _: () = {
-        assert!(size_of::<Push>() == 12);
+        assert!(size_of::<Push>() == 20);
         assert!(std::mem::offset_of!(Push, n) == 0);
-        assert!(std::mem::offset_of!(Push, capacity) == 4);
-        assert!(std::mem::offset_of!(Push, wants_idle) == 8);
+        assert!(std::mem::offset_of!(Push, first) == 4);
+        assert!(std::mem::offset_of!(Push, capacity) == 8);
+        assert!(std::mem::offset_of!(Push, is_listed) == 12);
+        assert!(std::mem::offset_of!(Push, wants_idle) == 16);
     };
     /// The kernel's buffers.
     pub struct Args<'a> {
@@ -234,12 +341,23 @@ pub mod compact {
         pub active_id: &'a Buf<u32>,
         /// Writes.
         pub idle_id: &'a Buf<u32>,
+        /// Reads.
+        pub live: &'a Buf<u32>,
+        /// Reads.
+        pub live_args: &'a Buf<u32>,
     }
     impl Kernel for Args<'_> {
         type Push = Push;
         const INFO: &'static KernelInfo = INFO;
         fn slices(&self) -> Vec<Slice> {
-            vec![self.bits.slice(), self.offsets.slice(), self.active_id.slice(), self.idle_id.slice()]
+            vec![
+                self.bits.slice(),
+                self.offsets.slice(),
+                self.active_id.slice(),
+                self.idle_id.slice(),
+                self.live.slice(),
+                self.live_args.slice(),
+            ]
         }
     }
     /// What the device needs to know.
@@ -255,6 +373,8 @@ pub mod compact {
             BindingInfo { name: "offsets", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Write },
             BindingInfo { name: "idle_id", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "live", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "live_args", kind: BindingKind::Storage, access: Access::Read },
         ],
     };
 }

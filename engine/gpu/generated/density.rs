@@ -29,11 +29,13 @@ pub mod density_classify_static {
         pub bucket: u32,
         /// `n_lenses` of the shader.
         pub n_lenses: u32,
+        /// `levels` of the shader.
+        pub levels: u32,
         /// `veil` of the shader.
         pub veil: f32,
     }
     const _: () = {
-        assert!(size_of::<Push>() == 60);
+        assert!(size_of::<Push>() == 64);
         assert!(std::mem::offset_of!(Push, center) == 0);
         assert!(std::mem::offset_of!(Push, n) == 16);
         assert!(std::mem::offset_of!(Push, first) == 20);
@@ -45,7 +47,8 @@ pub mod density_classify_static {
         assert!(std::mem::offset_of!(Push, gradient) == 44);
         assert!(std::mem::offset_of!(Push, bucket) == 48);
         assert!(std::mem::offset_of!(Push, n_lenses) == 52);
-        assert!(std::mem::offset_of!(Push, veil) == 56);
+        assert!(std::mem::offset_of!(Push, levels) == 56);
+        assert!(std::mem::offset_of!(Push, veil) == 60);
     };
     /// The kernel's buffers.
     pub struct Args<'a> {

@@ -213,6 +213,7 @@ const _: () = {
 pub const ALL: &[&super::KernelInfo] = &[
     bound_static::INFO,
     bound_dynamic::INFO,
+    live_blocks::INFO,
     cull_static::INFO,
     cull_dynamic::INFO,
     compact::INFO,

@@ -398,10 +398,19 @@ pub mod sh_half {
     pub struct Push {
         /// `n` of the shader.
         pub n: u32,
+        /// `size` of the shader.
+        pub size: u32,
+        /// `planes` of the shader.
+        pub planes: u32,
+        /// `is_listed` of the shader.
+        pub is_listed: u32,
     }
     const _: () = {
-        assert!(size_of::<Push>() == 4);
+        assert!(size_of::<Push>() == 16);
         assert!(std::mem::offset_of!(Push, n) == 0);
+        assert!(std::mem::offset_of!(Push, size) == 4);
+        assert!(std::mem::offset_of!(Push, planes) == 8);
+        assert!(std::mem::offset_of!(Push, is_listed) == 12);
     };
     /// The kernel's buffers.
     pub struct Args<'a> {
@@ -409,12 +418,16 @@ pub mod sh_half {
         pub band: &'a Buf<[f32; 4]>,
         /// Writes.
         pub halves: &'a Buf<[u32; 2]>,
+        /// Reads.
+        pub live: &'a Buf<u32>,
+        /// Reads.
+        pub live_args: &'a Buf<u32>,
     }
     impl Kernel for Args<'_> {
         type Push = Push;
         const INFO: &'static KernelInfo = INFO;
         fn slices(&self) -> Vec<Slice> {
-            vec![self.band.slice(), self.halves.slice()]
+            vec![self.band.slice(), self.halves.slice(), self.live.slice(), self.live_args.slice()]
         }
     }
     /// What the device needs to know.
@@ -422,12 +435,14 @@ pub mod sh_half {
         name: "sh_half",
         push_bytes: size_of::<Push>() as u32,
         spirv: include_bytes!("../../../shaders-glsl/spv/sh_half.spv"),
-        local: 64,
-        subgroups: false,
+        local: 128,
+        subgroups: true,
         floats: 0x1,
         bindings: &[
             BindingInfo { name: "band", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "halves", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "live", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "live_args", kind: BindingKind::Storage, access: Access::Read },
         ],
     };
 }

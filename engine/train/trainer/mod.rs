@@ -139,6 +139,7 @@ impl Trainer {
             purpose: Purpose::Training,
             sums: accumulation,
             camera: objective.cameras.wants_gradient(),
+            idle: config.adam == AdamMode::Dense,
             depth_bits: constants.knobs.depth_bits,
         };
         Ok(Trainer {

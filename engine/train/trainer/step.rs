@@ -6,7 +6,7 @@ use crate::gpu::Recording;
 use crate::gpu::generated::{Status, ViewParams};
 use crate::scene::View;
 use crate::scene::capture::Picture;
-use crate::stage::{AdamMode, Outcome, Room, Size, Strip, Target, Workspace, record_mcmc_noise, view_params};
+use crate::stage::{AdamMode, Among, Outcome, Room, Size, Strip, Target, Workspace, record_mcmc_noise, view_params};
 use crate::train::density::noise;
 use crate::train::images::{Loaded, Shot};
 use tracing::debug_span;
@@ -159,7 +159,7 @@ impl Trainer {
         let lists = work.record_forward(&mut rec, scene, size, |rec| {
             optimiser.record_catch_up(rec, scene, &work.cull, status, step - 1);
             if is_lazy {
-                scene.record_halves(rec);
+                scene.record_halves(rec, Among::Live);
             }
         });
         drop(forward);
@@ -171,10 +171,17 @@ impl Trainer {
             let _stepping = debug_span!("optimiser").entered();
             optimiser.record_idle(&mut rec, scene, &work.cull, status);
             self.objective.record_step(&mut rec, work, truth, *step, self.total);
-            if let Some((rate, key)) = noise(&self.config, *step, self.total, self.setup.extent.radius) {
+            let noise = noise(&self.config, *step, self.total, self.setup.extent.radius);
+            if let Some((rate, key)) = noise {
                 record_mcmc_noise(&mut rec, scene, status, rate, key);
             }
-            scene.record_bounds(&mut rec, &self.constants, &self.n_undrawable);
+            let moves_all = self.config.adam == AdamMode::Dense;
+            let moved = |all: bool| if all { Among::All } else { Among::Live };
+            scene.record_bounds(&mut rec, &self.constants, &self.n_undrawable, moved(moves_all || noise.is_some()));
+            // The next step that sees them catches up first.
+            if !is_lazy {
+                scene.record_halves(&mut rec, moved(moves_all));
+            }
         }
         rec.section("report");
         let results = Results {

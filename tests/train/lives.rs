@@ -1,0 +1,56 @@
+//! Training Gaussians of which most do not live at a step's time.
+
+use super::{Tiny, bits, drive, steady};
+use crate::common::device::gpu;
+use crate::common::random::Random;
+use ivv::Constants;
+use ivv::scene::{Motion, Splats};
+use ivv::stage::AdamMode;
+use ivv::train::{Config, Density, Setup, Trainer, from_points};
+
+/// Gaussians whose processing goes block by block.
+const BLOCK: usize = 128;
+
+/// Short-lived Gaussians in order of time. The first of each block is where no camera looks, and lives always or never.
+fn short_lived(tiny: &Tiny, config: &Config, always: bool) -> Splats {
+    let mut random = Random::new(5);
+    let from = from_points(&tiny.capture.points, &tiny.capture, config);
+    let n = 1_500;
+    let mut splats = from.in_order(&(0..n).map(|i| i % from.len()).collect::<Vec<_>>());
+    for (i, position) in splats.position.iter_mut().enumerate() {
+        *position = position.map(|x| x + random.uniform(-0.05, 0.05) as f32);
+        let Motion { t_center, t_scale, .. } = &mut splats.motion[i];
+        (*t_center, *t_scale) = (i as f32 / n as f32, random.uniform(-3.5, -2.5) as f32);
+        if i % BLOCK == 0 {
+            *position = [0.0, 1e4, 0.0];
+            (*t_center, *t_scale) = if always { (0.5, 10.0) } else { (-100.0, -3.0) };
+        }
+    }
+    splats
+}
+
+#[test]
+fn steps_do_not_tell_in_which_blocks_gaussians_die() {
+    let gpu = gpu();
+    let tiny = Tiny::new("lives");
+    for (adam, sh_bits) in [(AdamMode::Lazy, 16), (AdamMode::Sparse, 16), (AdamMode::Sparse, 32), (AdamMode::Dense, 16)]
+    {
+        let density = Density { stop: 0.0, ..Density::default() };
+        let mut config = Config { sh_degree: 1, adam, density, ..steady() };
+        config.frame.sh_bits = sh_bits;
+        let trained = |always| {
+            let setup = Setup::new(&tiny.capture, &config);
+            let begin = short_lived(&tiny, &config, always);
+            let mut trainer =
+                Trainer::new(gpu.clone(), &begin, Constants::default(), config.clone(), 40, setup).unwrap();
+            drive(&mut trainer, &tiny.capture, 1, 40);
+            let reports = trainer.take_reports();
+            assert!(reports.iter().all(|step| step.active > 20 && step.active < 1_000), "{adam:?}");
+            let others: Vec<usize> = (0..begin.len()).filter(|i| i % BLOCK > 0).collect();
+            (bits(&begin.in_order(&others)), bits(&trainer.splats().unwrap().in_order(&others)))
+        };
+        let ((begin, dying), (_, living)) = (trained(false), trained(true));
+        assert!(begin != dying, "{adam:?}: nothing was learnt");
+        assert!(dying == living, "{adam:?}, harmonics of {sh_bits} bits");
+    }
+}
