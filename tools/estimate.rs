@@ -106,7 +106,7 @@ impl EstimateArgs {
         let [width, height] = self.size;
         let mut counters = Counters::default();
         counters.gaussians = f64::from(self.gaussians);
-        counters.active = counters.gaussians;
+        (counters.live, counters.active) = (counters.gaussians, counters.gaussians);
         counters.visible = (VISIBLE * counters.active).round();
         counters.intersections = f64::from(self.pairs);
         counters.tiles = f64::from(width.div_ceil(TILE) * height.div_ceil(TILE));

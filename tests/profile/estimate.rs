@@ -93,6 +93,9 @@ fn a_step_is_estimated_for_each_card_from_its_own_recording() {
         for name in ["cull", "depth sort", "tile sort", "blend", "loss", "blend bwd", "project bwd adam", "report"] {
             assert!(parts.iter().any(|part| part["name"] == name), "{name}");
         }
+        // All live, so culling reads 16 bytes of each.
+        let cull = parts.iter().find(|part| part["name"] == "cull").unwrap();
+        assert!(cull["bytes"].as_f64().unwrap() >= 2000.0 * 16.0, "{cull}");
     }
     assert!(slow["total"]["us"].as_f64() > fast["total"]["us"].as_f64());
     // Half as many lanes make at least as many blocks of a tile, and so as many passes where these follow one another.
