@@ -87,7 +87,7 @@ impl StudyResult<'_> {
 mod tests {
     use super::*;
     use crate::study::STUDIES;
-    use crate::study::ablation::tests::result;
+    use crate::study::studies::tests::result;
 
     #[test]
     fn tables_and_pictures_hold_every_arm() {

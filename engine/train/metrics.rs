@@ -2,6 +2,7 @@
 
 use super::align::{aligned_mse, visible_pairs};
 use super::config::Config;
+use super::flicker;
 use crate::error::{Error, Result};
 use crate::gpu::{Gpu, Recording};
 use crate::report::statistics::{mean, median_high};
@@ -14,7 +15,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 /// What the scores mean, by name; written beside every set of them.
-pub const METRICS: [(&str, &str); 7] = [
+pub const METRICS: [(&str, &str); 8] = [
     ("psnr", "-10 log10 of the mean squared error, dB, over the three channels of the pixels that count"),
     ("psnr_aligned", "PSNR after the affine map of colours, one for each view, that brings it closest to the image"),
     (
@@ -29,6 +30,12 @@ pub const METRICS: [(&str, &str); 7] = [
     ("ssim", "as 3DGS: 11 x 11 Gaussian window, sigma 1.5, zero padding, C1 = 0.01^2, C2 = 0.03^2"),
     ("lpips", "LPIPS v0.1 of the whole view, where the run has weights for it; hidden pixels equal the image"),
     ("l1", "mean absolute error over the same values as PSNR"),
+    (
+        "flicker",
+        "mean absolute change of the colour, 0 to 1, since the frame before, of pixels that rest: no foreground mask marks them, and \
+         the image changed by at most 2/255 on average over 5 x 5 pixels about them; flicker_true is the image's own, its noise. \
+         Of cameras that stay where they are",
+    ),
 ];
 
 /// What holds for all of [`METRICS`].
@@ -55,6 +62,12 @@ pub struct Scores {
     /// LPIPS; none without weights, or of a view that is too small for them.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub lpips: Option<f64>,
+    /// Mean absolute change since the frame before, where nothing moves; none of a first frame or a camera that moves.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub flicker: Option<f64>,
+    /// The same of the image: its noise.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub flicker_true: Option<f64>,
 }
 
 /// Scores of a named view.
@@ -99,6 +112,8 @@ impl Evaluation {
             ssim: all(|s| s.ssim),
             l1: all(|s| s.l1),
             lpips: some(|s| s.lpips),
+            flicker: some(|s| s.flicker),
+            flicker_true: some(|s| s.flicker_true),
         };
         (!views.is_empty()).then_some(Evaluation { step, mean, views })
     }
@@ -239,6 +254,8 @@ pub fn evaluate(
 ) -> Result<Option<Evaluation>> {
     let capture = sight.capture;
     let mut views = Vec::new();
+    // The picture before, by camera.
+    let mut before = BTreeMap::new();
     for &(camera, frame) in frames {
         let view = sight.view(camera, frame)?;
         let begun = Instant::now();
@@ -250,12 +267,17 @@ pub fn evaluate(
         }
         let picture = capture.picture(camera, frame)?;
         let mut scores = meter.scores(&rendered, &picture)?;
-        if let Some(foreground) = capture.foreground(camera, frame)? {
+        let foreground = capture.foreground(camera, frame)?;
+        if let Some(foreground) = &foreground {
             scores.psnr_foreground = psnr_of(&rendered, &picture, |pixel| foreground[pixel]);
         }
         if let Some(covisible) = capture.covisible(camera, frame)? {
             scores.psnr_covisible = psnr_of(&rendered, &picture, |pixel| covisible[pixel]);
         }
+        let now = flicker::Instant::new(frame, view.pose, &rendered, picture, foreground);
+        let flicker = before.get(&camera).and_then(|before| now.flicker_since(before));
+        (scores.flicker, scores.flicker_true) = (flicker.map(|f| f.rendered), flicker.map(|f| f.truth));
+        before.insert(camera, now);
         seen(camera, frame, &rendered)?;
         let camera = capture.cameras[camera].name.clone();
         views.push(ViewScores { view: view.name, camera, frame, scores, render_ms });
@@ -302,7 +324,7 @@ impl Meter {
         self.lpips.as_ref().map(Lpips::trunk)
     }
 
-    /// Scores of `frame` against `picture`, of the same size, but for those of masks.
+    /// Scores of `frame` against `picture`, of the same size, but for those of masks and of other frames.
     ///
     /// # Errors
     /// Those of the device.
@@ -336,6 +358,7 @@ impl Meter {
         // A picture that is hidden as a whole has no error.
         let psnr_aligned = if visible.is_empty() { psnr(0.0) } else { psnr(aligned_mse(&visible)) };
         let psnr = psnr(squares / (3.0 * f64::from(n_visible)));
-        Ok(Scores { psnr, psnr_aligned, psnr_foreground: None, psnr_covisible: None, ssim, l1, lpips })
+        let (psnr_foreground, psnr_covisible, flicker, flicker_true) = (None, None, None, None);
+        Ok(Scores { psnr, psnr_aligned, psnr_foreground, psnr_covisible, ssim, l1, lpips, flicker, flicker_true })
     }
 }

@@ -7,6 +7,7 @@ mod config;
 mod density;
 mod depth_fit;
 mod fall;
+mod flicker;
 mod images;
 mod init;
 mod lock;

@@ -200,7 +200,7 @@ impl Density<'_> {
         let place = i.checked_sub(self.splats.n_static).map_or(morton, |at| {
             let motion = self.splats.motion[at];
             let most = self.n_frames.div_ceil(2).next_power_of_two().ilog2().min(12);
-            let level = (-1.442_695 * motion.t_scale - 2.0).floor().clamp(0.0, most as f32);
+            let level = (-std::f32::consts::LOG2_E * motion.t_scale - 2.0).floor().clamp(0.0, most as f32);
             let n_slots = 1u32 << level as u32;
             let slot = ((motion.t_center.clamp(0.0, 1.0) * n_slots as f32) as u32).min(n_slots - 1);
             1 << 31 | (n_slots - 1 + slot) << (28 - most) | morton >> (most.max(4) - 4)

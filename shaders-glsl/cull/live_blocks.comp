@@ -9,6 +9,7 @@
 #extension GL_GOOGLE_include_directive : require
 #extension GL_KHR_shader_subgroup_ballot : require
 #extension GL_KHR_shader_subgroup_arithmetic : require
+#extension GL_KHR_shader_subgroup_shuffle : require
 #include "types.glsl"
 #include "grid.glsl"
 #include "time_key.glsl"
@@ -39,7 +40,7 @@ void main() {
         atomicMax(live_args[1], grid.y);
         atomicMax(live_args[2], grid.z);
     }
-    first = subgroupBroadcastFirst(first);
+    first = subgroupShuffle(first, 0u);
     if (lives) live[first + rank] = block;
     if (exists && !lives) {
         for (uint w = 0u; w < 4u; ++w) bits[4u * (pc.first + block) + w] = 0u;

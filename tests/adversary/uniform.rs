@@ -47,8 +47,15 @@ impl<'a> Uniform<'a> {
 
     /// # Panics
     /// Where a loop with operations of the subgroup is left by some of its lanes before others, or where such a loop is inside
-    /// a selection that only some lanes take and that operations follow.
+    /// a selection that only some lanes take and that operations follow. Where lanes differ in what they ask the first lane for.
     pub fn check(&self) {
+        let firsts = self.blocks.iter().flat_map(|block| &block.instructions);
+        for first in firsts.filter(|i| i.class.opcode == Op::GroupNonUniformBroadcastFirst) {
+            assert!(
+                !self.differs.contains(&id(first, 1)),
+                "the first lane's value is taken as every lane's, which it is not"
+            );
+        }
         let constructs = self.constructs();
         let operates = |construct: &Construct| (construct.header..construct.merge).any(|n| self.operates(n));
         for lap in constructs.iter().filter(|construct| construct.is_loop && operates(construct)) {

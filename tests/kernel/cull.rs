@@ -231,7 +231,7 @@ fn half_width(one: &One) -> f64 {
 fn blocks_are_listed_that_have_someone_alive_and_no_others() {
     let lasting = |t_scale: f32, t_center: f32| Motion { velocity: [0.5, 0.0, 0.0], t_center, t_scale };
     let mut random = Random::new(11);
-    for n in [1usize, 127, 128, 129, 1000] {
+    for n in [1usize, 127, 128, 129, 1000, 20_000] {
         // In order of time; whatever the last one is.
         for last in [0.01f32.ln(), f32::INFINITY, f32::NAN, 80.0] {
             let moving = |i: usize| {

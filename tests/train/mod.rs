@@ -51,8 +51,9 @@ fn steady() -> Config {
 
 /// Scores of a view without masks and LPIPS.
 fn scores_of(psnr: f64) -> Scores {
-    let (psnr_foreground, psnr_covisible, lpips) = (None, None, None);
-    Scores { psnr, psnr_aligned: psnr + 1.0, psnr_foreground, psnr_covisible, ssim: 0.5, l1: 0.1, lpips }
+    let (psnr_foreground, psnr_covisible, lpips, flicker, flicker_true) = (None, None, None, None, None);
+    let psnr_aligned = psnr + 1.0;
+    Scores { psnr, psnr_aligned, psnr_foreground, psnr_covisible, ssim: 0.5, l1: 0.1, lpips, flicker, flicker_true }
 }
 
 impl Tiny {

@@ -290,6 +290,7 @@ fn an_ablation_trains_each_setting_once_and_tables_what_came_of_it() {
         assert!(table.contains(part), "{part} is not in {table}");
     }
     assert!(told.contains(&table));
+    assert!(!output.join("standings.md").exists(), "one capture shows nothing of others");
     assert!(std::fs::read_to_string(output.join("initialisation.svg")).unwrap().matches("<circle").count() == 3);
     let scores = output.join("runs/flow-guided-3/eval.json");
     let before = std::fs::metadata(&scores).unwrap().modified().unwrap();
@@ -298,6 +299,32 @@ fn an_ablation_trains_each_setting_once_and_tables_what_came_of_it() {
     assert!(fails(&["ablate", capture, "-o", to, "--studies", "colour"], 2).contains("--studies colour"));
     let told = fails(&["ablate", capture, "-o", to, "--studies", "perceptual"], 2);
     assert!(told.contains("--lpips-weights"), "{told}");
+}
+
+#[test]
+fn techniques_stand_by_what_several_captures_show() {
+    let (one, two) = (Tiny::new("quality-one"), Tiny::new("quality-two"));
+    let [first, second] = [&one, &two].map(|tiny| tiny.folder.to_str().unwrap());
+    let output = one.folder.join("quality");
+    let to = output.to_str().unwrap();
+    let settings = ["--steps", "6", "--sh-degree", "0", "--max-gaussians", "300", "--bases", "given", "--seeds", "3"];
+    let told = works(&[&["ablate", first, second, "-o", to, "--studies", "quality"], &settings[..]].concat());
+    let text = std::fs::read_to_string(output.join("standings.md")).unwrap();
+    assert!(told.contains(&text));
+    let rows = text.lines().filter(|line| line.starts_with("| ") && line.contains("shown") || line.contains("harms"));
+    assert_eq!(rows.count(), 6, "one seed shows nothing: {text}");
+    for tiny in [&one, &two] {
+        let name = tiny.folder.file_name().unwrap().to_str().unwrap();
+        assert!(text.contains(name), "{name}: {text}");
+        let found = json(&output.join(name).join("ablation.json"));
+        let study = &found["studies"][0];
+        let titles = study["measures"].as_array().unwrap();
+        let at = titles.iter().position(|title| title == "flicker over the images' own").unwrap();
+        let flicker = study["arms"][0]["values"][at][0].as_f64().unwrap();
+        assert!(flicker > 0.0 && flicker.is_finite(), "{flicker}");
+    }
+    let told = fails(&["ablate", first, first, "-o", to, "--studies", "quality"], 2);
+    assert!(told.contains("two captures are called"), "{told}");
 }
 
 #[test]

@@ -64,6 +64,23 @@ fn a_picture_that_is_not_finite_has_no_score() {
 }
 
 #[test]
+fn flicker_is_of_a_camera_that_stays_and_of_successive_frames() {
+    let _device = gpu();
+    let tiny = Tiny::new("flicker");
+    let (mut renderer, mut meter) = renderer_and_meter(&tiny);
+    let (camera, first) = tiny.capture.test_frames()[0];
+    let mut flickers = |frames: &[u32]| -> Vec<Option<(f64, f64)>> {
+        let frames: Vec<(usize, u32)> = frames.iter().map(|frame| (camera, *frame)).collect();
+        let sight = Sight::new(&tiny.capture, [0.0; 3]);
+        let all = evaluate(&mut renderer, &mut meter, &sight, &frames, 1, |_, _, _| Ok(())).unwrap().unwrap();
+        all.views.iter().map(|view| view.scores.flicker.zip(view.scores.flicker_true)).collect()
+    };
+    let [None, Some((rendered, truth))] = flickers(&[first, first + 1])[..] else { panic!("none of the first alone") };
+    assert!((0.0..0.5).contains(&rendered) && (0.0..0.02).contains(&truth), "{rendered} {truth}");
+    assert_eq!(flickers(&[first + 1, first]), [None, None], "frames that do not follow on one another");
+}
+
+#[test]
 fn a_mask_limits_a_score_to_what_it_marks() {
     let _device = gpu();
     let tiny = Tiny::new("masked-score");

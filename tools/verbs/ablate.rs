@@ -1,4 +1,4 @@
-//! `ivv ablate`: the paper's ablations on a capture.
+//! `ivv ablate`: the paper's ablations and other techniques, on captures.
 
 use crate::files::{make_folder, read_json, write_json};
 use crate::screen::{out, say};
@@ -7,9 +7,9 @@ use anyhow::Context;
 use clap::builder::PossibleValuesParser;
 use glam::DVec3;
 use ivv::files::write_atomic;
-use ivv::report::statistics::mean;
+use ivv::report::statistics::{Estimate, mean};
 use ivv::scene::capture::Capture;
-use ivv::study::{Arm, ArmResult, Base, Measure, STUDIES, Study, StudyResult};
+use ivv::study::{Arm, ArmResult, Base, Measure, STUDIES, Study, StudyResult, standings};
 use ivv::train::{Config, initialise};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -18,15 +18,17 @@ use std::process::{Command, Stdio};
 /// Options of `ivv ablate`.
 #[derive(clap::Args)]
 pub struct Args {
-    /// A capture.
-    capture: PathBuf,
+    /// Captures. With several, each has a folder of its own in OUTPUT, and OUTPUT/standings.md tells what they show together.
+    #[arg(required = true)]
+    captures: Vec<PathBuf>,
     /// The folder for the runs, ablation.md, ablation.json and the plots. Runs that are there are not repeated.
     #[arg(short, long)]
     output: PathBuf,
     /// Seeds. Every setting runs once with each.
     #[arg(long, value_delimiter = ',', default_value = "1,2,3")]
     seeds: Vec<u64>,
-    /// Studies, separated by commas: initialisation, offsets, supervision, perceptual (needs --lpips-weights), required.
+    /// Studies, separated by commas: initialisation, offsets, supervision, perceptual (needs --lpips-weights), required,
+    /// quality.
     #[arg(long, value_delimiter = ',', default_value = "initialisation,offsets,supervision")]
     studies: Vec<String>,
     /// The settings that each study starts from, separated by commas. given: those of --config and --set, LPIPS measured only.
@@ -61,42 +63,136 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         anyhow::ensure!(weights.is_file(), "--lpips-weights {}: there is no such file", weights.display());
         config.loss.lpips_weights = Some(std::path::absolute(weights)?);
     }
-    let capture = Capture::open(&args.capture)?;
-    let peripheral = match &args.peripheral {
-        Some(name) => name.clone(),
-        None => peripheral(&capture).context("the capture has no test camera")?,
-    };
-    let plans = plans(args, &capture, &config)?;
-    make_folder(&args.output.join("runs"))?;
-    let runs = runs(args, &plans, &config);
-    for (index, (key, seed, own)) in runs.iter().enumerate() {
-        say!("run {} of {}: {key}, seed {seed}", index + 1, runs.len());
-        train(args, &folder(args, key, *seed), own)?;
+    let places = places(args)?;
+    // All are opened before the first is trained on.
+    let jobs: Vec<Job> = places.iter().map(|place| Job::new(args, place, &config)).collect::<anyhow::Result<_>>()?;
+    let n_runs: usize = jobs.iter().map(|job| job.runs.len()).sum();
+    let mut done = 0;
+    let mut told = Vec::new();
+    for job in &jobs {
+        make_folder(&job.place.output.join("runs"))?;
+        for (key, seed, own) in &job.runs {
+            done += 1;
+            say!("run {done} of {n_runs}: {}, {key}, seed {seed}", job.place.name);
+            job.train(args, &job.folder(key, *seed), own)?;
+        }
+        told.push(job.tell(args, &config, json)?);
     }
-    let mut text = format!("# Ablations on `{}`\n", args.capture.display());
-    let mut all = Vec::new();
-    for Plan { study, base, budget } in plans {
-        let result = StudyResult { budget, ..collect(args, study, base, &peripheral)? };
-        text += &format!("\n{}", result.markdown());
-        let name = if base == Base::Given { study.name.to_owned() } else { format!("{}-paper", study.name) };
-        let file = args.output.join(format!("{name}.svg"));
-        write_atomic(&file, |to| to.write_all(result.svg().as_bytes()))?;
-        let measures: Vec<&str> = study.measures.iter().map(|measure| measure.title()).collect();
-        let differences: Vec<_> = (0..result.arms.len()).map(|index| result.difference(index)).collect();
-        all.push(json!({
-            "study": study.name, "base": base, "max_gaussians": budget, "lpips_trunk": result.trunk, "measures": measures,
-            "seeds": args.seeds, "arms": result.arms, "differences": differences,
-        }));
+    if let [_, _, ..] = jobs.as_slice() {
+        let (file, text) = (args.output.join("standings.md"), together(&jobs, &told));
+        write_atomic(&file, |to| to.write_all(text.as_bytes()))?;
+        if !json {
+            out!("{text}\n{}", file.display());
+        }
     }
-    write_atomic(&args.output.join("ablation.md"), |to| to.write_all(text.as_bytes()))?;
-    let all = json!({ "capture": args.capture, "peripheral_camera": peripheral, "settings": config, "studies": all });
-    write_json(&args.output.join("ablation.json"), &all)?;
     if json {
-        out!("{}", serde_json::to_string_pretty(&all)?);
-    } else {
-        out!("{text}\n{}", args.output.join("ablation.md").display());
+        let told: Vec<&Value> = told.iter().map(|told| &told.json).collect();
+        let text = match told.as_slice() {
+            [one] => serde_json::to_string_pretty(one)?,
+            all => serde_json::to_string_pretty(all)?,
+        };
+        out!("{text}");
     }
     Ok(())
+}
+
+/// A capture and where its runs go.
+struct Place {
+    name: String,
+    capture: PathBuf,
+    output: PathBuf,
+}
+
+/// A place for each capture, by the name of its folder.
+fn places(args: &Args) -> anyhow::Result<Vec<Place>> {
+    let mut places: Vec<Place> = Vec::new();
+    for capture in &args.captures {
+        let path = std::path::absolute(capture)?;
+        let name = path.file_name().map_or("capture".into(), |name| name.to_string_lossy()).into_owned();
+        anyhow::ensure!(
+            places.iter().all(|place| place.name != name),
+            "{}: two captures are called {name}; their runs would go to one folder; rename one",
+            capture.display()
+        );
+        let output = if args.captures.len() > 1 { args.output.join(&name) } else { args.output.clone() };
+        places.push(Place { name, capture: capture.clone(), output });
+    }
+    Ok(places)
+}
+
+/// What several captures show of each study together.
+fn together(jobs: &[Job], told: &[Told]) -> String {
+    let names: Vec<&str> = jobs.iter().map(|job| job.place.name.as_str()).collect();
+    let mut text = "# What the captures show together\n".to_owned();
+    for (index, Plan { study, base, .. }) in
+        jobs.iter().flat_map(|job| &job.plans).take(jobs[0].plans.len()).enumerate()
+    {
+        let of_arm = |arm: usize| told.iter().map(|told| told.differences[index][arm]).collect();
+        let differences: Vec<_> = (1..study.arms.len()).map(of_arm).collect();
+        text += &format!("\n{}", standings(study, &names, &differences));
+        if *base == Base::Paper {
+            text += "The paper's weights and rates.\n";
+        }
+    }
+    text
+}
+
+/// What a capture showed: by study, by arm, the difference to its first.
+struct Told {
+    differences: Vec<Vec<Option<Estimate>>>,
+    json: Value,
+}
+
+/// The studies of a capture.
+struct Job<'a> {
+    place: &'a Place,
+    peripheral: String,
+    plans: Vec<Plan>,
+    /// Key, seed and settings.
+    runs: Vec<(String, u64, Config)>,
+}
+
+impl<'a> Job<'a> {
+    fn new(args: &Args, place: &'a Place, config: &Config) -> anyhow::Result<Self> {
+        let capture = Capture::open(&place.capture)?;
+        let peripheral = match &args.peripheral {
+            Some(name) => name.clone(),
+            None => peripheral(&capture)
+                .with_context(|| format!("{}: the capture has no test camera", place.capture.display()))?,
+        };
+        let plans = plans(args, &capture, config)?;
+        let runs = runs(args, &plans, config);
+        Ok(Job { place, peripheral, plans, runs })
+    }
+
+    /// Writes and, unless it is to be JSON, prints what the runs show.
+    fn tell(&self, args: &Args, config: &Config, json: bool) -> anyhow::Result<Told> {
+        let Place { capture, output, .. } = self.place;
+        let mut text = format!("# Ablations on `{}`\n", capture.display());
+        let (mut all, mut every) = (Vec::new(), Vec::new());
+        for Plan { study, base, budget } in &self.plans {
+            let result = StudyResult { budget: *budget, ..self.collect(args, study, *base)? };
+            text += &format!("\n{}", result.markdown());
+            let name = if *base == Base::Given { study.name.to_owned() } else { format!("{}-paper", study.name) };
+            let file = output.join(format!("{name}.svg"));
+            write_atomic(&file, |to| to.write_all(result.svg().as_bytes()))?;
+            let measures: Vec<&str> = study.measures.iter().map(|measure| measure.title()).collect();
+            let differences: Vec<_> = (0..result.arms.len()).map(|index| result.difference(index)).collect();
+            all.push(json!({
+                "study": study.name, "base": base, "max_gaussians": budget, "lpips_trunk": result.trunk,
+                "measures": measures, "seeds": args.seeds, "arms": result.arms, "differences": differences,
+            }));
+            every.push(differences);
+        }
+        write_atomic(&output.join("ablation.md"), |to| to.write_all(text.as_bytes()))?;
+        let all =
+            json!({ "capture": capture, "peripheral_camera": self.peripheral, "settings": config, "studies": all });
+        write_json(&output.join("ablation.json"), &all)?;
+        if !json {
+            out!("{text}\n{}", output.join("ablation.md").display());
+        }
+        Ok(Told { differences: every, json: all })
+    }
 }
 
 /// The studies that are asked for, from each base.
@@ -155,10 +251,6 @@ fn runs(args: &Args, plans: &[Plan], config: &Config) -> Vec<(String, u64, Confi
     runs
 }
 
-fn folder(args: &Args, key: &str, seed: u64) -> PathBuf {
-    args.output.join("runs").join(format!("{key}-{seed}"))
-}
-
 /// The test camera whose lens is farthest from the middle of all lenses.
 fn peripheral(capture: &Capture) -> Option<String> {
     let centers: Vec<DVec3> = capture.cameras.iter().map(|camera| camera.pose(0).center()).collect();
@@ -169,52 +261,58 @@ fn peripheral(capture: &Capture) -> Option<String> {
     farthest.map(|(camera, _)| camera.name.clone())
 }
 
-/// Trains with `config` in a process of its own, which leaves nothing behind in this one; unless that has been done.
-fn train(args: &Args, folder: &Path, config: &Config) -> anyhow::Result<()> {
-    let settings = folder.with_extension("json");
-    let is_done = folder.join("eval.json").is_file()
-        && read_json::<Config>(&settings, "remove it").is_ok_and(|before| before == *config);
-    if is_done {
-        return Ok(());
+impl Job<'_> {
+    fn folder(&self, key: &str, seed: u64) -> PathBuf {
+        self.place.output.join("runs").join(format!("{key}-{seed}"))
     }
-    write_json(&settings, config)?;
-    let log = std::fs::File::create(folder.with_extension("log")).context("the log of a run cannot be made")?;
-    let program = std::env::current_exe().context("the path of this program is not known")?;
-    let status = Command::new(program)
-        .arg("train")
-        .arg(&args.capture)
-        .args(["--overwrite", "--eval-every", "0", "-o"])
-        .arg(folder)
-        .arg("--config")
-        .arg(&settings)
-        .args(args.device.iter().flat_map(|device| ["--device", device]))
-        .stdin(Stdio::null())
-        .stdout(Stdio::null())
-        .stderr(log)
-        .status()
-        .context("`ivv train` cannot be started")?;
-    anyhow::ensure!(status.success(), "{}: the run ended with {status}; see its .log", folder.display());
-    Ok(())
-}
 
-/// The numbers of all runs of a study.
-fn collect<'a>(args: &Args, study: &'a Study, base: Base, peripheral: &str) -> anyhow::Result<StudyResult<'a>> {
-    let (mut arms, mut trunk) = (Vec::new(), None);
-    for arm in study.arms {
-        let mut values = vec![Vec::new(); study.measures.len()];
-        for &seed in &args.seeds {
-            let folder = folder(args, &base.key(arm), seed);
-            let remedy = "remove the folder and run again";
-            let eval: Value = read_json(&folder.join("eval.json"), remedy)?;
-            let train: Value = read_json(&folder.join("train.json"), remedy)?;
-            trunk = eval["lpips_trunk"].as_str().map(str::to_owned).or(trunk);
-            for (values, measure) in values.iter_mut().zip(study.measures) {
-                values.extend(value(*measure, &eval, &train, peripheral));
-            }
+    /// Trains with `config` in a process of its own, which leaves nothing behind in this one; unless that has been done.
+    fn train(&self, args: &Args, folder: &Path, config: &Config) -> anyhow::Result<()> {
+        let settings = folder.with_extension("json");
+        let is_done = folder.join("eval.json").is_file()
+            && read_json::<Config>(&settings, "remove it").is_ok_and(|before| before == *config);
+        if is_done {
+            return Ok(());
         }
-        arms.push(ArmResult { name: arm.name.to_owned(), values });
+        write_json(&settings, config)?;
+        let log = std::fs::File::create(folder.with_extension("log")).context("the log of a run cannot be made")?;
+        let program = std::env::current_exe().context("the path of this program is not known")?;
+        let status = Command::new(program)
+            .arg("train")
+            .arg(&self.place.capture)
+            .args(["--overwrite", "--eval-every", "0", "-o"])
+            .arg(folder)
+            .arg("--config")
+            .arg(&settings)
+            .args(args.device.iter().flat_map(|device| ["--device", device]))
+            .stdin(Stdio::null())
+            .stdout(Stdio::null())
+            .stderr(log)
+            .status()
+            .context("`ivv train` cannot be started")?;
+        anyhow::ensure!(status.success(), "{}: the run ended with {status}; see its .log", folder.display());
+        Ok(())
     }
-    Ok(StudyResult { study, base, budget: None, trunk, arms })
+
+    /// The numbers of all runs of a study.
+    fn collect<'b>(&self, args: &Args, study: &'b Study, base: Base) -> anyhow::Result<StudyResult<'b>> {
+        let (mut arms, mut trunk) = (Vec::new(), None);
+        for arm in study.arms {
+            let mut values = vec![Vec::new(); study.measures.len()];
+            for &seed in &args.seeds {
+                let folder = self.folder(&base.key(arm), seed);
+                let remedy = "remove the folder and run again";
+                let eval: Value = read_json(&folder.join("eval.json"), remedy)?;
+                let train: Value = read_json(&folder.join("train.json"), remedy)?;
+                trunk = eval["lpips_trunk"].as_str().map(str::to_owned).or(trunk);
+                for (values, measure) in values.iter_mut().zip(study.measures) {
+                    values.extend(value(*measure, &eval, &train, &self.peripheral));
+                }
+            }
+            arms.push(ArmResult { name: arm.name.to_owned(), values });
+        }
+        Ok(StudyResult { study, base, budget: None, trunk, arms })
+    }
 }
 
 /// A measure of one run; none where its capture does not allow it.
@@ -225,6 +323,10 @@ fn value(measure: Measure, eval: &Value, train: &Value, peripheral: &str) -> Opt
         Measure::Psnr => eval["psnr"].as_f64(),
         Measure::PsnrForeground => eval["psnr_foreground"].as_f64(),
         Measure::PsnrCovisible => eval["psnr_covisible"].as_f64(),
+        Measure::PsnrWorst => scores(eval, "psnr", |_| true)?.into_iter().min_by(f64::total_cmp),
+        Measure::PsnrAligned => eval["psnr_aligned"].as_f64(),
+        Measure::Ssim => eval["ssim"].as_f64(),
+        Measure::Flicker => Some(eval["flicker"].as_f64()? / eval["flicker_true"].as_f64()?.max(1e-6)),
         Measure::PsnrPeripheral => mean(scores(eval, "psnr", |camera| camera == peripheral)?),
         Measure::PsnrPeripheralCovisible => mean(scores(eval, "psnr_covisible", |camera| camera == peripheral)?),
         Measure::PsnrInner => mean(scores(eval, "psnr", |camera| camera != peripheral)?),

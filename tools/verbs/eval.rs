@@ -258,7 +258,7 @@ fn print(scores: &SceneScores) {
     let Evaluation { views, mean, .. } = &scores.evaluation;
     let width = views.iter().map(|v| v.view.chars().count()).fold(4, usize::max);
     out!(
-        "{:<width$} {:>9} {:>9} {:>10} {:>9} {:>8} {:>8} {:>8}",
+        "{:<width$} {:>9} {:>9} {:>10} {:>9} {:>8} {:>8} {:>8} {:>15}",
         "view",
         "PSNR, dB",
         "aligned",
@@ -266,15 +266,18 @@ fn print(scores: &SceneScores) {
         "covisible",
         "SSIM",
         "LPIPS",
-        "L1"
+        "L1",
+        "flicker (true)"
     );
     let fitted = scores.mean_at_fitted_offsets.as_ref().map(|scores| ("mean at fitted time offsets", scores));
     for (view, s) in views.iter().map(|v| (v.view.as_str(), &v.scores)).chain([("mean", mean)]).chain(fitted) {
         let [foreground, covisible] =
             [s.psnr_foreground, s.psnr_covisible].map(|psnr| psnr.map_or("-".to_owned(), |psnr| format!("{psnr:.3}")));
         let lpips = s.lpips.map_or("-".to_owned(), |lpips| format!("{lpips:.4}"));
+        let flicker = s.flicker.zip(s.flicker_true);
+        let flicker = flicker.map_or("-".to_owned(), |(own, truth)| format!("{own:.4} ({truth:.4})"));
         out!(
-            "{view:<width$} {:>9.3} {:>9.3} {foreground:>10} {covisible:>9} {:>8.4} {lpips:>8} {:>8.5}",
+            "{view:<width$} {:>9.3} {:>9.3} {foreground:>10} {covisible:>9} {:>8.4} {lpips:>8} {:>8.5} {flicker:>15}",
             s.psnr,
             s.psnr_aligned,
             s.ssim,

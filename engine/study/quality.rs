@@ -1,0 +1,151 @@
+//! Which techniques make the default better: shown on several captures, or not.
+
+use super::ablation::{Arm, FULL, Measure, Study};
+use crate::report::Table;
+use crate::report::statistics::Estimate;
+use crate::train::{Rate, Strategy};
+
+/// By how much a technique may worsen a capture, in units of the measure: 0.1 dB.
+const HARM: f64 = 0.1;
+/// On how many captures it must be better.
+const SHOWN_ON: usize = 2;
+
+/// The default, and techniques beside it that are settings.
+pub(super) const QUALITY: Study = Study {
+    name: "quality",
+    title: "Quality",
+    arms: &[
+        Arm { name: "default", key: FULL, change: |_| (), paper: &[] },
+        Arm {
+            name: "velocities' rate falls to a hundredth",
+            key: "velocity-anneals",
+            change: |config| config.lr.velocity = Rate { end: 0.01 * config.lr.velocity.start, ..config.lr.velocity },
+            paper: &[],
+        },
+        Arm {
+            name: "all rates fall to a tenth",
+            key: "rates-anneal",
+            change: |config| {
+                let lr = &mut config.lr;
+                for rate in [&mut lr.sh0, &mut lr.sh_rest, &mut lr.opacity, &mut lr.scale, &mut lr.rotation] {
+                    rate.end = 0.1 * rate.start;
+                }
+                for rate in [&mut lr.velocity, &mut lr.t_center, &mut lr.t_scale] {
+                    rate.end = 0.1 * rate.start;
+                }
+            },
+            paper: &[],
+        },
+        Arm {
+            name: "first half on images of half the size",
+            key: "coarse-to-fine",
+            change: |config| config.resolution.reduction = 2,
+            paper: &[],
+        },
+        Arm { name: "no colour grids", key: "no-grids", change: |config| config.grids = false, paper: &[] },
+        Arm {
+            name: "density control of 3DGS-MCMC",
+            key: "mcmc",
+            change: |config| config.density.strategy = Strategy::Mcmc,
+            paper: &[],
+        },
+        Arm { name: "told apart by flow", key: "flow", change: |config| config.init_static_tau = 0.0, paper: &[] },
+    ],
+    measures: &[
+        Measure::LastGaussians,
+        Measure::SceneBytes,
+        Measure::Seconds,
+        Measure::Lpips,
+        Measure::Ssim,
+        Measure::Flicker,
+        Measure::PsnrWorst,
+        Measure::PsnrForeground,
+        Measure::PsnrCovisible,
+        Measure::PsnrAligned,
+        Measure::Psnr,
+    ],
+    equal_budgets: false,
+};
+
+/// What is known of a technique after several captures.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Standing {
+    /// Better on at least two captures, and on none worse by more than 0.1: it stays.
+    Shown,
+    /// Not better on two captures: it goes.
+    NotShown,
+    /// Worse by more than 0.1 on a capture: it goes.
+    Harmful,
+}
+
+impl Standing {
+    /// By the differences to the default, a capture each; whose interval lies above 0 is better.
+    pub fn of(differences: &[Estimate]) -> Self {
+        let is_better = |d: &&Estimate| d.half_width.is_some_and(|half| d.mean > half);
+        if differences.iter().any(|d| d.mean < -HARM) {
+            Standing::Harmful
+        } else if differences.iter().filter(is_better).count() >= SHOWN_ON {
+            Standing::Shown
+        } else {
+            Standing::NotShown
+        }
+    }
+
+    fn words(self) -> &'static str {
+        match self {
+            Standing::Shown => "shown",
+            Standing::NotShown => "not shown",
+            Standing::Harmful => "harms",
+        }
+    }
+}
+
+/// Differences to the first arm by arm and capture, and what they show, in Markdown. `differences` has a row for every arm of
+/// `study` but the first, and in it a number for each of `captures` that has one.
+pub fn standings(study: &Study, captures: &[&str], differences: &[Vec<Option<Estimate>>]) -> String {
+    let measure = study.measures.last().map_or("", |measure| measure.title());
+    let heads: Vec<&str> = [""].into_iter().chain(captures.iter().copied()).chain(["all"]).collect();
+    let rows = study.arms.iter().skip(1).zip(differences).map(|(arm, row)| {
+        let known: Vec<Estimate> = row.iter().flatten().copied().collect();
+        let cells = row.iter().map(|one| one.map_or("-".to_owned(), |one| one.signed(2)));
+        [arm.name.to_owned()].into_iter().chain(cells).chain([Standing::of(&known).words().to_owned()]).collect()
+    });
+    format!(
+        "## {}: differences of {measure} to `{}`\n\n{}\nPaired by seed, with 95 % intervals. Shown: the interval lies above 0 on at \
+         least {SHOWN_ON} captures, and no capture loses more than {HARM}. Harms: one does.\n",
+        study.title,
+        study.arms.first().map_or("", |arm| arm.name),
+        Table::new(&heads, rows).markdown()
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn estimate(mean: f64, half_width: f64) -> Estimate {
+        Estimate { mean, half_width: Some(half_width) }
+    }
+
+    #[test]
+    fn a_technique_is_shown_on_two_captures_and_by_harm_on_none() {
+        let (better, level) = (estimate(0.4, 0.3), estimate(0.2, 0.3));
+        assert_eq!(Standing::of(&[better, better, estimate(-0.1, 0.5)]), Standing::Shown);
+        assert_eq!(Standing::of(&[better, level, level]), Standing::NotShown);
+        assert_eq!(Standing::of(&[better, better, estimate(-0.11, 0.5)]), Standing::Harmful);
+        // One seed has no interval.
+        assert_eq!(Standing::of(&[Estimate { mean: 9.0, half_width: None }; 3]), Standing::NotShown);
+    }
+
+    #[test]
+    fn the_table_has_each_technique_with_each_capture() {
+        let row = vec![Some(estimate(0.4, 0.3)), None, Some(estimate(0.5, 0.1))];
+        let text = standings(&QUALITY, &["fox", "basketball", "room"], &vec![row; QUALITY.arms.len() - 1]);
+        for arm in &QUALITY.arms[1..] {
+            assert!(text.contains(arm.name), "{}: {text}", arm.name);
+        }
+        let cells = ["| fox | basketball | room | all |", "| +0.40 +- 0.30 | - | +0.50 +- 0.10 | shown |"];
+        assert!(cells.iter().all(|cell| text.contains(cell)), "{text}");
+    }
+}
