@@ -33,7 +33,7 @@ pub struct Counters {
     pub added: f64,
     /// Pixels that are finished before their list's end.
     pub finished: f64,
-    /// Of blocks that may live at the view's time.
+    /// Gaussians of blocks of which one may live at the view's time, and the static ones.
     #[serde(default)]
     pub live: f64,
     /// Gaussians, live and active ones of each group.

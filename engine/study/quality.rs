@@ -1,4 +1,4 @@
-//! Which techniques make the default better: shown on several captures, or not.
+//! Which techniques make the default better, judged by several captures.
 
 use super::ablation::{Arm, FULL, Measure, Study};
 use crate::report::Table;
@@ -80,7 +80,7 @@ pub enum Standing {
 }
 
 impl Standing {
-    /// By the differences to the default, a capture each; whose interval lies above 0 is better.
+    /// By the differences to the default, one for each capture. A technique is better where the interval lies above 0.
     pub fn of(differences: &[Estimate]) -> Self {
         let is_better = |d: &&Estimate| d.half_width.is_some_and(|half| d.mean > half);
         if differences.iter().any(|d| d.mean < -HARM) {

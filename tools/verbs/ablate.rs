@@ -124,14 +124,13 @@ fn places(args: &Args) -> anyhow::Result<Vec<Place>> {
 fn together(jobs: &[Job], told: &[Told]) -> String {
     let names: Vec<&str> = jobs.iter().map(|job| job.place.name.as_str()).collect();
     let mut text = "# What the captures show together\n".to_owned();
-    for (index, Plan { study, base, .. }) in
-        jobs.iter().flat_map(|job| &job.plans).take(jobs[0].plans.len()).enumerate()
-    {
+    // Every capture has the same studies.
+    for (index, Plan { study, base, .. }) in jobs[0].plans.iter().enumerate() {
         let of_arm = |arm: usize| told.iter().map(|told| told.differences[index][arm]).collect();
         let differences: Vec<_> = (1..study.arms.len()).map(of_arm).collect();
         text += &format!("\n{}", standings(study, &names, &differences));
         if *base == Base::Paper {
-            text += "The paper's weights and rates.\n";
+            text += "These runs have the paper's weights and rates.\n";
         }
     }
     text
