@@ -41,7 +41,9 @@ vec3 wheel(vec2 flow, float high) {
     const float most = max(abs(flow.x), abs(flow.y));
     if (!(most > 0.0)) return vec3(1.0);
     const vec2 way = flow / most;
-    const float hue = atan(way.y, way.x) * 0.9549296585513721 + 6.0;
+    // Of the size of y: SwiftShader takes the angle of y = -0 and x < 0 for 0.
+    const float angle = atan(abs(way.y), way.x);
+    const float hue = (way.y < 0.0 ? -angle : angle) * 0.9549296585513721 + 6.0;
     const vec3 full = clamp(abs(mod(hue + vec3(0.0, 4.0, 2.0), 6.0) - 3.0) - 1.0, 0.0, 1.0);
     return mix(vec3(1.0), full, part(most / high * length(way)));
 }
