@@ -32,7 +32,7 @@ pub struct Backward {
     pub d_image1: Option<Buf<[f32; 4]>>,
     /// Gradients, by group; for [`Purpose::Gradient`] only.
     pub gradients: Vec<Planes>,
-    /// Gaussians whose gradient was not finite.
+    /// Gaussians whose gradient was not finite; for [`Target::Gradients`].
     pub n_bad: Buf<u32>,
     /// Gradient of the camera, three vec4: rotation about its own axes, time; translation along them; background. See
     /// [`super::Gradients`] for the units.
@@ -119,10 +119,13 @@ impl Backward {
     pub fn record(&self, rec: &mut Recording, scene: &SceneBuffers, drawn: Drawn, target: &Target) {
         self.record_blend(rec, drawn);
         match target {
-            Target::Gradients => rec.section("project bwd"),
+            Target::Gradients => {
+                rec.section("project bwd");
+                rec.fill(self.n_bad.slice(), 0);
+            }
+            // The optimiser's own count goes on.
             Target::Step(_) => rec.section("project bwd adam"),
         }
-        rec.fill(self.n_bad.slice(), 0);
         for (index, group) in scene.groups.iter().enumerate() {
             rec.group(Some(index));
             match target {
