@@ -1,20 +1,26 @@
 #!/usr/bin/env bash
-# Trains a small fixed set of captures with default settings and adds the scores to a history, with a plot: some 10 minutes.
-#   tools/quality.sh [HISTORY]     default: assets/quality/history.json; the runs go to out/quality
-# Real captures and the weights of LPIPS are looked for in $IVV_DATA (default: ../shared/data); what is not there is left out,
-# and the history then has no point for it.
+# Measures what a small fixed set of captures is worth.
+#   tools/quality.sh [HISTORY]           trains on them with default settings and adds the scores to a history, with a plot: some
+#                                        10 minutes. Default: assets/quality/history.json; the runs go to out/quality
+#   tools/quality.sh --study [FOLDER]    techniques beside the default, three seeds each, on captures of half the size: some two hours
+#                                        on two cores that do nothing else. Runs that are there are not repeated. FOLDER/standings.md
+#                                        tells what is shown. Default: out/study. $IVV_STEPS: steps of a run (default: 600).
+#                                        $IVV_JOBS: captures at a time (default: 2)
+# Real captures and the weights of LPIPS are looked for in $IVV_DATA (default: ../shared/data); what is not there is left out.
 set -euo pipefail
+what=history
+if [ "${1:-}" = --study ]; then
+    what=study
+    shift
+fi
 if [ $# -gt 1 ] || [[ ${1:-} == -* ]]; then
-    echo "usage: tools/quality.sh [HISTORY]" >&2
+    echo "usage: tools/quality.sh [HISTORY] | --study [FOLDER]" >&2
     exit 2
 fi
-history=$(realpath -m "${1:-$(dirname "${BASH_SOURCE[0]}")/../assets/quality/history.json}")
+given=${1:+$(realpath -m "$1")}
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 source tools/env.sh
 build_ivv
-out=out/quality
-mkdir -p "$out" "$(dirname "$history")"
-find_data "$out"
 
 runs=()
 # measure NAME CAPTURE OPTION...
@@ -30,11 +36,66 @@ measure() {
     runs+=("$out/$name")
 }
 
-"$ivv" synth -o "$out/synthetic" --preset hard
-measure demo "$out/synthetic"
-measure fox "$data/fox_quarter" --steps 500
-measure flame_steak "$data/n3v_flame_steak_frame0" --images derived_images_4 --test-cameras cam00 --steps 500
-measure basketball "$data/panoptic_basketball_dev" --test-cameras 0,10,15,30 --steps 600
-printf '\n'
-"$ivv" compare "${runs[@]}" --history "$history"
-printf '\nthe history: %s; its plot: %s\n' "$history" "${history%.json}.svg"
+history() {
+    local history=${given:-$PWD/assets/quality/history.json}
+    out=out/quality
+    mkdir -p "$out" "$(dirname "$history")"
+    find_data "$out"
+    "$ivv" synth -o "$out/synthetic" --preset hard
+    measure demo "$out/synthetic"
+    measure fox "$data/fox_quarter" --steps 500
+    measure flame_steak "$data/n3v_flame_steak_frame0" --images derived_images_4 --test-cameras cam00 --steps 500
+    measure basketball "$data/panoptic_basketball_dev" --test-cameras 0,10,15,30 --steps 600
+    printf '\n'
+    "$ivv" compare "${runs[@]}" --history "$history"
+    printf '\nthe history: %s; its plot: %s\n' "$history" "${history%.json}.svg"
+}
+
+captures=()
+# prepared NAME SOURCE OPTION...: half the size, since the full one would take four times as long.
+prepared() {
+    local name=$1 source=$data/$2
+    shift 2
+    if [ ! -d "$source" ]; then
+        echo "left out: $name; $source is not there"
+        return
+    fi
+    [ -f "$out/captures/$name/capture.toml" ] || "$ivv" prepare "$source" -o "$out/captures/$name" --scale 0.5 "$@"
+    captures+=("$out/captures/$name")
+}
+
+# ablate FOLDER CAPTURE...
+ablate() {
+    local folder=$1
+    shift
+    # shellcheck disable=SC2086 # the options are words
+    "$ivv" ablate "$@" -o "$folder" $study_options
+}
+
+study() {
+    local rig option
+    out=${given:-$PWD/out/study}
+    mkdir -p "$out/captures"
+    find_data "$out"
+    [ ! -d "$data" ] || tools/setup.sh prepare
+    if [ -d "$data/fox_quarter" ]; then captures+=("$data/fox_quarter"); fi
+    prepared flame_steak n3v_flame_steak_frame0 --images derived_images_4 --test-cameras cam00
+    prepared basketball panoptic_basketball_dev --test-cameras 0,10,15,30
+    prepared basketball_90 panoptic_basketball_90 --test-cameras 0,10,15,30
+    for rig in inward outward moving; do
+        [ -d "$out/captures/$rig" ] || "$ivv" synth -o "$out/captures/$rig" --preset study --rig "$rig"
+        captures+=("$out/captures/$rig")
+    done
+    study_options="--studies quality,clips --bases given --steps ${IVV_STEPS:-600}"
+    for option in "${lpips[@]}"; do
+        [[ $option != loss.lpips_weights=* ]] || study_options+=" --lpips-weights ${option#*=}"
+    done
+    export ivv study_options out
+    export -f ablate
+    # Two captures at a time, each run in its calling thread, are sooner done than one run after the other on two threads.
+    printf '%s\n' "${captures[@]}" | LP_NUM_THREADS=${LP_NUM_THREADS:-0} xargs -P "${IVV_JOBS:-2}" -I{} \
+        bash -c 'set -eu; ablate "$out/$(basename {})" {} --json >/dev/null'
+    ablate "$out" "${captures[@]}"
+}
+
+$what

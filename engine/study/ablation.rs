@@ -98,6 +98,8 @@ pub struct Arm {
 pub struct Study {
     /// On the command line.
     pub name: &'static str,
+    /// Whether it is about what only clips have that several cameras took; other captures are left out.
+    pub is_of_clips: bool,
     /// For tables.
     pub title: &'static str,
     /// What is compared.

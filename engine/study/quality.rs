@@ -10,18 +10,29 @@ const HARM: f64 = 0.1;
 /// On how many captures it must be better.
 const SHOWN_ON: usize = 2;
 
+const MEASURES: &[Measure] = &[
+    Measure::LastGaussians,
+    Measure::SceneBytes,
+    Measure::Seconds,
+    Measure::Lpips,
+    Measure::Ssim,
+    Measure::Flicker,
+    Measure::PsnrWorst,
+    Measure::PsnrForeground,
+    Measure::PsnrCovisible,
+    Measure::PsnrAligned,
+    Measure::Psnr,
+];
+
+const DEFAULT: Arm = Arm { name: "default", key: FULL, change: |_| (), paper: &[] };
+
 /// The default, and techniques beside it that are settings.
 pub(super) const QUALITY: Study = Study {
     name: "quality",
+    is_of_clips: false,
     title: "Quality",
     arms: &[
-        Arm { name: "default", key: FULL, change: |_| (), paper: &[] },
-        Arm {
-            name: "velocities' rate falls to a hundredth",
-            key: "velocity-anneals",
-            change: |config| config.lr.velocity = Rate { end: 0.01 * config.lr.velocity.start, ..config.lr.velocity },
-            paper: &[],
-        },
+        DEFAULT,
         Arm {
             name: "all rates fall to a tenth",
             key: "rates-anneal",
@@ -37,33 +48,45 @@ pub(super) const QUALITY: Study = Study {
             paper: &[],
         },
         Arm {
-            name: "first half on images of half the size",
-            key: "coarse-to-fine",
-            change: |config| config.resolution.reduction = 2,
-            paper: &[],
-        },
-        Arm { name: "no colour grids", key: "no-grids", change: |config| config.grids = false, paper: &[] },
-        Arm {
             name: "density control of 3DGS-MCMC",
             key: "mcmc",
             change: |config| config.density.strategy = Strategy::Mcmc,
             paper: &[],
         },
+        Arm {
+            name: "first half on images of half the size",
+            key: "coarse-to-fine",
+            change: |config| config.resolution.reduction = 2,
+            paper: &[],
+        },
+    ],
+    measures: MEASURES,
+    equal_budgets: false,
+};
+
+/// The same of what only clips of several cameras have.
+pub(super) const CLIPS: Study = Study {
+    name: "clips",
+    is_of_clips: true,
+    title: "Quality of clips",
+    arms: &[
+        DEFAULT,
+        Arm {
+            name: "velocities' rate falls to a hundredth",
+            key: "velocity-anneals",
+            change: |config| config.lr.velocity = Rate { end: 0.01 * config.lr.velocity.start, ..config.lr.velocity },
+            paper: &[],
+        },
+        Arm {
+            name: "a colour grid for every camera, from the start",
+            key: "all-grids",
+            change: |config| config.required.grids_at = 0.0,
+            paper: &[],
+        },
+        Arm { name: "no colour grids", key: "no-grids", change: |config| config.grids = false, paper: &[] },
         Arm { name: "told apart by flow", key: "flow", change: |config| config.init_static_tau = 0.0, paper: &[] },
     ],
-    measures: &[
-        Measure::LastGaussians,
-        Measure::SceneBytes,
-        Measure::Seconds,
-        Measure::Lpips,
-        Measure::Ssim,
-        Measure::Flicker,
-        Measure::PsnrWorst,
-        Measure::PsnrForeground,
-        Measure::PsnrCovisible,
-        Measure::PsnrAligned,
-        Measure::Psnr,
-    ],
+    measures: MEASURES,
     equal_budgets: false,
 };
 

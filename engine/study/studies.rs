@@ -1,13 +1,14 @@
 //! The studies that `ivv ablate` knows.
 
 use super::ablation::{Arm, FULL, LPIPS_WEIGHT, Measure, Study};
-use super::quality::QUALITY;
+use super::quality::{CLIPS, QUALITY};
 use crate::train::Init;
 
 /// The studies of the paper, and that of techniques which it does not have.
-pub const STUDIES: [Study; 6] = [
+pub const STUDIES: [Study; 7] = [
     Study {
         name: "initialisation",
+        is_of_clips: false,
         title: "Initialisation",
         arms: &[
             Arm {
@@ -42,6 +43,7 @@ pub const STUDIES: [Study; 6] = [
     },
     Study {
         name: "offsets",
+        is_of_clips: false,
         title: "Time offsets of the cameras",
         arms: &[
             Arm { name: "none", key: "no-offsets", change: |config| config.offsets = false, paper: &["", "", "30.59"] },
@@ -64,6 +66,7 @@ pub const STUDIES: [Study; 6] = [
     },
     Study {
         name: "supervision",
+        is_of_clips: false,
         title: "Supervision by depth and flow",
         arms: &[
             Arm {
@@ -86,6 +89,7 @@ pub const STUDIES: [Study; 6] = [
     },
     Study {
         name: "perceptual",
+        is_of_clips: false,
         title: "LPIPS in the loss",
         arms: &[
             Arm { name: "measured only", key: FULL, change: |_| (), paper: &[] },
@@ -101,6 +105,7 @@ pub const STUDIES: [Study; 6] = [
     },
     Study {
         name: "required",
+        is_of_clips: false,
         title: "Only what the scene requires",
         arms: &[
             Arm { name: "everything modelled", key: FULL, change: |_| (), paper: &[] },
@@ -125,6 +130,7 @@ pub const STUDIES: [Study; 6] = [
         equal_budgets: false,
     },
     QUALITY,
+    CLIPS,
 ];
 
 /// Reviews of what the scene requires.

@@ -103,7 +103,7 @@ settings! {
         price: f64 = 1.0, "", Range::POSITIVE;
         /// PSNR that all reviews together may cost when they take place.
         margin: f64 = 0.05, "dB", Range::POSITIVE;
-        /// When it is decided which cameras need a bilateral grid.
+        /// When it is decided which cameras need a bilateral grid; 0 gives one to all from the start.
         grids_at: f64 = 0.3, "of the run", Range::BELOW_ONE;
     }
 }

@@ -325,7 +325,8 @@ impl Plan {
             data: setup.data,
             dense: config.adam == AdamMode::Dense,
             offsets: !setup.learns_offset.is_empty(),
-            grids: setup.has_grid.iter().filter(|has| **has).count() as u64,
+            // As many as may be needed.
+            grids: if config.grids && capture.is_rig_clip() { setup.n_trained as u64 } else { 0 },
             sums: config.accumulation.on(gpu.caps()),
             height: capture.cameras.iter().map(|camera| camera.intrinsics.height).max().unwrap_or(0),
         };

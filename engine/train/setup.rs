@@ -53,7 +53,7 @@ impl Setup {
     /// took; a static scene's cameras have one image each, too few to tell a grid from the scene.
     pub fn new(capture: &Capture, config: &Config) -> Self {
         let trained: Vec<bool> = capture.cameras.iter().map(|camera| !camera.is_test).collect();
-        let where_set = |is_set: bool| if is_set && is_rig(capture) { trained.clone() } else { Vec::new() };
+        let where_set = |is_set: bool| if is_set && capture.is_rig_clip() { trained.clone() } else { Vec::new() };
         // One picture fits any clock: the scene takes up what is off.
         let has_pictures = |camera: usize| capture.cameras[camera].shots.len() > 1;
         let observable: Vec<bool> = trained.iter().enumerate().map(|(i, is)| *is && has_pictures(i)).collect();
@@ -64,9 +64,9 @@ impl Setup {
             lenses: lenses(capture),
             dt: 1.0 / f64::from(capture.n_frames.max(1)),
             n_trained: trained.iter().filter(|trained| **trained).count(),
-            learns_offset: if config.offsets && is_rig(capture) { learns_offset } else { Vec::new() },
+            learns_offset: if config.offsets && capture.is_rig_clip() { learns_offset } else { Vec::new() },
             // Those that are required come later.
-            has_grid: where_set(config.grids && config.required.reviews == 0),
+            has_grid: where_set(config.grids && config.required.grids_at == 0.0),
             data: terms::data(config, capture),
             flow_model: match config.loss.flow_model {
                 FlowChoice::Velocity => FlowModel::Velocity,
@@ -105,10 +105,4 @@ fn lenses(capture: &Capture) -> Vec<View> {
     let views = capture.lens_views();
     let each = views.len().div_ceil(MOST_LENSES).max(1);
     views.into_iter().step_by(each).collect()
-}
-
-/// Whether `capture` is a clip that several training cameras took: of one alone, the scene's own times and colours take up
-/// what is off.
-pub(super) fn is_rig(capture: &Capture) -> bool {
-    capture.n_frames > 1 && capture.cameras.iter().filter(|camera| !camera.is_test).count() > 1
 }

@@ -4,7 +4,7 @@ use super::{Tiny, drive};
 use crate::common::device::gpu;
 use ivv::Constants;
 use ivv::stage::{Accumulation, Sums};
-use ivv::train::{BoundBy, Class, Config, Limits, Plan, Setup, TermData, Trainer, Workload, from_points};
+use ivv::train::{BoundBy, Class, Config, Limits, Plan, Required, Setup, TermData, Trainer, Workload, from_points};
 use ivv::vk::DeviceKind;
 use std::collections::BTreeMap;
 
@@ -50,7 +50,8 @@ fn the_plan_is_what_a_trainer_allocates_buffer_by_buffer() {
             capture.cameras.iter_mut().for_each(|camera| camera.shots.retain(|shot| shot.frame == 0));
         }
         let points: Vec<_> = (0..20).flat_map(|_| capture.points.clone()).collect();
-        let config = Config { sh_degree, moment_bits, accumulation, ..Config::default() };
+        let required = Required { grids_at: 0.0, ..Required::default() };
+        let config = Config { sh_degree, moment_bits, accumulation, required, ..Config::default() };
         let begin = from_points(&points, &capture, &config);
         let before = gpu.device().memory().0;
         let mut trainer = Trainer::new(

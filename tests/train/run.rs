@@ -303,25 +303,33 @@ fn an_ablation_trains_each_setting_once_and_tables_what_came_of_it() {
 
 #[test]
 fn techniques_stand_by_what_several_captures_show() {
-    let (one, two) = (Tiny::new("quality-one"), Tiny::new("quality-two"));
-    let [first, second] = [&one, &two].map(|tiny| tiny.folder.to_str().unwrap());
-    let output = one.folder.join("quality");
-    let to = output.to_str().unwrap();
+    let clip = Tiny::new("quality");
+    let first = clip.folder.to_str().unwrap();
+    let [still, output] = ["still", "out"].map(|name| clip.folder.join(name));
+    let [second, to] = [&still, &output].map(|path| path.to_str().unwrap());
+    works(&["synth", "-o", second, "--preset", "tiny", "--frames", "1"]);
     let settings = ["--steps", "6", "--sh-degree", "0", "--max-gaussians", "300", "--bases", "given", "--seeds", "3"];
-    let told = works(&[&["ablate", first, second, "-o", to, "--studies", "quality"], &settings[..]].concat());
+    let told = works(&[&["ablate", first, second, "-o", to, "--studies", "quality,clips"], &settings[..]].concat());
     let text = std::fs::read_to_string(output.join("standings.md")).unwrap();
     assert!(told.contains(&text));
-    let rows = text.lines().filter(|line| line.starts_with("| ") && line.contains("shown") || line.contains("harms"));
-    assert_eq!(rows.count(), 6, "one seed shows nothing: {text}");
-    for tiny in [&one, &two] {
-        let name = tiny.folder.file_name().unwrap().to_str().unwrap();
+    let rows =
+        || text.lines().filter(|line| line.starts_with("| ") && (line.contains("shown") || line.contains("harms")));
+    let of_clips = rows().filter(|row| row.contains("| - |")).count();
+    assert_eq!((rows().count(), of_clips), (7, 4), "one seed shows nothing: {text}");
+    for (folder, studies) in [(&clip.folder, vec!["quality", "clips"]), (&still, vec!["quality"])] {
+        let name = folder.file_name().unwrap().to_str().unwrap();
         assert!(text.contains(name), "{name}: {text}");
         let found = json(&output.join(name).join("ablation.json"));
-        let study = &found["studies"][0];
-        let titles = study["measures"].as_array().unwrap();
+        let found = found["studies"].as_array().unwrap();
+        assert!(found.iter().map(|study| &study["study"]).eq(&studies), "{name}");
+        let titles = found[0]["measures"].as_array().unwrap();
         let at = titles.iter().position(|title| title == "flicker over the images' own").unwrap();
-        let flicker = study["arms"][0]["values"][at][0].as_f64().unwrap();
-        assert!(flicker > 0.0 && flicker.is_finite(), "{flicker}");
+        let flicker = found[0]["arms"][0]["values"][at][0].as_f64();
+        assert_eq!(
+            flicker.is_some_and(|flicker| flicker > 0.0 && flicker.is_finite()),
+            studies.len() == 2,
+            "{flicker:?}"
+        );
     }
     let told = fails(&["ablate", first, first, "-o", to, "--studies", "quality"], 2);
     assert!(told.contains("two captures are called"), "{told}");

@@ -126,6 +126,30 @@ fn images_follow_one_another_by_epochs_from_any_step() {
 }
 
 #[test]
+fn cameras_are_asked_once_whether_they_need_a_grid_unless_all_or_none_has_one() {
+    let _device = gpu();
+    let tiny = Tiny::new("asked");
+    for (grids, grids_at, asked_at) in [(true, 0.5, Some(5)), (true, 0.0, None), (false, 0.5, None)] {
+        let required = Required { grids_at, ..Required::default() };
+        let config = Config { sh_degree: 0, steps: 10, grids, required, ..Config::default() };
+        let session = Session::begin(gpu().clone(), &tiny.capture, config, SessionOptions::default()).unwrap();
+        let (_, events) = end(session);
+        let asked =
+            events.iter().filter_map(|event| if let Event::Review(review) = event { Some(review) } else { None });
+        let asked: Vec<_> =
+            asked.map(|review| (review.step, review.grids.len(), review.before - review.after)).collect();
+        assert!(asked.iter().copied().eq(asked_at.map(|step| (step, 4, 0))), "{grids}, {grids_at}: {asked:?}");
+        let first =
+            events.iter().find_map(|event| if let Event::Step(step) = event { Some(step) } else { None }).unwrap();
+        assert_eq!(
+            first.term("grid_variation").is_some(),
+            grids && grids_at == 0.0,
+            "from the start: {grids}, {grids_at}"
+        );
+    }
+}
+
+#[test]
 fn a_capture_without_training_images_is_refused() {
     let _device = gpu();
     let mut tiny = Tiny::new("session-none");
@@ -143,7 +167,8 @@ fn a_step_of_a_full_run_has_so_many_passes_and_barriers() {
         return;
     }
     let tiny = Tiny::new("passes");
-    let config = Config { steps: STEPS, max_gaussians: 2_000, ..Config::default() };
+    let required = Required { grids_at: 0.0, ..Required::default() };
+    let config = Config { steps: STEPS, max_gaussians: 2_000, required, ..Config::default() };
     let mut session = Session::begin(gpu.clone(), &tiny.capture, config, SessionOptions::default()).unwrap();
     // All terms of the loss, brightness grids, time offsets; Gaussians that move.
     let step = session.profile().unwrap().unwrap();

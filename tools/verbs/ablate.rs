@@ -28,7 +28,7 @@ pub struct Args {
     #[arg(long, value_delimiter = ',', default_value = "1,2,3")]
     seeds: Vec<u64>,
     /// Studies, separated by commas: initialisation, offsets, supervision, perceptual (needs --lpips-weights), required,
-    /// quality.
+    /// quality, clips.
     #[arg(long, value_delimiter = ',', default_value = "initialisation,offsets,supervision")]
     studies: Vec<String>,
     /// The settings that each study starts from, separated by commas. given: those of --config and --set, LPIPS measured only.
@@ -124,9 +124,14 @@ fn places(args: &Args) -> anyhow::Result<Vec<Place>> {
 fn together(jobs: &[Job], told: &[Told]) -> String {
     let names: Vec<&str> = jobs.iter().map(|job| job.place.name.as_str()).collect();
     let mut text = "# What the captures show together\n".to_owned();
-    // Every capture has the same studies.
-    for (index, Plan { study, base, .. }) in jobs[0].plans.iter().enumerate() {
-        let of_arm = |arm: usize| told.iter().map(|told| told.differences[index][arm]).collect();
+    let mut before: Vec<(&str, Base)> = Vec::new();
+    for Plan { study, base, .. } in jobs.iter().flat_map(|job| &job.plans) {
+        if before.contains(&(study.name, *base)) {
+            continue;
+        }
+        before.push((study.name, *base));
+        let of_arm =
+            |arm: usize| jobs.iter().zip(told).map(|(job, told)| told.difference(job, study, *base, arm)).collect();
         let differences: Vec<_> = (1..study.arms.len()).map(of_arm).collect();
         text += &format!("\n{}", standings(study, &names, &differences));
         if *base == Base::Paper {
@@ -140,6 +145,14 @@ fn together(jobs: &[Job], told: &[Told]) -> String {
 struct Told {
     differences: Vec<Vec<Option<Estimate>>>,
     json: Value,
+}
+
+impl Told {
+    /// That of an arm of `study`; none where the capture of `job` was left out of it.
+    fn difference(&self, job: &Job, study: &Study, base: Base, arm: usize) -> Option<Estimate> {
+        let index = job.plans.iter().position(|plan| plan.study.name == study.name && plan.base == base)?;
+        self.differences[index][arm]
+    }
 }
 
 /// The studies of a capture.
@@ -159,7 +172,7 @@ impl<'a> Job<'a> {
             None => peripheral(&capture)
                 .with_context(|| format!("{}: the capture has no test camera", place.capture.display()))?,
         };
-        let plans = plans(args, &capture, config)?;
+        let plans = plans(args, place, &capture, config)?;
         let runs = runs(args, &plans, config);
         Ok(Job { place, peripheral, plans, runs })
     }
@@ -195,7 +208,7 @@ impl<'a> Job<'a> {
 }
 
 /// The studies that are asked for, from each base.
-fn plans(args: &Args, capture: &Capture, config: &Config) -> anyhow::Result<Vec<Plan>> {
+fn plans(args: &Args, place: &Place, capture: &Capture, config: &Config) -> anyhow::Result<Vec<Plan>> {
     let mut plans = Vec::new();
     for name in &args.studies {
         let known = STUDIES.iter().find(|study| study.name == name);
@@ -204,6 +217,10 @@ fn plans(args: &Args, capture: &Capture, config: &Config) -> anyhow::Result<Vec<
             known.with_context(|| format!("--studies {name}: unknown study; choose from {}", names.join(", ")))?;
         if study.name == "perceptual" && config.loss.lpips_weights.is_none() {
             anyhow::bail!("--studies perceptual: needs the weights of LPIPS, give them with --lpips-weights");
+        }
+        if study.is_of_clips && !capture.is_rig_clip() {
+            say!("{name}: left out for {}, which is no clip of several cameras", place.capture.display());
+            continue;
         }
         let budget = if study.equal_budgets { Some(2 * largest_start(capture, study, config)?) } else { None };
         if let Some(budget) = budget {

@@ -63,6 +63,11 @@ impl Capture {
         Ok(seen_by.view(frame, self.n_frames, seen_by.pose(frame), self.background))
     }
 
+    /// Whether it is a clip that several training cameras took: of one alone, the scene's own times and colours take up what is off.
+    pub fn is_rig_clip(&self) -> bool {
+        self.n_frames > 1 && self.cameras.iter().filter(|camera| !camera.is_test).count() > 1
+    }
+
     /// (camera, frame) of every image of the training cameras, by frame and then by camera.
     pub fn training_frames(&self) -> Vec<(usize, u32)> {
         self.frames(false)

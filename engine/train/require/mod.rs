@@ -22,7 +22,6 @@ use crate::stage::{GridState, Renderer};
 use crate::train::checkpoint::{CameraState, Checkpoint};
 use crate::train::config::{Config, Required};
 use crate::train::metrics::Sight;
-use crate::train::setup::is_rig;
 use crate::train::trainer::Trainer;
 use std::sync::Arc;
 
@@ -82,13 +81,13 @@ pub enum Due {
 pub fn review_due(config: &Config, step: u64, total: u64) -> Option<Due> {
     let Required { reviews, first, last, grids_at, .. } = config.required;
     let at = |fraction: f64| (fraction * total as f64).round() as u64;
-    let nth = |k: u32| at(first + (last - first) * f64::from(k) / f64::from((reviews - 1).max(1)));
-    if step == 0 || step >= total || reviews == 0 {
+    let nth = |k: u32| at(first + (last - first) * f64::from(k) / f64::from(reviews.saturating_sub(1).max(1)));
+    if step == 0 || step >= total {
         None
     } else if (0..reviews).any(|k| nth(k) == step) {
         Some(Due::Gaussians)
     } else {
-        (step == at(grids_at)).then_some(Due::Grids)
+        (config.grids && step == at(grids_at)).then_some(Due::Grids)
     }
 }
 
@@ -115,7 +114,7 @@ pub fn review(
     if due == Due::Grids {
         let n = checkpoint.params.len();
         let mut report = Review { step: checkpoint.step, before: n, after: n, ..Review::default() };
-        if grids && is_rig(capture) {
+        if grids && capture.is_rig_clip() {
             report.grids = give_grids(&mut renderer, &sight, &mut checkpoint.cameras)?;
             trainer.replace(&checkpoint)?;
         }
