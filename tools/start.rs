@@ -124,7 +124,7 @@ impl Start {
         };
         session.extend(self.config.clone(), self.total)?;
         // A run that is killed before its next checkpoint still goes on to the new end.
-        let owed = Owed { density: false, ..checkpoint.owed };
+        let owed = Owed { density: false, average: false, ..checkpoint.owed };
         Checkpoint { world: self.run.world, owed, ..session.checkpoint()? }.write(&self.checkpoints)?;
         write_json(&self.checkpoints.with_file_name("config.json"), &self.config)?;
         let percent = |total: u64| 100.0 * checkpoint.step as f64 / total.max(1) as f64;

@@ -34,6 +34,12 @@ pub(super) const QUALITY: Study = Study {
     arms: &[
         DEFAULT,
         Arm {
+            name: "the scene of the last step, no mean of many",
+            key: "last-scene",
+            change: |config| config.average = 0.0,
+            paper: &[],
+        },
+        Arm {
             name: "all rates fall to a tenth",
             key: "rates-anneal",
             change: |config| {

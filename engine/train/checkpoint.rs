@@ -4,6 +4,7 @@
 //! sections: little-endian f32, one after the other. Written under a temporary name, synced and renamed. A folder holds
 //! the last three and the best by the PSNR of test views, whose name tells its score: `best-00000300-24.9312dB.ckpt`.
 
+use super::average::Average;
 use super::config::Config;
 use crate::error::{Error, Result};
 use crate::files::{read_file, write_atomic};
@@ -43,10 +44,13 @@ pub struct Checkpoint {
     pub cameras: CameraState,
     /// What was due after the step and has not been done: the run failed there.
     pub owed: Owed,
+    /// The mean of the scenes near the end of the run so far.
+    pub average: Average,
 }
 
 /// What is due after a step and has not been done.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(default)]
 pub struct Owed {
     /// The round of density control.
     pub density: bool,
@@ -54,6 +58,8 @@ pub struct Owed {
     pub review: bool,
     /// The look at which cameras' time offsets the pictures tell.
     pub offsets: bool,
+    /// The scene's share of the average.
+    pub average: bool,
 }
 
 /// The cameras' own parameters.
@@ -87,6 +93,9 @@ struct Header {
     has_grid: Vec<bool>,
     #[serde(default)]
     owed: Owed,
+    /// Scenes that the average is of.
+    #[serde(default)]
+    averaged: u64,
     sections: Vec<Section>,
 }
 
@@ -136,7 +145,8 @@ impl Checkpoint {
 
     fn sections(&self) -> Vec<(String, &[f32])> {
         let mut all = Vec::new();
-        for (set, splats) in [("params", &self.params), ("first", &self.first), ("second", &self.second)] {
+        let sets = [("params", &self.params), ("first", &self.first), ("second", &self.second)];
+        for (set, splats) in sets.into_iter().chain(self.average.scene().map(|mean| ("average", mean))) {
             all.extend(arrays(splats).map(|(name, values)| (format!("{set}.{name}"), values)));
         }
         all.push(("state".to_owned(), self.state.as_flattened()));
@@ -179,6 +189,7 @@ impl Checkpoint {
             grid_steps: self.cameras.grid_steps.clone(),
             has_grid: self.cameras.has_grid.clone(),
             owed: self.owed,
+            averaged: self.average.n,
             sections: sections.iter().map(told).collect(),
         };
         write_atomic(&file, |to| {
@@ -313,8 +324,13 @@ impl Checkpoint {
             Ok(splats)
         };
         let (params, first, second) = (set("params")?, set("first")?, set("second")?);
+        let average = match header.averaged {
+            0 => Average::default(),
+            n => Average { n, mean: set("average")? },
+        };
         let state = take("state")?.as_chunks().0.to_vec();
-        if [first.len(), second.len(), state.len()] != [params.len(); 3] {
+        let n_average = average.scene().map_or(params.len(), Splats::len);
+        if [first.len(), second.len(), state.len(), n_average] != [params.len(); 4] {
             return Err(fault("sections", "are of different numbers of Gaussians".to_owned()));
         }
         let clocks: Vec<[f32; 4]> = take("clocks")?.as_chunks().0.to_vec();
@@ -332,12 +348,16 @@ impl Checkpoint {
             return Err(fault("sections", "are of different numbers of cameras".to_owned()));
         }
         let cameras = CameraState { clocks, learns_offset, grids, grid_steps, has_grid };
-        Ok(Checkpoint { step, total, config, world, origin, params, first, second, state, cameras, owed })
+        Ok(Checkpoint { step, total, config, world, origin, params, first, second, state, cameras, owed, average })
     }
 
-    /// The Gaussians in the capture's own frame, numbered in the file's order. Under lazy Adam those that were out of view lately
-    /// lag: the steps that are owed to them are caught up with only on a device, by [`super::Trainer::splats`].
+    /// The Gaussians in the capture's own frame, numbered in the file's order; at the end of the run their average, as the run's
+    /// scene has it. Under lazy Adam those that were out of view lately lag: the steps that are owed to them are caught up with only
+    /// on a device, by [`super::Trainer::splats`].
     pub fn splats(&self) -> Splats {
+        if let (Some(mean), true) = (self.average.scene(), self.step == self.total) {
+            return self.world.inverse().splats(mean);
+        }
         let mut splats = self.params.clone();
         for position in &mut splats.position {
             *position = std::array::from_fn(|k| (f64::from(position[k]) + self.origin[k]) as f32);

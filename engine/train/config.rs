@@ -34,6 +34,8 @@ settings! {
         seed: u64 = 42, "", Range::Whole(0, u64::MAX);
         /// Highest degree of the spherical harmonics: how finely colours depend on the direction of view.
         sh_degree: u32 = 3, "", Range::Whole(0, 3);
+        /// The scene is the mean of those of the last steps of the run, over this share of it; 0 takes that of the last step.
+        average: f64 = 0.1, "of the run", Range::SHARE;
         /// The number of Gaussians never exceeds this.
         max_gaussians: usize = 500_000, "Gaussians", Range::COUNT;
         /// Where the first Gaussians come from.
@@ -388,7 +390,7 @@ const LEAST_EVERY: u64 = 8;
 
 impl Density {
     /// The round of density control that follows step `step` (from 1) of `total`: rounds at equal steps to the end of the run,
-    /// of which those after [`Density::stop`] only remove. None where the rounds that grow are none.
+    /// of which those after [`Density::stop`] only remove. Those of the steps that are averaged are left out by the caller. None where the rounds that grow are none.
     pub fn due(&self, step: u64, total: u64) -> Option<Round> {
         let first = ((total as f64 * self.start) as u64).min(self.first_step);
         let last = (total as f64 * self.stop) as u64;

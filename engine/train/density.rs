@@ -1,6 +1,7 @@
 //! Density control over a run: when a round is due, and what the settings make of it. The round itself runs on the device
 //! ([`DensityRound`]).
 
+use super::average::Average;
 use super::config::{Config, Density, Round, Strategy};
 use super::schedule::rates;
 use crate::random::Keyed;
@@ -21,6 +22,10 @@ pub fn density_round(
     origin: [f64; 3],
     n_frames: u32,
 ) -> Option<DensityRound> {
+    // Scenes that are averaged are of the same Gaussians.
+    if step > Average::begins_after(config, total) {
+        return None;
+    }
     let density = &config.density;
     let due = density.due(step, total);
     let is_adc = density.strategy == Strategy::Adc;

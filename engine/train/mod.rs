@@ -1,6 +1,7 @@
 //! Training: Gaussians fitted to the images of a capture, one image a step (SPEC 4 and 6).
 
 mod align;
+mod average;
 mod cameras;
 mod checkpoint;
 mod config;
@@ -28,6 +29,7 @@ mod terms;
 mod trainer;
 
 pub use align::ColorMap;
+pub use average::Average;
 pub use checkpoint::{CameraState, Checkpoint, Owed};
 pub use config::{
     Config, Density, FlowChoice, Init, LearningRates, Loss, Pace, PresetId, Rate, Required, Resolution, Round,

@@ -8,7 +8,7 @@ use ivv::Constants;
 use ivv::profile::{read_dispatch, write_dispatch};
 use ivv::scene::Similarity;
 use ivv::scene::capture::Capture;
-use ivv::train::{CameraState, Checkpoint, Config, Kind, Log, Owed, PRESETS, Preset, Run};
+use ivv::train::{Average, CameraState, Checkpoint, Config, Kind, Log, Owed, PRESETS, Preset, Run};
 use std::path::Path;
 
 pub fn config() -> Vec<Seed> {
@@ -38,6 +38,7 @@ pub fn checkpoint() -> Vec<Seed> {
         first: params.clone(),
         second: params.clone(),
         state: vec![[1.0; 4]; params.len()],
+        average: Average { n: 3, mean: params.clone() },
         params,
         cameras,
         owed: Owed::default(),

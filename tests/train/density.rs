@@ -32,8 +32,10 @@ fn the_settings_of_density_control_make_its_rounds() {
     let often = Config { density: Density { reset_every: 50, ..Density::default() }, ..Config::default() };
     assert_eq!((round(&often, 650).unwrap().growth, round(&often, 650).unwrap().choice), (0.0, first.choice));
     assert_eq!(round(&often, 6050), None);
-    // After half of the run rounds remove, with either strategy, to its end; without density control there are none.
-    let (late, last) = (round(&adc, 5100).unwrap(), round(&adc, 10_000).unwrap());
+    // After half of the run rounds remove, with either strategy, until scenes are averaged; without density control there are none.
+    let (late, last) = (round(&adc, 5100).unwrap(), round(&adc, 9_000).unwrap());
+    assert_eq!(round(&adc, 9_100), None);
+    assert!(round(&Config { average: 0.0, ..adc.clone() }, 10_000).is_some());
     assert_eq!((round(&adc, 5000).unwrap().growth, late.growth, last.growth), (0.05, 0.0, 0.0));
     assert_eq!((late.prune_veil, late.opacity_ceiling), (0.33, f32::MAX));
     // What is large goes only as long as others are added: later a wall would be left with a hole.

@@ -3,8 +3,10 @@
 use super::{Tiny, bits};
 use crate::adversary::rounds_otherwise;
 use crate::common::device::gpu;
-use ivv::scene::Splats;
-use ivv::train::{Checkpoint, Config, Event, Notice, Phase, Required, Session, SessionOptions, training_order};
+use ivv::scene::{Similarity, Splats};
+use ivv::train::{
+    Average, Checkpoint, Config, Event, Notice, Phase, Required, Session, SessionOptions, training_order,
+};
 use ivv::vk::DeviceKind;
 use std::cell::RefCell;
 use std::collections::BTreeSet;
@@ -68,7 +70,7 @@ fn a_session_does_what_is_due_whoever_brings_the_images_and_wherever_it_is_resum
     assert_eq!(bits(&fed.finish().unwrap()), bits(&whole));
 
     // Resumed right after a step after which something is due and has not been done.
-    for at in [18, 20, 31] {
+    for at in [18, 20, 31, 57] {
         let mut first = begin(&tiny, SessionOptions::default());
         while first.steps() < at {
             first.step().unwrap();
@@ -106,7 +108,7 @@ fn a_session_gives_the_scene_that_the_command_line_writes() {
     let capture = run.open_capture(None).unwrap();
     let options = SessionOptions { constants: run.constants, ..SessionOptions::default() };
     let session = Session::begin(gpu().clone(), &capture, config(), options).unwrap();
-    assert_eq!(bits(&end(session).0), bits(&written.params));
+    assert_eq!(bits(&end(session).0), bits(written.average.scene().expect("the mean of the last scenes")));
 }
 
 #[test]
@@ -123,6 +125,35 @@ fn images_follow_one_another_by_epochs_from_any_step() {
         assert_eq!(training_order(&frames, 3, done, 25), all[done as usize..], "after {done}");
     }
     assert!(training_order(&frames, 3, 30, 25).is_empty());
+}
+
+#[test]
+fn a_run_ends_with_the_mean_of_its_last_scenes() {
+    let _device = gpu();
+    let tiny = Tiny::new("mean");
+    let config = Config { sh_degree: 1, steps: 40, max_gaussians: 2_000, average: 0.25, ..Config::default() };
+    let mut session = Session::begin(gpu().clone(), &tiny.capture, config.clone(), SessionOptions::default()).unwrap();
+    let (mut truth, mut last) = (Average::default(), None);
+    while session.step().unwrap() {
+        if session.steps() > 30 {
+            let scene = session.trainer().splats().unwrap();
+            truth.add(scene.clone());
+            last = Some(scene);
+        }
+    }
+    let (found, last) = (session.finish().unwrap(), last.unwrap());
+    assert_eq!((truth.n, bits(&found)), (10, bits(truth.scene().unwrap())));
+    assert_ne!(bits(&found), bits(&last));
+    let changed = |event: &Event| matches!(event, Event::Step(step) if step.density.is_some() && step.step > 30);
+    assert!(!session.take_events().iter().any(changed), "the Gaussians stay the same");
+    // What a checkpoint of the end has is what the run's scene has; one from before it has what was trained so far.
+    let checkpoint = session.checkpoint().unwrap();
+    let relative = Checkpoint { world: Similarity::default(), ..checkpoint };
+    assert_eq!(bits(&relative.splats()), bits(&found));
+    assert_ne!(bits(&Checkpoint { step: 39, ..relative }.splats()), bits(&found));
+    // Steps that are added make the end another.
+    session.extend(config, 80).unwrap();
+    assert_eq!(bits(&session.finish().unwrap()), bits(&last));
 }
 
 #[test]

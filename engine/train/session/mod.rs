@@ -13,6 +13,7 @@ use crate::random::permutation;
 use crate::scene::Splats;
 use crate::scene::capture::{Asked, Capture, Picture, share_of_memory};
 use crate::settings::Constants;
+use crate::train::average::Average;
 use crate::train::checkpoint::{Checkpoint, Owed};
 use crate::train::config::Config;
 use crate::train::images::Shot;
@@ -65,6 +66,8 @@ pub struct Session<'a> {
     image_bytes: u64,
     /// A step, and what is due after it and has not been done.
     owed: (u64, Owed),
+    /// Of the scenes near the end.
+    average: Average,
     events: Vec<Event>,
     seconds: f64,
     watch: Watch<'a>,
@@ -163,7 +166,7 @@ impl<'a> Session<'a> {
         let trainer = Trainer::resume(gpu.clone(), checkpoint, options.constants, setup)?;
         let numbers = (checkpoint.total, priors, plan, splats.len());
         let session = Self::of(gpu, (capture, frames), config, trainer, numbers, options);
-        Ok(Session { owed: (checkpoint.step, checkpoint.owed), ..session })
+        Ok(Session { owed: (checkpoint.step, checkpoint.owed), average: checkpoint.average.clone(), ..session })
     }
 
     fn of(
@@ -187,6 +190,7 @@ impl<'a> Session<'a> {
             plan,
             n_left_out: n_first.saturating_sub(trainer.n_gaussians() as usize),
             owed: (trainer.step(), Owed::default()),
+            average: Average::default(),
             trainer,
             feed: None,
             cache_bytes,
@@ -203,6 +207,8 @@ impl<'a> Session<'a> {
     pub fn extend(&mut self, config: Config, total: u64) -> Result<()> {
         self.trainer.extend(config.clone(), total)?;
         (self.config, self.total, self.feed) = (config, total, None);
+        // What was near the end is so no more.
+        (self.average, self.owed.1.average) = (Average::default(), false);
         Ok(())
     }
 
@@ -336,6 +342,12 @@ impl<'a> Session<'a> {
             self.freeze()?;
         }
         self.owed.1.offsets = false;
+        if owed.average {
+            let begun = Instant::now();
+            self.average.add(self.trainer.splats()?);
+            self.seconds += begun.elapsed().as_secs_f64();
+        }
+        self.owed.1.average = false;
         Ok(())
     }
 
@@ -346,7 +358,7 @@ impl<'a> Session<'a> {
     pub fn checkpoint(&mut self) -> Result<Checkpoint> {
         let checkpoint = self.trainer.checkpoint()?;
         self.collect();
-        Ok(checkpoint)
+        Ok(Checkpoint { average: self.average.clone(), ..checkpoint })
     }
 
     /// As [`Session::checkpoint`], of a run that a fault ended: the last step that can be had, and what was due after it.
@@ -362,17 +374,19 @@ impl<'a> Session<'a> {
             // It ended while it was rescued.
             Ordering::Greater => self.due_after(rescued.step),
         };
-        Ok(Checkpoint { owed: Owed { density: rescued.owed.density, ..owed }, ..rescued })
+        let owed = Owed { density: rescued.owed.density, ..owed };
+        Ok(Checkpoint { owed, average: self.average.clone(), ..rescued })
     }
 
-    /// Waits for the last step and what is due after it; gives the Gaussians, in the frame of training.
+    /// Waits for the last step and what is due after it; gives the Gaussians, in the frame of training: near the end of the run
+    /// their mean over its last steps, see [`Average`].
     ///
     /// # Errors
     /// As [`Session::step`].
     pub fn finish(&mut self) -> Result<Splats> {
         self.wait()?;
         self.settle()?;
-        self.trainer.splats()
+        self.average.scene().map_or_else(|| self.trainer.splats(), |mean| Ok(mean.clone()))
     }
 
     /// The next image, after what is due before it.
@@ -424,7 +438,7 @@ impl<'a> Session<'a> {
     fn due_after(&self, step: u64) -> Owed {
         let review = review_due(&self.config, step, self.total).is_some();
         let offsets = step > 0 && (step == self.total / 3 || step == 2 * self.total / 3);
-        Owed { review, offsets, density: false }
+        Owed { review, offsets, average: Average::is_due(&self.config, step, self.total), density: false }
     }
 
     /// Reviews what the scene requires, and continues with that part.
@@ -433,6 +447,8 @@ impl<'a> Session<'a> {
         let mut looked = work(&mut self.watch, Phase::Review);
         let review = review(&mut self.trainer, &self.gpu, self.capture, self.constants, due, &mut looked)?;
         self.seconds += begun.elapsed().as_secs_f64();
+        // Its Gaussians are others.
+        self.average = Average::default();
         self.events.push(Event::Review(review));
         Ok(())
     }

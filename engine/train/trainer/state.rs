@@ -7,6 +7,7 @@ use crate::gpu::{Gpu, Recording};
 use crate::scene::{Similarity, Splats};
 use crate::settings::Constants;
 use crate::stage::{AdamMode, Moments, Optimiser, Purpose, SceneBuffers, lazy_sums};
+use crate::train::average::Average;
 use crate::train::checkpoint::{Checkpoint, Owed};
 use crate::train::config::Config;
 use crate::train::schedule::rates;
@@ -78,6 +79,7 @@ impl Trainer {
             state: self.state()?,
             cameras: self.objective.cameras.state(&self.gpu)?,
             owed: Owed::default(),
+            average: Average::default(),
         })
     }
 
