@@ -10,6 +10,9 @@ const HARM: f64 = 0.1;
 /// On how many captures it must be better.
 const SHOWN_ON: usize = 2;
 
+/// When cameras are asked whether they need a colour grid, of the run.
+pub(super) const GRIDS_AT: f64 = 0.3;
+
 const MEASURES: &[Measure] = &[
     Measure::LastGaussians,
     Measure::SceneBytes,
@@ -84,9 +87,9 @@ pub(super) const CLIPS: Study = Study {
             paper: &[],
         },
         Arm {
-            name: "a colour grid for every camera, from the start",
-            key: "all-grids",
-            change: |config| config.required.grids_at = 0.0,
+            name: "a colour grid for the cameras that need one",
+            key: "required-grids",
+            change: |config| config.required.grids_at = GRIDS_AT,
             paper: &[],
         },
         Arm { name: "no colour grids", key: "no-grids", change: |config| config.grids = false, paper: &[] },

@@ -1,8 +1,8 @@
 //! The studies that `ivv ablate` knows.
 
 use super::ablation::{Arm, FULL, LPIPS_WEIGHT, Measure, Study};
-use super::quality::{CLIPS, QUALITY};
-use crate::train::Init;
+use super::quality::{CLIPS, GRIDS_AT, QUALITY};
+use crate::train::{Config, Init};
 
 /// The studies of the paper, and that of techniques which it does not have.
 pub const STUDIES: [Study; 7] = [
@@ -109,12 +109,15 @@ pub const STUDIES: [Study; 7] = [
         title: "Only what the scene requires",
         arms: &[
             Arm { name: "everything modelled", key: FULL, change: |_| (), paper: &[] },
-            Arm { name: "reviewed", key: "reviewed", change: |config| config.required.reviews = REVIEWS, paper: &[] },
+            Arm { name: "reviewed", key: "reviewed", change: reviewed, paper: &[] },
             Arm { name: "told apart by flow", key: "flow", change: |config| config.init_static_tau = 0.0, paper: &[] },
             Arm {
                 name: "told apart by flow, reviewed",
                 key: "flow-reviewed",
-                change: |config| (config.init_static_tau, config.required.reviews) = (0.0, REVIEWS),
+                change: |config| {
+                    config.init_static_tau = 0.0;
+                    reviewed(config);
+                },
                 paper: &[],
             },
         ],
@@ -135,6 +138,11 @@ pub const STUDIES: [Study; 7] = [
 
 /// Reviews of what the scene requires.
 const REVIEWS: u32 = 2;
+
+/// Only what the scene requires, colour grids among it.
+fn reviewed(config: &mut Config) {
+    (config.required.reviews, config.required.grids_at) = (REVIEWS, GRIDS_AT);
+}
 
 #[cfg(test)]
 pub(super) mod tests {

@@ -4,7 +4,7 @@
 use super::config::Config;
 use crate::scene::Splats;
 
-/// Scenes in a mean, at most: each is copied from the device.
+/// Scenes in a mean, about: each is copied from the device.
 const SCENES: u64 = 20;
 
 /// A running mean.

@@ -106,7 +106,7 @@ settings! {
         /// PSNR that all reviews together may cost when they take place.
         margin: f64 = 0.05, "dB", Range::POSITIVE;
         /// When it is decided which cameras need a bilateral grid; 0 gives one to all from the start.
-        grids_at: f64 = 0.3, "of the run", Range::BELOW_ONE;
+        grids_at: f64 = 0.0, "of the run", Range::BELOW_ONE;
     }
 }
 
@@ -390,7 +390,8 @@ const LEAST_EVERY: u64 = 8;
 
 impl Density {
     /// The round of density control that follows step `step` (from 1) of `total`: rounds at equal steps to the end of the run,
-    /// of which those after [`Density::stop`] only remove. Those of the steps that are averaged are left out by the caller. None where the rounds that grow are none.
+    /// of which those after [`Density::stop`] only remove, and those in steps that are averaged are left out by
+    /// [`super::density_round`]. None where the rounds that grow are none.
     pub fn due(&self, step: u64, total: u64) -> Option<Round> {
         let first = ((total as f64 * self.start) as u64).min(self.first_step);
         let last = (total as f64 * self.stop) as u64;
