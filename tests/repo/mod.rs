@@ -8,6 +8,7 @@ mod hazards;
 mod kernels;
 mod manual;
 mod screen;
+mod sizes;
 mod supply;
 mod trade;
 

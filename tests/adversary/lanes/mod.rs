@@ -7,14 +7,18 @@
 //! skips a side that no lane takes. Once one vector has ended, the others get one more turn, hence all wait for each other at the
 //! end. A loop that some lanes of a subgroup leave before others would put their vectors out of step: [`Uniform`] refuses it.
 
+mod emit;
+mod rendezvous;
+mod votes;
+
 use super::module::{assembled, built_ins, id, ids, load};
 use super::uniform::Uniform;
 use crate::common::device::gpu;
 use crate::common::notes::skip;
 use ivv::gpu::table::KERNELS;
 use ivv::gpu::{Rewrite, kernel_named};
-use rspirv::dr::{Block, Builder, Function, Instruction, Module, Operand};
-use rspirv::spirv::{BuiltIn, Capability, Decoration, ExecutionMode, FunctionControl, GroupOperation, LoopControl, Op};
+use rspirv::dr::{Block, Builder, Instruction, Module, Operand};
+use rspirv::spirv::{BuiltIn, Capability, Decoration, ExecutionMode, LoopControl, Op};
 use rspirv::spirv::{Scope, StorageClass, Word};
 use std::collections::{HashMap, HashSet};
 use std::process::Command;
@@ -26,11 +30,6 @@ pub const LANES_64: Rewrite = Rewrite { subgroup_size: Some(64), spirv: |kernel|
 
 /// Most words of a thread that one exchange hands around.
 const BATCH: u32 = 16;
-/// Turns that a thread waits between two looks at the others: lavapipe ends an invocation's loops after 65,535 iterations in
-/// all, and another subgroup may take more turns.
-const TURNS: u32 = 16;
-/// Of a barrier: acquire, release, workgroup memory.
-const SEMANTICS: u32 = 0x108;
 
 /// Whether the device is one that the emulation can run on; a skip is noted where it is not.
 #[track_caller]
@@ -190,59 +189,6 @@ impl Emulation {
         module.execution_modes.iter_mut().for_each(|mode| mode.operands[0] = Operand::IdRef(entry));
         module.capabilities.retain(|i| !format!("{:?}", i.operands[0]).contains("GroupNonUniform"));
         module
-    }
-
-    fn constant(&mut self, value: u32) -> Word {
-        let (b, uint) = (&mut self.b, self.uint);
-        *self.constants.entry(value).or_insert_with(|| b.constant_bit32(uint, value))
-    }
-
-    /// Emits an instruction with a result that has its id already.
-    fn define(&mut self, op: Op, of: Word, result: Word, operands: &[Word]) {
-        let operands = operands.iter().map(|id| Operand::IdRef(*id)).collect();
-        self.code.push(Instruction::new(op, Some(of), Some(result), operands));
-    }
-
-    /// Emits an instruction and returns its result.
-    fn emit(&mut self, op: Op, of: Word, operands: &[Word]) -> Word {
-        let result = self.b.id();
-        self.define(op, of, result, operands);
-        result
-    }
-
-    /// Emits an instruction on words.
-    fn word(&mut self, op: Op, a: Word, b: Word) -> Word {
-        self.emit(op, self.uint, &[a, b])
-    }
-
-    fn at(&mut self, array: Word, index: Word) -> Word {
-        self.emit(Op::AccessChain, self.pointer, &[array, index])
-    }
-
-    fn read(&mut self, array: Word, index: Word) -> Word {
-        let pointer = self.at(array, index);
-        self.emit(Op::Load, self.uint, &[pointer])
-    }
-
-    fn write(&mut self, array: Word, index: Word, value: Word) {
-        let pointer = self.at(array, index);
-        self.code.push(Instruction::new(Op::Store, None, None, vec![Operand::IdRef(pointer), Operand::IdRef(value)]));
-    }
-
-    /// Emits an atomic of the workgroup on a word.
-    fn atomic(&mut self, op: Op, array: Word, index: Word, value: Word) {
-        let pointer = self.at(array, index);
-        let [scope, semantics] = [Scope::Workgroup as u32, 0].map(|value| self.constant(value));
-        let operands = [pointer, scope, semantics, value];
-        self.emit(op, self.uint, &operands);
-    }
-
-    /// Ends the turn.
-    fn turn(&mut self) {
-        let scope = self.constant(Scope::Workgroup as u32);
-        let semantics = self.constant(SEMANTICS);
-        let operands = vec![Operand::IdScope(scope), Operand::IdScope(scope), Operand::IdMemorySemantics(semantics)];
-        self.code.push(Instruction::new(Op::ControlBarrier, None, None, operands));
     }
 
     /// Computes what the operations need where the kernel begins.
@@ -427,167 +373,10 @@ impl Emulation {
     fn scope(&self, constant: Word) -> u32 {
         self.types[&constant].operands[0].unwrap_literal_bit32()
     }
-
-    /// Both words of a ballot.
-    fn vote(&mut self, yes: Word) -> [Word; 2] {
-        let zero = self.constant(0);
-        let bit = self.emit(Op::Select, self.uint, &[yes, self.thread.bit, zero]);
-        self.atomic(Op::AtomicOr, self.shared.votes, self.thread.word, bit);
-        self.turn();
-        let words = self.bits(self.shared.votes);
-        self.turn();
-        self.atomic(Op::AtomicAnd, self.shared.votes, self.thread.word, self.thread.not_bit);
-        words
-    }
-
-    fn bits(&mut self, of: Word) -> [Word; 2] {
-        let low = self.read(of, self.thread.words);
-        if self.width == 32 {
-            return [low, self.constant(0)];
-        }
-        let one = self.constant(1);
-        let second = self.word(Op::IAdd, self.thread.words, one);
-        [low, self.read(of, second)]
-    }
-
-    /// A sum or maximum over the active lanes, or over those before this one.
-    fn fold(&mut self, instruction: &Instruction) {
-        let (of, result) = (instruction.result_type.unwrap_or(0), instruction.result_id.unwrap_or(0));
-        assert_eq!(of, self.uint, "folds of u32");
-        let is_scan = match instruction.operands[1] {
-            Operand::GroupOperation(GroupOperation::Reduce) => false,
-            Operand::GroupOperation(GroupOperation::ExclusiveScan) => true,
-            ref other => panic!("{other:?} is not emulated"),
-        };
-        self.write(self.shared.folded, self.thread.index, id(instruction, 2));
-        self.atomic(Op::AtomicOr, self.shared.live, self.thread.word, self.thread.bit);
-        self.turn();
-        let live = self.bits(self.shared.live);
-        let zero = self.constant(0);
-        let mut total = zero;
-        for lane in 0..self.width {
-            let [mask, number] = [1 << (lane % 32), lane].map(|value| self.constant(value));
-            let bit = self.word(Op::BitwiseAnd, live[lane as usize / 32], mask);
-            let mut counts = self.emit(Op::INotEqual, self.boolean, &[bit, zero]);
-            if is_scan {
-                let before = self.emit(Op::ULessThan, self.boolean, &[number, self.thread.lane]);
-                counts = self.emit(Op::LogicalAnd, self.boolean, &[counts, before]);
-            }
-            let at = self.word(Op::IAdd, self.thread.first, number);
-            let held = self.read(self.shared.folded, at);
-            let value = self.emit(Op::Select, self.uint, &[counts, held, zero]);
-            total = match instruction.class.opcode {
-                Op::GroupNonUniformIAdd => self.word(Op::IAdd, total, value),
-                _ => {
-                    let above = self.emit(Op::ULessThan, self.boolean, &[total, value]);
-                    self.emit(Op::Select, self.uint, &[above, value, total])
-                }
-            };
-        }
-        self.define(Op::CopyObject, self.uint, result, &[total]);
-        self.turn();
-        self.atomic(Op::AtomicAnd, self.shared.live, self.thread.word, self.thread.not_bit);
-    }
-
-    /// Waits for all threads of the workgroup.
-    fn meet(&mut self) {
-        let nothing = self.b.type_void();
-        self.emit(Op::FunctionCall, nothing, &[self.rendezvous]);
-    }
-
-    /// Appends a function without arguments, of blocks with their labels.
-    fn function(&mut self, result: Word, blocks: Vec<(Word, Vec<Instruction>)>) {
-        let nothing = self.b.type_void();
-        let of = self.b.type_function(nothing, []);
-        let kind = vec![Operand::FunctionControl(FunctionControl::NONE), Operand::IdRef(of)];
-        let label = |id| Instruction::new(Op::Label, None, Some(id), Vec::new());
-        let block = |(id, instructions)| Block { label: Some(label(id)), instructions };
-        self.b.module_mut().functions.push(Function {
-            def: Some(Instruction::new(Op::Function, Some(nothing), Some(result), kind)),
-            end: Some(Instruction::new(Op::FunctionEnd, None, None, Vec::new())),
-            parameters: Vec::new(),
-            blocks: blocks.into_iter().map(block).collect(),
-        });
-    }
-
-    /// The kernel around the given one: clears the bits before it, and lets all threads end at once.
-    fn entry(&mut self, kernel: Word) -> Word {
-        let zero = self.constant(0);
-        let [bits, met] = [2 * self.local.div_ceil(self.width), 3].map(|value| self.constant(value));
-        let index = self.emit(Op::Load, self.uint, &[self.index_variable]);
-        let at = self.word(Op::UMod, index, bits);
-        self.write(self.shared.live, at, zero);
-        self.write(self.shared.votes, at, zero);
-        let at = self.word(Op::UMod, index, met);
-        self.write(self.shared.met, at, zero);
-        self.turn();
-        let nothing = self.b.type_void();
-        self.emit(Op::FunctionCall, nothing, &[kernel]);
-        self.meet();
-        self.leave();
-        let [entry, label] = [self.b.id(), self.b.id()];
-        let code = std::mem::take(&mut self.code);
-        self.function(entry, vec![(label, code)]);
-        entry
-    }
-
-    fn leave(&mut self) {
-        self.code.push(Instruction::new(Op::Return, None, None, Vec::new()));
-    }
-
-    /// The meeting of all threads, whatever turns they took before: after it they are in step. First they wait, some turns at
-    /// a time, until all came; then until the first, which begins each round of turns, has seen that all know.
-    fn write_rendezvous(&mut self) {
-        let mut blocks = Vec::new();
-        let [came, know, go, all] = [0, 1, 2, self.local].map(|value| self.constant(value));
-        let labels: [Word; 7] = std::array::from_fn(|_| self.b.id());
-        let [start, head, wait, between, second_head, second_wait, end] = labels;
-        let branch = |to| Instruction::new(Op::Branch, None, None, vec![Operand::IdRef(to)]);
-        let merge = |after, next| {
-            let control = Operand::LoopControl(LoopControl::NONE);
-            Instruction::new(Op::LoopMerge, None, None, vec![Operand::IdRef(after), Operand::IdRef(next), control])
-        };
-        let choose = |on, yes, no| {
-            let operands = [on, yes, no].map(Operand::IdRef).to_vec();
-            Instruction::new(Op::BranchConditional, None, None, operands)
-        };
-        let one = self.constant(1);
-        let index = self.emit(Op::Load, self.uint, &[self.index_variable]);
-        self.atomic(Op::AtomicIAdd, self.shared.met, came, one);
-        self.code.push(branch(head));
-        blocks.push((start, std::mem::take(&mut self.code)));
-        blocks.push((head, vec![merge(between, wait), branch(wait)]));
-        (0..TURNS).for_each(|_| self.turn());
-        let n = self.read(self.shared.met, came);
-        let done = self.emit(Op::UGreaterThanEqual, self.boolean, &[n, all]);
-        self.code.push(choose(done, between, head));
-        blocks.push((wait, std::mem::take(&mut self.code)));
-        self.atomic(Op::AtomicIAdd, self.shared.met, know, one);
-        self.code.push(branch(second_head));
-        blocks.push((between, std::mem::take(&mut self.code)));
-        blocks.push((second_head, vec![merge(end, second_wait), branch(second_wait)]));
-        self.turn();
-        let n = self.read(self.shared.met, know);
-        let is_first = self.emit(Op::IEqual, self.boolean, &[index, came]);
-        let done = self.emit(Op::UGreaterThanEqual, self.boolean, &[n, all]);
-        let says = self.emit(Op::LogicalAnd, self.boolean, &[is_first, done]);
-        let word = self.emit(Op::Select, self.uint, &[says, one, came]);
-        self.atomic(Op::AtomicUMax, self.shared.met, go, word);
-        let goes = self.read(self.shared.met, go);
-        let goes = self.emit(Op::INotEqual, self.boolean, &[goes, came]);
-        self.code.push(choose(goes, end, second_head));
-        blocks.push((second_wait, std::mem::take(&mut self.code)));
-        self.turn();
-        [came, know, go].into_iter().for_each(|counter| self.write(self.shared.met, counter, came));
-        self.turn();
-        self.leave();
-        blocks.push((end, std::mem::take(&mut self.code)));
-        self.function(self.rendezvous, blocks);
-    }
 }
 
 /// A loop whose laps are known is written out, as it is without the emulation, which makes it long: for lavapipe counts laps,
-/// see [`TURNS`].
+/// see `rendezvous`.
 fn unrolled(mut instruction: Instruction) -> Instruction {
     if instruction.class.opcode == Op::LoopMerge {
         instruction.operands[2] = Operand::LoopControl(LoopControl::UNROLL);
