@@ -12,7 +12,7 @@ fn long_functions(source: &str) -> Vec<String> {
     for (first, line) in lines.iter().enumerate() {
         let code = line.trim_start();
         let before = code.split("fn ").next().unwrap_or("");
-        let is_prefix = |word: &str| ["const", "unsafe", "async"].contains(&word) || word.starts_with("pub");
+        let is_prefix = |word: &str| word.chars().all(|c| c.is_ascii_lowercase() || "()".contains(c));
         if !code.contains("fn ") || code.starts_with("//") || !before.split_whitespace().all(is_prefix) {
             continue;
         }
