@@ -287,6 +287,8 @@ pub static FAMILIES: &[Family] = &[
     },
     Family { name: "clock_apply", file: "clock/clock_apply.comp", twin: |_| "input::Camera", ..ROW },
     Family { name: "clock_step", file: "clock/clock_step.comp", twin: |_| "clock::clock_step", ..ROW },
+    Family { name: "pose_apply", file: "pose/pose_apply.comp", twin: |_| "pose::corrected", ..ROW },
+    Family { name: "pose_step", file: "pose/pose_step.comp", twin: |_| "pose::pose_step", ..ROW },
     // Recorded: pixels of the crop, multiply-adds of a convolution, vec4 of a map that is pooled or compared.
     Family {
         name: "lpips_input", file: "lpips/lpips_input.comp", twin: |_| "lpips::lpips", count: Count::Recorded,

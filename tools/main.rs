@@ -18,6 +18,7 @@ mod line;
 mod offsets;
 mod page;
 mod passes;
+mod poses;
 mod progress;
 mod replace;
 mod replay;

@@ -6,7 +6,8 @@ use std::io::ErrorKind;
 use std::path::{Component, Path, PathBuf};
 
 /// Results of a run in its folder.
-const RESULTS: [&str; 6] = ["scene.ply", "train.json", "train.jsonl", "offsets.json", "eval.json", "report.html"];
+const RESULTS: [&str; 7] =
+    ["scene.ply", "train.json", "train.jsonl", "offsets.json", "cameras.json", "eval.json", "report.html"];
 /// Results of `ivv eval` in a folder of its own.
 const SCORES: [&str; 2] = ["eval.json", "report.html"];
 /// Digits of a frame or a step in the name of a picture, at least.

@@ -47,6 +47,13 @@ impl Pose {
         Pose { rotation: DMat3::from_quat(DQuat::from_xyzw(x, y, z, w)), translation }
     }
 
+    /// As it is learnt: turned about the world's axes by `turn`, radians, and shifted along them by `shift`, scene units:
+    /// `x_camera = R exp([turn]x) (x_world - center - shift)`.
+    pub fn corrected(&self, turn: DVec3, shift: DVec3) -> Self {
+        let turn = DMat3::from_quat(DQuat::from_scaled_axis(turn));
+        Pose::at(self.center() + shift, self.rotation * turn)
+    }
+
     /// The rows of the 4 x 4 matrix from world to camera.
     pub fn rows(&self) -> [[f64; 4]; 4] {
         let row = |k: usize| self.rotation.row(k).extend(self.translation[k]).to_array();

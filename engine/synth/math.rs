@@ -54,6 +54,7 @@ pub(super) enum Stream {
     Observations,
     Sound,
     Keypoints,
+    Bends,
 }
 
 /// The numbers for one purpose and one item, whatever was drawn for other items, and in whatever order.

@@ -60,6 +60,8 @@ pub struct Options {
     pub colors: bool,
     /// Every second training camera's lens hood covers a corner of its pictures, and masks say so.
     pub masks: bool,
+    /// The calibration has each training camera turned by 0.2 degrees and shifted by 10 mm from where it is.
+    pub bent: bool,
 }
 
 /// Named options.
@@ -115,6 +117,7 @@ impl Preset {
             offsets: false,
             colors: false,
             masks: false,
+            bent: false,
         };
         match self {
             Preset::Tiny => Options { cameras: 6, width: 64, height: 48, frames: 8, points: 200, ..small },

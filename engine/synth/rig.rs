@@ -84,11 +84,6 @@ impl Camera {
         (at.z > 0.01).then(|| (self.intrinsics.project(at), at.z))
     }
 
-    /// `t` of x_camera = R x_world + t.
-    pub fn translation(&self) -> DVec3 {
-        -(self.rotation * self.center)
-    }
-
     /// Whether a pixel shows the lens hood instead of the room.
     pub fn is_hooded(&self, column: u32, row: u32) -> bool {
         let at = (DVec2::new(column.into(), row.into()) + 0.5) / self.intrinsics.size();

@@ -1,4 +1,4 @@
-//! What of the cameras is learnt beside the Gaussians: clocks and bilateral grids.
+//! What of the cameras is learnt beside the Gaussians: clocks, poses and bilateral grids.
 
 use super::checkpoint::CameraState;
 use super::config::Config;
@@ -6,14 +6,24 @@ use super::setup::Setup;
 use super::terms::{self, WithCotangent};
 use crate::error::{Error, Result};
 use crate::gpu::{Buf, Gpu, Recording};
-use crate::stage::{ClockStep, Clocks, GradedBack, GridStep, Grids, Workspace};
+use crate::stage::{ClockStep, Clocks, GradedBack, GridStep, Grids, PoseRows, PoseStep, Poses, Workspace};
+use glam::DVec3;
 use std::path::Path;
+
+/// When the learning of poses begins, of the run: before, the scene is too coarse to tell them.
+const POSES_FROM: f64 = 0.1;
+/// Longest shift of a camera, scene extents.
+const MOST_SHIFT: f64 = 0.1;
 
 /// The cameras' own parameters.
 pub(super) struct Cameras {
     config: Config,
     clocks: Option<Clocks>,
     learns_offset: Vec<bool>,
+    poses: Option<Poses>,
+    learns_pose: Vec<Option<DVec3>>,
+    /// Of the scene, scene units.
+    extent: f64,
     graded: Option<Graded>,
     dt: f64,
 }
@@ -50,7 +60,21 @@ impl Graded {
 impl Cameras {
     pub fn new(gpu: &Gpu, config: &Config, setup: &Setup) -> Result<Self> {
         let (learns_offset, dt) = (setup.learns_offset.clone(), setup.dt);
-        let mut cameras = Cameras { config: config.clone(), clocks: None, learns_offset, graded: None, dt };
+        let learns_pose = setup.learns_pose.clone();
+        let mut cameras = Cameras {
+            config: config.clone(),
+            clocks: None,
+            learns_offset,
+            poses: None,
+            learns_pose,
+            extent: setup.extent.radius,
+            graded: None,
+            dt,
+        };
+        if !cameras.learns_pose.is_empty() {
+            let none = vec![PoseRows::default(); cameras.learns_pose.len() + 1];
+            cameras.poses = Some(Poses::new(gpu, &none, &cameras.learns_pose)?);
+        }
         let n_grids = setup.has_grid.iter().filter(|has| **has).count();
         if n_grids > 0 {
             let mut place = 0..n_grids;
@@ -72,7 +96,7 @@ impl Cameras {
 
     /// Whether the camera's gradient is needed.
     pub fn wants_gradient(&self) -> bool {
-        self.clocks.is_some()
+        self.clocks.is_some() || self.poses.is_some()
     }
 
     /// The grids; none where no camera has one.
@@ -97,8 +121,11 @@ impl Cameras {
         Some(OwnGrid { place, step: graded.steps[place] })
     }
 
-    /// Appends the shift of the view by the clock of `camera`.
-    pub fn record_clock(&self, rec: &mut Recording, work: &Workspace, camera: usize) {
+    /// Appends what is learnt of clock and pose of `camera` to the view.
+    pub fn record_view(&self, rec: &mut Recording, work: &Workspace, camera: usize) {
+        if let Some(poses) = &self.poses {
+            poses.record_apply(rec, &work.view, camera as u32);
+        }
         if let Some(clocks) = &self.clocks {
             clocks.record_apply(rec, &work.view, camera as u32);
         }
@@ -149,11 +176,22 @@ impl Cameras {
             let at = GridStep { step, is_free: graded.is_free, camera_step: grid.step, rate: lr.grid.at(done) };
             graded.grids.record_step(rec, grid.place, &at, &work.status);
         }
-        let (Some(clocks), Some(backward)) = (&self.clocks, &work.backward) else { return };
+        let Some(backward) = &work.backward else { return };
+        let pace = lr.pace.at(done, total);
+        if let (Some(poses), true) = (&self.poses, done >= POSES_FROM) {
+            let at = PoseStep {
+                camera: camera as u32,
+                turn_rate: lr.pose_turn.at(done) * pace,
+                shift_rate: lr.pose_shift.at(done) * pace * self.extent,
+                most_shift: MOST_SHIFT * self.extent,
+            };
+            poses.record_step(rec, (&backward.d_camera, &work.view), &work.status, &at);
+        }
+        let Some(clocks) = &self.clocks else { return };
         let at = ClockStep {
             camera: camera as u32,
             dt: self.dt,
-            rate: lr.offset.at(done) * lr.pace.at(done, total),
+            rate: lr.offset.at(done) * pace,
             regulariser: loss.offset,
             step,
         };
@@ -182,10 +220,12 @@ impl Cameras {
     /// The cameras' own parameters; empty where none are learnt.
     pub fn state(&self, gpu: &Gpu) -> Result<CameraState> {
         let clocks = self.clocks.as_ref().map_or(Ok(Vec::new()), |clocks| gpu.read(&clocks.state))?;
+        let poses = self.poses.as_ref().map_or(Ok(Vec::new()), |poses| gpu.read(&poses.state))?;
+        let poses = poses.as_chunks().0.to_vec();
         let grids = self.graded.as_ref().map_or(Ok(Vec::new()), |graded| graded.grids.download(gpu))?;
         let grid_steps = self.graded.as_ref().map_or(Vec::new(), |graded| graded.steps.clone());
         let has_grid = self.graded.as_ref().map_or(Vec::new(), Graded::has_grid);
-        Ok(CameraState { clocks, learns_offset: self.learns_offset.clone(), grids, grid_steps, has_grid })
+        Ok(CameraState { clocks, learns_offset: self.learns_offset.clone(), poses, grids, grid_steps, has_grid })
     }
 
     /// Goes on with the cameras' parameters of `state`.
@@ -194,6 +234,15 @@ impl Cameras {
         self.clocks = None;
         if !state.clocks.is_empty() {
             self.clocks = Some(Clocks::new(gpu, &state.clocks, &state.learns_offset)?);
+        }
+        let (found, expected) = (state.poses.len().saturating_sub(1), self.learns_pose.len());
+        if found != expected {
+            let reason = format!("has poses of {found} cameras, the run of {expected}");
+            let remedy = "go on with the capture and the test cameras that the run began with";
+            return Err(Error::data(Path::new("checkpoint"), "cameras", reason, remedy));
+        }
+        if !state.poses.is_empty() {
+            self.poses = Some(Poses::new(gpu, &state.poses, &self.learns_pose)?);
         }
         let n_grids = self.graded.as_ref().map_or(0, |graded| graded.steps.len());
         if n_grids != state.grids.len() {

@@ -9,7 +9,7 @@ use super::config::Config;
 use crate::error::{Error, Result};
 use crate::files::{read_file, write_atomic};
 use crate::scene::{Similarity, Splats};
-use crate::stage::GridState;
+use crate::stage::{GridState, PoseRows};
 use std::path::{Path, PathBuf};
 
 const MAGIC: &[u8; 8] = b"IVVCKPT4";
@@ -69,6 +69,8 @@ pub struct CameraState {
     pub clocks: Vec<[f32; 4]>,
     /// By camera, whether its offset is learnt; empty where none is.
     pub learns_offset: Vec<bool>,
+    /// By camera, what is learnt of its pose, in the frame of training, and the row of all; empty where none is.
+    pub poses: Vec<PoseRows>,
     /// Bilateral grids of the training cameras with their moments; empty where there are none.
     pub grids: Vec<GridState>,
     /// Steps of each grid.
@@ -151,6 +153,7 @@ impl Checkpoint {
         }
         all.push(("state".to_owned(), self.state.as_flattened()));
         all.push(("clocks".to_owned(), self.cameras.clocks.as_flattened()));
+        all.push(("poses".to_owned(), self.cameras.poses.as_flattened().as_flattened()));
         for (index, GridState { grid, first, second }) in self.cameras.grids.iter().enumerate() {
             all.extend(
                 [("values", grid), ("first", first), ("second", second)]
@@ -334,6 +337,8 @@ impl Checkpoint {
             return Err(fault("sections", "are of different numbers of Gaussians".to_owned()));
         }
         let clocks: Vec<[f32; 4]> = take("clocks")?.as_chunks().0.to_vec();
+        // Checkpoints from before poses were learnt have none.
+        let poses = take("poses").unwrap_or_default().as_chunks().0.as_chunks().0.to_vec();
         let Header { step, total, config, world, origin, learns_offset, grid_steps, has_grid, owed, .. } = header;
         let mut grids = Vec::new();
         for index in 0..grid_steps.len() {
@@ -347,7 +352,7 @@ impl Checkpoint {
         if clocks.len() != learns_offset.len() {
             return Err(fault("sections", "are of different numbers of cameras".to_owned()));
         }
-        let cameras = CameraState { clocks, learns_offset, grids, grid_steps, has_grid };
+        let cameras = CameraState { clocks, learns_offset, poses, grids, grid_steps, has_grid };
         Ok(Checkpoint { step, total, config, world, origin, params, first, second, state, cameras, owed, average })
     }
 

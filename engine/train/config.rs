@@ -59,6 +59,8 @@ settings! {
         background: [f32; 3] = [0.0; 3], "", Range::Colour;
         /// Whether the time offsets of the cameras are learnt.
         offsets: bool = true, "", Range::Switch;
+        /// Whether the poses of the training cameras are learnt: one turn and one shift a camera, for all its images.
+        poses: bool = false, "", Range::Switch;
         /// Whether each camera has a bilateral grid that corrects its colours.
         grids: bool = true, "", Range::Switch;
         /// Which Gaussians take a step: all, those in view after catching up, or those in view alone.
@@ -368,6 +370,10 @@ settings! {
         t_scale: Rate = Rate::constant(3e-2), "", Range::Rate;
         /// Learning rate of the cameras' time offsets.
         offset: Rate = Rate::constant(1e-3), "frames", Range::Rate;
+        /// Learning rate of the turns of the cameras' poses.
+        pose_turn: Rate = Rate { start: 1e-4, end: 1e-6 }, "radians", Range::Rate;
+        /// Learning rate of the shifts of the cameras' poses.
+        pose_shift: Rate = Rate { start: 1e-4, end: 1e-6 }, "scene extents", Range::Rate;
         /// Learning rate of the bilateral grids.
         grid: Rate = Rate::constant(2e-3), "", Range::Rate;
     } with {

@@ -3,6 +3,7 @@
 use super::align::{aligned_mse, visible_pairs};
 use super::config::Config;
 use super::flicker;
+use super::poses::Correction;
 use crate::error::{Error, Result};
 use crate::gpu::{Gpu, Recording};
 use crate::report::statistics::{mean, median_high};
@@ -219,12 +220,14 @@ pub struct Sight<'a> {
     pub background: [f32; 3],
     /// Time offsets by camera, frames; 0 for those that have none.
     pub offsets: BTreeMap<usize, f64>,
+    /// What is learnt of their poses, by camera.
+    pub poses: BTreeMap<usize, Correction>,
 }
 
 impl<'a> Sight<'a> {
     /// Over `background`, at the capture's own times.
     pub fn new(capture: &'a Capture, background: [f32; 3]) -> Self {
-        Sight { capture, background, offsets: BTreeMap::new() }
+        Sight { capture, background, offsets: BTreeMap::new(), poses: BTreeMap::new() }
     }
 
     /// The view of `camera` at `frame`.
@@ -233,7 +236,8 @@ impl<'a> Sight<'a> {
     /// As [`Capture::view`].
     pub fn view(&self, camera: usize, frame: u32) -> Result<View> {
         let time_offset = self.offsets.get(&camera).copied().unwrap_or(0.0);
-        Ok(View { background: self.background, time_offset, ..self.capture.view(camera, frame)? })
+        let view = View { background: self.background, time_offset, ..self.capture.view(camera, frame)? };
+        Ok(self.poses.get(&camera).map_or(view.clone(), |correction| correction.view(&view)))
     }
 }
 

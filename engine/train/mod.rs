@@ -18,6 +18,7 @@ mod objective;
 mod offsets;
 mod pinhole;
 mod plan;
+mod poses;
 mod preset;
 mod require;
 mod run;
@@ -46,6 +47,7 @@ pub use metrics::{
 };
 pub use offsets::{Agreement, OffsetFit, fit_offset, learnt_offsets, offset_pictures};
 pub use plan::{BoundBy, Class, INTERSECTIONS_PER_GAUSSIAN, ImageMemory, Limits, Need, Plan, Workload};
+pub use poses::{Correction, LearntPose, learnt_poses};
 pub use preset::{PRESETS, Preset, merge};
 pub use require::{
     Due, Evidence, Fate, GridCheck, InTime, Review, Seen, affordable, carry_out, fates, merge_resting, review,

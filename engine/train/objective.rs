@@ -88,7 +88,7 @@ impl Objective {
     /// Appends the upload of `target` and the shift of the view by its camera's clock.
     pub fn record_upload(&self, rec: &mut Recording, work: &Workspace, target: &Truth) {
         self.images.record_upload(rec, &target.loaded);
-        self.cameras.record_clock(rec, work, target.camera);
+        self.cameras.record_view(rec, work, target.camera);
     }
 
     /// Appends the terms on the frame that was rendered, and the cotangents of its pictures.

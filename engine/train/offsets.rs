@@ -108,10 +108,14 @@ pub fn learnt_offsets(
     if !learns.contains(&true) {
         return Ok(BTreeMap::new());
     }
+    let poses = trainer.poses()?;
     let mut renderer = Renderer::new(gpu.clone(), &trainer.splats()?, constants)?;
     let cameras: Vec<usize> = (0..offsets.len()).filter(|camera| learns[*camera]).collect();
     let fit = |(done, camera): (usize, &usize)| {
-        let pictures = offset_pictures(capture, background, *camera)?;
+        let mut pictures = offset_pictures(capture, background, *camera)?;
+        if let Some(correction) = poses.get(camera) {
+            pictures.iter_mut().for_each(|(view, _)| *view = correction.view(view));
+        }
         let fit = fit_offset(&mut renderer, &pictures, offsets[*camera], 0)?;
         progress(done + 1, cameras.len());
         Ok((*camera, fit))

@@ -2,7 +2,7 @@
 
 use super::config::{Config, FlowChoice};
 use super::terms::{self, TermData};
-use crate::scene::capture::{Capture, Extent, TRAINING_RADIUS};
+use crate::scene::capture::{Camera, Capture, Extent, TRAINING_RADIUS};
 use crate::scene::{FlowModel, View};
 use crate::settings::Constants;
 use glam::DVec3;
@@ -26,6 +26,8 @@ pub struct Setup {
     pub n_trained: usize,
     /// By camera, whether its time offset is learnt; empty where none is.
     pub learns_offset: Vec<bool>,
+    /// By camera, where it is, scene units, on average over its images, if its pose is learnt; empty where none is.
+    pub learns_pose: Vec<Option<DVec3>>,
     /// By camera, whether it has a bilateral grid; empty where none has.
     pub has_grid: Vec<bool>,
     /// What the terms of the loss take of the capture beside its colours.
@@ -43,6 +45,7 @@ impl Setup {
             dt,
             n_trained: 1,
             learns_offset: Vec::new(),
+            learns_pose: Vec::new(),
             has_grid: Vec::new(),
             data: TermData::NONE,
             flow_model: FlowModel::Velocity,
@@ -65,6 +68,7 @@ impl Setup {
             dt: 1.0 / f64::from(capture.n_frames.max(1)),
             n_trained: trained.iter().filter(|trained| **trained).count(),
             learns_offset: if config.offsets && capture.is_rig_clip() { learns_offset } else { Vec::new() },
+            learns_pose: if config.poses { centers(capture) } else { Vec::new() },
             // Those that are required come later.
             has_grid: where_set(config.grids && config.required.grids_at == 0.0),
             data: terms::data(config, capture),
@@ -99,6 +103,18 @@ pub fn near_plane(capture: &Capture) -> f32 {
     depths.sort_unstable_by(f64::total_cmp);
     let nearest = depths.get(depths.len() / 100).map_or(f64::INFINITY, |depth| 0.5 * depth);
     (TRAINING_RADIUS / 8.0).min(nearest).max(f64::from(Constants::default().near)) as f32
+}
+
+/// Where the training cameras are, on average over their images; none of a test camera, or of one without images.
+fn centers(capture: &Capture) -> Vec<Option<DVec3>> {
+    let of_camera = |(index, camera): (usize, &Camera)| {
+        let frames = camera.shots.iter().map(|shot| shot.frame);
+        let centers: Vec<DVec3> =
+            frames.filter_map(|frame| Some(capture.view(index, frame).ok()?.pose.center())).collect();
+        let is_learnt = !camera.is_test && !centers.is_empty();
+        is_learnt.then(|| centers.iter().sum::<DVec3>() / centers.len() as f64)
+    };
+    capture.cameras.iter().enumerate().map(of_camera).collect()
 }
 
 fn lenses(capture: &Capture) -> Vec<View> {

@@ -13,6 +13,7 @@ mod losses;
 mod lpips;
 mod mcmc;
 mod moments;
+mod pose;
 mod priors;
 mod probe;
 mod project;
@@ -37,6 +38,7 @@ pub const TESTED: &[&[Tested]] = &[
     lpips::TESTED,
     mcmc::TESTED,
     moments::TESTED,
+    pose::TESTED,
     priors::TESTED,
     probe::TESTED,
     project::TESTED,

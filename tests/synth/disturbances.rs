@@ -120,3 +120,21 @@ fn things_that_stand_still_first_do_later_what_they_would_have_done() {
     let flow = |frame: u32| exr(&late.join(format!("truth/exact/cam00/{frame:05}.exr")))["flow.X"].clone();
     assert!((0..2).all(|frame| flow(frame).iter().all(|x| *x == 0.0)) && flow(2).iter().any(|x| x.abs() > 0.1));
 }
+
+#[test]
+fn a_bent_rig_is_told_wrong_and_shows_what_it_shows_straight() {
+    let straight = make("rig-straight", &few(), 2);
+    let bent = make("rig-bent", &Options { bent: true, ..few() }, 2);
+    let poses = [&straight, &bent].map(|capture| read_bin(capture).0);
+    for (index, (true_pose, told)) in poses[0].iter().zip(&poses[1]).enumerate() {
+        let turn = (told.rotation() * true_pose.rotation().transpose()).to_cols_array();
+        let angle = ((turn[0] + turn[4] + turn[8] - 1.0) / 2.0).clamp(-1.0, 1.0).acos().to_degrees();
+        let shift = (told.center() - true_pose.center()).length();
+        // Camera 2 is a test camera.
+        let expected = if index == 2 { [0.0, 0.0] } else { [0.2, 0.01] };
+        assert!((angle - expected[0]).abs() < 1e-5 && (shift - expected[1]).abs() < 1e-9, "{index}: {angle}, {shift}");
+        let pictures =
+            [&straight, &bent].map(|capture| rgb(&capture.join(format!("images/{}/00001.png", true_pose.name))));
+        assert_eq!(pictures[0], pictures[1], "{index}");
+    }
+}

@@ -13,6 +13,7 @@ mod look;
 mod overwrite;
 mod plan;
 mod points;
+mod poses;
 mod report;
 mod require;
 mod require_seen;

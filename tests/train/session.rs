@@ -14,10 +14,10 @@ use std::process::Command;
 
 const STEPS: u64 = 60;
 
-/// A run in which all is due that can be: reviews, grids, a look at the time offsets.
+/// A run in which all is learnt and due that can be: poses, reviews, grids, a look at the time offsets.
 fn config() -> Config {
     let required = Required { reviews: 2, first: 0.3, last: 0.6, grids_at: 0.2, images: 4, ..Required::default() };
-    Config { sh_degree: 1, steps: STEPS, max_gaussians: 2_000, required, ..Config::default() }
+    Config { sh_degree: 1, steps: STEPS, max_gaussians: 2_000, poses: true, required, ..Config::default() }
 }
 
 fn steps(event: &Event) -> Option<u64> {

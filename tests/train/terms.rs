@@ -190,6 +190,8 @@ fn offsets_are_learnt_where_everything_else_is_known() {
         t_center: still,
         t_scale: still,
         offset: Rate { start: 2e-2, end: 1e-3 },
+        pose_turn: still,
+        pose_shift: still,
         grid: still,
     };
     let config = Config { lr, sh_degree: 0, ..Config::default() };

@@ -31,6 +31,9 @@ pub struct Args {
     /// Covers a corner of every second training camera's images and writes masks that say so.
     #[arg(long)]
     masks: bool,
+    /// Writes a calibration that has each training camera turned by 0.2 degrees and shifted by 10 mm from where it is.
+    #[arg(long)]
+    bent: bool,
     /// Where noise is added: nowhere; to points, flow, depth and keypoints; to these and the images. By default as the preset
     /// says.
     #[arg(long, value_parser = PossibleValuesParser::new(["none", "priors", "all"]))]
@@ -85,6 +88,7 @@ fn options(args: &Args) -> anyhow::Result<Options> {
     options.offsets |= args.offsets;
     options.colors |= args.colors;
     options.masks |= args.masks;
+    options.bent = args.bent;
     match args.noise.as_deref() {
         Some("none") => options.noise = Noise::None,
         Some("priors") => options.noise = Noise::Priors,

@@ -8,6 +8,7 @@ use crate::interrupt::{Interrupted, Stop};
 use crate::kept;
 use crate::offsets;
 use crate::passes::{self, TimedPass};
+use crate::poses;
 use crate::progress::{Steps, watch};
 use crate::require;
 use crate::screen::{alert, out, say};
@@ -309,12 +310,14 @@ impl Training<'_> {
         };
         let fits = if self.args.due.fit_offsets { self.scorer.fitted_offsets(&splats)? } else { BTreeMap::new() };
         let offsets = offsets::table(self.session.trainer(), &self.scorer, &fits, output)?;
+        let poses = poses::table(self.session.trainer(), &self.scorer, output)?;
         let Scorer { gpu, run, capture, config } = self.scorer;
         let mut totals = totals(gpu, step, &splats, (run, config), &self.log, &seconds)?;
         totals["reviews"] = self.log.lines(Kind::Review).cloned().collect();
         totals["plan"] = serde_json::to_value(self.session.plan())?;
         totals["depth_priors"] = serde_json::to_value(&self.session.priors().depth)?;
         totals["offsets"] = serde_json::to_value(&offsets)?;
+        totals["poses"] = serde_json::to_value(&poses)?;
         let agreement = offsets::agreement(&offsets);
         totals["offset_error"] = agreement.map(|agreement| agreement.rms_error).into();
         totals["offset_correlation"] = agreement.and_then(|agreement| agreement.correlation).into();
@@ -343,6 +346,7 @@ impl Training<'_> {
         if !offsets.is_empty() {
             offsets::print(&offsets);
         }
+        poses::print(&poses);
         let (n, step) = (splats.len(), seconds.seconds_per_step);
         out!("{quality}; {}, {step:.3} s a step; {}", count(n, "Gaussian"), report.display());
         if self.args.profile {

@@ -212,6 +212,24 @@ pub mod moments {
     pub const INFINITY_BITS: u32 = 0x7f800000;
 }
 
+/// Of `include/pose.glsl`.
+pub mod pose {
+    /// `POSE_ROWS` of the shader.
+    pub const POSE_ROWS: u32 = 4;
+    /// radians.
+    pub const POSE_MOST_TURN: f32 = 0.2;
+}
+
+/// Of `pose/pose_step.comp`.
+pub mod pose_step {
+    /// `BETA_1` of the shader.
+    pub const BETA_1: f32 = 0.9;
+    /// `BETA_2` of the shader.
+    pub const BETA_2: f32 = 0.999;
+    /// `EPS` of the shader.
+    pub const EPS: f32 = 1e-15;
+}
+
 /// Of `probe/probe_atomic.comp`.
 pub mod probe_atomic {
     /// `TERMS` of the shader.

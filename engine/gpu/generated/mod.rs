@@ -13,6 +13,7 @@ mod density;
 mod fisher;
 mod loss;
 mod lpips;
+mod pose;
 mod probe;
 mod project;
 mod scan;
@@ -31,6 +32,7 @@ pub use density::*;
 pub use fisher::*;
 pub use loss::*;
 pub use lpips::*;
+pub use pose::*;
 pub use probe::*;
 pub use project::*;
 pub use scan::*;
@@ -340,6 +342,8 @@ pub const ALL: &[&super::KernelInfo] = &[
     prior_loss::INFO,
     clock_apply::INFO,
     clock_step::INFO,
+    pose_apply::INFO,
+    pose_step::INFO,
     lpips_input::INFO,
     lpips_conv::INFO,
     lpips_conv_w16::INFO,

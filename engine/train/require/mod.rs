@@ -110,7 +110,11 @@ pub fn review(
     let Config { background, seed, ref required, grids, .. } = checkpoint.config;
     let splats = trainer.splats()?;
     let mut renderer = Renderer::new(gpu.clone(), &splats, constants)?;
-    let sight = Sight { offsets: offsets.into_iter().enumerate().collect(), ..Sight::new(capture, background) };
+    let sight = Sight {
+        offsets: offsets.into_iter().enumerate().collect(),
+        poses: trainer.poses()?,
+        ..Sight::new(capture, background)
+    };
     if due == Due::Grids {
         let n = checkpoint.params.len();
         let mut report = Review { step: checkpoint.step, before: n, after: n, ..Review::default() };

@@ -25,9 +25,10 @@ use crate::train::config::Config;
 use crate::train::density::{density_round, regularisers};
 use crate::train::images::Shot;
 use crate::train::objective::{Objective, Sums, Truth};
+use crate::train::poses::Correction;
 use crate::train::schedule::rates;
 use crate::train::setup::Setup;
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 use tracing::debug_span;
 
@@ -192,6 +193,17 @@ impl Trainer {
         self.finish()?;
         let state = self.objective.cameras.state(&self.gpu)?;
         Ok((state.clocks.iter().map(|clock| f64::from(clock[0])).collect(), state.learns_offset))
+    }
+
+    /// What is learnt of the cameras' poses after the steps that were handed over, by camera, in the frame of training.
+    ///
+    /// # Errors
+    /// As [`Trainer::train`].
+    pub fn poses(&mut self) -> Result<BTreeMap<usize, Correction>> {
+        self.finish()?;
+        let rows = self.objective.cameras.state(&self.gpu)?.poses;
+        let cameras = self.setup.learns_pose.iter().zip(rows).enumerate();
+        Ok(cameras.filter_map(|(camera, (center, rows))| center.map(|_| (camera, Correction::of(&rows)))).collect())
     }
 
     /// Ends the learning of the offsets of the cameras that `freeze` names, which become 0.

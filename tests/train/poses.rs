@@ -1,0 +1,103 @@
+//! Poses of cameras that are learnt.
+
+use crate::common::device::gpu;
+use crate::common::one::{ball, camera, scene_of};
+use crate::common::random::Random;
+use glam::DVec3;
+use ivv::Constants;
+use ivv::scene::capture::{Extent, Picture};
+use ivv::scene::{Pose, View};
+use ivv::stage::{Outputs, Renderer};
+use ivv::train::{Config, Correction, Density, LearningRates, Pace, Rate, Setup, Trainer};
+
+const CAMERAS: usize = 6;
+
+/// Turns and shifts that have nothing in common: no mean, and no growth of the arrangement of `centers`.
+fn bends(centers: &[DVec3], random: &mut Random) -> Vec<Correction> {
+    let mut vector = |most: f64| DVec3::from_array(std::array::from_fn(|_| random.uniform(-most, most)));
+    let mut bends: Vec<Correction> =
+        centers.iter().map(|_| Correction { turn: vector(0.02), shift: vector(0.06) }).collect();
+    let n = centers.len() as f64;
+    let turn = bends.iter().map(|bend| bend.turn).sum::<DVec3>() / n;
+    let shift = bends.iter().map(|bend| bend.shift).sum::<DVec3>() / n;
+    let middle = centers.iter().sum::<DVec3>() / n;
+    bends.iter_mut().for_each(|bend| (bend.turn, bend.shift) = (bend.turn - turn, bend.shift - shift));
+    let along: f64 = bends.iter().zip(centers).map(|(bend, c)| bend.shift.dot(*c - middle)).sum();
+    let spread: f64 = centers.iter().map(|c| (*c - middle).length_squared()).sum();
+    bends.iter_mut().zip(centers).for_each(|(bend, c)| bend.shift -= (*c - middle) * (along / spread));
+    bends
+}
+
+#[test]
+fn poses_are_learnt_where_everything_else_is_known() {
+    let _device = gpu();
+    let mut random = Random::new(2);
+    let mut color = || std::array::from_fn(|_| random.uniform(0.1, 0.9));
+    let at = |k: usize| [0.7 * (k % 3) as f32 - 0.7, 0.6 * (k / 3 % 3) as f32 - 0.6, 0.5 * (k / 9) as f32 - 0.5];
+    let splats = scene_of(&(0..27).map(|k| ball(at(k), 0.15, 0.9, color())).collect::<Vec<_>>());
+    let mut renderer = Renderer::new(gpu().clone(), &splats, Constants::default()).unwrap();
+    let poses: Vec<Pose> = (0..CAMERAS)
+        .map(|k| {
+            let (sin, cos) = (k as f64 / CAMERAS as f64 * std::f64::consts::TAU).sin_cos();
+            Pose::look_at(DVec3::new(4.0 * cos, 0.5 * (k % 2) as f64, 4.0 * sin), DVec3::ZERO, DVec3::NEG_Y)
+        })
+        .collect();
+    let centers: Vec<DVec3> = poses.iter().map(Pose::center).collect();
+    let bends = bends(&centers, &mut Random::new(7));
+    let byte = |x: f32| (x.clamp(0.0, 1.0) * 255.0).round() as u8;
+    let images: Vec<(View, Picture)> = poses
+        .iter()
+        .zip(&bends)
+        .map(|(pose, bend)| {
+            let view = View { pose: *pose, ..camera(64, 48) };
+            let (seen, _) = renderer.render(&view, Outputs::Color).unwrap();
+            let words = seen.color.iter().map(|[r, g, b]| u32::from_le_bytes([byte(*r), byte(*g), byte(*b), 255]));
+            // The capture says that the camera is elsewhere.
+            let told = View { pose: pose.corrected(-bend.turn, -bend.shift), ..view };
+            (told, Picture::new(64, 48, words.collect()))
+        })
+        .collect();
+    let still = Rate { start: 0.0, end: 0.0 };
+    let lr = LearningRates {
+        pace: Pace { steps: 0, ..Pace::default() },
+        position: still,
+        sh0: still,
+        sh_rest: still,
+        opacity: still,
+        scale: still,
+        rotation: still,
+        velocity: still,
+        t_center: still,
+        t_scale: still,
+        offset: still,
+        pose_turn: Rate { start: 1e-3, end: 1e-5 },
+        pose_shift: Rate { start: 1e-3, end: 1e-5 },
+        grid: still,
+    };
+    let density = Density { stop: 0.0, ..Density::default() };
+    let config = Config { lr, density, sh_degree: 0, ..Config::default() };
+    let extent = Extent { center: [0.0; 3], radius: 4.0 };
+    let setup = Setup { learns_pose: centers.iter().copied().map(Some).collect(), ..Setup::plain(extent, 1.0) };
+    let total = 300 * CAMERAS as u64;
+    let mut trainer = Trainer::new(gpu().clone(), &splats, Constants::default(), config, total, setup).unwrap();
+    for step in 0..total as usize {
+        let (view, picture) = &images[step % CAMERAS];
+        trainer.train(step % CAMERAS, view, picture).unwrap();
+    }
+    // What the cameras see. Turns and shifts by themselves trade for one another.
+    let mut error = |view: &View, picture: &Picture| {
+        let (seen, _) = renderer.render(view, Outputs::Color).unwrap();
+        let truth = picture.pixels.iter().map(|word| word.to_le_bytes());
+        let squares = seen.color.iter().zip(truth).flat_map(|(color, truth)| {
+            (0..3).map(move |k| (f64::from(color[k]) - f64::from(truth[k]) / 255.0).powi(2))
+        });
+        (squares.sum::<f64>() / (3.0 * seen.color.len() as f64)).sqrt()
+    };
+    let found = trainer.poses().unwrap();
+    assert_eq!(found.len(), CAMERAS);
+    for (camera, found) in found {
+        let (told, picture) = &images[camera];
+        let (before, after) = (error(told, picture), error(&found.view(told), picture));
+        assert!(before > 0.02 && after < 0.25 * before, "camera {camera}: colours are {after} off, {before} before");
+    }
+}
