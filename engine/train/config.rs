@@ -371,9 +371,9 @@ settings! {
         /// Learning rate of the cameras' time offsets.
         offset: Rate = Rate::constant(1e-3), "frames", Range::Rate;
         /// Learning rate of the turns of the cameras' poses.
-        pose_turn: Rate = Rate { start: 1e-4, end: 1e-6 }, "radians", Range::Rate;
+        pose_turn: Rate = Rate { start: 3e-5, end: 3e-7 }, "radians", Range::Rate;
         /// Learning rate of the shifts of the cameras' poses.
-        pose_shift: Rate = Rate { start: 1e-4, end: 1e-6 }, "scene extents", Range::Rate;
+        pose_shift: Rate = Rate { start: 3e-5, end: 3e-7 }, "scene extents", Range::Rate;
         /// Learning rate of the bilateral grids.
         grid: Rate = Rate::constant(2e-3), "", Range::Rate;
     } with {
