@@ -50,6 +50,27 @@ fn steady() -> Config {
     Config { lr, ..Config::default() }
 }
 
+/// Rates of 0: a run that learns only what a test gives a rate.
+fn nothing_moves(pace: Pace) -> LearningRates {
+    let still = Rate::constant(0.0);
+    LearningRates {
+        position: still,
+        sh0: still,
+        sh_rest: still,
+        opacity: still,
+        scale: still,
+        rotation: still,
+        velocity: still,
+        t_center: still,
+        t_scale: still,
+        offset: still,
+        pose_turn: still,
+        pose_shift: still,
+        grid: still,
+        pace,
+    }
+}
+
 /// Scores of a view without masks and LPIPS.
 fn scores_of(psnr: f64) -> Scores {
     let (psnr_foreground, psnr_covisible, lpips, flicker, flicker_true) = (None, None, None, None, None);

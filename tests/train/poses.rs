@@ -1,5 +1,6 @@
 //! Poses of cameras that are learnt.
 
+use super::nothing_moves;
 use crate::common::device::gpu;
 use crate::common::one::{ball, camera, scene_of};
 use crate::common::random::Random;
@@ -57,23 +58,8 @@ fn poses_are_learnt_where_everything_else_is_known() {
             (told, Picture::new(64, 48, words.collect()))
         })
         .collect();
-    let still = Rate { start: 0.0, end: 0.0 };
-    let lr = LearningRates {
-        pace: Pace { steps: 0, ..Pace::default() },
-        position: still,
-        sh0: still,
-        sh_rest: still,
-        opacity: still,
-        scale: still,
-        rotation: still,
-        velocity: still,
-        t_center: still,
-        t_scale: still,
-        offset: still,
-        pose_turn: Rate { start: 1e-3, end: 1e-5 },
-        pose_shift: Rate { start: 1e-3, end: 1e-5 },
-        grid: still,
-    };
+    let rate = Rate { start: 1e-3, end: 1e-5 };
+    let lr = LearningRates { pose_turn: rate, pose_shift: rate, ..nothing_moves(Pace { steps: 0, ..Pace::default() }) };
     let density = Density { stop: 0.0, ..Density::default() };
     let config = Config { lr, density, sh_degree: 0, ..Config::default() };
     let extent = Extent { center: [0.0; 3], radius: 4.0 };

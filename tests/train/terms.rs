@@ -1,6 +1,6 @@
 //! The terms of the loss and the cameras' own parameters inside a training.
 
-use super::Tiny;
+use super::{Tiny, nothing_moves};
 use crate::common::device::gpu;
 use crate::common::one::{One, ball, camera, scene_of};
 use ivv::Constants;
@@ -177,23 +177,7 @@ fn offsets_are_learnt_where_everything_else_is_known() {
     let _device = gpu();
     let truth = [0.4, -0.4];
     let (splats, pictures) = moving_scene(truth);
-    let still = Rate { start: 0.0, end: 0.0 };
-    let lr = LearningRates {
-        pace: Pace::default(),
-        position: still,
-        sh0: still,
-        sh_rest: still,
-        opacity: still,
-        scale: still,
-        rotation: still,
-        velocity: still,
-        t_center: still,
-        t_scale: still,
-        offset: Rate { start: 2e-2, end: 1e-3 },
-        pose_turn: still,
-        pose_shift: still,
-        grid: still,
-    };
+    let lr = LearningRates { offset: Rate { start: 2e-2, end: 1e-3 }, ..nothing_moves(Pace::default()) };
     let config = Config { lr, sh_degree: 0, ..Config::default() };
     let extent = Extent { center: [0.0; 3], radius: 4.0 };
     let setup = Setup { learns_offset: vec![true, true], ..Setup::plain(extent, 1.0 / 8.0) };
