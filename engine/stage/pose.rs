@@ -6,9 +6,9 @@ use crate::gpu::generated::{Status, ViewParams, pose_apply, pose_step};
 use crate::gpu::{Buf, Gpu, Grid, Recording};
 use glam::DVec3;
 
-/// The rows of a camera: turn about the world's axes, radians, and the number of its steps; shift along them, scene units; the first
-/// moments of the gradients by both. Behind those of all cameras there are as many again, of which the first has the second moments
-/// of the gradients by turn and by shift and the number of all steps.
+/// The rows of a camera: turn about the world's axes, radians; shift along them, scene units; the first moments of the gradients by both.
+/// Behind those of all cameras there are as many again, of which the first has the second moments of the gradients by turn and by
+/// shift. With them go the weights that their means have so far, 1 - beta^steps.
 pub type PoseRows = [[f32; 4]; POSE_ROWS as usize];
 
 /// What a step of a pose needs.

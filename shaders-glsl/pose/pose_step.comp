@@ -41,11 +41,11 @@ vec3 to_world(vec3 v) {
     return view.row0.xyz * v.x + view.row1.xyz * v.y + view.row2.xyz * v.z;
 }
 
-// Moves the vector at `at` in its step `step` (from 1) and holds it to a length of `most`. `second`: the second moment.
-void move(uint at, vec3 gradient, float second, float rate, float step, float most) {
+// Moves the vector at `at` and holds it to a length of `most`. `c1`: 1 - beta_1^step; `second`: the second moment without its bias.
+void move(uint at, vec3 gradient, float c1, float second, float rate, float most) {
     const vec3 first = BETA_1 * poses[at + 2u].xyz + (1.0 - BETA_1) * gradient;
-    const vec3 moved = poses[at].xyz - rate / (1.0 - pow(BETA_1, step)) / (sqrt(second) + EPS) * first;
-    poses[at] = vec4(moved * min(1.0, most / max(length(moved), EPS)), step);
+    const vec3 moved = poses[at].xyz - rate / (c1 * (sqrt(second) + EPS)) * first;
+    poses[at] = vec4(moved * min(1.0, most / max(length(moved), EPS)), c1);
     poses[at + 2u] = vec4(first, 0.0);
 }
 
@@ -54,9 +54,9 @@ vec2 second_moments(vec3 turn, vec3 shift) {
     const uint at = POSE_ROWS * pc.n_cameras;
     const vec2 squares = vec2(dot(turn, turn), dot(shift, shift)) / 3.0;
     const vec2 second = BETA_2 * poses[at].xy + (1.0 - BETA_2) * squares;
-    const float step = poses[at].z + 1.0;
-    poses[at] = vec4(second, step, 0.0);
-    return second / (1.0 - pow(BETA_2, step));
+    const float c2 = BETA_2 * poses[at].z + (1.0 - BETA_2);
+    poses[at] = vec4(second, c2, 0.0);
+    return second / c2;
 }
 
 void main() {
@@ -71,10 +71,10 @@ void main() {
         if (moves && b.w > 0.0) {
             const uint at = POSE_ROWS * k;
             if (k == pc.camera) {
-                const float step = poses[at].w + 1.0;
+                const float c1 = BETA_1 * poses[at].w + (1.0 - BETA_1);
                 const vec2 second = second_moments(turn, shift);
-                move(at, turn, second.x, pc.turn_rate, step, POSE_MOST_TURN);
-                move(at + 1u, shift, second.y, pc.shift_rate, step, pc.most_shift);
+                move(at, turn, c1, second.x, pc.turn_rate, POSE_MOST_TURN);
+                move(at + 1u, shift, c1, second.y, pc.shift_rate, pc.most_shift);
             }
             const vec3 s = poses[at + 1u].xyz;
             turns += poses[at].xyz;
