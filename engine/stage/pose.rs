@@ -1,4 +1,4 @@
-//! What is learnt of the cameras' poses (SPEC 2), which only the device knows during a run.
+//! What is learnt of the cameras' poses, which only the device knows during a run.
 
 use crate::error::Result;
 use crate::gpu::generated::constants::pose::POSE_ROWS;
@@ -6,9 +6,9 @@ use crate::gpu::generated::{Status, ViewParams, pose_apply, pose_step};
 use crate::gpu::{Buf, Gpu, Grid, Recording};
 use glam::DVec3;
 
-/// The rows of a camera: turn about the world's axes, radians; shift along them, scene units; the first moments of the gradients by both.
-/// Behind those of all cameras there are as many again, of which the first has the second moments of the gradients by turn and by
-/// shift. With them go the weights that their means have so far, 1 - beta^steps.
+/// The rows of a camera: turn about the world's axes, radians, and shift along them, scene units, both with 1 - beta_1^steps in their
+/// last number; then the first moments of the gradients by both. Behind those of all cameras there are as many again, of which the
+/// first holds what all share: second moments of the gradients by turn and by shift, and 1 - beta_2^steps.
 pub type PoseRows = [[f32; 4]; POSE_ROWS as usize];
 
 /// What a step of a pose needs.
@@ -37,7 +37,8 @@ pub struct Poses {
 }
 
 impl Poses {
-    /// The corrections in `state`, by camera, and the row of all; zeros at first. `centers`: where the cameras are whose poses are learnt; the others stay as they are.
+    /// The corrections in `state`, by camera, then what all share; zeros at first. `centers`: where the cameras are whose poses are
+    /// learnt; the others stay as they are.
     pub fn new(gpu: &Gpu, state: &[PoseRows], centers: &[Option<DVec3>]) -> Result<Self> {
         let learnt = || centers.iter().flatten();
         let n_learnt = learnt().count();

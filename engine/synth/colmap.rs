@@ -13,7 +13,7 @@ use std::path::Path;
 
 /// Standard deviation of the points' places in the pictures, pixels.
 pub(super) const OBSERVATION_NOISE: f64 = 0.3;
-/// Of a bent rig's cameras: degrees, metres. Those of a rig that somebody knocked over and put up again were 10 to 14 mm off.
+/// Of a bent rig's cameras: degrees, metres. A real calibration of webcams that were taken for simultaneous is 10 to 14 mm off.
 const BENT_TURN: f64 = 0.2;
 const BENT_SHIFT: f64 = 0.01;
 /// COLMAP's number for the model PINHOLE: fx, fy, cx, cy.

@@ -237,7 +237,10 @@ impl<'a> Sight<'a> {
     pub fn view(&self, camera: usize, frame: u32) -> Result<View> {
         let time_offset = self.offsets.get(&camera).copied().unwrap_or(0.0);
         let view = View { background: self.background, time_offset, ..self.capture.view(camera, frame)? };
-        Ok(self.poses.get(&camera).map_or(view.clone(), |correction| correction.view(&view)))
+        Ok(match self.poses.get(&camera) {
+            Some(correction) => correction.view(&view),
+            None => view,
+        })
     }
 }
 

@@ -47,7 +47,7 @@ pub use metrics::{
 };
 pub use offsets::{Agreement, OffsetFit, fit_offset, learnt_offsets, offset_pictures};
 pub use plan::{BoundBy, Class, INTERSECTIONS_PER_GAUSSIAN, ImageMemory, Limits, Need, Plan, Workload};
-pub use poses::{Correction, LearntPose, learnt_poses};
+pub use poses::Correction;
 pub use preset::{PRESETS, Preset, merge};
 pub use require::{
     Due, Evidence, Fate, GridCheck, InTime, Review, Seen, affordable, carry_out, fates, merge_resting, review,

@@ -26,7 +26,7 @@ pub struct Setup {
     pub n_trained: usize,
     /// By camera, whether its time offset is learnt; empty where none is.
     pub learns_offset: Vec<bool>,
-    /// By camera, where it is, scene units, on average over its images, if its pose is learnt; empty where none is.
+    /// By camera whose pose is learnt, where it is on average over its images, scene units; empty where none is learnt.
     pub learns_pose: Vec<Option<DVec3>>,
     /// By camera, whether it has a bilateral grid; empty where none has.
     pub has_grid: Vec<bool>,

@@ -8,10 +8,10 @@
 // Reads     total: the camera's gradient, (turn, time), (shift, 0). arrangement, per camera: b and 1 where its pose is learnt.
 //           view: as pose_apply left it.
 // Writes    poses, POSE_ROWS vec4 per camera and as many for all.
-// Numerics  second moments are of the length of a vector and shared by all cameras: were each camera's step of a size of its own, the
-//           gauge would hold cameras that need nothing against those that do. Sums in a fixed order. What is taken off is orthogonal to what stays: a turn of all that also shifts them about their
-//           middle would be the similarity itself, and would undo steps that a scene at rest calls for. After the gauge a pose may
-//           pass its bound by that step's mean. A gradient that is not finite, or a frame that failed, moves nothing.
+// Numerics  all cameras share one second moment of the turns and one of the shifts. With a moment of its own, a camera that is right
+//           would step as far as one that is wrong, and the gauge would set them against each other. What the gauge takes off is
+//           orthogonal to what stays; afterwards a pose may pass its bound by that step's mean. Sums in a fixed order. A gradient
+//           that is not finite, or a frame that failed, moves nothing.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "types.glsl"

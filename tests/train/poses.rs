@@ -1,13 +1,14 @@
 //! Poses of cameras that are learnt.
 
-use super::nothing_moves;
+use super::run::{json, works};
+use super::{Tiny, nothing_moves};
 use crate::common::device::gpu;
 use crate::common::one::{ball, camera, scene_of};
 use crate::common::random::Random;
 use glam::DVec3;
 use ivv::Constants;
 use ivv::scene::capture::{Extent, Picture};
-use ivv::scene::{Pose, View};
+use ivv::scene::{Pose, View, read_views};
 use ivv::stage::{Outputs, Renderer};
 use ivv::train::{Config, Correction, Density, LearningRates, Pace, Rate, Setup, Trainer};
 
@@ -86,4 +87,28 @@ fn poses_are_learnt_where_everything_else_is_known() {
         let (before, after) = (error(told, picture), error(&found.view(told), picture));
         assert!(before > 0.02 && after < 0.25 * before, "camera {camera}: colours are {after} off, {before} before");
     }
+}
+
+#[test]
+fn a_run_tells_where_it_found_the_cameras_in_the_captures_own_world() {
+    let tiny = Tiny::new("poses");
+    let (capture, run) = (tiny.folder.to_str().unwrap(), tiny.folder.join("run"));
+    let train =
+        ["train", capture, "-o", run.to_str().unwrap(), "--steps", "60", "--sh-degree", "0", "--eval-every", "0"];
+    let told = works(&[&train[..], &["--set", "poses=true"]].concat());
+    let rows = json(&run.join("train.json"))["poses"].as_array().unwrap().clone();
+    let views = read_views(&run.join("cameras.json")).unwrap();
+    let trained: Vec<_> = tiny.capture.cameras.iter().enumerate().filter(|(_, camera)| !camera.is_test).collect();
+    assert_eq!([rows.len(), views.len()], [trained.len(); 2]);
+    for ((row, view), (index, camera)) in rows.iter().zip(&views).zip(trained) {
+        let before = tiny.capture.view(index, camera.shots[0].frame).unwrap().pose;
+        let turn = view.pose.rotation * before.rotation.transpose();
+        let angle = glam::DQuat::from_mat3(&turn).to_scaled_axis().length().to_degrees();
+        let shift = view.pose.center().distance(before.center());
+        let number = |key: &str| row[key].as_f64().unwrap();
+        assert!(number("turn_degrees") > 1e-4 && number("shift") > 1e-6, "{row}");
+        assert!((angle - number("turn_degrees")).abs() < 1e-6 && (shift - number("shift")).abs() < 1e-9, "{row}");
+        assert_eq!(row["camera"], camera.name);
+    }
+    assert!(told.contains(&format!("poses of {} cameras: turned by", rows.len())), "{told}");
 }
