@@ -122,7 +122,7 @@ impl<'a> Session<'a> {
     /// A run on the training images of `capture`, which is in the frame of training.
     ///
     /// # Errors
-    /// Those of the capture's images; those of the device, such as [`Error::OutOfMemory`].
+    /// Those of the capture's images; those of the device, such as [`crate::error::Error::OutOfMemory`].
     pub fn begin(gpu: Arc<Gpu>, capture: &'a Capture, config: Config, mut options: SessionOptions<'a>) -> Result<Self> {
         let frames = training_frames(capture)?;
         let setup = Setup::new(capture, &config);
@@ -321,7 +321,7 @@ impl<'a> Session<'a> {
     /// Waits until all steps that were handed over have ended.
     ///
     /// # Errors
-    /// [`Error::DeviceLost`].
+    /// [`crate::error::Error::DeviceLost`].
     pub fn wait(&mut self) -> Result<()> {
         let begun = Instant::now();
         self.trainer.finish()?;
