@@ -360,6 +360,13 @@ pub static FAMILIES: &[Family] = &[
         cost: Some(|_| vec![own(7.0 * 98_304.0, 12.0 * 24_576.0)]),
         ..ROW
     },
+    // Per dispatch: the gradient of a grid, read and written.
+    Family {
+        name: "bilateral_pool", file: "bilateral/bilateral_pool.comp", twin: |_| "bilateral::pooled",
+        limit_ns: |_| 300_000.0,
+        cost: Some(|_| vec![own(2.0 * 98_304.0, 24_576.0)]),
+        ..ROW
+    },
     // Recorded: cameras.
     Family {
         name: "bilateral_gauge", file: "bilateral/bilateral_gauge.comp", twin: |_| "bilateral::centred", count: Count::Recorded,

@@ -170,7 +170,7 @@ fn recorded(card: &Card, config: &Config, device: &DeviceArgs, work: &Work) -> a
     let setup = Setup {
         n_trained: CAMERAS,
         learns_offset: if config.offsets { vec![true; CAMERAS] } else { Vec::new() },
-        has_grid: if config.grids { vec![true; CAMERAS] } else { Vec::new() },
+        has_grid: if config.grids.is_some() { vec![true; CAMERAS] } else { Vec::new() },
         data: TermData { depth: config.loss.depth > 0.0, flow: config.loss.flow > 0.0 },
         ..Setup::plain(Extent { center: [0.0; 3], radius: 1.0 }, 1.0 / FRAMES)
     };

@@ -1,7 +1,9 @@
 //! `ivv`: the command line. `verbs` has one file per verb, what they share lies beside this file; the manual's page
 //! `headless.md` lists the exit codes.
 
+mod apart;
 mod bench;
+mod bench_knobs;
 mod capture;
 mod date;
 mod device;
@@ -41,8 +43,8 @@ use tracing::level_filters::LevelFilter;
 use tracing_subscriber::filter::Targets;
 use tracing_subscriber::prelude::*;
 use verbs::{
-    ablate, cameras, check, compare, demo, devices, eval, export, extremes, init, inspect, list_settings, manual, play,
-    prepare, profile, render, serve, sound, synth, trade, train, vjp,
+    ablate, cameras, check, compare, curves, demo, devices, eval, export, extremes, init, inspect, list_settings,
+    manual, play, prepare, profile, render, serve, sound, synth, trade, train, vjp,
 };
 
 /// Immersive volumetric video: spatio-temporal 3D Gaussians, rendered in Vulkan compute.
@@ -97,6 +99,8 @@ enum Verb {
     Profile(profile::Args),
     /// Measures what settings and presets cost and bring: speed, accuracy, bytes, over several seeds.
     Trade(trade::Args),
+    /// Trains presets for runs of growing length, and tabulates and plots quality against time.
+    Curves(curves::Args),
     /// Tabulates finished runs side by side, means over their seeds; may add them to a history of measurements.
     Compare(compare::Args),
     /// Lists the settings of a training run: default, unit, range, meaning, and the presets that change each.
@@ -164,6 +168,7 @@ fn run(cli: &Cli) -> anyhow::Result<()> {
         Verb::Extremes(args) => extremes::run(args, cli.json),
         Verb::Profile(args) => profile::run(args, cli.json),
         Verb::Trade(args) => trade::run(args, cli.json),
+        Verb::Curves(args) => curves::run(args, cli.json),
         Verb::Compare(args) => compare::run(args, cli.json),
         Verb::Settings(args) => list_settings::run(args, cli.json),
         Verb::Export(args) => export::run(args, cli.json),

@@ -6,15 +6,18 @@
 #                                        on two cores that do nothing else. Runs that are there are not repeated. FOLDER/standings.md
 #                                        tells what is shown. Default: out/study. $IVV_STEPS: steps of a run (default: 600).
 #                                        $IVV_JOBS: captures at a time (default: 2)
+#   tools/quality.sh --curves [FOLDER]   what presets reach in 30 s to 10 minutes on the real captures, three seeds each: a night and
+#                                        a day on two cores. Runs that are there are not repeated. FOLDER/curves.md has the tables.
+#                                        Default: out/study. $IVV_SECONDS: the times instead, such as 30,60
 # Real captures and the weights of LPIPS are looked for in $IVV_DATA (default: ../shared/data); what is not there is left out.
 set -euo pipefail
 what=history
-if [ "${1:-}" = --study ]; then
-    what=study
+if [ "${1:-}" = --study ] || [ "${1:-}" = --curves ]; then
+    what=${1#--}
     shift
 fi
 if [ $# -gt 1 ] || [[ ${1:-} == -* ]]; then
-    echo "usage: tools/quality.sh [HISTORY] | --study [FOLDER]" >&2
+    echo "usage: tools/quality.sh [HISTORY] | --study [FOLDER] | --curves [FOLDER]" >&2
     exit 2
 fi
 given=${1:+$(realpath -m "$1")}
@@ -72,24 +75,37 @@ ablate() {
     "$ivv" ablate "$@" -o "$folder" $study_options
 }
 
-study() {
-    local rig option
+# The real captures that are there, at half their size. Sets $weights, the options that measure LPIPS.
+real_captures() {
+    local option
     out=${given:-$PWD/out/study}
     mkdir -p "$out/captures"
     find_data "$out"
+    weights=
+    for option in "${lpips[@]}"; do
+        [[ $option != loss.lpips_weights=* ]] || weights="--lpips-weights ${option#*=}"
+    done
     [ ! -d "$data" ] || tools/setup.sh prepare
     if [ -d "$data/fox_quarter" ]; then captures+=("$data/fox_quarter"); fi
     prepared flame_steak n3v_flame_steak_frame0 --images derived_images_4 --test-cameras cam00
     prepared basketball panoptic_basketball_dev --test-cameras 0,10,15,30
+}
+
+curves() {
+    real_captures
+    # shellcheck disable=SC2086 # the options are words
+    "$ivv" curves "${captures[@]}" -o "$out/curves" --seconds "${IVV_SECONDS:-30,60,120,300,600}" $weights
+}
+
+study() {
+    local rig
+    real_captures
     prepared basketball_90 panoptic_basketball_90 --test-cameras 0,10,15,30
     for rig in inward outward moving; do
         [ -d "$out/captures/$rig" ] || "$ivv" synth -o "$out/captures/$rig" --preset study --rig "$rig"
         captures+=("$out/captures/$rig")
     done
-    study_options="--studies quality,clips --bases given --steps ${IVV_STEPS:-600}"
-    for option in "${lpips[@]}"; do
-        [[ $option != loss.lpips_weights=* ]] || study_options+=" --lpips-weights ${option#*=}"
-    done
+    study_options="--studies quality,clips --bases given --steps ${IVV_STEPS:-600} $weights"
     export ivv study_options out
     export -f ablate
     # Two captures at a time, each run in its calling thread, are sooner done than one run after the other on two threads.

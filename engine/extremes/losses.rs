@@ -82,7 +82,7 @@ fn no_error_of_grids(bench: &Bench) -> Result<()> {
     ensure!(has_none(&found) && found.variation == 0.0, "a variation");
     let states = [GridState::identity(), GridState::identity()];
     let uploaded = Grids::upload(&gpu, &states)?;
-    let step = GridStep { step: 2, is_free: true, camera_step: 1, rate: 0.1 };
+    let step = GridStep { step: 2, is_free: true, is_affine: false, camera_step: 1, rate: 0.1 };
     grids::step(&gpu, &uploaded, 0, &found.d_grid, &step, 0)?;
     ensure!(uploaded.download(&gpu)? == states, "a step");
     Ok(())

@@ -5,8 +5,8 @@ use super::adam::{BETA1, BETA2, EPS, correction};
 use crate::error::Result;
 use crate::gpu::generated::constants::bilateral::{self as shared, PANELS, TEAM};
 use crate::gpu::generated::{
-    Status, bilateral_adam, bilateral_bwd, bilateral_gauge, bilateral_grade, bilateral_grade_bwd, bilateral_slice,
-    bilateral_slice_bwd, bilateral_sum,
+    Status, bilateral_adam, bilateral_bwd, bilateral_gauge, bilateral_grade, bilateral_grade_bwd, bilateral_pool,
+    bilateral_slice, bilateral_slice_bwd, bilateral_sum,
 };
 use crate::gpu::{Buf, Gpu, Grid, Recording};
 use crate::vk::DeviceKind;
@@ -67,6 +67,8 @@ pub struct GridStep {
     pub step: u64,
     /// if it is free: a camera without a grid fixes it.
     pub is_free: bool,
+    /// Whether all cells step alike, along the gradient that they have together. They must be alike before.
+    pub is_affine: bool,
     /// Number of the step among this camera's, from 1: for the bias corrections.
     pub camera_step: u64,
     /// Learning rate (SPEC 6: 2e-3).
@@ -276,6 +278,9 @@ impl Grids {
     pub fn record_step(&self, rec: &mut Recording, camera: usize, step: &GridStep, status: &Buf<Status>) {
         rec.section("bilateral");
         let [grid, first, second] = [&self.grids, &self.first, &self.second].map(|b| self.of_camera(b, camera));
+        if step.is_affine {
+            rec.pass(bilateral_pool::Args { d_grid: &self.d_grid }, (), Grid::Groups(3));
+        }
         rec.pass(
             bilateral_adam::Args {
                 frame_status: status,

@@ -4,6 +4,7 @@ mod ablation;
 mod ablation_report;
 mod compare;
 mod curves;
+mod frontier;
 mod quality;
 mod report_picture;
 mod run_report;
@@ -13,6 +14,7 @@ mod trade_report;
 
 pub use ablation::{Arm, ArmResult, Base, Measure, Study, StudyResult};
 pub use compare::{Entry, History, RunGroup, RunResult, RunTable};
+pub use frontier::{Frontier, PresetCurve, Reached, chart};
 pub use quality::{Standing, standings};
 pub use report_picture::{Example, strip};
 pub use run_report::Report;

@@ -3,7 +3,7 @@
 use super::ablation::{Arm, FULL, Measure, Study};
 use crate::report::Table;
 use crate::report::statistics::Estimate;
-use crate::train::{Rate, Strategy};
+use crate::train::{GridKind, Rate, Strategy};
 
 /// By how much a technique may worsen a capture, in units of the measure: 0.1 dB.
 const HARM: f64 = 0.1;
@@ -92,7 +92,13 @@ pub(super) const CLIPS: Study = Study {
             change: |config| config.required.grids_at = GRIDS_AT,
             paper: &[],
         },
-        Arm { name: "no colour grids", key: "no-grids", change: |config| config.grids = false, paper: &[] },
+        Arm {
+            name: "one affine colour map a camera",
+            key: "affine",
+            change: |config| config.grids = GridKind::Affine,
+            paper: &[],
+        },
+        Arm { name: "no colour grids", key: "no-grids", change: |config| config.grids = GridKind::None, paper: &[] },
         Arm { name: "told apart by flow", key: "flow", change: |config| config.init_static_tau = 0.0, paper: &[] },
     ],
     measures: MEASURES,

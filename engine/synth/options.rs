@@ -22,6 +22,8 @@ pub enum Noise {
     None,
     /// What other programs estimate from pictures: points (with outliers), flow, depth and keypoints.
     Priors,
+    /// The same, with points as of a structure from motion that fits badly: 3 cm off, one in five an outlier.
+    Rough,
     /// The priors, and the pictures themselves (sensor noise).
     All,
 }

@@ -7,10 +7,24 @@ use super::rig::Camera;
 use super::world::{Hit, Snapshot, World};
 use glam::{DVec2, DVec3};
 
-/// Standard deviation of a point's position along each axis, scene units.
-pub(super) const POINT_NOISE: f64 = 0.004;
-/// Part of the points that are outliers: moved towards a camera that saw them.
-pub(super) const OUTLIERS: f64 = 0.03;
+/// What is wrong with points.
+pub(super) struct Errors {
+    /// Standard deviation of a position along each axis, scene units.
+    pub sd: f64,
+    /// Part of the points that are outliers: moved towards a camera that saw them.
+    pub outliers: f64,
+}
+
+impl Errors {
+    pub fn of(noise: Noise) -> Self {
+        match noise {
+            Noise::None => Errors { sd: 0.0, outliers: 0.0 },
+            Noise::Priors | Noise::All => Errors { sd: 0.004, outliers: 0.03 },
+            Noise::Rough => Errors { sd: 0.03, outliers: 0.2 },
+        }
+    }
+}
+
 /// The least and the largest part of its distance that is left of an outlier's.
 const OUTLIER_DEPTHS: [f64; 2] = [0.4, 0.9];
 /// Rays cast per point wanted, before a scene with too little to see gives fewer.
@@ -34,6 +48,7 @@ pub(super) fn points(world: &World, options: &Options, cameras: &[Camera], frame
     let mut random = math::random(options.seed, Stream::Points, 0, frame);
     let training: Vec<usize> = (0..cameras.len()).filter(|&index| !cameras[index].is_test).collect();
     let noisy = options.noise != Noise::None;
+    let errors = Errors::of(options.noise);
     let mut points = Vec::new();
     for _ in 0..u64::from(options.points) * u64::from(TRIES) {
         if points.len() == options.points as usize {
@@ -50,12 +65,12 @@ pub(super) fn points(world: &World, options: &Options, cameras: &[Camera], frame
         }
         let mut seen_by: Vec<usize> =
             training.iter().copied().filter(|&other| sees(&now, &cameras[other], hit.at)).collect();
-        let outlier = noisy && random.uniform(0.0, 1.0) < OUTLIERS;
+        let outlier = noisy && random.uniform(0.0, 1.0) < errors.outliers;
         let [low, high] = OUTLIER_DEPTHS;
         let position = if outlier {
             camera.center + (hit.at - camera.center) * random.uniform(low, high)
         } else if noisy {
-            hit.at + normal3(&mut random) * POINT_NOISE
+            hit.at + normal3(&mut random) * errors.sd
         } else {
             hit.at
         };

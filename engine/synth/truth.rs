@@ -17,6 +17,7 @@ pub(super) fn truth(world: &World, options: &Options, cameras: &[Camera], outlie
         (0..options.frames).map(|frame| priors::depth_affine(options, index, frame)).collect()
     };
     let noisy = |sd: f64| if options.noise == Noise::None { 0.0 } else { sd };
+    let points = points::Errors::of(options.noise);
     let mouth: Vec<[f64; 3]> =
         (0..=options.frames).map(|frame| sound::mouth(world, f64::from(frame)).to_array()).collect();
     json!({
@@ -25,8 +26,8 @@ pub(super) fn truth(world: &World, options: &Options, cameras: &[Camera], outlie
         "color_transforms": by_camera(&|_, camera| json!(camera.color)),
         "depth_scale_shift": by_camera(&|index, _| json!(affine(index))),
         "noise": {
-            "points_sd": noisy(points::POINT_NOISE),
-            "points_outlier_fraction": noisy(points::OUTLIERS),
+            "points_sd": points.sd,
+            "points_outlier_fraction": points.outliers,
             "observations_sd_px": noisy(colmap::OBSERVATION_NOISE),
             "flow_sd_px": noisy(priors::FLOW_NOISE),
             "flow_relative_sd": noisy(priors::FLOW_RELATIVE_NOISE),

@@ -1,7 +1,7 @@
 //! What of the cameras is learnt beside the Gaussians: clocks, poses and bilateral grids.
 
 use super::checkpoint::CameraState;
-use super::config::Config;
+use super::config::{Config, GridKind};
 use super::setup::Setup;
 use super::terms::{self, WithCotangent};
 use crate::error::{Error, Result};
@@ -173,7 +173,13 @@ impl Cameras {
         let done = (step - 1) as f64 / total.max(1) as f64;
         let Config { lr, loss, .. } = &self.config;
         if let (Some(graded), Some(grid)) = (&self.graded, grid) {
-            let at = GridStep { step, is_free: graded.is_free, camera_step: grid.step, rate: lr.grid.at(done) };
+            let at = GridStep {
+                step,
+                is_free: graded.is_free,
+                is_affine: self.config.grids == GridKind::Affine,
+                camera_step: grid.step,
+                rate: lr.grid.at(done),
+            };
             graded.grids.record_step(rec, grid.place, &at, &work.status);
         }
         let Some(backward) = &work.backward else { return };

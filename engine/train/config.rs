@@ -61,8 +61,8 @@ settings! {
         offsets: bool = true, "", Range::Switch;
         /// Whether the poses of the training cameras are learnt: one turn and one shift a camera, for all its images.
         poses: bool = false, "", Range::Switch;
-        /// Whether each camera has a bilateral grid that corrects its colours.
-        grids: bool = true, "", Range::Switch;
+        /// What corrects the colours of each training camera: a bilateral grid, one affine map for the whole image, or nothing.
+        grids: GridKind = GridKind::default(), "", Range::Word(&["bilateral", "affine", "none"]);
         /// Which Gaussians take a step: all, those in view after catching up, or those in view alone.
         adam: AdamMode = AdamMode::default(), "", Range::Word(&["dense", "lazy", "sparse"]);
         /// Size of each of Adam's moments in memory.
@@ -215,6 +215,26 @@ impl Init {
             Init::Frustum => "frustum",
             Init::Random => "random",
         }
+    }
+}
+
+/// What corrects the colours of a camera.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum GridKind {
+    /// A grid of affine maps over the image and the luma.
+    #[default]
+    Bilateral,
+    /// One affine map for the whole image: a grid whose cells agree.
+    Affine,
+    /// Nothing.
+    None,
+}
+
+impl GridKind {
+    /// Whether cameras have grids.
+    pub fn is_some(self) -> bool {
+        self != GridKind::None
     }
 }
 

@@ -70,7 +70,7 @@ impl Setup {
             learns_offset: if config.offsets && capture.is_rig_clip() { learns_offset } else { Vec::new() },
             learns_pose: if config.poses { centers(capture) } else { Vec::new() },
             // Those that are required come later.
-            has_grid: where_set(config.grids && config.required.grids_at == 0.0),
+            has_grid: where_set(config.grids.is_some() && config.required.grids_at == 0.0),
             data: terms::data(config, capture),
             flow_model: match config.loss.flow_model {
                 FlowChoice::Velocity => FlowModel::Velocity,

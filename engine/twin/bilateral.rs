@@ -25,6 +25,13 @@ pub fn centred(grids: &[Vec<f64>]) -> Vec<Vec<f64>> {
     grids.iter().map(|grid| grid.iter().enumerate().map(|(i, x)| x - mean(i)).collect()).collect()
 }
 
+/// The gradient of a grid whose cells are one map: that of the map, in every cell.
+pub fn pooled(d_grid: &[f64]) -> Vec<f64> {
+    let sum = |i: usize| d_grid.iter().skip(i).step_by(12).sum::<f64>();
+    let of_map: [f64; 12] = std::array::from_fn(sum);
+    of_map.into_iter().cycle().take(d_grid.len()).collect()
+}
+
 impl<R: Real> BilateralGrid<R> {
     /// From 12 numbers for each cell.
     pub fn new(numbers: &[R]) -> Self {

@@ -190,7 +190,7 @@ impl Bed {
             Verb::Train => {
                 command.arg("train").arg(at("capture"));
                 // A round after each step: in so short a run there would be none.
-                let settings = ["init=random", "init_points=60", "grids=false", "density.strategy=mcmc", "adam=lazy"];
+                let settings = ["init=random", "init_points=60", "grids=none", "density.strategy=mcmc", "adam=lazy"];
                 let settings =
                     settings.into_iter().chain(["density.every=1"]).chain(self.settings.iter().map(String::as_str));
                 command.args(settings.flat_map(|set| ["--set", set]));

@@ -6,7 +6,7 @@ use crate::common::random::Random;
 use crate::common::twins::tested;
 use ivv::extremes::fixtures::grids::{Case, Found, random_grid, step};
 use ivv::stage::{GRID_NUMBERS, GRID_SIZE, GridState, GridStep, Grids};
-use ivv::twin::{Adam, BilateralGrid, Dual, centred};
+use ivv::twin::{Adam, BilateralGrid, Dual, centred, pooled};
 
 tested! {
     "bilateral/bilateral_slice.comp" by BilateralGrid in slices_are_the_twins_to_1e_6_at_any_size;
@@ -14,6 +14,7 @@ tested! {
     "bilateral/bilateral_bwd.comp" by BilateralGrid in the_backward_pass_is_the_adjoint_of_the_derivative;
     "bilateral/bilateral_sum.comp" by BilateralGrid in the_backward_pass_is_the_adjoint_of_the_derivative;
     "bilateral/bilateral_adam.comp" by Adam in a_step_is_the_twins_and_a_gradient_that_is_not_finite_moves_nothing;
+    "bilateral/bilateral_pool.comp" by pooled in an_affine_step_is_that_of_one_map_in_all_cells;
     "bilateral/bilateral_gauge.comp" by centred in the_gauge_takes_off_what_the_twin_does;
 }
 
@@ -172,7 +173,8 @@ fn a_step_is_the_twins_and_a_gradient_that_is_not_finite_moves_nothing() {
         let grids = Grids::upload(&gpu, &states).unwrap();
         let rate = 2e-3;
         // No gauge: 7 is no multiple of 3.
-        step(&gpu, &grids, 1, &d_grid, &GridStep { step: 7, is_free: true, camera_step, rate }, 0).unwrap();
+        step(&gpu, &grids, 1, &d_grid, &GridStep { step: 7, is_free: true, is_affine: false, camera_step, rate }, 0)
+            .unwrap();
         let found = grids.download(&gpu).unwrap();
         assert!(found[0] == states[0] && found[2] == states[2], "other cameras moved");
         let found = &found[1];
@@ -199,6 +201,37 @@ fn a_step_is_the_twins_and_a_gradient_that_is_not_finite_moves_nothing() {
         }
         let n_moved = found.grid.iter().zip(&state.grid).filter(|(a, b)| a != b).count();
         assert!(n_moved > GRID_NUMBERS - 10, "{n_moved} moved");
+    }
+}
+
+#[test]
+fn an_affine_step_is_that_of_one_map_in_all_cells() {
+    let gpu = gpu();
+    let mut random = Random::new(19);
+    let map: [f32; 12] = std::array::from_fn(|_| random.uniform(-1.0, 1.0) as f32);
+    let state = GridState { grid: map.repeat(GRID_NUMBERS / 12), ..GridState::identity() };
+    let mut d_grid: Vec<f32> = (0..GRID_NUMBERS).map(|_| random.uniform(-1.0, 1.0) as f32).collect();
+    d_grid[12 * 77 + 5] = f32::NAN;
+    let (rate, other) = (2e-3, random_grid(&mut random, 1.0));
+    let states = [other.clone(), state, other];
+    let grids = Grids::upload(&gpu, &states).unwrap();
+    let numbers = GridStep { step: 7, is_free: true, is_affine: true, camera_step: 1, rate };
+    step(&gpu, &grids, 1, &d_grid, &numbers, 0).unwrap();
+    let found = grids.download(&gpu).unwrap();
+    assert!(found[0] == states[0] && found[2] == states[2], "other cameras moved");
+    let truth = pooled(&wide(&d_grid));
+    for (i, (after, d)) in found[1].grid.iter().zip(&truth).enumerate() {
+        assert_eq!(after.to_bits(), found[1].grid[i % 12].to_bits(), "number {i}: cells differ");
+        if i % 12 == 5 {
+            assert_eq!(*after, map[5], "a gradient that is no number moves nothing");
+            continue;
+        }
+        assert!(d.abs() > 0.1, "a sum as small as {d} says nothing about its sign");
+        let truth = Adam { parameter: map[i % 12].into(), first: 0.0, second: 0.0 }.step(*d, rate, 1);
+        let (first, second) = (f64::from(found[1].first[i]), f64::from(found[1].second[i]));
+        assert!((f64::from(*after) - truth.parameter).abs() <= 1.2e-7 + 1e-6 * rate, "number {i}");
+        // 2,048 numbers of either sign are summed.
+        assert!((first - truth.first).abs() <= 1e-5 && (second - truth.second).abs() <= 1e-5 * truth.second.max(1.0));
     }
 }
 
@@ -232,7 +265,7 @@ fn the_gauge_takes_off_what_the_twin_does() {
         let states: Vec<GridState> = (0..n_cameras).map(|_| random_grid(&mut random, 0.5)).collect();
         let grids = Grids::upload(&gpu, &states).unwrap();
         // A rate of 0, so that the gauge alone moves numbers.
-        let numbers = GridStep { step: n_cameras, is_free: true, camera_step: 1, rate: 0.0 };
+        let numbers = GridStep { step: n_cameras, is_free: true, is_affine: false, camera_step: 1, rate: 0.0 };
         step(&gpu, &grids, 0, &[0.0; GRID_NUMBERS], &numbers, 0).unwrap();
         let before: Vec<Vec<f64>> = states.iter().map(|state| wide(&state.grid)).collect();
         let truth = centred(&before);
@@ -264,7 +297,13 @@ fn the_gauge_keeps_the_mean_over_the_cameras_at_the_identity() {
     for number in 1..=60u64 {
         let camera = (number as usize - 1) % n_cameras;
         let d_grid: Vec<f32> = tint.iter().map(|t| t + random.uniform(-0.5, 0.5) as f32).collect();
-        let numbers = GridStep { step: number, is_free: true, camera_step: (number - 1) / n_cameras as u64 + 1, rate };
+        let numbers = GridStep {
+            step: number,
+            is_free: true,
+            is_affine: false,
+            camera_step: (number - 1) / n_cameras as u64 + 1,
+            rate,
+        };
         step(&gpu, &grids, camera, &d_grid, &numbers, 0).unwrap();
         if number.is_multiple_of(n_cameras as u64) || number % n_cameras as u64 == 4 {
             let states = grids.download(&gpu).unwrap();
@@ -289,7 +328,7 @@ fn a_failed_frame_leaves_all_bits() {
     states[0].first.iter_mut().for_each(|m| *m = random.uniform(-1.0, 1.0) as f32);
     let d_grid: Vec<f32> = (0..GRID_NUMBERS).map(|_| random.uniform(-1.0, 1.0) as f32).collect();
     // With the gauge, which is due after an even step.
-    let numbers = GridStep { step: 4, is_free: true, camera_step: 3, rate: 2e-3 };
+    let numbers = GridStep { step: 4, is_free: true, is_affine: false, camera_step: 3, rate: 2e-3 };
     let grids = Grids::upload(&gpu, &states).unwrap();
     for failed in [1, 2, 1 << 31] {
         step(&gpu, &grids, 0, &d_grid, &numbers, failed).unwrap();

@@ -2,7 +2,10 @@
 
 use glam::{DVec2, DVec3};
 use ivv::synth::{Noise, Options};
+use std::collections::BTreeSet;
+use std::path::Path;
 
+use super::geometry::read_points;
 use super::model::read_bin;
 use super::{bodies, exr, json, make, numbers, options, rgb};
 
@@ -137,4 +140,39 @@ fn a_bent_rig_is_told_wrong_and_shows_what_it_shows_straight() {
             [&straight, &bent].map(|capture| rgb(&capture.join(format!("images/{}/00001.png", true_pose.name))));
         assert_eq!(pictures[0], pictures[1], "{index}");
     }
+}
+
+#[test]
+fn rough_points_are_eight_times_as_wrong_and_the_pictures_the_same() {
+    let [fine, rough] = [("points-fine", Noise::Priors), ("points-rough", Noise::Rough)]
+        .map(|(name, noise)| make(name, &Options { noise, points: 300, ..few() }, 2));
+    let [fine_truth, rough_truth] = [&fine, &rough].map(|capture| json(&capture.join("truth.json")));
+    assert_eq!((&fine_truth["noise"]["points_sd"], &rough_truth["noise"]["points_sd"]), (&0.004.into(), &0.03.into()));
+    let outliers = |truth: &serde_json::Value| {
+        truth["point_outliers"].as_array().unwrap().iter().map(|rows| rows.as_array().unwrap().len()).sum::<usize>()
+    };
+    assert!((5..40).contains(&outliers(&fine_truth)) && (70..160).contains(&outliers(&rough_truth)));
+    let off = |capture: &Path| {
+        let bodies = bodies(capture);
+        let rows: BTreeSet<u64> = json(&capture.join("truth.json"))["point_outliers"][0]
+            .as_array()
+            .unwrap()
+            .iter()
+            .map(|v| v.as_u64().unwrap())
+            .collect();
+        let points = read_points(capture, 0);
+        let inliers = points.iter().enumerate().filter(|(row, _)| !rows.contains(&(*row as u64)));
+        let squares: Vec<f64> = inliers
+            .map(|(_, (at, ..))| {
+                let alive = bodies.iter().filter(|b| b.exists(0.0));
+                alive.map(|b| b.distance(b.local(b.pose(0), *at))).min_by(f64::total_cmp).unwrap().powi(2)
+            })
+            .collect();
+        (squares.iter().sum::<f64>() / squares.len() as f64).sqrt()
+    };
+    // The nearest surface is nearer than the one that the point was on.
+    let ratio = off(&rough) / off(&fine);
+    assert!((5.0..8.0).contains(&ratio), "{ratio} times as far");
+    let image = "images/cam00/00001.png";
+    assert_eq!(rgb(&fine.join(image)), rgb(&rough.join(image)));
 }

@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeSet, HashSet};
 use std::fs;
+use std::path::Path;
 
 use glam::{DMat3, DVec2, DVec3};
 
@@ -155,8 +156,8 @@ fn what_a_training_camera_sees_too_is_bright_in_the_masks_of_test_cameras() {
 }
 
 /// (place, colour, numbers of cameras) of the points of a frame.
-fn read_points(frame: u32) -> Vec<(DVec3, [u8; 3], Vec<i32>)> {
-    let bytes = fs::read(shared().join(format!("points/{frame:05}.ply"))).unwrap();
+pub fn read_points(capture: &Path, frame: u32) -> Vec<(DVec3, [u8; 3], Vec<i32>)> {
+    let bytes = fs::read(capture.join(format!("points/{frame:05}.ply"))).unwrap();
     let end = bytes.windows(11).position(|w| w == b"end_header\n").unwrap() + 11;
     let header = std::str::from_utf8(&bytes[..end]).unwrap();
     let n: usize = header.split("element vertex ").nth(1).unwrap().lines().next().unwrap().parse().unwrap();
@@ -183,7 +184,7 @@ fn points_lie_on_surfaces_within_the_noise_except_the_outliers() {
     let most = 6.0 * sd + 1e-6;
     let (mut n_outliers, mut n_off, mut n, mut n_dynamic, mut spread) = (0, 0, 0, 0, 0.0);
     for frame in 0..options().frames {
-        let points = read_points(frame);
+        let points = read_points(shared(), frame);
         assert_eq!(points.len(), options().points as usize);
         let outliers = &truth["point_outliers"][frame as usize];
         let outliers: BTreeSet<u64> = outliers.as_array().unwrap().iter().map(|v| v.as_u64().unwrap()).collect();

@@ -7,7 +7,9 @@ use ivv::Constants;
 use ivv::scene::capture::{Capture, Shot};
 use ivv::scene::{Motion, Splats, View};
 use ivv::stage::{Outputs, Renderer, Response};
-use ivv::train::{Config, Due, Evidence, Required, Review, Seen, Setup, Trainer, merge_resting, psnr, review};
+use ivv::train::{
+    Config, Due, Evidence, GridKind, Required, Review, Seen, Setup, Trainer, merge_resting, psnr, review,
+};
 use std::path::PathBuf;
 use std::sync::OnceLock;
 
@@ -236,7 +238,7 @@ fn what_was_dropped_brings_nothing_when_it_is_given_back() {
     let motion = (0..n).map(|i| i.checked_sub(required.n_static).map_or(at_rest, |at| required.motion[at]));
     let back = Splats { n_static: 0, motion: motion.collect(), degree: Vec::new(), ..required.clone() };
     let after_an_epoch = |splats: &Splats| {
-        let config = Config { required: Required::default(), grids: false, ..config() };
+        let config = Config { required: Required::default(), grids: GridKind::None, ..config() };
         let setup = Setup::new(&tiny.capture, &config);
         let mut trainer =
             Trainer::new(gpu().clone(), splats, Constants::default(), config.clone(), 1000, setup).unwrap();

@@ -12,7 +12,7 @@ pub(super) fn ivv(arguments: &[&str]) -> Output {
     let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_ivv"));
     command.args(arguments);
     if let (Ok(device), true) =
-        (std::env::var("IVV_TEST_DEVICE"), ["train", "eval", "ablate", "trade"].contains(&arguments[0]))
+        (std::env::var("IVV_TEST_DEVICE"), ["train", "eval", "ablate", "curves", "trade"].contains(&arguments[0]))
     {
         command.args(["--device", &device]);
     }
@@ -315,7 +315,7 @@ fn techniques_stand_by_what_several_captures_show() {
     let rows =
         || text.lines().filter(|line| line.starts_with("| ") && (line.contains("shown") || line.contains("harms")));
     let of_clips = rows().filter(|row| row.contains("| - |")).count();
-    assert_eq!((rows().count(), of_clips), (8, 4), "one seed shows nothing: {text}");
+    assert_eq!((rows().count(), of_clips), (9, 5), "one seed shows nothing: {text}");
     for (folder, studies) in [(&clip.folder, vec!["quality", "clips"]), (&still, vec!["quality"])] {
         let name = folder.file_name().unwrap().to_str().unwrap();
         assert!(text.contains(name), "{name}: {text}");
@@ -333,6 +333,37 @@ fn techniques_stand_by_what_several_captures_show() {
     }
     let told = fails(&["ablate", first, first, "-o", to, "--studies", "quality"], 2);
     assert!(told.contains("two captures are called"), "{told}");
+}
+
+#[test]
+fn presets_are_run_for_longer_and_longer_and_what_is_there_is_not_run_again() {
+    let tiny = Tiny::new("curves");
+    let (capture, output) = (tiny.folder.to_str().unwrap(), tiny.folder.join("curves"));
+    let (to, runs) = (output.to_str().unwrap(), output.join(tiny.folder.file_name().unwrap()));
+    // No run ends so soon: the shortest is the last.
+    let some = ["--seconds", "1e-6", "--shortest", "3", "--seeds", "3", "--presets", "exact,preview"];
+    let arguments = [&["curves", capture, "-o", to, "--set", "max_gaussians=300"], &some[..]].concat();
+    let told = works(&arguments);
+    let found = json(&output.join("curves.json"));
+    assert_eq!(found[0]["capture"], tiny.folder.file_name().unwrap().to_str().unwrap());
+    for (index, preset) in ["exact", "preview"].iter().enumerate() {
+        let curve = &found[0]["curves"][index];
+        assert_eq!((&curve["preset"], curve["lengths"].as_array().unwrap().len()), (&(*preset).into(), 1));
+        let (run, folder) = (&curve["lengths"][0][0], runs.join(format!("{preset}-3-3")));
+        let (eval, train) = (json(&folder.join("eval.json")), json(&folder.join("train.json")));
+        assert_eq!((&run["psnr"], &run["bytes"], &run["seconds"]), (&eval["psnr"], &eval["bytes"], &train["seconds"]));
+        assert_eq!(json(&folder.join("config.json"))["steps"], 3);
+    }
+    let text = std::fs::read_to_string(output.join("curves.md")).unwrap();
+    assert!(told.contains(&text) && text.contains("| preview | - |"), "{text}");
+    assert!(std::fs::read_to_string(output.join("curves.svg")).unwrap().contains("preview, 3 steps"));
+    let scores = runs.join("exact-3-3/eval.json");
+    let before = std::fs::metadata(&scores).unwrap().modified().unwrap();
+    works(&arguments);
+    assert_eq!(std::fs::metadata(&scores).unwrap().modified().unwrap(), before, "a run was made again");
+    assert!(fails(&["curves", capture, "-o", to, "--seconds", "0"], 2).contains("--seconds"));
+    assert!(fails(&["curves", capture, capture, "-o", to, "--seconds", "nan"], 2).contains("above 0"));
+    assert!(fails(&["curves", capture, "-o", to, "--presets", "best"], 3).contains("best"));
 }
 
 #[test]

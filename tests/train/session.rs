@@ -5,7 +5,7 @@ use crate::adversary::rounds_otherwise;
 use crate::common::device::gpu;
 use ivv::scene::{Similarity, Splats};
 use ivv::train::{
-    Average, Checkpoint, Config, Event, Notice, Phase, Required, Session, SessionOptions, training_order,
+    Average, Checkpoint, Config, Event, GridKind, Notice, Phase, Required, Session, SessionOptions, training_order,
 };
 use ivv::vk::DeviceKind;
 use std::cell::RefCell;
@@ -160,7 +160,10 @@ fn a_run_ends_with_the_mean_of_its_last_scenes() {
 fn cameras_are_asked_once_whether_they_need_a_grid_unless_all_or_none_has_one() {
     let _device = gpu();
     let tiny = Tiny::new("asked");
-    for (grids, grids_at, asked_at) in [(true, 0.5, Some(5)), (true, 0.0, None), (false, 0.5, None)] {
+    let (bilateral, affine, none) = (GridKind::Bilateral, GridKind::Affine, GridKind::None);
+    for (grids, grids_at, asked_at) in
+        [(bilateral, 0.5, Some(5)), (affine, 0.5, Some(5)), (bilateral, 0.0, None), (none, 0.5, None)]
+    {
         let required = Required { grids_at, ..Required::default() };
         let config = Config { sh_degree: 0, steps: 10, grids, required, ..Config::default() };
         let session = Session::begin(gpu().clone(), &tiny.capture, config, SessionOptions::default()).unwrap();
@@ -169,13 +172,13 @@ fn cameras_are_asked_once_whether_they_need_a_grid_unless_all_or_none_has_one() 
             events.iter().filter_map(|event| if let Event::Review(review) = event { Some(review) } else { None });
         let asked: Vec<_> =
             asked.map(|review| (review.step, review.grids.len(), review.before - review.after)).collect();
-        assert!(asked.iter().copied().eq(asked_at.map(|step| (step, 4, 0))), "{grids}, {grids_at}: {asked:?}");
+        assert!(asked.iter().copied().eq(asked_at.map(|step| (step, 4, 0))), "{grids:?}, {grids_at}: {asked:?}");
         let first =
             events.iter().find_map(|event| if let Event::Step(step) = event { Some(step) } else { None }).unwrap();
         assert_eq!(
             first.term("grid_variation").is_some(),
-            grids && grids_at == 0.0,
-            "from the start: {grids}, {grids_at}"
+            grids.is_some() && grids_at == 0.0,
+            "from the start: {grids:?}, {grids_at}"
         );
     }
 }

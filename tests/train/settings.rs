@@ -126,7 +126,8 @@ fn what_set_cannot_take_is_told_before_the_capture_is_opened() {
         ("lr.scale=nan", "lr.scale is \"nan\"; expected a number above 0"),
         ("lr.scale.start=nan", "lr.scale is {"),
         ("epochs=2.5", "epochs is 2.5; expected a whole number"),
-        ("grids=1", "grids is 1; expected true or false"),
+        ("offsets=1", "offsets is 1; expected true or false"),
+        ("grids=true", "grids is true; expected bilateral, affine or none"),
         (&long, "there is no setting a."),
         ("density", "expected KEY=VALUE"),
     ] {

@@ -8,8 +8,8 @@ use ivv::scene::capture::{Capture, Extent, Picture, PriorPlan};
 use ivv::scene::{Motion, Splats, View};
 use ivv::stage::{Outputs, Renderer};
 use ivv::train::{
-    Agreement, Config, Event, LearningRates, Loss, Pace, Rate, Required, Session, SessionOptions, Setup, TermData,
-    Trainer, fit_offset, from_points, logged,
+    Agreement, Config, Event, GridKind, LearningRates, Loss, Pace, Rate, Required, Session, SessionOptions, Setup,
+    TermData, Trainer, fit_offset, from_points, logged,
 };
 use std::collections::BTreeSet;
 
@@ -41,7 +41,7 @@ fn a_term_that_is_off_dispatches_nothing() {
     let off = Config {
         sh_degree: 0,
         offsets: false,
-        grids: false,
+        grids: GridKind::None,
         loss: Loss { depth: 0.0, flow: 0.0, ..Loss::default() },
         ..Config::default()
     };
@@ -51,7 +51,7 @@ fn a_term_that_is_off_dispatches_nothing() {
         (vec!["priors"], Config { loss: Loss { depth: 1.0, ..off.loss.clone() }, ..off.clone() }),
         (vec!["priors"], Config { loss: Loss { flow: 1.0, ..off.loss.clone() }, ..off.clone() }),
         (vec!["clock", "camera bwd"], Config { offsets: true, ..off.clone() }),
-        (vec!["bilateral"], Config { grids: true, required: grids_from_the_start(), ..off.clone() }),
+        (vec!["bilateral"], Config { grids: GridKind::Bilateral, required: grids_from_the_start(), ..off.clone() }),
     ] {
         let found = dispatches(&tiny, &config);
         for (section, n) in &found {
@@ -74,7 +74,7 @@ fn a_step_logs_the_terms_that_are_on_and_its_loss_is_their_weighted_sum() {
     let tiny = Tiny::new("logged");
     let loss = Loss { depth: 0.7, flow: 0.3, grid_variation: 4.0, ..Loss::default() };
     let all = Config { sh_degree: 0, loss, required: grids_from_the_start(), ..Config::default() };
-    let without = Config { grids: false, loss: Loss { depth: 0.0, ..all.loss.clone() }, ..all.clone() };
+    let without = Config { grids: GridKind::None, loss: Loss { depth: 0.0, ..all.loss.clone() }, ..all.clone() };
     for (config, keys) in [
         (all, vec!["depth", "flow", "grid_variation", "l1", "psnr", "ssim"]),
         (without, vec!["flow", "l1", "psnr", "ssim"]),

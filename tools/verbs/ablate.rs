@@ -1,5 +1,6 @@
 //! `ivv ablate`: the paper's ablations and other techniques, on captures.
 
+use crate::apart::train_apart;
 use crate::files::{make_folder, read_json, write_json};
 use crate::screen::{out, say};
 use crate::settings::SettingArgs;
@@ -12,8 +13,7 @@ use ivv::scene::capture::Capture;
 use ivv::study::{Arm, ArmResult, Base, Measure, STUDIES, Study, StudyResult, standings};
 use ivv::train::{Config, initialise};
 use serde_json::{Value, json};
-use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::path::PathBuf;
 
 /// Options of `ivv ablate`.
 #[derive(clap::Args)]
@@ -74,7 +74,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         for (key, seed, own) in &job.runs {
             done += 1;
             say!("run {done} of {n_runs}: {}, {key}, seed {seed}", job.place.name);
-            job.train(args, &job.folder(key, *seed), own)?;
+            train_apart(&job.place.capture, &job.folder(key, *seed), own, args.device.as_deref())?;
         }
         told.push(job.tell(args, &config, json)?);
     }
@@ -282,34 +282,6 @@ impl Job<'_> {
         self.place.output.join("runs").join(format!("{key}-{seed}"))
     }
 
-    /// Trains with `config` in a process of its own, which leaves nothing behind in this one; unless that has been done.
-    fn train(&self, args: &Args, folder: &Path, config: &Config) -> anyhow::Result<()> {
-        let settings = folder.with_extension("json");
-        let is_done = folder.join("eval.json").is_file()
-            && read_json::<Config>(&settings, "remove it").is_ok_and(|before| before == *config);
-        if is_done {
-            return Ok(());
-        }
-        write_json(&settings, config)?;
-        let log = std::fs::File::create(folder.with_extension("log")).context("the log of a run cannot be made")?;
-        let program = std::env::current_exe().context("the path of this program is not known")?;
-        let status = Command::new(program)
-            .arg("train")
-            .arg(&self.place.capture)
-            .args(["--overwrite", "--eval-every", "0", "-o"])
-            .arg(folder)
-            .arg("--config")
-            .arg(&settings)
-            .args(args.device.iter().flat_map(|device| ["--device", device]))
-            .stdin(Stdio::null())
-            .stdout(Stdio::null())
-            .stderr(log)
-            .status()
-            .context("`ivv train` cannot be started")?;
-        anyhow::ensure!(status.success(), "{}: the run ended with {status}; see its .log", folder.display());
-        Ok(())
-    }
-
     /// The numbers of all runs of a study.
     fn collect<'b>(&self, args: &Args, study: &'b Study, base: Base) -> anyhow::Result<StudyResult<'b>> {
         let (mut arms, mut trunk) = (Vec::new(), None);
@@ -331,6 +303,9 @@ impl Job<'_> {
     }
 }
 
+/// Noise that images have at least: half a step of 8 bits. Synthetic ones without noise do not change at all where nothing moves.
+const LEAST_NOISE: f64 = 0.5 / 255.0;
+
 /// A measure of one run; none where its capture does not allow it.
 fn value(measure: Measure, eval: &Value, train: &Value, peripheral: &str) -> Option<f64> {
     match measure {
@@ -342,7 +317,7 @@ fn value(measure: Measure, eval: &Value, train: &Value, peripheral: &str) -> Opt
         Measure::PsnrWorst => scores(eval, "psnr", |_| true)?.into_iter().min_by(f64::total_cmp),
         Measure::PsnrAligned => eval["psnr_aligned"].as_f64(),
         Measure::Ssim => eval["ssim"].as_f64(),
-        Measure::Flicker => Some(eval["flicker"].as_f64()? / eval["flicker_true"].as_f64()?.max(1e-6)),
+        Measure::Flicker => Some(eval["flicker"].as_f64()? / eval["flicker_true"].as_f64()?.max(LEAST_NOISE)),
         Measure::PsnrPeripheral => mean(scores(eval, "psnr", |camera| camera == peripheral)?),
         Measure::PsnrPeripheralCovisible => mean(scores(eval, "psnr_covisible", |camera| camera == peripheral)?),
         Measure::PsnrInner => mean(scores(eval, "psnr", |camera| camera != peripheral)?),

@@ -4,6 +4,7 @@ pub mod ablate;
 pub mod cameras;
 pub mod check;
 pub mod compare;
+pub mod curves;
 pub mod demo;
 pub mod devices;
 pub mod eval;

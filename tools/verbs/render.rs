@@ -1,6 +1,7 @@
 //! `ivv render`.
 
 use crate::bench::Bench;
+use crate::bench_knobs;
 use crate::device::DeviceArgs;
 use crate::files::make_folder;
 use crate::film::{self, Film, PathArgs, Studio};
@@ -59,6 +60,10 @@ pub struct Args {
     /// of pairs for two eyes that share culling, projection and the sort by depth and that share nothing.
     #[arg(long, value_name = "SECONDS", num_args = 0..=1, default_missing_value = "5", conflicts_with_all = ["film", "profile", "output"])]
     bench: Option<f64>,
+    /// With --bench, for each setting of `frame` and the frames of each preset instead: the time of a frame, for so many seconds each,
+    /// device memory, and the error of the worst picture, against the options that are given.
+    #[arg(long, requires = "bench")]
+    each_knob: bool,
     #[command(flatten)]
     film: PathArgs,
     #[command(flatten)]
@@ -304,6 +309,17 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let Some(output) = &args.output else {
         anyhow::ensure!(!views.is_empty(), "--bench: expected views to render, found none");
         let seconds = args.bench.unwrap_or_default();
+        if args.each_knob {
+            drop(renderer);
+            let rows = bench_knobs::run(&gpu, &splats, constants, &views, seconds, &stop)?;
+            if json {
+                let report = serde_json::json!({ "device": gpu.caps(), "constants": constants, "knobs": rows });
+                out!("{}", serde_json::to_string_pretty(&report)?);
+            } else {
+                bench_knobs::print(&rows);
+            }
+            return Ok(());
+        }
         let bench = Bench::new(&mut renderer, &splats, &views, outputs, seconds, &stop)?;
         if json {
             let report = serde_json::json!({ "device": gpu.caps(), "constants": constants, "bench": bench });

@@ -34,9 +34,9 @@ pub struct Args {
     /// Writes a calibration that has each training camera turned by 0.2 degrees and shifted by 10 mm from where it is.
     #[arg(long)]
     bent: bool,
-    /// Where noise is added: nowhere; to points, flow, depth and keypoints; to these and the images. By default as the preset
-    /// says.
-    #[arg(long, value_parser = PossibleValuesParser::new(["none", "priors", "all"]))]
+    /// Where noise is added. none: nowhere. priors: to points, flow, depth and keypoints. rough: the same, with points 3 cm off and
+    /// one in five an outlier. all: to the priors and the images. By default as the preset says.
+    #[arg(long, value_parser = PossibleValuesParser::new(["none", "priors", "rough", "all"]))]
     noise: Option<String>,
     /// Where the cameras stand. inward: on an arc, looking at the middle of a room. outward: on a hemisphere 0.5 m wide, looking
     /// out, with a scene 1 to 8 m away. moving: as outward, and the hemisphere moves. By default as the preset says.
@@ -92,6 +92,7 @@ fn options(args: &Args) -> anyhow::Result<Options> {
     match args.noise.as_deref() {
         Some("none") => options.noise = Noise::None,
         Some("priors") => options.noise = Noise::Priors,
+        Some("rough") => options.noise = Noise::Rough,
         Some(_) => options.noise = Noise::All,
         None => {}
     }

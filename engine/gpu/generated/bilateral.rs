@@ -374,6 +374,35 @@ pub mod bilateral_adam {
     };
 }
 
+/// gives every cell of the camera's grid the gradient that one map for the whole image has.
+pub mod bilateral_pool {
+    use crate::gpu::kernel::*;
+    /// This kernel takes no push constants.
+    pub type Push = ();
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// ReadWrites.
+        pub d_grid: &'a Buf<[f32; 4]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = INFO;
+        fn slices(&self) -> Vec<Slice> {
+            vec![self.d_grid.slice()]
+        }
+    }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "bilateral_pool",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../../shaders-glsl/spv/bilateral_pool.spv"),
+        local: 128,
+        subgroups: false,
+        floats: 0x1,
+        bindings: &[BindingInfo { name: "d_grid", kind: BindingKind::Storage, access: Access::ReadWrite }],
+    };
+}
+
 /// takes the mean deviation from the identity over the cameras off every camera's grid.
 pub mod bilateral_gauge {
     use crate::gpu::kernel::*;

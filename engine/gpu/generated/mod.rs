@@ -365,6 +365,7 @@ pub const ALL: &[&super::KernelInfo] = &[
     bilateral_grade_bwd::INFO,
     bilateral_sum::INFO,
     bilateral_adam::INFO,
+    bilateral_pool::INFO,
     bilateral_gauge::INFO,
     adam_idle::INFO,
     adam_idle_m16::INFO,

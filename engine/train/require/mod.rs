@@ -87,7 +87,7 @@ pub fn review_due(config: &Config, step: u64, total: u64) -> Option<Due> {
     } else if (0..reviews).any(|k| nth(k) == step) {
         Some(Due::Gaussians)
     } else {
-        (config.grids && step == at(grids_at)).then_some(Due::Grids)
+        (config.grids.is_some() && step == at(grids_at)).then_some(Due::Grids)
     }
 }
 
@@ -118,7 +118,7 @@ pub fn review(
     if due == Due::Grids {
         let n = checkpoint.params.len();
         let mut report = Review { step: checkpoint.step, before: n, after: n, ..Review::default() };
-        if grids && capture.is_rig_clip() {
+        if grids.is_some() && capture.is_rig_clip() {
             report.grids = give_grids(&mut renderer, &sight, &mut checkpoint.cameras)?;
             trainer.replace(&checkpoint)?;
         }

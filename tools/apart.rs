@@ -1,0 +1,36 @@
+//! Training runs in processes of their own, for what compares many.
+
+use crate::files::{read_json, write_json};
+use anyhow::Context;
+use ivv::train::Config;
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+/// Trains on `capture` with `config` in a process of its own, which leaves nothing behind in this one; unless that has been
+/// done. The run goes to `folder`, its settings and its log to files beside it.
+pub fn train_apart(capture: &Path, folder: &Path, config: &Config, device: Option<&str>) -> anyhow::Result<()> {
+    let settings = folder.with_extension("json");
+    let is_done = folder.join("eval.json").is_file()
+        && read_json::<Config>(&settings, "remove it").is_ok_and(|before| before == *config);
+    if is_done {
+        return Ok(());
+    }
+    write_json(&settings, config)?;
+    let log = std::fs::File::create(folder.with_extension("log")).context("the log of a run cannot be made")?;
+    let program = std::env::current_exe().context("the path of this program is not known")?;
+    let status = Command::new(program)
+        .arg("train")
+        .arg(capture)
+        .args(["--overwrite", "--eval-every", "0", "-o"])
+        .arg(folder)
+        .arg("--config")
+        .arg(&settings)
+        .args(device.iter().flat_map(|device| ["--device", device]))
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .stderr(log)
+        .status()
+        .context("`ivv train` cannot be started")?;
+    anyhow::ensure!(status.success(), "{}: the run ended with {status}; see its .log", folder.display());
+    Ok(())
+}
