@@ -223,9 +223,9 @@ impl Init {
 #[serde(rename_all = "snake_case")]
 pub enum GridKind {
     /// A grid of affine maps over the image and the luma.
-    #[default]
     Bilateral,
     /// One affine map for the whole image: a grid whose cells agree.
+    #[default]
     Affine,
     /// Nothing.
     None,

@@ -354,7 +354,8 @@ fn every_knob_of_a_frame_is_told_with_its_time_its_bytes_and_its_error() {
     assert!((40.0..90.0).contains(&psnr("frame.t_cut=0.001")) && row("frame.t_cut=0.001")["is_same"] == false);
     let table = works(&of_knobs);
     assert!(table.contains("| frame.block_cull=false |") && table.contains("| same picture |"), "{table}");
-    assert!(fails(&["render", &scene, "--each-knob", "-o", "out"], 2).contains("--bench"));
+    assert!(fails(&["render", &scene, "--each-knob"], 2).contains("--bench"));
+    assert!(fails(&["render", &scene, "--each-knob", "-o", "out"], 2).contains("--output"));
 }
 
 #[test]

@@ -56,7 +56,7 @@ fn the_table_has_every_setting_once_with_a_meaning_and_a_default_in_its_range() 
 fn the_words_of_the_table_are_those_that_are_read() {
     for setting in all_settings() {
         let Range::Word(words) = setting.range else { continue };
-        let fault = serde_json::from_value::<Config>(with(setting.name, "\"none\"")).unwrap_err().to_string();
+        let fault = serde_json::from_value::<Config>(with(setting.name, "\"nothing\"")).unwrap_err().to_string();
         let quoted: Vec<&str> = fault.split('`').skip(3).step_by(2).collect();
         assert!(words.len() > 1 && quoted == words, "{}: {fault}", setting.name);
         for word in words {

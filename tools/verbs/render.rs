@@ -62,7 +62,7 @@ pub struct Args {
     bench: Option<f64>,
     /// With --bench, for each setting of `frame` and the frames of each preset instead: the time of a frame, for so many seconds each,
     /// device memory, and the error of the worst picture, against the options that are given.
-    #[arg(long, requires = "bench")]
+    #[arg(long, requires = "bench", conflicts_with = "output")]
     each_knob: bool,
     #[command(flatten)]
     film: PathArgs,
