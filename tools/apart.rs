@@ -3,7 +3,7 @@
 use crate::files::{read_json, write_json};
 use anyhow::Context;
 use ivv::train::Config;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 /// Trains on `capture` with `config` in a process of its own, which leaves nothing behind in this one; unless that has been
@@ -33,4 +33,20 @@ pub fn train_apart(capture: &Path, folder: &Path, config: &Config, device: Optio
         .context("`ivv train` cannot be started")?;
     anyhow::ensure!(status.success(), "{}: the run ended with {status}; see its .log", folder.display());
     Ok(())
+}
+
+/// The captures by the names of their folders, after which their runs are named too.
+pub fn named(captures: &[PathBuf]) -> anyhow::Result<Vec<(String, &Path)>> {
+    let mut all: Vec<(String, &Path)> = Vec::new();
+    for capture in captures {
+        let path = std::path::absolute(capture)?;
+        let name = path.file_name().map_or("capture".into(), |name| name.to_string_lossy()).into_owned();
+        anyhow::ensure!(
+            all.iter().all(|(other, _)| *other != name),
+            "{}: two captures are called {name}; their runs would go to one folder; rename one",
+            capture.display()
+        );
+        all.push((name, capture));
+    }
+    Ok(all)
 }

@@ -20,8 +20,6 @@ use std::time::Instant;
 /// What one way to compute frames takes and changes.
 #[derive(serde::Serialize)]
 pub struct KnobRow {
-    /// The setting, or the preset whose frames these are.
-    name: String,
     /// Median of a frame that stays on the device, milliseconds.
     median_ms: f64,
     /// How many times as fast as with the constants that were given, whose frames were rendered in turn with these.
@@ -30,7 +28,7 @@ pub struct KnobRow {
     device_bytes: u64,
     /// Whether all numbers of all pictures are the same.
     is_same: bool,
-    /// Of the worst picture.
+    /// The setting, or the preset whose frames these are, and the error of the worst picture.
     #[serde(flatten)]
     error: KernelError,
 }
@@ -103,11 +101,10 @@ pub fn run(
         let [own, median_ms] = times.each_ref().map(|times| median(times));
         own_times.extend_from_slice(&times[0]);
         let is_same = found == truth;
-        rows.push(KnobRow { name: name.clone(), median_ms, speed: own / median_ms, device_bytes, is_same, error });
+        rows.push(KnobRow { median_ms, speed: own / median_ms, device_bytes, is_same, error });
         progress.reach(rows.len(), ways.len(), "settings");
     }
     let given = KnobRow {
-        name: "as given".to_owned(),
         median_ms: median(&own_times),
         speed: 1.0,
         device_bytes: own_bytes,
@@ -123,7 +120,7 @@ pub fn print(rows: &[KnobRow]) {
     let cells = |row: &KnobRow| {
         let error = |text: String| if row.is_same { "same picture".to_owned() } else { text };
         vec![
-            row.name.clone(),
+            row.error.name.clone(),
             format!("{:.2}", row.median_ms),
             format!("{:.2}", row.speed),
             format!("{:.1}", row.device_bytes as f64 / f64::from(1 << 20)),

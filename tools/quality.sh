@@ -75,7 +75,7 @@ ablate() {
     "$ivv" ablate "$@" -o "$folder" $study_options
 }
 
-# The real captures that are there, at half their size. Sets $weights, the options that measure LPIPS.
+# The real captures that are there: fox as it is, the others at half their size. Sets $weights, the options that measure LPIPS.
 real_captures() {
     local option
     out=${given:-$PWD/out/study}

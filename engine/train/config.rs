@@ -107,7 +107,7 @@ settings! {
         price: f64 = 1.0, "", Range::POSITIVE;
         /// PSNR that all reviews together may cost when they take place.
         margin: f64 = 0.05, "dB", Range::POSITIVE;
-        /// When it is decided which cameras need a bilateral grid; 0 gives one to all from the start.
+        /// When it is decided which cameras need a colour map; 0 gives one to all from the start.
         grids_at: f64 = 0.0, "of the run", Range::BELOW_ONE;
     }
 }
@@ -394,7 +394,7 @@ settings! {
         pose_turn: Rate = Rate { start: 3e-5, end: 3e-7 }, "radians", Range::Rate;
         /// Learning rate of the shifts of the cameras' poses.
         pose_shift: Rate = Rate { start: 3e-5, end: 3e-7 }, "scene extents", Range::Rate;
-        /// Learning rate of the bilateral grids.
+        /// Learning rate of the colour maps.
         grid: Rate = Rate::constant(2e-3), "", Range::Rate;
     } with {
         /// How much larger they are in a shorter run.

@@ -336,7 +336,7 @@ fn techniques_stand_by_what_several_captures_show() {
 }
 
 #[test]
-fn presets_are_run_for_longer_and_longer_and_what_is_there_is_not_run_again() {
+fn each_preset_is_trained_and_scored_and_what_is_there_is_not_run_again() {
     let tiny = Tiny::new("curves");
     let (capture, output) = (tiny.folder.to_str().unwrap(), tiny.folder.join("curves"));
     let (to, runs) = (output.to_str().unwrap(), output.join(tiny.folder.file_name().unwrap()));

@@ -1,6 +1,6 @@
 //! `ivv ablate`: the paper's ablations and other techniques, on captures.
 
-use crate::apart::train_apart;
+use crate::apart::{named, train_apart};
 use crate::files::{make_folder, read_json, write_json};
 use crate::screen::{out, say};
 use crate::settings::SettingArgs;
@@ -13,7 +13,7 @@ use ivv::scene::capture::Capture;
 use ivv::study::{Arm, ArmResult, Base, Measure, STUDIES, Study, StudyResult, standings};
 use ivv::train::{Config, initialise};
 use serde_json::{Value, json};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Options of `ivv ablate`.
 #[derive(clap::Args)]
@@ -105,19 +105,11 @@ struct Place {
 
 /// A place for each capture, by the name of its folder.
 fn places(args: &Args) -> anyhow::Result<Vec<Place>> {
-    let mut places: Vec<Place> = Vec::new();
-    for capture in &args.captures {
-        let path = std::path::absolute(capture)?;
-        let name = path.file_name().map_or("capture".into(), |name| name.to_string_lossy()).into_owned();
-        anyhow::ensure!(
-            places.iter().all(|place| place.name != name),
-            "{}: two captures are called {name}; their runs would go to one folder; rename one",
-            capture.display()
-        );
+    let place = |(name, capture): (String, &Path)| {
         let output = if args.captures.len() > 1 { args.output.join(&name) } else { args.output.clone() };
-        places.push(Place { name, capture: capture.clone(), output });
-    }
-    Ok(places)
+        Place { name, capture: capture.to_owned(), output }
+    };
+    Ok(named(&args.captures)?.into_iter().map(place).collect())
 }
 
 /// What several captures show of each study together.

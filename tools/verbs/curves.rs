@@ -1,6 +1,6 @@
 //! `ivv curves`: quality against time, preset by preset.
 
-use crate::apart::train_apart;
+use crate::apart::{named, train_apart};
 use crate::files::{make_folder, read_json, write_json};
 use crate::screen::{out, say};
 use crate::settings::patch;
@@ -52,16 +52,14 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let longest = args.seconds.iter().copied().reduce(f64::max).context("--seconds needs at least one number")?;
     let presets: Vec<(String, Config)> =
         args.presets.iter().map(|name| settings(args, name)).collect::<anyhow::Result<_>>()?;
-    for capture in &args.captures {
+    // All are looked at before the first is trained on.
+    let captures = named(&args.captures)?;
+    for (_, capture) in &captures {
         let tests = Capture::open(capture)?.test_frames();
         anyhow::ensure!(!tests.is_empty(), "{}: the capture has no test image; see `ivv check`", capture.display());
     }
     let mut frontiers = Vec::new();
-    for capture in &args.captures {
-        let path = std::path::absolute(capture)?;
-        let name = path.file_name().map_or("capture".into(), |name| name.to_string_lossy()).into_owned();
-        let is_new = frontiers.iter().all(|frontier: &Frontier| frontier.capture != name);
-        anyhow::ensure!(is_new, "{}: two captures are called {name}; rename one", capture.display());
+    for (name, capture) in captures {
         let folder = args.output.join(&name);
         make_folder(&folder)?;
         let curve = |(preset, config): &(String, Config)| {
