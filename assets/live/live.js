@@ -15,6 +15,8 @@ let state = {};
 let shown = null;
 /** When the scene that is shown came, ms; infinite while it is still to come. */
 let since = Infinity;
+/** @type {{ view: any, time: number } | null} Where one stood when a scene was seen last: one that is gone before it came has no place. */
+let place = null;
 /** @type {number | null} The report that is shown. */
 let told = null;
 
@@ -42,8 +44,7 @@ function numbers(now) {
 /** Shows the newest scene, from where the last one was seen and at its time. */
 function showNewest() {
   const before = /** @type {any} */ (scene.contentWindow)?.ivv?.app;
-  const view = before?.hasStarted ? { ...before.rig.view } : null;
-  const time = before?.hasStarted ? before.player.clock.time() : 0;
+  if (before?.hasStarted) place = { view: { ...before.rig.view }, time: before.player.clock.time() };
   shown = state.scene;
   since = Infinity;
   scene.hidden = false;
@@ -52,10 +53,10 @@ function showNewest() {
     const { ivv } = /** @type {any} */ (scene.contentWindow);
     // Of a scene that is gone already the player says so; the next one is better.
     await ivv?.ready.catch(() => undefined);
-    since = performance.now();
-    if (!view || !ivv?.app) return;
-    ivv.app.show(view);
-    ivv.app.seek(time);
+    since = ivv?.app ? performance.now() : -Infinity;
+    if (!place || !ivv?.app) return;
+    ivv.app.show(place.view);
+    ivv.app.seek(place.time);
   };
   element('which').textContent = shown === 'end' ? 'The scene, trained' : `The scene after ${Number(shown)} steps`;
   element('newest').hidden = true;

@@ -36,18 +36,24 @@ test('a training is watched: numbers, report and scene as they come, from where 
   await until(() => /^step [1-9]\d* of 100000, .*loss \d/.test(document.getElementById('said').textContent));
   await until(() => document.getElementById('report').contentDocument?.querySelector('#plot-psnr'));
   await until(() => document.getElementById('scene').contentWindow?.ivv?.app?.hasStarted);
-  // Where one stands stays when the next scene comes.
+  // Where one stands stays when the next scene comes, and when one that is gone before it was fetched came between.
+  let gone = 0;
+  await page.route('**/at/*/scene.4dgs', async (route) => {
+    if (gone++ > 0) await route.continue();
+    else await route.fulfill({ status: 404, body: '' });
+  });
   await page.evaluate(() => {
     const { app } = document.getElementById('scene').contentWindow.ivv;
     app.pause();
     app.show({ ...app.rig.view, center: [0.25, -0.5, 1.5] });
-    window.before = document.getElementById('which').textContent;
+    window.before = app;
   });
-  await until(() => document.getElementById('which').textContent !== window.before);
   await until(() => {
     const app = document.getElementById('scene').contentWindow?.ivv?.app;
-    return app?.hasStarted && app.rig.view.center.every((x, k) => Math.abs(x - [0.25, -0.5, 1.5][k]) < 1e-6);
+    return app !== window.before && app?.hasStarted && app.rig.view.center.every((x, k) => Math.abs(x - [0.25, -0.5, 1.5][k]) < 1e-6);
   });
+  await page.unroute('**/at/*/scene.4dgs');
+  assert.ok(gone > 1, `${gone} scenes were asked for after the first`);
   // Without "always the newest" it is offered.
   await page.locator('#follow').uncheck();
   await page.locator('#newest').waitFor({ timeout: 60_000 });
