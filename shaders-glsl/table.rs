@@ -26,6 +26,8 @@ const HALF: Axis = switch("is_half", &[("", NONE), ("half", ("SH_HALF", "1"))]);
 const MOMENTS: Axis = switch("is_16_bit", &[("", NONE), ("m16", ("MOMENTS_16", "1"))]);
 const STRIDE: Axis = switch("is_halved", &[("", NONE), ("s2", ("STRIDE", "2u"))]);
 const GATHERED: Axis = switch("is_gathered", &[("", NONE), ("gathered", ("GATHERED", "1"))]);
+const REPORTED: Axis = switch("is_reported", &[("", NONE), ("report", ("REPORT", "1"))]);
+const POOLED: Axis = switch("is_pooled", &[("", NONE), ("pooled", ("POOLED", "1"))]);
 const CARRIED: Axis = switch("is_indexed", &[("", NONE), ("indexed", ("INDEXED", "1"))]);
 const DIRECTION: Axis = switch("is_backward", &[("", NONE), ("bwd", ("BACKWARD", "1"))]);
 
@@ -278,7 +280,7 @@ pub static FAMILIES: &[Family] = &[
         cost: Some(|_| vec![own(20.0 + 16.0, 12.0)]),
         ..ROW
     },
-    Family { name: "loss_sum", file: "loss/loss_sum.comp", twin: |_| "ssim::photometric", ..ROW },
+    Family { name: "loss_sum", file: "loss/loss_sum.comp", twin: |_| "ssim::photometric", axes: &[REPORTED], ..ROW },
     Family {
         name: "prior_loss", file: "loss/prior_loss.comp", twin: |_| "prior::depth_loss", count: Count::Pixels,
         limit_ns: |_| 40.0,
@@ -355,16 +357,10 @@ pub static FAMILIES: &[Family] = &[
         ..ROW
     },
     Family {
-        name: "bilateral_adam", file: "bilateral/bilateral_adam.comp", twin: |_| "adam::Adam",
+        name: "bilateral_adam", file: "bilateral/bilateral_adam.comp", axes: &[POOLED],
+        twin: |s| if s.is("POOLED") { "bilateral::pooled" } else { "adam::Adam" },
         limit_ns: |_| 300_000.0,
-        cost: Some(|_| vec![own(7.0 * 98_304.0, 12.0 * 24_576.0)]),
-        ..ROW
-    },
-    // Per dispatch: the gradient of a grid, read and written.
-    Family {
-        name: "bilateral_pool", file: "bilateral/bilateral_pool.comp", twin: |_| "bilateral::pooled",
-        limit_ns: |_| 300_000.0,
-        cost: Some(|_| vec![own(2.0 * 98_304.0, 24_576.0)]),
+        cost: Some(|s| vec![own(7.0 * 98_304.0, s.either("POOLED", 13.0, 12.0) * 24_576.0)]),
         ..ROW
     },
     // Recorded: cameras.

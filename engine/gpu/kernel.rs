@@ -124,6 +124,11 @@ impl Slice {
         Arc::ptr_eq(&self.buffer, &other.buffer) && (self.offset, self.size) == (other.offset, other.size)
     }
 
+    /// The range as a buffer of items, which must divide it.
+    pub fn of<T: Pod>(&self) -> Buf<T> {
+        self.bytes().cast()
+    }
+
     /// The range as a buffer of bytes.
     pub fn bytes(&self) -> Buf<u8> {
         Buf { slice: self.clone(), item: PhantomData }

@@ -4,8 +4,9 @@
 use super::cull::{ARGS_FIRST_GROUP, Cull, indirect};
 use super::moments::Moments;
 use super::scene::SceneBuffers;
+use super::zeros::APART;
 use crate::error::Result;
-use crate::gpu::generated::{self, AdamParams, Status, adam_catch_up, adam_idle};
+use crate::gpu::generated::{self, AdamParams, Status, ViewParams, adam_catch_up, adam_idle};
 use crate::gpu::{Buf, Gpu, Grid, Recording};
 
 /// Exponential decay of the first moment (SPEC 6).
@@ -128,7 +129,11 @@ pub struct Optimiser {
     /// Per Gaussian, by group: sum of the norms of the projected centre's gradient, in half pictures; frames it was seen
     /// in; what rounding has lost of t_center; step of the last update.
     pub state: Vec<Buf<[f32; 4]>>,
-    /// The step at hand.
+    /// What the host says of the step at hand: its view, and from word [`Optimiser::PARAMS_AT`] on the parameters.
+    pub inputs: Buf<u32>,
+    /// The view of the step at hand, in `inputs`.
+    pub view: Buf<ViewParams>,
+    /// The step at hand, in `inputs`.
     pub params: Buf<AdamParams>,
     /// Gaussians whose gradient was not finite and moved nothing, since the start.
     pub n_bad: Buf<u32>,
@@ -139,6 +144,9 @@ pub struct Optimiser {
 }
 
 impl Optimiser {
+    /// Word of its inputs that the parameters begin at.
+    pub const PARAMS_AT: usize = (size_of::<ViewParams>() / 4).next_multiple_of(APART);
+
     /// An optimiser of `scene` that continues from `moments` and `state`; `sums` is [`lazy_sums`] of the run, for
     /// [`AdamMode::Lazy`] only.
     ///
@@ -151,10 +159,14 @@ impl Optimiser {
         mode: AdamMode,
         sums: &[[f32; 4]],
     ) -> Result<Self> {
+        let n_params = size_of::<AdamParams>() / 4;
+        let inputs = gpu.alloc("inputs of a step", Self::PARAMS_AT + n_params)?;
         Ok(Optimiser {
             moments,
             state,
-            params: gpu.alloc("adam parameters", 1)?,
+            view: inputs.range(0, size_of::<ViewParams>() / 4).cast(),
+            params: inputs.range(Self::PARAMS_AT, n_params).cast(),
+            inputs,
             n_bad: gpu.upload("bad gradients", &[0u32])?,
             mode,
             sums: gpu.upload("adam sums", sums)?,

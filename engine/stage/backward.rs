@@ -12,6 +12,7 @@ use super::project::Eye;
 use super::room::{Room, Size};
 use super::scene::{Group, SceneBuffers};
 use super::tiles::{Lists, Tiles};
+use super::zeros::Zeros;
 use crate::error::Result;
 use crate::gpu::generated::{
     self, background_sum, blend_bwd_p4, blend_bwd_p8, camera_sum, camera_total, constants, fixed_sums,
@@ -76,11 +77,24 @@ pub enum Target<'a> {
 }
 
 impl Backward {
-    /// Buffers for pictures within `room`, blended as `blend` does.
-    pub fn new(gpu: &Gpu, scene: &SceneBuffers, blend: &Blend, room: &Room) -> Result<Self> {
-        let Room { active, intersections, pixels, outputs, purpose, sums, camera, .. } = *room;
+    /// Words of slots, and of fixed point: of either, those that are summed up are zero before each picture.
+    fn words(room: &Room) -> [usize; 2] {
+        let n_slots = if room.sums == Sums::Slots { room.intersections } else { room.active };
+        let n_fixed = if room.sums.is_fixed() { FIXED_WORDS * room.active.max(1) as usize } else { 0 };
+        [2 * SLOT_PAIRS * n_slots.max(1) as usize, n_fixed]
+    }
+
+    /// Words of `zeros` that [`Backward::new`] takes.
+    pub fn n_zeros(room: &Room) -> usize {
+        let [slots, fixed] = Self::words(room);
+        if room.sums.is_fixed() { fixed } else { slots }
+    }
+
+    /// Buffers for pictures within `room`, blended as `blend` does. Each needs its part of `zeros` to be zero.
+    pub fn new(gpu: &Gpu, scene: &SceneBuffers, blend: &Blend, room: &Room, zeros: &mut Zeros) -> Result<Self> {
+        let Room { active, pixels, outputs, purpose, sums, camera, .. } = *room;
         let wants_camera = camera || purpose == Purpose::Gradient;
-        let n_slots = if sums == Sums::Slots { intersections } else { active };
+        let [n_slots, n_fixed] = Self::words(room);
         let gradients = if purpose == Purpose::Gradient { &scene.groups[..] } else { &[] };
         let n_camera = if wants_camera { 2 * active as usize } else { 1 };
         Ok(Backward {
@@ -96,11 +110,11 @@ impl Backward {
             n_bad: gpu.alloc("bad gradients", 1)?,
             d_camera: gpu.alloc("d camera", 3)?,
             carry: gpu.alloc("blend carry", if blend.chunks.is_some() { 1 } else { pixels })?,
-            d_slots: gpu.alloc("d slots", SLOT_PAIRS * n_slots as usize)?,
-            words: match sums.is_fixed() {
-                true => Some(gpu.alloc("d words", FIXED_WORDS * active as usize)?),
-                false => None,
+            d_slots: match sums.is_fixed() {
+                true => gpu.alloc("d slots", n_slots / 2)?,
+                false => zeros.take(n_slots).cast(),
             },
+            words: sums.is_fixed().then(|| zeros.take(n_fixed)),
             d_camera_each: gpu.alloc("d camera of each", n_camera)?,
             camera_partials: gpu.alloc("d camera partials", 3 * CAMERA_GROUPS as usize)?,
             sums,
@@ -253,7 +267,6 @@ impl Backward {
         rec.section("blend bwd");
         let words = self.words.as_ref().map(Buf::cast);
         let d_slots = words.as_ref().unwrap_or(&self.d_slots);
-        rec.fill(d_slots.slice(), 0);
         match &drawn.blend.chunks {
             Some(chunks) => self.record_chunks(rec, drawn, chunks, d_slots),
             None => self.record_rounds(rec, drawn, d_slots),

@@ -5,7 +5,7 @@ use super::adam::{BETA1, BETA2, EPS, correction};
 use crate::error::Result;
 use crate::gpu::generated::constants::bilateral::{self as shared, PANELS, TEAM};
 use crate::gpu::generated::{
-    Status, bilateral_adam, bilateral_bwd, bilateral_gauge, bilateral_grade, bilateral_grade_bwd, bilateral_pool,
+    self, Status, bilateral_adam, bilateral_bwd, bilateral_gauge, bilateral_grade, bilateral_grade_bwd,
     bilateral_slice, bilateral_slice_bwd, bilateral_sum,
 };
 use crate::gpu::{Buf, Gpu, Grid, Recording};
@@ -278,10 +278,10 @@ impl Grids {
     pub fn record_step(&self, rec: &mut Recording, camera: usize, step: &GridStep, status: &Buf<Status>) {
         rec.section("bilateral");
         let [grid, first, second] = [&self.grids, &self.first, &self.second].map(|b| self.of_camera(b, camera));
-        if step.is_affine {
-            rec.pass(bilateral_pool::Args { d_grid: &self.d_grid }, (), Grid::Groups(3));
-        }
-        rec.pass(
+        let kernel = generated::bilateral_adam(step.is_affine);
+        let work = if step.is_affine { Grid::Groups(3) } else { Grid::Threads(ROWS as u32) };
+        rec.pass_variant(
+            kernel,
             bilateral_adam::Args {
                 frame_status: status,
                 camera_grid: &grid,
@@ -296,7 +296,7 @@ impl Grids {
                 inverse_c2: (1.0 / correction(BETA2, step.camera_step)) as f32,
                 eps: EPS,
             },
-            Grid::Threads(ROWS as u32),
+            work,
         );
         if step.is_free && step.step.is_multiple_of(self.n_cameras as u64) {
             rec.pass(

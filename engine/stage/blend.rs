@@ -1,9 +1,10 @@
 //! Front-to-back blending of each tile's list.
 
-use super::chunks::Chunks;
+use super::chunks::{self, Chunks};
 use super::params::{Outputs, Purpose, TILE};
 use super::project::Eye;
 use super::tiles::{Lists, Tiles};
+use super::zeros::Zeros;
 use crate::error::Result;
 pub use crate::gpu::generated::constants::block::SEGMENT;
 use crate::gpu::generated::{self, blend_fwd_p4, blend_fwd_p8, blend_fwd_train_p8};
@@ -31,8 +32,20 @@ impl Blend {
         gpu.caps().kind != DeviceKind::Cpu
     }
 
+    /// Words of `zeros` that [`Blend::new`] takes, which must be zero before each picture.
+    pub fn n_zeros(gpu: &Gpu) -> usize {
+        if Blend::has_chunks(gpu) { chunks::N_ZEROS } else { 0 }
+    }
+
     /// Images of up to `pixels` pixels, of lists of up to `intersections` entries in all.
-    pub fn new(gpu: &Gpu, pixels: usize, intersections: u32, outputs: Outputs, purpose: Purpose) -> Result<Self> {
+    pub fn new(
+        gpu: &Gpu,
+        pixels: usize,
+        intersections: u32,
+        outputs: Outputs,
+        purpose: Purpose,
+        zeros: &mut Zeros,
+    ) -> Result<Self> {
         let caps = gpu.caps();
         let has_chunks = Blend::has_chunks(gpu);
         // Eight pixels per lane pay where registers cost nothing.
@@ -52,7 +65,7 @@ impl Blend {
             subgroup_size: caps.subgroup_size,
             pixels_per_lane,
             chunks: match has_chunks {
-                true => Some(Chunks::new(gpu, intersections, outputs, purpose)?),
+                true => Some(Chunks::new(gpu, intersections, outputs, purpose, zeros)?),
                 false => None,
             },
         })
@@ -93,6 +106,13 @@ impl Blend {
     /// Entries of the longest list that `rounds` rounds reach the end of.
     pub fn longest(&self, rounds: u32) -> u32 {
         if self.chunks.is_some() { u32::MAX } else { rounds * SEGMENT }
+    }
+
+    /// Appends what must come before another picture in the same frame.
+    pub fn record_clear(&self, rec: &mut Recording) {
+        if let Some(chunks) = &self.chunks {
+            rec.fill(chunks.args.slice(), 0);
+        }
     }
 
     /// Appends blending of `lists` in `rounds` rounds, enough for lists of [`Blend::longest`] entries.

@@ -3,6 +3,7 @@
 use super::params::{Outputs, Purpose, TILE_PIXELS};
 use super::project::Eye;
 use super::tiles::{Lists, Tiles};
+use super::zeros::Zeros;
 use crate::error::Result;
 use crate::gpu::generated::constants::chunk::{CHUNK, CHUNK_ALL, CHUNK_ITEMS, CHUNK_LONG};
 use crate::gpu::generated::{self, blend_merge, chunk_light, chunk_list};
@@ -12,6 +13,9 @@ use crate::gpu::{Buf, Gpu, Grid, Recording};
 pub(super) const BYTES: u64 = 16 * TILE_PIXELS as u64 * CHUNKS as u64 / CHUNK as u64;
 /// Chunks of lists with CHUNK entries in all, at most: lists of one entry more have two.
 const CHUNKS: u32 = 2;
+
+/// Words of the grids, which count up from zero.
+pub(super) const N_ZEROS: usize = 12;
 
 /// The chunks of a picture's long lists, and what each leaves for every pixel of its tile.
 #[derive(Clone)]
@@ -33,13 +37,14 @@ pub(super) struct Chunks {
 }
 
 impl Chunks {
-    /// Room for the chunks of all lists of up to `intersections` entries together.
-    pub fn new(gpu: &Gpu, intersections: u32, outputs: Outputs, purpose: Purpose) -> Result<Self> {
+    /// Room for the chunks of all lists of up to `intersections` entries together. The grids, a part of `zeros`, must be zero before
+    /// each picture.
+    pub fn new(gpu: &Gpu, intersections: u32, outputs: Outputs, purpose: Purpose, zeros: &mut Zeros) -> Result<Self> {
         let n = (u64::from(CHUNKS) * u64::from(intersections) / u64::from(CHUNK)) as usize;
         let pixels = n * TILE_PIXELS as usize;
         let image0 = gpu.alloc("chunk color", pixels)?;
         Ok(Chunks {
-            args: gpu.alloc("chunk args", 12)?,
+            args: zeros.take(N_ZEROS),
             items: gpu.alloc("chunks", n)?,
             long_lists: gpu.alloc("long lists", n)?,
             light: gpu.alloc("chunk light", pixels)?,
@@ -68,7 +73,6 @@ impl Chunks {
     pub fn record_list(&self, rec: &mut Recording, tiles: &Tiles, lists: &Lists, eye: Eye, n_tiles: u32) {
         let Chunks { args: chunk_args, items: chunk_items, long_lists, light: chunk_light, .. } = self;
         let (tile_first, tile_last) = (&tiles.tile_first, &tiles.tile_last);
-        rec.fill(chunk_args.slice(), 0);
         rec.pass(
             chunk_list::Args { tile_first, tile_last, chunk_args, chunk_items, long_lists },
             chunk_list::Push { n_tiles },

@@ -40,6 +40,7 @@ mod tiles;
 mod totals;
 mod window;
 mod workspace;
+mod zeros;
 
 pub use accumulation::{Accumulation, SLOT_PAIRS, Sums};
 pub use adam::{AdamMode, BETA1, BETA2, EPS, Optimiser, Rates, State, StepSettings, adam_params, lazy_sums};
@@ -72,5 +73,6 @@ pub use scene::{Group, SceneBuffers, group_limit};
 pub use show::{Layer, Screen};
 pub use sort::{Carried, Sort, Unsorted};
 pub use tiles::{Lists, Tiles};
-pub use totals::{MOST_TERMS, record_totals};
+pub use totals::{MOST_TERMS, Report, record_report, record_totals};
 pub use workspace::Workspace;
+pub use zeros::Zeros;

@@ -119,13 +119,13 @@ fn record_first(
     [view, second_view, union]: [Slice; 3],
     n_tiles: u32,
 ) -> (Lists, Buf<u32>) {
-    let Workspace { cull, projected, tiles, blend, status, .. } = work;
+    let Workspace { cull, projected, tiles, blend, status, zeros, .. } = work;
     rec.section("view");
     rec.copy(view, work.view.slice());
     rec.copy(second_view, second.view.slice());
     rec.copy(union, second.union.slice());
     rec.section("cull");
-    rec.fill(status.slice(), 0);
+    zeros.record(rec, 0);
     cull.record(rec, scene, &second.union, status);
     rec.copy(shared_grids(work), second.grids.slice());
     // What failed for both, and how many are active; the rest is 0, and each eye counts its own from here on.
@@ -147,6 +147,7 @@ fn record_second(
     rec.section("tiles");
     rec.copy(second.grids.slice(), shared_grids(work));
     work.tiles.record_clear(rec);
+    second.blend.record_clear(rec);
     let lists = work.tiles.record(rec, &work.cull, second.eye(), order, n_tiles, second.blend.longest(1));
     second.blend.record(rec, &work.tiles, &lists, second.eye(), n_tiles, 1);
     lists

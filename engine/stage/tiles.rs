@@ -4,6 +4,7 @@ use super::cull::{ARGS_SCAN, ARGS_SORT, ARGS_THREADS, Cull, indirect};
 use super::project::{Eye, Projected};
 use super::scan::{PairGrids, Scan};
 use super::sort::{Carried, Sort, Unsorted};
+use super::zeros::{APART, Zeros};
 use crate::error::Result;
 use crate::gpu::generated::{Status, emit, emit_slots, gather, tile_order, tile_ranges};
 use crate::gpu::table::Count;
@@ -11,8 +12,6 @@ use crate::gpu::{Buf, Gpu, Grid, Recording};
 
 /// Buckets of the tile order, one per bit width of a list's length.
 const BUCKETS: usize = 32;
-/// Words from one binding to the next that may begin there on every device: 256 bytes.
-const APART: usize = 64;
 
 /// The lists of all tiles, one after the other: sorted by tile, then depth, then index.
 pub struct Lists {
@@ -61,11 +60,24 @@ fn key_bits(n_tiles: u32) -> u32 {
 }
 
 impl Tiles {
-    /// Room for `active` Gaussians, `intersections` pairs and `tiles` tiles; with a slot per pair or without.
-    pub fn new(gpu: &Gpu, active: u32, intersections: u32, tiles: u32, has_slots: bool) -> Result<Self> {
-        let (n, i, t) = (active as usize, intersections as usize, tiles as usize);
-        let lengths = [Sort::n_counters(n, u32::BITS), Sort::n_counters(i, key_bits(tiles)), APART, APART];
-        let counters = gpu.alloc("tile counters", lengths.iter().sum())?;
+    /// Words of `zeros` that [`Tiles::new`] takes for the same room.
+    pub fn n_zeros(room: [u32; 3]) -> usize {
+        Self::counters(room).iter().sum()
+    }
+
+    /// Counters of the sorts by depth and by tile, and of either list of buckets.
+    fn counters([active, intersections, tiles]: [u32; 3]) -> [usize; 4] {
+        let sorts = [(active, u32::BITS), (intersections, key_bits(tiles))];
+        let [of_depths, of_tiles] = sorts.map(|(n, bits)| Sort::n_counters(n as usize, bits).next_multiple_of(APART));
+        [of_depths, of_tiles, APART, APART]
+    }
+
+    /// `room` for so many Gaussians, pairs and tiles; with a slot per pair or without. Each binning needs its
+    /// part of `zeros` to be zero.
+    pub fn new(gpu: &Gpu, room: [u32; 3], has_slots: bool, zeros: &mut Zeros) -> Result<Self> {
+        let [n, i, t] = room.map(|n| n as usize);
+        let lengths = Self::counters(room);
+        let counters = zeros.take(lengths.iter().sum());
         let mut next = 0;
         let [of_depths, of_tiles, buckets, cursors] = lengths.map(|length| {
             next += length;
@@ -91,7 +103,7 @@ impl Tiles {
             tile_last: gpu.alloc("tile last", t)?,
             tile_order: gpu.alloc("tile order", t)?,
             depth_bits: u32::BITS,
-            capacity: intersections,
+            capacity: room[1],
         })
     }
 
@@ -108,7 +120,6 @@ impl Tiles {
     /// Appends the sort of `projected` by depth; gives the active indices, near to far. The first binning may follow.
     pub fn record_order(&self, rec: &mut Recording, cull: &Cull, projected: &Projected) -> Buf<u32> {
         rec.section("depth sort");
-        self.record_clear(rec);
         let unsorted = Unsorted {
             count: &cull.n_active,
             keys: &projected.depth_keys,

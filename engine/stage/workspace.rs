@@ -8,9 +8,13 @@ use super::project::{Eye, Projected};
 use super::room::{Room, Size};
 use super::scene::SceneBuffers;
 use super::tiles::{Lists, Tiles};
+use super::zeros::Zeros;
 use crate::error::Result;
 use crate::gpu::generated::{Status, ViewParams};
 use crate::gpu::{Buf, Gpu, Recording};
+
+/// Words of what a frame reports; the first says whether it failed.
+const STATUS_WORDS: usize = size_of::<Status>() / 4;
 
 /// The buffers of all stages of a frame.
 pub struct Workspace {
@@ -18,6 +22,8 @@ pub struct Workspace {
     pub room: Room,
     /// The view or strip at hand.
     pub view: Buf<ViewParams>,
+    // What begins at zero: the status, counters, what a backward pass adds up.
+    pub(super) zeros: Zeros,
     /// What the frame reports.
     pub status: Buf<Status>,
     /// Culling.
@@ -38,20 +44,29 @@ impl Workspace {
     /// # Errors
     /// `OutOfMemory` naming the buffer that does not fit.
     pub fn new(gpu: &Gpu, scene: &SceneBuffers, room: Room) -> Result<Self> {
-        let blend = Blend::new(gpu, room.pixels, room.intersections, room.outputs, room.purpose)?;
+        let Room { active, intersections, tiles, pixels, outputs, purpose, .. } = room;
+        let is_seen_only = purpose == Purpose::Picture;
+        let lists = [active, intersections, tiles];
+        let n_backward = if is_seen_only { 0 } else { Backward::n_zeros(&room) };
+        let parts = [STATUS_WORDS, Tiles::n_zeros(lists), Blend::n_zeros(gpu), n_backward];
+        let mut zeros = Zeros::new(gpu, &parts)?;
+        let status = zeros.take(STATUS_WORDS).cast();
+        gpu.write(&status, &[Status::default()])?;
+        let tiles = Tiles::new(gpu, lists, room.has_slots(), &mut zeros)?.with_depth_bits(room.depth_bits);
+        let blend = Blend::new(gpu, pixels, intersections, outputs, purpose, &mut zeros)?;
         Ok(Workspace {
             room,
             view: gpu.alloc("view", 1)?,
-            status: gpu.upload("status", &[Status::default()])?,
+            status,
             cull: Cull::new(gpu, scene, room.active, room.idle)?,
             projected: Projected::new(gpu, room.active)?,
-            tiles: Tiles::new(gpu, room.active, room.intersections, room.tiles, room.has_slots())?
-                .with_depth_bits(room.depth_bits),
-            backward: match room.purpose {
-                Purpose::Picture => None,
-                Purpose::Gradient | Purpose::Training => Some(Backward::new(gpu, scene, &blend, &room)?),
+            tiles,
+            backward: match is_seen_only {
+                true => None,
+                false => Some(Backward::new(gpu, scene, &blend, &room, &mut zeros)?),
             },
             blend,
+            zeros,
         })
     }
 
@@ -82,9 +97,7 @@ impl Workspace {
         let Size { n_tiles, rounds, .. } = size;
         let (view, status) = (&self.view, &self.status);
         rec.section("cull");
-        let n_words = size_of::<Status>() / 4;
-        let first = usize::from(self.room.purpose == Purpose::Training);
-        rec.fill(status.cast::<u32>().range(first, n_words - first).slice(), 0);
+        self.zeros.record(rec, usize::from(self.room.purpose == Purpose::Training));
         self.cull.record(rec, scene, view, status);
         seen(rec);
         self.projected.record(rec, scene, &self.cull, view, status);

@@ -4,19 +4,18 @@ use super::cameras::{Cameras, OwnGrid};
 use super::config::Config;
 use super::images::{Counts, Images, Loaded, Planes};
 use super::setup::Setup;
-use super::terms::{self, Left, Part, Rendered, Shown, Term};
+use super::terms::{self, Part, Rendered, Shown, Term};
 use crate::error::Result;
-use crate::gpu::generated::ViewParams;
-use crate::gpu::{Buf, Gpu, Recording, Slice, Staging};
-use crate::stage::{MOST_TERMS, Outputs, Workspace, record_totals};
+use crate::gpu::generated::{Status, ViewParams};
+use crate::gpu::{Buf, Gpu, Recording, Staging};
+use crate::stage::{self, MOST_TERMS, Outputs, Workspace};
 use std::collections::BTreeMap;
 
 /// The terms of the loss, with their scratch, the training images, and the cameras' own parameters.
 pub(super) struct Objective {
     terms: Vec<Box<dyn Term>>,
-    /// What each term leaves of the step that is recorded, and the totals of those that leave something.
-    left: Vec<Left>,
-    totals: Buf<[f32; 4]>,
+    /// What each term leaves of the step that is recorded.
+    left: Vec<terms::Left>,
     pub images: Images,
     pub cameras: Cameras,
 }
@@ -29,9 +28,11 @@ pub(super) struct Truth {
     loaded: Loaded,
 }
 
-/// Where a step leaves the totals of its terms, and which terms it has.
-pub(super) struct Sums {
-    totals: Slice,
+/// Where a step leaves its numbers, all of them in the host's memory, and which terms it has.
+pub(super) struct Report {
+    totals: Buf<[f32; 4]>,
+    pub status: Buf<Status>,
+    pub n_bad: Buf<u32>,
     has: Vec<bool>,
 }
 
@@ -48,7 +49,6 @@ impl Objective {
         Ok(Objective {
             terms: terms::begin(gpu, config, setup.data)?,
             left: Vec::new(),
-            totals: gpu.alloc("loss totals", MOST_TERMS)?,
             images: Images::new(gpu, setup.data)?,
             cameras: Cameras::new(gpu, config, setup)?,
         })
@@ -114,19 +114,29 @@ impl Objective {
         self.cameras.record_step(rec, work, (target.camera, target.grid), (step, total));
     }
 
-    /// Appends the totals of the terms, to where the host can read them.
-    pub fn record_report(&self, rec: &mut Recording, staging: &Staging) -> Result<Sums> {
+    /// Appends the totals of the terms, beside the status of the step and its bad gradients, to where the host can read them.
+    pub fn record_report(
+        &self,
+        rec: &mut Recording,
+        staging: &Staging,
+        (status, n_bad): (&Buf<Status>, &Buf<u32>),
+    ) -> Result<Report> {
         let there: Vec<_> = self.left.iter().flatten().cloned().collect();
-        record_totals(rec, &there, &self.totals);
-        let totals = staging.readback::<[f32; 4]>("loss of a step", there.len())?;
-        rec.copy(self.totals.range(0, there.len()).slice(), totals.clone());
-        Ok(Sums { totals, has: self.left.iter().map(Option::is_some).collect() })
+        let report = Report {
+            totals: staging.readback::<[f32; 4]>("loss of a step", MOST_TERMS)?.of(),
+            status: staging.readback::<Status>("status of a step", 1)?.of(),
+            n_bad: staging.readback::<u32>("bad gradients of a step", 1)?.of(),
+            has: self.left.iter().map(Option::is_some).collect(),
+        };
+        let to = stage::Report { totals: &report.totals, status: &report.status, n_bad: &report.n_bad };
+        stage::record_report(rec, &there, (status, n_bad), &to);
+        Ok(report)
     }
 
     /// The values of a step that has ended.
-    pub fn values(&self, gpu: &Gpu, target: &Truth, sums: &Sums) -> Result<Values> {
-        let totals = gpu.peek::<[f32; 4]>(&sums.totals)?;
-        let there = self.terms.iter().zip(&sums.has).filter(|(_, has)| **has);
+    pub fn values(&self, gpu: &Gpu, target: &Truth, report: &Report) -> Result<Values> {
+        let totals = gpu.peek::<[f32; 4]>(&report.totals.slice())?;
+        let there = self.terms.iter().zip(&report.has).filter(|(_, has)| **has);
         let mut values = Values::default();
         for ((term, _), sums) in there.zip(totals) {
             let parts = term.parts(&target.shown, sums);

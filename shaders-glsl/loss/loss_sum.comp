@@ -1,12 +1,16 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-// Purpose   adds what up to four terms of the loss left by workgroup.
+// Purpose   adds what up to four terms of the loss left by workgroup. REPORT: to where the host reads it, with the frame's status and
+//           the bad gradients.
 // Equation  none.
-// Grid      one workgroup per term.
+// Grid      one workgroup per term; REPORT: at least one.
 // Writes    loss: the sums of each term.
 // Numerics  1,024 interleaved partial sums, added up in a fixed order: the same bits in every run.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "grid.glsl"
+#ifdef REPORT
+#include "types.glsl"
+#endif
 
 // Loads that a thread has under way at once: with one, a GPU would wait for memory at each.
 const uint AT_ONCE = 8u;
@@ -20,6 +24,12 @@ layout(set = 0, binding = 1) restrict readonly buffer Sums1 { vec4 sums1[]; };
 layout(set = 0, binding = 2) restrict readonly buffer Sums2 { vec4 sums2[]; };
 layout(set = 0, binding = 3) restrict readonly buffer Sums3 { vec4 sums3[]; };
 layout(set = 0, binding = 4) restrict writeonly buffer Loss { vec4 loss[]; };
+#ifdef REPORT
+layout(set = 0, binding = 5) restrict readonly buffer FrameStatus { Status status; };
+layout(set = 0, binding = 6) restrict readonly buffer NBad { uint n_bad[]; };
+layout(set = 0, binding = 7) restrict writeonly buffer LeftStatus { Status left_status; };
+layout(set = 0, binding = 8) restrict writeonly buffer LeftBad { uint left_bad[]; };
+#endif
 
 shared vec4 sh_sums[128];
 
@@ -55,4 +65,10 @@ void main() {
         barrier();
     }
     if (lane == 0u && term < 4u) loss[term] = sh_sums[0];
+#ifdef REPORT
+    if (lane == 0u && term == 0u) {
+        left_status = status;
+        left_bad[0] = n_bad[0];
+    }
+#endif
 }

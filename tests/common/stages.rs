@@ -5,7 +5,7 @@ use ivv::Constants;
 use ivv::gpu::generated::{Status, ViewParams};
 use ivv::gpu::{Buf, Recording};
 use ivv::scene::{Splats, View};
-use ivv::stage::{Blend, Cull, Eye, Outputs, Projected, Purpose, SceneBuffers, Strip, Tiles, view_params};
+use ivv::stage::{Blend, Cull, Eye, Outputs, Projected, Purpose, SceneBuffers, Strip, Tiles, Zeros, view_params};
 
 /// Pairs of a Gaussian and a tile that fit.
 const INTERSECTIONS: u32 = 1 << 16;
@@ -115,8 +115,11 @@ impl Fixture {
         let (tiles_x, tiles_y) = Strip::whole(view).tiles(view);
         let n_tiles = tiles_x * tiles_y;
         let active = self.project();
-        let tiles = Tiles::new(&self.gpu, active.ids.len().max(1) as u32, INTERSECTIONS, n_tiles, false).unwrap();
+        let room = [active.ids.len().max(1) as u32, INTERSECTIONS, n_tiles];
+        let mut zeros = Zeros::new(&self.gpu, &[Tiles::n_zeros(room)]).unwrap();
+        let tiles = Tiles::new(&self.gpu, room, false, &mut zeros).unwrap();
         let mut rec = Recording::new();
+        zeros.record(&mut rec, 0);
         let order = tiles.record_order(&mut rec, &self.cull, &self.projected);
         let lists = tiles.record(&mut rec, &self.cull, self.eye(), &order, n_tiles, u32::MAX);
         self.gpu.run(&rec).unwrap();
@@ -134,9 +137,13 @@ impl Fixture {
         let (n_tiles, n_pixels) = (tiles_x * tiles_y, (view.intrinsics.width * strip.n_rows) as usize);
         let params = view_params(view, &Constants::default(), self.scene.origin, strip);
         self.gpu.write(&self.view, &[params]).unwrap();
-        let tiles = Tiles::new(&self.gpu, self.scene.n.max(1), INTERSECTIONS, n_tiles, false).unwrap();
-        let blend = Blend::new(&self.gpu, n_pixels, INTERSECTIONS, Outputs::All, Purpose::Picture).unwrap();
+        let room = [self.scene.n.max(1), INTERSECTIONS, n_tiles];
+        let mut zeros = Zeros::new(&self.gpu, &[Tiles::n_zeros(room), Blend::n_zeros(&self.gpu)]).unwrap();
+        let tiles = Tiles::new(&self.gpu, room, false, &mut zeros).unwrap();
+        let (outputs, purpose) = (Outputs::All, Purpose::Picture);
+        let blend = Blend::new(&self.gpu, n_pixels, INTERSECTIONS, outputs, purpose, &mut zeros).unwrap();
         let mut rec = Recording::new();
+        zeros.record(&mut rec, 0);
         rec.fill(self.status.slice(), 0);
         self.cull.record(&mut rec, &self.scene, &self.view, &self.status);
         self.projected.record(&mut rec, &self.scene, &self.cull, &self.view, &self.status);

@@ -14,7 +14,7 @@ tested! {
     "bilateral/bilateral_bwd.comp" by BilateralGrid in the_backward_pass_is_the_adjoint_of_the_derivative;
     "bilateral/bilateral_sum.comp" by BilateralGrid in the_backward_pass_is_the_adjoint_of_the_derivative;
     "bilateral/bilateral_adam.comp" by Adam in a_step_is_the_twins_and_a_gradient_that_is_not_finite_moves_nothing;
-    "bilateral/bilateral_pool.comp" by pooled in an_affine_step_is_that_of_one_map_in_all_cells;
+    "bilateral/bilateral_adam.comp" by pooled in an_affine_step_is_that_of_one_map_in_all_cells;
     "bilateral/bilateral_gauge.comp" by centred in the_gauge_takes_off_what_the_twin_does;
 }
 

@@ -5,7 +5,9 @@ use crate::common::device::gpu;
 use crate::common::random::Random;
 use crate::common::twins::tested;
 use ivv::extremes::fixtures::photometric::Pair;
-use ivv::stage::{SSIM_WEIGHT, Structure};
+use ivv::gpu::Recording;
+use ivv::gpu::generated::Status;
+use ivv::stage::{MOST_TERMS, Report, SSIM_WEIGHT, Structure, record_report};
 
 tested! {
     "loss/ssim.comp" by photometric in loss_and_cotangent_of_noise_are_those_of_dual_numbers_at_any_size_and_mask;
@@ -118,5 +120,37 @@ fn the_loss_has_the_same_bits_in_every_run() {
     assert!(first.d_image().as_flattened().iter().any(|x| *x != 0.0));
     for _ in 0..3 {
         assert!(pair.on_device(&gpu()).unwrap() == first);
+    }
+}
+
+#[test]
+fn a_report_has_the_sums_of_any_number_of_terms_the_status_and_the_bad_gradients() {
+    let gpu = gpu();
+    let mut random = Random::new(21);
+    // No sums, one, as many as threads, more.
+    for lengths in [vec![], vec![1], vec![128, 1], vec![1025, 3, 127], vec![2, 1024, 129, 5000]] {
+        let sums: Vec<Vec<[f32; 4]>> = lengths
+            .iter()
+            .map(|n| (0..*n).map(|_| std::array::from_fn(|_| random.uniform(0.5, 1.0) as f32)).collect())
+            .collect();
+        let terms: Vec<_> = sums.iter().map(|sums| gpu.upload("sums", sums).unwrap()).collect();
+        let (n_active, n_visible) = (random.bits() as u32, random.bits() as u32);
+        let status = Status { failed: 2, n_active, n_visible, n_intersections: 7, ..Status::default() };
+        let n_bad = gpu.upload("bad", &[random.bits() as u32]).unwrap();
+        let of_status = gpu.upload("status", &[status]).unwrap();
+        let totals = gpu.readback::<[f32; 4]>("totals", MOST_TERMS).unwrap();
+        let (left, bad) = (gpu.readback::<Status>("left", 1).unwrap(), gpu.readback::<u32>("left", 1).unwrap());
+        let to = Report { totals: &totals.of(), status: &left.of(), n_bad: &bad.of() };
+        let mut rec = Recording::new();
+        record_report(&mut rec, &terms, (&of_status, &n_bad), &to);
+        gpu.run(&rec).unwrap();
+        assert_eq!(gpu.peek::<Status>(&left).unwrap(), [status], "{lengths:?}");
+        assert_eq!(gpu.peek::<u32>(&bad).unwrap(), gpu.read(&n_bad).unwrap(), "{lengths:?}");
+        for (sums, found) in sums.iter().zip(gpu.peek::<[f32; 4]>(&totals).unwrap()) {
+            for (k, found) in found.into_iter().enumerate() {
+                let truth: f64 = sums.iter().map(|sum| f64::from(sum[k])).sum();
+                assert!((f64::from(found) - truth).abs() <= 1e-6 * truth, "{lengths:?}: {found} for {truth}");
+            }
+        }
     }
 }

@@ -91,7 +91,7 @@ fn at_level_trace_every_pass_is_there_and_without_trace_there_is_no_file() {
     let spans = spans(Path::new(&file));
     assert!(paths(&spans).contains("ivv/step/submit/pass"));
     let labels: BTreeSet<&str> = spans.iter().filter_map(|(_, args)| args["label"].as_str()).collect();
-    assert!(labels.contains("report/loss_sum") && labels.len() > 20, "{labels:?}");
+    assert!(labels.contains("report/loss_sum_report") && labels.len() > 20, "{labels:?}");
 }
 
 #[test]

@@ -304,7 +304,7 @@ pub mod bilateral_sum {
     };
 }
 
-/// one step of Adam on one camera's grid, along its gradient.
+/// one step of Adam on one camera's grid, along its gradient. POOLED: along the gradient that one map for the whole image has.
 pub mod bilateral_adam {
     use crate::gpu::kernel::*;
     /// `Push` of the shaders.
@@ -374,32 +374,51 @@ pub mod bilateral_adam {
     };
 }
 
-/// gives every cell of the camera's grid the gradient that one map for the whole image has.
-pub mod bilateral_pool {
+/// one step of Adam on one camera's grid, along its gradient. POOLED: along the gradient that one map for the whole image has.
+pub mod bilateral_adam_pooled {
+    pub use super::bilateral_adam::Push;
     use crate::gpu::kernel::*;
-    /// This kernel takes no push constants.
-    pub type Push = ();
     /// The kernel's buffers.
     pub struct Args<'a> {
+        /// Reads.
+        pub frame_status: &'a Buf<crate::gpu::generated::Status>,
         /// ReadWrites.
+        pub camera_grid: &'a Buf<[f32; 4]>,
+        /// Reads.
         pub d_grid: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub first: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub second: &'a Buf<[f32; 4]>,
     }
     impl Kernel for Args<'_> {
         type Push = Push;
         const INFO: &'static KernelInfo = INFO;
         fn slices(&self) -> Vec<Slice> {
-            vec![self.d_grid.slice()]
+            vec![
+                self.frame_status.slice(),
+                self.camera_grid.slice(),
+                self.d_grid.slice(),
+                self.first.slice(),
+                self.second.slice(),
+            ]
         }
     }
     /// What the device needs to know.
     pub const INFO: &KernelInfo = &KernelInfo {
-        name: "bilateral_pool",
+        name: "bilateral_adam_pooled",
         push_bytes: size_of::<Push>() as u32,
-        spirv: include_bytes!("../../../shaders-glsl/spv/bilateral_pool.spv"),
+        spirv: include_bytes!("../../../shaders-glsl/spv/bilateral_adam_pooled.spv"),
         local: 128,
         subgroups: false,
-        floats: 0x1,
-        bindings: &[BindingInfo { name: "d_grid", kind: BindingKind::Storage, access: Access::ReadWrite }],
+        floats: 0x1e,
+        bindings: &[
+            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "camera_grid", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "d_grid", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "first", kind: BindingKind::Storage, access: Access::ReadWrite },
+            BindingInfo { name: "second", kind: BindingKind::Storage, access: Access::ReadWrite },
+        ],
     };
 }
 
@@ -459,5 +478,13 @@ pub fn bilateral_grade(is_backward: bool) -> &'static crate::gpu::KernelInfo {
     match is_backward {
         false => bilateral_grade::INFO,
         true => bilateral_grade_bwd::INFO,
+    }
+}
+
+/// The kernel of `bilateral/bilateral_adam.comp` for these choices.
+pub fn bilateral_adam(is_pooled: bool) -> &'static crate::gpu::KernelInfo {
+    match is_pooled {
+        false => bilateral_adam::INFO,
+        true => bilateral_adam_pooled::INFO,
     }
 }

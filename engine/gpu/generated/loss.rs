@@ -164,7 +164,7 @@ pub mod l1 {
     };
 }
 
-/// adds what up to four terms of the loss left by workgroup.
+/// adds what up to four terms of the loss left by workgroup. REPORT: to where the host reads it, with the frame's status and
 pub mod loss_sum {
     use crate::gpu::kernel::*;
     /// `Push` of the shaders.
@@ -221,6 +221,70 @@ pub mod loss_sum {
             BindingInfo { name: "sums2", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "sums3", kind: BindingKind::Storage, access: Access::Read },
             BindingInfo { name: "loss", kind: BindingKind::Storage, access: Access::Write },
+        ],
+    };
+}
+
+/// adds what up to four terms of the loss left by workgroup. REPORT: to where the host reads it, with the frame's status and
+pub mod loss_sum_report {
+    pub use super::loss_sum::Push;
+    use crate::gpu::kernel::*;
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub sums0: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub sums1: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub sums2: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub sums3: &'a Buf<[f32; 4]>,
+        /// Writes.
+        pub loss: &'a Buf<[f32; 4]>,
+        /// Reads.
+        pub frame_status: &'a Buf<crate::gpu::generated::Status>,
+        /// Reads.
+        pub n_bad: &'a Buf<u32>,
+        /// Writes.
+        pub left_status: &'a Buf<crate::gpu::generated::Status>,
+        /// Writes.
+        pub left_bad: &'a Buf<u32>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = INFO;
+        fn slices(&self) -> Vec<Slice> {
+            vec![
+                self.sums0.slice(),
+                self.sums1.slice(),
+                self.sums2.slice(),
+                self.sums3.slice(),
+                self.loss.slice(),
+                self.frame_status.slice(),
+                self.n_bad.slice(),
+                self.left_status.slice(),
+                self.left_bad.slice(),
+            ]
+        }
+    }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "loss_sum_report",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../../shaders-glsl/spv/loss_sum_report.spv"),
+        local: 128,
+        subgroups: false,
+        floats: 0x1f,
+        bindings: &[
+            BindingInfo { name: "sums0", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sums1", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sums2", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "sums3", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "loss", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "n_bad", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "left_status", kind: BindingKind::Storage, access: Access::Write },
+            BindingInfo { name: "left_bad", kind: BindingKind::Storage, access: Access::Write },
         ],
     };
 }
@@ -315,5 +379,13 @@ pub fn ssim_bwd(is_halved: bool) -> &'static crate::gpu::KernelInfo {
     match is_halved {
         false => ssim_bwd::INFO,
         true => ssim_bwd_s2::INFO,
+    }
+}
+
+/// The kernel of `loss/loss_sum.comp` for these choices.
+pub fn loss_sum(is_reported: bool) -> &'static crate::gpu::KernelInfo {
+    match is_reported {
+        false => loss_sum::INFO,
+        true => loss_sum_report::INFO,
     }
 }

@@ -13,7 +13,7 @@ pub use report::StepReport;
 
 use crate::error::Result;
 use crate::gpu::generated::{AdamParams, Status};
-use crate::gpu::{Buf, Gpu, Recording, Running, Slice, Staging};
+use crate::gpu::{Buf, Gpu, Recording, Running, Staging};
 use crate::scene::capture::{Asked, Picture};
 use crate::scene::{Cone, Splats, View};
 use crate::settings::Constants;
@@ -24,7 +24,7 @@ use crate::stage::{
 use crate::train::config::Config;
 use crate::train::density::{density_round, regularisers};
 use crate::train::images::Shot;
-use crate::train::objective::{Objective, Sums, Truth};
+use crate::train::objective::{Objective, Report, Truth};
 use crate::train::poses::Correction;
 use crate::train::schedule::rates;
 use crate::train::setup::Setup;
@@ -74,9 +74,7 @@ struct Inputs {
 struct Results {
     n_tiles: u32,
     lists: Lists,
-    status: Slice,
-    sums: Sums,
-    n_bad: Slice,
+    report: Report,
 }
 
 /// A step on the device.

@@ -6,9 +6,12 @@ use crate::gpu::Recording;
 use crate::gpu::generated::{Status, ViewParams};
 use crate::scene::View;
 use crate::scene::capture::Picture;
-use crate::stage::{AdamMode, Among, Outcome, Room, Size, Strip, Target, Workspace, record_mcmc_noise, view_params};
+use crate::stage::{
+    AdamMode, Among, Optimiser, Outcome, Room, Size, Strip, Target, Workspace, record_mcmc_noise, view_params,
+};
 use crate::train::density::noise;
 use crate::train::images::{Loaded, Shot};
+use bytemuck::bytes_of;
 use tracing::debug_span;
 
 impl Trainer {
@@ -82,7 +85,7 @@ impl Trainer {
     /// Reads what a step that has ended left. `false` when it moved nothing and needs the room that is there now: it is then
     /// no longer counted.
     pub(super) fn end(&mut self, inputs: &Inputs, results: &Results) -> Result<bool> {
-        let status: Status = self.gpu.peek(&results.status)?.first().copied().unwrap_or_default();
+        let status: Status = self.gpu.peek(&results.report.status.slice())?.first().copied().unwrap_or_default();
         let Some(work) = &self.work else { return Ok(false) };
         match work.room.outcome(&self.gpu, &status, self.rounds) {
             Outcome::Complete => {}
@@ -103,7 +106,7 @@ impl Trainer {
                 });
             }
         }
-        let values = self.objective.values(&self.gpu, &inputs.truth, &results.sums)?;
+        let values = self.objective.values(&self.gpu, &inputs.truth, &results.report)?;
         self.reports.push(StepReport {
             step: inputs.step,
             loss: values.loss,
@@ -112,7 +115,7 @@ impl Trainer {
             active: status.n_active,
             visible: status.n_visible,
             intersections: status.n_intersections,
-            bad_gradients: self.gpu.peek(&results.n_bad)?.first().copied().unwrap_or(0),
+            bad_gradients: self.gpu.peek(&results.report.n_bad.slice())?.first().copied().unwrap_or(0),
             density: None,
         });
         Ok(true)
@@ -141,6 +144,9 @@ impl Trainer {
         self.with_memory(|trainer| {
             Workspace::fit(&mut trainer.work, &trainer.gpu, &trainer.scene, trainer.room).map(drop)
         })?;
+        if let Some(work) = &mut self.work {
+            work.view = self.optimiser.view.clone();
+        }
         let mut params: ViewParams = view_params(view, &self.constants, self.scene.origin, strip);
         self.objective.adjust(&mut params);
         let adam = self.adam_params(*step);
@@ -149,8 +155,9 @@ impl Trainer {
         let work = Workspace::fit(&mut self.work, gpu, scene, self.room)?;
         let mut rec = Recording::new();
         rec.section("upload");
-        rec.copy(staging.staged("staged view", &[params])?, work.view.slice());
-        rec.copy(staging.staged("staged adam parameters", &[adam])?, optimiser.params.slice());
+        let parts = [(0, bytes_of(&params)), (Optimiser::PARAMS_AT, bytes_of(&adam))];
+        let inputs = staging.staged_words("staged inputs of a step", optimiser.inputs.len(), &parts)?;
+        rec.copy(inputs, optimiser.inputs.slice());
         self.objective.record_upload(&mut rec, work, truth);
         let status = &work.status;
         let is_lazy = self.config.adam == AdamMode::Lazy;
@@ -187,12 +194,8 @@ impl Trainer {
         let results = Results {
             n_tiles,
             lists,
-            status: staging.readback::<Status>("status of a step", 1)?,
-            sums: self.objective.record_report(&mut rec, staging)?,
-            n_bad: staging.readback::<u32>("bad gradients of a step", 1)?,
+            report: self.objective.record_report(&mut rec, staging, (status, &optimiser.n_bad))?,
         };
-        rec.copy(status.slice(), results.status.clone());
-        rec.copy(optimiser.n_bad.slice(), results.n_bad.clone());
         Ok((rec, results))
     }
 }
