@@ -43,6 +43,16 @@ pub fn table(trainer: &mut Trainer, scorer: &Scorer, output: &Path) -> ivv::Resu
     Ok(rows)
 }
 
+/// What the run does about the poses once they are judged, in a line.
+pub fn judged(pixels: f64, are_learnt: bool) -> String {
+    let what = if are_learnt {
+        "the calibration is off: poses are learnt to the end"
+    } else {
+        "the calibration is right: poses are the capture's again"
+    };
+    format!("learnt poses move what cameras see by {pixels:.2} pixels (median); {what}")
+}
+
 /// In a line, for people.
 pub fn print(rows: &[Row]) {
     let median = |of: fn(&Row) -> f64| median_high(rows.iter().map(of)).unwrap_or(0.0);

@@ -1,7 +1,7 @@
 //! What of the cameras is learnt beside the Gaussians: clocks, poses and bilateral grids.
 
 use super::checkpoint::CameraState;
-use super::config::{Config, GridKind};
+use super::config::{Config, GridKind, PoseKind};
 use super::setup::Setup;
 use super::terms::{self, WithCotangent};
 use crate::error::{Error, Result};
@@ -12,8 +12,15 @@ use std::path::Path;
 
 /// When the learning of poses begins, of the run: before, the scene is too coarse to tell them.
 const POSES_FROM: f64 = 0.1;
+/// When it is judged whether the poses of a clip differ from the capture's, of the run.
+const POSES_JUDGED: f64 = 0.3;
 /// Longest shift of a camera, scene extents.
 const MOST_SHIFT: f64 = 0.1;
+
+/// The step of a run of `total` after which it is judged whether the poses differ.
+pub(super) fn poses_judged_at(total: u64) -> u64 {
+    (POSES_JUDGED * total as f64).round() as u64
+}
 
 /// The cameras' own parameters.
 pub(super) struct Cameras {
@@ -121,9 +128,14 @@ impl Cameras {
         Some(OwnGrid { place, step: graded.steps[place] })
     }
 
-    /// Appends what is learnt of clock and pose of `camera` to the view.
-    pub fn record_view(&self, rec: &mut Recording, work: &Workspace, camera: usize) {
-        if let Some(poses) = &self.poses {
+    /// The poses, once their learning has begun: step `step` of `total`.
+    fn poses_at(&self, step: u64, total: u64) -> Option<&Poses> {
+        self.poses.as_ref().filter(|_| (step - 1) as f64 / total.max(1) as f64 >= POSES_FROM)
+    }
+
+    /// Appends what is learnt of clock and pose of `camera` to the view of step `step` of `total`.
+    pub fn record_view(&self, rec: &mut Recording, work: &Workspace, camera: usize, (step, total): (u64, u64)) {
+        if let Some(poses) = self.poses_at(step, total) {
             poses.record_apply(rec, &work.view, camera as u32);
         }
         if let Some(clocks) = &self.clocks {
@@ -184,7 +196,7 @@ impl Cameras {
         }
         let Some(backward) = &work.backward else { return };
         let pace = lr.pace.at(done, total);
-        if let (Some(poses), true) = (&self.poses, done >= POSES_FROM) {
+        if let Some(poses) = self.poses_at(step, total) {
             let at = PoseStep {
                 camera: camera as u32,
                 turn_rate: lr.pose_turn.at(done) * pace,
@@ -240,6 +252,9 @@ impl Cameras {
         self.clocks = None;
         if !state.clocks.is_empty() {
             self.clocks = Some(Clocks::new(gpu, &state.clocks, &state.learns_offset)?);
+        }
+        if self.config.poses == PoseKind::Auto && state.poses.is_empty() {
+            (self.poses, self.learns_pose) = (None, Vec::new());
         }
         let (found, expected) = (state.poses.len().saturating_sub(1), self.learns_pose.len());
         if found != expected {

@@ -58,6 +58,8 @@ pub struct Owed {
     pub review: bool,
     /// The look at which cameras' time offsets the pictures tell.
     pub offsets: bool,
+    /// The look at whether the cameras' poses differ from the capture's.
+    pub poses: bool,
     /// The scene's share of the average.
     pub average: bool,
 }

@@ -59,8 +59,9 @@ settings! {
         background: [f32; 3] = [0.0; 3], "", Range::Colour;
         /// Whether the time offsets of the cameras are learnt.
         offsets: bool = true, "", Range::Switch;
-        /// Whether the poses of the training cameras are learnt: one turn and one shift a camera, for all its images.
-        poses: bool = false, "", Range::Switch;
+        /// Whether the poses of the training cameras are learnt, one turn and one shift a camera for all its images. Auto learns them in
+        /// a clip, and after 30 % of the run goes on only if the cameras turn out to stand elsewhere than the capture says.
+        poses: PoseKind = PoseKind::Given, "", Range::Word(&["auto", "learnt", "given"]);
         /// What corrects the colours of each training camera: a bilateral grid, one affine map for the whole image, or nothing.
         grids: GridKind = GridKind::default(), "", Range::Word(&["bilateral", "affine", "none"]);
         /// Which Gaussians take a step: all, those in view after catching up, or those in view alone.
@@ -236,6 +237,19 @@ impl GridKind {
     pub fn is_some(self) -> bool {
         self != GridKind::None
     }
+}
+
+/// Whose poses cameras have.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum PoseKind {
+    /// Learnt in a clip for 30 % of the run; then those, or the capture's where they hardly differ.
+    Auto,
+    /// Learnt.
+    Learnt,
+    /// The capture's.
+    #[default]
+    Given,
 }
 
 /// How Gaussians are added and removed.

@@ -33,8 +33,8 @@ pub use align::ColorMap;
 pub use average::Average;
 pub use checkpoint::{CameraState, Checkpoint, Owed};
 pub use config::{
-    Config, Density, FlowChoice, GridKind, Init, LearningRates, Loss, Pace, PresetId, Rate, Required, Resolution,
-    Round, Strategy, all_settings,
+    Config, Density, FlowChoice, GridKind, Init, LearningRates, Loss, Pace, PoseKind, PresetId, Rate, Required,
+    Resolution, Round, Strategy, all_settings,
 };
 pub use density::{density_round, noise, regularisers};
 pub use depth_fit::{DepthFit, DepthFits, DepthSummary, Unfit, fit_depths};

@@ -85,10 +85,10 @@ impl Objective {
         self.images.keep(&target.loaded);
     }
 
-    /// Appends the upload of `target` and the shift of the view by its camera's clock.
-    pub fn record_upload(&self, rec: &mut Recording, work: &Workspace, target: &Truth) {
+    /// Appends the upload of `target` and what is learnt of its camera's clock and pose, in a run of `total` steps.
+    pub fn record_upload(&self, rec: &mut Recording, work: &Workspace, target: &Truth, total: u64) {
         self.images.record_upload(rec, &target.loaded);
-        self.cameras.record_view(rec, work, target.camera);
+        self.cameras.record_view(rec, work, target.camera, (target.shown.step, total));
     }
 
     /// Appends the terms on the frame that was rendered, and the cotangents of its pictures.

@@ -1,6 +1,6 @@
 //! What a trainer needs to know of a capture beside its pictures.
 
-use super::config::{Config, FlowChoice};
+use super::config::{Config, FlowChoice, PoseKind};
 use super::terms::{self, TermData};
 use crate::scene::capture::{Camera, Capture, Extent, TRAINING_RADIUS};
 use crate::scene::{FlowModel, View};
@@ -68,7 +68,12 @@ impl Setup {
             dt: 1.0 / f64::from(capture.n_frames.max(1)),
             n_trained: trained.iter().filter(|trained| **trained).count(),
             learns_offset: if config.offsets && capture.is_rig_clip() { learns_offset } else { Vec::new() },
-            learns_pose: if config.poses { centers(capture) } else { Vec::new() },
+            learns_pose: match config.poses {
+                // A camera with one image has no other that could contradict it.
+                PoseKind::Auto if capture.is_rig_clip() => centers(capture),
+                PoseKind::Learnt => centers(capture),
+                PoseKind::Auto | PoseKind::Given => Vec::new(),
+            },
             // Those that are required come later.
             has_grid: where_set(config.grids.is_some() && config.required.grids_at == 0.0),
             data: terms::data(config, capture),

@@ -7,10 +7,12 @@ use crate::common::one::{ball, camera, scene_of};
 use crate::common::random::Random;
 use glam::DVec3;
 use ivv::Constants;
-use ivv::scene::capture::{Extent, Picture};
+use ivv::scene::capture::{Capture, Extent, Picture};
 use ivv::scene::{Pose, View, read_views};
 use ivv::stage::{Outputs, Renderer};
-use ivv::train::{Config, Correction, Density, LearningRates, Pace, Rate, Setup, Trainer};
+use ivv::train::{
+    Config, Correction, Density, Event, LearningRates, Pace, PoseKind, Rate, Session, SessionOptions, Setup, Trainer,
+};
 
 const CAMERAS: usize = 6;
 
@@ -89,13 +91,53 @@ fn poses_are_learnt_where_everything_else_is_known() {
     }
 }
 
+/// A run on `capture`: the cameras whose poses are learnt just before they are judged and at its end, and what was said then.
+fn judged(capture: &Capture, poses: PoseKind) -> ([usize; 2], Vec<(f64, bool)>) {
+    let config = Config { sh_degree: 0, steps: 240, max_gaussians: 2_000, poses, ..Config::default() };
+    let mut session = Session::begin(gpu().clone(), capture, config, SessionOptions::default()).unwrap();
+    while session.steps() < 71 {
+        session.step().unwrap();
+    }
+    let before = session.trainer().poses().unwrap().len();
+    while session.step().unwrap() {}
+    session.wait().unwrap();
+    let said = session.take_events().into_iter().filter_map(|event| match event {
+        Event::Poses { pixels, are_learnt } => Some((pixels, are_learnt)),
+        _ => None,
+    });
+    let said = said.collect();
+    ([before, session.trainer().poses().unwrap().len()], said)
+}
+
+#[test]
+fn poses_that_show_what_the_calibration_shows_are_the_captures_again() {
+    let _device = gpu();
+    let tiny = Tiny::new("poses-judged");
+    let capture = tiny.capture.clone().transformed(&tiny.capture.normalisation());
+    let trained: Vec<usize> = (0..capture.cameras.len()).filter(|camera| !capture.cameras[*camera].is_test).collect();
+    let centers: Vec<DVec3> = trained.iter().map(|camera| capture.cameras[*camera].world_to_camera.center()).collect();
+    let mut bent = capture.clone();
+    for (camera, bend) in trained.iter().zip(bends(&centers, &mut Random::new(5))) {
+        let pose = &mut bent.cameras[*camera].world_to_camera;
+        *pose = pose.corrected(bend.turn, bend.shift);
+    }
+    let n = trained.len();
+    let (learnt, said) = judged(&capture, PoseKind::Auto);
+    assert!(matches!(said[..], [(0.0..0.15, false)]) && learnt == [n, 0], "{said:?}, {learnt:?}");
+    let (learnt, said) = judged(&bent, PoseKind::Auto);
+    assert!(matches!(said[..], [(0.15.., true)]) && learnt == [n, n], "{said:?}, {learnt:?}");
+    // Who asks for either has it, whatever the images say.
+    assert_eq!(judged(&bent, PoseKind::Given), ([0, 0], vec![]));
+    assert_eq!(judged(&capture, PoseKind::Learnt), ([n, n], vec![]));
+}
+
 #[test]
 fn a_run_tells_where_it_found_the_cameras_in_the_captures_own_world() {
     let tiny = Tiny::new("poses");
     let (capture, run) = (tiny.folder.to_str().unwrap(), tiny.folder.join("run"));
     let train =
         ["train", capture, "-o", run.to_str().unwrap(), "--steps", "60", "--sh-degree", "0", "--eval-every", "0"];
-    let told = works(&[&train[..], &["--set", "poses=true"]].concat());
+    let told = works(&[&train[..], &["--set", "poses=learnt"]].concat());
     let rows = json(&run.join("train.json"))["poses"].as_array().unwrap().clone();
     let views = read_views(&run.join("cameras.json")).unwrap();
     let trained: Vec<_> = tiny.capture.cameras.iter().enumerate().filter(|(_, camera)| !camera.is_test).collect();

@@ -5,7 +5,8 @@ use crate::adversary::rounds_otherwise;
 use crate::common::device::gpu;
 use ivv::scene::{Similarity, Splats};
 use ivv::train::{
-    Average, Checkpoint, Config, Event, GridKind, Notice, Phase, Required, Session, SessionOptions, training_order,
+    Average, Checkpoint, Config, Event, GridKind, Notice, Owed, Phase, PoseKind, Required, Session, SessionOptions,
+    training_order,
 };
 use ivv::vk::DeviceKind;
 use std::cell::RefCell;
@@ -17,7 +18,7 @@ const STEPS: u64 = 60;
 /// A run in which all is learnt and due that can be: poses, reviews, grids, a look at the time offsets.
 fn config() -> Config {
     let required = Required { reviews: 2, first: 0.3, last: 0.6, grids_at: 0.2, images: 4, ..Required::default() };
-    Config { sh_degree: 1, steps: STEPS, max_gaussians: 2_000, poses: true, required, ..Config::default() }
+    Config { sh_degree: 1, steps: STEPS, max_gaussians: 2_000, poses: PoseKind::Auto, required, ..Config::default() }
 }
 
 fn steps(event: &Event) -> Option<u64> {
@@ -70,13 +71,14 @@ fn a_session_does_what_is_due_whoever_brings_the_images_and_wherever_it_is_resum
     assert_eq!(bits(&fed.finish().unwrap()), bits(&whole));
 
     // Resumed right after a step after which something is due and has not been done.
-    for at in [18, 20, 31, 57] {
+    for at in [17, 18, 20, 31, 57] {
         let mut first = begin(&tiny, SessionOptions::default());
         while first.steps() < at {
             first.step().unwrap();
         }
         let checkpoint = first.rescue().unwrap();
-        assert_eq!((checkpoint.step, checkpoint.owed.review, checkpoint.owed.offsets), (at, at == 18, at == 20));
+        let Owed { review, offsets, poses, .. } = checkpoint.owed;
+        assert_eq!((checkpoint.step, review, offsets, poses), (at, at == 18, at == 20, at == 18));
         drop(first);
         let folder = tiny.folder.join(format!("checkpoints-{at}"));
         checkpoint.write(&folder).unwrap();

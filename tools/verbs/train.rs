@@ -245,6 +245,7 @@ impl Training<'_> {
                     }
                     self.log.push(Kind::Review, &review)?;
                 }
+                Event::Poses { pixels, are_learnt } => say!("{}", poses::judged(pixels, are_learnt)),
                 Event::Frozen(cameras) => {
                     alert!("could not estimate time offsets from the images; fixed at 0 for {}", cameras.join(", "))
                 }

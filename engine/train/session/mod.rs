@@ -15,12 +15,14 @@ use crate::scene::Splats;
 use crate::scene::capture::{Capture, Picture, share_of_memory};
 use crate::settings::Constants;
 use crate::train::average::Average;
+use crate::train::cameras::poses_judged_at;
 use crate::train::checkpoint::{Checkpoint, Owed};
-use crate::train::config::Config;
+use crate::train::config::{Config, PoseKind};
 use crate::train::images::Shot;
 use crate::train::init::initialise;
 use crate::train::offsets::learnt_offsets;
 use crate::train::plan::{ImageMemory, Plan};
+use crate::train::poses::judge;
 use crate::train::require::{Due, review, review_due};
 use crate::train::setup::Setup;
 use crate::train::trainer::{ProfiledStep, Trainer};
@@ -344,6 +346,13 @@ impl<'a> Session<'a> {
             self.freeze()?;
         }
         self.owed.1.offsets = false;
+        if owed.poses {
+            let begun = Instant::now();
+            let judged = judge(&mut self.trainer, self.capture)?;
+            self.seconds += begun.elapsed().as_secs_f64();
+            self.events.extend(judged.map(|(pixels, are_learnt)| Event::Poses { pixels, are_learnt }));
+        }
+        self.owed.1.poses = false;
         if owed.average {
             let begun = Instant::now();
             self.average.add(self.trainer.splats()?);
@@ -440,7 +449,8 @@ impl<'a> Session<'a> {
     fn due_after(&self, step: u64) -> Owed {
         let review = review_due(&self.config, step, self.total).is_some();
         let offsets = step > 0 && (step == self.total / 3 || step == 2 * self.total / 3);
-        Owed { review, offsets, average: Average::is_due(&self.config, step, self.total), density: false }
+        let poses = self.config.poses == PoseKind::Auto && step > 0 && step == poses_judged_at(self.total);
+        Owed { review, offsets, poses, average: Average::is_due(&self.config, step, self.total), density: false }
     }
 
     /// Reviews what the scene requires, and continues with that part.

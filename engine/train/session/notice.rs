@@ -51,6 +51,13 @@ pub enum Event {
     Review(Review),
     /// The time offsets of these cameras were fixed at 0, since the images do not tell them.
     Frozen(Vec<String>),
+    /// It was looked at whether the cameras stand where the capture says.
+    Poses {
+        /// How far what a camera sees moves by what was learnt of its pose, pixels: the median over the cameras.
+        pixels: f64,
+        /// Whether the poses are learnt to the end; otherwise they are the capture's again.
+        are_learnt: bool,
+    },
 }
 
 /// Tells `watch` of work that begins.

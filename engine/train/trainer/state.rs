@@ -24,6 +24,7 @@ impl Trainer {
         let setup = Setup { has_grid: cameras.has_grid.clone(), ..setup };
         let mut trainer = Self::begin(gpu, params, constants, config.clone(), *total, setup)?;
         trainer.objective.cameras.restore(&trainer.gpu, cameras)?;
+        trainer.room.camera = trainer.objective.cameras.wants_gradient();
         trainer.scene.origin = *origin;
         trainer.optimiser.moments = Moments::upload(&trainer.gpu, &trainer.scene, first, second, config.moment_bits)?;
         trainer.optimiser.state = upload_state(&trainer.gpu, &trainer.scene, state)?;

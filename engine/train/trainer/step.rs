@@ -158,7 +158,7 @@ impl Trainer {
         let parts = [(0, bytes_of(&params)), (Optimiser::PARAMS_AT, bytes_of(&adam))];
         let inputs = staging.staged_words("staged inputs of a step", optimiser.inputs.len(), &parts)?;
         rec.copy(inputs, optimiser.inputs.slice());
-        self.objective.record_upload(&mut rec, work, truth);
+        self.objective.record_upload(&mut rec, work, truth, self.total);
         let status = &work.status;
         let is_lazy = self.config.adam == AdamMode::Lazy;
         let size = Size { n_tiles, n_pixels, rounds };
