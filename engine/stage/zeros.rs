@@ -19,7 +19,7 @@ impl Zeros {
     /// `OutOfMemory` where it does not fit.
     pub fn new(gpu: &Gpu, parts: &[usize]) -> Result<Self> {
         let n = parts.iter().map(|n| n.next_multiple_of(APART)).sum();
-        Ok(Zeros { words: gpu.alloc("zeros", n)?, n_taken: 0 })
+        Ok(Zeros { words: gpu.alloc("frame sums", n)?, n_taken: 0 })
     }
 
     /// The next part, of `n` words.

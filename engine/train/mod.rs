@@ -11,6 +11,7 @@ mod fall;
 mod flicker;
 mod images;
 mod init;
+mod judge;
 mod lock;
 mod log;
 mod metrics;

@@ -192,13 +192,13 @@ fn items(work: &Workload, is_host: bool) -> Vec<Item> {
     items.extend(match work.sums {
         Sums::Slots => vec![
             item("slot first", Active, Gaussian, 4.0, 4.0),
-            item("d slots", Intersections, Intersection, 48.0, 48.0),
+            item("frame sums", Intersections, Intersection, 48.0, 48.0),
             item("slots", Intersections, Intersection, 4.0, 4.0),
             item("sorted splats", Intersections, Intersection, 4.0, 4.0),
         ],
-        Sums::Floats | Sums::Swapped => vec![item("d slots", Active, Gaussian, 48.0, 48.0)],
+        Sums::Floats | Sums::Swapped => vec![item("frame sums", Active, Gaussian, 48.0, 48.0)],
         Sums::Fixed32 | Sums::Fixed64 => {
-            vec![item("d slots", Active, Gaussian, 48.0, 48.0), item("d words", Active, Gaussian, 104.0, 104.0)]
+            vec![item("d slots", Active, Gaussian, 48.0, 48.0), item("frame sums", Active, Gaussian, 104.0, 104.0)]
         }
     });
     items.extend(terms::buffers(work.data).map(|(name, bytes)| item(name, Pixels, Pixel, bytes, bytes)));

@@ -1,20 +1,8 @@
 //! What is learnt of the cameras' poses, after a run.
 
-use crate::error::Result;
-use crate::report::statistics::median_high;
-use crate::scene::capture::Capture;
-use crate::scene::{Pose, Similarity, Splats, View};
+use crate::scene::{Pose, Similarity, View};
 use crate::stage::PoseRows;
-use crate::train::trainer::Trainer;
-use glam::{DVec2, DVec3, Vec3};
-use std::collections::BTreeMap;
-
-/// Learnt poses that move what cameras see by less than this, pixels, are the capture's: when they are judged, they have moved by 0.07 to
-/// 0.09 pixels where the capture's are right, and by 0.26 to 0.41 where they are 0.2 degrees and 10 mm off
-/// (`assets/manual/src/techniques.md`).
-const LEAST_DISPLACEMENT: f64 = 0.15;
-/// Gaussians whose centres are looked at, at most.
-const MOST_CENTERS: usize = 2000;
+use glam::{DVec3, Vec3};
 
 /// By how much the pose of a camera is another one than the capture says.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -42,53 +30,4 @@ impl Correction {
     pub fn in_capture(&self, world: &Similarity) -> Self {
         Correction { shift: self.shift / world.scale, ..*self }
     }
-}
-
-/// Looks whether the poses that `trainer` learns on `capture` differ from the capture's, and goes on with the capture's where they do
-/// not. Gives the [`displacement`] and whether they are learnt to the end; none where nothing is learnt.
-///
-/// # Errors
-/// As [`Trainer::train`].
-pub(super) fn judge(trainer: &mut Trainer, capture: &Capture) -> Result<Option<(f64, bool)>> {
-    let learnt = trainer.poses()?;
-    let Some(pixels) = displacement(capture, &learnt, &trainer.splats()?)? else { return Ok(None) };
-    let are_learnt = pixels > LEAST_DISPLACEMENT;
-    if !are_learnt {
-        let mut checkpoint = trainer.checkpoint()?;
-        checkpoint.cameras.poses.clear();
-        trainer.replace(&checkpoint)?;
-    }
-    Ok(Some((pixels, are_learnt)))
-}
-
-/// How far what a camera sees moves in its picture by the correction of its pose, pixels: the root mean square over centres of
-/// `splats`, and of this the median over the cameras in `learnt`; none where they see no centre. Everything is in the frame of training.
-///
-/// # Errors
-/// Those of the capture's cameras.
-fn displacement(capture: &Capture, learnt: &BTreeMap<usize, Correction>, splats: &Splats) -> Result<Option<f64>> {
-    let each = splats.len().div_ceil(MOST_CENTERS).max(1);
-    let mut of_cameras = Vec::new();
-    for (camera, correction) in learnt {
-        let Some(shot) = capture.cameras[*camera].shots.first() else { continue };
-        let view = capture.view(*camera, shot.frame)?;
-        let corrected = correction.view(&view);
-        let centers = splats.position.iter().step_by(each).map(|center| Vec3::from_array(*center).as_dvec3());
-        let moved =
-            centers.filter_map(|center| Some(pixel(&view, center)?.distance_squared(pixel(&corrected, center)?)));
-        let (sum, n) = moved.fold((0.0, 0u32), |(sum, n), squared| (sum + squared, n + 1));
-        if n > 0 {
-            of_cameras.push((sum / f64::from(n)).sqrt());
-        }
-    }
-    Ok(median_high(of_cameras))
-}
-
-/// Where `view` sees `point`, pixels; none outside of its picture.
-fn pixel(view: &View, point: DVec3) -> Option<DVec2> {
-    let DVec3 { x, y, z } = view.pose.to_camera(point);
-    let lens = &view.intrinsics;
-    let at = DVec2::new(lens.fx * x / z + lens.cx, lens.fy * y / z + lens.cy);
-    let is_inside = at.cmpge(DVec2::ZERO).all() && at.x < f64::from(lens.width) && at.y < f64::from(lens.height);
-    (z > 0.0 && is_inside).then_some(at)
 }

@@ -121,7 +121,7 @@ fn the_tightest_bound_is_named_and_holds() {
     // 48 bytes for each of eight pairs.
     let work = Workload { max_gaussians: 1 << 40, ..workload() };
     let bound = plan(&work, &LIMITS);
-    assert_eq!(bound.bound_by, BoundBy::Binding("d slots"));
+    assert_eq!(bound.bound_by, BoundBy::Binding("frame sums"));
     assert_eq!(bound.full.gaussians, (128 << 20) / (48 * 8));
     // A picture that no binding sees leaves no room for any Gaussian.
     let wide = plan(&Workload { pixels: 4 << 20, ..work }, &LIMITS);

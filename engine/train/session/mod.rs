@@ -20,9 +20,9 @@ use crate::train::checkpoint::{Checkpoint, Owed};
 use crate::train::config::{Config, PoseKind};
 use crate::train::images::Shot;
 use crate::train::init::initialise;
+use crate::train::judge::judge_poses;
 use crate::train::offsets::learnt_offsets;
 use crate::train::plan::{ImageMemory, Plan};
-use crate::train::poses::judge;
 use crate::train::require::{Due, review, review_due};
 use crate::train::setup::Setup;
 use crate::train::trainer::{ProfiledStep, Trainer};
@@ -348,7 +348,7 @@ impl<'a> Session<'a> {
         self.owed.1.offsets = false;
         if owed.poses {
             let begun = Instant::now();
-            let judged = judge(&mut self.trainer, self.capture)?;
+            let judged = judge_poses(&mut self.trainer, self.capture)?;
             self.seconds += begun.elapsed().as_secs_f64();
             self.events.extend(judged.map(|(pixels, are_learnt)| Event::Poses { pixels, are_learnt }));
         }
