@@ -2,10 +2,11 @@
 //! `train`, `render` and `cameras`.
 
 use ivv::prepare::recognise;
-use ivv::scene::capture::{Alpha, Capture, CaptureSettings, Fault, Report, check_capture};
+use ivv::scene::capture::{Alpha, Capture, CaptureSettings, Fault, Frames, Report, check_capture};
 use ivv::train::Run;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
+use std::str::FromStr;
 
 /// How a capture is read.
 #[derive(clap::Args)]
@@ -16,9 +17,10 @@ pub struct CaptureArgs {
     /// Every n-th image is a test image where the capture declares none; 0 for none.
     #[arg(long, default_value_t = CaptureSettings::default().test_every)]
     test_every: usize,
-    /// Uses only the first frames of the clip.
-    #[arg(long, visible_alias = "frames")]
-    max_frames: Option<u32>,
+    /// Uses only the first N frames of the clip, or those from A up to, but not including, B, counted from 0; with S every S-th
+    /// of them. `A:` and `:B` work too.
+    #[arg(long, visible_alias = "frames", value_name = "N|A:B[:S]", value_parser = Frames::from_str)]
+    max_frames: Option<Frames>,
     /// Leaves out images whose file is absent; each is a fault otherwise.
     #[arg(long)]
     skip_missing: bool,
@@ -56,7 +58,7 @@ impl CaptureArgs {
         CaptureSettings {
             test_cameras: self.test_cameras.clone(),
             test_every: self.test_every,
-            max_frames: self.max_frames,
+            frames: self.max_frames.unwrap_or_default(),
             skip_missing: self.skip_missing,
             images: self.images.clone(),
             downscale: self.downscale,

@@ -1,6 +1,7 @@
 //! How `ivv train` begins: anew, from the newest checkpoint of a run, or from a run that was killed before its first.
 
 use crate::files::{make_folder, read_json, write_json};
+use crate::progress::watch;
 use crate::replace::{holds_a_run, remove_run};
 use crate::screen::say;
 use crate::verbs::train::Args;
@@ -11,7 +12,7 @@ use ivv::gpu::Gpu;
 use ivv::scene::capture::Capture;
 use ivv::scene::read_views;
 use ivv::settings::Constants;
-use ivv::train::{Checkpoint, Config, Owed, Run, RunLock, Session, near_plane};
+use ivv::train::{Base, Checkpoint, Config, Notice, Owed, Phase, Run, RunLock, Session, initialise, near_plane};
 use ivv::words::count;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -39,10 +40,15 @@ impl Start {
     }
 
     fn anew(args: &Args) -> anyhow::Result<Self> {
-        let config = args.settings.resolve()?;
+        let mut config = args.settings.resolve()?;
+        let base = args.base.as_deref().map(Base::read).transpose()?;
         let path = args.capture.as_deref().context("CAPTURE is needed, unless a run is resumed")?;
         let mut capture = crate::capture::open(path, &args.read.settings())?;
         capture.viewpoints = args.viewpoints.as_deref().map_or(Ok(Vec::new()), read_views)?;
+        if let Some(base) = &base {
+            config = base.config(config);
+            capture = base.calibrated(capture)?;
+        }
         let mut run = Run::new(&capture, Constants::default())?;
         let capture = capture.transformed(&run.world);
         run.constants = args.constants.checked_over(Constants { near: near_plane(&capture), ..run.constants })?;
@@ -55,7 +61,14 @@ impl Start {
             return Err(Error::data(&args.output, "", "already holds a run", remedy).into());
         }
         let gpu = args.device.open()?;
-        let start = Start { _lock: lock, gpu, run, capture, config, total, checkpoints, resumed: None, replaces };
+        let begin = |base: Base| {
+            let (mut looked, phase) = (watch(), Phase::Initialisation);
+            let found = initialise(&capture, &config, &mut |done, total| looked(Notice::Work { phase, done, total }))?;
+            looked(Notice::Initialised(&found));
+            ivv::Result::Ok(base.checkpoint((&capture, &run), found.splats, config.clone(), total))
+        };
+        let resumed = base.map(begin).transpose()?;
+        let start = Start { _lock: lock, gpu, run, capture, config, total, checkpoints, resumed, replaces };
         if !replaces {
             start.write_settings(&args.output)?;
         }

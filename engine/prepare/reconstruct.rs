@@ -22,7 +22,7 @@ use super::source::footage::{find, is_video, video_names};
 use super::video::{self, Selection};
 use crate::error::{Error, Result};
 use crate::files::write_atomic;
-use crate::scene::capture::{Faults, is_image, read_images};
+use crate::scene::capture::{Faults, Frames, is_image, read_images};
 
 /// Most pictures that are taken of a single video, evenly chosen.
 const OF_VIDEO: u32 = 120;
@@ -142,12 +142,11 @@ pub(super) fn make(
 ) -> Result<(PrepareSettings, Vec<String>)> {
     require(settings, pictures)?;
     let project = settings.output.join("reconstruction");
-    let PrepareSettings { start, every, frames, shifts, .. } = settings;
+    let PrepareSettings { frames, shifts, .. } = settings;
     journal.begin(
         "reconstruction",
         json!({
-            "pictures": pictures.name(), "source": settings.source.to_string_lossy(), "start": start, "every": every,
-            "frames": frames, "shifts": shifts,
+            "pictures": pictures.name(), "source": settings.source.to_string_lossy(), "frames": frames, "shifts": shifts,
         }),
     )?;
     make_folder(&project)?;
@@ -175,18 +174,17 @@ pub(super) fn make(
     match pictures {
         Pictures::Videos(folder) => derived.footage = Some(folder.clone()),
         // The chosen frames are pictures of one moment now.
-        _ => (derived.start, derived.every, derived.frames, derived.footage) = (0, 1, None, None),
+        _ => (derived.frames, derived.footage) = (Frames::default(), None),
     }
     Ok((derived, notes))
 }
 
-/// Which frames of a video are placed.
+/// Which frames of a video are placed: those that are asked for, or evenly chosen ones among them where none is to be left out.
 fn selection(settings: &PrepareSettings, n_frames: u32) -> Selection {
-    let PrepareSettings { start, every, frames, .. } = *settings;
-    let left = n_frames.saturating_sub(start);
-    let most = frames.unwrap_or(OF_VIDEO).max(1);
-    let every = if every > 1 { every } else { left.div_ceil(most).max(1) };
-    Selection { start, every, n: left.div_ceil(every).min(most) }
+    let asked = settings.frames;
+    let n = asked.of(n_frames).len() as u32;
+    let every = if asked.every > 1 { asked.every } else { n.div_ceil(OF_VIDEO).max(1) };
+    Selection { start: asked.from, every, n: Frames { every, ..asked }.of(n_frames).len() as u32 }
 }
 
 /// Names of the pictures of a folder, sorted.
@@ -223,7 +221,7 @@ impl Reconstruction<'_> {
             Pictures::Videos(folder) => {
                 for name in video_names(folder) {
                     let Some(Footage::Video(path)) = find(folder, &name) else { continue };
-                    let start = self.settings.start.saturating_add_signed(self.settings.shift(&name));
+                    let start = self.settings.frames.from.saturating_add_signed(self.settings.shift(&name));
                     self.take(&path, Selection { start, every: 1, n: 1 }, |_| format!("{name}.jpg"))?;
                 }
                 Ok(())

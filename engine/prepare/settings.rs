@@ -5,7 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
-use crate::scene::capture::{CaptureSettings, RATES};
+use crate::scene::capture::{CaptureSettings, Frames, RATES};
 
 /// Of images that are made as JPEG.
 pub(super) const JPEG_QUALITY: u8 = 95;
@@ -48,12 +48,8 @@ pub struct PrepareSettings {
     pub output: PathBuf,
     /// Where videos and image sequences are, when not beside the calibration.
     pub footage: Option<PathBuf>,
-    /// First frame of the source that is taken.
-    pub start: u32,
-    /// Most frames that are taken.
-    pub frames: Option<u32>,
-    /// Every n-th frame is taken.
-    pub every: u32,
+    /// The frames of the source that are taken.
+    pub frames: Frames,
     /// By name, frames of the source by which the clip begins later in a camera's footage, or earlier where negative: for
     /// cameras that did not begin to record at one time. The source's points of single frames lie at other times then, and are
     /// not kept.
@@ -67,7 +63,7 @@ pub struct PrepareSettings {
     /// Estimates optical flow with OpenCV's DIS.
     pub flow: bool,
     /// How a source is read that is a capture; of every source the test cameras (those that it declares where there are
-    /// none) and the frames per second of image sequences, which do not say. `max_frames` is [`PrepareSettings::frames`]
+    /// none) and the frames per second of image sequences, which do not say. `frames` is [`PrepareSettings::frames`]
     /// here.
     pub capture: CaptureSettings,
     /// Replaces what other settings made, and files of a capture that was not made here.
@@ -83,9 +79,7 @@ impl PrepareSettings {
             source: source.to_owned(),
             output: output.to_owned(),
             footage: None,
-            start: 0,
-            frames: None,
-            every: 1,
+            frames: Frames::default(),
             shifts: BTreeMap::new(),
             scale: 1.0,
             format: ImageFormat::Png,
@@ -113,8 +107,7 @@ impl PrepareSettings {
             return bad("--fps", reason, "give the rate at which the pictures were taken");
         }
         let zero = [
-            ("--every", self.every == 0),
-            ("--frames", self.frames == Some(0)),
+            ("--frames", self.frames.every == 0 || self.frames.to == Some(0)),
             ("--triangulate", self.triangulate == Some(Triangulate::Every(0))),
         ];
         if let Some((option, _)) = zero.iter().find(|(_, zero)| *zero) {

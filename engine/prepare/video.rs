@@ -111,7 +111,7 @@ pub(super) fn decode(
     if n_read < n {
         let said = last_line(&said).map_or_else(String::new, |line| format!("; ffmpeg says: {line}"));
         let reason = format!("gave {n_read} of {n} frames from frame {start} on{said}");
-        let remedy = "copy the video again, or take fewer frames with --start and --frames";
+        let remedy = "copy the video again, or take fewer frames with --frames";
         return Err(Error::data(path, "", reason, remedy));
     }
     if status.success() { Ok(()) } else { Err(FFMPEG.failed(path, status, last_line(&said))) }

@@ -60,6 +60,19 @@ impl Splats {
         Splats { sh_degree, ..Splats::default() }
     }
 
+    /// As many Gaussians of the same degrees, all of whose numbers are 0: moments, before a first step.
+    #[must_use]
+    pub(crate) fn zeros(&self) -> Self {
+        let mut zeros = self.clone();
+        zeros.position.fill([0.0; 3]);
+        zeros.rotation.fill([0.0; 4]);
+        zeros.scale.fill([0.0; 3]);
+        zeros.opacity.fill(0.0);
+        zeros.sh.fill([0.0; 3]);
+        zeros.motion.fill(bytemuck::Zeroable::zeroed());
+        zeros
+    }
+
     /// Number of Gaussians.
     pub fn len(&self) -> usize {
         self.position.len()
@@ -85,6 +98,17 @@ impl Splats {
     pub fn weight_at(&self, i: usize, time: f64) -> f64 {
         let motion = i.checked_sub(self.n_static).and_then(|at| self.motion.get(at));
         motion.map_or(1.0, |m| (-((time - f64::from(m.t_center)) / f64::from(m.t_scale).exp()).powi(2)).exp())
+    }
+
+    /// The same Gaussians on another clock, on which time t is `scale t + shift`; what lasts one lasts `scale`.
+    #[must_use]
+    pub fn on_clock(mut self, scale: f64, shift: f64) -> Self {
+        for Motion { velocity, t_center, t_scale } in &mut self.motion {
+            *velocity = velocity.map(|v| (f64::from(v) / scale) as f32);
+            *t_center = (f64::from(*t_center) * scale + shift) as f32;
+            *t_scale = (f64::from(*t_scale) + scale.ln()) as f32;
+        }
+        self
     }
 
     /// The mean of [`Splats::weight_at`] over the clip, from eight times.

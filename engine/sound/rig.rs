@@ -96,11 +96,14 @@ impl Rig {
     /// As [`Rig::open`].
     pub fn open_with(path: &Path, settings: &CaptureSettings) -> Result<Rig> {
         let mut faults = Faults::default();
-        let described = describe(path, settings, &mut faults);
+        let described = describe(path, settings, &mut faults).map(|(_, mut builder)| {
+            builder.cut(path, settings.frames, &mut faults);
+            builder
+        });
         if let Some(error) = faults.first() {
             return Err(error);
         }
-        let Some((_, builder)) = described else {
+        let Some(builder) = described else {
             let remedy = "give a capture folder; `ivv prepare` makes one";
             return Err(Error::data(path, "", "not a recognised capture", remedy));
         };
@@ -126,8 +129,7 @@ impl Rig {
             RigCamera::new(&camera.name, builder.lens(camera), &poses)
         };
         let cameras = builder.cameras.iter().filter_map(camera).collect();
-        let n_frames = builder.n_frames.min(settings.max_frames.unwrap_or(u32::MAX));
-        Ok(Rig { cameras, fps: builder.fps, n_frames })
+        Ok(Rig { cameras, fps: builder.fps, n_frames: builder.n_frames })
     }
 
     /// Up: the mean of the cameras' upper sides at the beginning; minus y where they have none in common.

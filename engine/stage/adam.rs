@@ -180,7 +180,7 @@ impl Optimiser {
         }
         let kernel = generated::adam_idle(self.moments.bits == 16);
         rec.section("adam");
-        for (index, group) in scene.groups.iter().enumerate() {
+        for (index, group) in scene.trained() {
             rec.group(Some(index));
             let (params, moments) = (&group.params, &self.moments.groups[index]);
             let [sh1, sh2, sh3] = params.three_bands();
@@ -254,7 +254,7 @@ impl Optimiser {
     ) {
         let kernel = generated::adam_catch_up(self.moments.bits == 16);
         rec.section("adam");
-        for (index, group) in scene.groups.iter().enumerate() {
+        for (index, group) in scene.trained() {
             rec.group(Some(index));
             let (all, grid) = of(index, group.n);
             let (params, moments) = (&group.params, &self.moments.groups[index]);

@@ -140,10 +140,15 @@ impl Backward {
             // The optimiser's own count goes on.
             Target::Step(_) => rec.section("project bwd adam"),
         }
+        if self.wants_camera && scene.groups.iter().any(|group| scene.holds(group)) {
+            // What is held says nothing of the camera.
+            rec.fill(self.d_camera_each.slice(), 0);
+        }
         for (index, group) in scene.groups.iter().enumerate() {
             rec.group(Some(index));
             match target {
                 Target::Gradients => self.record_gradients(rec, (index, group), drawn),
+                Target::Step(_) if scene.holds(group) => {}
                 Target::Step(optimiser) => self.record_adam(rec, (index, group), drawn, optimiser),
             }
         }

@@ -231,6 +231,7 @@ impl DensityRound {
                 levels: self.levels(),
                 veil: self.prune_veil,
             };
+            let push = if old.scene.holds(group) { held(push) } else { push };
             let (geometry, grid) = (&group.params.geometry, Grid::Threads(group.n));
             if let Some(motion) = &group.params.motion {
                 let push = bytemuck::cast(push);
@@ -327,7 +328,7 @@ impl DensityRound {
                     old_first: source.first,
                     old_n: source.n,
                     key: self.key,
-                    ceiling: self.opacity_ceiling,
+                    ceiling: if scene.holds(group) { f32::MAX } else { self.opacity_ceiling },
                 };
                 rec.pass(args, push, Grid::Threads(group.n.next_multiple_of(32)));
                 let way = Way { sources, old: source, new: group };
@@ -349,6 +350,12 @@ impl DensityRound {
         gpu.run(&rec)?;
         Ok((moments, state))
     }
+}
+
+/// Limits that no Gaussian reaches.
+fn held(push: density_classify_static::Push) -> density_classify_static::Push {
+    let (largest, veil, gradient) = (f32::MAX, f32::MAX, f32::MAX);
+    density_classify_static::Push { prune_opacity: 0.0, largest, veil, gradient, weight: 0, ..push }
 }
 
 fn nothing_left() -> Error {
@@ -445,7 +452,7 @@ fn record_sort(
 /// failed. The bounds are due afterwards.
 pub fn record_mcmc_noise(rec: &mut Recording, scene: &SceneBuffers, status: &Buf<Status>, rate: f32, key: u32) {
     rec.section("noise");
-    for (index, group) in scene.groups.iter().enumerate() {
+    for (index, group) in scene.trained() {
         rec.group(Some(index));
         let args = mcmc_noise::Args { frame_status: status, geometry: &group.params.geometry };
         let push = mcmc_noise::Push { n: group.n, first: group.first, key, rate };

@@ -48,6 +48,8 @@ pub struct SceneBuffers {
     pub origin: [f64; 3],
     /// Gaussians with a non-finite parameter or no rotation: never drawn.
     pub n_bad: u32,
+    /// Whether training leaves the static Gaussians as they are.
+    pub holds_static: bool,
 }
 
 impl SceneBuffers {
@@ -118,7 +120,8 @@ impl SceneBuffers {
             let params = Planes::alloc(gpu, "parameters", slot.n, slot.degree, slot.dynamic, 1)?;
             Group::new(gpu, slot, params, has_halves)
         })?;
-        Self::from_groups(gpu, groups, n_flat, other.group_limit, other.sh_degree, other.origin)
+        let scene = Self::from_groups(gpu, groups, n_flat, other.group_limit, other.sh_degree, other.origin)?;
+        Ok(SceneBuffers { holds_static: other.holds_static, ..scene })
     }
 
     fn from_groups(
@@ -132,7 +135,17 @@ impl SceneBuffers {
         let group_first: Vec<u32> = groups.iter().map(|g| g.first / CULL_BLOCK).collect();
         let n = groups.iter().map(|g| g.n).sum();
         let group_first = gpu.upload("group starts", &group_first)?;
-        Ok(SceneBuffers { groups, n_flat, n, group_first, group_limit, sh_degree, origin, n_bad: 0 })
+        Ok(SceneBuffers {
+            groups,
+            n_flat,
+            n,
+            group_first,
+            group_limit,
+            sh_degree,
+            origin,
+            n_bad: 0,
+            holds_static: false,
+        })
     }
 
     /// Appends the derivation of what culling reads; due whenever the parameters of any `among` these have changed. `n_bad` grows by
@@ -204,6 +217,21 @@ pub fn group_limit(gpu: &Gpu, degree: usize, purpose: Purpose) -> usize {
 }
 
 impl SceneBuffers {
+    /// The groups that training changes, with their indices.
+    pub fn trained(&self) -> impl Iterator<Item = (usize, &Group)> {
+        self.groups.iter().enumerate().filter(|(_, group)| !self.holds(group))
+    }
+
+    /// Whether training leaves `group` as it is.
+    pub(super) fn holds(&self, group: &Group) -> bool {
+        self.holds_static && group.params.motion.is_none()
+    }
+
+    /// Gaussians that training changes.
+    pub fn n_trained(&self) -> u32 {
+        self.trained().map(|(_, group)| group.n).sum()
+    }
+
     /// SH coefficients per Gaussian.
     pub fn n_coefficients(&self) -> usize {
         let side = self.sh_degree + 1;

@@ -55,6 +55,8 @@ settings! {
         init_point_tau: f64 = 2.0, "frames", Range::POSITIVE;
         /// How long points at rest are visible with init=flow; 0 makes them static for good.
         init_static_tau: f64 = 10.0, "clips", Range::NOT_NEGATIVE;
+        /// Whether static Gaussians are trained. Otherwise they stay as they began, and are neither pruned nor cloned nor split.
+        trains_static: bool = true, "", Range::Switch;
         /// Colour behind the scene.
         background: [f32; 3] = [0.0; 3], "", Range::Colour;
         /// Whether the time offsets of the cameras are learnt.

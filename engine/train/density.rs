@@ -12,12 +12,12 @@ use crate::stage::{Choice, DensityRound, StepSettings};
 const ROUND: u64 = 1;
 const NOISE: u64 = 2;
 
-/// The round of density control of `n` Gaussians that is due after step `step` (from 1) of `total`; `None` where none is.
-/// `origin` is that of the scene on the device.
+/// The round of density control of `n` Gaussians, of which `n_trained` are trained, that is due after step `step` (from 1) of
+/// `total`; `None` where none is. `origin` is that of the scene on the device.
 pub fn density_round(
     config: &Config,
     (step, total): (u64, u64),
-    n: u32,
+    (n, n_trained): (u32, u32),
     extent: &Extent,
     origin: [f64; 3],
     n_frames: u32,
@@ -38,15 +38,16 @@ pub fn density_round(
     let Density { gradient, split_above, .. } = *density;
     let pulled = |prune_scale| Choice::Pulled { gradient, split_above: split_above * radius, prune_scale };
     let grows = due == Some(Round::Growth);
+    // None grows twice in a round.
+    let most = f64::from(n_trained) / f64::from(n.max(1));
     let (choice, growth) = match density.strategy {
         Strategy::Adc => {
             // Once none are added, removing large Gaussians leaves holes: walls are large.
             let largest = if grows || resets { density.prune_scale * radius } else { f32::MAX };
-            // None grows twice in a round.
-            let least = (density.growth_least as f64 / f64::from(n.max(1))).min(1.0);
-            (pulled(largest), density.growth.max(least))
+            let least = (density.growth_least as f64 / f64::from(n.max(1))).min(most);
+            (pulled(largest), (density.growth * most).max(least))
         }
-        Strategy::Mcmc if grows => (Choice::Drawn, density.mcmc_growth),
+        Strategy::Mcmc if grows => (Choice::Drawn, density.mcmc_growth * most),
         // Drawn copies need steps to come apart: late in the run the dead only go.
         Strategy::Mcmc => (pulled(f32::MAX), 0.0),
     };

@@ -2,6 +2,7 @@
 
 mod align;
 mod average;
+mod base;
 mod cameras;
 mod checkpoint;
 mod config;
@@ -32,6 +33,7 @@ mod trainer;
 
 pub use align::ColorMap;
 pub use average::Average;
+pub use base::Base;
 pub use checkpoint::{CameraState, Checkpoint, Owed};
 pub use config::{
     Config, Density, FlowChoice, GridKind, Init, LearningRates, Loss, Pace, PoseKind, PresetId, Rate, Required,

@@ -2,9 +2,10 @@
 
 use crate::error::{Error, Result};
 use crate::files::{read_file, write_atomic};
-use crate::scene::capture::{Capture, CaptureSettings};
+use crate::scene::capture::{Calibration, Capture, CaptureSettings};
 use crate::scene::{Similarity, View};
 use crate::settings::Constants;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// Where a run's images come from and how they are rendered: `run.json` of its folder.
@@ -21,6 +22,9 @@ pub struct Run {
     /// Views, in the capture's own world, before which training was told to keep clear; see [`Capture::viewpoints`].
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub viewpoints: Vec<View>,
+    /// What the run took over of the cameras from another, by name.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub calibration: BTreeMap<String, Calibration>,
     /// From the capture to the frame that training computes in.
     pub world: Similarity,
     /// Rendering constants.
@@ -90,6 +94,7 @@ impl Run {
             capture_settings: capture.settings().clone(),
             test_cameras: tests.map(|camera| camera.name.clone()).collect(),
             viewpoints: capture.viewpoints.clone(),
+            calibration: capture.calibration.clone(),
             world: capture.normalisation(),
             constants,
             held: CaptureSummary::new(capture),
@@ -147,6 +152,6 @@ impl Run {
             let reason = format!("holds {holds:?}, the run's held {:?}", self.held);
             return Err(Error::data(path, "", reason, "give the capture of this run, or train again"));
         }
-        Ok(capture.transformed(&self.world))
+        Ok(capture.calibrated(&self.calibration).transformed(&self.world))
     }
 }

@@ -1,7 +1,7 @@
 //! Dynamic3DGaussians' layout.
 
 use image::ExtendedColorType;
-use ivv::scene::capture::{Capture, CaptureSettings, Point, check_capture};
+use ivv::scene::capture::{Capture, CaptureSettings, Frames, Point, check_capture};
 use serde_json::{Value, json};
 
 use super::{Case, Folder, assert_told, encode, png};
@@ -85,7 +85,7 @@ fn the_end_that_no_camera_has_is_left_out_and_a_hole_is_a_fault() {
     std::fs::remove_file(folder.0.join("ims/1/000002.png")).unwrap();
     assert_told(&folder.check(), &["ims/2/000001.png: is missing", "ims/1/000002.png: is missing"]);
     assert_eq!(folder.check().n_faults, 2);
-    let settings = CaptureSettings { skip_missing: true, max_frames: Some(2), ..CaptureSettings::default() };
+    let settings = CaptureSettings { skip_missing: true, frames: Frames::first(2), ..CaptureSettings::default() };
     let capture = Capture::open_with(&folder.0, &settings).unwrap();
     assert_eq!(capture.n_frames, 2);
     assert_eq!(capture.training_frames(), [(0, 0), (2, 0), (0, 1)]);

@@ -8,7 +8,7 @@ use exr::prelude::{
 };
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
 use ivv::scene::Similarity;
-use ivv::scene::capture::{FramePoint, Manifest};
+use ivv::scene::capture::{Capture, CaptureSettings, FramePoint, Manifest, check_capture};
 use ivv::scene::prior::{read_depth, read_flow};
 
 use super::model::{Model, binary};
@@ -288,6 +288,44 @@ fn a_capture_finds_its_priors_and_the_points_of_its_frames() {
     let second = Similarity { origin: [4.0, 0.0, 1.0], scale: 0.5 };
     let moved = capture.transformed(&first).transformed(&second);
     assert_eq!(moved.points_of(1).unwrap()[0].position, second.point(first.point([1.0, 2.0, 3.0])));
+}
+
+#[test]
+fn a_part_of_a_clip_is_a_clip_whose_frames_are_counted_from_0() {
+    let folder = Folder::new("priors-part");
+    write_capture(&folder);
+    folder.write("points/00002.ply", points("9 9 9 1 2 3 1 7\n"));
+    folder.write("truth.json", r#"{"time_offsets_frames": {"a": 0.5, "b": -0.5}}"#);
+    let part = |frames: &str| {
+        let settings = CaptureSettings { frames: frames.parse().unwrap(), ..CaptureSettings::default() };
+        Capture::open_with(&folder.0, &settings).unwrap()
+    };
+    let frames = |capture: &Capture| -> Vec<(u32, String, bool)> {
+        let name = |path: &PathBuf| path.file_name().unwrap().to_string_lossy().into_owned();
+        capture.cameras[0].shots.iter().map(|shot| (shot.frame, name(&shot.image), shot.flow.is_some())).collect()
+    };
+    let image = |frame: u32, file: &str, has_flow: bool| (frame, format!("0000{file}.png"), has_flow);
+
+    let end = part("1:");
+    assert_eq!((end.n_frames, end.fps, end.reference_frame), (2, 30.0, 0));
+    assert_eq!(frames(&end), [image(0, "1", true), image(1, "2", false)]);
+    assert_eq!((end.points_of(1).unwrap()[0].position, end.points_of(0).unwrap().len()), ([9.0; 3], 2));
+    assert!(end.points_of(2).is_err());
+    assert_eq!(end.view(0, 1).unwrap().time, 0.5);
+    // Whatever the flow of its last frame led to is not there.
+    assert_eq!(frames(&part("2")), [image(0, "0", true), image(1, "1", false)]);
+
+    let every_second = part("::2");
+    assert_eq!((every_second.n_frames, every_second.fps), (2, 15.0));
+    assert_eq!(frames(&every_second), [image(0, "0", false), image(1, "2", false)]);
+    assert_eq!(every_second.points_of(1).unwrap()[0].position, [9.0; 3]);
+    assert_eq!(every_second.true_offsets["a"], 0.25);
+
+    // Files of frames that are not used need not be there.
+    fs::remove_file(folder.0.join("points/00000.ply")).unwrap();
+    assert_eq!(frames(&part("1:")).len(), 2);
+    let settings = CaptureSettings { frames: "3:9".parse().unwrap(), ..CaptureSettings::default() };
+    assert_told(&check_capture(&folder.0, &settings), &["--frames: begins at frame 3, the clip has 3 frames"]);
 }
 
 #[test]

@@ -144,6 +144,7 @@ fn many_groups_share_one_list() {
         sh_degree: 0,
         origin: [0.0; 3],
         n_bad: 0,
+        holds_static: false,
     };
     let fixture = Fixture::with(gpu, scene, &camera(64, 48), n);
     let (status, ids) = fixture.cull();

@@ -4,13 +4,13 @@ use std::path::Path;
 
 use image::ExtendedColorType;
 use ivv::prepare::PrepareSettings;
-use ivv::scene::capture::{Capture, FramePoint, Manifest};
+use ivv::scene::capture::{Capture, FramePoint, Frames, Manifest};
 use ivv::scene::prior::{read_depth, read_flow, write_depth, write_flow};
 use ivv::scene::{SeenPoint, write_points};
 use serde_json::json;
 
 use super::sources::IDENTITY;
-use super::{done, open, run, settings};
+use super::{done, every, open, run, settings};
 use crate::capture::model::{Model, binary};
 use crate::capture::{Folder, assert_told, dynamic, encode, png};
 
@@ -127,7 +127,7 @@ fn priors_of_a_capture_folder_are_scaled_and_cut_with_its_pictures() {
         assert!([below(0, 0), below(1, 0), below(0, 1), below(1, 1)].contains(z), "{column}, {row}: {z}");
     }
 
-    let sparse = PrepareSettings { every: 2, output: folder.0.join("sparse"), ..whole.clone() };
+    let sparse = PrepareSettings { frames: every(2, 0), output: folder.0.join("sparse"), ..whole.clone() };
     assert!(done(&sparse).notes.iter().any(|note| note.contains("flow does not skip frames")));
     let manifest = Manifest::read(&sparse.output).unwrap();
     assert!((manifest.frames, manifest.flow, manifest.depth) == (2, false, true));
@@ -174,7 +174,7 @@ fn capture_with_points(folder: &Folder) {
 fn points_of_frames_come_along() {
     let folder = Folder::new("prepare-frame-points");
     capture_with_points(&folder);
-    let of_source = PrepareSettings { scale: 0.5, start: 1, every: 2, triangulate: None, ..settings(&folder) };
+    let of_source = PrepareSettings { scale: 0.5, frames: every(2, 1), triangulate: None, ..settings(&folder) };
     let prepared = done(&of_source);
     assert_eq!(prepared.points, [(0, 1), (1, 1)]);
     let capture = Capture::open(&of_source.output).unwrap();
@@ -198,7 +198,7 @@ fn cameras_that_did_not_begin_together_are_shifted() {
     let folder = Folder::new("prepare-shifts");
     capture_with_points(&folder);
     let shift = |b, c| [("b".to_owned(), b), ("c".to_owned(), c)].into();
-    let shifted = PrepareSettings { shifts: shift(1, -1), start: 1, ..settings(&folder) };
+    let shifted = PrepareSettings { shifts: shift(1, -1), frames: every(1, 1), ..settings(&folder) };
     let capture = open(&shifted);
     assert_eq!((capture.n_frames, capture.has_frame_points()), (2, false));
     for (camera, first) in [(0, 1), (1, 2), (2, 0)] {
@@ -210,7 +210,7 @@ fn cameras_that_did_not_begin_together_are_shifted() {
     // What is known of the cameras' clocks is known of the shifted ones; each other frame is taken.
     assert!(capture.true_offsets.is_empty());
     folder.write("source/truth.json", r#"{"seed": 3, "time_offsets_frames": {"a": 0.25, "b": -0.5}}"#);
-    let timed = PrepareSettings { every: 2, output: folder.0.join("timed"), ..shifted.clone() };
+    let timed = PrepareSettings { frames: every(2, 1), output: folder.0.join("timed"), ..shifted.clone() };
     let offsets = open(&timed).true_offsets;
     assert_eq!(offsets, [("a".to_owned(), 0.125), ("b".to_owned(), 0.25)].into());
     for (text, says) in [
@@ -226,7 +226,7 @@ fn cameras_that_did_not_begin_together_are_shifted() {
     let early = PrepareSettings { shifts: shift(0, -3), ..shifted.clone() };
     assert_told(
         &run(&early).unwrap().0.report,
-        &["camera `c`: is to begin 2 frames before its footage; give --start 3"],
+        &["camera `c`: is to begin 2 frames before its footage; begin at frame 3 or later: --frames 3:"],
     );
     let unknown = PrepareSettings { shifts: [("d".to_owned(), 1)].into(), ..shifted };
     assert_told(&run(&unknown).unwrap().0.report, &["--shift: no camera is named `d`"]);
@@ -262,7 +262,7 @@ fn sound_and_keypoints_come_along() {
             "bbox": [[1.0, 1.0, 5.0, 3.0]], "bbox_score": 0.5 }] })
     };
     folder.write("source/keypoints/2.json", json!([frame(0), frame(1)]).to_string());
-    let settings = PrepareSettings { scale: 0.5, frames: Some(1), ..settings(&folder) };
+    let settings = PrepareSettings { scale: 0.5, frames: Frames::first(1), ..settings(&folder) };
     done(&settings);
     assert!(Manifest::read(&settings.output).unwrap().audio);
     let read = |path: &Path| std::fs::read(settings.output.join(path)).unwrap();

@@ -13,7 +13,7 @@ use std::path::Path;
 use std::sync::Mutex;
 
 use ivv::prepare::{PrepareSettings, Prepared, Triangulate, prepare};
-use ivv::scene::capture::{Capture, CaptureSettings};
+use ivv::scene::capture::{Capture, CaptureSettings, Frames};
 
 use crate::capture::Folder;
 
@@ -27,6 +27,11 @@ fn settings(folder: &Folder) -> PrepareSettings {
 }
 
 /// How a source is read whose image sequences have `fps` frames per second.
+/// Every n-th frame, from one on.
+fn every(every: u32, from: u32) -> Frames {
+    Frames { from, every, ..Frames::default() }
+}
+
 fn rate(fps: f64) -> CaptureSettings {
     CaptureSettings { fps, ..CaptureSettings::default() }
 }

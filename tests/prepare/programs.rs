@@ -1,12 +1,12 @@
 //! With the programs of others: ffmpeg, COLMAP and Python. Each test is skipped where its program is absent.
 
 use ivv::prepare::{PrepareSettings, Prepared, Triangulate};
-use ivv::scene::capture::{Camera, Capture, Manifest};
+use ivv::scene::capture::{Camera, Capture, Frames, Manifest};
 use ivv::scene::prior::read_flow;
 use ivv::synth::{Options, Preset, write_capture};
 use std::path::Path;
 
-use super::{done, open, run, settings, video};
+use super::{done, every, open, run, settings, video};
 use crate::capture::model::{Model, binary};
 use crate::capture::{Folder, assert_told};
 use crate::common::notes::has_program;
@@ -38,7 +38,7 @@ fn videos_are_decoded_gone_on_with_and_compared() {
     imvid(&folder);
     video(&folder.0.join("source/left.mp4"), 6);
     video(&folder.0.join("source/right.mp4"), 5);
-    let settings = PrepareSettings { start: 1, every: 2, ..settings(&folder) };
+    let settings = PrepareSettings { frames: every(2, 1), ..settings(&folder) };
     let prepared = done(&settings);
     let notes = prepared.notes.join("\n");
     assert!(notes.contains("5 (`right`) to 6 (`left`)") && notes.contains("it is scaled"), "{notes}");
@@ -46,13 +46,15 @@ fn videos_are_decoded_gone_on_with_and_compared() {
     assert_eq!((capture.n_frames, capture.fps), (2, 5.0));
     assert_eq!((capture.cameras[1].intrinsics.width, capture.cameras[1].intrinsics.fx), (64, 60.0));
     // Every frame of the test picture differs from the others, and frames 1 and 3 are those of the whole video.
-    let whole = open(&PrepareSettings { start: 0, every: 1, output: folder.0.join("whole"), ..settings.clone() });
+    let whole =
+        open(&PrepareSettings { frames: Frames::default(), output: folder.0.join("whole"), ..settings.clone() });
     let pixels = |capture: &Capture, frame| capture.picture(1, frame).unwrap().pixels;
     assert_eq!((pixels(&capture, 0), pixels(&capture, 1)), (pixels(&whole, 1), pixels(&whole, 3)));
     assert_ne!(pixels(&whole, 1), pixels(&whole, 3));
     assert!(pixels(&whole, 0).iter().any(|pixel| pixel & 0xff > 200), "the test picture has bright colours");
     let shifts = [("right".to_owned(), 2)].into();
-    let shifted = PrepareSettings { start: 0, every: 1, shifts, output: folder.0.join("shifted"), ..settings.clone() };
+    let shifted =
+        PrepareSettings { frames: Frames::default(), shifts, output: folder.0.join("shifted"), ..settings.clone() };
     let shifted = open(&shifted);
     assert_eq!((shifted.n_frames, pixels(&shifted, 0)), (3, pixels(&whole, 2)));
     // The second of two frames is missing: only that is decoded.

@@ -7,7 +7,7 @@ use std::time::SystemTime;
 use ivv::prepare::{ImageFormat, PrepareSettings};
 use ivv::scene::capture::{CaptureSettings, check_capture};
 
-use super::{done, rate, run, settings};
+use super::{done, every, rate, run, settings};
 use crate::capture::{Folder, assert_told, dynamic};
 
 /// Every file below a folder with its bytes and the time of its last change.
@@ -115,7 +115,7 @@ fn other_settings_and_foreign_files_need_force() {
     }
     for (change, says) in [
         (PrepareSettings { scale: 1.5, ..settings.clone() }, "--scale"),
-        (PrepareSettings { every: 0, ..settings.clone() }, "--every"),
+        (PrepareSettings { frames: every(0, 0), ..settings.clone() }, "--frames"),
         (PrepareSettings { capture: rate(f64::NAN), ..settings.clone() }, "--fps"),
     ] {
         let error = run(&change).unwrap_err();

@@ -2,10 +2,10 @@
 
 use image::ExtendedColorType;
 use ivv::prepare::PrepareSettings;
-use ivv::scene::capture::{Capture, CaptureSettings, Manifest};
+use ivv::scene::capture::{Capture, CaptureSettings, Frames, Manifest};
 use serde_json::json;
 
-use super::{done, open, rate, run, settings};
+use super::{done, every, open, rate, run, settings};
 use crate::capture::model::{Model, binary};
 use crate::capture::{Folder, assert_told, dynamic, encode, png};
 
@@ -54,8 +54,7 @@ fn n3v_arrives() {
     sequence(&folder, "cam00", 5);
     sequence(&folder, "cam07/images", 4);
     let settings = PrepareSettings {
-        start: 1,
-        every: 2,
+        frames: every(2, 1),
         capture: CaptureSettings { test_cameras: Some(vec!["cam07".into()]), ..rate(30.0) },
         ..settings(&folder)
     };
@@ -255,7 +254,7 @@ fn caliscope_arrives() {
     assert_eq!(offsets, [("cam_0".to_owned(), -0.125), ("cam_1".to_owned(), 0.125)].into());
     // A time that was not taken, and one beyond the frames that are chosen.
     write("sync_index,cam_id,frame_time\n3,1,1.25\n3,0,1.0\n4,0,1.5\n4,1,\n");
-    let first = PrepareSettings { frames: Some(1), output: folder.0.join("first"), ..timed.clone() };
+    let first = PrepareSettings { frames: Frames::first(1), output: folder.0.join("first"), ..timed.clone() };
     assert_eq!(open(&first).true_offsets["cam_1"], 0.25);
     let whole = PrepareSettings { output: folder.0.join("whole"), ..timed.clone() };
     assert_eq!(open(&whole).true_offsets, [("cam_0".to_owned(), 0.0)].into());
@@ -359,7 +358,7 @@ fn dynamic_3d_gaussians_arrive_with_what_moves() {
     for frame in 0..3 {
         folder.write(&format!("source/seg/2/{frame:06}.png"), encode(&moves, 6, 4, ExtendedColorType::L8));
     }
-    let settings = PrepareSettings { frames: Some(2), capture: rate(25.0), ..settings(&folder) };
+    let settings = PrepareSettings { frames: Frames::first(2), capture: rate(25.0), ..settings(&folder) };
     let capture = open(&settings);
     assert_eq!((capture.n_frames, capture.fps), (2, 25.0));
     let tests: Vec<_> = capture.cameras.iter().map(|camera| camera.is_test).collect();
@@ -429,9 +428,9 @@ fn what_is_no_source_is_told() {
     assert_told(&run(&given).unwrap().0.report, &["holds no camera"]);
     dynamic::write_below(&folder, "source/", 2);
     std::fs::remove_file(folder.0.join("source/models.json")).unwrap();
-    given.start = 9;
+    given.frames.from = 9;
     assert_told(&run(&given).unwrap().0.report, &["begins at frame 9, the cameras have 2"]);
-    given.start = 0;
+    given.frames.from = 0;
     given.capture.test_cameras = Some(vec!["7".into()]);
     assert_told(&run(&given).unwrap().0.report, &["no camera is named `7`"]);
     given.capture.test_cameras = Some(["0", "1", "2"].map(String::from).to_vec());

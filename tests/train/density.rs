@@ -7,14 +7,15 @@ use ivv::scene::Splats;
 use ivv::scene::capture::{Capture, Extent, PriorPlan};
 use ivv::stage::{AdamMode, Choice};
 use ivv::train::{
-    Checkpoint, Config, Density, Round, Setup, StepReport, Strategy, Trainer, density_round, from_points, noise,
-    regularisers,
+    Checkpoint, Config, Density, Required, Round, Setup, StepReport, Strategy, Trainer, density_round, from_points,
+    noise, regularisers,
 };
 
 #[test]
 fn the_settings_of_density_control_make_its_rounds() {
     let extent = Extent { center: [100.0, 2.0, 3.0], radius: 4.0 };
-    let round = |config: &Config, step| density_round(config, (step, 10_000), 90_000, &extent, [90.0, 0.0, 0.0], 7);
+    let round =
+        |config: &Config, step| density_round(config, (step, 10_000), (90_000, 90_000), &extent, [90.0, 0.0, 0.0], 7);
     let adc = Config::default();
     assert_eq!(round(&adc, 550), None);
     let first = round(&adc, 600).unwrap();
@@ -41,8 +42,12 @@ fn the_settings_of_density_control_make_its_rounds() {
     // What is large goes only as long as others are added: later a wall would be left with a hole.
     assert_eq!(late.choice, Choice::Pulled { gradient: 2e-4, split_above: 0.04, prune_scale: f32::MAX });
     // Few Gaussians grow by more than their share, by all of them at most.
-    let few = |n| density_round(&adc, (600, 10_000), n, &extent, [90.0, 0.0, 0.0], 7).unwrap().growth;
+    let few = |n| density_round(&adc, (600, 10_000), (n, n), &extent, [90.0, 0.0, 0.0], 7).unwrap().growth;
     assert_eq!([few(500), few(4000), few(70_000)], [1.0, 0.25, 0.05]);
+    // Those that are not trained do not count.
+    let some =
+        |trained| density_round(&adc, (600, 10_000), (90_000, trained), &extent, [90.0, 0.0, 0.0], 7).unwrap().growth;
+    assert_eq!([some(45_000), some(900)], [0.025, 0.01]);
     let late = round(&mcmc, 5100).unwrap();
     assert!(matches!(late.choice, Choice::Pulled { prune_scale: f32::MAX, .. }) && late.growth == 0.0);
     let never = Config { density: Density { stop: 0.0, ..Density::default() }, ..Config::default() };
@@ -113,6 +118,54 @@ fn both_strategies_learn_grow_and_obey_the_budget() {
             assert_eq!((most, split), (Some(200), 0));
             assert!(reports[..100].iter().all(|r| r.density.is_none_or(|d| d.pruned == 0)));
         }
+    }
+}
+
+#[test]
+fn static_gaussians_stay_as_they_began_where_only_the_others_are_trained() {
+    let _device = gpu();
+    let tiny = Tiny::new("held");
+    // A reset and rounds that prune would touch them: some are faint.
+    let density = Density { reset_every: 12, prune_opacity: 0.03, ..Density::default() };
+    for adam in [AdamMode::Dense, AdamMode::Lazy, AdamMode::Sparse] {
+        let config =
+            Config { adam, density: density.clone(), trains_static: false, offsets: true, ..with(Strategy::Adc) };
+        let all = from_points(&tiny.capture.points[..150], &tiny.capture, &config);
+        let mut begin = Splats { n_static: 100, motion: all.motion[100..].to_vec(), ..all };
+        begin.opacity[..50].fill(-4.0);
+        let mut trainer = trainer(&tiny.capture, &config, &begin, 60);
+        let reports = drive(&mut trainer, &tiny.capture, config.seed, 60);
+        let splats = trainer.splats().unwrap();
+        let rows = |splats: &Splats, range: std::ops::Range<usize>| {
+            let k = splats.n_coefficients();
+            let row = |i: usize| {
+                let sh = splats.sh[i * k..(i + 1) * k].as_flattened().to_vec();
+                let place =
+                    [splats.position[i].as_slice(), &splats.rotation[i], &splats.scale[i], &[splats.opacity[i]], &sh];
+                place.concat().iter().map(|x| x.to_bits()).collect::<Vec<_>>()
+            };
+            let mut rows: Vec<_> = range.map(row).collect();
+            rows.sort_unstable();
+            rows
+        };
+        assert_eq!(splats.n_static, 100);
+        assert_eq!(rows(&splats, 0..100), rows(&begin, 0..100), "{adam:?}");
+        assert!(splats.len() > 150 && rows(&splats, 100..150) != rows(&begin, 100..150));
+        let mean = |part: &[StepReport]| part.iter().map(|r| r.loss).sum::<f64>() / part.len() as f64;
+        // Since the reset.
+        assert!(mean(&reports[50..]) < mean(&reports[12..22]));
+        // The camera learns of the Gaussians that move alone, and nothing of what lay there before.
+        let (offsets, _) = trainer.offsets().unwrap();
+        assert!(offsets.iter().all(|offset| offset.abs() < 0.2), "{offsets:?}");
+    }
+    for config in [
+        Config { trains_static: false, ..with(Strategy::Mcmc) },
+        Config { trains_static: false, required: Required { reviews: 1, ..Required::default() }, ..steady() },
+    ] {
+        let setup = Setup::new(&tiny.capture, &config);
+        let begin = from_points(&tiny.capture.points[..9], &tiny.capture, &config);
+        let refused = Trainer::new(gpu().clone(), &begin, Constants::default(), config, 9, setup).map(|_| ());
+        assert!(refused.unwrap_err().to_string().contains("trains_static=false: leaves static Gaussians as they are"));
     }
 }
 

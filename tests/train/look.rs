@@ -2,7 +2,7 @@
 
 use super::Tiny;
 use super::run::{fails, ivv, json, works};
-use ivv::scene::capture::{Capture, CaptureSettings};
+use ivv::scene::capture::{Capture, CaptureSettings, Frames};
 use ivv::scene::{View, read_views, write_views};
 use ivv::sound::rig::Rig;
 use ivv::train::{Run, spread};
@@ -156,7 +156,7 @@ fn a_capture_is_read_for_its_views_as_for_its_training() {
     let views: Vec<View> = (0..tiny.capture.cameras.len()).map(|c| tiny.capture.view(c, 1).unwrap()).collect();
     let names = |views: &[View]| views.iter().map(|view| view.name.clone()).collect::<Vec<_>>();
     assert_eq!(names(&read_views(&file).unwrap()), names(&views), "frame 1 of two");
-    let settings = CaptureSettings { max_frames: Some(2), ..CaptureSettings::default() };
+    let settings = CaptureSettings { frames: Frames::first(2), ..CaptureSettings::default() };
     assert_eq!(Rig::open_with(&tiny.folder, &settings).unwrap().n_frames, 2);
 
     // Of three images one is missing, and they are a half of the calibration's 6 x 4.

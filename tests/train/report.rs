@@ -61,6 +61,7 @@ fn run() -> Run {
     let test_cameras = vec!["cam<1>".to_owned()];
     Run {
         viewpoints: Vec::new(),
+        calibration: Default::default(),
         capture: "/captures/a & b".into(),
         capture_settings: Default::default(),
         test_cameras,

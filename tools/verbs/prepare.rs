@@ -26,12 +26,6 @@ pub struct Args {
     /// images inside the source.
     #[arg(long)]
     footage: Option<PathBuf>,
-    /// First frame to take.
-    #[arg(long, default_value_t = 0)]
-    start: u32,
-    /// Takes every n-th frame.
-    #[arg(long, default_value_t = 1)]
-    every: u32,
     /// Frames to skip at the start of a camera's footage, as `cam02=3,cam05=-1`, for cameras that did not start recording
     /// together. A negative number starts earlier.
     #[arg(long, value_delimiter = ',', value_name = "CAMERA=FRAMES")]
@@ -98,9 +92,7 @@ fn settings(args: &Args) -> anyhow::Result<PrepareSettings> {
     let capture = CaptureSettings { fps: args.fps, ..args.read.settings() };
     Ok(PrepareSettings {
         footage: args.footage.clone(),
-        start: args.start,
-        frames: capture.max_frames,
-        every: args.every,
+        frames: capture.frames,
         shifts: args.shift.iter().map(|word| shift(word)).collect::<anyhow::Result<_>>()?,
         scale: args.scale,
         format: if args.format == "jpg" { ImageFormat::Jpeg } else { ImageFormat::Png },

@@ -60,6 +60,11 @@ pub struct Args {
     /// of a run of that length, which may raise the rates and lower the scores for a while.
     #[arg(long)]
     pub resume: bool,
+    /// Trains what moves on top of another run on the same cameras, which has ended: its static Gaussians stay as they are, and so
+    /// does what it learnt of clocks and poses. Its dynamic Gaussians that live in this part of the clip are begun with, beside
+    /// those of what moves in the images.
+    #[arg(long, value_name = "RUN", conflicts_with = "resume")]
+    pub base: Option<PathBuf>,
     /// Replaces the run in the run folder, with all that `ivv` wrote there for it. It stays until capture and settings are
     /// known to be good and the first Gaussians are there.
     #[arg(long, conflicts_with = "resume")]

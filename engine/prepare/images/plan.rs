@@ -11,7 +11,7 @@ use crate::prepare::settings::PrepareSettings;
 use crate::prepare::source::{Footage, Source, SourceCamera};
 use crate::prepare::video::Selection;
 use crate::scene::Intrinsics;
-use crate::scene::capture::{Faults, RATES, Shot, read_size};
+use crate::scene::capture::{Faults, Frames, RATES, Shot, read_size};
 use crate::scene::undistort::Lens;
 
 /// Rates differ when their ratio is farther from 1.
@@ -88,15 +88,15 @@ fn select(
     notes: &mut Vec<String>,
     faults: &mut Faults,
 ) -> Selection {
-    let PrepareSettings { start, every, .. } = *settings;
+    let Frames { from: start, to, every } = settings.frames;
     let left = |n: u32, name: &str| u32::try_from(i64::from(n) - i64::from(settings.shift(name))).unwrap_or(0);
     let available = counts.iter().map(|(n, name)| left(*n, name)).min().unwrap_or(0);
-    let n = available.saturating_sub(start).div_ceil(every).min(settings.frames.unwrap_or(u32::MAX));
+    let n = settings.frames.of(available).len() as u32;
     if n == 0 && faults.n() == 0 {
         let reason = format!("begins at frame {start}, the cameras have {available}");
-        faults.add(&source.calibration, "--start", reason, "begin earlier");
+        faults.add(&source.calibration, "--frames", reason, "begin earlier");
     }
-    if settings.frames.is_some_and(|frames| frames > n) && n > 0 {
+    if to.is_some_and(|to| to > available) && n > 0 {
         notes.push(format!("only {n} frames are there"));
     }
     Selection { start, every, n }
@@ -162,7 +162,7 @@ impl Planned<'_> {
         let shift = self.settings.shift(&camera.name);
         let Some(start) = self.select.start.checked_add_signed(shift) else {
             let reason = format!("is to begin {} frames before its footage", shift.unsigned_abs() - self.select.start);
-            let remedy = format!("give --start {} or more", shift.unsigned_abs());
+            let remedy = format!("begin at frame {} or later: --frames {0}:", shift.unsigned_abs());
             self.faults.add(&self.source.calibration, place, reason, remedy);
             return None;
         };
@@ -195,7 +195,7 @@ impl Planned<'_> {
     fn choose_flow(&mut self, shots: &mut [Shot]) {
         // The frame that the last flow leads to is not taken.
         shots.last_mut().map(|shot| shot.flow.take());
-        if self.settings.every == 1 || shots.iter().all(|shot| shot.flow.is_none()) {
+        if self.settings.frames.every == 1 || shots.iter().all(|shot| shot.flow.is_none()) {
             return;
         }
         let note = "flow does not skip frames: left out".to_owned();

@@ -4,13 +4,14 @@ use std::collections::BTreeMap;
 
 use super::recording::{Clocks, Footage, Place, Source, SourceCamera};
 use crate::scene::capture::{
-    Alpha, Camera, CaptureBuilder, CaptureSettings, Faults, describe, has_alpha, images_folder, model_folder, tracks,
+    Alpha, Camera, CaptureBuilder, CaptureSettings, Faults, Frames, describe, has_alpha, images_folder, model_folder,
+    tracks,
 };
 
 pub(super) fn read(place: Place, faults: &mut Faults) -> Option<Source> {
     let asked = &place.settings.capture;
     let images = place.settings.footage.clone().unwrap_or(asked.images.clone());
-    let settings = CaptureSettings { images, max_frames: None, ..asked.clone() };
+    let settings = CaptureSettings { images, frames: Frames::default(), ..asked.clone() };
     let (format, mut builder) = describe(place.folder, &settings, faults)?;
     if settings.skip_missing {
         let shots = |builder: &CaptureBuilder| builder.cameras.iter().map(|camera| camera.shots.len()).sum::<usize>();

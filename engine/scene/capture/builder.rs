@@ -3,7 +3,8 @@
 use std::collections::{BTreeMap, HashSet};
 use std::path::Path;
 
-use super::camera::{Camera, MAX_COORDINATE, Point};
+use super::camera::{Camera, MAX_COORDINATE, Point, Shot};
+use super::frames::Frames;
 use super::header::{has_alpha, read_size};
 use super::opened::Capture;
 use super::picture::MAX_PIXELS;
@@ -48,11 +49,7 @@ impl CaptureBuilder {
         faults: &mut Faults,
         report: &mut Report,
     ) -> Capture {
-        if let Some(limit) = settings.max_frames.filter(|&limit| limit < self.n_frames) {
-            self.notes.push(format!("only the first {limit} of {} frames are used", self.n_frames));
-            self.n_frames = limit;
-            self.cameras.iter_mut().for_each(|camera| camera.shots.retain(|shot| shot.frame < limit));
-        }
+        self.cut(path, settings.frames, faults);
         self.cameras.iter_mut().for_each(|camera| camera.shots.sort_by_key(|shot| shot.frame));
         self.check_lenses(faults);
         self.check_clip(faults);
@@ -89,9 +86,44 @@ impl CaptureBuilder {
             frame_points: self.frame_points,
             true_offsets: self.true_offsets,
             viewpoints: Vec::new(),
+            calibration: BTreeMap::new(),
             settings: settings.clone(),
             moved: Similarity::default(),
         }
+    }
+
+    /// Leaves the frames that are used, counted from 0.
+    pub fn cut(&mut self, path: &Path, frames: Frames, faults: &mut Faults) {
+        let (n, n_used) = (self.n_frames, frames.of(self.n_frames).len() as u32);
+        if n_used == n || n > MAX_FRAMES {
+            return;
+        }
+        if n_used == 0 {
+            let remedy = "ask for frames of the clip, which are counted from 0";
+            faults.add(path, "--frames", format!("begins at frame {}, the clip has {n} frames", frames.from), remedy);
+            return;
+        }
+        self.notes.push(match frames {
+            Frames { from: 0, every: 1, .. } => format!("only the first {n_used} of {n} frames are used"),
+            _ => format!("only {n_used} of {n} frames are used: {frames}"),
+        });
+        for camera in &mut self.cameras {
+            camera.shots = std::mem::take(&mut camera.shots)
+                .into_iter()
+                .filter_map(|shot| Some(Shot { frame: frames.index(shot.frame, n)?, ..shot }))
+                // Nothing is left that the flow of the last frame leads to.
+                .map(|shot| Shot { flow: shot.flow.filter(|_| frames.every == 1 && shot.frame + 1 < n_used), ..shot })
+                .collect();
+        }
+        if let Some(points) = &mut self.frame_points {
+            points.frames = frames;
+        }
+        self.true_offsets.values_mut().for_each(|offset| *offset /= f64::from(frames.every));
+        self.fps /= f64::from(frames.every);
+        self.n_frames = n_used;
+        // What rests in the reference frame may move in the others, so the nearest one stands for it.
+        let past = self.reference_frame.saturating_sub(frames.from);
+        self.reference_frame = (past / frames.every).min(n_used - 1);
     }
 
     /// The lens of a camera.

@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 use super::builder::{CaptureBuilder, MAX_FRAMES, check_names};
 use super::camera::{Camera, Shot};
 use super::colmap::{Posed, read_model};
+use super::frames::Frames;
 use super::names::with_image_extension;
 use super::points::FramePoints;
 use super::report::Faults;
@@ -111,7 +112,7 @@ pub(super) fn read(path: &Path, settings: &CaptureSettings, faults: &mut Faults)
     let Some(manifest) = manifest else { return CaptureBuilder::default() };
     // The builder refuses a clip that is longer; that its frames are not there needs no fault for each of them.
     let is_possible = manifest.frames <= MAX_FRAMES;
-    let n_frames = if is_possible { manifest.frames.min(settings.max_frames.unwrap_or(MAX_FRAMES)) } else { 0 };
+    let n_frames = if is_possible { settings.frames.end(manifest.frames) } else { 0 };
     let mut builder = CaptureBuilder {
         fps: manifest.fps,
         n_frames: manifest.frames,
@@ -167,7 +168,7 @@ pub(super) fn read(path: &Path, settings: &CaptureSettings, faults: &mut Faults)
         priors.find(&mut builder.cameras, |shot| &mut shot.depth, faults);
     }
     if manifest.points {
-        builder.frame_points = frame_points(path, &model.file, ids, n_frames, faults);
+        builder.frame_points = frame_points(path, &model.file, ids, (settings.frames, n_frames), faults);
     }
     let names: Vec<&str> = builder.cameras.iter().map(|camera| camera.name.as_str()).collect();
     check_names("test cameras", &manifest.test_cameras, &names, &builder.calibration, faults);
@@ -193,7 +194,7 @@ fn frame_points(
     path: &Path,
     file: &Path,
     ids: Vec<(u32, String)>,
-    n_frames: u32,
+    (used, n_frames): (Frames, u32),
     faults: &mut Faults,
 ) -> Option<FramePoints> {
     let folder = path.join("points");
@@ -209,12 +210,12 @@ fn frame_points(
             faults.add(file, format!("camera {id}"), reason, remedy);
         }
     }
-    let points = FramePoints { folder, cameras };
+    let points = FramePoints { folder, cameras, frames: Frames::default() };
     // In a clip of millions of frames whose files are not there, those that are missing are counted and not looked for.
     let n_listed = n_frames.min(n_files(&points.folder).saturating_add(MAX_MISSING));
-    let (there, absent): (Vec<u32>, Vec<u32>) = (0..n_listed).partition(|frame| points.has(*frame));
+    let (there, absent): (Vec<u32>, Vec<u32>) = used.of(n_listed).partition(|frame| points.has(*frame));
     if let Some(first) = absent.first() {
-        let more = n_frames as usize - there.len() - 1;
+        let more = used.of(n_frames).len() - there.len() - 1;
         let reason =
             if more > 0 { format!("is missing, as are those of {more} more frames") } else { "is missing".into() };
         let remedy = format!("triangulate every frame, or set points = false in {FILE}");

@@ -4,12 +4,14 @@
 
 mod builder;
 mod cache;
+mod calibration;
 mod camera;
 mod colmap;
 pub(super) mod decoder;
 
 mod dynamic;
 mod folder;
+mod frames;
 pub(super) mod header;
 mod names;
 mod npz;
@@ -23,9 +25,11 @@ mod transforms;
 mod truth;
 
 pub use cache::{Asked, CacheStats, FrameCache, decoded_bytes, decoding_threads, share_of_memory};
+pub use calibration::Calibration;
 pub use camera::{Camera, Extent, Point, Shot};
 pub use folder::Manifest;
 pub(crate) use folder::{JOURNAL, is_unfinished};
+pub use frames::Frames;
 pub use opened::{Capture, TRAINING_RADIUS};
 pub use picture::{Picture, pixel_bytes};
 pub use points::FramePoint;

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
+use super::calibration::Calibration;
 use super::camera::{Camera, Extent, Point, Shot, extent};
 use super::picture::{self, Picture};
 use super::points::{FramePoint, FramePoints};
@@ -10,6 +11,7 @@ use super::priors::{PriorPlan, PriorSource};
 use super::settings::CaptureSettings;
 use crate::error::{Error, Result};
 use crate::scene::{Similarity, View};
+use glam::DVec3;
 
 /// [`Extent::radius`] in the frame that training computes in: the geometric middle of SPEC 1's 1 to 10. Rates and limits
 /// in scene units, as those of velocities and the near plane, mean the same in every capture.
@@ -38,6 +40,9 @@ pub struct Capture {
     /// Views that the scene will be seen from beside those of its cameras, where somebody says so; training keeps clear what
     /// lies just before them. Empty unless set.
     pub viewpoints: Vec<View>,
+    /// What an earlier run learnt of the cameras, by name: poses are corrected by it, and so are the times of views. Empty unless
+    /// set.
+    pub calibration: BTreeMap<String, Calibration>,
     pub(super) frame_points: Option<FramePoints>,
     /// How it was read.
     pub(super) settings: CaptureSettings,
@@ -60,7 +65,8 @@ impl Capture {
         let Some(seen_by) = self.cameras.get(camera).filter(|_| frame < self.n_frames) else {
             return Err(self.absent(camera, frame));
         };
-        Ok(seen_by.view(frame, self.n_frames, seen_by.pose(frame), self.background))
+        let view = seen_by.view(frame, self.n_frames, seen_by.pose(frame), self.background);
+        Ok(View { time_offset: self.offset(camera), ..view })
     }
 
     /// Whether it is a clip that several training cameras took: of one alone, the scene's own times and colours take up what is off.
@@ -173,6 +179,28 @@ impl Capture {
         self.points.iter_mut().for_each(|point| point.position = to.point(point.position));
         self.moved = self.moved.then(to);
         self
+    }
+
+    /// Corrects the cameras that `by` names; those of others stay as they are. For a capture in its own world.
+    #[must_use]
+    pub fn calibrated(mut self, by: &BTreeMap<String, Calibration>) -> Self {
+        for camera in &mut self.cameras {
+            let Some(Calibration { turn, shift, .. }) = by.get(&camera.name) else { continue };
+            let (turn, shift) = (DVec3::from(*turn), DVec3::from(*shift));
+            // A pose that is right keeps its bits.
+            if turn != DVec3::ZERO || shift != DVec3::ZERO {
+                camera.world_to_camera = camera.world_to_camera.corrected(turn, shift);
+                let poses = camera.shots.iter_mut().filter_map(|shot| shot.world_to_camera.as_mut());
+                poses.for_each(|pose| *pose = pose.corrected(turn, shift));
+            }
+        }
+        self.calibration = by.clone();
+        self
+    }
+
+    /// By how much later the pictures of a camera were taken than their frames say, frames.
+    fn offset(&self, camera: usize) -> f64 {
+        self.calibration.get(&self.cameras[camera].name).map_or(0.0, |known| known.offset * self.fps)
     }
 
     fn frames(&self, is_test: bool) -> Vec<(usize, u32)> {

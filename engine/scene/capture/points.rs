@@ -4,6 +4,7 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 use super::camera::MAX_COORDINATE;
+use super::frames::Frames;
 use crate::error::{Error, Result};
 use crate::files::ply_header::{Element, Scalar};
 use crate::files::ply_rows::{Column, Rows};
@@ -29,6 +30,8 @@ pub(crate) struct FramePoints {
     pub folder: PathBuf,
     /// Name of the camera of an id.
     pub cameras: HashMap<u32, String>,
+    /// Which files of the clip belong to its frames.
+    pub frames: Frames,
 }
 
 impl FramePoints {
@@ -70,7 +73,8 @@ impl FramePoints {
 
     /// The file of a frame.
     pub fn path(&self, frame: u32) -> PathBuf {
-        self.folder.join(format!("{frame:05}.ply"))
+        let file = u64::from(self.frames.from) + u64::from(frame) * u64::from(self.frames.every);
+        self.folder.join(format!("{file:05}.ply"))
     }
 }
 

@@ -1,5 +1,6 @@
 //! How a capture is read.
 
+use super::frames::Frames;
 use std::path::PathBuf;
 
 /// What the alpha channel of images is. Either way the background shows through where it is below 1.
@@ -23,8 +24,10 @@ pub struct CaptureSettings {
     pub test_every: usize,
     /// Colour behind images that have an alpha channel, and of the views; in [0, 1].
     pub background: [f32; 3],
-    /// Uses only the first frames of the clip.
-    pub max_frames: Option<u32>,
+    /// Which frames of the clip are used. Where some between them are left out, flow, which leads to the next frame of the clip,
+    /// is left out too.
+    #[serde(alias = "max_frames")]
+    pub frames: Frames,
     /// Frames per second of a capture that does not say.
     pub fps: f64,
     /// Leaves out images whose file is absent, with a note, where each is a fault otherwise.
@@ -51,7 +54,7 @@ impl Default for CaptureSettings {
             test_cameras: None,
             test_every: 8,
             background: [0.0; 3],
-            max_frames: None,
+            frames: Frames::default(),
             fps: 30.0,
             skip_missing: false,
             foreground_masks: false,

@@ -99,14 +99,15 @@ impl Initial {
 }
 
 /// Makes the first Gaussians of `capture`, which is in the frame of training, as `config.init` says. Where nothing is found they
-/// are at random places. Of more than [`Config::max_gaussians`] that many are kept, evenly chosen. `progress` is called as
+/// are at random places. Where static ones are not trained, only those of what moves are made, and there may be none. Of more than [`Config::max_gaussians`] that many are kept, evenly chosen. `progress` is called as
 /// (pieces done, pieces in all).
 ///
 /// # Errors
 /// [`Error::Data`] when the capture has not what `config.init` asks for, or when an image does not decode.
 #[tracing::instrument(level = "info", name = "initialise", skip_all)]
 pub fn initialise(capture: &Capture, config: &Config, progress: &mut dyn FnMut(usize, usize)) -> Result<Initial> {
-    let mut initial = all(capture, config, progress)?;
+    let mut initial =
+        if config.trains_static { all(capture, config, progress)? } else { moving(capture, config, progress)? };
     let n = initial.splats.len();
     if n > config.max_gaussians {
         let keep: Vec<usize> = (0..config.max_gaussians).map(|i| i * n / config.max_gaussians).collect();
@@ -152,6 +153,26 @@ fn all(capture: &Capture, config: &Config, progress: &mut dyn FnMut(usize, usize
         return Ok(at_random(capture, config, "no frame has a point".to_owned()));
     }
     Ok(Initial { counts, ..Initial::new(splats, from, because) })
+}
+
+/// Only those of what moves, by flow or else by masks; none where the capture has neither.
+fn moving(capture: &Capture, config: &Config, progress: &mut dyn FnMut(usize, usize)) -> Result<Initial> {
+    if capture.has_frame_points() && has_flow(capture) {
+        let frames = flow::from_frames(capture, config, flow::Rule::TwoViews, progress)?;
+        let mut splats = frames.moving;
+        splats.source_row = (0..splats.len() as u32).collect();
+        let because = "of what moves, by the flow".to_owned();
+        return Ok(Initial { counts: Some(frames.counts), ..Initial::new(splats, Init::Flow, because) });
+    }
+    if !has_foreground(capture) {
+        let because = "the capture has neither flow nor masks of what moves".to_owned();
+        return Ok(Initial::new(Splats::new(config.sh_degree), Init::Hull, because));
+    }
+    let both = from_pictures(capture, config, Init::Hull, "of what moves, by the masks".to_owned(), progress)?;
+    let moving: Vec<usize> = (both.splats.n_static..both.splats.len()).collect();
+    let mut splats = both.splats.in_order(&moving);
+    splats.source_row = (0..splats.len() as u32).collect();
+    Ok(Initial { splats, ..both })
 }
 
 fn at_random(capture: &Capture, config: &Config, because: String) -> Initial {

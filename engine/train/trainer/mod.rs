@@ -11,7 +11,7 @@ mod step;
 pub use profile::ProfiledStep;
 pub use report::StepReport;
 
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::gpu::generated::{AdamParams, Status};
 use crate::gpu::{Buf, Gpu, Recording, Running, Staging};
 use crate::scene::capture::{Asked, Picture};
@@ -21,7 +21,7 @@ use crate::stage::{
     AdamMode, DensityRound, Lists, Moments, Optimiser, Purpose, Room, SceneBuffers, State, StepSettings, Workspace,
     adam_params, constants_on, lazy_sums,
 };
-use crate::train::config::Config;
+use crate::train::config::{Config, Strategy};
 use crate::train::density::{density_round, regularisers};
 use crate::train::images::Shot;
 use crate::train::objective::{Objective, Report, Truth};
@@ -29,6 +29,7 @@ use crate::train::poses::Correction;
 use crate::train::schedule::rates;
 use crate::train::setup::Setup;
 use std::collections::{BTreeMap, VecDeque};
+use std::path::Path;
 use std::sync::Arc;
 use tracing::debug_span;
 
@@ -117,9 +118,11 @@ impl Trainer {
     ) -> Result<Self> {
         let accumulation = config.accumulation.on(gpu.caps());
         accumulation.check(gpu.caps())?;
+        held_statics(&config)?;
         let constants = constants_on(gpu.caps().kind, config.frame, constants);
-        let scene = SceneBuffers::upload(&gpu, splats, &constants, Purpose::Training)?;
-        let zeros = zeros_like(splats);
+        let mut scene = SceneBuffers::upload(&gpu, splats, &constants, Purpose::Training)?;
+        scene.holds_static = !config.trains_static;
+        let zeros = splats.zeros();
         let state = vec![[0.0; 4]; splats.len()];
         let sums = match config.adam {
             AdamMode::Lazy => lazy_sums(|step| rates(&config, step, total, setup.extent.radius), total),
@@ -300,8 +303,8 @@ impl Trainer {
     /// The round of density control that is due after the step handed over last.
     fn due_round(&self) -> Option<DensityRound> {
         let n_frames = (1.0 / self.setup.dt).round() as u32;
-        let SceneBuffers { n, origin, .. } = self.scene;
-        density_round(&self.config, (self.step, self.total), n, &self.setup.extent, origin, n_frames)
+        let (n, n_trained, origin) = (self.scene.n, self.scene.n_trained(), self.scene.origin);
+        density_round(&self.config, (self.step, self.total), (n, n_trained), &self.setup.extent, origin, n_frames)
     }
 
     /// The density control due after the step handed over last, once.
@@ -330,21 +333,16 @@ impl Trainer {
     }
 }
 
-/// Zeros in the shapes of `splats`.
-fn zeros_like(splats: &Splats) -> Splats {
-    let n = splats.len();
-    Splats {
-        n_static: splats.n_static,
-        position: vec![[0.0; 3]; n],
-        rotation: vec![[0.0; 4]; n],
-        scale: vec![[0.0; 3]; n],
-        opacity: vec![0.0; n],
-        sh: vec![[0.0; 3]; splats.sh.len()],
-        motion: vec![bytemuck::Zeroable::zeroed(); splats.motion.len()],
-        degree: splats.degree.clone(),
-        source_row: splats.source_row.clone(),
-        ..Splats::new(splats.sh_degree)
-    }
+/// Refuses what would change static Gaussians that stay as they began.
+fn held_statics(config: &Config) -> Result<()> {
+    let (draws, reviews) = (config.density.strategy == Strategy::Mcmc, config.required.reviews > 0);
+    let changed = match (config.trains_static, draws, reviews) {
+        (false, true, _) => "density.strategy=mcmc, which would change those that it copies",
+        (false, _, true) => "required.reviews, which would reduce them",
+        _ => return Ok(()),
+    };
+    let reason = format!("leaves static Gaussians as they are, and was given with {changed}");
+    Err(Error::data(Path::new("settings"), "trains_static=false", reason, "leave one of the two out"))
 }
 
 /// State in the order of the scene's Gaussians, by group.

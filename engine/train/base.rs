@@ -1,0 +1,151 @@
+//! A run on top of another: what rests is the other's, and so is what it learnt of the cameras.
+
+use super::checkpoint::{CameraState, Checkpoint, Owed};
+use super::config::{Config, PoseKind};
+use super::poses::Correction;
+use super::run::Run;
+use crate::error::{Error, Result};
+use crate::scene::Splats;
+use crate::scene::capture::{Calibration, Capture, Frames};
+use crate::stage::PoseRows;
+use crate::train::average::Average;
+use glam::DVec3;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// Temporal factor that a dynamic Gaussian must reach at a frame of a clip to be of use there.
+const VISIBLE: f64 = 0.1;
+
+/// An ended run that others build on: they take over its static Gaussians and what it learnt of the cameras, and train what moves.
+pub struct Base {
+    folder: PathBuf,
+    run: Run,
+    config: Config,
+    /// In the capture's own world; times are those of the run.
+    splats: Splats,
+    cameras: CameraState,
+}
+
+impl Base {
+    /// Reads the run in `folder`.
+    ///
+    /// # Errors
+    /// [`Error::Data`] when it is no run or has not ended.
+    pub fn read(folder: &Path) -> Result<Self> {
+        let run = Run::read(folder)?;
+        let fault = |reason: &str| Err(Error::data(folder, "--base", reason, "train it to its end first"));
+        let Some(checkpoint) = Checkpoint::newest(&folder.join("checkpoints"))? else {
+            return fault("holds no checkpoint");
+        };
+        if checkpoint.step < checkpoint.total {
+            return fault("is a run that has not ended");
+        }
+        let scene = checkpoint.average.scene().cloned().unwrap_or_else(|| checkpoint.scene());
+        Ok(Base {
+            folder: folder.to_owned(),
+            splats: run.world.inverse().splats(&scene),
+            run,
+            config: checkpoint.config,
+            cameras: checkpoint.cameras,
+        })
+    }
+
+    /// The settings of a run on top of it that was asked for with `config`: what is taken over is not learnt anew.
+    pub fn config(&self, config: Config) -> Config {
+        Config {
+            trains_static: false,
+            offsets: false,
+            poses: PoseKind::Given,
+            sh_degree: self.config.sh_degree,
+            grids: self.config.grids,
+            ..config
+        }
+    }
+
+    /// `capture`, in its own world, with the cameras as the run learnt them.
+    ///
+    /// # Errors
+    /// [`Error::Data`] when it has other cameras.
+    pub fn calibrated(&self, capture: Capture) -> Result<Capture> {
+        let tests: Vec<&String> = capture.cameras.iter().filter(|c| c.is_test).map(|c| &c.name).collect();
+        if capture.cameras.len() != self.run.held.cameras || !tests.iter().copied().eq(&self.run.test_cameras) {
+            let reason = format!(
+                "is of {} cameras without those for testing ({}), the capture has {} ({})",
+                self.run.held.cameras,
+                self.run.test_cameras.join(", "),
+                capture.cameras.len(),
+                tests.iter().map(|name| name.as_str()).collect::<Vec<_>>().join(", ")
+            );
+            return Err(Error::data(&self.folder, "--base", reason, "give a run on the same cameras"));
+        }
+        let seconds = 1.0 / self.run.held.fps;
+        let of = |index: usize| {
+            let offset = self.cameras.clocks.get(index).map_or(0.0, |clock| f64::from(clock[0]) * seconds);
+            // Behind the cameras' rows is that of all.
+            let rows: &[PoseRows] = self.cameras.poses.split_last().map_or(&[], |(_, rows)| rows);
+            let learnt = rows.get(index).map(|rows| Correction::of(rows).in_capture(&self.run.world));
+            let Correction { turn, shift } = learnt.unwrap_or(Correction { turn: DVec3::ZERO, shift: DVec3::ZERO });
+            // On top of what it began with. Turns are of a fraction of a degree: their order does not matter.
+            let before = self.run.calibration.get(&capture.cameras[index].name).copied().unwrap_or_default();
+            let sum = |learnt: DVec3, before: [f64; 3]| (learnt + DVec3::from(before)).to_array();
+            Calibration {
+                offset: before.offset + offset,
+                turn: sum(turn, before.turn),
+                shift: sum(shift, before.shift),
+            }
+        };
+        let cameras = capture.cameras.iter().enumerate().filter(|(_, camera)| !camera.is_test);
+        let learnt = cameras.map(|(index, camera)| (camera.name.clone(), of(index)));
+        let learnt: BTreeMap<_, _> = learnt.filter(|(_, known)| *known != Calibration::default()).collect();
+        Ok(capture.calibrated(&learnt))
+    }
+
+    /// The beginning of a run of `total` steps on `capture`, which is in the frame of training of `run`: the static Gaussians of
+    /// this one, its dynamic ones that live in the capture's part of the clip, and `moving`, in the frame of training.
+    pub fn checkpoint(
+        &self,
+        (capture, run): (&Capture, &Run),
+        moving: Splats,
+        config: Config,
+        total: u64,
+    ) -> Checkpoint {
+        let part = capture.settings().frames;
+        let mut params = run.world.splats(&self.living(&part, capture.n_frames));
+        let (k, n_static) = (params.n_coefficients(), moving.n_static);
+        debug_assert!(n_static == 0 && moving.sh.len() == k * moving.len());
+        params.degree.clear();
+        params.append_dynamic(moving);
+        params.source_row = (0..params.len() as u32).collect();
+        let (n, zeros) = (params.len(), params.zeros());
+        Checkpoint {
+            step: 0,
+            total,
+            config,
+            world: run.world,
+            origin: [0.0; 3],
+            first: zeros.clone(),
+            second: zeros,
+            params,
+            state: vec![[0.0; 4]; n],
+            cameras: CameraState {
+                clocks: Vec::new(),
+                learns_offset: Vec::new(),
+                poses: Vec::new(),
+                ..self.cameras.clone()
+            },
+            owed: Owed::default(),
+            average: Average::default(),
+        }
+    }
+
+    /// The static Gaussians, and of the dynamic ones those that are visible at a frame of `part`, which has `n` frames, on its clock.
+    fn living(&self, part: &Frames, n: u32) -> Splats {
+        let own = self.run.capture_settings.frames;
+        let span = |frames: &Frames, n: u32| f64::from(n) * f64::from(frames.every);
+        let scale = span(&own, self.run.held.frames) / span(part, n);
+        let shift = (f64::from(own.from) - f64::from(part.from)) / span(part, n);
+        let on_clock = self.splats.clone().on_clock(scale, shift);
+        let lives = |i: usize| (0..n).any(|frame| on_clock.weight_at(i, f64::from(frame) / f64::from(n)) >= VISIBLE);
+        on_clock.kept(|i| i < on_clock.n_static || lives(i)).into_owned()
+    }
+}
