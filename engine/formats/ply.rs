@@ -6,13 +6,13 @@ use std::path::Path;
 use super::clock::Clock;
 use super::compressed_ply::{is_compressed, read_compressed};
 use super::format::{Reader, WriteScene, Writer};
-use super::ply_time::{FREE_TIME, MOTION, Temporal, free_time, free_time_comments};
+use super::ply_time::{FREE_TIME, MOTION, SPAN, Temporal, free_time, free_time_comments};
 use crate::error::{Error, Result};
 use crate::files::ply_header::{Element, Header};
 use crate::files::ply_rows::{Column, Rows};
 use crate::files::write_atomic;
 use crate::scene::dc_of_color;
-use crate::scene::{Motion, Splats};
+use crate::scene::{ALWAYS, Motion, Splats};
 
 /// Reads a scene from a 3DGS PLY file: ascii or binary of either byte order, properties by name in any order and of
 /// any scalar type (rounded to f32), other properties and elements skipped.
@@ -118,6 +118,8 @@ impl Layout {
     ) -> std::result::Result<(), &'static str> {
         let motion = self.temporal.as_ref().map_or(Ok(None), |temporal| temporal.motion(bytes))?;
         let to = if motion.is_some() { moving } else { still };
+        let span = self.temporal.as_ref().and_then(|temporal| temporal.span(bytes));
+        to.span.extend(span.filter(|_| motion.is_some()));
         to.motion.extend(motion);
         to.source_row.push(row);
         to.position.push(self.position.map(|c| c.f32(bytes)));
@@ -156,18 +158,23 @@ pub(super) const FTGS_WRITER: Writer = Writer {
 
 /// Writes a scene as a binary little-endian PLY in 3DGS's property order, rows in the order of `source_row` (ties: the
 /// lower index first). The temporal properties follow when any Gaussian is dynamic; a static one then has velocity 0,
-/// `t_center` 0 and `t_scale` +infinity. Reading a file that this wrote and writing it again gives the same bytes.
+/// `t_center` 0 and `t_scale` +infinity. Where some are not always there, `t_from` and `t_to` follow. Reading a file that this wrote and writing it again gives the same bytes.
 ///
 /// # Errors
 /// [`Error::Data`] when the file cannot be written or the scene's arrays disagree in length.
 pub fn write_ply(path: &Path, splats: &Splats) -> Result<()> {
-    let names = if splats.motion.is_empty() { &[][..] } else { &MOTION[..] };
-    let own = |motion: Option<Motion>| {
-        let still = Motion { velocity: [0.0; 3], t_center: 0.0, t_scale: f32::INFINITY };
-        let Motion { velocity: [x, y, z], t_center, t_scale } = motion.unwrap_or(still);
-        [x, y, z, t_center, t_scale]
+    let names: Vec<&str> = match (splats.motion.is_empty(), splats.span.is_empty()) {
+        (true, _) => Vec::new(),
+        (false, true) => MOTION.to_vec(),
+        (false, false) => MOTION.into_iter().chain(SPAN).collect(),
     };
-    write_rows(path, splats, &[], names, own, |_| true)
+    let own = |dynamic: Option<usize>| {
+        let still = Motion { velocity: [0.0; 3], t_center: 0.0, t_scale: f32::INFINITY };
+        let Motion { velocity: [x, y, z], t_center, t_scale } = dynamic.map_or(still, |at| splats.motion[at]);
+        let [from, to] = dynamic.and_then(|at| splats.span.get(at)).copied().unwrap_or(ALWAYS);
+        [x, y, z, t_center, t_scale, from, to]
+    };
+    write_rows(path, splats, &[], &names, own, |_| true)
 }
 
 /// Writes a scene as `.ftgs.ply`, version 1: 88 bytes a Gaussian of degree 0. With a `clock` its frames fall where the format
@@ -180,17 +187,20 @@ pub fn write_ftgs(path: &Path, splats: &Splats, clock: Option<Clock>) -> Result<
     if !(0..splats.len()).any(|i| splats.is_finite(i)) {
         return Err(Error::data(path, "", "there is no Gaussian to write", "a .ftgs.ply needs at least one"));
     }
+    splats.refuse_spans(path)?;
     let comments = free_time_comments(splats.sh_degree, clock);
-    write_rows(path, splats, &comments, &FREE_TIME, |motion| free_time(motion, clock), |i| splats.is_finite(i))
+    let temporal = |dynamic: Option<usize>| free_time(dynamic.map(|at| splats.motion[at]), clock);
+    write_rows(path, splats, &comments, &FREE_TIME, temporal, |i| splats.is_finite(i))
 }
 
-/// Writes the rows that `keep` tells, with the temporal properties `names`, of each of which `temporal` gives the value.
-fn write_rows(
+/// Writes the rows that `keep` tells, with the temporal properties `names`. `temporal` gives their values, and maybe more behind
+/// them, by the place among the dynamic Gaussians; none for a static one.
+fn write_rows<const N: usize>(
     path: &Path,
     splats: &Splats,
     comments: &[String],
     names: &[&str],
-    temporal: impl Fn(Option<Motion>) -> [f32; 5],
+    temporal: impl Fn(Option<usize>) -> [f32; N],
     keep: impl Fn(usize) -> bool,
 ) -> Result<()> {
     let remedy = "this is a fault of the program that made the scene";
@@ -204,8 +214,8 @@ fn write_rows(
             row.clear();
             push_row(splats, i, &mut row);
             if !names.is_empty() {
-                let motion = i.checked_sub(splats.n_static).map(|dynamic| splats.motion[dynamic]);
-                temporal(motion).iter().for_each(|v| row.extend(v.to_le_bytes()));
+                let values = temporal(i.checked_sub(splats.n_static));
+                values.iter().take(names.len()).for_each(|v| row.extend(v.to_le_bytes()));
             }
             to.write_all(&row)?;
         }

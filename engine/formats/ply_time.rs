@@ -7,10 +7,12 @@ use super::clock::Clock;
 use crate::error::{Error, Result};
 use crate::files::ply_header::{Element, Header};
 use crate::files::ply_rows::Column;
-use crate::scene::Motion;
+use crate::scene::{ALWAYS, Motion};
 
 /// The temporal properties of this project, in the file's order; a file has all of them or none.
 pub(super) const MOTION: [&str; 5] = ["velocity_0", "velocity_1", "velocity_2", "t_center", "t_scale"];
+/// From when up to when a Gaussian is there, behind [`MOTION`]; a file has both or none.
+pub(super) const SPAN: [&str; 2] = ["t_from", "t_to"];
 /// Those of FreeTimeGS: the time and the log of the standard deviation are of a sequence from 0 to 1.
 pub(super) const FREE_TIME: [&str; 5] = ["time", "log_duration", "velocity_0", "velocity_1", "velocity_2"];
 /// Those of Spacetime Gaussians; the first three `motion` are a velocity, the others and `omega` are higher orders and a turn.
@@ -22,6 +24,7 @@ pub(super) const NEVER_FADES: f64 = 1e6;
 pub(super) struct Temporal {
     columns: [Column; 5],
     form: Form,
+    span: Option<[Column; 2]>,
 }
 
 enum Form {
@@ -70,7 +73,19 @@ impl Temporal {
         for name in names {
             columns.push(Column::find(vertex, name).ok_or_else(|| missing(name))?);
         }
-        Ok(columns.try_into().ok().map(|columns| Temporal { columns, form }))
+        let span = match (&form, SPAN.map(has)) {
+            (Form::Own, [true, _] | [_, true]) => {
+                let [from, to] = SPAN.map(|name| Column::find(vertex, name).ok_or_else(|| missing(name)));
+                Some([from?, to?])
+            }
+            _ => None,
+        };
+        Ok(columns.try_into().ok().map(|columns| Temporal { columns, form, span }))
+    }
+
+    /// From when up to when the Gaussian of a row is there; `None` where the file does not say.
+    pub fn span(&self, bytes: &[u8]) -> Option<[f32; 2]> {
+        self.span.as_ref().map(|columns| columns.map(|column| column.f32(bytes)))
     }
 
     /// Whether colours of degree 0 are stored as they are, from 0 to 1, instead of as coefficients.
@@ -78,7 +93,7 @@ impl Temporal {
         matches!(self.form, Form::Spacetime(_))
     }
 
-    /// How the Gaussian of a row moves; `None` where it rests and never fades.
+    /// How the Gaussian of a row moves; `None` where it rests, never fades and is always there.
     ///
     /// # Errors
     /// Why it cannot be held.
@@ -91,7 +106,7 @@ impl Temporal {
         let (velocity, rests) = ([vx, vy, vz], [vx, vy, vz] == [0.0; 3]);
         match &self.form {
             Form::Own => {
-                let is_still = rests && t_scale == f32::INFINITY;
+                let is_still = rests && t_scale == f32::INFINITY && self.span(bytes).is_none_or(|span| span == ALWAYS);
                 Ok((!is_still).then_some(Motion { velocity, t_center, t_scale }))
             }
             Form::FreeTime(FreeTime { rate, use_velocity, min_duration }) => {

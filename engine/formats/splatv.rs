@@ -37,6 +37,7 @@ const UNUSED: [[f32; 2]; 5] = [[0.0; 2]; 5];
 pub fn write_splatv(path: &Path, splats: &Splats, views: &[View]) -> Result<()> {
     let remedy = "this is a fault of the program that made the scene";
     splats.check().map_err(|reason| Error::data(path, "", reason, remedy))?;
+    splats.refuse_spans(path)?;
     let mut order: Vec<usize> = (0..splats.len()).filter(|&i| splats.is_finite(i)).collect();
     if order.is_empty() {
         return Err(Error::data(path, "", "there is no Gaussian to write", "a .splatv needs at least one"));

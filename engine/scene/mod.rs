@@ -28,7 +28,7 @@ pub use pose::Pose;
 pub(crate) use pose::{quaternion, rotation_of_rows};
 pub use similarity::Similarity;
 pub(crate) use splats::dc_of_color;
-pub use splats::{Motion, SH_C0, Splats};
+pub use splats::{ALWAYS, Motion, SH_C0, Splats};
 pub use summary::{Bounds, DeviceBytes, Quantiles, Summary};
 pub(crate) use view::parse_views;
 pub use view::{Cone, FlowModel, View, read_views, write_views};

@@ -8,6 +8,9 @@ use crate::error::{Error, Result};
 /// Y_0 of the real spherical harmonics, 1 / (2 sqrt(pi)): a colour is `0.5 + SH_C0 * f_dc`.
 pub const SH_C0: f64 = 0.282_094_791_773_878_14;
 
+/// The span of a Gaussian that is always there.
+pub const ALWAYS: [f32; 2] = [f32::NEG_INFINITY, f32::INFINITY];
+
 /// The degree-0 coefficient of a colour in [0, 1].
 pub(crate) fn dc_of_color(color: f64) -> f32 {
     ((color - 0.5) / SH_C0) as f32
@@ -50,6 +53,9 @@ pub struct Splats {
     pub sh: Vec<[f32; 3]>,
     /// Temporal parameters of the dynamic Gaussians.
     pub motion: Vec<Motion>,
+    /// From when up to, but not including, when each dynamic Gaussian is there at all, normalised time. Empty where all always
+    /// are, as in every scene that is trained; parts of a clip that were trained one by one give way to each other so.
+    pub span: Vec<[f32; 2]>,
     /// Row of the file that each Gaussian came from; the writer restores that order.
     pub source_row: Vec<u32>,
 }
@@ -94,8 +100,17 @@ impl Splats {
         self.degree.get(i).map_or(self.sh_degree as usize, |degree| usize::from(*degree))
     }
 
-    /// exp(-u^2) of Gaussian `i` at normalised time `time` (SPEC 2); 1 for a static one.
+    /// Whether Gaussian `i` is there at normalised time `time`, however faint.
+    pub fn is_there(&self, i: usize, time: f64) -> bool {
+        let span = i.checked_sub(self.n_static).and_then(|at| self.span.get(at));
+        span.is_none_or(|[from, to]| f64::from(*from) <= time && time < f64::from(*to))
+    }
+
+    /// exp(-u^2) of Gaussian `i` at normalised time `time` (SPEC 2); 1 for a static one, and 0 where it is not there.
     pub fn weight_at(&self, i: usize, time: f64) -> f64 {
+        if !self.is_there(i, time) {
+            return 0.0;
+        }
         let motion = i.checked_sub(self.n_static).and_then(|at| self.motion.get(at));
         motion.map_or(1.0, |m| (-((time - f64::from(m.t_center)) / f64::from(m.t_scale).exp()).powi(2)).exp())
     }
@@ -107,6 +122,9 @@ impl Splats {
             *velocity = velocity.map(|v| (f64::from(v) / scale) as f32);
             *t_center = (f64::from(*t_center) * scale + shift) as f32;
             *t_scale = (f64::from(*t_scale) + scale.ln()) as f32;
+        }
+        for time in self.span.as_flattened_mut() {
+            *time = (f64::from(*time) * scale + shift) as f32;
         }
         self
     }
@@ -139,6 +157,9 @@ impl Splats {
         ];
         if let Some((name, length, expected)) = lengths.iter().find(|(_, length, expected)| length != expected) {
             return Err(format!("{name} has {length} entries, it should have {expected}"));
+        }
+        if !self.span.is_empty() && self.span.len() != n_dynamic {
+            return Err(format!("span has {} entries, it should have {n_dynamic} or none", self.span.len()));
         }
         if self.degree.is_empty() {
             return Ok(());
@@ -175,6 +196,7 @@ impl Splats {
     #[must_use]
     pub fn in_order(&self, order: &[usize]) -> Splats {
         let k = self.n_coefficients();
+        let dynamic = || order.iter().filter_map(|&i| i.checked_sub(self.n_static));
         Splats {
             n_static: order.iter().filter(|&&i| i < self.n_static).count(),
             sh_degree: self.sh_degree,
@@ -184,7 +206,8 @@ impl Splats {
             scale: order.iter().map(|&i| self.scale[i]).collect(),
             opacity: order.iter().map(|&i| self.opacity[i]).collect(),
             sh: order.iter().flat_map(|&i| self.sh[i * k..(i + 1) * k].iter().copied()).collect(),
-            motion: order.iter().filter_map(|&i| i.checked_sub(self.n_static)).map(|at| self.motion[at]).collect(),
+            motion: dynamic().map(|at| self.motion[at]).collect(),
+            span: if self.span.is_empty() { Vec::new() } else { dynamic().map(|at| self.span[at]).collect() },
             source_row: order.iter().map(|&i| self.source_row[i]).collect(),
         }
     }
@@ -196,6 +219,17 @@ impl Splats {
             return Cow::Borrowed(self);
         }
         Cow::Owned(self.in_order(&kept))
+    }
+
+    /// Refuses Gaussians that are not always there, for the writer of a format that has no place for that.
+    ///
+    /// # Errors
+    /// [`Error::Data`] naming `path`.
+    pub(crate) fn refuse_spans(&self, path: &Path) -> Result<()> {
+        let n = self.span.iter().filter(|span| **span != ALWAYS).count();
+        let reason = || format!("{n} Gaussians appear or disappear at once, which this format cannot tell");
+        let remedy = "export it as .4dgs or PLY, or as it is at one time (--time)";
+        if n == 0 { Ok(()) } else { Err(Error::data(path, "", reason(), remedy)) }
     }
 
     /// The Gaussians in the order of their rows, for the writer of a format that holds static ones only; those with a
@@ -223,6 +257,11 @@ impl Splats {
         self.scale.append(&mut dynamic.scale);
         self.opacity.append(&mut dynamic.opacity);
         self.sh.append(&mut dynamic.sh);
+        if !self.span.is_empty() || !dynamic.span.is_empty() {
+            self.span.resize(self.motion.len(), ALWAYS);
+            dynamic.span.resize(dynamic.motion.len(), ALWAYS);
+            self.span.append(&mut dynamic.span);
+        }
         self.motion.append(&mut dynamic.motion);
         self.source_row.append(&mut dynamic.source_row);
     }

@@ -34,6 +34,9 @@ impl Renderer {
     /// # Errors
     /// [`Error::OutOfMemory`](crate::Error::OutOfMemory) naming the buffer that does not fit.
     pub fn new(gpu: Arc<Gpu>, splats: &Splats, constants: Constants) -> Result<Self> {
+        if !splats.span.is_empty() {
+            return Self::of_clip(gpu, Arc::new(splats.clone()), constants);
+        }
         let constants = constants_on(gpu.caps().kind, constants.knobs, constants);
         let scene = SceneBuffers::upload(&gpu, splats, &constants, Purpose::Picture)?;
         Ok(Self::of_scene(gpu, scene, constants, None))

@@ -1,12 +1,14 @@
 //! Windows of a clip: of the dynamic Gaussians only those that live near a view's time are on the device, so that neither its
-//! memory nor the work of a frame grows with the length of the clip.
+//! memory nor the work of a frame grows with the length of the clip. Where Gaussians appear or disappear at once, a window begins,
+//! so that a window has them or has them not.
 
 use super::params::{Purpose, moment};
 use super::scene::{SceneBuffers, far_origin, group_limit};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::gpu::Gpu;
 use crate::scene::{Splats, View};
 use crate::settings::Constants;
+use std::path::Path;
 use std::sync::Arc;
 
 /// Dynamic Gaussians that are never worth a window: to cull them costs less than to upload them again.
@@ -22,14 +24,14 @@ const MARGIN: f64 = 1e-4;
 pub(super) struct Windows {
     splats: Arc<Splats>,
     lives: Vec<Life>,
-    /// Windows from time 0 to 1; there are as long ones before and after.
-    n: u32,
+    /// Where windows end and the next ones begin, normalised time, ascending.
+    borders: Vec<f64>,
     origin: [f64; 3],
     limit: usize,
     /// Static Gaussians that are never drawn.
     n_bad: u32,
-    /// The window on the device.
-    shown: Option<i64>,
+    /// The window on the device: so many borders are before it.
+    shown: Option<usize>,
 }
 
 /// When a dynamic Gaussian may be visible, normalised time.
@@ -44,8 +46,14 @@ impl Windows {
     pub fn of(gpu: &Gpu, splats: &Arc<Splats>, constants: &Constants) -> Option<Self> {
         let lives = lives(splats, constants);
         let n = n_windows(&lives);
+        let even = (0..=n).filter(|_| n > 1).map(|k| f64::from(k) / f64::from(n));
+        let given = splats.span.as_flattened().iter().filter(|time| time.is_finite()).map(|time| f64::from(*time));
+        let mut borders: Vec<f64> = even.chain(given).collect();
+        borders.sort_unstable_by(f64::total_cmp);
+        borders.dedup();
         let (origin, limit) = (far_origin(splats), group_limit(gpu, splats.sh_degree as usize, Purpose::Picture));
-        (n > 1).then(|| Windows { splats: splats.clone(), lives, n, origin, limit, n_bad: 0, shown: None })
+        let is_needed = n > 1 || !splats.span.is_empty();
+        is_needed.then(|| Windows { splats: splats.clone(), lives, borders, origin, limit, n_bad: 0, shown: None })
     }
 
     /// A scene of the static Gaussians, which are in every window.
@@ -60,8 +68,9 @@ impl Windows {
     }
 
     /// The window that `view` needs, unless it is on the device.
-    pub fn wanted(&self, view: &View) -> Option<i64> {
-        let at = (moment(view) * f64::from(self.n)).floor() as i64;
+    pub fn wanted(&self, view: &View) -> Option<usize> {
+        let time = moment(view);
+        let at = self.borders.partition_point(|border| *border <= time);
         (self.shown != Some(at)).then_some(at)
     }
 
@@ -69,7 +78,7 @@ impl Windows {
     ///
     /// # Errors
     /// As [`Windows::load_static`].
-    pub fn load(&mut self, gpu: &Gpu, constants: &Constants, scene: &mut SceneBuffers, at: i64) -> Result<()> {
+    pub fn load(&mut self, gpu: &Gpu, constants: &Constants, scene: &mut SceneBuffers, at: usize) -> Result<()> {
         self.shown = None;
         scene.clear_dynamic(self.n_bad);
         let dynamic = SceneBuffers::upload_around(gpu, &self.part(at), constants, self.limit, self.origin)?;
@@ -81,19 +90,41 @@ impl Windows {
     /// A scene of the whole clip.
     ///
     /// # Errors
-    /// As [`Windows::load_static`].
+    /// As [`Windows::load_static`]; [`Error::Data`] where no scene is right for all times.
     pub fn load_whole(&self, gpu: &Gpu, constants: &Constants) -> Result<SceneBuffers> {
+        refuse_spans(&self.splats, "what is asked of a scene as a whole")?;
         SceneBuffers::upload_around(gpu, &self.splats, constants, self.limit, self.origin)
     }
 
     /// The dynamic Gaussians that live in a window.
-    fn part(&self, at: i64) -> Splats {
-        let border = |k: f64| k / f64::from(self.n);
-        let (from, to) = (border(at as f64) - MARGIN, border(at as f64 + 1.0) + MARGIN);
+    fn part(&self, at: usize) -> Splats {
+        let begin = at.checked_sub(1).map_or(f64::NEG_INFINITY, |before| self.borders[before]);
+        let end = self.borders.get(at).copied().unwrap_or(f64::INFINITY);
         let n_static = self.splats.n_static;
-        let lives = |i: &usize| self.lives[i - n_static].first <= to && self.lives[i - n_static].last >= from;
+        let lives = |i: &usize| {
+            let Life { first, last } = self.lives[i - n_static];
+            // A window begins wherever one appears or disappears, so it is there throughout or never.
+            let is_there = self
+                .splats
+                .span
+                .get(i - n_static)
+                .is_none_or(|[from, to]| f64::from(*from) < end && f64::from(*to) > begin);
+            is_there && first <= end + MARGIN && last >= begin - MARGIN
+        };
         self.splats.in_order(&(n_static..self.splats.len()).filter(lives).collect::<Vec<_>>())
     }
+}
+
+/// Refuses a scene whose Gaussians appear or disappear at once, for `what`, which takes them for always there.
+///
+/// # Errors
+/// [`Error::Data`].
+pub fn refuse_spans(splats: &Splats, what: &str) -> Result<()> {
+    if splats.span.is_empty() {
+        return Ok(());
+    }
+    let reason = format!("its Gaussians appear and disappear at once, which {what} cannot take into account");
+    Err(Error::data(Path::new("the scene"), "", reason, "give one of the parts that it was joined of"))
 }
 
 /// When each dynamic Gaussian may be visible: `bound.comp` on the host, a little longer. One with a number that is not finite is
@@ -111,7 +142,11 @@ fn lives(splats: &Splats, constants: &Constants) -> Vec<Life> {
             Life { first: f64::NEG_INFINITY, last: f64::INFINITY }
         }
     };
-    splats.motion.iter().zip(&splats.opacity[splats.n_static..]).map(life).collect()
+    let mut lives: Vec<Life> = splats.motion.iter().zip(&splats.opacity[splats.n_static..]).map(life).collect();
+    for (life, [from, to]) in lives.iter_mut().zip(&splats.span) {
+        *life = Life { first: life.first.max(f64::from(*from)), last: life.last.min(f64::from(*to)) };
+    }
+    lives
 }
 
 /// How many windows a clip is cut into: twice as many as long as that leaves less in each.

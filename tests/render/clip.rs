@@ -184,3 +184,39 @@ fn pictures_that_follow_one_another_are_those_that_are_waited_for() {
         assert_eq!(n, 3, "whoever has enough ends it");
     }
 }
+
+#[test]
+fn gaussians_are_there_from_when_up_to_when_their_span_says() {
+    let _device = gpu();
+    // Few, so that nothing but the spans asks for windows.
+    for n in [300, 20_000] {
+        let mut splats = clip(n, 0.3);
+        let mut random = Random::new(9);
+        // Some borders are times of pictures.
+        let borders = [f32::NEG_INFINITY, 0.25, 0.26, 0.5, 0.75, f32::INFINITY];
+        let border = |random: &mut Random| random.uniform(0.0, 5.999) as usize;
+        splats.span = (0..n)
+            .map(|_| [0, 0].map(|_| border(&mut random)))
+            .map(|[a, b]| [borders[a.min(b)], borders[a.max(b)]])
+            .collect();
+        splats.check().unwrap();
+        for knobs in [Knobs::default(), Knobs { time_cull: false, ..Knobs::default() }] {
+            let constants = Constants { knobs, ..Constants::default() };
+            let mut spans = Renderer::new(gpu().clone(), &splats, constants).unwrap();
+            for time in [0.0, 0.25, 0.2499, 0.255, 0.26, 0.5, 0.6, 0.75, 0.9, -0.5, 1.0, 0.25] {
+                let there: Vec<usize> = (0..splats.len()).filter(|&i| splats.is_there(i, time)).collect();
+                let alone = Splats { span: Vec::new(), ..splats.in_order(&there) };
+                assert!(there.len() < splats.len());
+                let (expected, all) =
+                    Renderer::new(gpu().clone(), &alone, constants).unwrap().render(&at(time), Outputs::All).unwrap();
+                let (found, report) = spans.render(&at(time), Outputs::All).unwrap();
+                assert_eq!(bits(&found), bits(&expected), "{n} at {time}");
+                assert_eq!(report.visible, all.visible);
+            }
+        }
+        let mut renderer = Renderer::of_clip(gpu().clone(), Arc::new(splats), Constants::default()).unwrap();
+        let (cotangents, _) = renderer.render(&at(0.5), Outputs::All).unwrap();
+        let refused = renderer.vjp(&at(0.5), &cotangents).map(|_| ()).unwrap_err().to_string();
+        assert!(refused.contains("appear and disappear at once"), "{refused}");
+    }
+}

@@ -1,9 +1,10 @@
 //! Other projects' files of dynamic scenes, and glTF: what is written is read back, or read by hand.
 
+use super::four_dgs::there_and_back;
 use super::{Folder, fault, sample};
 use crate::common::random;
-use ivv::formats::{Clock, read_scene, write_ftgs, write_glb, write_splatv};
-use ivv::scene::{Motion, Splats, demo};
+use ivv::formats::{Clock, Grades, read_scene, write_ftgs, write_glb, write_ply, write_splatv};
+use ivv::scene::{ALWAYS, Motion, Splats, demo};
 use serde_json::Value;
 
 const CLOCK: Clock = Clock { fps: 30.0, frames: 13 };
@@ -270,4 +271,48 @@ fn a_glb_is_the_scene_in_the_axes_of_gltf() {
     }
     let limits = document["accessors"][0]["max"][1].as_f64().unwrap();
     assert_eq!(limits, place.iter().map(|p| p[1]).fold(f64::NEG_INFINITY, f64::max));
+}
+
+#[test]
+fn when_gaussians_are_there_is_kept_or_refused() {
+    let folder = Folder::new("clips-spans");
+    let mut splats = Splats { source_row: (0..30).collect(), ..random::scene(5, 30, 1) };
+    let n = splats.motion.len();
+    assert!(n > 8);
+    let spans = [ALWAYS, [0.25, 0.75], [f32::NEG_INFINITY, 0.5], [0.5, f32::INFINITY]];
+    splats.span = (0..n).map(|k| spans[k % 4]).collect();
+    for (k, motion) in splats.motion.iter_mut().enumerate() {
+        // Seen all over the clip, so that a span shows. One rests and never fades, and is not static: it is not always there.
+        (motion.t_center, motion.t_scale) = (0.5, if k == 1 { f32::INFINITY } else { 1.0 });
+        motion.velocity = if k == 1 { [0.0; 3] } else { motion.velocity };
+    }
+    let path = folder.file("a.ply");
+    write_ply(&path, &splats).unwrap();
+    assert_eq!(read_scene(&path).unwrap(), splats);
+    let text = String::from_utf8_lossy(&std::fs::read(&path).unwrap()).into_owned();
+    assert!(text.contains("property float t_scale\nproperty float t_from\nproperty float t_to\nend_header"));
+
+    let clip = folder.file("a.4dgs");
+    let read = there_and_back(&clip, &splats, CLOCK, Grades::default());
+    assert_eq!((read.len(), read.n_static), (splats.len(), splats.n_static));
+    for time in [0.0, 0.1, 0.249, 0.25, 0.4, 0.499, 0.5, 0.74, 0.75, 0.99] {
+        let n_there = |splats: &Splats| (0..splats.len()).filter(|&i| splats.is_there(i, time)).count();
+        assert_eq!(n_there(&read), n_there(&splats), "at {time}");
+        assert_eq!(splats.at(time, 0.0).len(), n_there(&splats));
+    }
+
+    let view = random::view();
+    for refused in [
+        fault(write_ftgs(&folder.file("a.ftgs.ply"), &splats, None), &folder.file("a.ftgs.ply")),
+        fault(write_splatv(&folder.file("a.splatv"), &splats, std::slice::from_ref(&view)), &folder.file("a.splatv")),
+    ] {
+        assert!(refused.contains("appear or disappear at once") && refused.contains(".4dgs"), "{refused}");
+    }
+    // On another clock, and behind a scene without spans.
+    let moved = splats.clone().on_clock(0.5, 0.25);
+    assert_eq!(moved.span[1], [0.375, 0.625]);
+    assert!((moved.weight_at(splats.n_static + 3, 0.6) - splats.weight_at(splats.n_static + 3, 0.7)).abs() < 1e-6);
+    assert_eq!(moved.weight_at(splats.n_static + 1, 0.3), 0.0);
+    let [few, wrong] = [vec![ALWAYS; n - 1], vec![]].map(|span| Splats { span, ..splats.clone() }.check());
+    assert!(few.unwrap_err().contains("span has") && wrong.is_ok());
 }

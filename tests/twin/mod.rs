@@ -53,6 +53,7 @@ pub fn single(position: [f32; 3]) -> Splats {
         sh: vec![[1.8; 3]],
         motion: vec![],
         source_row: vec![0],
+        ..Splats::default()
     }
 }
 

@@ -8,7 +8,7 @@ use crate::formats::clock::Clock;
 use crate::formats::format::Reader;
 use crate::scene::dc_of_color;
 use crate::scene::parse_views;
-use crate::scene::{Motion, Splats, View};
+use crate::scene::{ALWAYS, Motion, Splats, View};
 use fourdgs::quantization::sh_coefficient;
 use std::collections::BTreeMap;
 use std::io::Read;
@@ -118,20 +118,14 @@ impl FourDgs {
     /// The Gaussians at all times. Time 0 to 1 is the file's length.
     ///
     /// # Errors
-    /// [`Error::Data`] where a Gaussian appears or disappears at once within the clip, or is moved by a track of its object:
-    /// ours fade, and move along lines. [`FourDgs::at`] shows them.
+    /// [`Error::Data`] where a Gaussian is moved by a track of its object: ours move along lines.
     pub fn splats(&self) -> Result<Splats> {
         self.refuse_tracks()?;
         let (set, seconds) = (&self.scene.gaussians, self.clock().seconds());
-        let n_hard = (0..set.count()).filter(|&i| self.is_cut(i, seconds)).count();
-        if n_hard > 0 {
-            let reason = format!(
-                "{n_hard} of {} Gaussians appear or disappear at once within the clip, which ours cannot",
-                set.count()
-            );
-            return Err(Error::data(&self.path, "", reason, "give --time, which shows the scene at one moment"));
-        }
-        let is_still = |i: &usize| set.sigma_t[*i].is_infinite() && set.motions[3 * i..3 * i + 3] == [0.0; 3];
+        let spans: Vec<[f32; 2]> = (0..set.count()).map(|i| self.span(i, seconds)).collect();
+        let is_still = |i: &usize| {
+            set.sigma_t[*i].is_infinite() && set.motions[3 * i..3 * i + 3] == [0.0; 3] && spans[*i] == ALWAYS
+        };
         let (still, moving): (Vec<usize>, Vec<usize>) = (0..set.count()).partition(is_still);
         let mut splats = Splats::new(u32::from(set.sh_degree));
         for &i in still.iter().chain(&moving) {
@@ -140,6 +134,9 @@ impl FourDgs {
         }
         splats.n_static = still.len();
         splats.motion = moving.iter().map(|&i| self.motion(i, seconds)).collect();
+        if moving.iter().any(|&i| spans[i] != ALWAYS) {
+            splats.span = moving.iter().map(|&i| spans[i]).collect();
+        }
         Ok(splats)
     }
 
@@ -165,17 +162,26 @@ impl FourDgs {
         if n == 0 { Ok(()) } else { Err(Error::data(&self.path, "", reason(), "save it without tracks of objects")) }
     }
 
-    /// Whether Gaussian `i` would be seen at times of the clip at which the file says that it is not.
-    fn is_cut(&self, i: usize, seconds: f64) -> bool {
+    /// From when up to when Gaussian `i` is there, normalised time: where it could be seen at times of the clip at which the file
+    /// says that it is not.
+    fn span(&self, i: usize, seconds: f64) -> [f32; 2] {
         let set = &self.scene.gaussians;
         let [mu, sigma, from, to] =
             [&set.mu_t, &set.sigma_t, &set.win_lo, &set.win_hi].map(|values| f64::from(values[i]));
         let half = |threshold: f64| sigma * fourdgs::quantization::support_k(threshold);
+        let cutoff = self.scene.header.cutoff;
+        let (from, to) = if cutoff > INVISIBLE * (1.0 + 1e-9) && sigma.is_finite() {
+            (from.max(mu - half(cutoff)), to.min(mu + half(cutoff)))
+        } else {
+            (from, to)
+        };
         let (first, last) = ((mu - half(INVISIBLE)).max(0.0), (mu + half(INVISIBLE)).min(seconds));
         // A last moment that is not shown is shorter than a frame can tell.
         let margin = 1e-3 * seconds / f64::from(self.clock().frames);
-        let is_gated = first < last && (from > first + margin || to < last - margin);
-        is_gated || (self.scene.header.cutoff > INVISIBLE * (1.0 + 1e-9) && sigma.is_finite())
+        let border = |is_seen_beyond: bool, at: f64, otherwise: f32| {
+            if first < last && is_seen_beyond { (at / seconds) as f32 } else { otherwise }
+        };
+        [border(from > first + margin, from, f32::NEG_INFINITY), border(to < last - margin, to, f32::INFINITY)]
     }
 
     fn motion(&self, i: usize, seconds: f64) -> Motion {

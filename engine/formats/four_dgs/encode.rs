@@ -6,7 +6,7 @@ use super::{RECORD, Sounds, VIEWS, World};
 use crate::error::{Error, Result};
 use crate::formats::clock::Clock;
 use crate::scene::SH_C0;
-use crate::scene::{Splats, View};
+use crate::scene::{ALWAYS, Splats, View};
 use fourdgs::quantization::{Profile, SH_QUANT_HI, SH_QUANT_LO};
 use fourdgs::{Attachment, GaussianSet, Metadata, SceneExtras, WriteOptions};
 use std::collections::BTreeMap;
@@ -85,8 +85,12 @@ impl Encoded {
             let sigma = |log_tau: f32| (f64::from(log_tau).exp() * seconds / std::f64::consts::SQRT_2) as f32;
             set.sigma_t.push(motion.map_or(f32::INFINITY, |m| sigma(m.t_scale)));
             // The end of a window is not in it, the end of the clip is in the clip.
-            set.win_lo.push(0.0);
-            set.win_hi.push((seconds as f32).next_up());
+            let end = (seconds as f32).next_up();
+            let [from, to] =
+                i.checked_sub(splats.n_static).and_then(|at| splats.span.get(at)).copied().unwrap_or(ALWAYS);
+            let border = |time: f32| ((f64::from(time) * seconds) as f32).clamp(0.0, end);
+            set.win_lo.push(border(from));
+            set.win_hi.push(border(to));
         }
         Encoded { set, sh, n_clamped_colors, n_clamped_harmonics }
     }

@@ -217,6 +217,7 @@ pub fn carry_out(checkpoint: &mut Checkpoint, fates: &[Fate]) {
             sh: sh.collect(),
             motion: order.iter().filter(|&&i| is_dynamic(i)).map(|&i| motion(i)).collect(),
             source_row: (0..order.len() as u32).collect(),
+            span: Vec::new(),
         }
     };
     let motion_of = |from: &Splats, i: usize| i.checked_sub(from.n_static).and_then(|at| from.motion.get(at)).copied();
