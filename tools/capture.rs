@@ -5,6 +5,7 @@ use ivv::prepare::recognise;
 use ivv::scene::capture::{Alpha, Capture, CaptureSettings, Fault, Frames, Report, check_capture};
 use ivv::train::Run;
 use std::collections::BTreeSet;
+use std::ffi::{OsStr, OsString};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
@@ -67,6 +68,29 @@ impl CaptureArgs {
             alpha: self.alpha,
             ..CaptureSettings::default()
         }
+    }
+
+    /// The options that ask for `settings`, but for which frames and which cameras are test cameras.
+    pub fn words(settings: &CaptureSettings) -> Vec<OsString> {
+        let default = CaptureSettings::default();
+        let mut words: Vec<OsString> = Vec::new();
+        let mut word = |is_asked: bool, name: &str, value: &OsStr| {
+            if is_asked {
+                words.extend([name.into(), value.to_owned()]);
+            }
+        };
+        word(settings.test_every != default.test_every, "--test-every", settings.test_every.to_string().as_ref());
+        word(settings.images != default.images, "--images", settings.images.as_os_str());
+        let downscale = settings.downscale.map_or(String::new(), |n| n.to_string());
+        word(settings.downscale.is_some(), "--downscale", downscale.as_ref());
+        word(settings.alpha == Alpha::Mask, "--alpha", "mask".as_ref());
+        let switches = [
+            (settings.skip_missing, "--skip-missing"),
+            (settings.rescale, "--rescale"),
+            (settings.foreground_masks, "--foreground-masks"),
+        ];
+        words.extend(switches.into_iter().filter(|(is_asked, _)| *is_asked).map(|(_, name)| name.into()));
+        words
     }
 
     /// Whether no option asks for anything.

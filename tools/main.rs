@@ -44,7 +44,7 @@ use tracing_subscriber::filter::Targets;
 use tracing_subscriber::prelude::*;
 use verbs::{
     ablate, cameras, check, compare, curves, demo, devices, eval, export, extremes, init, inspect, list_settings,
-    manual, play, prepare, profile, render, serve, sound, synth, trade, train, vjp,
+    manual, play, prepare, profile, render, segments, serve, sound, synth, trade, train, vjp,
 };
 
 /// Immersive volumetric video: spatio-temporal 3D Gaussians, rendered in Vulkan compute.
@@ -89,6 +89,8 @@ enum Verb {
     Init(init::Args),
     /// Fits Gaussians to the images of a capture.
     Train(train::Args),
+    /// Trains a long clip in parts, each in the memory of its own frames, on one machine or as jobs of many.
+    Segments(segments::Args),
     /// Scores the test views of a run again from its folder, and writes its report.
     Eval(eval::Args),
     /// Trains a capture with and without each part of the method, and tabulates what each contributes.
@@ -163,6 +165,7 @@ fn run(cli: &Cli) -> anyhow::Result<()> {
         Verb::Sound(args) => sound::run(args, cli.json),
         Verb::Init(args) => init::run(args, cli.json),
         Verb::Train(args) => train::run(args, cli.json),
+        Verb::Segments(args) => segments::run(args, cli.json),
         Verb::Eval(args) => eval::run(args, cli.json),
         Verb::Ablate(args) => ablate::run(args, cli.json),
         Verb::Extremes(args) => extremes::run(args, cli.json),

@@ -1,7 +1,7 @@
 //! A run on top of another: what rests is the other's, and so is what it learnt of the cameras.
 
 use super::checkpoint::{CameraState, Checkpoint, Owed};
-use super::config::{Config, PoseKind};
+use super::config::{Config, PoseKind, Required};
 use super::poses::Correction;
 use super::run::Run;
 use crate::error::{Error, Result};
@@ -40,10 +40,9 @@ impl Base {
         if checkpoint.step < checkpoint.total {
             return fault("is a run that has not ended");
         }
-        let scene = checkpoint.average.scene().cloned().unwrap_or_else(|| checkpoint.scene());
         Ok(Base {
             folder: folder.to_owned(),
-            splats: run.world.inverse().splats(&scene),
+            splats: checkpoint.splats(),
             run,
             config: checkpoint.config,
             cameras: checkpoint.cameras,
@@ -58,6 +57,8 @@ impl Base {
             poses: PoseKind::Given,
             sh_degree: self.config.sh_degree,
             grids: self.config.grids,
+            // They are of all Gaussians.
+            required: Required { reviews: 0, grids_at: 0.0, ..config.required },
             ..config
         }
     }

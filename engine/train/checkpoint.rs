@@ -224,15 +224,6 @@ impl Checkpoint {
         Ok(!list(folder)?.is_empty())
     }
 
-    /// The Gaussians, in the frame of training.
-    pub fn scene(&self) -> Splats {
-        let mut splats = self.params.clone();
-        for position in &mut splats.position {
-            *position = std::array::from_fn(|k| (f64::from(position[k]) + self.origin[k]) as f32);
-        }
-        splats
-    }
-
     /// The step of the newest checkpoint of `folder`, readable or not; `None` where there is no checkpoint.
     ///
     /// # Errors

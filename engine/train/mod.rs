@@ -25,6 +25,7 @@ mod preset;
 mod require;
 mod run;
 mod schedule;
+mod segments;
 mod session;
 mod settings_check;
 mod setup;
@@ -58,6 +59,7 @@ pub use require::{
 };
 pub use run::{CaptureSummary, Run};
 pub use schedule::rates;
+pub use segments::Segments;
 pub use session::{Event, Notice, Phase, Priors, Session, SessionOptions, Watch, reduced_order, training_order};
 pub use settings_check::{check_name, check_settings, default_of};
 pub use setup::{Setup, near_plane};

@@ -301,9 +301,10 @@ fn every_option_in_the_manual_is_one_of_its_verb() {
     let documents = DOCUMENTS.iter().map(|document| ((*document).to_owned(), text(document)));
     for (page, whole) in manual().into_iter().chain(documents) {
         for command in commands(&whole) {
-            let of_sound = command[0] == "sound" && command.len() > 1;
-            let verb = if of_sound { command[..2].join(" ") } else { command[0].clone() };
-            for word in &command {
+            let has_verbs = ["sound", "segments"].contains(&command[0].as_str()) && command.len() > 1;
+            let verb = if has_verbs { command[..2].join(" ") } else { command[0].clone() };
+            // Behind a lone `--` are options of another verb.
+            for word in command.iter().take_while(|word| *word != "--") {
                 let option = word.split('=').next().unwrap_or_default();
                 let is_option = option.trim_start_matches('-').starts_with(|c: char| c.is_ascii_lowercase());
                 if option.starts_with('-') && is_option {
@@ -320,7 +321,8 @@ fn every_option_in_the_manual_is_one_of_its_verb() {
 fn every_option_that_the_manual_names_alone_is_one_of_some_verb_or_script() {
     let verbs: BTreeSet<String> = manual().iter().flat_map(|(_, text)| commands(text)).map(|c| c[0].clone()).collect();
     let of_sound = ["localize", "render", "synth", "bench", "inspect-hrtf"].map(|verb| format!("sound {verb}"));
-    let verbs: Vec<String> = verbs.into_iter().chain(of_sound).collect();
+    let of_segments = ["plan", "run", "join"].map(|verb| format!("segments {verb}"));
+    let verbs: Vec<String> = verbs.into_iter().chain(of_sound).chain(of_segments).collect();
     let tools = files("tools");
     let scripts = tools.iter().filter(|file| [".sh", ".py"].iter().any(|ending| file.ends_with(ending)));
     let scripts: String = scripts.map(|file| text(file)).collect();

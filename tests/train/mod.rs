@@ -22,6 +22,7 @@ mod resume;
 mod rigs;
 mod run;
 mod scores;
+mod segments;
 mod session;
 mod settings;
 mod terms;

@@ -22,6 +22,7 @@ pub mod play;
 pub mod prepare;
 pub mod profile;
 pub mod render;
+pub mod segments;
 pub mod serve;
 pub mod sound;
 pub mod synth;

@@ -1,0 +1,65 @@
+//! A clip in parts: planned, trained job by job, joined, and scored as one scene.
+
+use super::Tiny;
+use super::run::{fails, ivv, json, works};
+use crate::common::device::gpu;
+use ivv::formats::read_ply;
+use ivv::scene::ALWAYS;
+use std::path::Path;
+
+fn text(path: &Path) -> &str {
+    path.to_str().unwrap()
+}
+
+#[test]
+fn a_clip_in_parts_is_joined_to_one_scene_and_jobs_are_done_once() {
+    let _device = gpu();
+    let tiny = Tiny::of_frames("segments", 8);
+    let plan = tiny.folder.join("plan");
+    let planned = ["segments", "plan", text(&tiny.folder), "-o", text(&plan), "--length", "5", "--overlap", "2"];
+    let settings = ["--steps", "24", "--sh-degree", "1", "--set", "init_static_tau=0", "--set", "init_points=200"];
+    let told = works(&[&planned[..], &settings[..]].concat());
+    assert!(told.contains("part 0: frames 0 to 4") && told.contains("part 1: frames 3 to 7"), "{told}");
+    // The same plan again is no fault, another one is.
+    works(&[&planned[..], &settings[..]].concat());
+    assert!(fails(&[&planned[..], &["--steps", "25"]].concat(), 3).contains("holds another plan"));
+
+    fn jobs<'a>(plan: &'a str, only: &[&'a str]) -> Vec<&'a str> {
+        [&["segments", "run", plan][..], only, &["--", "--eval-every", "0"]].concat()
+    }
+    let run = |only| jobs(text(&plan), only);
+    assert!(fails(&["segments", "join", text(&plan)], 3).contains("expected a run that has ended"));
+    assert!(fails(&run(&["--only", "2"]), 2).contains("a part from 0 to 1"));
+    assert!(fails(&run(&["--only", "1"]), 2).contains("the training into"), "what rests comes first");
+    works(&run(&["--only", "base"]));
+    works(&run(&["--only", "0001"]));
+    // A job that was killed goes on: as if before its end.
+    let part = plan.join("part-0001");
+    for name in ["scene.ply", "train.json"] {
+        std::fs::remove_file(part.join(name)).unwrap();
+    }
+    let newest = part.join("checkpoints/00000024.ckpt");
+    assert!(newest.is_file());
+    std::fs::remove_file(newest).unwrap();
+    works(&run(&[]));
+    let again = ivv(&run(&[]));
+    let told = String::from_utf8_lossy(&again.stderr).into_owned();
+    assert!(again.status.success() && told.matches(": is there").count() == 3, "{told}");
+
+    let joined = read_ply(&plan.join("scene.ply")).unwrap();
+    let scene = |folder: &str| read_ply(&plan.join(folder).join("scene.ply")).unwrap();
+    let (base, first, second) = (scene("base"), scene("part-0000"), scene("part-0001"));
+    assert_eq!(joined.n_static, base.n_static);
+    assert_eq!(joined.motion.len(), first.motion.len() + second.motion.len());
+    assert!(joined.span.iter().all(|span| *span != ALWAYS));
+    // A whole run's verbs take it: scores of all frames, and a clip for players.
+    works(&["eval", text(&plan)]);
+    let scores = json(&plan.join("eval.json"));
+    let views = scores["views"].as_array().unwrap();
+    assert!(views.len() >= 8 && views.iter().all(|view| view["psnr"].as_f64().unwrap() > 8.0));
+    let clip = tiny.folder.join("scene.4dgs");
+    works(&["export", text(&plan), "-o", text(&clip), "--clamp-colors"]);
+    let read = ivv::formats::read_scene(&clip).unwrap();
+    assert_eq!(read.len(), joined.len());
+    assert!(!read.span.is_empty());
+}

@@ -1,0 +1,287 @@
+//! `ivv segments`: a long clip in parts, on one machine or as jobs of many.
+
+use crate::capture::{self, CaptureArgs};
+use crate::files::{make_folder, read_json, write_json};
+use crate::screen::{out, say};
+use crate::settings::SettingArgs;
+use anyhow::{Context, ensure};
+use ivv::files::write_atomic;
+use ivv::formats::{read_ply, write_ply};
+use ivv::settings::Constants;
+use ivv::train::{Checkpoint, Config, Run, RunLock, Segments, near_plane};
+use ivv::words::count;
+use serde_json::json;
+use std::ffi::OsString;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// Options of `ivv segments`.
+#[derive(clap::Args)]
+pub struct Args {
+    #[command(subcommand)]
+    what: What,
+}
+
+#[derive(clap::Subcommand)]
+enum What {
+    /// Cuts a clip into parts that share frames, and writes the jobs that train them.
+    Plan(PlanArgs),
+    /// Trains what rests, then what moves in each part, then joins them; or one of these jobs. What is done is not done again, and
+    /// what was stopped goes on.
+    Run(RunArgs),
+    /// Joins the scenes of the parts into PLAN/scene.ply, which `render`, `eval`, `export` and others take as that of a run.
+    Join(JoinArgs),
+}
+
+#[derive(clap::Args)]
+struct PlanArgs {
+    /// The capture, see `ivv check`.
+    capture: PathBuf,
+    /// The folder of the plan, and of all that its jobs write.
+    #[arg(short, long)]
+    output: PathBuf,
+    /// Frames of a part, at most: what a training needs grows with them.
+    #[arg(long, default_value_t = 60)]
+    length: u32,
+    /// Frames that a part shares with the next one, in which it gives way to it.
+    #[arg(long, default_value_t = 6)]
+    overlap: u32,
+    #[command(flatten)]
+    settings: SettingArgs,
+    #[command(flatten)]
+    read: CaptureArgs,
+}
+
+#[derive(clap::Args)]
+struct RunArgs {
+    /// A folder that `ivv segments plan` made.
+    plan: PathBuf,
+    /// One job alone: `base`, what rests; the number of a part, from 0; or `join`.
+    #[arg(long, value_name = "base|N|join")]
+    only: Option<String>,
+    /// Further options of `ivv train` for what is trained, such as --device.
+    #[arg(last = true)]
+    options: Vec<OsString>,
+}
+
+#[derive(clap::Args)]
+struct JoinArgs {
+    /// A folder that `ivv segments plan` made, all of whose parts are trained.
+    plan: PathBuf,
+}
+
+pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
+    match &args.what {
+        What::Plan(args) => plan(args, json),
+        What::Run(args) => Jobs::open(&args.plan)?.run(args.only.as_deref(), &args.options),
+        What::Join(args) => Jobs::open(&args.plan)?.join(),
+    }
+}
+
+fn plan(args: &PlanArgs, json: bool) -> anyhow::Result<()> {
+    let config = args.settings.resolve()?;
+    let capture = capture::open(&args.capture, &args.read.settings())?;
+    ensure!(
+        capture.settings().frames.are_all(),
+        "--max-frames: a plan is of a whole clip; leave it out, or `ivv prepare` the part of the clip that is wanted"
+    );
+    let segments = Segments::new(capture.n_frames, args.length, args.overlap).map_err(anyhow::Error::msg)?;
+    let mut run = Run::new(&capture, Constants::default())?;
+    run.constants.near = near_plane(&capture.transformed(&run.world));
+    make_folder(&args.output)?;
+    let is_another = Segments::read(&args.output).is_ok_and(|before| before != segments)
+        || Run::read(&args.output).is_ok_and(|before| before != run)
+        || read_json::<Config>(&args.output.join("config.json"), "").is_ok_and(|before| before != config);
+    if is_another {
+        let remedy = "choose another folder with -o, or remove it with all that it holds";
+        return Err(ivv::Error::data(&args.output, "", "holds another plan", remedy).into());
+    }
+    segments.write(&args.output)?;
+    run.write(&args.output)?;
+    write_json(&args.output.join("config.json"), &config)?;
+    let n = segments.parts.len();
+    for (name, text) in [("Snakefile", snakefile(n)), ("slurm.sh", slurm(n))] {
+        write_atomic(&args.output.join(name), |to| to.write_all(text.as_bytes()))?;
+    }
+    let still = segments.still.of(segments.n_frames).len();
+    if json {
+        out!("{}", json!({ "parts": segments.parts, "frames": segments.n_frames, "frames_of_what_rests": still }));
+        return Ok(());
+    }
+    out!("{}: what rests, with {} of {}", args.output.display(), count(still, "frame"), segments.n_frames);
+    for (part, [from, to]) in segments.parts.iter().enumerate() {
+        out!("part {part}: frames {from} to {}", to - 1);
+    }
+    out!("next: ivv segments run {}", args.output.display());
+    Ok(())
+}
+
+/// The jobs of a plan.
+struct Jobs<'a> {
+    folder: &'a Path,
+    segments: Segments,
+    run: Run,
+}
+
+impl<'a> Jobs<'a> {
+    fn open(folder: &'a Path) -> anyhow::Result<Self> {
+        Ok(Jobs { folder, segments: Segments::read(folder)?, run: Run::read(folder)? })
+    }
+
+    fn base(&self) -> PathBuf {
+        self.folder.join("base")
+    }
+
+    fn part(&self, part: usize) -> PathBuf {
+        self.folder.join(format!("part-{part:04}"))
+    }
+
+    fn run(&self, only: Option<&str>, options: &[OsString]) -> anyhow::Result<()> {
+        let n = self.segments.parts.len();
+        match only {
+            Some("base") => self.train_base(options),
+            Some("join") => self.join(),
+            Some(word) => {
+                let part = word.parse().ok().filter(|part| *part < n);
+                let part = part.with_context(|| {
+                    format!("--only: expected base, join or a part from 0 to {}, found {word}", n - 1)
+                })?;
+                self.train_part(part, options)
+            }
+            None => {
+                self.train_base(options)?;
+                (0..n).try_for_each(|part| self.train_part(part, options))?;
+                self.join()
+            }
+        }
+    }
+
+    fn train_base(&self, options: &[OsString]) -> anyhow::Result<()> {
+        say!("what rests");
+        self.train(&self.base(), &["--max-frames".into(), self.segments.still.to_string().into()], options)
+    }
+
+    fn train_part(&self, part: usize, options: &[OsString]) -> anyhow::Result<()> {
+        let [from, to] = self.segments.parts[part];
+        say!("part {part} of {}: frames {from} to {}", self.segments.parts.len(), to - 1);
+        let own: [OsString; 4] = [
+            "--max-frames".into(),
+            self.segments.frames(part).to_string().into(),
+            "--base".into(),
+            self.base().into_os_string(),
+        ];
+        self.train(&self.part(part), &own, options)
+    }
+
+    /// Trains into `folder`, in a process of its own, whose memory ends with it; goes on where the folder holds a run that has not
+    /// ended, and does nothing where it has.
+    fn train(&self, folder: &Path, own: &[OsString], options: &[OsString]) -> anyhow::Result<()> {
+        if has_ended(folder)? {
+            say!("{}: is there", folder.display());
+            return Ok(());
+        }
+        let program = std::env::current_exe().context("the path of this program")?;
+        let mut command = Command::new(program);
+        command.arg("train").arg("-o").arg(folder);
+        if Run::file(folder).is_file() {
+            command.arg("--resume");
+        } else {
+            command.arg(&self.run.capture).arg("--config").arg(self.folder.join("config.json")).args(own);
+            command.args(CaptureArgs::words(&self.run.capture_settings));
+            if !self.run.test_cameras.is_empty() {
+                command.arg("--test-cameras").arg(self.run.test_cameras.join(","));
+            }
+        }
+        let status = command.args(options).status().context("ivv train")?;
+        ensure!(
+            status.success(),
+            "the training into {} ended with {status}; run the same command again to go on from its newest checkpoint",
+            folder.display()
+        );
+        Ok(())
+    }
+
+    fn join(&self) -> anyhow::Result<()> {
+        let _lock = RunLock::take(self.folder)?;
+        let missing = |folder: &Path| {
+            let remedy = "train it first: `ivv segments run PLAN`";
+            anyhow::Error::from(ivv::Error::data(folder, "", "expected a run that has ended, found none", remedy))
+        };
+        let parts = (0..self.segments.parts.len()).map(|part| self.part(part));
+        for folder in [self.base()].into_iter().chain(parts) {
+            if !has_ended(&folder)? {
+                return Err(missing(&folder));
+            }
+        }
+        let scene = |folder: PathBuf| read_ply(&folder.join("scene.ply"));
+        let joined = self.segments.join(&scene(self.base())?, |part| scene(self.part(part)))?;
+        let file = self.folder.join("scene.ply");
+        write_ply(&file, &joined)?;
+        out!(
+            "{}: {}, {} of them dynamic, of {}",
+            file.display(),
+            count(joined.len(), "Gaussian"),
+            joined.motion.len(),
+            count(self.segments.parts.len(), "part")
+        );
+        Ok(())
+    }
+}
+
+/// Whether `folder` holds a run that has ended and written its scene.
+fn has_ended(folder: &Path) -> ivv::Result<bool> {
+    if !folder.join("scene.ply").is_file() || !folder.join("train.json").is_file() {
+        return Ok(false);
+    }
+    let totals: serde_json::Value = read_json(&folder.join("train.json"), "train it again, with --overwrite")?;
+    // A run that was extended has got further than the totals of before.
+    let newest = Checkpoint::newest_step(&folder.join("checkpoints"))?;
+    Ok(newest.is_none_or(|step| totals["steps"].as_u64().is_some_and(|steps| step <= steps)))
+}
+
+/// The jobs for Snakemake, which runs those whose files are not there, here or on a cluster.
+fn snakefile(n: usize) -> String {
+    format!(
+        "# Written by `ivv segments plan`. On this machine: snakemake --cores 1. On a cluster: with an executor of Snakemake.
+N = {n}
+
+
+rule all:
+    input: \"scene.ply\"
+
+
+rule base:
+    output: \"base/train.json\"
+    shell: \"ivv segments run . --only base\"
+
+
+rule part:
+    input: \"base/train.json\"
+    output: \"part-{{part}}/train.json\"
+    shell: \"ivv segments run . --only {{wildcards.part}}\"
+
+
+rule join:
+    input: expand(\"part-{{part:04d}}/train.json\", part=range(N))
+    output: \"scene.ply\"
+    shell: \"ivv segments join .\"
+"
+    )
+}
+
+/// The jobs for Slurm: an array of the parts between the two that are alone.
+fn slurm(n: usize) -> String {
+    let last = n - 1;
+    format!(
+        "#!/usr/bin/env bash
+# Written by `ivv segments plan`. Options of sbatch, such as --partition and --gpus=1, are passed on:
+#   cd PLAN && bash slurm.sh --gpus=1
+# A job that failed is done again by a second call: what is there is not done again.
+set -euo pipefail
+base=$(sbatch --parsable \"$@\" --job-name=ivv-base --wrap='ivv segments run . --only base')
+parts=$(sbatch --parsable \"$@\" --job-name=ivv-part --dependency=\"afterok:$base\" --array=0-{last} \\
+    --wrap='ivv segments run . --only \"$SLURM_ARRAY_TASK_ID\"')
+sbatch \"$@\" --job-name=ivv-join --dependency=\"afterok:$parts\" --wrap='ivv segments join .'
+"
+    )
+}
