@@ -22,7 +22,7 @@ impl Splats {
             }
             let (opacity, logit) = faded(f64::from(self.opacity[i]), x2);
             // Written so that NaN is left out too.
-            if !self.is_there(i, time) || !(opacity >= f64::from(min_opacity) && (logit as f32).is_finite()) {
+            if !(self.is_there(i, time) && opacity >= f64::from(min_opacity) && (logit as f32).is_finite()) {
                 continue;
             }
             still.source_row.push(still.len() as u32);

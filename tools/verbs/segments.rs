@@ -25,7 +25,7 @@ pub struct Args {
 #[derive(clap::Subcommand)]
 enum What {
     /// Cuts a clip into parts that share frames, and writes the jobs that train them.
-    Plan(PlanArgs),
+    Plan(Box<PlanArgs>),
     /// Trains what rests, then what moves in each part, then joins them; or one of these jobs. What is done is not done again, and
     /// what was stopped goes on.
     Run(RunArgs),
