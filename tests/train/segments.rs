@@ -27,6 +27,8 @@ fn a_clip_in_parts_is_joined_to_one_scene_and_jobs_are_done_once() {
     fn jobs<'a>(plan: &'a str, only: &[&'a str]) -> Vec<&'a str> {
         [&["segments", "run", plan][..], only, &["--", "--eval-every", "0"]].concat()
     }
+    let script = std::process::Command::new("bash").arg("-n").arg(plan.join("slurm.sh")).status().unwrap();
+    assert!(script.success() && plan.join("Snakefile").is_file());
     let run = |only| jobs(text(&plan), only);
     assert!(fails(&["segments", "join", text(&plan)], 3).contains("expected a run that has ended"));
     assert!(fails(&run(&["--only", "2"]), 2).contains("a part from 0 to 1"));
