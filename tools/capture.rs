@@ -73,23 +73,33 @@ impl CaptureArgs {
     /// The options that ask for `settings`, but for which frames and which cameras are test cameras.
     pub fn words(settings: &CaptureSettings) -> Vec<OsString> {
         let default = CaptureSettings::default();
+        // All are named, so that a new one is not forgotten here. No option asks for the last two.
+        let CaptureSettings {
+            test_cameras: _,
+            frames: _,
+            test_every,
+            skip_missing,
+            foreground_masks,
+            images,
+            downscale,
+            rescale,
+            alpha,
+            background: _,
+            fps: _,
+        } = settings;
         let mut words: Vec<OsString> = Vec::new();
         let mut word = |is_asked: bool, name: &str, value: &OsStr| {
             if is_asked {
                 words.extend([name.into(), value.to_owned()]);
             }
         };
-        word(settings.test_every != default.test_every, "--test-every", settings.test_every.to_string().as_ref());
-        word(settings.images != default.images, "--images", settings.images.as_os_str());
-        let downscale = settings.downscale.map_or(String::new(), |n| n.to_string());
-        word(settings.downscale.is_some(), "--downscale", downscale.as_ref());
-        word(settings.alpha == Alpha::Mask, "--alpha", "mask".as_ref());
-        let switches = [
-            (settings.skip_missing, "--skip-missing"),
-            (settings.rescale, "--rescale"),
-            (settings.foreground_masks, "--foreground-masks"),
-        ];
-        words.extend(switches.into_iter().filter(|(is_asked, _)| *is_asked).map(|(_, name)| name.into()));
+        word(*test_every != default.test_every, "--test-every", test_every.to_string().as_ref());
+        word(*images != default.images, "--images", images.as_os_str());
+        word(downscale.is_some(), "--downscale", downscale.unwrap_or_default().to_string().as_ref());
+        word(*alpha == Alpha::Mask, "--alpha", "mask".as_ref());
+        let switches =
+            [(skip_missing, "--skip-missing"), (rescale, "--rescale"), (foreground_masks, "--foreground-masks")];
+        words.extend(switches.into_iter().filter(|(is_asked, _)| **is_asked).map(|(_, name)| name.into()));
         words
     }
 

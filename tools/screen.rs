@@ -68,6 +68,11 @@ pub fn be_quiet() {
     screen().is_quiet = true;
 }
 
+/// Whether messages are shown.
+pub fn has_messages() -> bool {
+    !screen().is_quiet
+}
+
 /// A line of results.
 pub fn result(text: &str) {
     let mut screen = screen();

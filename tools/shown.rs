@@ -43,18 +43,13 @@ impl<'a> Source<'a> {
         Ok(Source { path, clip })
     }
 
-    /// Its Gaussians: as [`open`], for one normalised time if there is one, since a `.4dgs` can hold what only one moment of it
-    /// can be shown of.
+    /// Its Gaussians, as [`open`].
     ///
     /// # Errors
     /// As [`open`].
-    pub fn scene(&self, time: Option<f64>) -> ivv::Result<Shown> {
+    pub fn scene(&self) -> ivv::Result<Shown> {
         let Some(clip) = &self.clip else { return of_path(self.path) };
-        let splats = match time {
-            Some(time) => clip.splats().or_else(|_| clip.at(time))?,
-            None => clip.splats()?,
-        };
-        Ok(of_file(self.path, splats, clip.own().map(|own| of_own(own).0)))
+        Ok(of_file(self.path, clip.splats()?, clip.own().map(|own| of_own(own).0)))
     }
 }
 
@@ -63,7 +58,7 @@ impl<'a> Source<'a> {
 /// # Errors
 /// Those of the files; [`Error::Data`] when a folder is neither a run's nor a scene, or a run has no checkpoint either.
 pub fn open(path: &Path) -> ivv::Result<Shown> {
-    Source::open(path)?.scene(None)
+    Source::open(path)?.scene()
 }
 
 /// The scene of anything but a `.4dgs`.

@@ -7,6 +7,9 @@ use super::clock::Clock;
 use crate::error::Result;
 use crate::scene::{Splats, View};
 
+/// What to do with a scene that a format cannot hold for its spans.
+pub(super) const ELSEWHERE: &str = "export it as .4dgs or PLY, or as it is at one time (--time)";
+
 /// A format that scenes are read from.
 pub(super) struct Reader {
     /// What to give, for the message that no format knows a file.

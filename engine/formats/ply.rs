@@ -5,7 +5,7 @@ use std::path::Path;
 
 use super::clock::Clock;
 use super::compressed_ply::{is_compressed, read_compressed};
-use super::format::{Reader, WriteScene, Writer};
+use super::format::{ELSEWHERE, Reader, WriteScene, Writer};
 use super::ply_time::{FREE_TIME, MOTION, SPAN, Temporal, free_time, free_time_comments};
 use crate::error::{Error, Result};
 use crate::files::ply_header::{Element, Header};
@@ -158,7 +158,8 @@ pub(super) const FTGS_WRITER: Writer = Writer {
 
 /// Writes a scene as a binary little-endian PLY in 3DGS's property order, rows in the order of `source_row` (ties: the
 /// lower index first). The temporal properties follow when any Gaussian is dynamic; a static one then has velocity 0,
-/// `t_center` 0 and `t_scale` +infinity. Where some are not always there, `t_from` and `t_to` follow. Reading a file that this wrote and writing it again gives the same bytes.
+/// `t_center` 0 and `t_scale` +infinity. Where some are not always there, `t_from` and `t_to` follow. Reading a file that this
+/// wrote and writing it again gives the same bytes.
 ///
 /// # Errors
 /// [`Error::Data`] when the file cannot be written or the scene's arrays disagree in length.
@@ -187,7 +188,7 @@ pub fn write_ftgs(path: &Path, splats: &Splats, clock: Option<Clock>) -> Result<
     if !(0..splats.len()).any(|i| splats.is_finite(i)) {
         return Err(Error::data(path, "", "there is no Gaussian to write", "a .ftgs.ply needs at least one"));
     }
-    splats.refuse_spans(path)?;
+    splats.refuse_spans(path, "this format", ELSEWHERE)?;
     let comments = free_time_comments(splats.sh_degree, clock);
     let temporal = |dynamic: Option<usize>| free_time(dynamic.map(|at| splats.motion[at]), clock);
     write_rows(path, splats, &comments, &FREE_TIME, temporal, |i| splats.is_finite(i))

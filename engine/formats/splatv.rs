@@ -6,7 +6,7 @@ use exr::prelude::f16;
 use serde_json::json;
 
 use super::decode::{byte_of_logit, level};
-use super::format::{WriteScene, Writer};
+use super::format::{ELSEWHERE, WriteScene, Writer};
 use crate::error::{Error, Result};
 use crate::files::write_atomic;
 use crate::scene::SH_C0;
@@ -37,7 +37,7 @@ const UNUSED: [[f32; 2]; 5] = [[0.0; 2]; 5];
 pub fn write_splatv(path: &Path, splats: &Splats, views: &[View]) -> Result<()> {
     let remedy = "this is a fault of the program that made the scene";
     splats.check().map_err(|reason| Error::data(path, "", reason, remedy))?;
-    splats.refuse_spans(path)?;
+    splats.refuse_spans(path, "this format", ELSEWHERE)?;
     let mut order: Vec<usize> = (0..splats.len()).filter(|&i| splats.is_finite(i)).collect();
     if order.is_empty() {
         return Err(Error::data(path, "", "there is no Gaussian to write", "a .splatv needs at least one"));

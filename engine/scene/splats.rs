@@ -221,14 +221,13 @@ impl Splats {
         Cow::Owned(self.in_order(&kept))
     }
 
-    /// Refuses Gaussians that are not always there, for the writer of a format that has no place for that.
+    /// Refuses Gaussians that are not always there, for `what`, which takes them for that.
     ///
     /// # Errors
-    /// [`Error::Data`] naming `path`.
-    pub(crate) fn refuse_spans(&self, path: &Path) -> Result<()> {
+    /// [`Error::Data`] naming `path`, with `remedy`.
+    pub(crate) fn refuse_spans(&self, path: &Path, what: &str, remedy: &str) -> Result<()> {
         let n = self.span.iter().filter(|span| **span != ALWAYS).count();
-        let reason = || format!("{n} Gaussians appear or disappear at once, which this format cannot tell");
-        let remedy = "export it as .4dgs or PLY, or as it is at one time (--time)";
+        let reason = || format!("{n} Gaussians appear or disappear at once, which {what} cannot tell");
         if n == 0 { Ok(()) } else { Err(Error::data(path, "", reason(), remedy)) }
     }
 

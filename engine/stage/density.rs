@@ -354,8 +354,9 @@ impl DensityRound {
 
 /// Limits that no Gaussian reaches.
 fn held(push: density_classify_static::Push) -> density_classify_static::Push {
-    let (largest, veil, gradient) = (f32::MAX, f32::MAX, f32::MAX);
-    density_classify_static::Push { prune_opacity: 0.0, largest, veil, gradient, weight: 0, ..push }
+    // Times any depth above 0 it stays beyond every size.
+    let veil = f32::INFINITY;
+    density_classify_static::Push { prune_opacity: 0.0, largest: f32::MAX, veil, gradient: f32::MAX, ..push }
 }
 
 fn nothing_left() -> Error {
@@ -452,7 +453,7 @@ fn record_sort(
 /// failed. The bounds are due afterwards.
 pub fn record_mcmc_noise(rec: &mut Recording, scene: &SceneBuffers, status: &Buf<Status>, rate: f32, key: u32) {
     rec.section("noise");
-    for (index, group) in scene.trained() {
+    for (index, group) in scene.groups.iter().enumerate() {
         rec.group(Some(index));
         let args = mcmc_noise::Args { frame_status: status, geometry: &group.params.geometry };
         let push = mcmc_noise::Push { n: group.n, first: group.first, key, rate };

@@ -74,6 +74,5 @@ pub use show::{Layer, Screen};
 pub use sort::{Carried, Sort, Unsorted};
 pub use tiles::{Lists, Tiles};
 pub use totals::{MOST_TERMS, Report, record_report, record_totals};
-pub use window::refuse_spans;
 pub use workspace::Workspace;
 pub use zeros::Zeros;

@@ -4,7 +4,7 @@
 
 use super::params::{Purpose, moment};
 use super::scene::{SceneBuffers, far_origin, group_limit};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::gpu::Gpu;
 use crate::scene::{Splats, View};
 use crate::settings::Constants;
@@ -90,9 +90,10 @@ impl Windows {
     /// A scene of the whole clip.
     ///
     /// # Errors
-    /// As [`Windows::load_static`]; [`Error::Data`] where no scene is right for all times.
+    /// As [`Windows::load_static`]; [`Error::Data`](crate::Error::Data) where no scene is right for all times.
     pub fn load_whole(&self, gpu: &Gpu, constants: &Constants) -> Result<SceneBuffers> {
-        refuse_spans(&self.splats, "what is asked of a scene as a whole")?;
+        let remedy = "give one of the segments that it was joined of";
+        self.splats.refuse_spans(Path::new("the scene"), "what is asked of a scene as a whole", remedy)?;
         SceneBuffers::upload_around(gpu, &self.splats, constants, self.limit, self.origin)
     }
 
@@ -113,18 +114,6 @@ impl Windows {
         };
         self.splats.in_order(&(n_static..self.splats.len()).filter(lives).collect::<Vec<_>>())
     }
-}
-
-/// Refuses a scene whose Gaussians appear or disappear at once, for `what`, which takes them for always there.
-///
-/// # Errors
-/// [`Error::Data`].
-pub fn refuse_spans(splats: &Splats, what: &str) -> Result<()> {
-    if splats.span.is_empty() {
-        return Ok(());
-    }
-    let reason = format!("its Gaussians appear and disappear at once, which {what} cannot take into account");
-    Err(Error::data(Path::new("the scene"), "", reason, "give one of the parts that it was joined of"))
 }
 
 /// When each dynamic Gaussian may be visible: `bound.comp` on the host, a little longer. One with a number that is not finite is

@@ -47,7 +47,7 @@ pub fn density_round(
             let least = (density.growth_least as f64 / f64::from(n.max(1))).min(most);
             (pulled(largest), (density.growth * most).max(least))
         }
-        Strategy::Mcmc if grows => (Choice::Drawn, density.mcmc_growth * most),
+        Strategy::Mcmc if grows => (Choice::Drawn, density.mcmc_growth),
         // Drawn copies need steps to come apart: late in the run the dead only go.
         Strategy::Mcmc => (pulled(f32::MAX), 0.0),
     };

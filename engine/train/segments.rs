@@ -1,7 +1,7 @@
-//! A long clip in parts that are trained one by one, each in the memory of its own frames: what rests is trained once, with frames
-//! of the whole clip, each part trains what moves on top, and the parts are joined so that each gives way to the next.
+//! A long clip in segments that are trained one by one, each in the memory of its own frames: what rests is trained once, with frames
+//! of the whole clip, each segment trains what moves on top, and the segments are joined so that each gives way to the next.
 //!
-//! Where two parts overlap, the Gaussians of the later one appear one by one in the first half of the overlap, and those of the
+//! Where two segments overlap, the Gaussians of the later one appear one by one in the first half of the overlap, and those of the
 //! earlier one disappear one by one in the second half. At its middle all of both are there, so that nothing behind them is seen
 //! through, as it would be if one faded while the other came. They appear and disappear between two frames.
 
@@ -10,24 +10,22 @@ use crate::files::{cannot_read, read_file, write_atomic};
 use crate::random::Keyed;
 use crate::scene::Splats;
 use crate::scene::capture::Frames;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-const FILE: &str = "segments.json";
-
-/// How a clip is cut into parts.
+/// How a clip is cut into segments.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Segments {
     /// Frames of the clip.
     pub n_frames: u32,
-    /// The frames that what rests is trained with: as many as a part has, all over the clip.
+    /// The frames that what rests is trained with: as many as a segment has, all over the clip.
     pub still: Frames,
-    /// By part, its first frame and the one behind its last.
-    pub parts: Vec<[u32; 2]>,
+    /// By segment, its first frame and the one behind its last.
+    pub segments: Vec<[u32; 2]>,
 }
 
 impl Segments {
-    /// Cuts a clip of `n_frames` into as few parts of at most `length` frames as share `overlap` frames with the next one; they are
+    /// Cuts a clip of `n_frames` into as few segments of at most `length` frames as share `overlap` frames with the next one; they are
     /// of one length but for a frame.
     ///
     /// # Errors
@@ -35,7 +33,7 @@ impl Segments {
     pub fn new(n_frames: u32, length: u32, overlap: u32) -> std::result::Result<Self, String> {
         if length < 2 || overlap >= length {
             return Err(format!(
-                "expected parts of at least 2 frames that are longer than their overlap, found {length} and {overlap}"
+                "expected segments of at least 2 frames that are longer than their overlap, found {length} and {overlap}"
             ));
         }
         if n_frames < 2 {
@@ -43,11 +41,16 @@ impl Segments {
         }
         let own = length - overlap;
         let n = n_frames.saturating_sub(overlap).div_ceil(own).max(1);
-        let border = |part: u32| u64::from(part) * u64::from(n_frames - overlap.min(n_frames)) / u64::from(n);
-        let part = |part: u32| [border(part) as u32, (border(part + 1) as u32 + overlap).min(n_frames)];
-        let parts: Vec<[u32; 2]> = (0..n).map(part).collect();
+        let border = |segment: u32| u64::from(segment) * u64::from(n_frames - overlap.min(n_frames)) / u64::from(n);
+        let segment = |segment: u32| [border(segment) as u32, (border(segment + 1) as u32 + overlap).min(n_frames)];
+        let segments: Vec<[u32; 2]> = (0..n).map(segment).collect();
         let still = Frames { from: 0, to: None, every: n_frames.div_ceil(length) };
-        Ok(Segments { n_frames, still, parts })
+        Ok(Segments { n_frames, still, segments })
+    }
+
+    /// `segments.json` of `folder`.
+    pub fn file(folder: &Path) -> PathBuf {
+        folder.join("segments.json")
     }
 
     /// Reads those of a folder.
@@ -55,21 +58,21 @@ impl Segments {
     /// # Errors
     /// [`Error::Data`] when the file is absent or not what [`Segments::write`] writes.
     pub fn read(folder: &Path) -> Result<Self> {
-        let file = folder.join(FILE);
+        let file = Self::file(folder);
         let text = read_file(&file).map_err(|fault| cannot_read(&file, &fault))?;
         let remedy = "give a folder that `ivv segments plan` made";
         let read: Segments =
             serde_json::from_slice(&text).map_err(|e| Error::data(&file, "", e.to_string(), remedy))?;
         let follows =
             |pair: &[[u32; 2]]| pair[0][0] < pair[1][0] && pair[1][0] <= pair[0][1] && pair[0][1] < pair[1][1];
-        let is_cut = read.parts.first().is_some_and(|part| part[0] == 0)
-            && read.parts.last().is_some_and(|part| part[1] == read.n_frames)
-            && read.parts.iter().all(|[from, to]| from < to)
-            && read.parts.windows(2).all(follows);
+        let is_cut = read.segments.first().is_some_and(|segment| segment[0] == 0)
+            && read.segments.last().is_some_and(|segment| segment[1] == read.n_frames)
+            && read.segments.iter().all(|[from, to]| from < to)
+            && read.segments.windows(2).all(follows);
         if is_cut {
             Ok(read)
         } else {
-            Err(Error::data(&file, "parts", "do not follow one another over the clip", remedy))
+            Err(Error::data(&file, "segments", "do not follow one another over the clip", remedy))
         }
     }
 
@@ -78,34 +81,34 @@ impl Segments {
     /// # Errors
     /// [`Error::Data`] when the file cannot be written.
     pub fn write(&self, folder: &Path) -> Result<()> {
-        write_atomic(&folder.join(FILE), |to| Ok(serde_json::to_writer_pretty(to, self)?))
+        write_atomic(&Self::file(folder), |to| Ok(serde_json::to_writer_pretty(to, self)?))
     }
 
-    /// The frames of a part.
-    pub fn frames(&self, part: usize) -> Frames {
-        let [from, to] = self.parts[part];
+    /// The frames of a segment.
+    pub fn frames(&self, segment: usize) -> Frames {
+        let [from, to] = self.segments[segment];
         Frames { from, to: Some(to), every: 1 }
     }
 
-    /// The static Gaussians of `scene`, with the dynamic ones of every part, on the clock of the whole clip.
+    /// The static Gaussians of `scene`, with the dynamic ones of every segment, on the clock of the whole clip.
     ///
     /// # Errors
-    /// Those of `part`, which gives the scene of a part on its own clock.
-    pub fn join(&self, scene: &Splats, mut part: impl FnMut(usize) -> Result<Splats>) -> Result<Splats> {
+    /// Those of `segment`, which gives the scene of a segment on its own clock.
+    pub fn join(&self, scene: &Splats, mut segment: impl FnMut(usize) -> Result<Splats>) -> Result<Splats> {
         let mut joined = scene.kept(|i| i < scene.n_static).into_owned();
         joined.degree.clear();
-        for (index, [from, to]) in self.parts.iter().enumerate() {
-            let own = part(index)?;
+        for (index, [from, to]) in self.segments.iter().enumerate() {
+            let own = segment(index)?;
             if own.sh_degree != joined.sh_degree {
                 let reason = format!("has degree {}, what rests has {}", own.sh_degree, joined.sh_degree);
-                let remedy = "train the part again, on top of what rests";
-                return Err(Error::data(Path::new("the scene"), format!("part {index}"), reason, remedy));
+                let remedy = "train the segment again, on top of what rests";
+                return Err(Error::data(Path::new("the scene"), format!("segment {index}"), reason, remedy));
             }
             let mut moving = own.kept(|i| i >= own.n_static).into_owned();
             moving.degree.clear();
             let n_frames = f64::from(self.n_frames);
             let mut moving = moving.on_clock(f64::from(to - from) / n_frames, f64::from(*from) / n_frames);
-            if self.parts.len() > 1 {
+            if self.segments.len() > 1 {
                 let random = Keyed::new(&[index as u64]);
                 moving.span = (0..moving.len() as u64).map(|i| self.span(index, random.uniform(i))).collect();
             }
@@ -115,9 +118,9 @@ impl Segments {
         Ok(joined)
     }
 
-    /// From when up to when a Gaussian of a part is there, normalised time of the clip; `when`, from 0 to 1, says when in the half of an
-    /// overlap it appears and disappears.
-    fn span(&self, part: usize, when: f64) -> [f32; 2] {
+    /// From when up to when a Gaussian of a segment is there, normalised time of the clip; `when`, from 0 to 1, says how late in its half
+    /// of an overlap it appears and disappears.
+    fn span(&self, segment: usize, when: f64) -> [f32; 2] {
         // Half a frame before the frame that is the first with, or without.
         let border = |[from, to]: [f64; 2]| {
             let frame = (from + when * (to - from)).floor();
@@ -125,15 +128,15 @@ impl Segments {
         };
         // The overlap's first frame, its middle and the frame behind it, in each of which something may change.
         let overlap = |at: usize| {
-            let (from, to) = (f64::from(self.parts[at + 1][0]), f64::from(self.parts[at][1]));
+            let (from, to) = (f64::from(self.segments[at + 1][0]), f64::from(self.segments[at][1]));
             [from, (0.5 * (from + to)).floor(), to]
         };
-        let from = part.checked_sub(1).map_or(f32::NEG_INFINITY, |before| {
+        let from = segment.checked_sub(1).map_or(f32::NEG_INFINITY, |before| {
             let [first, middle, _] = overlap(before);
             border([first, middle + 1.0])
         });
-        let to = (part + 1 < self.parts.len()).then(|| {
-            let [_, middle, end] = overlap(part);
+        let to = (segment + 1 < self.segments.len()).then(|| {
+            let [_, middle, end] = overlap(segment);
             border([(middle + 1.0).min(end), end + 1.0])
         });
         [from, to.unwrap_or(f32::INFINITY)]
@@ -146,14 +149,14 @@ mod tests {
     use crate::scene::Motion;
 
     #[test]
-    fn parts_cover_the_clip_evenly_and_share_frames() {
+    fn segments_cover_the_clip_evenly_and_share_frames() {
         for (n_frames, length, overlap) in
             [(90, 30, 6), (600, 60, 6), (7, 60, 6), (61, 60, 6), (10, 2, 1), (300, 60, 0), (5, 4, 3)]
         {
-            let Segments { parts, still, .. } = Segments::new(n_frames, length, overlap).unwrap();
-            assert_eq!((parts[0][0], parts[parts.len() - 1][1]), (0, n_frames));
-            assert!(parts.windows(2).all(|pair| pair[0][1] - pair[1][0] == overlap), "{parts:?}");
-            let lengths: Vec<u32> = parts.iter().map(|[from, to]| to - from).collect();
+            let Segments { segments, still, .. } = Segments::new(n_frames, length, overlap).unwrap();
+            assert_eq!((segments[0][0], segments[segments.len() - 1][1]), (0, n_frames));
+            assert!(segments.windows(2).all(|pair| pair[0][1] - pair[1][0] == overlap), "{segments:?}");
+            let lengths: Vec<u32> = segments.iter().map(|[from, to]| to - from).collect();
             let (least, most) = (lengths.iter().min().unwrap(), lengths.iter().max().unwrap());
             assert!(*most <= length && most - least <= 1, "{lengths:?}");
             assert!(still.of(n_frames).len() as u32 <= length);
@@ -164,7 +167,7 @@ mod tests {
     }
 
     #[test]
-    fn one_part_gives_way_to_the_next_and_something_is_always_there() {
+    fn one_segment_gives_way_to_the_next_and_something_is_always_there() {
         let dynamic = |n: usize| Splats {
             position: vec![[0.0; 3]; n],
             rotation: vec![[1.0, 0.0, 0.0, 0.0]; n],
@@ -177,32 +180,32 @@ mod tests {
         };
         let still = Splats { n_static: 3, motion: Vec::new(), ..dynamic(3) };
         let segments = Segments::new(90, 34, 6).unwrap();
-        assert_eq!(segments.parts, [[0, 34], [28, 62], [56, 90]]);
+        assert_eq!(segments.segments, [[0, 34], [28, 62], [56, 90]]);
         let joined = segments.join(&still, |_| Ok(dynamic(400))).unwrap();
         joined.check().unwrap();
         assert_eq!((joined.n_static, joined.motion.len()), (3, 1200));
         assert!((joined.motion[400].t_center - 45.0 / 90.0).abs() < 1e-6);
         assert!((joined.motion[0].velocity[0] - 90.0 / 34.0).abs() < 1e-5);
-        let there = |part: usize, frame: u32| {
-            let range = 3 + 400 * part..3 + 400 * (part + 1);
+        let there = |segment: usize, frame: u32| {
+            let range = 3 + 400 * segment..3 + 400 * (segment + 1);
             range.filter(|&i| joined.is_there(i, f64::from(frame) / 90.0)).count()
         };
         assert!((0..28).all(|frame| [there(0, frame), there(1, frame), there(2, frame)] == [400, 0, 0]));
-        // The later part comes while the earlier one is all there, and then that goes.
+        // The later segment comes while the earlier one is all there, and then that goes.
         let of_overlap: Vec<[usize; 2]> = (28..34).map(|frame| [there(0, frame), there(1, frame)]).collect();
         assert!(of_overlap.iter().all(|[before, behind]| *before.max(behind) == 400), "{of_overlap:?}");
         assert!(
             of_overlap.windows(2).all(|pair| pair[0][0] >= pair[1][0] && pair[0][1] <= pair[1][1]),
             "{of_overlap:?}"
         );
-        assert!(of_overlap[3] == [400, 400] || of_overlap[2] == [400, 400], "{of_overlap:?}");
+        assert_eq!(of_overlap[3], [400, 400]);
         // No frame changes more than its share.
         let most =
             of_overlap.windows(2).map(|pair| pair[0][0].abs_diff(pair[1][0]) + pair[0][1].abs_diff(pair[1][1])).max();
         assert!(most < Some(170), "{of_overlap:?}");
         assert!((34..56).all(|frame| [there(0, frame), there(1, frame), there(2, frame)] == [0, 400, 0]));
         assert!((62..90).all(|frame| [there(0, frame), there(1, frame), there(2, frame)] == [0, 0, 400]));
-        // One part alone is always there.
+        // One segment alone is always there.
         let alone = Segments::new(9, 30, 6).unwrap().join(&still, |_| Ok(dynamic(2))).unwrap();
         assert!(alone.span.is_empty());
         // Without an overlap one follows the other.

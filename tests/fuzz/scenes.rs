@@ -136,7 +136,7 @@ pub fn four_dgs() -> Vec<Seed> {
         let file = FourDgs::read(&folder.join("a.4dgs"));
         file.is_ok_and(|file| {
             let _ = file.summary();
-            whole(file.at(0.5)) | whole(file.splats())
+            whole(file.splats())
         })
     };
     let seed = |sh_degree: u8| {

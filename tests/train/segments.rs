@@ -1,10 +1,11 @@
-//! A clip in parts: planned, trained job by job, joined, and scored as one scene.
+//! A clip in segments: planned, trained job by job, joined, and scored as one scene.
 
 use super::Tiny;
 use super::run::{fails, ivv, json, works};
 use crate::common::device::gpu;
 use ivv::formats::read_ply;
 use ivv::scene::ALWAYS;
+use serde_json::Value;
 use std::path::Path;
 
 fn text(path: &Path) -> &str {
@@ -12,17 +13,17 @@ fn text(path: &Path) -> &str {
 }
 
 #[test]
-fn a_clip_in_parts_is_joined_to_one_scene_and_jobs_are_done_once() {
+fn a_clip_in_segments_is_joined_to_one_scene_and_jobs_are_done_once() {
     let _device = gpu();
     let tiny = Tiny::of_frames("segments", 8);
     let plan = tiny.folder.join("plan");
-    let planned = ["segments", "plan", text(&tiny.folder), "-o", text(&plan), "--length", "5", "--overlap", "2"];
+    let planned = ["segments", "plan", text(&tiny.folder), "-o", text(&plan), "--frames", "5", "--overlap", "2"];
     let settings = ["--steps", "24", "--sh-degree", "1", "--set", "init_static_tau=0", "--set", "init_points=200"];
     let told = works(&[&planned[..], &settings[..]].concat());
-    assert!(told.contains("part 0: frames 0 to 4") && told.contains("part 1: frames 3 to 7"), "{told}");
+    assert!(told.contains("segment 0: frames 0 to 4") && told.contains("segment 1: frames 3 to 7"), "{told}");
     // The same plan again is no fault, another one is.
     works(&[&planned[..], &settings[..]].concat());
-    assert!(fails(&[&planned[..], &["--steps", "25"]].concat(), 3).contains("holds another plan"));
+    assert!(fails(&[&planned[..], &["--steps", "25"]].concat(), 3).contains("holds another plan or a run"));
 
     fn jobs<'a>(plan: &'a str, only: &[&'a str]) -> Vec<&'a str> {
         [&["segments", "run", plan][..], only, &["--", "--eval-every", "0"]].concat()
@@ -31,16 +32,16 @@ fn a_clip_in_parts_is_joined_to_one_scene_and_jobs_are_done_once() {
     assert!(script.success() && plan.join("Snakefile").is_file());
     let run = |only| jobs(text(&plan), only);
     assert!(fails(&["segments", "join", text(&plan)], 3).contains("expected a run that has ended"));
-    assert!(fails(&run(&["--only", "2"]), 2).contains("a part from 0 to 1"));
+    assert!(fails(&run(&["--only", "2"]), 2).contains("a segment from 0 to 1"));
     assert!(fails(&run(&["--only", "1"]), 2).contains("the training into"), "what rests comes first");
     works(&run(&["--only", "base"]));
     works(&run(&["--only", "0001"]));
     // A job that was killed goes on: as if before its end.
-    let part = plan.join("part-0001");
+    let segment = plan.join("segment-0001");
     for name in ["scene.ply", "train.json"] {
-        std::fs::remove_file(part.join(name)).unwrap();
+        std::fs::remove_file(segment.join(name)).unwrap();
     }
-    let newest = part.join("checkpoints/00000024.ckpt");
+    let newest = segment.join("checkpoints/00000024.ckpt");
     assert!(newest.is_file());
     std::fs::remove_file(newest).unwrap();
     works(&run(&[]));
@@ -50,7 +51,7 @@ fn a_clip_in_parts_is_joined_to_one_scene_and_jobs_are_done_once() {
 
     let joined = read_ply(&plan.join("scene.ply")).unwrap();
     let scene = |folder: &str| read_ply(&plan.join(folder).join("scene.ply")).unwrap();
-    let (base, first, second) = (scene("base"), scene("part-0000"), scene("part-0001"));
+    let (base, first, second) = (scene("base"), scene("segment-0000"), scene("segment-0001"));
     assert_eq!(joined.n_static, base.n_static);
     assert_eq!(joined.motion.len(), first.motion.len() + second.motion.len());
     assert!(joined.span.iter().all(|span| *span != ALWAYS));
@@ -59,6 +60,28 @@ fn a_clip_in_parts_is_joined_to_one_scene_and_jobs_are_done_once() {
     let scores = json(&plan.join("eval.json"));
     let views = scores["views"].as_array().unwrap();
     assert!(views.len() >= 8 && views.iter().all(|view| view["psnr"].as_f64().unwrap() > 8.0));
+    // Where only one segment is there, the picture is that of the segment alone.
+    let mut n_alone = 0;
+    for (folder, first, alone) in [("segment-0000", 0, 0..3), ("segment-0001", 3, 5..8)] {
+        let own = json(&plan.join(folder).join("eval.json"));
+        for view in own["views"].as_array().unwrap() {
+            let frame = view["frame"].as_u64().unwrap() + first;
+            if alone.contains(&frame) {
+                let same = |of: &&Value| of["camera"] == view["camera"] && of["frame"] == frame;
+                let joined = views.iter().find(same).unwrap()["psnr"].as_f64().unwrap();
+                let own = view["psnr"].as_f64().unwrap();
+                assert!((joined - own).abs() < 0.01, "frame {frame}: {joined} joined, {own} alone");
+                n_alone += 1;
+            }
+        }
+    }
+    assert!(n_alone >= 6);
+    // As JSON, one value on standard output.
+    let told = works(&["--json", "segments", "join", text(&plan)]);
+    assert_eq!(serde_json::from_str::<Value>(&told).unwrap()["segments"], 2);
+    // A run's folder is no place for a plan.
+    let into = ["segments", "plan", text(&tiny.folder), "-o", text(&segment)];
+    assert!(fails(&into, 3).contains("holds another plan or a run"));
     let clip = tiny.folder.join("scene.4dgs");
     works(&["export", text(&plan), "-o", text(&clip), "--clamp-colors"]);
     let read = ivv::formats::read_scene(&clip).unwrap();

@@ -70,7 +70,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         }
         return Ok(());
     }
-    let mut splats = source.scene(args.time)?.splats;
+    let mut splats = source.scene()?.splats;
     let n_read = splats.len();
     if let Some(time) = args.time {
         anyhow::ensure!((0.0..=1.0).contains(&args.min_opacity), "--min-opacity must lie between 0 and 1");

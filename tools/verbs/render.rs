@@ -290,14 +290,14 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let stop = Stop::listen()?;
     let source = Source::open(path)?;
     if let Some(film) = args.film(&source, run.as_ref())? {
-        let shown = source.scene(args.time)?;
+        let shown = source.scene()?;
         let constants = constants_over(shown.constants.unwrap_or(of_scene))?;
         let output = args.output.as_deref().context("give the video, -o FILE")?;
         let studio = Studio { output, device: &args.device, constants, stop: &stop };
         return film::run(&film, &args.film, shown, &studio, json);
     }
     let views = args.views(&source)?;
-    let shown = source.scene(args.time)?;
+    let shown = source.scene()?;
     let constants = constants_over(shown.constants.unwrap_or(of_scene))?;
     within_clip(args.cameras.as_deref().unwrap_or(path), &shown, &views)?;
     let splats = Arc::new(shown.splats.by_degree());

@@ -1,8 +1,9 @@
-//! `ivv segments`: a long clip in parts, on one machine or as jobs of many.
+//! `ivv segments`: a long clip in segments, on one machine or as jobs of many.
 
 use crate::capture::{self, CaptureArgs};
 use crate::files::{make_folder, read_json, write_json};
-use crate::screen::{out, say};
+use crate::interrupt::Stop;
+use crate::screen::{self, out, say};
 use crate::settings::SettingArgs;
 use anyhow::{Context, ensure};
 use ivv::files::write_atomic;
@@ -13,7 +14,7 @@ use ivv::words::count;
 use serde_json::json;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::process::{Command, Stdio};
 
 /// Options of `ivv segments`.
 #[derive(clap::Args)]
@@ -24,26 +25,28 @@ pub struct Args {
 
 #[derive(clap::Subcommand)]
 enum What {
-    /// Cuts a clip into parts that share frames, and writes the jobs that train them.
+    /// Cuts a clip into segments that share frames, and writes the jobs that train them.
     Plan(Box<PlanArgs>),
-    /// Trains what rests, then what moves in each part, then joins them; or one of these jobs. What is done is not done again, and
+    /// Trains what rests, then what moves in each segment, then joins them; or one of these jobs. What is done is not done again, and
     /// what was stopped goes on.
     Run(RunArgs),
-    /// Joins the scenes of the parts into PLAN/scene.ply, which `render`, `eval`, `export` and others take as that of a run.
+    /// Joins the scenes of the segments into PLAN/scene.ply, which `render`, `eval`, `export` and others take as that of a run.
     Join(JoinArgs),
 }
 
 #[derive(clap::Args)]
+// `--frames` says how long a segment is, and a plan is of a whole clip.
+#[command(mut_arg("max_frames", |of_capture| of_capture.visible_alias(None).hide(true)))]
 struct PlanArgs {
     /// The capture, see `ivv check`.
     capture: PathBuf,
     /// The folder of the plan, and of all that its jobs write.
     #[arg(short, long)]
     output: PathBuf,
-    /// Frames of a part, at most: what a training needs grows with them.
+    /// Frames of a segment, at most: what a training needs grows with them.
     #[arg(long, default_value_t = 60)]
-    length: u32,
-    /// Frames that a part shares with the next one, in which it gives way to it.
+    frames: u32,
+    /// Frames that a segment shares with the next one, in which it gives way to it.
     #[arg(long, default_value_t = 6)]
     overlap: u32,
     #[command(flatten)]
@@ -56,7 +59,7 @@ struct PlanArgs {
 struct RunArgs {
     /// A folder that `ivv segments plan` made.
     plan: PathBuf,
-    /// One job alone: `base`, what rests; the number of a part, from 0; or `join`.
+    /// One job alone: `base`, what rests; the number of a segment, from 0; or `join`.
     #[arg(long, value_name = "base|N|join")]
     only: Option<String>,
     /// Further options of `ivv train` for what is trained, such as --device.
@@ -66,15 +69,15 @@ struct RunArgs {
 
 #[derive(clap::Args)]
 struct JoinArgs {
-    /// A folder that `ivv segments plan` made, all of whose parts are trained.
+    /// A folder that `ivv segments plan` made, all of whose segments are trained.
     plan: PathBuf,
 }
 
 pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     match &args.what {
         What::Plan(args) => plan(args, json),
-        What::Run(args) => Jobs::open(&args.plan)?.run(args.only.as_deref(), &args.options),
-        What::Join(args) => Jobs::open(&args.plan)?.join(),
+        What::Run(args) => Jobs::open(&args.plan, json)?.run(args.only.as_deref(), &args.options),
+        What::Join(args) => Jobs::open(&args.plan, json)?.join(),
     }
 }
 
@@ -85,32 +88,37 @@ fn plan(args: &PlanArgs, json: bool) -> anyhow::Result<()> {
         capture.settings().frames.are_all(),
         "--max-frames: a plan is of a whole clip; leave it out, or `ivv prepare` the part of the clip that is wanted"
     );
-    let segments = Segments::new(capture.n_frames, args.length, args.overlap).map_err(anyhow::Error::msg)?;
+    let segments = Segments::new(capture.n_frames, args.frames, args.overlap).map_err(anyhow::Error::msg)?;
     let mut run = Run::new(&capture, Constants::default())?;
     run.constants.near = near_plane(&capture.transformed(&run.world));
     make_folder(&args.output)?;
-    let is_another = Segments::read(&args.output).is_ok_and(|before| before != segments)
+    let is_plan = Segments::file(&args.output).is_file();
+    let is_another = (!is_plan && Run::file(&args.output).is_file())
+        || Segments::read(&args.output).is_ok_and(|before| before != segments)
         || Run::read(&args.output).is_ok_and(|before| before != run)
         || read_json::<Config>(&args.output.join("config.json"), "").is_ok_and(|before| before != config);
     if is_another {
         let remedy = "choose another folder with -o, or remove it with all that it holds";
-        return Err(ivv::Error::data(&args.output, "", "holds another plan", remedy).into());
+        return Err(ivv::Error::data(&args.output, "", "holds another plan or a run", remedy).into());
     }
     segments.write(&args.output)?;
     run.write(&args.output)?;
     write_json(&args.output.join("config.json"), &config)?;
-    let n = segments.parts.len();
+    let n = segments.segments.len();
     for (name, text) in [("Snakefile", snakefile(n)), ("slurm.sh", slurm(n))] {
         write_atomic(&args.output.join(name), |to| to.write_all(text.as_bytes()))?;
     }
     let still = segments.still.of(segments.n_frames).len();
     if json {
-        out!("{}", json!({ "parts": segments.parts, "frames": segments.n_frames, "frames_of_what_rests": still }));
+        out!(
+            "{}",
+            json!({ "segments": segments.segments, "frames": segments.n_frames, "frames_of_what_rests": still })
+        );
         return Ok(());
     }
     out!("{}: what rests, with {} of {}", args.output.display(), count(still, "frame"), segments.n_frames);
-    for (part, [from, to]) in segments.parts.iter().enumerate() {
-        out!("part {part}: frames {from} to {}", to - 1);
+    for (segment, [from, to]) in segments.segments.iter().enumerate() {
+        out!("segment {segment}: frames {from} to {}", to - 1);
     }
     out!("next: ivv segments run {}", args.output.display());
     Ok(())
@@ -121,36 +129,39 @@ struct Jobs<'a> {
     folder: &'a Path,
     segments: Segments,
     run: Run,
+    json: bool,
 }
 
 impl<'a> Jobs<'a> {
-    fn open(folder: &'a Path) -> anyhow::Result<Self> {
-        Ok(Jobs { folder, segments: Segments::read(folder)?, run: Run::read(folder)? })
+    fn open(folder: &'a Path, json: bool) -> anyhow::Result<Self> {
+        Ok(Jobs { folder, segments: Segments::read(folder)?, run: Run::read(folder)?, json })
     }
 
     fn base(&self) -> PathBuf {
         self.folder.join("base")
     }
 
-    fn part(&self, part: usize) -> PathBuf {
-        self.folder.join(format!("part-{part:04}"))
+    fn segment(&self, segment: usize) -> PathBuf {
+        self.folder.join(format!("segment-{segment:04}"))
     }
 
     fn run(&self, only: Option<&str>, options: &[OsString]) -> anyhow::Result<()> {
-        let n = self.segments.parts.len();
+        // Ctrl-C goes to the training too, which writes a checkpoint and ends; this waits for it.
+        let _stop = Stop::listen()?;
+        let n = self.segments.segments.len();
         match only {
             Some("base") => self.train_base(options),
             Some("join") => self.join(),
             Some(word) => {
-                let part = word.parse().ok().filter(|part| *part < n);
-                let part = part.with_context(|| {
-                    format!("--only: expected base, join or a part from 0 to {}, found {word}", n - 1)
+                let segment = word.parse().ok().filter(|segment| *segment < n);
+                let segment = segment.with_context(|| {
+                    format!("--only: expected base, join or a segment from 0 to {}, found {word}", n - 1)
                 })?;
-                self.train_part(part, options)
+                self.train_segment(segment, options)
             }
             None => {
                 self.train_base(options)?;
-                (0..n).try_for_each(|part| self.train_part(part, options))?;
+                (0..n).try_for_each(|segment| self.train_segment(segment, options))?;
                 self.join()
             }
         }
@@ -161,16 +172,16 @@ impl<'a> Jobs<'a> {
         self.train(&self.base(), &["--max-frames".into(), self.segments.still.to_string().into()], options)
     }
 
-    fn train_part(&self, part: usize, options: &[OsString]) -> anyhow::Result<()> {
-        let [from, to] = self.segments.parts[part];
-        say!("part {part} of {}: frames {from} to {}", self.segments.parts.len(), to - 1);
+    fn train_segment(&self, segment: usize, options: &[OsString]) -> anyhow::Result<()> {
+        let [from, to] = self.segments.segments[segment];
+        say!("segment {segment} of {}: frames {from} to {}", self.segments.segments.len(), to - 1);
         let own: [OsString; 4] = [
             "--max-frames".into(),
-            self.segments.frames(part).to_string().into(),
+            self.segments.frames(segment).to_string().into(),
             "--base".into(),
             self.base().into_os_string(),
         ];
-        self.train(&self.part(part), &own, options)
+        self.train(&self.segment(segment), &own, options)
     }
 
     /// Trains into `folder`, in a process of its own, whose memory ends with it; goes on where the folder holds a run that has not
@@ -192,6 +203,13 @@ impl<'a> Jobs<'a> {
                 command.arg("--test-cameras").arg(self.run.test_cameras.join(","));
             }
         }
+        if self.json {
+            // What is told there at the end is told of all jobs together.
+            command.stdout(Stdio::null());
+        }
+        if !screen::has_messages() {
+            command.arg("--quiet");
+        }
         let status = command.args(options).status().context("ivv train")?;
         ensure!(
             status.success(),
@@ -207,22 +225,26 @@ impl<'a> Jobs<'a> {
             let remedy = "train it first: `ivv segments run PLAN`";
             anyhow::Error::from(ivv::Error::data(folder, "", "expected a run that has ended, found none", remedy))
         };
-        let parts = (0..self.segments.parts.len()).map(|part| self.part(part));
-        for folder in [self.base()].into_iter().chain(parts) {
+        let segments = (0..self.segments.segments.len()).map(|segment| self.segment(segment));
+        for folder in [self.base()].into_iter().chain(segments) {
             if !has_ended(&folder)? {
                 return Err(missing(&folder));
             }
         }
         let scene = |folder: PathBuf| read_ply(&folder.join("scene.ply"));
-        let joined = self.segments.join(&scene(self.base())?, |part| scene(self.part(part)))?;
+        let joined = self.segments.join(&scene(self.base())?, |segment| scene(self.segment(segment)))?;
         let file = self.folder.join("scene.ply");
         write_ply(&file, &joined)?;
+        let (n, n_dynamic, n_segments) = (joined.len(), joined.motion.len(), self.segments.segments.len());
+        if self.json {
+            out!("{}", json!({ "path": file, "gaussians": n, "dynamic_gaussians": n_dynamic, "segments": n_segments }));
+            return Ok(());
+        }
         out!(
-            "{}: {}, {} of them dynamic, of {}",
+            "{}: {}, {n_dynamic} of them dynamic, of {}",
             file.display(),
-            count(joined.len(), "Gaussian"),
-            joined.motion.len(),
-            count(self.segments.parts.len(), "part")
+            count(n, "Gaussian"),
+            count(n_segments, "segment")
         );
         Ok(())
     }
@@ -255,21 +277,21 @@ rule base:
     shell: \"ivv segments run . --only base\"
 
 
-rule part:
+rule segment:
     input: \"base/train.json\"
-    output: \"part-{{part}}/train.json\"
-    shell: \"ivv segments run . --only {{wildcards.part}}\"
+    output: \"segment-{{segment}}/train.json\"
+    shell: \"ivv segments run . --only {{wildcards.segment}}\"
 
 
 rule join:
-    input: expand(\"part-{{part:04d}}/train.json\", part=range(N))
+    input: expand(\"segment-{{segment:04d}}/train.json\", segment=range(N))
     output: \"scene.ply\"
     shell: \"ivv segments join .\"
 "
     )
 }
 
-/// The jobs for Slurm: an array of the parts between the two that are alone.
+/// The jobs for Slurm: an array of the segments between the two that are alone.
 fn slurm(n: usize) -> String {
     let last = n - 1;
     format!(
@@ -279,9 +301,9 @@ fn slurm(n: usize) -> String {
 # A job that failed is done again by a second call: what is there is not done again.
 set -euo pipefail
 base=$(sbatch --parsable \"$@\" --job-name=ivv-base --wrap='ivv segments run . --only base')
-parts=$(sbatch --parsable \"$@\" --job-name=ivv-part --dependency=\"afterok:$base\" --array=0-{last} \\
+segments=$(sbatch --parsable \"$@\" --job-name=ivv-segment --dependency=\"afterok:$base\" --array=0-{last} \\
     --wrap='ivv segments run . --only \"$SLURM_ARRAY_TASK_ID\"')
-sbatch \"$@\" --job-name=ivv-join --dependency=\"afterok:$parts\" --wrap='ivv segments join .'
+sbatch \"$@\" --job-name=ivv-join --dependency=\"afterok:$segments\" --wrap='ivv segments join .'
 "
     )
 }

@@ -129,30 +129,13 @@ impl FourDgs {
         let (still, moving): (Vec<usize>, Vec<usize>) = (0..set.count()).partition(is_still);
         let mut splats = Splats::new(u32::from(set.sh_degree));
         for &i in still.iter().chain(&moving) {
-            let place = std::array::from_fn(|k| set.positions[3 * i + k]);
-            self.push(&mut splats, i, place, f64::from(set.colors[4 * i + 3]));
+            self.push(&mut splats, i);
         }
         splats.n_static = still.len();
         splats.motion = moving.iter().map(|&i| self.motion(i, seconds)).collect();
         if moving.iter().any(|&i| spans[i] != ALWAYS) {
             splats.span = moving.iter().map(|&i| spans[i]).collect();
         }
-        Ok(splats)
-    }
-
-    /// The Gaussians that there are at `time`, normalised, as static ones.
-    ///
-    /// # Errors
-    /// [`Error::Data`] where objects have tracks.
-    pub fn at(&self, time: f64) -> Result<Splats> {
-        self.refuse_tracks()?;
-        let state = self.scene.gaussians.state_at(time * self.clock().seconds(), self.scene.header.cutoff);
-        let mut splats = Splats::new(u32::from(self.scene.gaussians.sh_degree));
-        for (at, &i) in state.indices.iter().enumerate() {
-            let place = std::array::from_fn(|k| state.centers[3 * at + k]);
-            self.push(&mut splats, i as usize, place, f64::from(state.opacity[at]));
-        }
-        splats.n_static = splats.len();
         Ok(splats)
     }
 
@@ -194,13 +177,13 @@ impl FourDgs {
         }
     }
 
-    /// Appends Gaussian `i` at a place, with an opacity.
-    fn push(&self, to: &mut Splats, i: usize, place: [f32; 3], opacity: f64) {
+    /// Appends Gaussian `i`.
+    fn push(&self, to: &mut Splats, i: usize) {
         let set = &self.scene.gaussians;
         let [x, y, z, w]: [f32; 4] = std::array::from_fn(|k| set.rotations[4 * i + k]);
-        let opacity = opacity.clamp(EDGE, 1.0 - EDGE);
+        let opacity = f64::from(set.colors[4 * i + 3]).clamp(EDGE, 1.0 - EDGE);
         to.source_row.push(to.len() as u32);
-        to.position.push(place);
+        to.position.push(std::array::from_fn(|k| set.positions[3 * i + k]));
         to.rotation.push([w, x, y, z]);
         to.scale.push(std::array::from_fn(|k| set.scales[3 * i + k].ln()));
         to.opacity.push((opacity / (1.0 - opacity)).ln() as f32);

@@ -121,7 +121,7 @@ impl CaptureBuilder {
         self.true_offsets.values_mut().for_each(|offset| *offset /= f64::from(frames.every));
         self.fps /= f64::from(frames.every);
         self.n_frames = n_used;
-        // What rests in the reference frame may move in the others, so the nearest one stands for it.
+        // The last used frame that is not behind the reference frame stands for it, or the first one.
         let past = self.reference_frame.saturating_sub(frames.from);
         self.reference_frame = (past / frames.every).min(n_used - 1);
     }

@@ -99,7 +99,8 @@ impl Initial {
 }
 
 /// Makes the first Gaussians of `capture`, which is in the frame of training, as `config.init` says. Where nothing is found they
-/// are at random places. Where static ones are not trained, only those of what moves are made, and there may be none. Of more than [`Config::max_gaussians`] that many are kept, evenly chosen. `progress` is called as
+/// are at random places. Where static ones are not trained, only those of what moves are made, whatever `config.init` says, and there may
+/// be none. Of more than [`Config::max_gaussians`] that many are kept, evenly chosen. `progress` is called as
 /// (pieces done, pieces in all).
 ///
 /// # Errors

@@ -19,7 +19,7 @@ use crate::scene::{Cone, Splats, View};
 use crate::settings::Constants;
 use crate::stage::{
     AdamMode, DensityRound, Lists, Moments, Optimiser, Purpose, Room, SceneBuffers, State, StepSettings, Workspace,
-    adam_params, constants_on, lazy_sums, refuse_spans,
+    adam_params, constants_on, lazy_sums,
 };
 use crate::train::config::{Config, Strategy};
 use crate::train::density::{density_round, regularisers};
@@ -119,7 +119,7 @@ impl Trainer {
         let accumulation = config.accumulation.on(gpu.caps());
         accumulation.check(gpu.caps())?;
         held_statics(&config)?;
-        refuse_spans(splats, "training")?;
+        splats.refuse_spans(Path::new("the scene"), "training", "give one of the segments that it was joined of")?;
         let constants = constants_on(gpu.caps().kind, config.frame, constants);
         let mut scene = SceneBuffers::upload(&gpu, splats, &constants, Purpose::Training)?;
         scene.holds_static = !config.trains_static;

@@ -94,7 +94,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         setting.sounds = ivv::sound::clip::sounds(&SoundScene::read(scene)?, length)?;
     }
     let hrtf = if setting.sounds.is_empty() { None } else { Some(HrtfSet::open(&args.hrtf)?) };
-    let shown = source.scene(None)?;
+    let shown = source.scene()?;
     let constants = shown.constants.unwrap_or(setting.constants);
 
     let stop = Stop::listen()?;

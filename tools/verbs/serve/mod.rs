@@ -82,7 +82,7 @@ fn scene(source: &Path, clip: &ClipArgs) -> anyhow::Result<Scene> {
     if let Some(bytes) = clip.as_it_is(&source)? {
         return Ok(Scene::new(bytes.into()));
     }
-    let splats = source.scene(None)?.splats;
+    let splats = source.scene()?.splats;
     say!("{}: put into a .4dgs", source.path.display());
     Ok(Scene::new(clip.bytes(&source, &splats)?.into()))
 }
