@@ -13,6 +13,7 @@ mod flicker;
 mod images;
 mod init;
 mod judge;
+mod lenses;
 mod lock;
 mod log;
 mod metrics;

@@ -1,14 +1,13 @@
 //! What a trainer needs to know of a capture beside its pictures.
 
 use super::config::{Config, FlowChoice, PoseKind};
+use super::lenses;
 use super::terms::{self, TermData};
 use crate::scene::capture::{Camera, Capture, Extent, TRAINING_RADIUS};
 use crate::scene::{FlowModel, View};
 use crate::settings::Constants;
 use glam::DVec3;
 
-/// Lenses that a Gaussian is compared with, at most: a round of density control asks each Gaussian about all.
-const MOST_LENSES: usize = 64;
 /// Points whose depths the near plane is chosen by, at most.
 const MOST_POINTS: usize = 10_000;
 
@@ -17,8 +16,8 @@ const MOST_POINTS: usize = 10_000;
 pub struct Setup {
     /// Where the cameras are.
     pub extent: Extent,
-    /// Views of every pose of every training camera, and those that somebody named ([`Capture::viewpoints`]): at most
-    /// `MOST_LENSES`, evenly chosen.
+    /// Views before which density control keeps room: those of the training cameras, between them, and those that somebody
+    /// named ([`Capture::viewpoints`]).
     pub lenses: Vec<View>,
     /// Normalised time between two frames.
     pub dt: f64,
@@ -64,7 +63,7 @@ impl Setup {
         let moves = capture.cameras.iter().any(|camera| camera.shots.iter().any(|s| s.world_to_camera.is_some()));
         Setup {
             extent: capture.extent(),
-            lenses: lenses(capture),
+            lenses: [lenses::of_cameras(capture), lenses::between_cameras(capture)].concat(),
             dt: 1.0 / f64::from(capture.n_frames.max(1)),
             n_trained: trained.iter().filter(|trained| **trained).count(),
             learns_offset: if config.offsets && capture.is_rig_clip() { learns_offset } else { Vec::new() },
@@ -92,7 +91,7 @@ impl Setup {
 /// see, would then fill its whole picture, and that of a viewer who stands there. Whatever lies nearer to a training camera than
 /// all that it can see is a floater.
 pub fn near_plane(capture: &Capture) -> f32 {
-    let views = lenses(capture);
+    let views = lenses::of_cameras(capture);
     let each = capture.points.len().div_ceil(MOST_POINTS).max(1);
     let depth = |view: &View, point: [f64; 3]| {
         let DVec3 { x, y, z } = view.pose.to_camera(point.into());
@@ -120,10 +119,4 @@ fn centers(capture: &Capture) -> Vec<Option<DVec3>> {
         is_learnt.then(|| centers.iter().sum::<DVec3>() / centers.len() as f64)
     };
     capture.cameras.iter().enumerate().map(of_camera).collect()
-}
-
-fn lenses(capture: &Capture) -> Vec<View> {
-    let views = capture.lens_views();
-    let each = views.len().div_ceil(MOST_LENSES).max(1);
-    views.into_iter().step_by(each).collect()
 }

@@ -38,9 +38,9 @@ pub struct Outputs<R> {
 }
 
 /// What one pixel shows.
-struct Pixel<R> {
-    color: [R; 3],
-    transmittance: R,
+pub(super) struct Pixel<R> {
+    pub(super) color: [R; 3],
+    pub(super) transmittance: R,
     depth: R,
     inverse_depth: R,
     flow: [R; 2],
@@ -96,14 +96,14 @@ fn visible_sorted<R: Real>(params: &Params<R>, camera: &Camera<R>, rules: &Rules
 }
 
 /// x and y range of the pixels that can see `splat`, with slack for the rounding of its own arithmetic.
-fn bounds<R: Real>(splat: &Projected<R>) -> [f64; 4] {
+pub(super) fn bounds<R: Real>(splat: &Projected<R>) -> [f64; 4] {
     let [x, y] = splat.xy.map(R::to_f64);
     let [rx, ry] = splat.extent.map(|r| r.to_f64() * 1.0001 + 0.01);
     [x - rx, x + rx, y - ry, y + ry]
 }
 
 /// Blends the depth-sorted `candidates` at one pixel centre.
-fn blend<'a, R: Real + 'a>(
+pub(super) fn blend<'a, R: Real + 'a>(
     centre: [f64; 2],
     candidates: impl Iterator<Item = &'a Projected<R>>,
     camera: &Camera<R>,

@@ -1,13 +1,16 @@
 //! The ways of adding gradients up.
 
 use super::check::{bits, cotangents, dot, flat, smooth_cotangents};
+use crate::adversary::slack;
 use crate::common::device::gpu;
 use crate::common::random::{scene, view};
 use crate::common::twins::tested;
 use ivv::Constants;
 use ivv::extremes::adjoint::group_error;
+use ivv::extremes::fixtures::adam::{Scene, Step};
 use ivv::scene::{Frame, Splats};
 use ivv::stage::{Accumulation, Gradients, Renderer, Sums};
+use ivv::twin::pull;
 use ivv::vk::{Caps, DeviceKind};
 
 tested! {
@@ -52,6 +55,27 @@ fn all_ways_agree_with_each_other_and_with_dual_numbers() {
         for name in ["position", "rotation", "scale", "opacity", "sh", "velocity", "t_center", "t_scale"] {
             let error = group_error(&found, name, &splats, &view, &smooth).expect("a gradient");
             assert!(error <= 1e-5, "{mode:?}: {name} is off by {error:e}");
+        }
+    }
+}
+
+#[test]
+fn each_way_tells_density_control_how_hard_a_centre_is_pulled() {
+    let (gpu, view) = (gpu(), view());
+    // Static and dynamic ones, some of which are not seen.
+    let splats = scene(17, 60, 1);
+    let d_color = smooth_cotangents(6, &splats, &view).color;
+    let truth = pull(&splats, &view, &Constants::default(), &d_color);
+    let most = truth.iter().fold(0.0, |a: f64, b| a.max(*b));
+    assert!(truth.iter().filter(|pull| **pull > 1e-3 * most).count() > 20, "too few are pulled");
+    for sums in Sums::ALL.into_iter().filter(|sums| sums.check(gpu.caps()).is_ok()) {
+        let (after, n_bad) = Scene::new(&splats).step(&gpu, &view, &d_color, &Step { sums, ..Step::dense(1) }).unwrap();
+        assert_eq!(n_bad, 0, "{sums:?}");
+        for (i, ([found, n, ..], truth)) in after.state.iter().zip(&truth).enumerate() {
+            let found = f64::from(*found);
+            let allowed = slack(100.0) * (2e-5 * truth + 1e-6 * most);
+            assert!((found - truth).abs() <= allowed, "{sums:?}: Gaussian {i} is pulled by {found}, not by {truth}");
+            assert!(*n == 1.0 || *truth == 0.0, "{sums:?}: Gaussian {i} is pulled in no picture");
         }
     }
 }

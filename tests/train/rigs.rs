@@ -1,9 +1,10 @@
 //! Rigs that look outward, and those that look at a scene among them: how large a scene is taken for.
 
 use ivv::scene::Splats;
+use ivv::scene::View;
 use ivv::scene::capture::{Capture, TRAINING_RADIUS};
 use ivv::synth::{Options, Preset, Rig, write_capture};
-use ivv::train::{Config, from_points, initialise};
+use ivv::train::{Config, Setup, from_points, initialise};
 
 /// The capture of a rig, as it is written to a folder of the test's own.
 fn capture(test: &str, rig: Rig) -> Capture {
@@ -110,4 +111,52 @@ fn first_gaussians_fill_the_pictures_of_an_outward_rig_its_plain_ceilings_too() 
         println!("{}: {n_empty} of 48 cells are empty", camera.name);
         assert!(n_empty <= 4, "{}: {n_empty} of 48 cells have no Gaussian", camera.name);
     }
+}
+
+/// The lenses before which training leaves room: those of cameras, and those between them.
+fn lenses(capture: &Capture) -> (Vec<View>, Vec<View>) {
+    let of_cameras = capture.lens_views();
+    let mut all = Setup::new(capture, &Config::default()).lenses;
+    let between = all.split_off(of_cameras.len());
+    assert_eq!(all, of_cameras);
+    (of_cameras, between)
+}
+
+#[test]
+fn room_is_left_amid_neighbours_that_look_the_same_way() {
+    let capture = capture("between", Rig::Inward);
+    let (cameras, between) = lenses(&capture);
+    assert!(between.len() > cameras.len(), "{} lenses between {} cameras", between.len(), cameras.len());
+    let is_amid = |lens: &View, set: &[&View]| {
+        let mean = set.iter().map(|view| view.pose.center()).sum::<glam::DVec3>() / set.len() as f64;
+        let looks_as_they_do = set.iter().all(|view| view.pose.forward().dot(lens.pose.forward()) > 0.0);
+        mean.distance(lens.pose.center()) < 1e-9 && looks_as_they_do
+    };
+    for lens in &between {
+        let found = cameras.iter().enumerate().any(|(i, a)| {
+            cameras[..i]
+                .iter()
+                .enumerate()
+                .any(|(j, b)| is_amid(lens, &[a, b]) || cameras[..j].iter().any(|c| is_amid(lens, &[a, b, c])))
+        });
+        assert!(found, "a lens at {} is not amid two or three cameras", lens.pose.center());
+    }
+}
+
+#[test]
+fn between_cameras_that_look_in_opposite_directions_no_room_is_left() {
+    let mut capture = capture("opposite", Rig::Inward);
+    let views = capture.lens_views();
+    let first = capture.cameras.iter().position(|camera| !camera.is_test).unwrap();
+    let forward = capture.view(first, 0).unwrap().pose.forward();
+    let opposite = |view: &View| view.pose.forward().dot(forward);
+    let across = views.iter().min_by(|a, b| opposite(a).total_cmp(&opposite(b))).unwrap();
+    assert!(opposite(across) < 0.0, "all look the same way");
+    // No other camera is trained on.
+    for (index, camera) in capture.cameras.clone().iter().enumerate() {
+        let is_across = !camera.is_test && capture.view(index, 0).unwrap().pose == across.pose;
+        capture.cameras[index].is_test = index != first && !is_across;
+    }
+    let (cameras, between) = lenses(&capture);
+    assert_eq!((cameras.len(), between.len()), (2, 0));
 }
