@@ -289,7 +289,8 @@ settings! {
         prune_opacity: f32 = 0.005, "", Range::BELOW_ONE;
         /// adc: Gaussians larger than this are removed while others are added.
         prune_scale: f32 = 0.5, "scene extents", Range::POSITIVE;
-        /// Gaussians larger than this share of their distance to a lens are removed (adc) or moved elsewhere (mcmc).
+        /// Gaussians larger than this share of their distance to a lens, or to a view between cameras, are removed (adc) or moved
+        /// elsewhere (mcmc).
         prune_veil: f32 = 0.33, "depths", Range::POSITIVE;
         /// adc: steps between two resets of the opacities; 0 never resets.
         reset_every: u64 = 3000, "steps", Range::Whole(0, u64::MAX);

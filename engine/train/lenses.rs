@@ -2,10 +2,11 @@
 //!
 //! What lies just before a lens veils its picture. In a training camera's own picture that shows, and training mends it. Before a
 //! place where no camera stands nothing does: a wall that the cameras across the room see may bulge into the room there. People look
-//! at a scene from between its cameras, so the views between neighbours are lenses too.
+//! at a scene from between its cameras, so views between neighbours are lenses too, where a camera looks at their place. Not those of
+//! cameras that move: the places between theirs are of many times, and what moves may rightly be there at another.
 
 use crate::scene::capture::Capture;
-use crate::scene::{Pose, View};
+use crate::scene::{Intrinsics, Pose, View};
 use glam::DVec3;
 use std::collections::BTreeSet;
 
@@ -22,9 +23,12 @@ pub(super) fn of_cameras(capture: &Capture) -> Vec<View> {
     evenly(capture.lens_views(), MOST)
 }
 
-/// Views halfway between a camera and each of its neighbours, and amid it and any two of them: at most `MOST_BETWEEN`, evenly
-/// chosen.
+/// Views halfway between a camera and each of its neighbours, and amid it and any two of them, of those whose place a camera sees:
+/// at most `MOST_BETWEEN`, evenly chosen. None where a camera moves.
 pub(super) fn between_cameras(capture: &Capture) -> Vec<View> {
+    if moves(capture) {
+        return Vec::new();
+    }
     // Those that somebody named come first.
     let cameras = evenly(capture.lens_views().split_off(capture.viewpoints.len()), MOST);
     let mut sets = BTreeSet::new();
@@ -41,7 +45,13 @@ pub(super) fn between_cameras(capture: &Capture) -> Vec<View> {
         let pose = Pose::look_at(center, center + forward, -sum(Pose::down));
         set.first().map(|first| View { pose, ..cameras[*first].clone() })
     };
-    evenly(sets.into_iter().filter_map(amid).collect(), MOST_BETWEEN)
+    let is_seen = |lens: &View| cameras.iter().any(|camera| depth(camera, lens.pose.center()).is_some());
+    evenly(sets.into_iter().filter_map(amid).filter(is_seen).collect(), MOST_BETWEEN)
+}
+
+/// Whether a camera is elsewhere in another frame.
+pub(super) fn moves(capture: &Capture) -> bool {
+    capture.cameras.iter().any(|camera| camera.shots.iter().any(|shot| shot.world_to_camera.is_some()))
 }
 
 /// The cameras nearest to camera `i` of those that look the same way, more or less.
@@ -53,6 +63,14 @@ fn neighbours(cameras: &[View], i: usize) -> Vec<usize> {
         others.map(|(j, other)| (other.pose.center().distance(pose.center()), j)).collect();
     near.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
     near.into_iter().take(N_NEIGHBOURS).map(|(_, j)| j).collect()
+}
+
+/// The depth of a point that `view` sees, were nothing before it.
+pub(super) fn depth(view: &View, point: DVec3) -> Option<f64> {
+    let DVec3 { x, y, z } = view.pose.to_camera(point);
+    let is_within = |at: f64, side: u32| (0.0..f64::from(side)).contains(&at);
+    let Intrinsics { width, height, fx, fy, cx, cy } = view.intrinsics;
+    (z > 0.0 && is_within(fx * x / z + cx, width) && is_within(fy * y / z + cy, height)).then_some(z)
 }
 
 fn evenly(views: Vec<View>, most: usize) -> Vec<View> {

@@ -60,7 +60,6 @@ impl Setup {
         let has_pictures = |camera: usize| capture.cameras[camera].shots.len() > 1;
         let observable: Vec<bool> = trained.iter().enumerate().map(|(i, is)| *is && has_pictures(i)).collect();
         let learns_offset = if observable.contains(&true) { observable } else { Vec::new() };
-        let moves = capture.cameras.iter().any(|camera| camera.shots.iter().any(|s| s.world_to_camera.is_some()));
         Setup {
             extent: capture.extent(),
             lenses: [lenses::of_cameras(capture), lenses::between_cameras(capture)].concat(),
@@ -79,7 +78,7 @@ impl Setup {
             flow_model: match config.loss.flow_model {
                 FlowChoice::Velocity => FlowModel::Velocity,
                 FlowChoice::Displacement => FlowModel::Displacement,
-                FlowChoice::Auto if moves => FlowModel::Displacement,
+                FlowChoice::Auto if lenses::moves(capture) => FlowModel::Displacement,
                 FlowChoice::Auto => FlowModel::Velocity,
             },
         }
@@ -93,17 +92,9 @@ impl Setup {
 pub fn near_plane(capture: &Capture) -> f32 {
     let views = lenses::of_cameras(capture);
     let each = capture.points.len().div_ceil(MOST_POINTS).max(1);
-    let depth = |view: &View, point: [f64; 3]| {
-        let DVec3 { x, y, z } = view.pose.to_camera(point.into());
-        let is_within = |at: f64, side: u32| (0.0..f64::from(side)).contains(&at);
-        let is_seen = z > 0.0
-            && is_within(view.intrinsics.fx * x / z + view.intrinsics.cx, view.intrinsics.width)
-            && is_within(view.intrinsics.fy * y / z + view.intrinsics.cy, view.intrinsics.height);
-        is_seen.then_some(z)
-    };
     let points = || capture.points.iter().step_by(each);
     let mut depths: Vec<f64> =
-        views.iter().flat_map(|view| points().filter_map(|point| depth(view, point.position))).collect();
+        views.iter().flat_map(|view| points().filter_map(|point| lenses::depth(view, point.position.into()))).collect();
     depths.sort_unstable_by(f64::total_cmp);
     let nearest = depths.get(depths.len() / 100).map_or(f64::INFINITY, |depth| 0.5 * depth);
     (TRAINING_RADIUS / 8.0).min(nearest).max(f64::from(Constants::default().near)) as f32
