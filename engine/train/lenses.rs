@@ -23,8 +23,8 @@ pub(super) fn of_cameras(capture: &Capture) -> Vec<View> {
     evenly(capture.lens_views(), MOST)
 }
 
-/// Views halfway between a camera and each of its neighbours, and amid it and any two of them, of those whose place a camera sees:
-/// at most `MOST_BETWEEN`, evenly chosen. None where a camera moves.
+/// Views halfway between a camera and each of its neighbours, and in the middle of it and any two of them, where a camera sees the
+/// place: at most `MOST_BETWEEN`, evenly chosen. None where a camera moves.
 pub(super) fn between_cameras(capture: &Capture) -> Vec<View> {
     if moves(capture) {
         return Vec::new();
