@@ -24,9 +24,9 @@ pub(super) fn of_cameras(capture: &Capture) -> Vec<View> {
 }
 
 /// Views halfway between a camera and each of its neighbours, and in the middle of it and any two of them, where a camera sees the
-/// place: at most `MOST_BETWEEN`, evenly chosen. None where a camera moves.
+/// place: at most `MOST_BETWEEN`, evenly chosen. None where one of them moves.
 pub(super) fn between_cameras(capture: &Capture) -> Vec<View> {
-    if moves(capture) {
+    if capture.cameras.iter().any(|camera| !camera.is_test && camera.moves()) {
         return Vec::new();
     }
     // Those that somebody named come first.
@@ -47,11 +47,6 @@ pub(super) fn between_cameras(capture: &Capture) -> Vec<View> {
     };
     let is_seen = |lens: &View| cameras.iter().any(|camera| depth(camera, lens.pose.center()).is_some());
     evenly(sets.into_iter().filter_map(amid).filter(is_seen).collect(), MOST_BETWEEN)
-}
-
-/// Whether a camera is elsewhere in another frame.
-pub(super) fn moves(capture: &Capture) -> bool {
-    capture.cameras.iter().any(|camera| camera.shots.iter().any(|shot| shot.world_to_camera.is_some()))
 }
 
 /// The cameras nearest to camera `i` of those that look the same way, more or less.

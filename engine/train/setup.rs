@@ -78,7 +78,7 @@ impl Setup {
             flow_model: match config.loss.flow_model {
                 FlowChoice::Velocity => FlowModel::Velocity,
                 FlowChoice::Displacement => FlowModel::Displacement,
-                FlowChoice::Auto if lenses::moves(capture) => FlowModel::Displacement,
+                FlowChoice::Auto if capture.cameras.iter().any(Camera::moves) => FlowModel::Displacement,
                 FlowChoice::Auto => FlowModel::Velocity,
             },
         }

@@ -60,6 +60,11 @@ impl Camera {
         self.shots.binary_search_by_key(&frame, |shot| shot.frame).ok().map(|index| &self.shots[index])
     }
 
+    /// Whether its shots have poses of their own.
+    pub fn moves(&self) -> bool {
+        self.shots.iter().any(|shot| shot.world_to_camera.is_some())
+    }
+
     /// The pose at a frame; of a moving camera without a shot there, that of its nearest earlier shot.
     pub fn pose(&self, frame: u32) -> &Pose {
         let index = self.shots.partition_point(|shot| shot.frame <= frame);

@@ -89,8 +89,7 @@ impl Capture {
     pub fn lens_views(&self) -> Vec<View> {
         let mut views = self.viewpoints.clone();
         for (index, camera) in self.cameras.iter().enumerate().filter(|(_, camera)| !camera.is_test) {
-            let moves = camera.shots.iter().any(|shot| shot.world_to_camera.is_some());
-            let shots = camera.shots.iter().take(if moves { usize::MAX } else { 1 });
+            let shots = camera.shots.iter().take(if camera.moves() { usize::MAX } else { 1 });
             views.extend(shots.filter_map(|shot| self.view(index, shot.frame).ok()));
         }
         views

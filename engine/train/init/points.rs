@@ -104,8 +104,7 @@ impl Reach {
     pub fn new(capture: &Capture) -> Self {
         let training = capture.cameras.iter().filter(|camera| !camera.is_test);
         let centers = |camera: &Camera| -> Vec<DVec3> {
-            let moves = camera.shots.iter().any(|shot| shot.world_to_camera.is_some());
-            let shots = camera.shots.iter().take(if moves { usize::MAX } else { 1 });
+            let shots = camera.shots.iter().take(if camera.moves() { usize::MAX } else { 1 });
             shots.map(|shot| camera.pose(shot.frame).center()).collect()
         };
         let all: Vec<DVec3> = training.flat_map(centers).collect();

@@ -140,7 +140,7 @@ impl<'a> Album<'a> {
         let cameras = &sight.capture.cameras;
         let (mut shots, mut lenses) = (Vec::new(), Vec::new());
         for (camera, own) in cameras.iter().enumerate().filter(|(_, camera)| !camera.is_test) {
-            let moves = own.shots.iter().any(|shot| shot.world_to_camera.is_some());
+            let moves = own.moves();
             for (k, shot) in own.shots.iter().enumerate() {
                 if moves || k == 0 {
                     lenses.push(shots.len());
