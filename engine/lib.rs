@@ -12,7 +12,7 @@ pub mod extremes;
 pub mod files;
 pub mod formats;
 pub mod gpu;
-mod parallel;
+pub mod parallel;
 pub mod prepare;
 pub mod profile;
 pub mod random;

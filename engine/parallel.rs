@@ -4,8 +4,16 @@ use crate::error::Result;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::mpsc;
 
+/// As many as there are cores.
+pub fn threads() -> usize {
+    std::thread::available_parallelism().map_or(1, std::num::NonZero::get)
+}
+
 /// Does `n` pieces of work on `threads` threads and returns what they give, in their order. `done` is called on this
 /// thread after each, with the number finished so far. After a fault no new piece is begun.
+///
+/// # Errors
+/// That of the first piece, in their order, that has one.
 pub fn in_parallel<T: Send>(
     n: usize,
     threads: usize,

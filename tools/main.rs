@@ -2,6 +2,7 @@
 //! `headless.md` lists the exit codes.
 
 mod apart;
+mod behind;
 mod bench;
 mod bench_knobs;
 mod capture;

@@ -16,7 +16,7 @@ a record that is not finite is drawn|shaders-glsl/project/project.comp|s/if (!ba
 row 8, covariance without its scaling|shaders-glsl/include/conic.glsl|s/const float m = max(.*1e-18);/const float m = 1.0;/|n02
 row 1, determinant as a c - b^2|shaders-glsl/include/conic.glsl|s/precise float det = .*/precise float det = (a + blur_m) * (c + blur_m) * m * m - b * b * m * m;/;s/^ *+ blur \* blur_m;$//|n03
 row 2, exponent as a quadratic form|shaders-glsl/include/splat.glsl|s/precise float power = u \* u + w \* w;/precise float power = (m.x*m.x+m.z*m.z)*d.x*d.x + 2.0*(m.x*m.y+m.z*m.w)*d.x*d.y + (m.y*m.y+m.w*m.w)*d.y*d.y;/|n03
-row 9, quaternions normalised without scaling|shaders-glsl/include/rotation.glsl|s/const vec4 scaled = q \/ largest;/const vec4 scaled = q;/|n04
+row 9, quaternions normalised without scaling|shaders-glsl/include/rotation.glsl|s/const vec4 scaled = q \* factor;/const vec4 scaled = q;/|n04
 the near plane a hundredth further|shaders-glsl/cull/cull.comp|s/p.z > view.near/p.z > 1.01 * view.near/|n05
 cull without its reach|shaders-glsl/cull/bound.comp|s/float reach = s \*/float reach = 0.5 * s */|n06
 row 22, count and emit disagree|shaders-glsl/tiles/emit.comp|s/if (item < all_rows) columns/if (item + 1u < all_rows) columns/|n06
@@ -33,7 +33,7 @@ row 37, 1 over tau overflows|shaders-glsl/include/temporal.glsl|s/exp(min(-t_sca
 row 39, t_center without what rounding lost|shaders-glsl/include/adam.glsl|s/residual = lost;/residual = 0.0;/|n13
 flow without the motion along the ray|shaders-glsl/project/project.comp|s/v_cam.xy - uv \* v_cam.z/v_cam.xy/|n14
 row 48, a scene that stays far from zero|engine/stage/scene.rs|s/limit, far_origin(splats))/limit, [0.0; 3])/|n15
-directions whose squares overflow|shaders-glsl/include/camera.glsl|s/const vec3 scaled = d \/ largest;/const vec3 scaled = d;/|n16
+directions whose squares overflow|shaders-glsl/include/camera.glsl|s/const vec3 scaled = d \* factor;/const vec3 scaled = d;/|n16
 fx taken for fy|shaders-glsl/project/project.comp|s/const vec3 a1 = f_z.y \*/const vec3 a1 = f_z.x */|n17
 pictures cut to whole tiles|shaders-glsl/cull/cull.comp|s/vec2(float(view.width),/vec2(float(view.width \/ 16u * 16u),/|n18
 colours below 0|shaders-glsl/project/project.comp|s/max(color, vec3(0.0))/color/|n19

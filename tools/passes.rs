@@ -92,5 +92,5 @@ pub fn print(passes: &[TimedPass], what: &str) {
 /// Threads that a CPU driver works with.
 pub fn cpu_threads() -> f64 {
     let asked = std::env::var("LP_NUM_THREADS").ok().and_then(|n| n.parse::<usize>().ok()).filter(|n| *n > 0);
-    asked.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, std::num::NonZero::get)) as f64
+    asked.unwrap_or_else(ivv::parallel::threads) as f64
 }

@@ -87,7 +87,7 @@ impl PrepareSettings {
             flow: false,
             capture: CaptureSettings::default(),
             force: false,
-            threads: std::thread::available_parallelism().map_or(1, std::num::NonZero::get),
+            threads: crate::parallel::threads(),
         }
     }
 

@@ -30,7 +30,7 @@ pub use exponent::Exponent;
 pub use lately::Lately;
 pub use limit::{Bound, Peaks};
 pub use passes::{Line, Overhead, Profile, Sample};
-pub use probe::{Prepared, Probe, dispatch_ns, dispatches};
+pub use probe::{Heat, Prepared, Probe, dispatch_ns, dispatches};
 pub use replay::{Difference, Replay, Replayed};
 pub use statistics::{Static, Statistics};
 pub use sweep::{Course, Grows, Point, Sweep, SweepOptions};

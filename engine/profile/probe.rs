@@ -8,6 +8,10 @@ use crate::gpu::{Buf, Gpu, Grid, Recording};
 use crate::report::statistics::median;
 use crate::vk::DeviceKind;
 use serde::Serialize;
+use std::time::Instant;
+
+/// Seconds for which [`Heat`] keeps a device busy before the first of what is timed, and before each other.
+const HEATED: [f64; 2] = [1.0, 0.05];
 
 /// Threads of a workgroup, steps of a round, and chains of the kernels in `shaders-glsl/probe`.
 const LOCAL: u32 = 64;
@@ -209,6 +213,39 @@ fn record_copy(gpu: &Gpu, rec: &mut Recording, size: u32) -> Result<(f64, Buf<u3
     let (source, target) = (&gpu.upload("probe source", &items)?, &gpu.alloc("probe target", n as usize)?);
     rec.pass(probe_copy::Args { source, target }, probe_copy::Push { n }, Grid::Groups(n.div_ceil(LOCAL * PARTS)));
     Ok((32.0 * f64::from(n), target.cast()))
+}
+
+/// Keeps a GPU busy before what is timed, so that its clock is that of a long run. A GPU that waits for the host lowers it (an H200
+/// from 1980 to 345 MHz) and takes a while to raise it again. A CPU driver needs none of this.
+pub struct Heat {
+    work: Option<Prepared>,
+    is_hot: bool,
+}
+
+impl Heat {
+    /// For `gpu`.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`] when its buffers do not fit.
+    pub fn new(gpu: &Gpu) -> Result<Self> {
+        let largest = 8;
+        let work = if is_cpu(gpu) { None } else { Some(Probe::Fma.prepare(gpu, largest)?) };
+        Ok(Heat { work, is_hot: false })
+    }
+
+    /// To be called before each of what is timed.
+    ///
+    /// # Errors
+    /// Those of the device.
+    pub fn before(&mut self, gpu: &Gpu) -> Result<()> {
+        let Some(work) = &self.work else { return Ok(()) };
+        let (begun, seconds) = (Instant::now(), HEATED[usize::from(self.is_hot)]);
+        self.is_hot = true;
+        while begun.elapsed().as_secs_f64() < seconds {
+            gpu.run(&work.recording)?;
+        }
+        Ok(())
+    }
 }
 
 fn is_cpu(gpu: &Gpu) -> bool {

@@ -2,6 +2,7 @@
 //! others stay.
 
 use super::exponent::Exponent;
+use super::probe::Heat;
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
 use crate::random::Random;
@@ -320,6 +321,7 @@ impl Work {
         };
         let mut trainer = Trainer::new(gpu.clone(), &splats, Constants::default(), config, TOTAL, setup)?;
         let picture = noise(self.size);
+        let mut heat = Heat::new(gpu)?;
         let mut taken = 0;
         let mut steps = |trainer: &mut Trainer, n: usize| {
             for _ in 0..n {
@@ -331,6 +333,7 @@ impl Work {
         };
         // Kernels are compiled at their first dispatch, and lists grow to their size.
         steps(&mut trainer, STEPS)?;
+        heat.before(gpu)?;
         let step_ms = sampled(time, || steps(&mut trainer, STEPS))? / STEPS as f64;
         let (camera, view) = self.view_of(0);
         let counters = trainer.profile(camera, &view, &picture)?.counters;
@@ -352,6 +355,7 @@ impl Work {
             renderer.draw(&self.view_of(drawn).1, Outputs::Color)
         };
         draw()?;
+        Heat::new(gpu)?.before(gpu)?;
         sampled(time, || draw().map(drop))
     }
 }

@@ -1,11 +1,14 @@
 //! Pictures of the report: truth, rendering and error map as inline PNG.
 
+use crate::error::{Error, Result};
+use crate::parallel::{in_parallel, threads};
 use crate::scene::Frame;
 use crate::scene::capture::Picture;
 use crate::train::Scores;
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD as BASE64;
 use image::{ExtendedColorType, ImageEncoder, ImageError, codecs::png::PngEncoder};
+use std::path::Path;
 
 /// Longest row of a picture in the report, pixels; larger pictures are averaged over squares.
 const MAX_WIDTH: u32 = 480;
@@ -41,8 +44,21 @@ fn heat(error: f32) -> [f32; 3] {
     std::array::from_fn(|c| RAMP[low][c] * (1.0 - t) + RAMP[low + 1][c] * t)
 }
 
+/// Truth, rendering and error map of each example, as URLs of inline PNGs.
+///
+/// # Errors
+/// [`Error::Data`] naming the view whose pictures cannot be encoded.
+pub(super) fn triples(examples: &[Example]) -> Result<Vec<[String; 3]>> {
+    let of_example = |i: usize| {
+        let Example { view, truth, render, .. } = &examples[i];
+        triple(truth, render)
+            .map_err(|e| Error::data(Path::new("report"), view, format!("cannot be encoded: {e}"), "report this"))
+    };
+    in_parallel(examples.len(), threads(), of_example, |_| ())
+}
+
 /// Truth, rendering and error map, each as the URL of an inline PNG. The two are of one size.
-pub(super) fn triple(truth: &Picture, render: &Frame) -> Result<[String; 3], ImageError> {
+fn triple(truth: &Picture, render: &Frame) -> std::result::Result<[String; 3], ImageError> {
     let size = [truth.width, truth.height];
     let shown: Vec<[f32; 3]> = render.color.iter().map(|c| c.map(|x| 255.0 * x.clamp(0.0, 1.0))).collect();
     let real: Vec<[f32; 3]> = truth.pixels.iter().map(|word| levels(*word)).collect();
@@ -55,7 +71,7 @@ pub(super) fn triple(truth: &Picture, render: &Frame) -> Result<[String; 3], Ima
 }
 
 /// Levels of 0 to 255 as an inline PNG, at most [`MAX_WIDTH`] pixels wide.
-fn url(pixels: &[[f32; 3]], size: [u32; 2]) -> Result<String, ImageError> {
+fn url(pixels: &[[f32; 3]], size: [u32; 2]) -> std::result::Result<String, ImageError> {
     let (pixels, [w, h]) = reduced(pixels, size);
     let bytes: Vec<u8> = pixels.iter().flatten().map(|c| c.round() as u8).collect();
     let mut png = Vec::new();

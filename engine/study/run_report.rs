@@ -1,7 +1,7 @@
 //! The report of a run: one HTML file that needs nothing else, neither files nor network nor scripts.
 
 use super::curves::{Curve, Plot};
-use super::report_picture::{Example, GAIN, RAMP, triple};
+use super::report_picture::{Example, GAIN, RAMP, triples};
 use crate::error::{Error, Result};
 use crate::files::write_atomic;
 use crate::report::{Bar, Table, bars, escape, note, page, section};
@@ -152,7 +152,7 @@ impl Report<'_> {
             stops.join(", "),
             1.0 / GAIN
         )?;
-        for example in self.examples {
+        for (example, urls) in self.examples.iter().zip(triples(self.examples)?) {
             let (view, Scores { psnr, ssim, .. }) = (escape(&example.view), example.scores);
             let why = if example.why.is_empty() { String::new() } else { format!(", the {}", example.why) };
             writeln!(
@@ -163,8 +163,7 @@ impl Report<'_> {
             // Magnified pixels stay pixels.
             let small = if example.truth.width < 300 { " small" } else { "" };
             writeln!(page, "<div class=\"triple{small}\">")?;
-            for (what, url) in ["image", "rendering", "error"].into_iter().zip(triple(&example.truth, &example.render)?)
-            {
+            for (what, url) in ["image", "rendering", "error"].into_iter().zip(urls) {
                 writeln!(page, "<div><img alt=\"{what} of {view}\" src=\"{url}\"><small>{what}</small></div>")?;
             }
             writeln!(page, "</div></figure>")?;

@@ -1,14 +1,19 @@
 //! Alignment of colours: what remains of an error when a camera's colour response is forgiven.
 
+use crate::parallel::{in_parallel, threads};
 use crate::scene::Frame;
 use crate::scene::capture::Picture;
 use glam::{DMat4, DVec4};
+use std::ops::Range;
 
 /// Weight of the identity, per pixel: a picture of one colour does not fix the map.
 const RIDGE: f64 = 1e-6;
 
+/// Pixels that a thread adds up at a time; the same on every machine, as the sums are.
+const PART: usize = 1 << 16;
+
 /// Colours in [0, 1]: rendered, truth.
-pub(super) type Pair = ([f64; 3], [f64; 3]);
+type Pair = ([f64; 3], [f64; 3]);
 
 /// The affine map of colours that brings a rendered view closest to its image (SPEC 10).
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -17,29 +22,54 @@ pub struct ColorMap {
     rows: [DVec4; 3],
 }
 
+/// What the fit needs of the pixels of a view, and the sum of their squared errors before it.
+#[derive(Clone, Copy)]
+struct Sums {
+    n: usize,
+    squares: f64,
+    gram: DMat4,
+    moments: [DVec4; 3],
+}
+
+impl Sums {
+    fn of(pairs: impl Iterator<Item = Pair>) -> Self {
+        let mut sums = Sums { n: 0, squares: 0.0, gram: DMat4::ZERO, moments: [DVec4::ZERO; 3] };
+        for (rendered, truth) in pairs {
+            let x = with_one(rendered);
+            sums.n += 1;
+            sums.squares += square_of(rendered, truth);
+            sums.gram += DMat4::from_cols(x * x.x, x * x.y, x * x.z, x);
+            sums.moments.iter_mut().zip(truth).for_each(|(m, t)| *m += x * t);
+        }
+        sums
+    }
+
+    fn and(self, other: Self) -> Self {
+        Sums {
+            n: self.n + other.n,
+            squares: self.squares + other.squares,
+            gram: self.gram + other.gram,
+            moments: std::array::from_fn(|c| self.moments[c] + other.moments[c]),
+        }
+    }
+}
+
 impl ColorMap {
-    /// Least squares over `pairs` with a slight pull towards the identity, which decides where they leave it open; the
-    /// identity when there is no pair.
-    pub(super) fn fit(pairs: &[Pair]) -> Self {
+    /// Least squares with a slight pull towards the identity, which decides where the pixels leave it open; the identity where there
+    /// is none.
+    fn fit(sums: &Sums) -> Self {
         let identity = std::array::from_fn(|c| DMat4::IDENTITY.col(c));
-        if pairs.is_empty() {
+        if sums.n == 0 {
             return ColorMap { rows: identity };
         }
-        let ridge = RIDGE * pairs.len() as f64;
-        let mut gram = DMat4::IDENTITY * ridge;
-        let mut moments = identity.map(|row| row * ridge);
-        for (rendered, truth) in pairs {
-            let x = with_one(*rendered);
-            gram += DMat4::from_cols(x * x.x, x * x.y, x * x.z, x);
-            moments.iter_mut().zip(truth).for_each(|(m, t)| *m += x * *t);
-        }
-        let inverse = gram.inverse();
-        ColorMap { rows: moments.map(|m| inverse * m) }
+        let ridge = RIDGE * sums.n as f64;
+        let inverse = (DMat4::IDENTITY * ridge + sums.gram).inverse();
+        ColorMap { rows: std::array::from_fn(|c| inverse * (identity[c] * ridge + sums.moments[c])) }
     }
 
     /// The map of `frame`, clamped to [0, 1], to `picture`, of the same size, over the pixels that are not hidden.
     pub fn of_view(frame: &Frame, picture: &Picture) -> Self {
-        Self::fit(&visible_pairs(frame, picture))
+        Self::fit(&sums_of(frame, picture))
     }
 
     /// A colour under the map, clamped to [0, 1].
@@ -53,6 +83,30 @@ impl ColorMap {
     }
 }
 
+/// Mean squared errors of a view over the channels of the pixels that the mask does not hide.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Errors {
+    /// Pixels that are not hidden.
+    pub n: usize,
+    /// Of the colour, clamped to [0, 1].
+    pub plain: f64,
+    /// The same after the map that fits best.
+    pub aligned: f64,
+}
+
+impl Errors {
+    /// Of `frame` against `picture`, of the same size; 0 where all is hidden.
+    pub fn of_view(frame: &Frame, picture: &Picture) -> Self {
+        let sums = sums_of(frame, picture);
+        let map = ColorMap::fit(&sums);
+        let of_part =
+            |part| visible(frame, picture, part).map(|(rendered, truth)| square_of(map.apply(rendered), truth));
+        let aligned: f64 = by_parts(frame, |part| of_part(part).sum::<f64>()).into_iter().sum();
+        let n_values = 3.0 * sums.n.max(1) as f64;
+        Errors { n: sums.n, plain: sums.squares / n_values, aligned: aligned / n_values }
+    }
+}
+
 fn with_one([r, g, b]: [f64; 3]) -> DVec4 {
     DVec4::new(r, g, b, 1.0)
 }
@@ -61,31 +115,47 @@ fn clamped(color: [f32; 3]) -> [f64; 3] {
     color.map(|x| f64::from(x.clamp(0.0, 1.0)))
 }
 
-/// The pixels of a view that the mask does not hide: colour clamped to [0, 1], and truth.
-pub(super) fn visible_pairs(frame: &Frame, picture: &Picture) -> Vec<Pair> {
-    let both = frame.color.iter().zip(&picture.pixels);
+fn square_of(a: [f64; 3], b: [f64; 3]) -> f64 {
+    (0..3).map(|c| (a[c] - b[c]).powi(2)).sum()
+}
+
+/// The pixels of a part of a view that the mask does not hide: colour clamped to [0, 1], and truth.
+fn visible(frame: &Frame, picture: &Picture, part: Range<usize>) -> impl Iterator<Item = Pair> {
+    let both = frame.color[part.clone()].iter().zip(&picture.pixels[part]);
     both.filter_map(|(color, word)| {
         let [r, g, b, mask] = word.to_le_bytes();
         (mask > 0).then(|| (clamped(*color), [r, g, b].map(|c| f64::from(c) / 255.0)))
     })
-    .collect()
 }
 
-/// Mean squared error over the channels of `pairs` after the map that fits them best. NaN when there is no pair.
-pub(super) fn aligned_mse(pairs: &[Pair]) -> f64 {
-    let map = ColorMap::fit(pairs);
-    let errors = pairs.iter().flat_map(|(rendered, truth)| {
-        let mapped = map.apply(*rendered);
-        (0..3).map(move |c| (mapped[c] - truth[c]).powi(2))
-    });
-    errors.sum::<f64>() / (3.0 * pairs.len() as f64)
+fn sums_of(frame: &Frame, picture: &Picture) -> Sums {
+    let parts = by_parts(frame, |part| Sums::of(visible(frame, picture, part)));
+    parts.into_iter().reduce(Sums::and).unwrap_or_else(|| Sums::of(std::iter::empty()))
+}
+
+/// What `work` makes of each part of a view's pixels, in order, on several threads.
+fn by_parts<T: Send>(frame: &Frame, work: impl Fn(Range<usize>) -> T + Sync) -> Vec<T> {
+    let n = frame.color.len();
+    let part = |k: usize| k * PART..((k + 1) * PART).min(n);
+    let done = in_parallel(n.div_ceil(PART), threads(), |k| Ok(work(part(k))), |_| ());
+    done.unwrap_or_else(|never| unreachable!("no part fails: {never}"))
 }
 
 #[cfg(test)]
 mod tests {
-    use super::{ColorMap, aligned_mse};
+    use super::{ColorMap, Errors, Pair, Sums, square_of};
     use crate::scene::Frame;
     use crate::scene::capture::Picture;
+
+    fn fit(pairs: &[Pair]) -> ColorMap {
+        ColorMap::fit(&Sums::of(pairs.iter().copied()))
+    }
+
+    fn aligned_mse(pairs: &[Pair]) -> f64 {
+        let map = fit(pairs);
+        let squares = pairs.iter().map(|(rendered, truth)| square_of(map.apply(*rendered), *truth));
+        squares.sum::<f64>() / (3 * pairs.len()) as f64
+    }
 
     #[test]
     fn an_affine_map_is_undone_and_nothing_else() {
@@ -102,23 +172,22 @@ mod tests {
         // One colour: the mean is matched, and the map stays finite.
         let flat: Vec<_> = (0..100).map(|i| ([0.5; 3], [0.6 + alternate(i); 3])).collect();
         assert!((aligned_mse(&flat) - 0.01).abs() < 1e-5, "{}", aligned_mse(&flat));
-        assert!(aligned_mse(&[]).is_nan());
     }
 
     #[test]
     fn what_few_pixels_leave_open_is_decided_by_the_identity() {
-        let identity = ColorMap::fit(&[]);
+        let identity = fit(&[]);
         assert_eq!(identity.apply([0.25, 0.5, 0.75]), [0.25, 0.5, 0.75]);
         assert_eq!(identity.apply([-1.0, 0.0, 2.0]), [0.0, 0.0, 1.0]);
         // One pixel: it is met, and what lies far from it moves along.
-        let one = ColorMap::fit(&[([0.4, 0.2, 0.1], [0.5, 0.2, 0.1])]);
+        let one = fit(&[([0.4, 0.2, 0.1], [0.5, 0.2, 0.1])]);
         let [r, g, b] = one.apply([0.4, 0.2, 0.1]);
         assert!((r - 0.5).abs() < 1e-5 && (g - 0.2).abs() < 1e-5 && (b - 0.1).abs() < 1e-5, "{r} {g} {b}");
         let black = one.apply([0.0; 3]);
         assert!(black[0] > 0.05 && black[0] < 0.15 && black[1] < 1e-5, "{black:?}");
         // Grey pixels alone: nothing is said of colours, so a colour keeps what sets it apart from grey.
         let greys: Vec<_> = (0..9).map(|i| ([f64::from(i) / 10.0; 3], [f64::from(i) / 20.0 + 0.1; 3])).collect();
-        let map = ColorMap::fit(&greys);
+        let map = fit(&greys);
         let red = map.apply([0.6, 0.4, 0.4]);
         assert!(red.iter().all(|x| x.is_finite()) && red[0] > red[1] && red[0] > red[2], "{red:?}");
     }
@@ -150,5 +219,26 @@ mod tests {
             let expected = color(i).map(|x| 0.5 * x + 0.25);
             assert!(found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 4e-3), "{found:?} for {expected:?}");
         }
+    }
+
+    #[test]
+    fn errors_of_a_view_in_parts_are_those_of_the_whole() {
+        // More than two parts, the last one short.
+        let (width, height) = (401, 331);
+        let n = width * height;
+        let color = |i: u32| [0.0, 0.4, 0.9].map(|c| c + 0.3 * (i as f32 * 0.7 + c).sin());
+        let word = |i: u32| u32::from_le_bytes([(i % 251) as u8, (i % 241) as u8, (i % 239) as u8, (i % 5) as u8]);
+        let frame = Frame { width, height, color: (0..n).map(color).collect(), ..Frame::default() };
+        let picture = Picture::new(width, height, (0..n).map(word).collect());
+        let clamp = |i: u32| color(i).map(|x| f64::from(x.clamp(0.0, 1.0)));
+        let truth = |i: u32| std::array::from_fn(|c| f64::from(word(i).to_le_bytes()[c]) / 255.0);
+        let pairs: Vec<Pair> = (0..n).filter(|i| i % 5 != 0).map(|i| (clamp(i), truth(i))).collect();
+        let found = Errors::of_view(&frame, &picture);
+        let plain = pairs.iter().map(|(a, b)| square_of(*a, *b)).sum::<f64>() / (3 * pairs.len()) as f64;
+        assert_eq!(found.n, pairs.len());
+        assert!((found.plain / plain - 1.0).abs() < 1e-12, "{} and {plain}", found.plain);
+        assert!((found.aligned / aligned_mse(&pairs) - 1.0).abs() < 1e-9 && found.aligned < 0.9 * plain);
+        let hidden = Picture::new(width, height, vec![0x00ff_ffff; n as usize]);
+        assert_eq!(Errors::of_view(&frame, &hidden), Errors { n: 0, plain: 0.0, aligned: 0.0 });
     }
 }

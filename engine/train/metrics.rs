@@ -1,19 +1,23 @@
 //! How well pictures match their truth.
 
-use super::align::{aligned_mse, visible_pairs};
+use super::align::Errors;
 use super::config::Config;
 use super::flicker;
 use super::poses::Correction;
 use crate::error::{Error, Result};
 use crate::gpu::{Gpu, Recording};
+use crate::parallel::{in_parallel, threads};
 use crate::report::statistics::{mean, median_high};
 use crate::scene::capture::{Capture, Picture};
 use crate::scene::{Frame, Splats, View};
 use crate::stage::{Compared, Lpips, Outputs, Photometric, Pictures, Renderer, Structure, Trunk, record_totals};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
+
+/// Most images that an evaluation decodes at a time.
+const AHEAD: usize = 8;
 
 /// What the scores mean, by name; written beside every set of them.
 pub const METRICS: [(&str, &str); 8] = [
@@ -244,6 +248,23 @@ impl<'a> Sight<'a> {
     }
 }
 
+/// What a camera saw, with the masks that say which of it counts.
+struct Seen {
+    picture: Picture,
+    foreground: Option<Vec<bool>>,
+    covisible: Option<Vec<bool>>,
+}
+
+impl Seen {
+    fn read(capture: &Capture, (camera, frame): (usize, u32)) -> Result<Self> {
+        Ok(Seen {
+            picture: capture.picture(camera, frame)?,
+            foreground: capture.foreground(camera, frame)?,
+            covisible: capture.covisible(camera, frame)?,
+        })
+    }
+}
+
 /// Renders each (camera, frame) of `frames` as `sight` says, and scores it with `meter`; `seen` is handed every picture with
 /// its camera and frame. None when there is no frame.
 ///
@@ -260,10 +281,16 @@ pub fn evaluate(
     mut seen: impl FnMut(usize, u32, &Frame) -> Result<()>,
 ) -> Result<Option<Evaluation>> {
     let capture = sight.capture;
-    let mut views = Vec::new();
+    let (mut views, mut truths) = (Vec::new(), VecDeque::new());
     // The picture before, by camera.
     let mut before = BTreeMap::new();
-    for &(camera, frame) in frames {
+    let threads = threads().min(AHEAD);
+    for (at, &(camera, frame)) in frames.iter().enumerate() {
+        if at % threads == 0 {
+            let next = &frames[at..frames.len().min(at + threads)];
+            truths.extend(in_parallel(next.len(), threads, |i| Seen::read(capture, next[i]), |_| ())?);
+        }
+        let Some(Seen { picture, foreground, covisible }) = truths.pop_front() else { break };
         let view = sight.view(camera, frame)?;
         let begun = Instant::now();
         let (rendered, report) = renderer.render(&view, Outputs::Color)?;
@@ -272,13 +299,11 @@ pub fn evaluate(
         if n_bad > 0 {
             return Err(Error::NonFinite { what: format!("view `{}`", view.name), count: n_bad });
         }
-        let picture = capture.picture(camera, frame)?;
         let mut scores = meter.scores(&rendered, &picture)?;
-        let foreground = capture.foreground(camera, frame)?;
         if let Some(foreground) = &foreground {
             scores.psnr_foreground = psnr_of(&rendered, &picture, |pixel| foreground[pixel]);
         }
-        if let Some(covisible) = capture.covisible(camera, frame)? {
+        if let Some(covisible) = covisible {
             scores.psnr_covisible = psnr_of(&rendered, &picture, |pixel| covisible[pixel]);
         }
         let now = flicker::Instant::new(frame, view.pose, &rendered, picture, foreground);
@@ -337,14 +362,16 @@ impl Meter {
     /// Those of the device.
     pub fn scores(&mut self, frame: &Frame, picture: &Picture) -> Result<Scores> {
         let gpu = &self.gpu;
-        let clamped: Vec<[f32; 3]> = frame.color.iter().map(|c| c.map(|x| x.clamp(0.0, 1.0))).collect();
-        let visible = visible_pairs(frame, picture);
-        let squares: f64 = visible.iter().flat_map(|(a, b)| (0..3).map(|c| (a[c] - b[c]).powi(2))).sum();
-        let n_visible = visible.len().max(1) as u32;
-        let image: Vec<[f32; 4]> = clamped.iter().map(|[r, g, b]| [*r, *g, *b, 1.0]).collect();
+        let errors = Errors::of_view(frame, picture);
+        let n_visible = errors.n.max(1) as u32;
+        let with_alpha = |color: &[f32; 3]| {
+            let [r, g, b] = color.map(|x| x.clamp(0.0, 1.0));
+            [r, g, b, 1.0]
+        };
+        let image: Vec<[f32; 4]> = frame.color.iter().map(with_alpha).collect();
         let image = gpu.upload("scored image", &image)?;
-        let d_image = gpu.alloc("scored cotangent", clamped.len())?;
-        let loss = Photometric::new(gpu, clamped.len())?;
+        let d_image = gpu.alloc("scored cotangent", frame.color.len())?;
+        let loss = Photometric::new(gpu, frame.color.len())?;
         let truth = gpu.upload("truth", &picture.pixels)?;
         let size = [picture.width, picture.height];
         let mut rec = Recording::new();
@@ -362,9 +389,7 @@ impl Meter {
         let sums = totals.first().copied().unwrap_or_default();
         let [ssim, l1, _] = Photometric::values(sums, n_visible, size, Structure::WHOLE);
         let lpips = totals.get(1).map(|[value, ..]| f64::from(*value));
-        // A picture that is hidden as a whole has no error.
-        let psnr_aligned = if visible.is_empty() { psnr(0.0) } else { psnr(aligned_mse(&visible)) };
-        let psnr = psnr(squares / (3.0 * f64::from(n_visible)));
+        let (psnr, psnr_aligned) = (psnr(errors.plain), psnr(errors.aligned));
         let (psnr_foreground, psnr_covisible, flicker, flicker_true) = (None, None, None, None);
         Ok(Scores { psnr, psnr_aligned, psnr_foreground, psnr_covisible, ssim, l1, lpips, flicker, flicker_true })
     }

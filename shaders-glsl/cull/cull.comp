@@ -10,6 +10,7 @@
 #include "unfolded.glsl"
 #include "types.glsl"
 #include "grid.glsl"
+#include "unit.glsl"
 #include "camera.glsl"
 #include "temporal.glsl"
 

@@ -11,6 +11,7 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "grid.glsl"
+#include "unit.glsl"
 #include "rotation.glsl"
 #include "random.glsl"
 #include "density.glsl"
@@ -83,8 +84,8 @@ void main() {
     const vec4 q = old[plane_index(from, 3u, 1u)];
     vec4 scale_t = old[plane_index(from, 3u, 2u)];
     if (kind >= HALF_A) {
-        float norm;
-        const mat3 turn = rotation_of(unit_quaternion(q, norm));
+        float inverse_length;
+        const mat3 turn = rotation_of(unit_quaternion(q, inverse_length));
         const vec3 normals = random_normals3(pc.key, parent, 4u * (kind - HALF_A));
         mean_opacity.xyz += turn * (exp(scale_t.xyz) * normals);
         scale_t.xyz -= LOG_SHRINK;

@@ -10,6 +10,7 @@
 #include "grid.glsl"
 #include "finite.glsl"
 #include "temporal.glsl"
+#include "unit.glsl"
 #include "rotation.glsl"
 #include "random.glsl"
 
@@ -26,8 +27,8 @@ void main() {
     const vec4 q = geometry[plane_index(i, 3u, 1u)];
     const vec3 scale = exp(geometry[plane_index(i, 3u, 2u)].xyz);
     const float gate = sigmoid(100.0 * (0.005 - sigmoid(mean_opacity.w)));
-    float norm;
-    const mat3 turn = rotation_of(unit_quaternion(q, norm));
+    float inverse_length;
+    const mat3 turn = rotation_of(unit_quaternion(q, inverse_length));
     const vec3 normals = random_normals3(pc.key, pc.first + i, 0u);
     const vec3 moved = mean_opacity.xyz + pc.rate * gate * (turn * (scale * scale * (normals * turn)));
     if (finite3(moved)) geometry[plane_index(i, 3u, 0u)] = vec4(moved, mean_opacity.w);

@@ -24,9 +24,9 @@ vec3 rotate_to_camera(ViewParams view, vec3 v) {
 
 // The unit direction of `d` and the inverse of its length; scaled first, since squares past 1e19 are not representable.
 vec3 unit_direction(vec3 d, out float inverse_length) {
-    const float largest = max(max(abs(d.x), abs(d.y)), abs(d.z));
-    const vec3 scaled = d / largest;
+    const float factor = unit_factor(max(max(abs(d.x), abs(d.y)), abs(d.z)));
+    const vec3 scaled = d * factor;
     const float inverse = inversesqrt(dot(scaled, scaled));
-    inverse_length = inverse / largest;
+    inverse_length = inverse * factor;
     return scaled * inverse;
 }

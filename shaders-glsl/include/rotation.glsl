@@ -1,13 +1,13 @@
 // Quaternions (w, x, y, z) and their matrices.
 
-// A quaternion of any length as a unit one and its length; scaled by its largest component first, since squares of 1e-30
-// or 1e20 are not representable.
-vec4 unit_quaternion(vec4 q, out float norm) {
+// A quaternion of any length as a unit one and the inverse of its length; scaled first, since squares of 1e-30 or 1e20 are not
+// representable.
+vec4 unit_quaternion(vec4 q, out float inverse_length) {
     const vec4 size = abs(q);
-    const float largest = max(max(size.x, size.y), max(size.z, size.w));
-    const vec4 scaled = q / largest;
+    const float factor = unit_factor(max(max(size.x, size.y), max(size.z, size.w)));
+    const vec4 scaled = q * factor;
     const float inverse = inversesqrt(dot(scaled, scaled));
-    norm = largest / inverse;
+    inverse_length = inverse * factor;
     return scaled * inverse;
 }
 

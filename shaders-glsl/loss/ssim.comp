@@ -73,13 +73,15 @@ float similarity(vec4 red, vec4 green, vec4 blue, uint place, uint n_places) {
     precise vec3 sxy = varies * (vec3(red.w, green.w, blue.w) - mx * my);
     precise vec3 c = means + SSIM_C1;
     precise vec3 d = max(variances, vec3(0.0)) + SSIM_C2;
-    precise vec3 p = (2.0 * mx * my + SSIM_C1) / c;
-    precise vec3 q = (2.0 * sxy + SSIM_C2) / d;
+    // By their distance from 1, which is exactly 0 where picture and truth are equal: a quotient of two equal numbers need not be 1.
+    precise vec3 p = 1.0 - (means - 2.0 * mx * my) / c;
+    precise vec3 q = 1.0 - (d - (2.0 * sxy + SSIM_C2)) / d;
     precise vec3 s = p * q;
     // With d and sxy held, then through d = E[xx + yy] - mx^2 - my^2 + C2 and sxy = E[xy] - mx my. Bracketed so that
     // everything cancels to 0, bit for bit, where picture and truth are equal.
-    precise vec3 d_exx = -(s / d) * varies;
-    precise vec3 d_exy = varies * (2.0 * (p / d));
+    precise vec3 by_d = varies / d;
+    precise vec3 d_exx = -(s * by_d);
+    precise vec3 d_exy = 2.0 * (p * by_d);
     precise vec3 d_mx = 2.0 * (my * q - mx * s) / c - (2.0 * mx * d_exx + my * d_exy);
     put(place, n_places, d_mx);
     put(place + n_places, n_places, d_exx);

@@ -14,6 +14,7 @@
 #include "unfolded.glsl"
 #include "grid.glsl"
 #include "finite.glsl"
+#include "unit.glsl"
 #include "camera.glsl"
 #include "temporal.glsl"
 #include "sh.glsl"
@@ -94,8 +95,8 @@ Gaussian gaussian_of(uint i) {
     g.opacity *= temporal_weight(v.w, scale_t.w, view.time);
 #endif
     g.cut = squared_reach(view, g.opacity);
-    float q_norm;
-    g.rotation = rotation_of(unit_quaternion(q_raw, q_norm));
+    float inverse_length;
+    g.rotation = rotation_of(unit_quaternion(q_raw, inverse_length));
     g.scale = exp(scale_t.xyz);
     return g;
 }

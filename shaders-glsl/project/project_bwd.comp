@@ -15,6 +15,7 @@
 #include "unfolded.glsl"
 #include "grid.glsl"
 #include "finite.glsl"
+#include "unit.glsl"
 #include "camera.glsl"
 #include "temporal.glsl"
 #include "sh.glsl"
@@ -182,8 +183,8 @@ void main() {
     const vec2 uv = p.xy / p.z;
     const vec2 uv_j = clamp(uv, view.clamp_uv.xz, view.clamp_uv.yw);
     const vec2 f_z = view.intrinsics.xy / p.z;
-    float q_norm;
-    const vec4 q = unit_quaternion(geometry[plane_index(i, 3u, 1u)], q_norm);
+    float inverse_length;
+    const vec4 q = unit_quaternion(geometry[plane_index(i, 3u, 1u)], inverse_length);
     const mat3 rotation = rotation_of(q);
     const vec3 a0 = f_z.x * (view.row0.xyz - uv_j.x * view.row2.xyz);
     const vec3 a1 = f_z.y * (view.row1.xyz - uv_j.y * view.row2.xyz);
@@ -206,7 +207,7 @@ void main() {
     const vec3 d_a1 = rotation * d_g1;
     const mat3 d_rotation = outerProduct(a0, d_g0) + outerProduct(a1, d_g1);
     const vec4 d_unit = d_unit_quaternion(q, d_rotation);
-    const vec4 d_q = (d_unit - q * dot(q, d_unit)) / q_norm;
+    const vec4 d_q = (d_unit - q * dot(q, d_unit)) * inverse_length;
 
     vec2 d_f_z = vec2(dot(d_a0, view.row0.xyz - uv_j.x * view.row2.xyz), dot(d_a1, view.row1.xyz - uv_j.y * view.row2.xyz));
     const vec2 inside = vec2(equal(uv, uv_j));

@@ -2,36 +2,42 @@
 //! 1.3, appendix A) this takes what hurts most, and takes it differently in each kernel, by a salt made of its name:
 //! products that are added and not `precise` are fused, most of them, and of two products either; denormal results become zero;
 //! and what need not be rounded correctly, `precise` or not, is moved to the edge of its error, to the side that a hash of the
-//! operand's bits says. The driver has errors of its own, so the moves leave it a part.
+//! operand's bits says. The driver has errors of its own, so the moves leave it a part. A quotient by what is past 2^126 or below
+//! 2^-126 is one by infinity or zero.
 
 use super::edit::{Edit, glsl_of, hash, id_of, mixed};
+use crate::common::device::gpu;
 use crate::common::notes::skip;
 use ivv::gpu::{KernelInfo, Rewrite};
+use ivv::vk::DeviceKind;
 use rspirv::dr::{Instruction, Operand};
 use rspirv::spirv::{GlslStd450Op as GLOp, Op, Word};
 use std::collections::HashMap;
+use std::sync::OnceLock;
 
 /// The change of this lane.
 pub const REWRITE: Rewrite = Rewrite { subgroup_size: None, spirv: |kernel| rewritten(kernel) };
 
-/// Whether this lane gives each kernel roundings of its own. A test that compares the bits of two kernels, or has ties that one decides,
-/// then says `why` it does not run.
+/// Whether each kernel has roundings of its own: in this lane, and on a GPU, whose compiler fuses as it suits it. A test that compares
+/// the bits of two kernels, or has ties that one decides, then says `why` it does not run.
 #[track_caller]
 pub fn rounds_otherwise(why: &str) -> bool {
-    let otherwise = is_lane();
+    let otherwise = rounds();
     if otherwise {
         skip(why);
     }
     otherwise
 }
 
-/// By how much errors may be greater than on a device that rounds well: `by` in this lane, 1 in others.
+/// By how much errors may be greater than on a device that rounds well: `by` where [`rounds_otherwise`], 1 elsewhere.
 pub fn slack(by: f64) -> f64 {
-    if is_lane() { by } else { 1.0 }
+    if rounds() { by } else { 1.0 }
 }
 
-fn is_lane() -> bool {
+fn rounds() -> bool {
+    static IS_GPU: OnceLock<bool> = OnceLock::new();
     std::env::var("IVV_TEST_REWRITE").is_ok_and(|name| name == "numeric")
+        || *IS_GPU.get_or_init(|| gpu().caps().kind != DeviceKind::Cpu)
 }
 
 /// The kernel's SPIR-V with other roundings.
@@ -54,11 +60,15 @@ pub fn rewritten(kernel: &KernelInfo) -> Vec<u8> {
         let is_exact = edit.is_exact(result);
         let of_type = instruction.result_type.expect("a type");
         let operands = operands(edit, &instruction);
+        let opcode = instruction.class.opcode;
         let raw = fused.unwrap_or_else(|| {
             let Instruction { class, operands, .. } = instruction;
             edit.put_raw(to, class.opcode, of_type, operands)
         });
-        let moved = move_.map_or(raw, |move_| moved(edit, to, move_, (raw, n), &operands, salt));
+        let mut moved = move_.map_or(raw, |move_| moved(edit, to, move_, (raw, n), &operands, salt));
+        if let (Op::FDiv, [x, y]) = (opcode, operands.as_slice()) {
+            moved = out_of_range(edit, to, moved, n, [*x, *y]);
+        }
         let flushed = flushed(edit, to, moved, n);
         // The decoration allows nothing more where all is written out.
         if is_exact {
@@ -289,6 +299,25 @@ fn moved(
     let offset = edit.put(to, Op::Select, float, &[up, plus, minus]);
     let offset = edit.put(to, Op::FAdd, float, &[raw, offset]);
     edit.put(to, Op::Select, float, &[inside, offset, shifted])
+}
+
+/// `quotient` of x and y, or, where y is so large or so small that Vulkan grants nothing, what is left of it where the inverse of y is
+/// rounded to 0 and y itself to 0, as NVIDIA does.
+fn out_of_range(edit: &mut Edit, to: &mut Vec<Instruction>, quotient: Word, n: u32, [x, y]: [Word; 2]) -> Word {
+    let (float, uint, boolean) = (edit.float(n), edit.uint(n), edit.boolean(n));
+    let (least, most) = (edit.float_constant(n, 2f32.powi(-126)), edit.float_constant(n, 2f32.powi(126)));
+    let (sign, infinity) = (edit.uint_constant(n, 0x8000_0000), edit.uint_constant(n, 0x7f80_0000));
+    let size = edit.put_glsl(to, GLOp::FAbs, float, &[y]);
+    let is_large = edit.put(to, Op::FOrdGreaterThan, boolean, &[size, most]);
+    let is_small = edit.put(to, Op::FOrdLessThan, boolean, &[size, least]);
+    let bits = edit.put(to, Op::Bitcast, uint, &[y]);
+    let zero = edit.put(to, Op::BitwiseAnd, uint, &[bits, sign]);
+    let infinite = edit.put(to, Op::BitwiseOr, uint, &[zero, infinity]);
+    let inverse = edit.put(to, Op::Select, uint, &[is_large, zero, infinite]);
+    let inverse = edit.put(to, Op::Bitcast, float, &[inverse]);
+    let product = edit.put(to, Op::FMul, float, &[x, inverse]);
+    let outside = edit.put(to, Op::LogicalOr, boolean, &[is_large, is_small]);
+    edit.put(to, Op::Select, float, &[outside, product, quotient])
 }
 
 /// `value`, or zero where it is denormal.

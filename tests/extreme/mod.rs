@@ -16,7 +16,6 @@ const ROUNDED: &[(&str, &str, &str)] = &[
     ("n07", "forward and backward: added: ", "alpha within a bit of alpha_min: each kernel decides by its own exp2"),
     ("n08", "the gradient of opacity is off by", "transmittance is divided 2,300 times, each time 2 units off"),
     ("n12", ": other bits", "two kernels"),
-    ("n20", ": a cotangent of ", "terms that cancel have been rounded one by one"),
 ];
 
 /// Runs a row; its faults are the test's, and so is that no case ran. Cases that are left out are noted as skips.

@@ -45,7 +45,9 @@ fn pictures_of_long_lists_are_those_of_float64() {
         let color = render(&splats, Constants::default(), Outputs::Color).0.color;
         assert!(otherwise || color == frame.color, "{n}, {low}: the colour depends on the other outputs");
         let truth = render_f64(&splats, &view, &Constants::default());
-        let tolerance = Tolerance { n_band: 0.9, away: slack(2.0) * 2e-5, ..Tolerance::default() };
+        // In the band each device decides by its own exp2 whether an alpha of 1/255 counts; a pixel has some 10 of the thin ones.
+        let tolerance =
+            Tolerance { n_band: 0.9, away: slack(2.0) * 2e-5, band: slack(4.0) * Tolerance::default().band };
         compare(&frame, &truth, &tolerance).unwrap_or_else(|fault| panic!("{n}, {low}: {fault}"));
         let n_finished = truth.alpha.iter().filter(|alpha| **alpha > 0.9998).count();
         finished += n_finished;

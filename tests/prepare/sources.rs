@@ -348,6 +348,9 @@ fn plain_colmap_is_undistorted_with_its_points() {
     // A pinhole passes through, also one with two focal lengths, and its file is taken over.
     assert_eq!((b.intrinsics.width, b.intrinsics.height, b.intrinsics.fx, b.intrinsics.fy), (64, 48, 50.0, 60.0));
     assert_eq!(std::fs::read(&b.shots[0].image).unwrap(), png(64, 48, 1));
+    // Whoever edits the capture's image in place leaves the source as it is.
+    std::fs::write(&b.shots[0].image, png(64, 48, 9)).unwrap();
+    assert_eq!(std::fs::read(folder.0.join("source/images/b.png")).unwrap(), png(64, 48, 1));
 }
 
 #[test]

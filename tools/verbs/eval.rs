@@ -1,5 +1,6 @@
 //! `ivv eval`, and the scoring that `ivv train` shares with it.
 
+use crate::behind::both;
 use crate::device::DeviceArgs;
 use crate::files::{make_folder, read_json, write_json};
 use crate::progress::Progress;
@@ -46,6 +47,7 @@ pub struct Args {
 }
 
 /// Everything about a run that its scores depend on, but for the scene.
+#[derive(Clone, Copy)]
 pub struct Scorer<'a> {
     pub gpu: &'a Arc<Gpu>,
     pub capture: &'a Capture,
@@ -93,12 +95,13 @@ impl Scorer<'_> {
     ) -> ivv::Result<()> {
         let folder = output.join("renders").join("progress");
         make_folder(&folder)?;
-        strip(examples).write_png(&folder.join(format!("{step:08}.png")))?;
+        let write_strip = || strip(examples).write_png(&folder.join(format!("{step:08}.png")));
         let scores = SceneScores::new(&output.join("checkpoints"), splats, &self.gpu.caps().name, evaluation);
         let name = format!("{}, step {step} of {total}", name_of(output));
         let Scorer { run, config, .. } = self;
         let (scores, totals) = (Some(&scores), &serde_json::Value::Null);
-        Report { name: &name, run, config, totals, log, scores, examples }.write(&output.join("report.html"))
+        let report = Report { name: &name, run, config, totals, log, scores, examples };
+        both(write_strip, || report.write(&output.join("report.html")))
     }
 
     /// Scores `splats`, which `scene` holds, on all test views, and once more at the time offsets `fits` by camera where there

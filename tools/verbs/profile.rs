@@ -15,10 +15,10 @@ use ivv::files::write_atomic;
 use ivv::formats::read_scene;
 use ivv::gpu::{Dispatch, Gpu};
 use ivv::profile::{
-    Comparison, Moment, Overhead, Peaks, Profile, Recorded, Sample, Statistics, Sweep, SweepOptions, trace,
+    Comparison, Heat, Moment, Overhead, Peaks, Profile, Recorded, Sample, Statistics, Sweep, SweepOptions, trace,
     write_dispatch,
 };
-use ivv::scene::capture::{Capture, FrameCache, PriorPlan, decoding_threads, share_of_memory};
+use ivv::scene::capture::{Capture, FrameCache, PriorPlan, share_of_memory};
 use ivv::scene::read_views;
 use ivv::stage::{Outputs, Renderer};
 use ivv::train::{Checkpoint, Config, Run, Session, SessionOptions, Setup, TermData, reduced_order, training_order};
@@ -138,7 +138,7 @@ fn feed(args: &Args, capture: &Capture, json: bool) -> anyhow::Result<()> {
     let total = config.total(frames.len() as u64);
     let order = training_order(&frames, config.seed, 0, total);
     let asked = reduced_order(&order, &config, 0, total);
-    let threads = decoding_threads();
+    let threads = ivv::parallel::threads();
     let n_first = frames.len().min(total as usize);
     let begun = Instant::now();
     // Depths as they are in their files: fits to points only scale them.
@@ -295,10 +295,13 @@ fn scene(args: &Args, subject: &Path, output: &Path, gpu: &Arc<Gpu>, json: bool)
         renderer.draw(view, Outputs::Color)?;
     }
     let start = Instant::now();
+    let mut heat = Heat::new(gpu)?;
     for view in views.iter().cycle().take(args.samples as usize) {
+        heat.before(gpu)?;
         let begun = Instant::now();
         renderer.draw(view, Outputs::Color)?;
         measured.plain.push(1e3 * begun.elapsed().as_secs_f64());
+        heat.before(gpu)?;
         let begun = Instant::now();
         let report = renderer.profile(view, Outputs::Color)?;
         let seconds = begun.elapsed().as_secs_f64() - report.counting_s;
@@ -341,12 +344,16 @@ fn training(
     let mut measured = Measured::new("step");
     let mut progress = Progress::new("profile", steps as usize);
     let start = Instant::now();
+    let mut heat = Heat::new(gpu)?;
     for step in 0..steps {
+        if step >= warm_up && args.dump.is_none() {
+            session.wait()?;
+            heat.before(gpu)?;
+        }
         match (step.checked_sub(warm_up), &args.dump) {
             (None, _) => drop(session.step()?),
             (Some(_), Some(kernel)) => return written(session.dump(kernel)?, kernel, output, gpu),
             (Some(number), None) if number % 2 == 0 => {
-                session.wait()?;
                 let before = session.seconds();
                 session.step()?;
                 session.wait()?;

@@ -59,7 +59,7 @@ pub struct Args {
 pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let options = options(args)?;
     let mut progress = Progress::new("synth", 0);
-    let threads = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+    let threads = ivv::parallel::threads();
     let summary = write_capture(&args.output, &options, threads, &mut |done, total| {
         progress.reach(done, total, "pictures, point clouds and recordings");
     })?;

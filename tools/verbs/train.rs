@@ -1,5 +1,6 @@
 //! `ivv train`.
 
+use crate::behind::{Behind, both};
 use crate::capture::CaptureArgs;
 use crate::device::DeviceArgs;
 use crate::due::{Due, DueArgs};
@@ -18,7 +19,9 @@ use crate::totals::{ProfiledStep, Seconds, cpu_seconds, totals};
 use crate::verbs::eval::Scorer;
 use crate::verbs::render::ConstantArgs;
 use crate::verbs::serve::{Beside, Said};
+use ivv::scene::Splats;
 use ivv::scene::capture::share_of_memory;
+use ivv::study::Example;
 use ivv::train::{Checkpoint, Evaluation, Event, Fall, Kind, Log, Session, SessionOptions, StepReport, spread};
 use ivv::words::count;
 use std::collections::BTreeMap;
@@ -122,33 +125,45 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let log = Log::open(&args.output, before);
     let said = Said::default();
     let _beside = args.view.map(|port| Beside::new(&args.output, port, said.clone())).transpose()?;
-    let mut training = Training {
-        args,
-        scorer: Scorer { gpu, capture, run, config },
-        session,
-        total: *total,
-        checkpoints: checkpoints.clone(),
-        some_test: spread(&test, args.due.eval_images),
-        due: Due::new(&args.due, *total),
-        progress: Steps::new(*total, before, test.len()),
-        start: begun,
-        seconds_before: log.series(Kind::Step, "seconds").last().map_or(0.0, |[_, seconds]| *seconds),
-        log,
-        said,
-    };
-    training.train(&stop).and_then(|()| training.finish(json)).map_err(|error| training.failed(error))
+    std::thread::scope(|scope| {
+        let mut training = Training {
+            behind: Behind::new(scope),
+            args,
+            scorer: Scorer { gpu, capture, run, config },
+            session,
+            total: *total,
+            checkpoints: checkpoints.clone(),
+            some_test: spread(&test, args.due.eval_images),
+            due: Due::new(&args.due, *total),
+            progress: Steps::new(*total, before, test.len()),
+            start: begun,
+            seconds_before: log.series(Kind::Step, "seconds").last().map_or(0.0, |[_, seconds]| *seconds),
+            log,
+            said,
+        };
+        training.train(&stop).and_then(|()| training.finish(json)).map_err(|error| training.failed(error))
+    })
+}
+
+/// An evaluation during the run, and what is shown of it.
+struct Scored {
+    splats: Splats,
+    evaluation: Evaluation,
+    examples: Vec<Example>,
 }
 
 /// A run under way, with its folder.
-struct Training<'a> {
-    args: &'a Args,
-    scorer: Scorer<'a>,
-    session: Session<'a>,
+struct Training<'scope, 'env> {
+    args: &'env Args,
+    scorer: Scorer<'env>,
+    session: Session<'env>,
+    /// Where checkpoints and reports are written.
+    behind: Behind<'scope, 'env>,
     total: u64,
     checkpoints: PathBuf,
     /// What is scored during the run.
     some_test: Vec<(usize, u32)>,
-    due: Due<'a>,
+    due: Due<'env>,
     progress: Steps,
     log: Log,
     /// What a page that shows the run receives.
@@ -158,12 +173,13 @@ struct Training<'a> {
     seconds_before: f64,
 }
 
-impl Training<'_> {
+impl Training<'_, '_> {
     /// Steps to the end.
     fn train(&mut self, stop: &Stop) -> anyhow::Result<()> {
         if self.session.steps() == 0 {
             // Whatever happens from here on, there is a checkpoint to go on from.
-            self.write_checkpoint()?;
+            self.write(None, true)?;
+            self.behind.wait()?;
         }
         self.settle()?;
         while self.session.steps() < self.total {
@@ -178,14 +194,12 @@ impl Training<'_> {
             }
             self.settle()?;
             let is_stopped = stop.is_asked();
-            let best = if is_stopped { None } else { self.evaluate(step)? };
-            if self.due.checkpoint(step) || best.is_some() || is_stopped {
-                self.write_checkpoint()?;
-            }
-            if let Some(psnr) = best {
-                Checkpoint::keep_best(&self.checkpoints, step, psnr)?;
+            let scored = if is_stopped { None } else { self.evaluate(step)? };
+            if scored.is_some() || self.due.checkpoint(step) || is_stopped {
+                self.write(scored, self.due.checkpoint(step) || is_stopped)?;
             }
             if is_stopped {
+                self.behind.wait()?;
                 return Err(Interrupted("a checkpoint was written; continue with --resume").into());
             }
         }
@@ -202,10 +216,35 @@ impl Training<'_> {
         Ok(())
     }
 
-    fn write_checkpoint(&mut self) -> ivv::Result<()> {
-        let world = self.scorer.run.world;
-        Checkpoint { world, ..self.session.checkpoint()? }.write(&self.checkpoints)?;
-        self.log.write()
+    /// Begins to write a checkpoint, where it `is_due` or the scores are the best so far, and what `scored` shows.
+    fn write(&mut self, scored: Option<Scored>, is_due: bool) -> ivv::Result<()> {
+        // All before is written then, the best checkpoint so far among it.
+        self.behind.wait()?;
+        let psnr = scored.as_ref().map(|scored| scored.evaluation.mean.psnr);
+        let best = Checkpoint::best(&self.checkpoints)?.map(|(_, psnr)| psnr);
+        let best = psnr.filter(|psnr| best.is_none_or(|best| *psnr > best));
+        let checkpoint = if is_due || best.is_some() { Some(self.session.checkpoint()?) } else { None };
+        let (scorer, log, at) = (self.scorer, self.log.clone(), (self.session.steps(), self.total));
+        let (folder, output) = (self.checkpoints.clone(), self.args.output.clone());
+        self.behind.begin(move || {
+            let save = || {
+                if let Some(checkpoint) = checkpoint {
+                    Checkpoint { world: scorer.run.world, ..checkpoint }.write(&folder)?;
+                    log.write()?;
+                }
+                if let Some(psnr) = best {
+                    Checkpoint::keep_best(&folder, at.0, psnr)?;
+                }
+                Ok(())
+            };
+            let show = || match scored {
+                Some(Scored { splats, evaluation, examples }) => {
+                    scorer.progress((&splats, evaluation, &examples), at, &log, &output)
+                }
+                None => Ok(()),
+            };
+            both(save, show)
+        })
     }
 
     /// Keeps what can be kept of a run that `error` ends, and adds to the error what that is and how to go on: the last step
@@ -214,6 +253,8 @@ impl Training<'_> {
         if error.downcast_ref::<Interrupted>().is_some() {
             return error;
         }
+        // A fault of what is still being written is not what ended the run.
+        let _ = self.behind.wait();
         let world = self.scorer.run.world;
         let is_lost = matches!(error.downcast_ref(), Some(ivv::Error::DeviceLost { .. }));
         let ended = self.session.trainer().ended();
@@ -273,22 +314,19 @@ impl Training<'_> {
         Ok(())
     }
 
-    /// Scores some test views where that is due; returns their PSNR when it is the best so far.
-    fn evaluate(&mut self, step: u64) -> anyhow::Result<Option<f64>> {
+    /// Scores some test views where that is due.
+    fn evaluate(&mut self, step: u64) -> anyhow::Result<Option<Scored>> {
         if !self.due.evaluation(step) {
             return Ok(None);
         }
         let begun = Instant::now();
         let splats = self.session.trainer().splats()?;
-        let Some((scored, examples)) = self.scorer.some(&splats, &self.some_test, step)? else { return Ok(None) };
-        let Evaluation { mean, views, .. } = &scored;
-        let mean = *mean;
+        let Some((evaluation, examples)) = self.scorer.some(&splats, &self.some_test, step)? else { return Ok(None) };
+        let Evaluation { mean, views, .. } = &evaluation;
         self.progress.scored(step, mean.psnr, mean.ssim, views.len(), begun.elapsed().as_secs_f64());
-        self.log.push(Kind::Evaluation, &scored)?;
+        self.log.push(Kind::Evaluation, &evaluation)?;
         self.warn_of_a_fall()?;
-        self.scorer.progress((&splats, scored, &examples), (step, self.total), &self.log, &self.args.output)?;
-        let best = Checkpoint::best(&self.checkpoints)?;
-        Ok(best.is_none_or(|(_, psnr)| mean.psnr > psnr).then_some(mean.psnr))
+        Ok(Some(Scored { splats, evaluation, examples }))
     }
 
     /// Warns, after an evaluation, when the scores have begun to fall.
@@ -301,6 +339,7 @@ impl Training<'_> {
     /// Writes the scene, the totals, all scores and the report.
     fn finish(&mut self, json: bool) -> anyhow::Result<()> {
         let output = &self.args.output;
+        self.behind.wait()?;
         let splats = self.session.finish()?;
         let (scene, world, step) = (output.join("scene.ply"), self.scorer.run.world, self.session.steps());
         let written = write_scene(&scene, &splats, &world)?;

@@ -5,7 +5,6 @@ mod maker;
 mod plan;
 mod recorded;
 
-use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -204,7 +203,7 @@ impl Images {
     }
 }
 
-/// A file of the source as it is: a hard link where both are on one file system, else a copy.
+/// A copy of a file of the source. No link: whoever edits the capture's images in place would change the source's.
 pub(super) fn take_over(from: &Path, to: &Path) -> Result<()> {
     let fault = |fault: std::io::Error| {
         Error::data(
@@ -214,11 +213,6 @@ pub(super) fn take_over(from: &Path, to: &Path) -> Result<()> {
             "check permissions and free space",
         )
     };
-    // A link to the source's own link would follow it, so that moving the source breaks nothing.
-    let from_real = fs::canonicalize(from).map_err(fault)?;
-    if fs::hard_link(&from_real, to).is_ok() {
-        return Ok(());
-    }
-    let mut file = open_file(&from_real).map_err(fault)?;
+    let mut file = open_file(from).map_err(fault)?;
     write_atomic(to, |to| std::io::copy(&mut file, to).map(|_| ()))
 }

@@ -291,11 +291,6 @@ pub fn decoded_bytes(capture: &Capture, has_depth: bool, has_flow: bool) -> u64 
     pixel_bytes(has_depth, has_flow) * capture.training_frames().into_iter().map(pixels).sum::<u64>()
 }
 
-/// Threads that decode by default: as many as there are cores. They sleep once enough is decoded.
-pub fn decoding_threads() -> usize {
-    std::thread::available_parallelism().map_or(1, std::num::NonZero::get)
-}
-
 impl State {
     fn remove(&mut self, index: u32, bytes: u64) {
         if let Some(Slot::Done(Ok(_))) = self.slots.remove(&index) {

@@ -24,7 +24,7 @@ mod settings;
 mod transforms;
 mod truth;
 
-pub use cache::{Asked, CacheStats, FrameCache, decoded_bytes, decoding_threads, share_of_memory};
+pub use cache::{Asked, CacheStats, FrameCache, decoded_bytes, share_of_memory};
 pub use calibration::Calibration;
 pub use camera::{Camera, Extent, Point, Shot};
 pub use folder::Manifest;

@@ -3,6 +3,8 @@
 use super::eye::{Eye, Ground};
 use super::points::{Found, median_color};
 use super::sweep::Depths;
+use crate::error::Result;
+use crate::parallel::in_parallel;
 use crate::scene::capture::{Point, TRAINING_RADIUS};
 use glam::{DVec3, Vec3};
 use std::collections::HashMap;
@@ -25,12 +27,13 @@ pub(super) struct Agreed {
 
 /// The points that cameras see, then guesses in the gaps between them and the points `before` that were known before. No guesses
 /// where nothing is known at all.
-pub(super) fn agree(eyes: &[Eye], depths: &[Depths], before: &[Found]) -> Vec<Agreed> {
+pub(super) fn agree(eyes: &[Eye], depths: &[Depths], before: &[Found], threads: usize) -> Result<Vec<Agreed>> {
     let mut all = Vec::new();
     let mut known: Vec<Vec<f32>> = Vec::new();
-    for (i, eye) in eyes.iter().enumerate() {
-        let confirmed: Vec<_> = (0..eye.ground.len()).map(|pixel| confirm(eyes, depths, i, pixel)).collect();
-        let inverse = confirmed.iter().zip(&depths[i].inverse);
+    let of_eye = |i: usize| Ok((0..eyes[i].ground.len()).map(|pixel| confirm(eyes, depths, i, pixel)).collect());
+    let confirmed: Vec<Vec<Option<Agreed>>> = in_parallel(eyes.len(), threads, of_eye, |_| ())?;
+    for (confirmed, depths) in confirmed.into_iter().zip(depths) {
+        let inverse = confirmed.iter().zip(&depths.inverse);
         known.push(inverse.map(|(found, inverse)| if found.is_some() { *inverse } else { f32::NAN }).collect());
         all.extend(confirmed.into_iter().flatten());
     }
@@ -40,26 +43,29 @@ pub(super) fn agree(eyes: &[Eye], depths: &[Depths], before: &[Found]) -> Vec<Ag
             known[at] = known[at].max(1.0 / depth);
         }
     }
-    for (i, eye) in eyes.iter().enumerate() {
-        let Some(distance) = middle_distance(eye, &places) else { break };
-        let near = spread(eye, &known[i]);
-        for pixel in (0..eye.ground.len()).filter(|pixel| eye.ground[*pixel] == Ground::Still) {
-            // A picture in which nothing is known at all shows something as far away as the rest.
-            let inverse = match near[pixel] {
-                Some((_, steps)) if steps < GAP => continue,
-                Some((inverse, _)) => inverse,
-                None => eye.ray(pixel).length() / distance,
-            };
-            let position = place(eye, pixel, inverse);
-            let is_known =
-                |(other, known): (&Eye, &Vec<f32>)| other.sees(position).is_some_and(|(at, _)| known[at] > 0.0);
-            if !eyes.iter().zip(&known).any(is_known) {
-                let found = Found { position: position.as_dvec3().to_array(), color: eye.color[pixel] };
-                all.push(Agreed { found, n_cameras: 0 });
-            }
-        }
-    }
-    all
+    let guesses = in_parallel(eyes.len(), threads, |i| Ok(guess(eyes, &known, i, &places)), |_| ())?;
+    all.extend(guesses.into_iter().flatten());
+    Ok(all)
+}
+
+/// What an eye shows far from all that is known.
+fn guess(eyes: &[Eye], known: &[Vec<f32>], i: usize, places: &[Vec3]) -> Vec<Agreed> {
+    let eye = &eyes[i];
+    let Some(distance) = middle_distance(eye, places) else { return Vec::new() };
+    let near = spread(eye, &known[i]);
+    let of_pixel = |pixel: usize| {
+        // A picture in which nothing is known at all shows something as far away as the rest.
+        let inverse = match near[pixel] {
+            Some((_, steps)) if steps < GAP => return None,
+            Some((inverse, _)) => inverse,
+            None => eye.ray(pixel).length() / distance,
+        };
+        let position = place(eye, pixel, inverse);
+        let is_known = |(other, known): (&Eye, &Vec<f32>)| other.sees(position).is_some_and(|(at, _)| known[at] > 0.0);
+        let found = Found { position: position.as_dvec3().to_array(), color: eye.color[pixel] };
+        (!eyes.iter().zip(known).any(is_known)).then_some(Agreed { found, n_cameras: 0 })
+    };
+    (0..eye.ground.len()).filter(|pixel| eye.ground[*pixel] == Ground::Still).filter_map(of_pixel).collect()
 }
 
 fn place_of(found: &Found) -> Vec3 {

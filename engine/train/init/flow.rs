@@ -6,7 +6,7 @@
 
 use super::points::{Found, OPACITY, Reach, append, push, spacings};
 use crate::error::Result;
-use crate::parallel::in_parallel;
+use crate::parallel::{in_parallel, threads};
 use crate::scene::capture::{Capture, FramePoint};
 use crate::scene::prior::read_flow;
 use crate::scene::{Motion, Splats};
@@ -106,7 +106,7 @@ pub(super) fn from_frames(
     rule: Rule,
     progress: &mut dyn FnMut(usize, usize),
 ) -> Result<FromFrames> {
-    let threads = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+    let threads = threads();
     let (reach, dt) = (Reach::new(capture), 1.0 / f64::from(capture.n_frames));
     let by_flow = rule != Rule::All;
     let mut counts = PointCounts::default();

@@ -6,7 +6,7 @@ use super::lens::Lenses;
 use super::points::Found;
 use super::{hull, sweep};
 use crate::error::Result;
-use crate::parallel::in_parallel;
+use crate::parallel::{in_parallel, threads};
 use crate::scene::capture::Capture;
 use crate::train::config::{Config, Init};
 
@@ -50,7 +50,7 @@ impl Views<'_> {
         let mut frames: Vec<u32> = self.hull_frames.iter().copied().chain([reference]).collect();
         frames.sort_unstable();
         frames.dedup();
-        let threads = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+        let threads = threads();
         let mut surfaces = Surfaces::default();
         for frame in frames {
             let (is_reference, has_hull) = (frame == reference, self.hull_frames.contains(&frame));
@@ -73,7 +73,7 @@ impl Views<'_> {
                 };
                 surfaces.n_known = known.len();
                 let depths = sweep::sweep(&eyes, threads, &mut *done)?;
-                let found = agree::agree(&eyes, &depths, &known);
+                let found = agree::agree(&eyes, &depths, &known, threads)?;
                 let of_before = known.into_iter().map(|found| Agreed { found, n_cameras: usize::MAX });
                 let mut all: Vec<Agreed> = of_before.chain(found).collect();
                 all.retain(|point| !lenses.are_veiled_by(&point.found));

@@ -1,7 +1,7 @@
 //! Which pictures a review looks at, and what it saw of each Gaussian: the pictures are chosen so that Gaussians are seen.
 
 use crate::error::Result;
-use crate::parallel::in_parallel;
+use crate::parallel::{in_parallel, threads};
 use crate::random::permutation;
 use crate::scene::Splats;
 use crate::train::metrics::Sight;
@@ -156,7 +156,7 @@ impl<'a> Album<'a> {
             let largest = splats.scale[i].iter().fold(f32::NEG_INFINITY, |a, b| a.max(*b));
             (1.0 / (1.0 + (-f64::from(splats.opacity[i])).exp()), f64::from(largest).exp())
         };
-        let threads = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+        let threads = threads();
         let mut album = Album {
             splats,
             opacity: (0..splats.len()).map(of).collect(),

@@ -1,9 +1,8 @@
 //! The images of a run in their order: decoded ahead, or in the device's memory already.
 
 use crate::error::Result;
-use crate::scene::capture::{
-    Asked, CacheStats, Capture, FrameCache, Picture, PriorPlan, decoding_threads, pixel_bytes,
-};
+use crate::parallel::threads;
+use crate::scene::capture::{Asked, CacheStats, Capture, FrameCache, Picture, PriorPlan, pixel_bytes};
 use crate::train::images::Shot;
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -64,7 +63,7 @@ impl Feed {
         let ways = ways(&order, bytes, image_bytes);
         let decoded = order.iter().zip(&ways).filter(|(_, way)| matches!(way, Way::Passes | Way::Stays));
         let decoded: Vec<Asked> = decoded.map(|(asked, _)| *asked).collect();
-        let cache = FrameCache::new(capture, decoded, plan, cache_bytes, decoding_threads())?;
+        let cache = FrameCache::new(capture, decoded, plan, cache_bytes, threads())?;
         let steps: Vec<_> = order.into_iter().zip(ways).collect();
         Ok(Feed { cache, steps: steps.into_iter() })
     }
