@@ -347,7 +347,9 @@ fn training(
     let mut heat = Heat::new(gpu)?;
     for step in 0..steps {
         if step >= warm_up && args.dump.is_none() {
+            // What is due after the step before, such as a mean of scenes, is not the next step's.
             session.wait()?;
+            session.settle()?;
             heat.before(gpu)?;
         }
         match (step.checked_sub(warm_up), &args.dump) {

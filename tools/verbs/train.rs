@@ -23,6 +23,7 @@ use ivv::scene::Splats;
 use ivv::scene::capture::share_of_memory;
 use ivv::study::Example;
 use ivv::train::{Checkpoint, Evaluation, Event, Fall, Kind, Log, Session, SessionOptions, StepReport, spread};
+use ivv::vk::DeviceKind;
 use ivv::words::count;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -244,7 +245,9 @@ impl Training<'_, '_> {
                 None => Ok(()),
             };
             both(save, show)
-        })
+        })?;
+        // A CPU driver's steps would share their cores with it.
+        if scorer.gpu.caps().kind == DeviceKind::Cpu { self.behind.wait() } else { Ok(()) }
     }
 
     /// Keeps what can be kept of a run that `error` ends, and adds to the error what that is and how to go on: the last step
