@@ -60,7 +60,7 @@ fn a_traced_training_has_its_phases_its_steps_and_where_it_waits() {
         "ivv/evaluate/frame/submit",
         "ivv/evaluate/frame/wait",
         "ivv/checkpoint",
-        // On a thread of their own.
+        // On a thread of its own.
         "write checkpoint",
         "ivv/write report",
         "decode",
