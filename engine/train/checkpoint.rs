@@ -258,11 +258,14 @@ impl Checkpoint {
     /// # Errors
     /// [`Error::Data`] when there is no such checkpoint or it cannot be kept.
     pub fn keep_best(folder: &Path, step: u64, psnr: f64) -> Result<bool> {
-        if !psnr.is_finite() || Self::best(folder)?.is_some_and(|(_, best)| best >= psnr) {
+        // As far as a name tells it: the best one itself, scored again, is not better than it was.
+        let told = format!("{psnr:.4}");
+        let is_better = |(_, best): (u64, f64)| told.parse().is_ok_and(|psnr: f64| psnr > best);
+        if !psnr.is_finite() || !Self::best(folder)?.is_none_or(is_better) {
             return Ok(false);
         }
         let file = Self::file(folder, step);
-        let best = folder.join(format!("best-{step:08}-{psnr:.4}dB.ckpt"));
+        let best = folder.join(format!("best-{step:08}-{told}dB.ckpt"));
         // One file under two names costs no space; a copy serves where the file system has no such thing.
         let linked = std::fs::hard_link(&file, &best);
         if linked.is_err() {

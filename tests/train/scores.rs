@@ -172,6 +172,8 @@ fn the_best_checkpoint_outlives_the_last_three() {
     // When every later one is damaged, the best one serves.
     expected[..3].iter().for_each(|name| std::fs::write(folder.join(name), b"cut").unwrap());
     assert_eq!(Checkpoint::newest(&folder).unwrap().unwrap().step, 2);
+    // A run that goes on from it has its score again, to the digits that the name has, and need not keep it again.
+    assert!(!Checkpoint::keep_best(&folder, 2, 21.500_04).unwrap());
     Checkpoint::remove_all(&folder).unwrap();
     assert_eq!(names(), Vec::<String>::new());
 }
