@@ -280,9 +280,10 @@ fn a_run_under_way_shows_test_views_and_its_report() {
         command.args(["--device", &device]);
     }
     let mut child = command.spawn().unwrap();
-    let report = run.join("report.html");
+    // They are written at once, each as a whole.
+    let (report, strip) = (run.join("report.html"), run.join("renders/progress/00000003.png"));
     let begun = std::time::Instant::now();
-    while !report.is_file() && child.try_wait().unwrap().is_none() && begun.elapsed().as_secs() < 240 {
+    while !(report.is_file() && strip.is_file()) && child.try_wait().unwrap().is_none() && begun.elapsed().as_secs() < 240 {
         std::thread::sleep(std::time::Duration::from_millis(20));
     }
     child.kill().unwrap();
@@ -293,7 +294,7 @@ fn a_run_under_way_shows_test_views_and_its_report() {
         "three views, three pictures each"
     );
 
-    let strip = image::open(run.join("renders/progress/00000003.png")).unwrap().to_rgb8();
+    let strip = image::open(strip).unwrap().to_rgb8();
     let shown = spread(&spread(&tiny.capture.test_frames(), 5), 3);
     let (mut left, mut error) = (0, 0.0);
     for (camera, frame) in shown {
