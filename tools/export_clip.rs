@@ -5,10 +5,9 @@ use crate::files::read_json;
 use crate::progress::Progress;
 use crate::screen::say;
 use crate::shown::{Source, is_run, of_own, own};
-use anyhow::{Context, ensure};
+use anyhow::ensure;
 use glam::DVec3;
 use ivv::Constants;
-use ivv::files::read_file;
 use ivv::formats::{Clock, Contents, Encoded, FourDgs, Grades, Sounds, World};
 use ivv::scene::{Splats, View, read_views, upright};
 use ivv::sound::hrtf::HrtfSet;
@@ -16,6 +15,7 @@ use ivv::sound::scene_file::SoundScene;
 use ivv::stage::{Goal, Subject, compact};
 use ivv::train::{Config, Run};
 use ivv::words::count;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// Frames per second of a clip of which only the length is known.
@@ -77,6 +77,42 @@ pub struct Setting {
     background: [f32; 3],
 }
 
+/// What a file holds beside its Gaussians, and how it is rendered.
+struct Beside {
+    clock: Clock,
+    views: Vec<View>,
+    own: BTreeMap<String, String>,
+    sounds: Sounds,
+    world: Option<World>,
+    constants: Constants,
+    is_quick: bool,
+}
+
+impl Beside {
+    fn contents(&self) -> Contents<'_> {
+        let Beside { clock, views, own, sounds, world, is_quick, .. } = self;
+        Contents { clock: *clock, views, own: own.clone(), sounds, world: *world, is_quick: *is_quick }
+    }
+}
+
+/// What a file cannot hold of its Gaussians.
+#[derive(Default)]
+struct Losses {
+    n: usize,
+    n_clamped_colors: usize,
+    n_clamped_harmonics: usize,
+    n_off: usize,
+}
+
+impl Losses {
+    fn count(&mut self, encoded: &Encoded, views: &[View]) {
+        self.n += encoded.len();
+        self.n_clamped_colors += encoded.n_clamped_colors;
+        self.n_clamped_harmonics += encoded.n_clamped_harmonics;
+        self.n_off += encoded.n_off(views);
+    }
+}
+
 impl ClipArgs {
     /// Those of a clip that is looked at: its length where nothing says it, and a cameras file to start from.
     #[cfg(feature = "play")]
@@ -89,35 +125,70 @@ impl ClipArgs {
         ClipArgs { is_silent: true, ..self.clone() }
     }
 
-    /// The bytes of `source`, where that is a `.4dgs` of which nothing is asked to be changed.
+    /// Whether `source` is a `.4dgs` of which nothing is asked to be changed.
     ///
     /// # Errors
-    /// Those of the file, and of options that cannot be.
-    pub fn as_it_is(&self, source: &Source) -> anyhow::Result<Option<Vec<u8>>> {
+    /// Those of options that cannot be.
+    pub fn is_as_it_is(&self, source: &Source) -> anyhow::Result<bool> {
         let is_changed = self.cameras.is_some() || self.seconds.is_some();
         let is_changed = is_changed || self.sound.is_some() || self.hrtf.is_some() || self.metres_per_unit.is_some();
-        if source.clip.is_none() || self.goal()?.is_some() || is_changed {
-            return Ok(None);
-        }
-        read_file(source.path).map(Some).with_context(|| source.path.display().to_string())
+        Ok(source.clip.is_some() && self.goal()?.is_none() && !is_changed)
     }
 
     /// The bytes of a `.4dgs` of `splats`, the scene of `source`.
     pub fn bytes(&self, source: &Source, splats: &Splats) -> anyhow::Result<Vec<u8>> {
+        let beside = self.beside(source, splats.motion.is_empty())?;
+        let (constants, contents) = (beside.constants, beside.contents());
+        let encoded = Encoded::new(splats, contents.clock);
+        if !self.is_silent {
+            let mut losses = Losses::default();
+            losses.count(&encoded, contents.views);
+            self.judge(&losses)?;
+        }
+        let Some(goal) = self.goal()? else { return Ok(encoded.bytes(source.path, &contents, Grades::default())?) };
+        let looked_at = spread(contents.views);
+        let subject =
+            Subject { path: source.path, splats, encoded: &encoded, contents: &contents, constants, views: &looked_at };
+        let mut progress = Progress::passing("files", 0);
+        let found = compact(&self.device.open()?, &subject, goal, &mut |n, most| {
+            progress.reach(n, most, "looked at");
+        })?;
+        say!(
+            "{:.2} MB, {:.1} dB from the scene in {}, after {}; halvings of the finest grids: {}",
+            found.bytes.len() as f64 / 1e6,
+            found.psnr,
+            count(looked_at.len(), "view"),
+            count(found.n_tried, "file"),
+            found.grades
+        );
+        Ok(found.bytes)
+    }
+
+    /// Writes a `.4dgs` of the clip in parts that `source` is, one part after the other; says how many Gaussians it has. `None` where
+    /// `source` is no such clip, or a file that can be so small has to be looked for.
+    pub fn write_parts(&self, source: &Source, to: &Path) -> anyhow::Result<Option<usize>> {
+        let (None, Some((_, mut clip))) = (self.goal()?, source.parts()?) else { return Ok(None) };
+        let beside = self.beside(source, false)?;
+        let contents = beside.contents();
+        let mut losses = Losses::default();
+        let measure = contents.measure(&mut *clip, |encoded| losses.count(encoded, contents.views))?;
+        self.judge(&losses)?;
+        contents.write(to, &mut *clip, &measure)?;
+        Ok(Some(losses.n))
+    }
+
+    /// What a file of the scene of `source` holds beside its Gaussians.
+    fn beside(&self, source: &Source, is_still: bool) -> anyhow::Result<Beside> {
         let Setting { clock, views, mut sounds, constants, background } = self.setting(source)?;
         let clock = match clock {
             Some(clock) => clock,
             // Nothing changes in it, so it may be as short as one frame.
-            None if splats.motion.is_empty() => Clock { fps: 1.0, frames: 1 },
+            None if is_still => Clock { fps: 1.0, frames: 1 },
             None => anyhow::bail!(
                 "{} does not say how long its clip is; give --seconds, or the folder of the run instead of its scene.ply",
                 source.path.display()
             ),
         };
-        let encoded = Encoded::new(splats, clock);
-        if !self.is_silent {
-            self.judge(&encoded, &views)?;
-        }
         let mut world = source.clip.as_ref().and_then(FourDgs::world);
         if let Some(scene) = &self.sound {
             let (ears, scene) = (sounds.ears().cloned(), SoundScene::read(scene)?);
@@ -143,26 +214,15 @@ impl ClipArgs {
             let up = world.map_or_else(|| upright(&views).unwrap_or(DVec3::NEG_Y).to_array(), |world| world.up);
             world = Some(World { up, metres_per_unit: Some(metres) });
         }
-        let own = own(&constants, background);
-        let is_quick = self.is_silent;
-        let contents = Contents { clock, views: &views, own, sounds: &sounds, world, is_quick };
-        let Some(goal) = self.goal()? else { return Ok(encoded.bytes(source.path, &contents, Grades::default())?) };
-        let looked_at = spread(&views);
-        let subject =
-            Subject { path: source.path, splats, encoded: &encoded, contents: &contents, constants, views: &looked_at };
-        let mut progress = Progress::passing("files", 0);
-        let found = compact(&self.device.open()?, &subject, goal, &mut |n, most| {
-            progress.reach(n, most, "looked at");
-        })?;
-        say!(
-            "{:.2} MB, {:.1} dB from the scene in {}, after {}; halvings of the finest grids: {}",
-            found.bytes.len() as f64 / 1e6,
-            found.psnr,
-            count(looked_at.len(), "view"),
-            count(found.n_tried, "file"),
-            found.grades
-        );
-        Ok(found.bytes)
+        Ok(Beside {
+            clock,
+            views,
+            own: own(&constants, background),
+            sounds,
+            world,
+            constants,
+            is_quick: self.is_silent,
+        })
     }
 
     fn goal(&self) -> anyhow::Result<Option<Goal>> {
@@ -183,19 +243,19 @@ impl ClipArgs {
         }
     }
 
-    fn judge(&self, encoded: &Encoded, views: &[View]) -> anyhow::Result<()> {
-        let (colors, harmonics, off) = (encoded.n_clamped_colors, encoded.n_clamped_harmonics, encoded.n_off(views));
+    fn judge(&self, losses: &Losses) -> anyhow::Result<()> {
+        let Losses { n, n_clamped_colors, n_clamped_harmonics, n_off } = *losses;
         ensure!(
-            off as f64 <= MOST_OFF * encoded.len() as f64 || self.clamp_colors,
-            "expected colours that a .4dgs holds, found {off} of {} off by more than 2 levels of 255; export as PLY, or give \
+            n_off as f64 <= MOST_OFF * n as f64 || self.clamp_colors || self.is_silent,
+            "expected colours that a .4dgs holds, found {n_off} of {} off by more than 2 levels of 255; export as PLY, or give \
              --clamp-colors",
-            count(encoded.len(), "Gaussian")
+            count(n, "Gaussian")
         );
-        if colors + harmonics > 0 {
+        if n_clamped_colors + n_clamped_harmonics > 0 && !self.is_silent {
             say!(
-                "{} with a base colour beyond 0 to 1, {harmonics} with harmonics beyond -4 to 4: cut to that, and the rest of \
-                 their coefficients makes it good; {off} are off by more than 2 levels of 255",
-                count(colors, "Gaussian")
+                "{} with a base colour beyond 0 to 1, {n_clamped_harmonics} with harmonics beyond -4 to 4: cut to that, and the \
+                 rest of their coefficients makes it good; {n_off} are off by more than 2 levels of 255",
+                count(n_clamped_colors, "Gaussian")
             );
         }
         Ok(())

@@ -5,7 +5,7 @@ use crate::files::make_folder;
 use crate::interrupt::{Interrupted, Stop};
 use crate::progress::Progress;
 use crate::screen::{alert, out};
-use crate::shown::Shown;
+use crate::shown::{Gaussians, Shown};
 use crate::verbs::render::check_finite;
 use crate::verbs::synth::size;
 use anyhow::Context;
@@ -17,11 +17,10 @@ use ivv::sound::pose::{HeadPose, PoseTrack};
 use ivv::sound::render::{RenderConfig, Rendered, render};
 use ivv::sound::scene_file::SoundScene;
 use ivv::sound::wav::{Depth, write};
-use ivv::stage::{Destination, Outputs, Renderer};
+use ivv::stage::{Destination, Outputs};
 use ivv::video::{Made, Video, VideoSettings};
 use ivv::words::count;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::time::Instant;
 
 /// Frames per second where nothing says.
@@ -280,10 +279,9 @@ pub struct Studio<'a> {
 }
 
 /// Renders `film` of the scene `shown`.
-pub fn run(film: &Film, args: &PathArgs, shown: Shown, studio: &Studio, json: bool) -> anyhow::Result<()> {
+pub fn run(film: &Film, args: &PathArgs, shown: Shown<Gaussians>, studio: &Studio, json: bool) -> anyhow::Result<()> {
     let Studio { output, device, constants, stop } = *studio;
-    let splats = shown.splats.by_degree();
-    let is_still = splats.motion.is_empty();
+    let is_still = shown.splats.are_static();
     anyhow::ensure!(
         is_still || film.clip.is_some() || !matches!(film.times, Times::Path),
         "{} is dynamic; pass --capture to map seconds of the path to scene time, or --time",
@@ -295,7 +293,7 @@ pub fn run(film: &Film, args: &PathArgs, shown: Shown, studio: &Studio, json: bo
     make_folder(output.parent().context("-o must name a video file")?)?;
     let (sound, report) = sound(args, film, output)?;
     let gpu = device.open()?;
-    let mut renderer = Renderer::of_clip(gpu, Arc::new(splats), constants)?;
+    let mut renderer = shown.splats.renderer(gpu, constants)?;
     let settings = VideoSettings { width: film.size.0, height: film.size.1, fps: film.fps, sound };
     let mut video = Video::create(output, settings)?;
     let mut progress = Progress::new("frame", film.n_frames);

@@ -78,16 +78,20 @@ fn part(name: &str) -> Option<&'static Part> {
     PARTS.iter().find(|part| part.name == name)
 }
 
-/// Writes the player and a scene into `folder`, which is there; the page last, so that it is never without the rest.
+/// Writes the player into `folder`, which is there and holds a scene; the page last, so that it is never without the rest.
 ///
 /// # Errors
 /// Those of the files.
-pub fn write_folder(folder: &Path, scene: &[u8]) -> ivv::Result<()> {
-    write_atomic(&folder.join(SCENE), |to| to.write_all(scene))?;
+pub fn write_player(folder: &Path) -> ivv::Result<()> {
     PARTS
         .iter()
         .rev()
         .try_for_each(|part| write_atomic(&folder.join(part.name), |to| to.write_all(part.text.as_bytes())))
+}
+
+/// Bytes of the player.
+pub fn n_bytes() -> u64 {
+    PARTS.iter().map(|part| part.text.len() as u64).sum()
 }
 
 /// The player and a scene as one page, which opens from a disk too.

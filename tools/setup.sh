@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Installs what a fresh Debian 12 lacks, and nothing that is there already.
-#   tools/setup.sh [run] [test] [shaders] [prepare] [player] [play] [manual]      default: run
+#   tools/setup.sh [run] [test] [shaders] [prepare] [player] [play] [manual] [cluster]      default: run
 #     run      the Vulkan loader, Mesa's drivers (lavapipe among them), a linker, a Rust toolchain
 #     test     run, and the validation layer, spirv-val, rustfmt, clippy
 #     shaders  run, and what shaderc's C++ needs to build (only for `cargo build --features shaders`)
@@ -8,6 +8,7 @@
 #     player   run, and what the tests of the browser player need: Chromium, node, packages of npm, the .4dgs package for Python
 #     play     run, and what `ivv play` needs to build and to open windows, and its tests: a display in memory, keys and pointer
 #     manual   run, and what builds the manual and its commands need: mdBook, ffmpeg, Pillow for Python
+#     cluster  run, and what the jobs of a long clip are tested with: Snakemake, Slurm
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 export PATH="${CARGO_HOME:-$HOME/.cargo}/bin:$PATH"
@@ -123,10 +124,21 @@ install_mdbook() {
         fail network "cargo install mdbook" "check the network, then run this again"
 }
 
+# Below the cache folder, where `tools/test.sh --cluster` looks.
+install_snakemake() {
+    local version=9.27.1 folder=${XDG_CACHE_HOME:-$HOME/.cache}/ivv/cluster
+    [ "$("$folder/bin/snakemake" --version 2>/dev/null || true)" != "$version" ] || return 0
+    say "installing Snakemake $version"
+    [ -x "$folder/bin/python" ] || python3 -m venv "$folder"
+    "$folder/bin/python" -m pip install --quiet "snakemake==$version" ||
+        fail network "pip install snakemake" "check the network, then run this again"
+}
+
 packages=(libvulkan1 mesa-vulkan-drivers gcc libc6-dev)
 components=no
 player=no
 manual=no
+cluster=no
 for part in "${@:-run}"; do
     case $part in
     run) ;;
@@ -144,8 +156,9 @@ for part in "${@:-run}"; do
         packages+=(xvfb xdotool vulkan-validationlayers)
         ;;
     manual) packages+=(ffmpeg python3-numpy python3-pil) manual=yes ;;
+    cluster) packages+=(python3-venv slurmctld slurmd slurm-client munge) cluster=yes ;;
     *)
-        echo "usage: tools/setup.sh [run] [test] [shaders] [prepare] [player] [play] [manual]" >&2
+        echo "usage: tools/setup.sh [run] [test] [shaders] [prepare] [player] [play] [manual] [cluster]" >&2
         exit 2
         ;;
     esac
@@ -155,4 +168,5 @@ install_rust
 [ $components = no ] || install_components
 [ $player = no ] || install_player_packages
 [ $manual = no ] || install_mdbook
+[ $cluster = no ] || install_snakemake
 say "ready (${*:-run})"

@@ -1,23 +1,77 @@
 //! What a verb is given to look at: a scene file, the folder of a run, or that of a run that has not ended.
 
 use crate::screen::say;
-use ivv::formats::{FourDgs, read_scene};
-use ivv::scene::Splats;
+use ivv::formats::{FourDgs, FourDgsParts, PlyParts, read_scene};
+use ivv::gpu::Gpu;
+use ivv::scene::{Parts, Splats};
+use ivv::stage::Renderer;
 use ivv::train::{Checkpoint, Run};
 use ivv::{Constants, Error};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
-/// A scene and where it is from.
-pub struct Shown {
+/// Gaussians that are looked at, in the capture's own frame.
+pub enum Gaussians {
+    /// In memory.
+    Whole(Box<Splats>),
+    /// In a file, of which what is seen is read.
+    Parts(Box<dyn Parts>),
+}
+
+impl Gaussians {
+    /// A renderer of them.
+    ///
+    /// # Errors
+    /// As [`Renderer::of_parts`].
+    pub fn renderer(self, gpu: Arc<Gpu>, constants: Constants) -> ivv::Result<Renderer> {
+        match self {
+            Gaussians::Whole(splats) => Renderer::of_clip(gpu, Arc::new(splats.by_degree()), constants),
+            Gaussians::Parts(clip) => Renderer::of_parts(gpu, clip, constants),
+        }
+    }
+
+    /// Some of them, enough to tell where the scene is: all, those that rest, or those of the first part.
+    ///
+    /// # Errors
+    /// Those of the file.
+    #[cfg(feature = "play")]
+    pub fn some(&mut self) -> ivv::Result<std::borrow::Cow<'_, Splats>> {
+        use std::borrow::Cow;
+        match self {
+            Gaussians::Whole(splats) => Ok(Cow::Borrowed(splats)),
+            Gaussians::Parts(clip) => match clip.still()? {
+                still if still.is_empty() && !clip.parts().is_empty() => clip.part(0).map(Cow::Owned),
+                still => Ok(Cow::Owned(still)),
+            },
+        }
+    }
+
+    /// Whether all of them are static.
+    pub fn are_static(&self) -> bool {
+        match self {
+            Gaussians::Whole(splats) => splats.motion.is_empty(),
+            Gaussians::Parts(clip) => clip.parts().iter().all(|part| part.n == 0),
+        }
+    }
+}
+
+/// A scene and where it is from, with its Gaussians `G`.
+pub struct Shown<G = Splats> {
     /// The file that was read.
     pub file: PathBuf,
     /// In the capture's own frame.
-    pub splats: Splats,
+    pub splats: G,
     /// The step that it is of, where the run has not ended.
     pub unfinished: Option<u64>,
     /// How it is rendered, where its file says that.
     pub constants: Option<Constants>,
+}
+
+impl From<Shown> for Shown<Gaussians> {
+    fn from(Shown { file, splats, unfinished, constants }: Shown) -> Self {
+        Shown { file, splats: Gaussians::Whole(Box::new(splats)), unfinished, constants }
+    }
 }
 
 /// Whether `path` is the folder of a run.
@@ -34,13 +88,39 @@ pub struct Source<'a> {
 }
 
 impl<'a> Source<'a> {
-    /// Reads a `.4dgs`, and nothing of any other.
+    /// Reads of a `.4dgs` all but its Gaussians, and nothing of any other.
     ///
     /// # Errors
     /// Those of the file.
     pub fn open(path: &'a Path) -> ivv::Result<Self> {
-        let clip = if FourDgs::is(path) { Some(FourDgs::read(path)?) } else { None };
+        let clip = if FourDgs::is(path) { Some(FourDgs::open(path)?) } else { None };
         Ok(Source { path, clip })
+    }
+
+    /// Its Gaussians, of which only those are read that are seen where the file is a clip in parts.
+    ///
+    /// # Errors
+    /// As [`open`].
+    pub fn seen(&self) -> ivv::Result<Shown<Gaussians>> {
+        if let Some((file, clip)) = self.parts()? {
+            let constants = self.clip.as_ref().and_then(FourDgs::own).map(|own| of_own(own).0);
+            return Ok(Shown { file, splats: Gaussians::Parts(clip), unfinished: None, constants });
+        }
+        self.scene().map(Into::into)
+    }
+
+    /// Its file, where that is a clip in parts.
+    ///
+    /// # Errors
+    /// As [`open`].
+    pub fn parts(&self) -> ivv::Result<Option<(PathBuf, Box<dyn Parts>)>> {
+        let file = if self.path.is_dir() { self.path.join("scene.ply") } else { self.path.to_owned() };
+        let clip: Option<Box<dyn Parts>> = match self.clip {
+            Some(_) => FourDgsParts::open(&file)?.map(|clip| Box::new(clip) as Box<dyn Parts>),
+            None if file.is_file() => PlyParts::open(&file)?.map(|clip| Box::new(clip) as Box<dyn Parts>),
+            None => None,
+        };
+        Ok(clip.map(|clip| (file, clip)))
     }
 
     /// Its Gaussians, as [`open`].

@@ -28,6 +28,23 @@ pub fn write_atomic(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Resul
     temporary.keep()
 }
 
+/// As [`write_atomic`], for bytes that are made while they are written: `make` hands them to its argument, and its own errors are
+/// passed on.
+///
+/// # Errors
+/// As [`write_atomic`]; those of `make`.
+pub(crate) fn write_made(
+    path: &Path,
+    make: impl FnOnce(&mut dyn FnMut(&[u8]) -> Result<()>) -> Result<()>,
+) -> Result<()> {
+    let mut temporary = Temporary::beside(path, "")?;
+    let mut buffered = BufWriter::new(&mut temporary.file);
+    make(&mut |bytes| buffered.write_all(bytes).map_err(|fault| cannot_write(path, &fault)))?;
+    buffered.flush().map_err(|fault| cannot_write(path, &fault))?;
+    drop(buffered);
+    temporary.keep()
+}
+
 /// A file that is being written, under a name of its own beside the one that it will have. One that is dropped before
 /// [`Temporary::keep`] is removed.
 ///
@@ -211,6 +228,6 @@ pub(crate) fn read_bytes(path: &Path) -> Result<Vec<u8>> {
 }
 
 /// The error of a file that cannot be opened or read.
-pub(crate) fn cannot_read(path: &Path, fault: &io::Error) -> Error {
+pub fn cannot_read(path: &Path, fault: &io::Error) -> Error {
     Error::data(path, "", format!("cannot be read: {fault}"), "check the path and its permissions")
 }

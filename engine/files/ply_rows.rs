@@ -1,7 +1,7 @@
 //! The rows of a PLY file, one element after another, whatever their encoding.
 
 use std::fs::File;
-use std::io::{BufRead, BufReader, Read};
+use std::io::{BufRead, BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
 use super::file::{cannot_read, open_file};
@@ -121,6 +121,12 @@ impl Rows {
             row += n;
         }
         Ok(())
+    }
+
+    /// Goes to row `first` of the file's first element, all of whose rows have `row_size` bytes.
+    pub fn seek(&mut self, header: &Header, row_size: usize, first: u64) -> Result<()> {
+        let to = SeekFrom::Start(header.size + first * row_size as u64);
+        self.source.seek(to).map(drop).map_err(|fault| cannot_read(&self.path, &fault))
     }
 
     /// As [`Rows::read`] for an element with lists: `take` is given the row without its lists, and the items of the list

@@ -8,6 +8,7 @@ mod four_dgs;
 mod glb;
 mod import;
 mod ply;
+mod ply_parts;
 mod ply_time;
 mod sog;
 mod splat;
@@ -17,9 +18,12 @@ mod spz_write;
 
 pub use clock::Clock;
 pub use format::{WriteScene, Writer};
-pub use four_dgs::{Contents, Ears, Encoded, FourDgs, FourDgsSummary, Grades, Sound, Sounds, World};
+pub use four_dgs::{
+    Contents, Ears, Encoded, FourDgs, FourDgsParts, FourDgsSummary, Grades, Measure, Sound, Sounds, World,
+};
 pub use glb::write_glb;
 pub use ply::{read_ply, write_ftgs, write_ply};
+pub use ply_parts::{PlyParts, write_parts};
 pub use sog::read_sog;
 pub use splat::{read_splat, write_splat};
 pub use splatv::write_splatv;

@@ -61,8 +61,8 @@ fn read_vertices(path: &Path, header: &Header, mut rows: Rows) -> Result<Splats>
 }
 
 /// Columns of the properties that make a Gaussian.
-struct Layout {
-    sh_degree: u32,
+pub(super) struct Layout {
+    pub(super) sh_degree: u32,
     position: [Column; 3],
     dc: [Column; 3],
     /// Channel-major: `rest[channel * (K - 1) + coefficient - 1]`.
@@ -74,7 +74,7 @@ struct Layout {
 }
 
 impl Layout {
-    fn new(path: &Path, header: &Header, vertex: &Element) -> Result<Self> {
+    pub(super) fn new(path: &Path, header: &Header, vertex: &Element) -> Result<Self> {
         let place = |name: &str| format!("element `vertex`, property `{name}`");
         if let Some(list) = vertex.properties.iter().find(|p| p.list_length.is_some()) {
             let remedy = "export it with plain properties only";
@@ -107,9 +107,11 @@ impl Layout {
         })
     }
 
+    /// Appends the Gaussian of a row to those that it belongs to.
+    ///
     /// # Errors
-    /// Why the Gaussian cannot be held.
-    fn push(
+    /// Why it cannot be held.
+    pub(super) fn push(
         &self,
         row: u32,
         bytes: &[u8],
@@ -169,13 +171,15 @@ pub fn write_ply(path: &Path, splats: &Splats) -> Result<()> {
         (false, true) => MOTION.to_vec(),
         (false, false) => MOTION.into_iter().chain(SPAN).collect(),
     };
-    let own = |dynamic: Option<usize>| {
-        let still = Motion { velocity: [0.0; 3], t_center: 0.0, t_scale: f32::INFINITY };
-        let Motion { velocity: [x, y, z], t_center, t_scale } = dynamic.map_or(still, |at| splats.motion[at]);
-        let [from, to] = dynamic.and_then(|at| splats.span.get(at)).copied().unwrap_or(ALWAYS);
-        [x, y, z, t_center, t_scale, from, to]
-    };
-    write_rows(path, splats, &[], &names, own, |_| true)
+    write_rows(path, splats, &[], &names, |dynamic| own_time(splats, dynamic), |_| true)
+}
+
+/// The values of [`MOTION`] and [`SPAN`] of a Gaussian by its place among the dynamic ones; none for a static one.
+pub(super) fn own_time(splats: &Splats, dynamic: Option<usize>) -> [f32; 7] {
+    let still = Motion { velocity: [0.0; 3], t_center: 0.0, t_scale: f32::INFINITY };
+    let Motion { velocity: [x, y, z], t_center, t_scale } = dynamic.map_or(still, |at| splats.motion[at]);
+    let [from, to] = dynamic.and_then(|at| splats.span.get(at)).copied().unwrap_or(ALWAYS);
+    [x, y, z, t_center, t_scale, from, to]
 }
 
 /// Writes a scene as `.ftgs.ply`, version 1: 88 bytes a Gaussian of degree 0. With a `clock` its frames fall where the format
@@ -209,7 +213,7 @@ fn write_rows<const N: usize>(
     let mut order: Vec<usize> = (0..splats.len()).filter(|i| keep(*i)).collect();
     order.sort_by_key(|&i| splats.source_row[i]);
     write_atomic(path, |to| {
-        write_header(to, splats, order.len(), comments, names)?;
+        write_header(to, splats.sh_degree, order.len(), comments, names)?;
         let mut row = Vec::new();
         for &i in &order {
             row.clear();
@@ -224,14 +228,15 @@ fn write_rows<const N: usize>(
     })
 }
 
-fn write_header(
+/// Writes the header of `n` rows with the temporal properties `temporal`.
+pub(super) fn write_header(
     to: &mut dyn Write,
-    splats: &Splats,
+    sh_degree: u32,
     n: usize,
     comments: &[String],
     temporal: &[&str],
 ) -> io::Result<()> {
-    let n_rest = 3 * (splats.n_coefficients() - 1);
+    let n_rest = 3 * (Splats::new(sh_degree).n_coefficients() - 1);
     writeln!(to, "ply\nformat binary_little_endian 1.0")?;
     comments.iter().try_for_each(|line| writeln!(to, "comment {line}"))?;
     writeln!(to, "element vertex {n}")?;
@@ -248,7 +253,8 @@ fn write_header(
     writeln!(to, "end_header")
 }
 
-fn push_row(splats: &Splats, i: usize, row: &mut Vec<u8>) {
+/// Appends the row of Gaussian `i`, without temporal properties.
+pub(super) fn push_row(splats: &Splats, i: usize, row: &mut Vec<u8>) {
     let mut push = |values: &[f32]| values.iter().for_each(|v| row.extend(v.to_le_bytes()));
     push(&splats.position[i]);
     push(&[0.0; 3]);

@@ -5,6 +5,7 @@
 //! in the folder says from what the files of a stage were made. `capture.toml` comes last.
 
 mod clocks;
+mod estimate;
 mod fit;
 mod flow;
 mod images;
@@ -15,11 +16,13 @@ mod reconstruct;
 mod settings;
 mod sound;
 mod source;
+mod timecodes;
 mod triangulate;
 mod video;
 
 use std::path::Path;
 
+pub use self::estimate::{Estimate, StageEstimate, estimate};
 use self::images::Images;
 use self::journal::Journal;
 use self::program::{FFMPEG, FFPROBE};
@@ -83,6 +86,13 @@ fn prepare_posed(
 ) -> Result<Prepared> {
     let mut faults = Faults::default();
     let source = Source::read(settings, &mut faults)?;
+    let by_timecode;
+    let settings = if settings.by_timecode {
+        by_timecode = timecodes::applied(settings, &source)?;
+        &by_timecode
+    } else {
+        settings
+    };
     // Missing programs are reported before a picture is decoded.
     if source.cameras.iter().any(|camera| matches!(camera.footage, Footage::Video(_))) {
         [FFMPEG, FFPROBE].iter().try_for_each(|program| program.require(&settings.source))?;

@@ -235,9 +235,9 @@ impl Reconstruction<'_> {
         if (0..select.n).all(|frame| file(frame).is_file()) {
             return Ok(());
         }
-        let video::Video { width, height, .. } = video::probe(path)?;
-        let size = (width, height);
-        video::decode(path, select, Part::whole(size), size, self.settings.threads, |frame, rgb| {
+        let video = video::probe(path)?;
+        let size @ (width, height) = (video.width, video.height);
+        video::decode((path, &video), select, Part::whole(size), size, self.settings.threads, |frame, rgb| {
             write_atomic(&file(frame), |to| {
                 let encoder = JpegEncoder::new_with_quality(to, JPEG_QUALITY);
                 encoder.write_image(rgb, width, height, ExtendedColorType::Rgb8).map_err(std::io::Error::other)

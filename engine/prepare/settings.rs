@@ -54,6 +54,8 @@ pub struct PrepareSettings {
     /// cameras that did not begin to record at one time. The source's points of single frames lie at other times then, and are
     /// not kept.
     pub shifts: BTreeMap<String, i32>,
+    /// Takes the shifts from the time codes of the videos.
+    pub by_timecode: bool,
     /// Size of the images relative to the source's, in (0, 1].
     pub scale: f64,
     /// Format of images that are made.
@@ -81,6 +83,7 @@ impl PrepareSettings {
             footage: None,
             frames: Frames::default(),
             shifts: BTreeMap::new(),
+            by_timecode: false,
             scale: 1.0,
             format: ImageFormat::Png,
             triangulate: None,

@@ -93,7 +93,7 @@ pub(super) fn make(
 }
 
 /// Of which frames points are triangulated, and whether the source's are kept.
-fn asked(source: &Source, settings: &PrepareSettings) -> (Triangulate, bool) {
+pub(super) fn asked(source: &Source, settings: &PrepareSettings) -> (Triangulate, bool) {
     let has_points = source.frame_points.is_some() || !source.points.is_empty();
     // A camera that is shifted shows other times than those of the points.
     let keeps = has_points && settings.shifts.is_empty();

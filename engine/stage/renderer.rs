@@ -9,7 +9,7 @@ use super::window::Windows;
 use super::workspace::Workspace;
 use crate::error::Result;
 use crate::gpu::{Gpu, Slice};
-use crate::scene::{Splats, View};
+use crate::scene::{Parts, Splats, View};
 use crate::settings::Constants;
 use std::sync::Arc;
 
@@ -50,10 +50,20 @@ impl Renderer {
     /// As [`Renderer::new`].
     pub fn of_clip(gpu: Arc<Gpu>, splats: Arc<Splats>, constants: Constants) -> Result<Self> {
         let constants = constants_on(gpu.caps().kind, constants.knobs, constants);
-        let Some(mut windows) = Windows::of(&gpu, &splats, &constants) else {
-            return Self::new(gpu, &splats, constants);
-        };
-        let scene = windows.load_static(&gpu, &constants)?;
+        match Windows::of(&gpu, &splats, &constants)? {
+            Some((windows, scene)) => Ok(Self::of_scene(gpu, scene, constants, Some(windows))),
+            None => Self::new(gpu, &splats, constants),
+        }
+    }
+
+    /// As [`Renderer::of_clip`], for a clip that may be longer than what the host's memory holds too: its Gaussians are read part by
+    /// part as views need them. Gradients and what else takes a scene as a whole are refused.
+    ///
+    /// # Errors
+    /// As [`Renderer::new`]; those of the clip, here and whenever a view needs another part of it.
+    pub fn of_parts(gpu: Arc<Gpu>, clip: Box<dyn Parts>, constants: Constants) -> Result<Self> {
+        let constants = constants_on(gpu.caps().kind, constants.knobs, constants);
+        let (windows, scene) = Windows::of_parts(&gpu, clip, &constants)?;
         Ok(Self::of_scene(gpu, scene, constants, Some(windows)))
     }
 
@@ -99,17 +109,19 @@ impl Renderer {
     /// Puts the Gaussians on the device that live near the time of `view`.
     pub(super) fn load_window(&mut self, view: &View) -> Result<()> {
         let Some(windows) = &mut self.windows else { return Ok(()) };
-        let Some(at) = windows.wanted(view) else { return Ok(()) };
+        if !windows.is_due(view) {
+            return Ok(());
+        }
         // What pictures on their way still use goes with them.
         self.work = None;
-        windows.load(&self.gpu, &self.constants, &mut self.scene, at)?;
+        windows.load(&self.gpu, &self.constants, &mut self.scene, view)?;
         self.room.active = room_for(&self.gpu, &self.scene);
         Ok(())
     }
 
     /// Puts all Gaussians on the device, for what is asked of the scene as a whole.
     pub(super) fn load_whole(&mut self) -> Result<()> {
-        if let Some(windows) = &self.windows {
+        if let Some(windows) = &mut self.windows {
             self.scene = windows.load_whole(&self.gpu, &self.constants)?;
             (self.work, self.windows) = (None, None);
             self.room.active = room_for(&self.gpu, &self.scene);

@@ -1,12 +1,12 @@
 //! Windows of a clip: of the dynamic Gaussians only those that live near a view's time are on the device, so that neither its
-//! memory nor the work of a frame grows with the length of the clip. Where Gaussians appear or disappear at once, a window begins,
+//! memory nor the work of a frame grows with the length of the clip. A clip that is in parts in a file is read part by part, too. Where Gaussians appear or disappear at once, a window begins,
 //! so that a window has them or has them not.
 
 use super::params::{Purpose, moment};
 use super::scene::{SceneBuffers, far_origin, group_limit};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::gpu::Gpu;
-use crate::scene::{Splats, View};
+use crate::scene::{Parts, Resident, Splats, View};
 use crate::settings::Constants;
 use std::path::Path;
 use std::sync::Arc;
@@ -20,10 +20,12 @@ const LESS: f64 = 0.8;
 /// By how much lives and windows are longer than they are, for the rounding of the kernels.
 const MARGIN: f64 = 1e-4;
 
-/// A clip on the host, and what of it is on the device.
+/// A clip on the host or in a file, and what of it is on the device.
 pub(super) struct Windows {
-    splats: Arc<Splats>,
-    lives: Vec<Life>,
+    /// What is on the host of the dynamic Gaussians. The first one may have static ones too.
+    pieces: Vec<Piece>,
+    /// Where they are read from, part by part; none where all are on the host.
+    clip: Option<Resident>,
     /// Where windows end and the next ones begin, normalised time, ascending.
     borders: Vec<f64>,
     origin: [f64; 3],
@@ -34,6 +36,18 @@ pub(super) struct Windows {
     shown: Option<usize>,
 }
 
+/// Gaussians on the host.
+struct Piece {
+    splats: Arc<Splats>,
+    lives: Vec<Life>,
+}
+
+impl Piece {
+    fn new(splats: Arc<Splats>, constants: &Constants) -> Self {
+        Piece { lives: lives(&splats, constants), splats }
+    }
+}
+
 /// When a dynamic Gaussian may be visible, normalised time.
 #[derive(Clone, Copy)]
 struct Life {
@@ -42,45 +56,76 @@ struct Life {
 }
 
 impl Windows {
-    /// The windows of a clip, none of which is on the device yet; none where they would save too little.
-    pub fn of(gpu: &Gpu, splats: &Arc<Splats>, constants: &Constants) -> Option<Self> {
-        let lives = lives(splats, constants);
-        let n = n_windows(&lives);
-        let even = (0..=n).filter(|_| n > 1).map(|k| f64::from(k) / f64::from(n));
-        let given = splats.span.as_flattened().iter().filter(|time| time.is_finite()).map(|time| f64::from(*time));
-        let mut borders: Vec<f64> = even.chain(given).collect();
-        borders.sort_unstable_by(f64::total_cmp);
-        borders.dedup();
-        let (origin, limit) = (far_origin(splats), group_limit(gpu, splats.sh_degree as usize, Purpose::Picture));
-        let is_needed = n > 1 || !splats.span.is_empty();
-        is_needed.then(|| Windows { splats: splats.clone(), lives, borders, origin, limit, n_bad: 0, shown: None })
-    }
-
-    /// A scene of the static Gaussians, which are in every window.
+    /// The windows of a clip, and its static Gaussians, which are in every window; none where windows would save too little.
     ///
     /// # Errors
     /// [`OutOfMemory`](crate::Error::OutOfMemory) naming the buffer that does not fit.
-    pub fn load_static(&mut self, gpu: &Gpu, constants: &Constants) -> Result<SceneBuffers> {
-        let still = self.splats.kept(|i| i < self.splats.n_static);
-        let scene = SceneBuffers::upload_around(gpu, &still, constants, self.limit, self.origin)?;
+    pub fn of(gpu: &Gpu, splats: &Arc<Splats>, constants: &Constants) -> Result<Option<(Self, SceneBuffers)>> {
+        let pieces = vec![Piece::new(splats.clone(), constants)];
+        let n = n_windows(&pieces, [0.0, 1.0]);
+        if n < 2 && splats.span.is_empty() {
+            return Ok(None);
+        }
+        let still = splats.kept(|i| i < splats.n_static);
+        let mut windows = Windows::around(gpu, far_origin(splats), splats.sh_degree);
+        windows.borders = borders(&pieces, [0.0, 1.0], n);
+        windows.pieces = pieces;
+        let scene = windows.load_static(gpu, &still, constants)?;
+        Ok(Some((windows, scene)))
+    }
+
+    /// The same of a clip that is read as it is seen.
+    ///
+    /// # Errors
+    /// As [`Windows::of`]; those of the clip.
+    pub fn of_parts(gpu: &Gpu, mut clip: Box<dyn Parts>, constants: &Constants) -> Result<(Self, SceneBuffers)> {
+        let still = clip.still()?;
+        let origin = match (still.is_empty(), clip.parts().is_empty()) {
+            (true, false) => far_origin(&clip.part(0)?),
+            _ => far_origin(&still),
+        };
+        let mut windows = Windows::around(gpu, origin, clip.sh_degree());
+        windows.clip = Some(Resident::new(clip));
+        let scene = windows.load_static(gpu, &still.by_degree(), constants)?;
+        Ok((windows, scene))
+    }
+
+    fn around(gpu: &Gpu, origin: [f64; 3], sh_degree: u32) -> Self {
+        let limit = group_limit(gpu, sh_degree as usize, Purpose::Picture);
+        Windows { pieces: Vec::new(), clip: None, borders: Vec::new(), origin, limit, n_bad: 0, shown: None }
+    }
+
+    fn load_static(&mut self, gpu: &Gpu, still: &Splats, constants: &Constants) -> Result<SceneBuffers> {
+        let scene = SceneBuffers::upload_around(gpu, still, constants, self.limit, self.origin)?;
         self.n_bad = scene.n_bad;
         Ok(scene)
     }
 
-    /// The window that `view` needs, unless it is on the device.
-    pub fn wanted(&self, view: &View) -> Option<usize> {
-        let time = moment(view);
-        let at = self.borders.partition_point(|border| *border <= time);
-        (self.shown != Some(at)).then_some(at)
+    fn window_of(&self, time: f64) -> usize {
+        self.borders.partition_point(|border| *border <= time)
     }
 
-    /// Puts the window `at` in the place of the one in `scene`.
+    /// Whether the window that `view` needs is not on the device.
+    pub fn is_due(&self, view: &View) -> bool {
+        let time = moment(view);
+        self.shown != Some(self.window_of(time)) || self.clip.as_ref().is_some_and(|clip| !clip.holds(time))
+    }
+
+    /// Puts the window that `view` needs in the place of the one in `scene`.
     ///
     /// # Errors
-    /// As [`Windows::load_static`].
-    pub fn load(&mut self, gpu: &Gpu, constants: &Constants, scene: &mut SceneBuffers, at: usize) -> Result<()> {
+    /// As [`Windows::of_parts`].
+    pub fn load(&mut self, gpu: &Gpu, constants: &Constants, scene: &mut SceneBuffers, view: &View) -> Result<()> {
         self.shown = None;
         scene.clear_dynamic(self.n_bad);
+        let time = moment(view);
+        if let Some(clip) = self.clip.as_mut().filter(|clip| !clip.holds(time)) {
+            self.pieces.clear();
+            let (stretch, pieces) = clip.reach(time)?;
+            self.pieces = pieces.into_iter().map(|splats| Piece::new(splats, constants)).collect();
+            self.borders = borders(&self.pieces, stretch, n_windows(&self.pieces, stretch));
+        }
+        let at = self.window_of(time);
         let dynamic = SceneBuffers::upload_around(gpu, &self.part(at), constants, self.limit, self.origin)?;
         scene.append_dynamic(gpu, dynamic)?;
         self.shown = Some(at);
@@ -90,30 +135,58 @@ impl Windows {
     /// A scene of the whole clip.
     ///
     /// # Errors
-    /// As [`Windows::load_static`]; [`Error::Data`](crate::Error::Data) where no scene is right for all times.
-    pub fn load_whole(&self, gpu: &Gpu, constants: &Constants) -> Result<SceneBuffers> {
-        let remedy = "give one of the segments that it was joined of";
-        self.splats.refuse_spans(Path::new("the scene"), "what is asked of a scene as a whole", remedy)?;
-        SceneBuffers::upload_around(gpu, &self.splats, constants, self.limit, self.origin)
+    /// As [`Windows::of`]; [`Error::Data`] where no scene is right for all times.
+    pub fn load_whole(&mut self, gpu: &Gpu, constants: &Constants) -> Result<SceneBuffers> {
+        let (what, remedy) = ("what is asked of a scene as a whole", "give one of the segments that it was joined of");
+        if let Some(clip) = &mut self.clip {
+            let reason = format!("is a clip in parts, which {what} cannot take");
+            return Err(Error::data(clip.clip().path(), "", reason, remedy));
+        }
+        let splats = &self.pieces[0].splats;
+        splats.refuse_spans(Path::new("the scene"), what, remedy)?;
+        SceneBuffers::upload_around(gpu, splats, constants, self.limit, self.origin)
     }
 
     /// The dynamic Gaussians that live in a window.
     fn part(&self, at: usize) -> Splats {
         let begin = at.checked_sub(1).map_or(f64::NEG_INFINITY, |before| self.borders[before]);
         let end = self.borders.get(at).copied().unwrap_or(f64::INFINITY);
-        let n_static = self.splats.n_static;
-        let lives = |i: &usize| {
-            let Life { first, last } = self.lives[i - n_static];
-            // A window begins wherever one appears or disappears, so it is there throughout or never.
-            let is_there = self
-                .splats
-                .span
-                .get(i - n_static)
-                .is_none_or(|[from, to]| f64::from(*from) < end && f64::from(*to) > begin);
-            is_there && first <= end + MARGIN && last >= begin - MARGIN
+        let of_piece = |Piece { splats, lives }: &Piece| {
+            let n_static = splats.n_static;
+            let is_in = |i: &usize| {
+                let Life { first, last } = lives[i - n_static];
+                // A window begins wherever one appears or disappears, so it is there throughout or never.
+                let span = splats.span.get(i - n_static);
+                let is_there = span.is_none_or(|[from, to]| f64::from(*from) < end && f64::from(*to) > begin);
+                is_there && first <= end + MARGIN && last >= begin - MARGIN
+            };
+            splats.in_order(&(n_static..splats.len()).filter(is_in).collect::<Vec<_>>())
         };
-        self.splats.in_order(&(n_static..self.splats.len()).filter(lives).collect::<Vec<_>>())
+        if let ([piece], None) = (&self.pieces[..], &self.clip) {
+            return of_piece(piece);
+        }
+        let mut pieces = self.pieces.iter().map(of_piece);
+        let mut all = pieces.next().unwrap_or_default();
+        pieces.for_each(|piece| all.append_dynamic(piece));
+        all.by_degree()
     }
+}
+
+/// Where the windows of a stretch of a clip end, `n` of them evenly, and more where Gaussians appear or disappear.
+fn borders(pieces: &[Piece], stretch: [f64; 2], n: u32) -> Vec<f64> {
+    let [begin, end] = within_clip(stretch);
+    let even = (0..=n).filter(|_| n > 1).map(|k| begin + (end - begin) * f64::from(k) / f64::from(n));
+    let given = pieces.iter().flat_map(|piece| piece.splats.span.as_flattened());
+    let given = given.filter(|time| time.is_finite()).map(|time| f64::from(*time));
+    let mut borders: Vec<f64> = even.chain(given).collect();
+    borders.sort_unstable_by(f64::total_cmp);
+    borders.dedup();
+    borders
+}
+
+/// The part of a stretch that is in the clip.
+fn within_clip([begin, end]: [f64; 2]) -> [f64; 2] {
+    [begin.max(0.0), end.min(1.0)]
 }
 
 /// When each dynamic Gaussian may be visible: `bound.comp` on the host, a little longer. One with a number that is not finite is
@@ -138,14 +211,16 @@ fn lives(splats: &Splats, constants: &Constants) -> Vec<Life> {
     lives
 }
 
-/// How many windows a clip is cut into: twice as many as long as that leaves less in each.
-fn n_windows(lives: &[Life]) -> u32 {
-    if lives.len() < FEW {
+/// How many windows a stretch of a clip is cut into: twice as many as long as that leaves less in each.
+fn n_windows(pieces: &[Piece], stretch: [f64; 2]) -> u32 {
+    let lives = || pieces.iter().flat_map(|piece| &piece.lives);
+    let total: usize = pieces.iter().map(|piece| piece.lives.len()).sum();
+    if total < FEW {
         return 1;
     }
-    let (mut n, mut most) = (1, lives.len());
+    let (mut n, mut most) = (1, total);
     while n < MOST {
-        let finer = fullest(lives, 2 * n);
+        let finer = fullest(lives(), within_clip(stretch), 2 * n);
         if finer as f64 > LESS * most as f64 {
             break;
         }
@@ -154,9 +229,12 @@ fn n_windows(lives: &[Life]) -> u32 {
     n
 }
 
-/// Gaussians in the fullest of `n` windows.
-fn fullest(lives: &[Life], n: u32) -> usize {
-    let window = |time: f64| (time * f64::from(n)).floor().clamp(0.0, f64::from(n - 1)) as usize;
+/// Gaussians in the fullest of `n` windows of a stretch.
+fn fullest<'a>(lives: impl Iterator<Item = &'a Life>, [begin, end]: [f64; 2], n: u32) -> usize {
+    let window = |time: f64| {
+        let part = (time - begin) / (end - begin).max(f64::MIN_POSITIVE);
+        (part * f64::from(n)).floor().clamp(0.0, f64::from(n - 1)) as usize
+    };
     let mut change = vec![0i64; n as usize + 1];
     for Life { first, last } in lives {
         change[window(*first)] += 1;

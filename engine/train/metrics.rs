@@ -9,7 +9,7 @@ use crate::gpu::{Gpu, Recording};
 use crate::parallel::{in_parallel, threads};
 use crate::report::statistics::{mean, median_high};
 use crate::scene::capture::{Capture, Picture};
-use crate::scene::{Frame, Splats, View};
+use crate::scene::{Frame, Parts, Splats, Summary, View};
 use crate::stage::{Compared, Lpips, Outputs, Photometric, Pictures, Renderer, Structure, Trunk, record_totals};
 use std::collections::{BTreeMap, VecDeque};
 use std::path::{Path, PathBuf};
@@ -187,16 +187,48 @@ pub struct SceneScores {
     pub mean_at_fitted_offsets: Option<Scores>,
 }
 
+/// How large a scene is.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct SceneSize {
+    gaussians: usize,
+    dynamic_gaussians: usize,
+    sh_degree: u32,
+    bytes: u64,
+}
+
+impl SceneSize {
+    /// That of Gaussians in memory.
+    pub fn of(splats: &Splats) -> Self {
+        let Summary { n, n_dynamic, sh_degree, parameter_bytes, .. } = splats.summary();
+        SceneSize { gaussians: n, dynamic_gaussians: n_dynamic, sh_degree, bytes: parameter_bytes }
+    }
+
+    /// That of a clip in parts, which are read one after the other.
+    ///
+    /// # Errors
+    /// Those of the clip.
+    pub fn of_parts(clip: &mut dyn Parts) -> Result<Self> {
+        let mut all = Self::of(&clip.still()?.by_degree());
+        for index in 0..clip.parts().len() {
+            let part = Self::of(&clip.part(index)?.by_degree());
+            all.gaussians += part.gaussians;
+            all.dynamic_gaussians += part.dynamic_gaussians;
+            all.bytes += part.bytes;
+        }
+        Ok(all)
+    }
+}
+
 impl SceneScores {
-    /// Those of `scene`, which holds `splats`, rendered on `device`.
-    pub fn new(scene: &Path, splats: &Splats, device: &str, evaluation: Evaluation) -> Self {
-        let summary = splats.summary();
+    /// Those of `scene`, which is so large, rendered on `device`.
+    pub fn new(scene: &Path, size: SceneSize, device: &str, evaluation: Evaluation) -> Self {
+        let SceneSize { gaussians, dynamic_gaussians, sh_degree, bytes } = size;
         SceneScores {
             scene: scene.to_owned(),
-            gaussians: summary.n,
-            dynamic_gaussians: summary.n_dynamic,
-            sh_degree: summary.sh_degree,
-            bytes: summary.parameter_bytes,
+            gaussians,
+            dynamic_gaussians,
+            sh_degree,
+            bytes,
             frames_per_second: evaluation.frames_per_second(),
             device: device.to_owned(),
             rounded_to_8_bits: false,

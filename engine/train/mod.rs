@@ -48,7 +48,7 @@ pub use init::{Initial, PointCounts, from_points, initialise, random_points};
 pub use lock::RunLock;
 pub use log::{Kind, Log};
 pub use metrics::{
-    Evaluation, METRICS, METRICS_OF, Meter, SceneScores, Scores, Sight, ViewScores, evaluate, psnr, spread,
+    Evaluation, METRICS, METRICS_OF, Meter, SceneScores, SceneSize, Scores, Sight, ViewScores, evaluate, psnr, spread,
 };
 pub use offsets::{Agreement, OffsetFit, fit_offset, learnt_offsets, offset_pictures};
 pub use plan::{BoundBy, Class, INTERSECTIONS_PER_GAUSSIAN, ImageMemory, Limits, Need, Plan, Workload};
@@ -60,7 +60,7 @@ pub use require::{
 };
 pub use run::{CaptureSummary, Run};
 pub use schedule::rates;
-pub use segments::Segments;
+pub use segments::{Joined, Segments};
 pub use session::{Event, Notice, Phase, Priors, Session, SessionOptions, Watch, reduced_order, training_order};
 pub use settings_check::{check_name, check_settings, default_of};
 pub use setup::{Setup, near_plane};

@@ -8,8 +8,8 @@
 use crate::error::{Error, Result};
 use crate::files::{cannot_read, read_file, write_atomic};
 use crate::random::Keyed;
-use crate::scene::Splats;
 use crate::scene::capture::Frames;
+use crate::scene::{Part, Parts, Splats};
 use std::path::{Path, PathBuf};
 
 /// How a clip is cut into segments.
@@ -90,32 +90,18 @@ impl Segments {
         Frames { from, to: Some(to), every: 1 }
     }
 
-    /// The static Gaussians of `scene`, with the dynamic ones of every segment, on the clock of the whole clip.
-    ///
-    /// # Errors
-    /// Those of `segment`, which gives the scene of a segment on its own clock.
-    pub fn join(&self, scene: &Splats, mut segment: impl FnMut(usize) -> Result<Splats>) -> Result<Splats> {
-        let mut joined = scene.kept(|i| i < scene.n_static).into_owned();
-        joined.degree.clear();
-        for (index, [from, to]) in self.segments.iter().enumerate() {
-            let own = segment(index)?;
-            if own.sh_degree != joined.sh_degree {
-                let reason = format!("has degree {}, what rests has {}", own.sh_degree, joined.sh_degree);
-                let remedy = "train the segment again, on top of what rests";
-                return Err(Error::data(Path::new("the scene"), format!("segment {index}"), reason, remedy));
-            }
-            let mut moving = own.kept(|i| i >= own.n_static).into_owned();
-            moving.degree.clear();
-            let n_frames = f64::from(self.n_frames);
-            let mut moving = moving.on_clock(f64::from(to - from) / n_frames, f64::from(*from) / n_frames);
-            if self.segments.len() > 1 {
-                let random = Keyed::new(&[index as u64]);
-                moving.span = (0..moving.len() as u64).map(|i| self.span(index, random.uniform(i))).collect();
-            }
-            joined.append_dynamic(moving);
+    /// The dynamic Gaussians of `own`, the scene of a segment, on the clock of the whole clip.
+    fn moving(&self, index: usize, own: &Splats) -> Splats {
+        let [from, to] = self.segments[index];
+        let mut moving = own.kept(|i| i >= own.n_static).into_owned();
+        moving.degree.clear();
+        let n_frames = f64::from(self.n_frames);
+        let mut moving = moving.on_clock(f64::from(to - from) / n_frames, f64::from(from) / n_frames);
+        if self.segments.len() > 1 {
+            let random = Keyed::new(&[index as u64]);
+            moving.span = (0..moving.len() as u64).map(|i| self.span(index, random.uniform(i))).collect();
         }
-        joined.source_row = (0..joined.len() as u32).collect();
-        Ok(joined)
+        moving
     }
 
     /// From when up to when a Gaussian of a segment is there, normalised time of the clip; `when`, from 0 to 1, says how late in its half
@@ -140,6 +126,70 @@ impl Segments {
             border([(middle + 1.0).min(end), end + 1.0])
         });
         [from, to.unwrap_or(f32::INFINITY)]
+    }
+}
+
+/// The segments of a plan as one clip, of which one segment at a time is in memory. `F` reads the scene of a segment, on its own clock,
+/// or of what rests, which has no number.
+pub struct Joined<F> {
+    path: PathBuf,
+    segments: Segments,
+    read: F,
+    sh_degree: u32,
+    parts: Vec<Part>,
+}
+
+impl<F: FnMut(Option<usize>) -> Result<Splats> + Send> Joined<F> {
+    /// Reads all scenes, one after the other; faults of what they are together are told of `path`.
+    ///
+    /// # Errors
+    /// Those of `read`; [`Error::Data`] where degrees differ.
+    pub fn new(path: &Path, segments: Segments, mut read: F) -> Result<Self> {
+        let sh_degree = read(None)?.sh_degree;
+        let mut parts = Vec::new();
+        for index in 0..segments.segments.len() {
+            let scene = read(Some(index))?;
+            if scene.sh_degree != sh_degree {
+                let reason = format!("has degree {}, what rests has {sh_degree}", scene.sh_degree);
+                let remedy = "train the segment again, on top of what rests";
+                return Err(Error::data(path, format!("segment {index}"), reason, remedy));
+            }
+            let moving = segments.moving(index, &scene);
+            let hull =
+                |hull: [f64; 2], span: &[f32; 2]| [hull[0].min(f64::from(span[0])), hull[1].max(f64::from(span[1]))];
+            let none = [f64::INFINITY, f64::NEG_INFINITY];
+            let [from, to] = match moving.span.iter().fold(none, hull) {
+                hull if hull == none => [f64::NEG_INFINITY, f64::INFINITY],
+                hull => hull,
+            };
+            parts.push(Part { from, to, n: moving.len() });
+        }
+        Ok(Joined { path: path.to_owned(), segments, read, sh_degree, parts })
+    }
+}
+
+impl<F: FnMut(Option<usize>) -> Result<Splats> + Send> Parts for Joined<F> {
+    fn path(&self) -> &Path {
+        &self.path
+    }
+
+    fn sh_degree(&self) -> u32 {
+        self.sh_degree
+    }
+
+    fn parts(&self) -> &[Part] {
+        &self.parts
+    }
+
+    fn still(&mut self) -> Result<Splats> {
+        let scene = (self.read)(None)?;
+        let mut still = scene.kept(|i| i < scene.n_static).into_owned();
+        still.degree.clear();
+        Ok(still)
+    }
+
+    fn part(&mut self, index: usize) -> Result<Splats> {
+        (self.read)(Some(index)).map(|scene| self.segments.moving(index, &scene))
     }
 }
 
@@ -181,7 +231,12 @@ mod tests {
         let still = Splats { n_static: 3, motion: Vec::new(), ..dynamic(3) };
         let segments = Segments::new(90, 34, 6).unwrap();
         assert_eq!(segments.segments, [[0, 34], [28, 62], [56, 90]]);
-        let joined = segments.join(&still, |_| Ok(dynamic(400))).unwrap();
+        let join = |segments: &Segments, n: usize| {
+            let mut joined = still.clone();
+            (0..segments.segments.len()).for_each(|index| joined.append_dynamic(segments.moving(index, &dynamic(n))));
+            joined
+        };
+        let joined = join(&segments, 400);
         joined.check().unwrap();
         assert_eq!((joined.n_static, joined.motion.len()), (3, 1200));
         assert!((joined.motion[400].t_center - 45.0 / 90.0).abs() < 1e-6);
@@ -206,10 +261,10 @@ mod tests {
         assert!((34..56).all(|frame| [there(0, frame), there(1, frame), there(2, frame)] == [0, 400, 0]));
         assert!((62..90).all(|frame| [there(0, frame), there(1, frame), there(2, frame)] == [0, 0, 400]));
         // One segment alone is always there.
-        let alone = Segments::new(9, 30, 6).unwrap().join(&still, |_| Ok(dynamic(2))).unwrap();
+        let alone = join(&Segments::new(9, 30, 6).unwrap(), 2);
         assert!(alone.span.is_empty());
         // Without an overlap one follows the other.
-        let cut = Segments::new(8, 4, 0).unwrap().join(&still, |_| Ok(dynamic(5))).unwrap();
+        let cut = join(&Segments::new(8, 4, 0).unwrap(), 5);
         let n = |time: f64| (3..13).filter(|&i| cut.is_there(i, time)).collect::<Vec<_>>();
         assert_eq!((n(3.0 / 8.0), n(4.0 / 8.0)), ((3..8).collect(), (8..13).collect()));
     }

@@ -6,9 +6,12 @@ use crate::capture::priors;
 use crate::common::random;
 use crate::scene::{Folder, formats};
 use ivv::files::{read_tensors, write_tensors};
-use ivv::formats::{Clock, FourDgs, SpzVersion, read_scene, write_ftgs, write_ply, write_splat, write_spz};
+use ivv::formats::{
+    Clock, FourDgs, FourDgsParts, PlyParts, SpzVersion, read_scene, write_ftgs, write_parts, write_ply, write_splat,
+    write_spz,
+};
 use ivv::scene::prior::{read_depth, read_flow};
-use ivv::scene::{Splats, View, read_views, write_views};
+use ivv::scene::{Part, Parts, Splats, View, read_views, write_views};
 use std::path::Path;
 
 fn scene(sh_degree: u32) -> Splats {
@@ -33,9 +36,55 @@ fn whole(outcome: ivv::Result<Splats>) -> bool {
 pub fn ply() -> Vec<Seed> {
     let read = |folder: &Path| whole(read_scene(&folder.join("a.ply")));
     let clock = Some(Clock { fps: 30.0, frames: 12 });
+    // Static Gaussians, and each dynamic one as a part.
+    let parts = file("a.ply", |path| {
+        let splats = scene(1);
+        let part = Part { from: f64::NEG_INFINITY, to: f64::INFINITY, n: 1 };
+        let parts = vec![part; splats.motion.len()];
+        write_parts(path, &mut OneByOne { splats, parts })
+    });
+    let of_parts = |folder: &Path| all_parts(PlyParts::open(&folder.join("a.ply")));
     let own = [0, 2].map(|degree| Seed::of([("a.ply", file("a.ply", |path| write_ply(path, &scene(degree))))], read));
     let free_time = Seed::of([("a.ply", file("a.ply", |path| write_ftgs(path, &scene(1), clock)))], read);
-    own.into_iter().chain([free_time]).collect()
+    own.into_iter().chain([free_time, Seed::of([("a.ply", parts)], of_parts)]).collect()
+}
+
+/// A clip in parts of one Gaussian each.
+struct OneByOne {
+    splats: Splats,
+    parts: Vec<Part>,
+}
+
+impl Parts for OneByOne {
+    fn path(&self) -> &Path {
+        Path::new("in memory")
+    }
+
+    fn sh_degree(&self) -> u32 {
+        self.splats.sh_degree
+    }
+
+    fn parts(&self) -> &[Part] {
+        &self.parts
+    }
+
+    fn still(&mut self) -> ivv::Result<Splats> {
+        Ok(self.splats.in_order(&(0..self.splats.n_static).collect::<Vec<_>>()))
+    }
+
+    fn part(&mut self, index: usize) -> ivv::Result<Splats> {
+        Ok(self.splats.in_order(&[self.splats.n_static + index]))
+    }
+}
+
+/// Whether all of a clip in parts was read; what was read must be whole.
+fn all_parts(opened: ivv::Result<Option<impl Parts>>) -> bool {
+    let Ok(Some(mut clip)) = opened else { return false };
+    (0..clip.parts().len()).all(|index| {
+        let part = clip.part(index);
+        assert!(part.as_ref().is_ok_and(|part| part.n_static == 0) || part.is_err());
+        whole(part)
+    }) && whole(clip.still())
 }
 
 pub fn compressed_ply() -> Vec<Seed> {
@@ -136,6 +185,7 @@ pub fn four_dgs() -> Vec<Seed> {
         let file = FourDgs::read(&folder.join("a.4dgs"));
         file.is_ok_and(|file| {
             let _ = file.summary();
+            all_parts(FourDgsParts::open(&folder.join("a.4dgs")));
             whole(file.splats())
         })
     };

@@ -66,3 +66,13 @@ fn video(path: &Path, n_frames: u32) {
     command.args(["-v", "error", "-y", "-f", "lavfi", "-i", &source, "-c:v", "mpeg4", "-q:v", "2"]).arg(path);
     assert!(command.status().unwrap().success());
 }
+
+/// The same with frames between others (B frames), few key frames and these options, at `rate` frames per second.
+fn video_with(path: &Path, n_frames: u32, rate: &str, options: &[&str]) {
+    std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+    let source = format!("testsrc=size=64x48:rate={rate}");
+    let mut command = std::process::Command::new("ffmpeg");
+    command.args(["-v", "error", "-y", "-f", "lavfi", "-i", &source, "-frames:v", &n_frames.to_string()]);
+    command.args(["-c:v", "mpeg4", "-q:v", "2", "-g", "12", "-bf", "2"]).args(options).arg(path);
+    assert!(command.status().unwrap().success());
+}

@@ -1,12 +1,12 @@
 //! With the programs of others: ffmpeg, COLMAP and Python. Each test is skipped where its program is absent.
 
-use ivv::prepare::{PrepareSettings, Prepared, Triangulate};
+use ivv::prepare::{PrepareSettings, Prepared, Triangulate, estimate};
 use ivv::scene::capture::{Camera, Capture, Frames, Manifest};
 use ivv::scene::prior::read_flow;
 use ivv::synth::{Options, Preset, write_capture};
 use std::path::Path;
 
-use super::{done, every, open, run, settings, video};
+use super::{done, every, open, run, settings, video, video_with};
 use crate::capture::model::{Model, binary};
 use crate::capture::{Folder, assert_told};
 use crate::common::notes::has_program;
@@ -63,6 +63,97 @@ fn videos_are_decoded_gone_on_with_and_compared() {
     std::fs::remove_file(&image).unwrap();
     done(&settings);
     assert_eq!(std::fs::read(&image).unwrap(), bytes);
+}
+
+#[test]
+fn a_part_of_a_video_is_sought_and_has_the_frames_that_it_has_in_the_whole() {
+    if !has_program("ffmpeg", "-version") {
+        return;
+    }
+    // Rates that are no whole numbers, containers that do not tell how many frames there are, one that begins late, and one whose
+    // frames do not follow evenly, in which nothing is sought.
+    let kinds: [(&str, &str, &[&str]); 5] = [
+        ("mp4", "10", &[]),
+        ("mp4", "30000/1001", &[]),
+        ("mkv", "30000/1001", &[]),
+        ("mp4", "25", &["-output_ts_offset", "3.3"]),
+        ("mp4", "10", &["-vf", "select=not(eq(n\\,7))", "-fps_mode", "passthrough"]),
+    ];
+    for (kind, (ending, rate, options)) in kinds.into_iter().enumerate() {
+        let folder = Folder::new(&format!("prepare-seek-{kind}"));
+        imvid(&folder);
+        for name in ["left", "right"] {
+            video_with(&folder.0.join(format!("source/{name}.{ending}")), 60, rate, options);
+        }
+        let part = PrepareSettings { frames: "37:47:3".parse().unwrap(), ..settings(&folder) };
+        let whole = PrepareSettings { frames: Frames::default(), output: folder.0.join("whole"), ..part.clone() };
+        let [part, whole] = [part, whole].map(|settings| open(&settings));
+        assert_eq!(part.n_frames, 4);
+        for frame in 0..4 {
+            let picture = |capture: &Capture, frame| capture.picture(1, frame).unwrap().pixels;
+            assert!(picture(&part, frame) == picture(&whole, 37 + 3 * frame), "{rate} {options:?}, frame {frame}");
+        }
+    }
+}
+
+#[test]
+fn time_codes_tell_which_frames_are_of_one_moment() {
+    if !has_program("ffmpeg", "-version") {
+        return;
+    }
+    let folder = Folder::new("prepare-timecode");
+    imvid(&folder);
+    // `right` began two frames later.
+    video_with(&folder.0.join("source/left.mov"), 12, "10", &["-timecode", "01:00:00:08"]);
+    video_with(&folder.0.join("source/right.mov"), 12, "10", &["-timecode", "01:00:01:00"]);
+    let plain = done(&settings(&folder)).notes.join("\n");
+    assert!(plain.contains("did not begin together") && plain.contains("--shift left=2"), "{plain}");
+    let by_code = PrepareSettings { by_timecode: true, output: folder.0.join("code"), ..settings(&folder) };
+    let by_hand = PrepareSettings {
+        shifts: [("left".to_owned(), 2), ("right".to_owned(), 0)].into(),
+        output: folder.0.join("hand"),
+        ..settings(&folder)
+    };
+    let [by_code, by_hand] = [by_code, by_hand].map(|settings| open(&settings));
+    assert_eq!((by_code.n_frames, by_hand.n_frames), (10, 10));
+    for (camera, frame) in [(0, 0), (0, 9), (1, 0), (1, 9)] {
+        let picture = |capture: &Capture| capture.picture(camera, frame).unwrap().pixels;
+        assert!(picture(&by_code) == picture(&by_hand), "camera {camera}, frame {frame}");
+    }
+    // Without a code there is nothing to go by.
+    video_with(&folder.0.join("source/right.mov"), 12, "10", &[]);
+    let again = PrepareSettings { by_timecode: true, output: folder.0.join("again"), ..settings(&folder) };
+    let told = run(&again).map(|_| ()).unwrap_err().to_string();
+    assert!(told.contains("cameras without a time code: right"), "{told}");
+}
+
+#[test]
+fn a_plan_tells_what_a_preparation_takes_and_leaves_nothing() {
+    if !has_program("ffmpeg", "-version") {
+        return;
+    }
+    let folder = Folder::new("prepare-plan");
+    imvid(&folder);
+    for name in ["left", "right"] {
+        video_with(&folder.0.join(format!("source/{name}.mp4")), 40, "10", &[]);
+    }
+    let settings = PrepareSettings { triangulate: Some(Triangulate::None), ..settings(&folder) };
+    let files = || std::fs::read_dir(&folder.0).unwrap().map(|entry| entry.unwrap().file_name()).collect::<Vec<_>>();
+    let before = files();
+    let planned = estimate(&settings, &|_| {}).unwrap();
+    assert_eq!(files(), before, "nothing is left of the sample");
+    assert_eq!((planned.cameras, planned.frames, planned.sampled), (2, 40, 4));
+    let images = planned.stages.iter().find(|stage| stage.stage == "images").unwrap();
+    assert!((images.seconds - 10.0 * images.sampled_seconds).abs() < 1e-9 && images.seconds > 0.0);
+    // What is on the disk in the end is what was told, but for what frames differ by.
+    done(&settings);
+    let bytes = |folder: &Path| -> u64 {
+        let cameras = ["left", "right"].map(|name| std::fs::read_dir(folder.join(name)).ok());
+        cameras.into_iter().flatten().flatten().map(|file| file.unwrap().metadata().unwrap().len()).sum()
+    };
+    let on_disk = bytes(&settings.output.join("images")) + bytes(&settings.output.join("masks"));
+    let ratio = images.bytes as f64 / on_disk as f64;
+    assert!((0.9..1.1).contains(&ratio), "{} told, {on_disk} on the disk", images.bytes);
 }
 
 #[test]

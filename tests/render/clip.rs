@@ -9,7 +9,7 @@ use ivv::{Constants, Knobs};
 use std::sync::Arc;
 
 /// `n` dynamic Gaussians before [`view`] with lives of about `tau` all over the clip, behind 500 static ones.
-fn clip(n: usize, tau: f64) -> Splats {
+pub fn clip(n: usize, tau: f64) -> Splats {
     let mut random = Random::new(n as u64);
     let mut splats = Splats { n_static: 500, ..Splats::new(0) };
     for i in 0..splats.n_static + n {
@@ -30,7 +30,7 @@ fn clip(n: usize, tau: f64) -> Splats {
     splats
 }
 
-fn at(time: f64) -> View {
+pub fn at(time: f64) -> View {
     View { time, time_offset: 0.0, ..view() }
 }
 

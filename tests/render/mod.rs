@@ -5,4 +5,5 @@ mod golden;
 mod invariants;
 mod knobs;
 mod large;
+mod parts;
 mod stereo;

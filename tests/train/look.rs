@@ -283,7 +283,10 @@ fn a_run_under_way_shows_test_views_and_its_report() {
     // They are written at once, each as a whole.
     let (report, strip) = (run.join("report.html"), run.join("renders/progress/00000003.png"));
     let begun = std::time::Instant::now();
-    while !(report.is_file() && strip.is_file()) && child.try_wait().unwrap().is_none() && begun.elapsed().as_secs() < 240 {
+    while !(report.is_file() && strip.is_file())
+        && child.try_wait().unwrap().is_none()
+        && begun.elapsed().as_secs() < 240
+    {
         std::thread::sleep(std::time::Duration::from_millis(20));
     }
     child.kill().unwrap();

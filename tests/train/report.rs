@@ -5,7 +5,7 @@ use ivv::Constants;
 use ivv::scene::Frame;
 use ivv::scene::capture::Picture;
 use ivv::study::{Example, Report};
-use ivv::train::{CaptureSummary, Config, Evaluation, Kind, Log, Run, SceneScores, ViewScores};
+use ivv::train::{CaptureSummary, Config, Evaluation, Kind, Log, Run, SceneScores, SceneSize, ViewScores};
 use serde_json::{Value, json};
 use std::path::Path;
 
@@ -81,7 +81,7 @@ fn scores() -> SceneScores {
         render_ms: 2.0,
     };
     let evaluation = Evaluation::new(40, vec![view(0), view(1)]).unwrap();
-    SceneScores::new(Path::new("scene.ply"), &ivv::scene::demo().0, "a \"device\"", evaluation)
+    SceneScores::new(Path::new("scene.ply"), SceneSize::of(&ivv::scene::demo().0), "a \"device\"", evaluation)
 }
 
 /// The report of `log`, `totals` and `scores` as text.

@@ -5,15 +5,15 @@ use crate::device::DeviceArgs;
 use crate::files::{make_folder, read_json, write_json};
 use crate::progress::Progress;
 use crate::screen::out;
-use crate::shown;
+use crate::shown::{Gaussians, Source};
 use ivv::gpu::Gpu;
 use ivv::scene::capture::Capture;
-use ivv::scene::{Frame, Splats};
+use ivv::scene::{Frame, Mapped, Splats};
 use ivv::stage::{Outputs, Renderer};
 use ivv::study::{Example, Report, strip};
 use ivv::train::{
-    Config, Evaluation, Log, METRICS_OF, Meter, OffsetFit, Run, SceneScores, Scores, Setup, Sight, ViewScores,
-    evaluate, fit_offset, offset_pictures, spread,
+    Config, Evaluation, Log, METRICS_OF, Meter, OffsetFit, Run, SceneScores, SceneSize, Scores, Setup, Sight,
+    ViewScores, evaluate, fit_offset, offset_pictures, spread,
 };
 use ivv::words::count;
 use std::collections::BTreeMap;
@@ -96,7 +96,8 @@ impl Scorer<'_> {
         let folder = output.join("renders").join("progress");
         make_folder(&folder)?;
         let write_strip = || strip(examples).write_png(&folder.join(format!("{step:08}.png")));
-        let scores = SceneScores::new(&output.join("checkpoints"), splats, &self.gpu.caps().name, evaluation);
+        let size = SceneSize::of(splats);
+        let scores = SceneScores::new(&output.join("checkpoints"), size, &self.gpu.caps().name, evaluation);
         let name = format!("{}, step {step} of {total}", name_of(output));
         let Scorer { run, config, .. } = self;
         let (scores, totals) = (Some(&scores), &serde_json::Value::Null);
@@ -104,18 +105,17 @@ impl Scorer<'_> {
         both(write_strip, || report.write(&output.join("report.html")))
     }
 
-    /// Scores `splats`, which `scene` holds, on all test views, and once more at the time offsets `fits` by camera where there
+    /// Scores what `renderer` shows, which `scene` holds, on all test views, and once more at the time offsets `fits` by camera where there
     /// are any; writes eval.json and the renders into `output`. Returns the scores and some views for the report; none when
     /// there is no test view.
     pub fn all(
         &self,
-        splats: &Splats,
+        (mut renderer, size): (Renderer, SceneSize),
         scene: &Path,
         fits: &BTreeMap<usize, OffsetFit>,
         step: u64,
         output: &Path,
     ) -> ivv::Result<(Option<SceneScores>, Vec<Example>)> {
-        let mut renderer = Renderer::new(self.gpu.clone(), splats, self.run.constants)?;
         let frames = self.capture.test_frames();
         let mut progress = Progress::new("evaluation", frames.len());
         let write = |camera: usize, frame: u32, rendered: &Frame| {
@@ -129,7 +129,7 @@ impl Scorer<'_> {
         let mut meter = Meter::new(self.gpu.clone(), self.config)?;
         let evaluation = evaluate(&mut renderer, &mut meter, &sight, &frames, step, write)?;
         let Some(evaluation) = evaluation else { return Ok((None, Vec::new())) };
-        let mut scores = SceneScores::new(scene, splats, &self.gpu.caps().name, evaluation);
+        let mut scores = SceneScores::new(scene, size, &self.gpu.caps().name, evaluation);
         scores.lpips_trunk = meter.trunk().map(|trunk| trunk.to_string());
         scores.mean_at_fitted_offsets = self.at_offsets(fits, &mut renderer, &mut meter, &frames, step)?;
         write_json(&output.join("eval.json"), &scores)?;
@@ -228,8 +228,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let run = Run::read(&args.run)?;
     let config: Config = read_json(&args.run.join("config.json"), "give the folder of a run of `ivv train`")?;
     let capture = run.open_capture(args.capture.as_deref())?;
-    let shown = shown::open(args.scene.as_ref().unwrap_or(&args.run))?;
-    let splats = run.world.splats(&shown.splats.by_degree());
+    let shown = Source::open(args.scene.as_ref().unwrap_or(&args.run))?.seen()?;
     let output = match (args.scene.as_ref().and_then(|scene| scene.file_stem()), shown.unfinished) {
         (Some(name), _) => args.run.join("eval").join(name),
         (None, Some(step)) => args.run.join("eval").join(format!("step-{step:08}")),
@@ -239,8 +238,26 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let gpu = args.device.open()?;
     let scorer = Scorer { gpu: &gpu, capture: &capture, run: &run, config: &config };
     let step = shown.unfinished.or(totals(&args.run)["steps"].as_u64()).unwrap_or(0);
-    let fits = if args.fit_offsets { scorer.fitted_offsets(&splats)? } else { BTreeMap::new() };
-    let (scores, examples) = scorer.all(&splats, &shown.file, &fits, step, &output)?;
+    let mut fits = BTreeMap::new();
+    let seen = match shown.splats {
+        Gaussians::Whole(splats) => {
+            let splats = run.world.splats(&splats.by_degree());
+            if args.fit_offsets {
+                fits = scorer.fitted_offsets(&splats)?;
+            }
+            (Renderer::new(gpu.clone(), &splats, run.constants)?, SceneSize::of(&splats))
+        }
+        Gaussians::Parts(mut clip) => {
+            anyhow::ensure!(
+                !args.fit_offsets,
+                "--fit-offsets: expected a scene that is always there, found a clip in parts; give a segment's folder"
+            );
+            let (size, world) = (SceneSize::of_parts(&mut *clip)?, run.world);
+            let clip = Box::new(Mapped::new(clip, move |splats| world.splats(&splats)));
+            (Renderer::of_parts(gpu.clone(), clip, run.constants)?, size)
+        }
+    };
+    let (scores, examples) = scorer.all(seen, &shown.file, &fits, step, &output)?;
     let Some(scores) = scores else {
         let remedy = "train again with --test-cameras";
         return Err(

@@ -6,9 +6,11 @@ use crate::page;
 use crate::screen::out;
 use crate::shown::Source;
 use crate::views::clip_time;
+use anyhow::Context;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
-use ivv::files::write_atomic;
+use ivv::files::{read_file, write_atomic};
 use ivv::formats::{WRITERS, WriteScene, Writer};
+
 use std::path::{Path, PathBuf};
 
 /// Options of `ivv export`.
@@ -58,10 +60,8 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         None => by_ending(&args.output)?,
     };
     let source = Source::open(&args.scene)?;
-    if args.time.is_none()
-        && format.has_clip()
-        && let Some(bytes) = args.clip.as_it_is(&source)?
-    {
+    if args.time.is_none() && format.has_clip() && args.clip.is_as_it_is(&source)? {
+        let bytes = read_file(&args.scene).with_context(|| args.scene.display().to_string())?;
         let written = write_clip(format, &args.output, &bytes)?;
         if json {
             out!("{}", serde_json::json!({ "path": args.output, "bytes": written }));
@@ -69,6 +69,11 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
             out!("{}: the scene as it is, {written} bytes", args.output.display());
         }
         return Ok(());
+    }
+    if args.time.is_none()
+        && let Some(written) = write_parts(args, format, &source)?
+    {
+        return written.tell(&args.output, json);
     }
     let mut splats = source.scene()?.splats;
     let n_read = splats.len();
@@ -91,23 +96,34 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         },
     }
     let bytes = with_clip.unwrap_or_else(|| std::fs::metadata(to).map_or(0, |m| m.len()));
-    if json {
-        out!(
-            "{}",
-            serde_json::json!({
-                "path": args.output, "gaussians": splats.len(), "dynamic_gaussians": splats.motion.len(),
-                "sh_degree": splats.sh_degree, "bytes": bytes,
-            })
-        );
-        return Ok(());
+    let (n, n_dynamic, sh_degree) = (splats.len(), splats.motion.len(), splats.sh_degree);
+    Written { n_read, n, n_dynamic, sh_degree, bytes }.tell(to, json)
+}
+
+/// What was written.
+struct Written {
+    n_read: usize,
+    n: usize,
+    n_dynamic: usize,
+    sh_degree: u32,
+    bytes: u64,
+}
+
+impl Written {
+    fn tell(&self, to: &Path, json: bool) -> anyhow::Result<()> {
+        let Written { n_read, n, n_dynamic, sh_degree, bytes } = self;
+        if json {
+            out!(
+                "{}",
+                serde_json::json!({
+                    "path": to, "gaussians": n, "dynamic_gaussians": n_dynamic, "sh_degree": sh_degree, "bytes": bytes,
+                })
+            );
+        } else {
+            out!("{}: {n} of {n_read} Gaussians, {n_dynamic} of them dynamic, {bytes} bytes", to.display());
+        }
+        Ok(())
     }
-    out!(
-        "{}: {} of {n_read} Gaussians, {} of them dynamic, {bytes} bytes",
-        args.output.display(),
-        splats.len(),
-        splats.motion.len()
-    );
-    Ok(())
 }
 
 impl Format {
@@ -128,13 +144,38 @@ fn format_parser() -> impl TypedValueParser<Value = Format> {
     })
 }
 
+/// The `.4dgs` of an export that has one as a file of its own.
+fn scene_file(format: Format, to: &Path) -> PathBuf {
+    if matches!(format, Format::Web) { to.join(page::SCENE) } else { to.to_owned() }
+}
+
+/// Writes a clip in parts without having it in memory, where source and format allow.
+fn write_parts(args: &Args, format: Format, source: &Source) -> anyhow::Result<Option<Written>> {
+    let is_web = matches!(format, Format::Web);
+    if !is_web && !matches!(format, Format::FourDgs) {
+        return Ok(None);
+    }
+    let Some((_, clip)) = source.parts()? else { return Ok(None) };
+    if is_web {
+        make_folder(&args.output)?;
+    }
+    let file = scene_file(format, &args.output);
+    let Some(n) = args.clip.write_parts(source, &file)? else { return Ok(None) };
+    if is_web {
+        page::write_player(&args.output)?;
+    }
+    let n_dynamic = clip.parts().iter().map(|part| part.n).sum();
+    let bytes = std::fs::metadata(&file).map_or(0, |m| m.len()) + if is_web { page::n_bytes() } else { 0 };
+    Ok(Some(Written { n_read: n, n, n_dynamic, sh_degree: clip.sh_degree(), bytes }))
+}
+
 /// Writes a `.4dgs` alone, or with the player; says how many bytes.
 fn write_clip(format: Format, to: &Path, scene: &[u8]) -> anyhow::Result<u64> {
     if matches!(format, Format::Web) {
         make_folder(to)?;
-        page::write_folder(to, scene)?;
-        let player: usize = page::PARTS.iter().map(|part| part.text.len()).sum();
-        return Ok((player + scene.len()) as u64);
+        write_atomic(&scene_file(format, to), |to| to.write_all(scene))?;
+        page::write_player(to)?;
+        return Ok(page::n_bytes() + scene.len() as u64);
     }
     let page = matches!(format, Format::Page).then(|| page::single_file(scene));
     let bytes = page.as_ref().map_or(scene, |page| page.as_bytes());

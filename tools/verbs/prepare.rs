@@ -6,9 +6,10 @@ use crate::progress::Pieces;
 use crate::screen::{out, say};
 use crate::verbs::check::{self, Faulty};
 use anyhow::Context;
-use ivv::prepare::{ImageFormat, PrepareSettings, Triangulate, forecast, prepare};
+use ivv::prepare::{Estimate, ImageFormat, PrepareSettings, Progress, Triangulate, estimate, forecast, prepare};
 use ivv::scene::capture::CaptureSettings;
 use ivv::words::count;
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Mutex;
 
@@ -27,8 +28,8 @@ pub struct Args {
     #[arg(long)]
     footage: Option<PathBuf>,
     /// Frames to skip at the start of a camera's footage, as `cam02=3,cam05=-1`, for cameras that did not start recording
-    /// together. A negative number starts earlier.
-    #[arg(long, value_delimiter = ',', value_name = "CAMERA=FRAMES")]
+    /// together. A negative number starts earlier. `timecode` takes them from the time codes of the videos.
+    #[arg(long, value_delimiter = ',', value_name = "CAMERA=FRAMES|timecode")]
     shift: Vec<String>,
     /// Size of the images relative to the source's, at most 1.
     #[arg(long, default_value_t = 1.0)]
@@ -51,6 +52,9 @@ pub struct Args {
     /// Replaces what was made with other settings, or a capture that was not made by `ivv prepare`.
     #[arg(long)]
     force: bool,
+    /// Only tells what this will take, in time and on the disk: prepares four frames from the middle, measures, and removes them.
+    #[arg(long)]
+    plan: bool,
     /// Threads, and programs that run at once. By default the number of cores.
     #[arg(long)]
     threads: Option<usize>,
@@ -58,14 +62,26 @@ pub struct Args {
 
 pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let settings = settings(args)?;
-    if let Some(forecast) = forecast(&settings)? {
+    let forecast = forecast(&settings)?;
+    if let Some(forecast) = &forecast {
         say!("{forecast}");
     }
     let pieces = Mutex::new(Pieces::new());
-    let prepared = prepare(&settings, &|progress| {
+    let tell = |progress: Progress| {
         // A thread that panicked while it told of progress is no reason to stop.
         pieces.lock().unwrap_or_else(std::sync::PoisonError::into_inner).show(&progress);
-    })?;
+    };
+    if args.plan {
+        anyhow::ensure!(
+            forecast.is_none(),
+            "--plan: expected a source with cameras, found pictures that COLMAP places first, as told above; prepare one frame \
+             (--frames 1), and plan with its cameras"
+        );
+        let estimate = estimate(&settings, &tell)?;
+        drop(pieces);
+        return tell_plan(&estimate, json);
+    }
+    let prepared = prepare(&settings, &tell)?;
     drop(pieces);
     let faulty = (prepared.report.n_faults > 0).then(|| anyhow::Error::from(Faulty(prepared.report.n_faults)));
     if json {
@@ -87,13 +103,40 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     faulty.map_or(Ok(()), Err)
 }
 
+/// Prints what a preparation will take.
+fn tell_plan(estimate: &Estimate, json: bool) -> anyhow::Result<()> {
+    if json {
+        out!("{}", serde_json::to_string_pretty(estimate)?);
+        return Ok(());
+    }
+    let Estimate { cameras, frames, sampled, threads, stages } = estimate;
+    out!("{}, {}; from {sampled} frames, with {threads} threads:", count(*cameras, "camera"), count(*frames, "frame"));
+    let row = |stage: &str, seconds: f64, bytes: u64| {
+        let time = match seconds {
+            s if s < 120.0 => format!("{s:.0} s"),
+            s if s < 7200.0 => format!("{:.0} min", s / 60.0),
+            s => format!("{:.1} h", s / 3600.0),
+        };
+        out!("{stage:<8} {time:>9} {:>12.1} MB", bytes as f64 / 1e6);
+    };
+    stages.iter().for_each(|stage| row(stage.stage, stage.seconds, stage.bytes));
+    row("all", stages.iter().map(|stage| stage.seconds).sum(), stages.iter().map(|stage| stage.bytes).sum());
+    Ok(())
+}
+
 fn settings(args: &Args) -> anyhow::Result<PrepareSettings> {
     let defaults = PrepareSettings::new(&args.source, &args.output);
+    let by_timecode = args.shift == ["timecode"];
     let capture = CaptureSettings { fps: args.fps, ..args.read.settings() };
     Ok(PrepareSettings {
         footage: args.footage.clone(),
         frames: capture.frames,
-        shifts: args.shift.iter().map(|word| shift(word)).collect::<anyhow::Result<_>>()?,
+        shifts: if by_timecode {
+            BTreeMap::new()
+        } else {
+            args.shift.iter().map(|word| shift(word)).collect::<anyhow::Result<_>>()?
+        },
+        by_timecode,
         scale: args.scale,
         format: if args.format == "jpg" { ImageFormat::Jpeg } else { ImageFormat::Png },
         triangulate: args.triangulate.as_deref().map(triangulate).transpose()?,

@@ -9,11 +9,12 @@ use crate::interrupt::{Interrupted, Stop};
 use crate::passes::{self, TimedPass};
 use crate::progress::Progress;
 use crate::screen::{alert, out};
-use crate::shown::{Shown, Source, is_run};
+use crate::shown::{Gaussians, Shown, Source, is_run};
 use crate::views::{ViewArgs, clip_time};
 use anyhow::Context;
 use ivv::formats::FourDgs;
-use ivv::scene::{Frame, View};
+use ivv::gpu::Gpu;
+use ivv::scene::{Frame, Splats, View};
 use ivv::sound::rig::Rig;
 use ivv::stage::{Destination, FrameReport, Outputs, Renderer};
 use ivv::train::Run;
@@ -268,11 +269,45 @@ impl Args {
         }
         Ok(views)
     }
+
+    /// Times frames of `views`, and prints what they take.
+    fn bench(
+        &self,
+        gpu: &Arc<Gpu>,
+        splats: Splats,
+        constants: Constants,
+        (views, outputs): (&[View], Outputs),
+        stop: &Stop,
+        json: bool,
+    ) -> anyhow::Result<()> {
+        anyhow::ensure!(!views.is_empty(), "--bench: expected views to render, found none");
+        let seconds = self.bench.unwrap_or_default();
+        let splats = Arc::new(splats);
+        if self.each_knob {
+            let rows = bench_knobs::run(gpu, &splats, constants, views, seconds, stop)?;
+            if json {
+                let report = serde_json::json!({ "device": gpu.caps(), "constants": constants, "knobs": rows });
+                out!("{}", serde_json::to_string_pretty(&report)?);
+            } else {
+                bench_knobs::print(&rows);
+            }
+            return Ok(());
+        }
+        let mut renderer = Renderer::of_clip(gpu.clone(), splats.clone(), constants)?;
+        let bench = Bench::new(&mut renderer, &splats, views, outputs, seconds, stop)?;
+        if json {
+            let report = serde_json::json!({ "device": gpu.caps(), "constants": constants, "bench": bench });
+            out!("{}", serde_json::to_string_pretty(&report)?);
+        } else {
+            bench.print();
+        }
+        Ok(())
+    }
 }
 
 /// Refuses views of a dynamic scene at times that nothing was seen at.
-fn within_clip(cameras: &Path, shown: &Shown, views: &[View]) -> ivv::Result<()> {
-    let outside = |view: &&View| !shown.splats.motion.is_empty() && !(0.0..=1.0).contains(&view.time);
+fn within_clip(cameras: &Path, shown: &Shown<Gaussians>, views: &[View]) -> ivv::Result<()> {
+    let outside = |view: &&View| !shown.splats.are_static() && !(0.0..=1.0).contains(&view.time);
     views.iter().find(outside).map_or(Ok(()), |view| {
         let reason = format!("expected a time within the clip, 0 to 1, found {}", view.time);
         let remedy = "correct `time` of this view, or give --time for all views";
@@ -290,44 +325,26 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let stop = Stop::listen()?;
     let source = Source::open(path)?;
     if let Some(film) = args.film(&source, run.as_ref())? {
-        let shown = source.scene()?;
+        let shown = source.seen()?;
         let constants = constants_over(shown.constants.unwrap_or(of_scene))?;
         let output = args.output.as_deref().context("give the video, -o FILE")?;
         let studio = Studio { output, device: &args.device, constants, stop: &stop };
         return film::run(&film, &args.film, shown, &studio, json);
     }
     let views = args.views(&source)?;
-    let shown = source.scene()?;
+    // What is measured is in memory, all of it.
+    let shown = if args.output.is_some() { source.seen()? } else { source.scene()?.into() };
     let constants = constants_over(shown.constants.unwrap_or(of_scene))?;
     within_clip(args.cameras.as_deref().unwrap_or(path), &shown, &views)?;
-    let splats = Arc::new(shown.splats.by_degree());
     args.output.as_deref().map_or(Ok(()), make_folder)?;
     let gpu = args.device.open()?;
-    let mut renderer = Renderer::of_clip(gpu.clone(), splats.clone(), constants)?;
-
     let outputs = if args.format.iter().all(|f| *f == Format::Png) { Outputs::Color } else { Outputs::All };
-    let Some(output) = &args.output else {
-        anyhow::ensure!(!views.is_empty(), "--bench: expected views to render, found none");
-        let seconds = args.bench.unwrap_or_default();
-        if args.each_knob {
-            drop(renderer);
-            let rows = bench_knobs::run(&gpu, &splats, constants, &views, seconds, &stop)?;
-            if json {
-                let report = serde_json::json!({ "device": gpu.caps(), "constants": constants, "knobs": rows });
-                out!("{}", serde_json::to_string_pretty(&report)?);
-            } else {
-                bench_knobs::print(&rows);
-            }
-            return Ok(());
+    let (output, mut renderer) = match (&args.output, shown.splats) {
+        (Some(output), gaussians) => (output, gaussians.renderer(gpu.clone(), constants)?),
+        (None, Gaussians::Whole(splats)) => {
+            return args.bench(&gpu, splats.by_degree(), constants, (&views, outputs), &stop, json);
         }
-        let bench = Bench::new(&mut renderer, &splats, &views, outputs, seconds, &stop)?;
-        if json {
-            let report = serde_json::json!({ "device": gpu.caps(), "constants": constants, "bench": bench });
-            out!("{}", serde_json::to_string_pretty(&report)?);
-        } else {
-            bench.print();
-        }
-        return Ok(());
+        (None, Gaussians::Parts(_)) => anyhow::bail!("--bench: expected a scene in memory, found a clip in parts"),
     };
     let profiled = if args.profile { profile(&mut renderer, &views, outputs, &stop)? } else { Vec::new() };
     let reports = write_views(&mut renderer, &views, outputs, (output, &args.format), &profiled, &stop)?;

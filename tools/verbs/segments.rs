@@ -7,9 +7,10 @@ use crate::screen::{self, out, say};
 use crate::settings::SettingArgs;
 use anyhow::{Context, ensure};
 use ivv::files::write_atomic;
-use ivv::formats::{read_ply, write_ply};
+use ivv::formats::{PlyParts, read_ply, write_parts};
+use ivv::scene::Parts;
 use ivv::settings::Constants;
-use ivv::train::{Checkpoint, Config, Run, RunLock, Segments, near_plane};
+use ivv::train::{Checkpoint, Config, Joined, Run, RunLock, Segments, near_plane};
 use ivv::words::count;
 use serde_json::json;
 use std::ffi::OsString;
@@ -231,11 +232,16 @@ impl<'a> Jobs<'a> {
                 return Err(missing(&folder));
             }
         }
-        let scene = |folder: PathBuf| read_ply(&folder.join("scene.ply"));
-        let joined = self.segments.join(&scene(self.base())?, |segment| scene(self.segment(segment)))?;
+        let n_segments = self.segments.segments.len();
         let file = self.folder.join("scene.ply");
-        write_ply(&file, &joined)?;
-        let (n, n_dynamic, n_segments) = (joined.len(), joined.motion.len(), self.segments.segments.len());
+        let read = |segment: Option<usize>| {
+            let folder = segment.map_or_else(|| self.base(), |segment| self.segment(segment));
+            read_ply(&folder.join("scene.ply"))
+        };
+        let mut joined = Joined::new(&file, self.segments.clone(), read)?;
+        write_parts(&file, &mut joined)?;
+        let n_dynamic: usize = joined.parts().iter().map(|part| part.n).sum();
+        let n = PlyParts::open(&file)?.map_or(0, |written| written.n_static()) + n_dynamic;
         if self.json {
             out!("{}", json!({ "path": file, "gaussians": n, "dynamic_gaussians": n_dynamic, "segments": n_segments }));
             return Ok(());

@@ -21,8 +21,11 @@ use crate::verbs::render::ConstantArgs;
 use crate::verbs::serve::{Beside, Said};
 use ivv::scene::Splats;
 use ivv::scene::capture::share_of_memory;
+use ivv::stage::Renderer;
 use ivv::study::Example;
-use ivv::train::{Checkpoint, Evaluation, Event, Fall, Kind, Log, Session, SessionOptions, StepReport, spread};
+use ivv::train::{
+    Checkpoint, Evaluation, Event, Fall, Kind, Log, SceneSize, Session, SessionOptions, StepReport, spread,
+};
 use ivv::vk::DeviceKind;
 use ivv::words::count;
 use std::collections::BTreeMap;
@@ -370,7 +373,8 @@ impl Training<'_, '_> {
         totals["offset_error"] = agreement.map(|agreement| agreement.rms_error).into();
         totals["offset_correlation"] = agreement.and_then(|agreement| agreement.correlation).into();
         write_json(&output.join("train.json"), &totals)?;
-        let (scores, examples) = self.scorer.all(&splats, &scene, &fits, step, output)?;
+        let seen = (Renderer::new(gpu.clone(), &splats, run.constants)?, SceneSize::of(&splats));
+        let (scores, examples) = self.scorer.all(seen, &scene, &fits, step, output)?;
         if let Some(scores) = &scores {
             // The last point of the curve: the same images as those before it.
             let some = self.some_test.iter().map(|(camera, frame)| (capture.cameras[*camera].name.as_str(), *frame));

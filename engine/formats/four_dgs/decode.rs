@@ -10,6 +10,8 @@ use crate::scene::dc_of_color;
 use crate::scene::parse_views;
 use crate::scene::{ALWAYS, Motion, Splats, View};
 use fourdgs::quantization::sh_coefficient;
+use fourdgs::reader::OpenMode;
+use fourdgs::{FileReadable, GaussianSet, SceneReader};
 use std::collections::BTreeMap;
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -22,12 +24,13 @@ const EDGE: f64 = 1e-6;
 pub(in crate::formats) const READER: Reader =
     Reader { what: "a .4dgs", knows: |start| start.bytes == MAGIC, read: |path| FourDgs::read(path)?.splats() };
 
-/// A `.4dgs` in memory.
+/// A `.4dgs`: what it says, and its Gaussians where they are in memory.
 #[derive(Debug)]
 pub struct FourDgs {
     path: PathBuf,
     pub(super) scene: fourdgs::Scene,
     ears: Option<Ears>,
+    has_gaussians: bool,
 }
 
 impl FourDgs {
@@ -56,18 +59,30 @@ impl FourDgs {
         Self::of(path, bytes)
     }
 
+    /// Reads what a file says but its Gaussians, which may be more than memory holds; all of it where its chunks are not told of at
+    /// its end.
+    ///
+    /// # Errors
+    /// As [`FourDgs::read`].
+    pub fn open(path: &Path) -> Result<Self> {
+        open_file(path).map_err(|fault| cannot_read(path, &fault))?;
+        let opened = FileReadable::open(path).and_then(|file| SceneReader::open_with(file, OpenMode::Indexed));
+        let mut reader = match opened {
+            Ok(reader) if !reader.chunk_index().is_empty() => reader,
+            // Whoever reads it whole says what is wrong with it.
+            _ => return Self::read(path),
+        };
+        let scene = front(&mut reader).map_err(|fault| not_read(path, &fault))?;
+        Self::checked(path, scene, false)
+    }
+
     fn of(path: &Path, source: impl Read) -> Result<Self> {
         let whole = fourdgs::ReadOptions { recover_truncated: false, ..Default::default() };
-        let scene = fourdgs::read_from(source, &whole).map_err(|fault| {
-            let remedy = match &fault {
-                fault if fault.is_unsupported_feature() => {
-                    "save it with the model gaussian-birth and the codec deflate"
-                }
-                fault if fault.is_unsupported_version() => "save it as version 1 of the format",
-                _ => "the file is damaged, cut short or of another format: copy or export it again",
-            };
-            Error::data(path, "", format!("not read: {fault}"), remedy)
-        })?;
+        let scene = fourdgs::read_from(source, &whole).map_err(|fault| not_read(path, &fault))?;
+        Self::checked(path, scene, true)
+    }
+
+    fn checked(path: &Path, scene: fourdgs::Scene, has_gaussians: bool) -> Result<Self> {
         if scene.summary_crc_ok == Some(false) {
             return Err(Error::data(path, "index", "its checksum does not fit", "copy the file again"));
         }
@@ -82,7 +97,7 @@ impl FourDgs {
         }
         let ears = scene.attachments.iter().find(|attachment| attachment.name == EARS);
         let ears = ears.map(|ears| Ears::parse(path, &ears.data)).transpose()?;
-        Ok(FourDgs { path: path.to_owned(), scene, ears })
+        Ok(FourDgs { path: path.to_owned(), scene, ears, has_gaussians })
     }
 
     /// The clock of the clip.
@@ -115,44 +130,95 @@ impl FourDgs {
         Sounds::of(&self.scene, self.ears.clone())
     }
 
-    /// The Gaussians at all times. Time 0 to 1 is the file's length.
+    /// The Gaussians at all times; they are read where they are not in memory. Time 0 to 1 is the file's length.
     ///
     /// # Errors
-    /// [`Error::Data`] where a Gaussian is moved by a track of its object: ours move along lines.
+    /// [`Error::Data`] where a Gaussian is moved by a track of its object: ours move along lines; as [`FourDgs::read`].
     pub fn splats(&self) -> Result<Splats> {
-        self.refuse_tracks()?;
-        let (set, seconds) = (&self.scene.gaussians, self.clock().seconds());
-        let spans: Vec<[f32; 2]> = (0..set.count()).map(|i| self.span(i, seconds)).collect();
-        let is_still = |i: &usize| {
-            set.sigma_t[*i].is_infinite() && set.motions[3 * i..3 * i + 3] == [0.0; 3] && spans[*i] == ALWAYS
-        };
-        let (still, moving): (Vec<usize>, Vec<usize>) = (0..set.count()).partition(is_still);
-        let mut splats = Splats::new(u32::from(set.sh_degree));
-        for &i in still.iter().chain(&moving) {
-            self.push(&mut splats, i);
+        if !self.has_gaussians {
+            return Self::read(&self.path)?.splats();
         }
+        self.refuse_tracks()?;
+        let set = &self.scene.gaussians;
+        let stored = self.stored(set);
+        let (still, moving) = stored.populations();
+        let mut splats = Splats::new(u32::from(set.sh_degree));
+        still.iter().chain(&moving).for_each(|i| stored.push(&mut splats, *i));
         splats.n_static = still.len();
-        splats.motion = moving.iter().map(|&i| self.motion(i, seconds)).collect();
-        if moving.iter().any(|&i| spans[i] != ALWAYS) {
-            splats.span = moving.iter().map(|&i| spans[i]).collect();
+        splats.motion = moving.iter().map(|i| stored.motion(*i)).collect();
+        let spans: Vec<[f32; 2]> = moving.iter().map(|i| stored.span(*i)).collect();
+        if spans.iter().any(|span| *span != ALWAYS) {
+            splats.span = spans;
         }
         Ok(splats)
     }
 
-    fn refuse_tracks(&self) -> Result<()> {
+    /// Gaussians of this file.
+    pub(super) fn stored<'a>(&self, set: &'a GaussianSet) -> Stored<'a> {
+        let clock = self.clock();
+        Stored { set, seconds: clock.seconds(), frames: clock.frames, cutoff: self.scene.header.cutoff }
+    }
+
+    /// # Errors
+    /// [`Error::Data`] where tracks of objects move Gaussians.
+    pub(super) fn refuse_tracks(&self) -> Result<()> {
         let n = self.scene.objects.tracks.len();
         let reason = || format!("{n} of its objects move their Gaussians along tracks, which is not supported");
         if n == 0 { Ok(()) } else { Err(Error::data(&self.path, "", reason(), "save it without tracks of objects")) }
     }
+}
+
+/// Why a file is not read.
+pub(super) fn not_read(path: &Path, fault: &fourdgs::Error) -> Error {
+    let remedy = match fault {
+        fault if fault.is_unsupported_feature() => "save it with the model gaussian-birth and the codec deflate",
+        fault if fault.is_unsupported_version() => "save it as version 1 of the format",
+        _ => "the file is damaged, cut short or of another format: copy or export it again",
+    };
+    Error::data(path, "", format!("not read: {fault}"), remedy)
+}
+
+/// All of a file but its Gaussians.
+fn front(reader: &mut SceneReader<FileReadable>) -> fourdgs::Result<fourdgs::Scene> {
+    Ok(fourdgs::Scene {
+        header: reader.header().clone(),
+        duration_sec: reader.header().duration_sec,
+        audio_sources: reader.read_audio_sources()?,
+        metadata: reader.metadata()?,
+        attachments: reader.attachments()?,
+        provenance: reader.provenance()?,
+        objects: reader.objects()?,
+        chunk_index: reader.chunk_index().to_vec(),
+        summary_crc_ok: reader.summary_crc_ok(),
+        ..fourdgs::Scene::default()
+    })
+}
+
+/// Gaussians of a file, and what their numbers mean.
+#[derive(Clone, Copy)]
+pub(super) struct Stored<'a> {
+    pub(super) set: &'a GaussianSet,
+    seconds: f64,
+    frames: u32,
+    cutoff: f64,
+}
+
+impl Stored<'_> {
+    /// Those that rest and are always there, and the others.
+    pub(super) fn populations(&self) -> (Vec<usize>, Vec<usize>) {
+        let Stored { set, .. } = self;
+        (0..set.count()).partition(|i| {
+            set.sigma_t[*i].is_infinite() && set.motions[3 * i..3 * i + 3] == [0.0; 3] && self.span(*i) == ALWAYS
+        })
+    }
 
     /// From when up to when Gaussian `i` is there, normalised time: where it could be seen at times of the clip at which the file
     /// says that it is not.
-    fn span(&self, i: usize, seconds: f64) -> [f32; 2] {
-        let set = &self.scene.gaussians;
+    pub(super) fn span(&self, i: usize) -> [f32; 2] {
+        let Stored { set, seconds, frames, cutoff } = *self;
         let [mu, sigma, from, to] =
             [&set.mu_t, &set.sigma_t, &set.win_lo, &set.win_hi].map(|values| f64::from(values[i]));
         let half = |threshold: f64| sigma * fourdgs::quantization::support_k(threshold);
-        let cutoff = self.scene.header.cutoff;
         let (from, to) = if cutoff > INVISIBLE * (1.0 + 1e-9) && sigma.is_finite() {
             (from.max(mu - half(cutoff)), to.min(mu + half(cutoff)))
         } else {
@@ -160,15 +226,16 @@ impl FourDgs {
         };
         let (first, last) = ((mu - half(INVISIBLE)).max(0.0), (mu + half(INVISIBLE)).min(seconds));
         // A last moment that is not shown is shorter than a frame can tell.
-        let margin = 1e-3 * seconds / f64::from(self.clock().frames);
+        let margin = 1e-3 * seconds / f64::from(frames);
         let border = |is_seen_beyond: bool, at: f64, otherwise: f32| {
             if first < last && is_seen_beyond { (at / seconds) as f32 } else { otherwise }
         };
         [border(from > first + margin, from, f32::NEG_INFINITY), border(to < last - margin, to, f32::INFINITY)]
     }
 
-    fn motion(&self, i: usize, seconds: f64) -> Motion {
-        let set = &self.scene.gaussians;
+    /// How Gaussian `i` moves and fades.
+    pub(super) fn motion(&self, i: usize) -> Motion {
+        let Stored { set, seconds, .. } = self;
         let tau = f64::from(set.sigma_t[i]) * std::f64::consts::SQRT_2 / seconds;
         Motion {
             velocity: std::array::from_fn(|k| (f64::from(set.motions[3 * i + k]) * seconds) as f32),
@@ -177,9 +244,9 @@ impl FourDgs {
         }
     }
 
-    /// Appends Gaussian `i`.
-    fn push(&self, to: &mut Splats, i: usize) {
-        let set = &self.scene.gaussians;
+    /// Appends Gaussian `i`, without what is temporal.
+    pub(super) fn push(&self, to: &mut Splats, i: usize) {
+        let set = self.set;
         let [x, y, z, w]: [f32; 4] = std::array::from_fn(|k| set.rotations[4 * i + k]);
         let opacity = f64::from(set.colors[4 * i + 3]).clamp(EDGE, 1.0 - EDGE);
         to.source_row.push(to.len() as u32);

@@ -2,11 +2,12 @@
 
 use super::grades::Grades;
 use super::harmonics::{HALF_STEP, Viewpoints};
+use super::write::{Measure, Writing};
 use super::{RECORD, Sounds, VIEWS, World};
 use crate::error::{Error, Result};
+use crate::files::write_made;
 use crate::formats::clock::Clock;
-use crate::scene::SH_C0;
-use crate::scene::{ALWAYS, Splats, View};
+use crate::scene::{ALWAYS, Part, Parts, SH_C0, Splats, View};
 use fourdgs::quantization::{Profile, SH_QUANT_HI, SH_QUANT_LO};
 use fourdgs::{Attachment, GaussianSet, Metadata, SceneExtras, WriteOptions};
 use std::collections::BTreeMap;
@@ -14,11 +15,6 @@ use std::path::Path;
 
 /// Temporal factors below this are not told: no alpha reaches a pixel by it.
 const CUTOFF: f64 = 1.0 / 255.0;
-/// Chunks are at least this long, seconds, so that one is fetched in time; and hold at least so many Gaussians where they are
-/// not whole windows, so that the description of a chunk costs little.
-const SHORTEST_CHUNK: f64 = 0.5;
-const LEAST_IN_CHUNK: usize = 256;
-
 /// Level of deflate, 0 to 9, of a file that is soon done with.
 const QUICK: u32 = 1;
 /// A colour is off from here on.
@@ -116,10 +112,9 @@ impl Encoded {
         self.set.positions.chunks_exact(3).zip(self.sh.chunks_exact(k)).filter(is_off).count()
     }
 
-    /// The Gaussians with the colours that `grades` allows, as `views` see them.
-    fn colored(&self, views: &[View], grades: &Grades) -> GaussianSet {
-        let (mut set, viewpoints, k) = (self.set.clone(), Viewpoints::new(views), self.set.sh_coefficients + 1);
-        // The crate's writer tells of the bands that it is given, also of those that it leaves out.
+    /// The Gaussians with the colours that `grades` allows, as seen from `viewpoints`.
+    pub(super) fn colored(&self, viewpoints: &Viewpoints, grades: &Grades) -> GaussianSet {
+        let (mut set, k) = (self.set.clone(), self.set.sh_coefficients + 1);
         set.sh_degree = grades.degree(set.sh_degree);
         let stored = (usize::from(set.sh_degree) + 1).pow(2);
         set.sh_coefficients = stored - 1;
@@ -140,50 +135,96 @@ impl Encoded {
     /// # Errors
     /// [`Error::Data`] naming `path` where a number has no place on the format's grids.
     pub fn bytes(&self, path: &Path, contents: &Contents, grades: Grades) -> Result<Vec<u8>> {
-        let clock = contents.clock;
-        let set = grades.on(&self.colored(contents.views, &grades), CUTOFF);
-        let bits = grades.bits(set.sh_degree);
+        let mut measure = Measure::new();
+        measure.count(&self.set, &grades);
+        let (mut writing, mut bytes) = contents.begin(path, &measure, grades, self.set.sh_degree)?;
+        let colored = self.colored(&Viewpoints::new(contents.views), &grades);
+        bytes.extend(writing.chunks(&colored, [0.0, contents.clock.seconds()])?);
+        bytes.extend(writing.end());
+        Ok(bytes)
+    }
+}
+
+impl Contents<'_> {
+    /// A file with this beside the Gaussians that `measure` counted, and what stands before these.
+    fn begin<'a>(
+        &'a self,
+        path: &'a Path,
+        measure: &Measure,
+        grades: Grades,
+        sh_degree: u8,
+    ) -> Result<(Writing<'a>, Vec<u8>)> {
+        let seconds = self.clock.seconds();
         let options = WriteOptions {
             profile: Profile::Fine,
             cutoff: CUTOFF,
-            level: 9,
-            max_depth: (clock.seconds() / SHORTEST_CHUNK).max(1.0).log2().floor() as u32,
-            min_chunk_gaussians: LEAST_IN_CHUNK,
-            write_statistics: true,
-            // Its own check leaves no room for the rounding of decoded numbers to single precision, so a place half way between
-            // two steps and far from the origin would be refused.
-            verify: false,
-            sh_bands: set.sh_degree,
-            sh_bit_depths: bits.iter().any(|bits| *bits < 8).then_some(bits),
+            level: if self.is_quick { QUICK } else { 9 },
             library: concat!("ivv ", env!("CARGO_PKG_VERSION")).to_owned(),
             metadata: [("color_space", "srgb-rec709-display"), ("visibility_profile", "gaussian")]
                 .map(|(key, value)| (key.to_owned(), value.to_owned()))
                 .into(),
             ..WriteOptions::default()
         };
-        let options = if contents.is_quick { WriteOptions { level: QUICK, ..options } } else { options };
-        let mut entries = contents.own.clone();
-        entries.insert("fps".to_owned(), clock.fps.to_string());
-        entries.insert("frames".to_owned(), clock.frames.to_string());
+        let mut entries = self.own.clone();
+        entries.insert("fps".to_owned(), self.clock.fps.to_string());
+        entries.insert("frames".to_owned(), self.clock.frames.to_string());
         if grades != Grades::default() {
             entries.insert("grades".to_owned(), grades.to_string());
         }
         let mut extras = SceneExtras::default();
-        if let Some(world) = &contents.world {
+        if let Some(world) = &self.world {
             world.put_into(&mut entries, &mut extras);
         }
         extras.metadata.push(Metadata { name: RECORD.to_owned(), entries });
-        contents.sounds.put_into(&mut extras);
-        if !contents.views.is_empty() {
-            let data = serde_json::to_vec(&serde_json::json!({ "views": contents.views })).map_err(|fault| {
+        self.sounds.put_into(&mut extras);
+        if !self.views.is_empty() {
+            let data = serde_json::to_vec(&serde_json::json!({ "views": self.views })).map_err(|fault| {
                 Error::data(path, VIEWS, fault.to_string(), "this is a fault of the program that made the views")
             })?;
             let media_type = "application/json".to_owned();
             extras.attachments.push(Attachment { name: VIEWS.to_owned(), media_type, data });
         }
-        fourdgs::write_to_vec(&set, clock.seconds(), &options, &extras).map_err(|fault| {
-            let remedy = "a Gaussian lies or reaches too far for the format: leave it out, or export the scene as PLY";
-            Error::data(path, "", format!("cannot be stored: {fault}"), remedy)
+        let mut writing = Writing::new(path, measure, (grades, sh_degree), (seconds, &options));
+        let front = writing.front(&options, &extras)?;
+        Ok((writing, front))
+    }
+
+    /// Reads a clip part by part, for what its file has to know before it begins; `look` receives what will be stored.
+    ///
+    /// # Errors
+    /// Those of the clip.
+    pub fn measure(&self, clip: &mut dyn Parts, mut look: impl FnMut(&Encoded)) -> Result<Measure> {
+        let mut measure = Measure::new();
+        let mut count = |splats: &Splats| {
+            let encoded = Encoded::new(splats, self.clock);
+            measure.count(&encoded.set, &Grades::default());
+            look(&encoded);
+        };
+        count(&clip.still()?);
+        (0..clip.parts().len()).try_for_each(|index| clip.part(index).map(|splats| count(&splats)))?;
+        Ok(measure)
+    }
+
+    /// Writes a clip that [`Contents::measure`] has read, at the finest grades, with one part at a time in memory.
+    ///
+    /// # Errors
+    /// As [`Encoded::bytes`]; those of the clip.
+    pub fn write(&self, path: &Path, clip: &mut dyn Parts, measure: &Measure) -> Result<()> {
+        let (mut writing, front) = self.begin(path, measure, Grades::default(), clip.sh_degree() as u8)?;
+        let seconds = self.clock.seconds();
+        let (whole, viewpoints) = ([0.0, seconds], Viewpoints::new(self.views));
+        let colored = |splats: &Splats| Encoded::new(splats, self.clock).colored(&viewpoints, &Grades::default());
+        write_made(path, |put| {
+            put(&front)?;
+            put(&writing.chunks(&colored(&clip.still()?), whole)?)?;
+            for index in 0..clip.parts().len() {
+                let Part { from, to, .. } = clip.parts()[index];
+                // As the file has the times of its Gaussians.
+                let there = [from, to].map(|time| f64::from((time * seconds) as f32).clamp(0.0, seconds));
+                let stretch = if there[0] < there[1] { there } else { whole };
+                put(&writing.chunks(&colored(&clip.part(index)?), stretch)?)?;
+            }
+            put(&writing.end())
         })
     }
 }

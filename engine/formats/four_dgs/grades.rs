@@ -64,22 +64,25 @@ impl Grades {
         self.bands[..usize::from(self.degree(degree))].iter().map(|grade| 8 - grade).collect()
     }
 
+    /// A standard deviation on the grid of its grade. Steps of logs do not depend on the scene.
+    pub(super) fn scale(&self, value: f32) -> f32 {
+        if self.scale == 0 {
+            return value;
+        }
+        of_log(value, Steps::of(&Bounds::for_profile(Profile::Fine, 1.0)).scale_log * times(self.scale))
+    }
+
+    /// A coordinate on the grid of its grade, in a file of these steps.
+    pub(super) fn place(&self, value: f32, steps: &Steps) -> f32 {
+        if self.position == 0 { value } else { to(value, steps.pos * times(self.position)) as f32 }
+    }
+
     /// The Gaussians with every number on the grid of its attribute's grade, so that the format's own grid, which is as fine or
-    /// finer, holds it as it is.
-    pub(super) fn on(&self, set: &GaussianSet, cutoff: f64) -> GaussianSet {
+    /// finer, holds it as it is, in a file of these steps.
+    pub(super) fn on(&self, set: &GaussianSet, steps: &Steps, cutoff: f64) -> GaussianSet {
         let mut set = set.clone();
-        // Steps of logs, parts and seconds do not depend on the scene.
-        let fixed = Steps::of(&Bounds::for_profile(Profile::Fine, 1.0));
-        let to = |value: f32, step: f64| rint(f64::from(value) / step) as f64 * step;
-        let times = |grade: u8| f64::from(1u32 << grade.min(Self::COARSEST));
-        let of_log = |value: f32, step: f64| (rint(f64::from(value).ln() / step) as f64 * step).exp() as f32;
-        if self.scale > 0 {
-            set.scales.iter_mut().for_each(|s| *s = of_log(*s, fixed.scale_log * times(self.scale)));
-        }
-        let steps = Steps::of(&Bounds::for_profile(Profile::Fine, median(&set.scales)));
-        if self.position > 0 {
-            set.positions.iter_mut().for_each(|x| *x = to(*x, steps.pos * times(self.position)) as f32);
-        }
+        set.scales.iter_mut().for_each(|s| *s = self.scale(*s));
+        set.positions.iter_mut().for_each(|x| *x = self.place(*x, steps));
         if self.rotation > 0 {
             for q in set.rotations.chunks_exact_mut(4) {
                 let step = steps.rot * times(self.rotation);
@@ -125,14 +128,15 @@ impl std::fmt::Display for Grades {
     }
 }
 
-/// The mean of the two middle values, as the format's writer takes it.
-fn median(values: &[f32]) -> f64 {
-    let mut sorted = values.to_vec();
-    sorted.sort_unstable_by(f32::total_cmp);
-    let middle = sorted.len() / 2;
-    match sorted.get(middle) {
-        None => 1.0,
-        Some(upper) if sorted.len() % 2 == 1 => f64::from(*upper),
-        Some(upper) => 0.5 * (f64::from(sorted[middle - 1]) + f64::from(*upper)),
-    }
+fn to(value: f32, step: f64) -> f64 {
+    rint(f64::from(value) / step) as f64 * step
+}
+
+fn of_log(value: f32, step: f64) -> f32 {
+    (rint(f64::from(value).ln() / step) as f64 * step).exp() as f32
+}
+
+/// How many of the format's steps are one of a grade.
+fn times(grade: u8) -> f64 {
+    f64::from(1u32 << grade.min(Grades::COARSEST))
 }

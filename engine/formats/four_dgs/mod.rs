@@ -10,18 +10,22 @@ mod ears;
 mod encode;
 mod grades;
 mod harmonics;
+mod parts;
 mod sounds;
 mod summary;
 mod world;
+mod write;
 
 pub use decode::FourDgs;
 pub(super) use decode::READER;
 pub use ears::Ears;
 pub use encode::{Contents, Encoded};
 pub use grades::Grades;
+pub use parts::FourDgsParts;
 pub use sounds::{Sound, Sounds};
 pub use summary::FourDgsSummary;
 pub use world::World;
+pub use write::Measure;
 
 /// First bytes of a file, without the number of its version.
 const MAGIC: [u8; 4] = [0x89, b'4', b'D', b'G'];

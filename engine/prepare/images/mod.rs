@@ -121,7 +121,7 @@ impl Images {
     }
 
     fn decode_video(&self, camera: &Camera, tell: &dyn Fn(&str)) -> Result<()> {
-        let Material::Video(path, _) = &camera.material else { return Ok(()) };
+        let Material::Video(path, video) = &camera.material else { return Ok(()) };
         let maker = Maker::new(&self.output, camera);
         let image = |frame: u32| self.output.join("images").join(self.image_name(camera, frame));
         let is_done = |frame: &u32| image(*frame).is_file() && maker.mask_is_done(*frame);
@@ -135,7 +135,7 @@ impl Images {
         let rest = Selection { start: camera.start + first * every, every, n: n - first };
         let threads = (self.threads / self.cameras.len().max(1)).max(1);
         video::decode(
-            path,
+            (path, video),
             rest,
             camera.part,
             (camera.lens.intrinsics.width, camera.lens.intrinsics.height),

@@ -6,9 +6,11 @@ use serde_json::{Value, json};
 use super::camera::{Camera, Material};
 use super::recorded::Recorded;
 use crate::error::Error;
+use crate::parallel::in_parallel;
 use crate::prepare::fit::{Part, fitted};
 use crate::prepare::settings::PrepareSettings;
 use crate::prepare::source::{Footage, Source, SourceCamera};
+use crate::prepare::timecodes;
 use crate::prepare::video::Selection;
 use crate::scene::Intrinsics;
 use crate::scene::capture::{Faults, Frames, RATES, Shot, read_size};
@@ -31,11 +33,19 @@ pub(super) struct Plan {
 /// Compares the cameras with their footage and with each other.
 pub(super) fn plan(source: &Source, settings: &PrepareSettings, faults: &mut Faults) -> Plan {
     let mut notes = Vec::new();
-    let material: Vec<_> = source.cameras.iter().map(|camera| Recorded::look(camera, source, faults)).collect();
+    // Several at a time: a program is started for each video.
+    let look = |index: usize| Ok(Recorded::look(&source.cameras[index], source));
+    let looked = in_parallel(source.cameras.len(), settings.threads, look, |_| {}).unwrap_or_default();
+    let material: Vec<_> = looked.into_iter().map(|recorded| faults.take(recorded)).collect();
     let counts: Vec<(u32, &String)> =
         material.iter().zip(&source.cameras).filter_map(|(m, c)| Some((m.as_ref()?.n_frames, &c.name))).collect();
     let rates: Vec<f64> = material.iter().flatten().filter_map(|recorded| recorded.fps).collect();
     note_differences(&counts, &rates, &mut notes);
+    if settings.shifts.is_empty() {
+        let videos = material.iter().map(|recorded| recorded.as_ref()?.video.as_ref());
+        let videos: Vec<_> = source.cameras.iter().map(|camera| camera.name.as_str()).zip(videos).collect();
+        notes.extend(timecodes::note(&videos));
+    }
     let select = select(source, settings, &counts, &mut notes, faults);
     let fps = rates.first().copied().or(source.fps).unwrap_or(settings.capture.fps) / f64::from(select.every);
     if !RATES.contains(&fps) {

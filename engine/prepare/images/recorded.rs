@@ -4,7 +4,7 @@ use crate::error::{Error, Result};
 use crate::prepare::fit::Part;
 use crate::prepare::source::{Footage, Source, SourceCamera};
 use crate::prepare::video::{self, Selection, Video};
-use crate::scene::capture::{Faults, decode_image, read_size};
+use crate::scene::capture::{decode_image, read_size};
 
 /// Footage that has been looked at.
 pub(super) struct Recorded {
@@ -16,22 +16,25 @@ pub(super) struct Recorded {
 }
 
 impl Recorded {
-    /// Looks at the footage of a camera; what cannot be read is a fault.
-    pub fn look(camera: &SourceCamera, source: &Source, faults: &mut Faults) -> Option<Recorded> {
+    /// Looks at the footage of a camera.
+    ///
+    /// # Errors
+    /// [`Error::Data`] where it cannot be read.
+    pub fn look(camera: &SourceCamera, source: &Source) -> Result<Recorded> {
         match &camera.footage {
             Footage::Video(path) => {
-                let video = faults.take(video::probe(path))?;
+                let video = video::probe(path)?;
                 let Video { width, height, n_frames, fps, .. } = video;
-                Some(Recorded { size: (width, height), n_frames, fps: Some(fps), video: Some(video) })
+                Ok(Recorded { size: (width, height), n_frames, fps: Some(fps), video: Some(video) })
             }
             Footage::Images(shots) => {
                 let Some(last) = shots.iter().map(|shot| shot.frame).max() else {
                     let place = format!("camera `{}`", camera.name.escape_debug());
-                    faults.add(&source.calibration, place, "has no image", "add its images, or remove the camera");
-                    return None;
+                    let remedy = "add its images, or remove the camera";
+                    return Err(Error::data(&source.calibration, place, "has no image", remedy));
                 };
-                let size = faults.take(read_size(&shots[0].image).map_err(Error::from))?;
-                Some(Recorded { size, n_frames: last + 1, fps: None, video: None })
+                let size = read_size(&shots[0].image).map_err(Error::from)?;
+                Ok(Recorded { size, n_frames: last + 1, fps: None, video: None })
             }
         }
     }
@@ -39,17 +42,18 @@ impl Recorded {
     /// The first picture.
     pub fn first(&self, footage: &Footage) -> Result<Vec<[u8; 3]>> {
         let (width, height) = self.size;
-        match footage {
-            Footage::Video(path) => {
+        match (footage, &self.video) {
+            (Footage::Video(path), Some(video)) => {
                 let mut pixels = Vec::new();
                 let select = Selection { start: 0, every: 1, n: 1 };
-                video::decode(path, select, Part::whole(self.size), self.size, 1, |_, rgb| {
+                video::decode((path, video), select, Part::whole(self.size), self.size, 1, |_, rgb| {
                     pixels.extend_from_slice(rgb.as_chunks().0);
                     Ok(())
                 })?;
                 Ok(pixels)
             }
-            Footage::Images(shots) => {
+            (Footage::Video(_), None) => Ok(Vec::new()),
+            (Footage::Images(shots), _) => {
                 let image = decode_image(&shots[0].image, width, height)?.into_rgb8();
                 Ok(image.as_raw().as_chunks().0.to_vec())
             }

@@ -18,7 +18,6 @@ use ivv::sound::scene_file::SoundScene;
 use ivv::stage::Renderer;
 use ivv::vk;
 use std::path::PathBuf;
-use std::sync::Arc;
 use window::{Output, Player, State};
 use winit::event_loop::EventLoop;
 
@@ -94,17 +93,16 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         setting.sounds = ivv::sound::clip::sounds(&SoundScene::read(scene)?, length)?;
     }
     let hrtf = if setting.sounds.is_empty() { None } else { Some(HrtfSet::open(&args.hrtf)?) };
-    let shown = source.scene()?;
+    let mut shown = source.seen()?;
     let constants = shown.constants.unwrap_or(setting.constants);
 
     let stop = Stop::listen()?;
     let no_display = "expected a display, found none; set DISPLAY to that of an X server, or use `ivv serve`";
     let events = EventLoop::new().context(no_display)?;
     let gpu = args.device.open_with(vk::surface_extensions(&events.owned_display_handle())?, args.validation)?;
-    let navigator = Navigator::new(&views, &shown.splats);
-    let splats = shown.splats.by_degree();
-    let is_still = splats.motion.is_empty() && setting.sounds.is_empty();
-    let renderer = Renderer::of_clip(gpu, Arc::new(splats), constants)?;
+    let navigator = Navigator::new(&views, &*shown.splats.some()?);
+    let is_still = shown.splats.are_static() && setting.sounds.is_empty();
+    let renderer = shown.splats.renderer(gpu, constants)?;
     let is_playing = args.at.is_none() && args.screenshot.is_none();
     let clip = Playhead::new(if is_still { 0.0 } else { length }, args.at.unwrap_or_default(), is_playing);
     let flow_dt = setting.clock.map_or(1.0, |clock| 1.0 / f64::from(clock.frames));

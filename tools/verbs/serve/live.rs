@@ -1,6 +1,6 @@
 //! A run that is watched while it trains: what it says, its report so far, its scene as of a checkpoint.
 
-use super::site::Scene;
+use super::held::Scene;
 use crate::export_clip::ClipArgs;
 use crate::files::read_json;
 use crate::shown::Source;

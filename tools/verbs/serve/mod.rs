@@ -1,5 +1,6 @@
 //! `ivv serve`: the browser player with a scene, or with a run that trains, on this machine.
 
+mod held;
 mod live;
 mod site;
 
@@ -10,10 +11,11 @@ use crate::interrupt::Stop;
 use crate::screen::{alert, out, say};
 use crate::shown::{Source, is_run};
 use anyhow::Context;
+use held::{Removed, Scene};
 use hyper::Request;
 use hyper_util::rt::{TokioIo, TokioTimer};
 use live::Live;
-use site::{Scene, Shown, Site};
+use site::{Shown, Site};
 use std::convert::Infallible;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr, TcpListener};
 use std::path::{Path, PathBuf};
@@ -79,11 +81,15 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
 /// The `.4dgs` that is sent.
 fn scene(source: &Path, clip: &ClipArgs) -> anyhow::Result<Scene> {
     let source = Source::open(source)?;
-    if let Some(bytes) = clip.as_it_is(&source)? {
-        return Ok(Scene::new(bytes.into()));
+    if clip.is_as_it_is(&source)? {
+        return Ok(Scene::of_file(source.path, None)?);
+    }
+    say!("{}: put into a .4dgs", source.path.display());
+    let beside = Removed(std::env::temp_dir().join(format!("ivv-serve-{}.4dgs", std::process::id())));
+    if clip.write_parts(&source, &beside.0)?.is_some() {
+        return Ok(Scene::of_file(&beside.0.clone(), Some(beside))?);
     }
     let splats = source.scene()?.splats;
-    say!("{}: put into a .4dgs", source.path.display());
     Ok(Scene::new(clip.bytes(&source, &splats)?.into()))
 }
 

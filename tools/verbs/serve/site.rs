@@ -1,31 +1,15 @@
 //! What the server of a scene or a run answers.
 
+use super::held::{FilePart, Scene};
 use super::live::{Events, Live};
 use crate::page::{LIVE, PARTS, POLICY, Part, SCENE};
 use bytes::Bytes;
 use http_body_util::{Either, Full};
 use hyper::header::{self, HeaderValue};
 use hyper::{Method, Request, Response, StatusCode};
-use sha2::{Digest, Sha256};
 use std::net::IpAddr;
 use std::ops::Range;
 use std::rc::Rc;
-
-/// The bytes of a `.4dgs` that is sent.
-#[derive(Clone)]
-pub struct Scene {
-    bytes: Bytes,
-    /// Names them.
-    tag: String,
-}
-
-impl Scene {
-    /// These bytes.
-    pub fn new(bytes: Bytes) -> Self {
-        let tag: String = Sha256::digest(&bytes)[..16].iter().map(|byte| format!("{byte:02x}")).collect();
-        Scene { bytes, tag: format!("\"{tag}\"") }
-    }
-}
 
 /// What there is to see.
 pub enum Shown {
@@ -42,8 +26,10 @@ pub struct Site {
     hosts: Vec<String>,
 }
 
+/// Something that is there, in memory or in a file.
+type Found = Either<Full<Bytes>, FilePart>;
 /// What is sent: something that is there, or what a run says as it says it.
-type Sent = Either<Full<Bytes>, Events>;
+type Sent = Either<Found, Events>;
 
 impl Site {
     /// At an address, to requests for that and for `names`.
@@ -78,7 +64,7 @@ impl Site {
         ] {
             headers.entry(name).or_insert(HeaderValue::from_static(value));
         }
-        if is_head { answer.map(|_| Either::Left(Full::default())) } else { answer }
+        if is_head { answer.map(|_| Either::Left(Either::Left(Full::default()))) } else { answer }
     }
 
     /// The reply to a request that is refused.
@@ -96,17 +82,17 @@ impl Site {
         None
     }
 
-    async fn found<B>(&self, request: &Request<B>) -> Response<Full<Bytes>> {
+    async fn found<B>(&self, request: &Request<B>) -> Response<Found> {
         if let Some(refused) = self.refused(request) {
-            return refused;
+            return refused.map(Either::Left);
         }
         let path = request.uri().path().trim_start_matches('/');
-        match &self.shown {
-            Shown::Scene(scene) if path == SCENE => of_scene(scene, request),
+        let other = match &self.shown {
+            Shown::Scene(scene) if path == SCENE => return of_scene(scene, request),
             Shown::Scene(_) => of_part(PARTS, path),
             Shown::Run(live) => match path.strip_prefix("at/").and_then(|rest| rest.split_once('/')) {
                 Some((name, SCENE)) => match live.scene(name).await {
-                    Some(scene) => of_scene(&scene, request),
+                    Some(scene) => return of_scene(&scene, request),
                     None => told(StatusCode::NOT_FOUND, "expected one of the newest scenes, found none of this name"),
                 },
                 Some((_, rest)) => of_part(PARTS, rest),
@@ -114,7 +100,8 @@ impl Site {
                 None if path == "icon.svg" => of_part(PARTS, path),
                 None => of_part(LIVE, path),
             },
-        }
+        };
+        other.map(Either::Left)
     }
 
     fn is_ours<B>(&self, request: &Request<B>) -> bool {
@@ -129,18 +116,18 @@ impl Site {
 }
 
 /// The scene, or the part of it that is asked for.
-fn of_scene<B>(scene: &Scene, request: &Request<B>) -> Response<Full<Bytes>> {
-    let Scene { bytes, tag } = scene;
+fn of_scene<B>(scene: &Scene, request: &Request<B>) -> Response<Found> {
+    let tag = &scene.tag;
     let asked = |name: header::HeaderName| request.headers().get(name).and_then(|value| value.to_str().ok());
-    let length = bytes.len();
-    let tagged = |mut answer: Response<Full<Bytes>>| {
+    let length = scene.len();
+    let tagged = |mut answer: Response<Found>| {
         let headers = answer.headers_mut();
         headers.insert(header::ACCEPT_RANGES, HeaderValue::from_static("bytes"));
         headers.extend(HeaderValue::from_str(tag).ok().map(|tag| (header::ETAG, tag)));
         answer
     };
     if asked(header::IF_NONE_MATCH).is_some_and(|tags| tags.split(',').any(|known| known.trim() == tag)) {
-        return tagged(empty(StatusCode::NOT_MODIFIED));
+        return tagged(empty(StatusCode::NOT_MODIFIED).map(Either::Left));
     }
     // A part of what the browser has is of no use once that is another scene.
     let is_same = asked(header::IF_RANGE).is_none_or(|known| known == tag);
@@ -151,15 +138,15 @@ fn of_scene<B>(scene: &Scene, request: &Request<B>) -> Response<Full<Bytes>> {
             let mut answer = empty(StatusCode::RANGE_NOT_SATISFIABLE);
             let value = HeaderValue::from_str(&format!("bytes */{length}"));
             answer.headers_mut().extend(value.ok().map(|value| (header::CONTENT_RANGE, value)));
-            return tagged(answer);
+            return tagged(answer.map(Either::Left));
         }
     };
-    let mut answer = of_bytes(status, "application/octet-stream", bytes.slice(range.clone()));
+    let mut answer = of_length(status, "application/octet-stream", range.len());
     if status == StatusCode::PARTIAL_CONTENT {
         let value = HeaderValue::from_str(&format!("bytes {}-{}/{length}", range.start, range.end - 1));
         answer.headers_mut().extend(value.ok().map(|value| (header::CONTENT_RANGE, value)));
     }
-    tagged(answer)
+    tagged(answer.map(|_| scene.part(range)))
 }
 
 /// The report so far. It is a page of its own, without scripts.
@@ -224,9 +211,14 @@ fn empty(status: StatusCode) -> Response<Full<Bytes>> {
 }
 
 fn of_bytes(status: StatusCode, media_type: &'static str, bytes: Bytes) -> Response<Full<Bytes>> {
+    of_length(status, media_type, bytes.len()).map(|_| Full::new(bytes))
+}
+
+/// The head of an answer whose body is still to come.
+fn of_length(status: StatusCode, media_type: &'static str, length: usize) -> Response<Full<Bytes>> {
     let mut answer = empty(status);
     let headers = answer.headers_mut();
     headers.insert(header::CONTENT_TYPE, HeaderValue::from_static(media_type));
-    headers.insert(header::CONTENT_LENGTH, HeaderValue::from(bytes.len()));
-    answer.map(|_| Full::new(bytes))
+    headers.insert(header::CONTENT_LENGTH, HeaderValue::from(length));
+    answer
 }

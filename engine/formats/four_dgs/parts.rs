@@ -1,0 +1,127 @@
+//! A `.4dgs` of which those chunks are in memory that are seen.
+
+use super::FourDgs;
+use super::decode::not_read;
+use crate::error::Result;
+use crate::scene::{ALWAYS, Part, Parts, Splats};
+use fourdgs::reader::OpenMode;
+use fourdgs::{FileReadable, SceneReader};
+use std::path::{Path, PathBuf};
+
+/// A file is read chunk by chunk where at most this part of its Gaussians is needed at one time.
+const FEW: f64 = 0.5;
+
+/// A `.4dgs` of which no Gaussian is in memory.
+pub struct FourDgsParts {
+    path: PathBuf,
+    file: FourDgs,
+    reader: SceneReader<FileReadable>,
+    /// Chunks that are there all the time: static Gaussians, and some of the others.
+    lasting: Vec<u32>,
+    /// By part, its chunks.
+    chunks: Vec<Vec<u32>>,
+    parts: Vec<Part>,
+}
+
+impl FourDgsParts {
+    /// Opens a file; `None` where most of its Gaussians are needed at some time, or where it does not tell at its end what its chunks
+    /// are.
+    ///
+    /// # Errors
+    /// As [`FourDgs::splats`].
+    pub fn open(path: &Path) -> Result<Option<Self>> {
+        let file = FourDgs::open(path)?;
+        file.refuse_tracks()?;
+        let seconds = file.clock().seconds();
+        let index = &file.scene.chunk_index;
+        let (lasting, brief): (Vec<u32>, Vec<u32>) = (0..index.len() as u32).partition(|chunk| {
+            let entry = &index[*chunk as usize];
+            entry.t0 <= 0.0 && entry.t1 >= seconds
+        });
+        let n = |chunk: &u32| index[*chunk as usize].gaussian_count as usize;
+        let part = |chunk: &u32| {
+            let entry = &index[*chunk as usize];
+            // Rounded as the times of its Gaussians are.
+            let [from, to] = [entry.t0, entry.t1].map(|time| f64::from((time / seconds) as f32));
+            Part { from, to, n: n(chunk) }
+        };
+        let mut parts: Vec<Part> = brief.iter().map(part).collect();
+        let always: usize = lasting.iter().map(n).sum();
+        let total = always + parts.iter().map(|part| part.n).sum::<usize>();
+        if (always + fullest(&parts)) as f64 > FEW * total as f64 {
+            return Ok(None);
+        }
+        let reader = FileReadable::open(path).and_then(|file| SceneReader::open_with(file, OpenMode::Indexed));
+        let reader = reader.map_err(|fault| not_read(path, &fault))?;
+        let mut chunks: Vec<Vec<u32>> = brief.iter().map(|chunk| vec![*chunk]).collect();
+        chunks.push(lasting.clone());
+        parts.push(Part { from: f64::NEG_INFINITY, to: f64::INFINITY, n: 0 });
+        let mut opened = FourDgsParts { path: path.to_owned(), file, reader, lasting, chunks, parts };
+        let moving = opened.read(&opened.lasting.clone(), true)?.len();
+        if let Some(last) = opened.parts.last_mut() {
+            last.n = moving;
+        }
+        Ok(Some(opened))
+    }
+
+    /// What the file says beside its Gaussians.
+    pub fn file(&self) -> &FourDgs {
+        &self.file
+    }
+
+    /// The Gaussians of chunks that are static where `moving` is false, else the others.
+    fn read(&mut self, chunks: &[u32], moving: bool) -> Result<Splats> {
+        let mut splats = Splats::new(self.sh_degree());
+        for chunk in chunks {
+            let degree = self.file.scene.header.sh_degree;
+            let set = self.reader.load_chunk(*chunk, degree).map_err(|fault| not_read(&self.path, &fault))?;
+            let stored = self.file.stored(set);
+            let is_brief = !self.lasting.contains(chunk);
+            let (still, others) = stored.populations();
+            // What is in a chunk that is not always there is not always there.
+            let (still, others) = if is_brief { (Vec::new(), (0..set.count()).collect()) } else { (still, others) };
+            for i in if moving { others } else { still } {
+                stored.push(&mut splats, i);
+                if moving {
+                    splats.motion.push(stored.motion(i));
+                    splats.span.push(stored.span(i));
+                }
+            }
+        }
+        if !moving {
+            splats.n_static = splats.len();
+        }
+        if splats.span.iter().all(|span| *span == ALWAYS) {
+            splats.span.clear();
+        }
+        Ok(splats)
+    }
+}
+
+impl Parts for FourDgsParts {
+    fn path(&self) -> &Path {
+        &self.path
+    }
+
+    fn sh_degree(&self) -> u32 {
+        u32::from(self.file.scene.header.sh_degree)
+    }
+
+    fn parts(&self) -> &[Part] {
+        &self.parts
+    }
+
+    fn still(&mut self) -> Result<Splats> {
+        self.read(&self.lasting.clone(), false)
+    }
+
+    fn part(&mut self, index: usize) -> Result<Splats> {
+        self.read(&self.chunks[index].clone(), true)
+    }
+}
+
+/// The most Gaussians of `parts` that are there at one time.
+fn fullest(parts: &[Part]) -> usize {
+    let at = |time: f64| parts.iter().filter(|part| part.from <= time && time < part.to).map(|part| part.n).sum();
+    parts.iter().map(|part| at(part.from)).max().unwrap_or(0)
+}

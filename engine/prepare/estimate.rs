@@ -1,0 +1,136 @@
+//! What a preparation will take, from a few frames that are prepared for that and thrown away.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
+use std::time::Instant;
+
+use super::images::Images;
+use super::settings::{PrepareSettings, Progress, Triangulate};
+use super::source::Source;
+use super::{prepare_posed, triangulate};
+use crate::error::{Error, Result};
+use crate::scene::capture::{Faults, Frames};
+
+/// Frames that are prepared, from the middle of the clip.
+const SAMPLED: u32 = 4;
+/// What each stage makes.
+const STAGES: [(&str, &[&str]); 3] = [
+    ("images", &["images", "masks", "foreground", "covisible", "depth", "audio", "keypoints"]),
+    ("points", &["points", "sparse"]),
+    ("flow", &["flow"]),
+];
+
+/// What all frames will take.
+#[derive(Clone, Debug, serde::Serialize)]
+pub struct Estimate {
+    /// Cameras.
+    pub cameras: usize,
+    /// Frames of the clip.
+    pub frames: u32,
+    /// Frames that were prepared to find out.
+    pub sampled: u32,
+    /// Threads, and the most programs at once, that were used.
+    pub threads: usize,
+    /// By stage, in their order.
+    pub stages: Vec<StageEstimate>,
+}
+
+/// What a stage will take.
+#[derive(Clone, Copy, Debug, serde::Serialize)]
+pub struct StageEstimate {
+    /// Its name.
+    pub stage: &'static str,
+    /// Seconds that the frames of the sample took.
+    pub sampled_seconds: f64,
+    /// Seconds that all frames will take here.
+    pub seconds: f64,
+    /// Bytes that they will take on the disk.
+    pub bytes: u64,
+}
+
+/// A folder that is removed when this is dropped.
+struct Scratch(PathBuf);
+
+impl Drop for Scratch {
+    fn drop(&mut self) {
+        // What cannot be removed does no harm.
+        let _ = fs::remove_dir_all(&self.0);
+    }
+}
+
+/// Prepares some frames of a source that has cameras beside the output, and tells from that what all take. Nothing is left of them.
+///
+/// # Errors
+/// As [`super::prepare`]; the first of the source's faults.
+pub fn estimate(settings: &PrepareSettings, progress: &(dyn Fn(Progress) + Sync)) -> Result<Estimate> {
+    settings.check()?;
+    let mut faults = Faults::default();
+    let source = Source::read(settings, &mut faults)?;
+    let images = Images::plan(&source, settings, &mut faults);
+    if let Some(fault) = faults.first() {
+        return Err(fault);
+    }
+    let (n, every) = (images.n_frames(), settings.frames.every);
+    let sampled = SAMPLED.min(n);
+    let from = settings.frames.from + (n - sampled) / 2 * every;
+    let scratch = Scratch(beside(&settings.output)?);
+    let sample = PrepareSettings {
+        frames: Frames { from, to: Some(from + sampled * every), every },
+        output: scratch.0.clone(),
+        force: true,
+        ..settings.clone()
+    };
+    // When each stage was last heard of.
+    let heard: Mutex<Vec<(&'static str, Instant)>> = Mutex::new(Vec::new());
+    let start = Instant::now();
+    prepare_posed(&sample, None, Vec::new(), &|told| {
+        let mut heard = heard.lock().unwrap_or_else(PoisonError::into_inner);
+        match heard.iter_mut().find(|(stage, _)| *stage == told.stage) {
+            Some((_, at)) => *at = Instant::now(),
+            None => heard.push((told.stage, Instant::now())),
+        }
+        progress(told);
+    })?;
+    let heard = heard.into_inner().unwrap_or_else(PoisonError::into_inner);
+    let mut before = start;
+    let mut stages = Vec::new();
+    for (stage, parts) in STAGES {
+        let Some((_, end)) = heard.iter().find(|(told, _)| *told == stage) else { continue };
+        let sampled_seconds = end.duration_since(before).as_secs_f64();
+        before = *end;
+        let times = match (stage, triangulate::asked(&source, settings).0) {
+            ("points", Triangulate::Reference) => 1.0,
+            ("points", Triangulate::Every(every)) => f64::from(n.div_ceil(every)) / f64::from(sampled.div_ceil(every)),
+            ("flow", _) => f64::from(n - 1) / f64::from((sampled - 1).max(1)),
+            _ => f64::from(n) / f64::from(sampled),
+        };
+        let bytes: u64 = parts.iter().map(|part| size(&scratch.0.join(part))).sum();
+        stages.push(StageEstimate {
+            stage,
+            sampled_seconds,
+            seconds: times * sampled_seconds,
+            bytes: (times * bytes as f64) as u64,
+        });
+    }
+    Ok(Estimate { cameras: images.cameras.len(), frames: n, sampled, threads: settings.threads, stages })
+}
+
+/// A folder on the disk of `output` that nobody else uses.
+fn beside(output: &Path) -> Result<PathBuf> {
+    let Some(name) = output.file_name() else {
+        return Err(Error::data(output, "", "this names no folder", "choose another folder with -o"));
+    };
+    let mut hidden = std::ffi::OsString::from(".");
+    hidden.push(name);
+    hidden.push(format!(".plan-{}", std::process::id()));
+    Ok(output.with_file_name(hidden))
+}
+
+/// Bytes of all files of a folder, or of a file; 0 where there is none.
+fn size(path: &Path) -> u64 {
+    match fs::read_dir(path) {
+        Ok(entries) => entries.flatten().map(|entry| size(&entry.path())).sum(),
+        Err(_) => fs::metadata(path).map_or(0, |data| data.len()),
+    }
+}
