@@ -10,7 +10,7 @@
 VIDEOFLOW NOR DEPTH ANYTHING HAS EVER BEEN RUN BY THIS PROJECT'S TESTS, for want of their weights: look at the first files.
 After them set flow = true or depth = true in capture.toml, or run `ivv prepare` again, which does so.
 
-Flow goes to flow/<camera>/<frame:05>.flo, from each frame to the next, pixels; 1e10 where the flow back does not lead to
+Flow goes to flow/<camera>/<frame:05>.npy, halves, from each frame to the next, pixels; NaN where the flow back does not lead to
 where it began or the mask is 0. Depth goes to depth/<camera>/<frame:05>.npy, float32, the network's inverse depth.
 Files that exist are kept; a line is printed for each one that is written or kept.
 """
@@ -19,8 +19,6 @@ import argparse
 import os
 import sys
 from pathlib import Path
-
-UNKNOWN = 1e10
 
 
 def need(module, remedy):
@@ -41,16 +39,10 @@ def write_atomic(path, write):
     os.replace(temporary, path)
 
 
-def write_flo(path, flow):
-    """Middlebury's format: the magic number, width, height, then x and y of each pixel."""
-    height, width = flow.shape[:2]
-
-    def write(file):
-        file.write(b"PIEH")
-        np.array([width, height], "<i4").tofile(file)
-        flow.astype("<f4").tofile(file)
-
-    write_atomic(path, write)
+def write_flow(path, flow, valid):
+    """An array of shape (height, width, 2) of halves, a thirtieth of a pixel and better below 64; NaN where it is not valid."""
+    halves = np.where(valid[..., None], flow, np.float32(np.nan)).astype("<f2")
+    write_atomic(path, lambda file: np.save(file, halves))
 
 
 def consistent(forward, backward):
@@ -146,13 +138,13 @@ def finish_flow(target, forward, backward, mask):
     valid = consistent(forward, backward)
     if mask.is_file():
         valid &= cv2.imread(str(mask), cv2.IMREAD_GRAYSCALE) > 0
-    write_flo(target, np.where(valid[..., None], forward, np.float32(UNKNOWN)))
+    write_flow(target, forward, valid)
 
 
 def camera_flow(args, capture, camera, images, estimate):
     for frame in range(len(images) - 1):
-        target = capture / "flow" / camera / f"{frame:05}.flo"
-        if not target.is_file():
+        target = capture / "flow" / camera / f"{frame:05}.npy"
+        if not target.is_file() and not target.with_suffix(".flo").is_file():
             mask = capture / "masks" / camera / f"{frame:05}.png"
             if args.flow == "videoflow":
                 # The frame is the second of five; beyond the clip its ends are repeated.
@@ -162,7 +154,7 @@ def camera_flow(args, capture, camera, images, estimate):
             else:
                 first, second = picture(images[frame]), picture(images[frame + 1])
                 finish_flow(target, estimate(first, second), estimate(second, first), mask)
-        print(f"{camera}/{frame:05}.flo", flush=True)
+        print(f"{camera}/{frame:05}.npy", flush=True)
 
 
 def camera_depth(capture, camera, images, estimate):

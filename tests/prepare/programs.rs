@@ -263,14 +263,15 @@ fn colmap_triangulates_and_opencv_estimates_flow() {
     let n_inside = capture.points.iter().filter(|point| inside(&point.position)).count();
     assert!(n_inside * 10 >= capture.points.len() * 9, "{n_inside} of {}", capture.points.len());
     let name = &capture.cameras[0].name;
-    let flow = std::fs::read(settings.output.join(format!("flow/{name}/00000.flo"))).unwrap();
-    assert_eq!((&flow[..4], flow.len()), (b"PIEH".as_slice(), 12 + 8 * 256 * 192));
-    assert!(!settings.output.join(format!("flow/{name}/00001.flo")).exists());
-    let flows = |place: &Path| -> Vec<[f32; 2]> {
-        let of = |camera: &Camera| read_flow(&place.join(&camera.name).join("00000.flo"), 256, 192).unwrap();
+    let flow = std::fs::read(settings.output.join(format!("flow/{name}/00000.npy"))).unwrap();
+    assert_eq!((&flow[..6], flow.len()), (b"\x93NUMPY".as_slice(), 128 + 4 * 256 * 192));
+    assert!(!settings.output.join(format!("flow/{name}/00001.npy")).exists());
+    let flows = |place: &Path, file: &str| -> Vec<[f32; 2]> {
+        let of = |camera: &Camera| read_flow(&place.join(&camera.name).join(file), 256, 192).unwrap();
         capture.cameras.iter().flat_map(of).collect()
     };
-    let (found, truth) = (flows(&settings.output.join("flow")), flows(&folder.0.join("true flow")));
+    let found = flows(&settings.output.join("flow"), "00000.npy");
+    let truth = flows(&folder.0.join("true flow"), "00000.flo");
     let miss = |(a, b): (&[f32; 2], &[f32; 2])| (a[0] - b[0]).hypot(a[1] - b[1]);
     let mut misses: Vec<f32> = found.iter().zip(&truth).map(miss).filter(|miss| !miss.is_nan()).collect();
     misses.sort_by(f32::total_cmp);

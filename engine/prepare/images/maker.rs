@@ -13,7 +13,7 @@ use crate::prepare::fit::Part;
 use crate::prepare::journal::make_folder;
 use crate::scene::Intrinsics;
 use crate::scene::capture::{Shot, alpha_of, decode_image};
-use crate::scene::prior::{read_depth, read_flow, write_depth, write_flow};
+use crate::scene::prior::{read_depth, read_flow, write_depth, write_flow_halves};
 use crate::scene::undistort::{Distortion, Undistortion};
 
 /// Makes the pictures of a camera.
@@ -104,13 +104,13 @@ impl<'a> Maker<'a> {
             Ok(Some(path))
         };
         if let Some(from) = &shot.flow
-            && let Some(to) = file("flow", "flo")?
+            && let Some(to) = file("flow", "npy")?
         {
             let mut flow = read_flow(from, width, height)?;
             if let Some(to) = &self.from_recorded {
                 flow = to.flow(&self.part(&flow));
             }
-            write_flow(&to, &flow, to_width, to_height)?;
+            write_flow_halves(&to, &flow, to_width, to_height)?;
         }
         if let Some(from) = &shot.depth
             && let Some(to) = file("depth", "npy")?
