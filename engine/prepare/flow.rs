@@ -51,7 +51,7 @@ pub(super) fn left(images: &Images) -> Vec<&str> {
     // Flow of a source that is a capture has come along as it was.
     let is_there = |name: &str, frame: u32| {
         let folder = images.output.join("flow").join(name);
-        ["npy", "flo"].iter().any(|ending| folder.join(format!("{frame:05}.{ending}")).is_file())
+        ["npy", "flo", "exr", "png"].iter().any(|ending| folder.join(format!("{frame:05}.{ending}")).is_file())
     };
     let is_done = |name: &str| (0..n).all(|frame| is_there(name, frame));
     images.cameras.iter().map(|camera| camera.name.as_str()).filter(|name| !is_done(name)).collect()

@@ -7,8 +7,8 @@ use image::imageops::FilterType;
 use image::{DynamicImage, ExtendedColorType, ImageEncoder};
 
 use super::camera::Camera;
-use crate::error::Result;
-use crate::files::write_atomic;
+use crate::error::{Error, Result};
+use crate::files::{open_file, write_atomic};
 use crate::prepare::fit::Part;
 use crate::prepare::journal::make_folder;
 use crate::scene::Intrinsics;
@@ -103,14 +103,20 @@ impl<'a> Maker<'a> {
             make_folder(&self.output.join(folder).join(&self.camera.name))?;
             Ok(Some(path))
         };
-        if let Some(from) = &shot.flow
-            && let Some(to) = file("flow", "npy")?
-        {
-            let mut flow = read_flow(from, width, height)?;
-            if let Some(to) = &self.from_recorded {
-                flow = to.flow(&self.part(&flow));
+        let own = |path: &Path| path.extension().map_or("flo".to_owned(), |own| own.to_string_lossy().into_owned());
+        match (&shot.flow, &self.from_recorded) {
+            (None, _) => {}
+            (Some(from), None) => {
+                if let Some(to) = file("flow", &own(from))? {
+                    take_over(from, &to)?;
+                }
             }
-            write_flow_halves(&to, &flow, to_width, to_height)?;
+            (Some(from), Some(undistortion)) => {
+                if let Some(to) = file("flow", "npy")? {
+                    let flow = undistortion.flow(&self.part(&read_flow(from, width, height)?));
+                    write_flow_halves(&to, &flow, to_width, to_height)?;
+                }
+            }
         }
         if let Some(from) = &shot.depth
             && let Some(to) = file("depth", "npy")?
@@ -136,4 +142,18 @@ impl<'a> Maker<'a> {
             encoder.write_image(plane, width, height, ExtendedColorType::L8).map_err(std::io::Error::other)
         })
     }
+}
+
+/// A copy of a file of the source. No link: whoever edits the capture's images in place would change the source's.
+pub(in crate::prepare) fn take_over(from: &Path, to: &Path) -> Result<()> {
+    let fault = |fault: std::io::Error| {
+        Error::data(
+            from,
+            "",
+            format!("cannot be copied to {}: {fault}", to.display()),
+            "check permissions and free space",
+        )
+    };
+    let mut file = open_file(from).map_err(fault)?;
+    write_atomic(to, |to| std::io::copy(&mut file, to).map(|_| ()))
 }

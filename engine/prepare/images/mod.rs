@@ -17,7 +17,7 @@ use self::camera::Material;
 use self::maker::Maker;
 use self::plan::Plan;
 use crate::error::{Error, Result};
-use crate::files::{open_file, write_atomic};
+use crate::files::write_atomic;
 use crate::parallel::in_parallel;
 use crate::prepare::journal::{Journal, make_folder};
 use crate::prepare::settings::{ImageFormat, JPEG_QUALITY, PrepareSettings, Progress};
@@ -27,6 +27,7 @@ use crate::scene::capture::Faults;
 use crate::scene::undistort::Lens;
 
 pub(super) use self::camera::Camera;
+pub(super) use self::maker::take_over;
 
 /// What becomes of a source's pictures.
 pub(super) struct Images {
@@ -201,18 +202,4 @@ impl Images {
             done.map_err(std::io::Error::other)
         })
     }
-}
-
-/// A copy of a file of the source. No link: whoever edits the capture's images in place would change the source's.
-pub(super) fn take_over(from: &Path, to: &Path) -> Result<()> {
-    let fault = |fault: std::io::Error| {
-        Error::data(
-            from,
-            "",
-            format!("cannot be copied to {}: {fault}", to.display()),
-            "check permissions and free space",
-        )
-    };
-    let mut file = open_file(from).map_err(fault)?;
-    write_atomic(to, |to| std::io::copy(&mut file, to).map(|_| ()))
 }
