@@ -15,7 +15,6 @@ use anyhow::{Context, bail, ensure};
 use ivv::scene::{Navigator, Playhead};
 use ivv::sound::hrtf::HrtfSet;
 use ivv::sound::scene_file::SoundScene;
-use ivv::stage::Renderer;
 use ivv::vk;
 use std::path::PathBuf;
 use window::{Output, Player, State};
