@@ -70,7 +70,11 @@ else
 fi
 
 # Slurm on one node.
-if ! command -v slurmctld slurmd munged sbatch >/dev/null || [ "$(id -u)" -ne 0 ]; then
+has_slurm=yes
+for program in slurmctld slurmd munged sbatch; do
+    command -v $program >/dev/null || has_slurm=no
+done
+if [ $has_slurm = no ] || [ "$(id -u)" -ne 0 ]; then
     echo "cluster: skipped: Slurm, which needs slurmctld, slurmd, munge (tools/setup.sh cluster) and root"
     exit 0
 fi

@@ -59,7 +59,8 @@ impl Drop for Scratch {
     }
 }
 
-/// Prepares some frames of a source that has cameras beside the output, and tells from that what all take. Nothing is left of them.
+/// Prepares some frames of a source that has cameras in a folder beside the output, and tells from that what all frames will take. The
+/// folder is removed.
 ///
 /// # Errors
 /// As [`super::prepare`]; the first of the source's faults.

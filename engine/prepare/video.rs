@@ -107,7 +107,7 @@ fn ask(path: &Path, options: &[&str]) -> Result<Probe> {
 }
 
 /// The number since midnight of the frame with a time code, HH:MM:SS:FF; with a semicolon before the frames two numbers are left out
-/// at the begin of every minute but each tenth, so that the code keeps up with the clock at 29.97 and 59.94 frames a second.
+/// at the beginning of every minute but each tenth, so that the code keeps up with the clock at 29.97 and 59.94 frames a second.
 fn frame_of_day(code: &str, fps: f64) -> Option<u32> {
     let fields: Vec<u32> = code.split([':', ';']).map(|field| field.parse().ok()).collect::<Option<_>>()?;
     let [hours, minutes, seconds, frames] = fields[..] else { return None };
