@@ -3,7 +3,7 @@
 use super::ablation::{Arm, FULL, Measure, Study};
 use crate::report::Table;
 use crate::report::statistics::Estimate;
-use crate::train::{GridKind, Rate, Strategy};
+use crate::train::{GridKind, PoseKind, Rate, Strategy};
 
 /// By how much a technique may worsen a capture, in units of the measure: 0.1 dB.
 const HARM: f64 = 0.1;
@@ -99,6 +99,12 @@ pub(super) const CLIPS: Study = Study {
             paper: &[],
         },
         Arm { name: "no colour maps", key: "no-grids", change: |config| config.grids = GridKind::None, paper: &[] },
+        Arm {
+            name: "poses learnt where they are off",
+            key: "poses-auto",
+            change: |config| config.poses = PoseKind::Auto,
+            paper: &[],
+        },
         Arm { name: "told apart by flow", key: "flow", change: |config| config.init_static_tau = 0.0, paper: &[] },
     ],
     measures: MEASURES,
