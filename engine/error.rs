@@ -50,6 +50,11 @@ pub enum Error {
         /// The last pass known to have begun; empty where none was under way or the device keeps no breadcrumbs.
         after_pass: String,
     },
+    /// Other processes of the same run do not answer.
+    RanksLost {
+        /// What is known of it.
+        reason: String,
+    },
     /// A Vulkan call failed in a way that has no better name.
     Vulkan {
         /// The call.
@@ -81,7 +86,7 @@ impl Error {
     pub fn exit_code(&self) -> u8 {
         match self {
             Error::Data { .. } => 3,
-            Error::NoDevice { .. } | Error::DeviceLost { .. } | Error::Vulkan { .. } => 4,
+            Error::NoDevice { .. } | Error::DeviceLost { .. } | Error::RanksLost { .. } | Error::Vulkan { .. } => 4,
             Error::OutOfMemory { .. } | Error::DriverOutOfMemory { .. } => 5,
             Error::NonFinite { .. } => 6,
         }
@@ -120,6 +125,9 @@ impl fmt::Display for Error {
                     write!(f, ", or with --breadcrumbs to learn in which pass it is lost")?;
                 }
                 Ok(())
+            }
+            Error::RanksLost { reason } => {
+                write!(f, "the processes of this run no longer step together: {reason}; continue with --resume")
             }
             Error::Vulkan { call, reason } => write!(f, "{call} failed: {reason}"),
             Error::NonFinite { what, count } => write!(f, "{what} holds {count} values that are not finite"),

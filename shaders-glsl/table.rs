@@ -383,6 +383,33 @@ pub static FAMILIES: &[Family] = &[
         cost: Some(|s| vec![own(s.either("MOMENTS_16", 64.0, 96.0), 48.0)]),
         ..ROW
     },
+    // Times the vec4 of a Gaussian: its gradient read, two words of each sum read and written.
+    Family {
+        name: "batch_add", file: "batch/batch_add.comp", twin: |_| "batch::batch_sum", count: Count::Active,
+        limit_ns: |_| 45.0,
+        cost: Some(|_| vec![own(80.0, 8.0)]),
+        ..ROW
+    },
+    // Times the vec4 of a Gaussian: as adam_idle, and its sums read and written.
+    Family {
+        name: "batch_step", file: "batch/batch_step.comp", twin: |s| if s.is("MOMENTS_16") { "adam::rounded_moment" } else { "adam::Adam" }, axes: &[MOMENTS], count: Count::Gaussians,
+        limit_ns: |_| 45.0,
+        cost: Some(|s| vec![own(s.either("MOMENTS_16", 128.0, 160.0), 56.0)]),
+        ..ROW
+    },
+    // Recorded: vec4 of all rows, each of them four sums read and written.
+    Family {
+        name: "batch_pack", file: "batch/batch_pack.comp", twin: |_| "batch::batch_place", count: Count::Recorded,
+        limit_ns: |_| 20.0,
+        cost: Some(|_| vec![own(64.0, 0.0)]),
+        ..ROW
+    },
+    Family {
+        name: "batch_unpack", file: "batch/batch_unpack.comp", twin: |_| "batch::batch_place", count: Count::Recorded,
+        limit_ns: |_| 20.0,
+        cost: Some(|_| vec![own(64.0, 0.0)]),
+        ..ROW
+    },
     Family {
         name: "density_classify", file: "density/density_classify.comp", twin: |_| "density::Density", axes: &[POPULATION], count: Count::Gaussians,
         limit_ns: |s| s.either("DYNAMIC", 50.0, 40.0),

@@ -37,10 +37,18 @@ impl DeviceArgs {
         }
     }
 
+    /// As [`DeviceArgs::open`]; where none is named, the one of several like it that has this number.
+    pub fn open_nth(&self, nth: usize) -> ivv::Result<Arc<Gpu>> {
+        self.open_choice(DeviceChoice { pipeline_cache: cache_folder(), nth, ..self.choice() })
+    }
+
     /// As [`DeviceArgs::open`]: a device that can show pictures in windows where `surface` is not empty, which is what they need;
     /// with the validation layer, which speaks in the log.
     pub fn open_with(&self, surface: Vec<&'static CStr>, validation: bool) -> ivv::Result<Arc<Gpu>> {
-        let choice = DeviceChoice { pipeline_cache: cache_folder(), surface, validation, ..self.choice() };
+        self.open_choice(DeviceChoice { pipeline_cache: cache_folder(), surface, validation, ..self.choice() })
+    }
+
+    fn open_choice(&self, choice: DeviceChoice) -> ivv::Result<Arc<Gpu>> {
         let gpu = Arc::new(Gpu::open(&Options { device: choice, ..Options::default() })?);
         say!("device: {} ({})", gpu.caps().name, gpu.chosen_because());
         Ok(gpu)

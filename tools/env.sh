@@ -19,11 +19,11 @@ own_the_target_folder() {
     mkdir -p "$CARGO_TARGET_DIR" && printf '%s' "$PWD" >"$stamp"
 }
 
-# Sets up and builds what runs; $ivv is the program then.
+# Sets up and builds what runs, with options of cargo; $ivv is the program then.
 build_ivv() {
     tools/setup.sh run
     own_the_target_folder
-    cargo build --release --locked
+    cargo build --release --locked "$@"
     ivv=$CARGO_TARGET_DIR/release/ivv
 }
 

@@ -88,6 +88,7 @@ fn kind(error: &anyhow::Error) -> (&'static str, u8) {
         ivv::Error::NoDevice { .. } => "no_device",
         ivv::Error::OutOfMemory { .. } | ivv::Error::DriverOutOfMemory { .. } => "out_of_memory",
         ivv::Error::DeviceLost { .. } => "device_lost",
+        ivv::Error::RanksLost { .. } => "ranks_lost",
         ivv::Error::Vulkan { .. } => "vulkan",
         ivv::Error::NonFinite { .. } => "non_finite",
     };

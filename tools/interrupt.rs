@@ -17,6 +17,7 @@ impl std::fmt::Display for Interrupted {
 impl std::error::Error for Interrupted {}
 
 /// Whether the verb has been asked to end.
+#[derive(Clone)]
 pub struct Stop(Arc<AtomicBool>);
 
 impl Stop {

@@ -18,11 +18,14 @@ mod interrupt;
 mod kept;
 mod kernels;
 mod line;
+#[cfg(feature = "mpi")]
+mod message;
 mod offsets;
 mod page;
 mod passes;
 mod poses;
 mod progress;
+mod ranks;
 mod replace;
 mod replay;
 mod require;

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Installs what a fresh Debian 12 lacks, and nothing that is there already.
-#   tools/setup.sh [run] [test] [shaders] [prepare] [player] [play] [manual] [cluster]      default: run
+#   tools/setup.sh [run] [test] [shaders] [prepare] [player] [play] [manual] [cluster] [mpi]      default: run
 #     run      the Vulkan loader, Mesa's drivers (lavapipe among them), a linker, a Rust toolchain
 #     test     run, and the validation layer, spirv-val, rustfmt, clippy
 #     shaders  run, and what shaderc's C++ needs to build (only for `cargo build --features shaders`)
@@ -9,6 +9,7 @@
 #     play     run, and what `ivv play` needs to build and to open windows, and its tests: a display in memory, keys and pointer
 #     manual   run, and what builds the manual and its commands need: mdBook, ffmpeg, Pillow for Python
 #     cluster  run, and what the jobs of a long clip are tested with: Snakemake, Slurm
+#     mpi      run, and what `cargo build --features mpi` and `mpirun` need: Open MPI, libclang
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 export PATH="${CARGO_HOME:-$HOME/.cargo}/bin:$PATH"
@@ -156,9 +157,10 @@ for part in "${@:-run}"; do
         packages+=(xvfb xdotool vulkan-validationlayers)
         ;;
     manual) packages+=(ffmpeg python3-numpy python3-pil) manual=yes ;;
+    mpi) packages+=(openmpi-bin libopenmpi-dev libclang-dev) ;;
     cluster) packages+=(python3-venv slurmctld slurmd slurm-client munge) cluster=yes ;;
     *)
-        echo "usage: tools/setup.sh [run] [test] [shaders] [prepare] [player] [play] [manual] [cluster]" >&2
+        echo "usage: tools/setup.sh [run] [test] [shaders] [prepare] [player] [play] [manual] [cluster] [mpi]" >&2
         exit 2
         ;;
     esac

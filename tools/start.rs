@@ -2,6 +2,7 @@
 
 use crate::files::{make_folder, read_json, write_json};
 use crate::progress::watch;
+use crate::ranks::local_rank;
 use crate::replace::{holds_a_run, remove_run};
 use crate::screen::say;
 use crate::verbs::train::Args;
@@ -17,9 +18,9 @@ use ivv::words::count;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// A run that is about to begin or go on. Its folder is locked as long as this lives.
+/// A run that is about to begin or go on. Its folder is locked as long as this lives, by the process that writes there.
 pub struct Start {
-    _lock: RunLock,
+    lock: Option<RunLock>,
     pub gpu: Arc<Gpu>,
     pub run: Run,
     pub capture: Capture,
@@ -34,12 +35,13 @@ pub struct Start {
 }
 
 impl Start {
-    /// As `args` say. Nothing is written or removed before all that is needed is there.
-    pub fn new(args: &Args) -> anyhow::Result<Self> {
-        if args.resume { Self::resumed(args) } else { Self::anew(args) }
+    /// As `args` say. Nothing is written or removed before all that is needed is there, and nothing at all where another process of
+    /// the run `leads`.
+    pub fn new(args: &Args, leads: bool) -> anyhow::Result<Self> {
+        if args.resume { Self::resumed(args, leads) } else { Self::anew(args, leads) }
     }
 
-    fn anew(args: &Args) -> anyhow::Result<Self> {
+    fn anew(args: &Args, leads: bool) -> anyhow::Result<Self> {
         let mut config = args.settings.resolve()?;
         let base = args.base.as_deref().map(Base::read).transpose()?;
         let path = args.capture.as_deref().context("CAPTURE is needed, unless a run is resumed")?;
@@ -53,14 +55,18 @@ impl Start {
         let capture = capture.transformed(&run.world);
         run.constants = args.constants.checked_over(Constants { near: near_plane(&capture), ..run.constants })?;
         let total = config.total(n_training(&capture)?);
-        make_folder(&args.output)?;
-        let (lock, checkpoints) = (locked(&args.output)?, args.output.join("checkpoints"));
-        let replaces = holds_a_run(&args.output)?;
+        let checkpoints = args.output.join("checkpoints");
+        let (mut lock, mut replaces) = (None, false);
+        if leads {
+            make_folder(&args.output)?;
+            lock = Some(locked(&args.output)?);
+            replaces = holds_a_run(&args.output)?;
+        }
         if replaces && !args.overwrite {
             let remedy = "continue it with --resume, replace it with --overwrite, or choose another folder with -o";
             return Err(Error::data(&args.output, "", "already holds a run", remedy).into());
         }
-        let gpu = args.device.open()?;
+        let gpu = args.device.open_nth(local_rank())?;
         let begin = |base: Base| {
             let (mut looked, phase) = (watch(), Phase::Initialisation);
             let found = initialise(&capture, &config, &mut |done, total| looked(Notice::Work { phase, done, total }))?;
@@ -68,8 +74,8 @@ impl Start {
             ivv::Result::Ok(base.checkpoint((&capture, &run), found.splats, config.clone(), total))
         };
         let resumed = base.map(begin).transpose()?;
-        let start = Start { _lock: lock, gpu, run, capture, config, total, checkpoints, resumed, replaces };
-        if !replaces {
+        let start = Start { lock, gpu, run, capture, config, total, checkpoints, resumed, replaces };
+        if leads && !replaces {
             start.write_settings(&args.output)?;
         }
         Ok(start)
@@ -90,10 +96,10 @@ impl Start {
         self.run.write(folder)
     }
 
-    fn resumed(args: &Args) -> anyhow::Result<Self> {
+    fn resumed(args: &Args, leads: bool) -> anyhow::Result<Self> {
         let (folder, checkpoints) = (&args.output, args.output.join("checkpoints"));
         is_run(folder)?;
-        let lock = locked(folder)?;
+        let lock = leads.then(|| locked(folder)).transpose()?;
         let mut run = Run::read(folder)?;
         let checkpoint = Checkpoint::newest(&checkpoints)?;
         let file = folder.join("config.json");
@@ -105,7 +111,7 @@ impl Start {
         let capture = run.open_capture(args.capture.as_deref())?;
         if let Some(path) = &args.capture {
             let now = std::path::absolute(path).unwrap_or_else(|_| path.clone());
-            if now != run.capture {
+            if leads && now != run.capture {
                 say!("the capture is now at {}", now.display());
                 run.capture = now;
                 run.write(folder)?;
@@ -119,15 +125,16 @@ impl Start {
         ensure!(total >= done, "the run has done {}, and {total} are asked for: ask for more", count(done, "step"));
         let is_extended = total != planned_total;
         let config = if is_extended { asked } else { planned };
-        let gpu = args.device.open()?;
+        let gpu = args.device.open_nth(local_rank())?;
         if checkpoint.is_none() {
             say!("no checkpoint was written yet: the run begins again with its own settings");
         }
         // A file that was lost or damaged is renewed.
-        if (is_extended && checkpoint.is_none()) || read_json::<Config>(&file, "").is_err() {
+        let is_stale = (is_extended && checkpoint.is_none()) || read_json::<Config>(&file, "").is_err();
+        if leads && is_stale {
             write_json(&file, &config)?;
         }
-        Ok(Start { _lock: lock, gpu, run, capture, config, total, checkpoints, resumed: checkpoint, replaces: false })
+        Ok(Start { lock, gpu, run, capture, config, total, checkpoints, resumed: checkpoint, replaces: false })
     }
 
     /// Makes `session`, which goes on from [`Start::resumed`], go on for as long as is asked, and keeps that.
@@ -136,6 +143,9 @@ impl Start {
             return Ok(());
         };
         session.extend(self.config.clone(), self.total)?;
+        if self.lock.is_none() {
+            return Ok(());
+        }
         // A run that is killed before its next checkpoint still goes on to the new end.
         let owed = Owed { density: false, average: false, ..checkpoint.owed };
         Checkpoint { world: self.run.world, owed, ..session.checkpoint()? }.write(&self.checkpoints)?;

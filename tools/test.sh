@@ -9,6 +9,7 @@
 #   tools/test.sh --play           the window of `ivv play` under Xvfb: pictures, resizes, faults of the surface, sound
 #   tools/test.sh --manual         every command of the README and the manual, on a small synthetic capture
 #   tools/test.sh --cluster        the jobs of a long clip under Snakemake and Slurm, with one that is killed, and on a full disk
+#   tools/test.sh --mpi            a training by several processes under mpirun: the same bytes, also where some are killed
 #   tools/test.sh --budgets        what compilers of AMD's and NVIDIA's chips make of the kernels, against assets/gpu/budgets.tsv;
 #                                  needs no GPU. IVV_BLESS=1 writes the table
 #   tools/test.sh --fuzz [SECONDS] every reader on damaged files, so long for all formats together; an hour without
@@ -42,6 +43,11 @@ if [ "${1:-}" = --cluster ]; then
     tools/setup.sh cluster
     build_ivv
     exec tests/cluster.sh "$ivv" "$cache/cluster/bin/snakemake"
+fi
+if [ "${1:-}" = --mpi ]; then
+    tools/setup.sh mpi
+    build_ivv --features mpi
+    exec tests/mpi.sh "$ivv"
 fi
 if [ "${1:-}" = --budgets ]; then
     tools/setup.sh test

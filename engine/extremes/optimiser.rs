@@ -5,6 +5,7 @@ use super::random::{scene, view};
 use super::row::{Bench, Tally};
 use crate::scene::Splats;
 use crate::stage::Rates;
+use crate::twin::{batch_gradient, batch_sum};
 use anyhow::{Result, ensure};
 use std::collections::BTreeSet;
 
@@ -50,6 +51,9 @@ pub(super) fn gradients_of_any_size(bench: &Bench, tally: &mut Tally) -> Result<
         Ok(())
     });
     tally.case("a cotangent that is not finite", |_| poisoned(bench));
+    for size in [0.0f32, 1e-45, 1e-38, 1e-20, 1e-10, 1e-5, 1.0, 1e10, 1e30] {
+        tally.case(format!("sums of gradients of about {size:e}"), |tally| summed(bench, tally, &start, size));
+    }
     Ok(())
 }
 
@@ -72,6 +76,29 @@ fn compare(tally: &mut Tally, start: &Scene, found: &Scene, gradient: &Splats, s
             let off = ((found.parameter - exact.parameter).abs() - last_bit).max(0.0);
             tally.within(&format!("the step of {name} of {i} with {g:e}"), off / way, 1e-6)?;
         }
+    }
+    Ok(())
+}
+
+/// A step along the sum of the gradients of two images. They are kept to 2^-50 and held within 16.
+fn summed(bench: &Bench, tally: &mut Tally, start: &Scene, size: f32) -> Result<()> {
+    let (view, step) = (view(), Step::dense(1));
+    let images = [1, 2].map(|seed| cotangents(&view, seed, size));
+    let of = |d_color: &[[f32; 3]]| {
+        let found = gradients(&bench.gpu(), &start.params, &view, d_color)?;
+        anyhow::Ok(numbers(&found, &step.rates))
+    };
+    let (first, second) = (of(&images[0])?, of(&images[1])?);
+    let both = images.each_ref().map(|d_color| (&view, d_color.as_slice()));
+    let (found, n_bad) = start.batch_step(&bench.gpu(), &both, &step)?;
+    ensure!(n_bad == 0, "{n_bad} bad gradients");
+    for ((twin, found), (a, b)) in start.twins().into_iter().zip(found.twins()).zip(first.iter().zip(&second)) {
+        let (g, rate) = (batch_gradient(batch_sum(&[a.0, b.0])), a.1);
+        let exact = twin.step(g, rate, step.number);
+        ensure!(found.parameter.is_finite() && found.first.is_finite(), "{} of {}: {found:?}", a.2, a.3);
+        let last_bit = 1.2e-7 * exact.parameter.abs().max(twin.parameter.abs());
+        let off = ((found.parameter - exact.parameter).abs() - last_bit).max(0.0);
+        tally.within(&format!("the step of {} of {} with {g:e}", a.2, a.3), off / rate.max(1e-9), 1e-6)?;
     }
     Ok(())
 }

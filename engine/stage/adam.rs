@@ -61,14 +61,22 @@ impl Rates {
 }
 
 /// What a step does beside its rates.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StepSettings {
+    /// Images that a step sees: the moments decay as in so many steps on one each.
+    pub images: u32,
     /// Floor of log tau.
     pub lowest_t_scale: f64,
     /// Weight of the mean opacity in the loss.
     pub opacity_reg: f64,
     /// Weight of the mean standard deviation in the loss, per scene unit.
     pub scale_reg: f64,
+}
+
+impl Default for StepSettings {
+    fn default() -> Self {
+        StepSettings { images: 1, lowest_t_scale: 0.0, opacity_reg: 0.0, scale_reg: 0.0 }
+    }
 }
 
 /// 1 - beta^step, of the decay that f32 holds: 1 - 0.999 is off by 1e-5 otherwise.
@@ -78,15 +86,16 @@ pub(super) fn correction(beta: f64, step: u64) -> f64 {
 
 /// The numbers of step `step` (from 1) for `n` Gaussians.
 pub fn adam_params(rates: &Rates, settings: &StepSettings, step: u64, n: u32) -> AdamParams {
-    let [rates0, rates1, rates2] = rates.rows(1.0 / correction(BETA1, step));
+    let [beta1, beta2] = [BETA1, BETA2].map(|beta| f64::from(beta as f32).powi(settings.images as i32));
+    let [rates0, rates1, rates2] = rates.rows(1.0 / correction(beta1, step));
     let n = f64::from(n.max(1));
     AdamParams {
         rates0,
         rates1,
         rates2,
-        beta1: BETA1 as f32,
-        beta2: BETA2 as f32,
-        inverse_c2: (1.0 / correction(BETA2, step)) as f32,
+        beta1: beta1 as f32,
+        beta2: beta2 as f32,
+        inverse_c2: (1.0 / correction(beta2, step)) as f32,
         eps: EPS,
         lowest_t_scale: settings.lowest_t_scale as f32,
         opacity_reg: (settings.opacity_reg / n) as f32,

@@ -3,6 +3,7 @@
 
 use super::accumulation::{SLOT_PAIRS, Sums};
 use super::adam::Optimiser;
+use super::batch::Batch;
 use super::blend::{Blend, SEGMENT, coprime_stride};
 use super::chunks::Chunks;
 use super::cull::{ARGS_FIRST_GROUP, Cull, indirect};
@@ -31,7 +32,7 @@ pub struct Backward {
     pub d_image0: Buf<[f32; 4]>,
     /// Cotangents of depth, inverse depth and flow; absent for [`Outputs::Color`].
     pub d_image1: Option<Buf<[f32; 4]>>,
-    /// Gradients, by group; for [`Purpose::Gradient`] only.
+    /// Gradients, by group; for [`Purpose::Gradient`], and where a step sees several images.
     pub gradients: Vec<Planes>,
     /// Gaussians whose gradient was not finite; for [`Target::Gradients`].
     pub n_bad: Buf<u32>,
@@ -74,6 +75,8 @@ pub enum Target<'a> {
     Gradients,
     /// A step of the optimiser.
     Step(&'a Optimiser),
+    /// Sums over several pictures, along which the optimiser takes a step later. It counts gradients that are not finite.
+    Sums(&'a Batch, &'a Optimiser),
 }
 
 impl Backward {
@@ -92,10 +95,11 @@ impl Backward {
 
     /// Buffers for pictures within `room`, blended as `blend` does. Each needs its part of `zeros` to be zero.
     pub fn new(gpu: &Gpu, scene: &SceneBuffers, blend: &Blend, room: &Room, zeros: &mut Zeros) -> Result<Self> {
-        let Room { active, pixels, outputs, purpose, sums, camera, .. } = *room;
+        let Room { active, pixels, outputs, purpose, sums, camera, is_batched, .. } = *room;
         let wants_camera = camera || purpose == Purpose::Gradient;
         let [n_slots, n_fixed] = Self::words(room);
-        let gradients = if purpose == Purpose::Gradient { &scene.groups[..] } else { &[] };
+        let has_gradients = purpose == Purpose::Gradient || is_batched;
+        let gradients = if has_gradients { &scene.groups[..] } else { &[] };
         let n_camera = if wants_camera { 2 * active as usize } else { 1 };
         Ok(Backward {
             d_image0: gpu.alloc("d image color", pixels)?,
@@ -139,6 +143,7 @@ impl Backward {
             }
             // The optimiser's own count goes on.
             Target::Step(_) => rec.section("project bwd adam"),
+            Target::Sums(..) => rec.section("project bwd"),
         }
         if self.wants_camera && scene.groups.iter().any(|group| scene.holds(group)) {
             // What is held says nothing of the camera.
@@ -147,24 +152,31 @@ impl Backward {
         for (index, group) in scene.groups.iter().enumerate() {
             rec.group(Some(index));
             match target {
-                Target::Gradients => self.record_gradients(rec, (index, group), drawn),
-                Target::Step(_) if scene.holds(group) => {}
+                Target::Gradients => {
+                    for buffer in self.gradients[index].buffers() {
+                        rec.fill(buffer.slice(), 0);
+                    }
+                    self.record_gradients(rec, (index, group), drawn, &self.n_bad);
+                }
+                Target::Step(_) | Target::Sums(..) if scene.holds(group) => {}
                 Target::Step(optimiser) => self.record_adam(rec, (index, group), drawn, optimiser),
+                // Of those that are not in view nothing is read.
+                Target::Sums(_, optimiser) => self.record_gradients(rec, (index, group), drawn, &optimiser.n_bad),
             }
         }
         rec.group(None);
+        if let Target::Sums(batch, _) = target {
+            batch.record_add(rec, scene, (drawn.cull, drawn.eye.status), &self.gradients);
+        }
         if let (true, Some(tail)) = (self.wants_camera, &drawn.blend.tail) {
             self.record_camera(rec, scene.n_flat, drawn, tail, target);
         }
     }
 
     /// The projection's adjoint for one group, which writes gradients.
-    fn record_gradients(&self, rec: &mut Recording, (index, group): (usize, &Group), drawn: Drawn) {
+    fn record_gradients(&self, rec: &mut Recording, (index, group): (usize, &Group), drawn: Drawn, n_bad: &Buf<u32>) {
         let Drawn { cull, eye: Eye { view, status, projected }, tiles, .. } = drawn;
         let (d, params) = (&self.gradients[index], &group.params);
-        for buffer in d.buffers() {
-            rec.fill(buffer.slice(), 0);
-        }
         let [sh1, sh2, sh3] = params.three_bands();
         let [d_sh1, d_sh2, d_sh3] = d.three_bands();
         let args = project_bwd_static_sh0::Args {
@@ -176,7 +188,7 @@ impl Backward {
             tile_counts: &projected.tile_counts,
             slot_first: &tiles.slot_first,
             d_slots: &self.d_slots,
-            n_bad: &self.n_bad,
+            n_bad,
             frame_status: status,
             d_camera: &self.d_camera_each,
             motion: params.motion_or_any(),

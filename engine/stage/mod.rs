@@ -4,6 +4,7 @@
 mod accumulation;
 mod adam;
 mod backward;
+mod batch;
 mod bilateral;
 mod blend;
 mod chunks;
@@ -45,6 +46,7 @@ mod zeros;
 pub use accumulation::{Accumulation, SLOT_PAIRS, Sums};
 pub use adam::{AdamMode, BETA1, BETA2, EPS, Optimiser, Rates, State, StepSettings, adam_params, lazy_sums};
 pub use backward::{Backward, Drawn, Target};
+pub use batch::{Batch, MOST_IMAGES, Rows};
 pub use bilateral::{GRID_BYTES, GRID_NUMBERS, GRID_SIZE, GradedBack, GridState, GridStep, Grids};
 pub use blend::Blend;
 pub use clock::{ClockStep, Clocks, OFFSET_BOUND};

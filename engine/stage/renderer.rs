@@ -80,6 +80,7 @@ impl Renderer {
             sums: Sums::Slots,
             camera: false,
             idle: false,
+            is_batched: false,
             depth_bits: constants.knobs.depth_bits,
         };
         Renderer { gpu, scene, constants, work: None, room, spare: Vec::new(), second: None, windows }

@@ -41,6 +41,8 @@ pub struct Room {
     pub camera: bool,
     /// Whether the Gaussians out of view are listed, for the steps of dense Adam.
     pub idle: bool,
+    /// Whether a step sees several images, so that their gradients are added up before it.
+    pub is_batched: bool,
     /// Bits of the depth keys, see [`crate::settings::Knobs`].
     pub depth_bits: u32,
 }

@@ -6,8 +6,11 @@ use super::setup::Setup;
 use super::terms::{self, WithCotangent};
 use crate::error::{Error, Result};
 use crate::gpu::{Buf, Gpu, Recording};
-use crate::stage::{ClockStep, Clocks, GradedBack, GridStep, Grids, PoseRows, PoseStep, Poses, Workspace};
+use crate::stage::{
+    ClockStep, Clocks, GRID_NUMBERS, GradedBack, GridStep, Grids, PoseRows, PoseStep, Poses, Workspace,
+};
 use glam::DVec3;
+use std::ops::Range;
 use std::path::Path;
 
 /// When the learning of poses begins, of the run: before, the scene is too coarse to tell them.
@@ -32,8 +35,23 @@ pub(super) struct Cameras {
     /// Of the scene, scene units.
     extent: f64,
     graded: Option<Graded>,
+    /// What the images of a step say of the cameras' parameters, where there are several.
+    kept: Option<Kept>,
     dt: f64,
 }
+
+/// What images say, one after the other.
+struct Kept {
+    /// Gradients of the cameras, three vec4 each.
+    d_cameras: Buf<[f32; 4]>,
+    /// Gradients of their grids; those of one where no camera has one.
+    d_grids: Buf<[f32; 4]>,
+}
+
+/// vec4 of a camera's gradient.
+const CAMERA_ROWS: usize = 3;
+/// vec4 of a grid.
+const GRID_ROWS: usize = GRID_NUMBERS / 4;
 
 /// The cameras' bilateral grids, and pictures as they show them.
 struct Graded {
@@ -42,8 +60,10 @@ struct Graded {
     of_camera: Vec<Option<usize>>,
     /// Whether all cameras that are trained on have one.
     is_free: bool,
-    /// By place, steps of this grid so far.
+    /// By place, steps of this grid so far, those that are under way among them.
     steps: Vec<u64>,
+    /// By place, steps that have ended well.
+    ended: Vec<u64>,
     image: Buf<[f32; 4]>,
     d_image: Buf<[f32; 4]>,
 }
@@ -76,6 +96,7 @@ impl Cameras {
             learns_pose,
             extent: setup.extent.radius,
             graded: None,
+            kept: None,
             dt,
         };
         if !cameras.learns_pose.is_empty() {
@@ -90,8 +111,16 @@ impl Cameras {
                 of_camera: setup.has_grid.iter().map(|has| if *has { place.next() } else { None }).collect(),
                 is_free: n_grids == setup.n_trained,
                 steps: vec![0; n_grids],
+                ended: vec![0; n_grids],
                 image: gpu.alloc("image graded", 1)?,
                 d_image: gpu.alloc("d image graded", 1)?,
+            });
+        }
+        if config.batch > 1 {
+            let n = config.batch as usize;
+            cameras.kept = Some(Kept {
+                d_cameras: gpu.alloc("d cameras of a step", CAMERA_ROWS * n)?,
+                d_grids: gpu.alloc("d grids of a step", if n_grids > 0 { GRID_ROWS * n } else { 1 })?,
             });
         }
         if !setup.learns_offset.is_empty() {
@@ -128,9 +157,21 @@ impl Cameras {
         Some(OwnGrid { place, step: graded.steps[place] })
     }
 
+    /// Notes that a step of `grid` has ended well.
+    pub fn end(&mut self, grid: Option<OwnGrid>) {
+        if let (Some(graded), Some(grid)) = (&mut self.graded, grid) {
+            graded.ended[grid.place] = grid.step;
+        }
+    }
+
     /// The poses, once their learning has begun: step `step` of `total`.
     fn poses_at(&self, step: u64, total: u64) -> Option<&Poses> {
         self.poses.as_ref().filter(|_| (step - 1) as f64 / total.max(1) as f64 >= POSES_FROM)
+    }
+
+    /// Whether step `step` of `total` of a camera's parameters reads the view that its image was seen from.
+    pub fn reads_view(&self, (step, total): (u64, u64)) -> bool {
+        self.poses_at(step, total).is_some()
     }
 
     /// Appends what is learnt of clock and pose of `camera` to the view of step `step` of `total`.
@@ -174,6 +215,55 @@ impl Cameras {
         }
     }
 
+    /// Appends the keeping of what the backward pass of image `at` of a step says, whose camera has `grid`.
+    pub fn record_keep(&self, rec: &mut Recording, work: &Workspace, grid: Option<OwnGrid>, at: usize) {
+        self.copies(work, grid, at).into_iter().for_each(|(here, kept)| rec.copy(here.slice(), kept.slice()));
+    }
+
+    /// Appends the taking up again of what was kept of image `at`.
+    pub fn record_take(&self, rec: &mut Recording, work: &Workspace, grid: Option<OwnGrid>, at: usize) {
+        self.copies(work, grid, at).into_iter().for_each(|(here, kept)| rec.copy(kept.slice(), here.slice()));
+    }
+
+    /// Where gradients of cameras are that are at hand, and where those of image `at` are kept.
+    fn copies(&self, work: &Workspace, grid: Option<OwnGrid>, at: usize) -> Vec<(Buf<[f32; 4]>, Buf<[f32; 4]>)> {
+        let mut copies = Vec::new();
+        let Some(kept) = &self.kept else { return copies };
+        if let Some(backward) = work.backward.as_ref().filter(|_| self.wants_gradient()) {
+            copies.push((backward.d_camera.clone(), kept.d_cameras.range(CAMERA_ROWS * at, CAMERA_ROWS)));
+        }
+        if let (Some(graded), Some(_)) = (&self.graded, grid) {
+            copies.push((graded.grids.d_grid.clone(), kept.d_grids.range(GRID_ROWS * at, GRID_ROWS)));
+        }
+        copies
+    }
+
+    /// What was kept of the images `range` of a step, as bytes: as many of each, on every machine.
+    pub fn kept(&self, gpu: &Gpu, range: Range<usize>) -> Result<Vec<Vec<u8>>> {
+        let parts = |at: usize| self.kept_parts(at).into_iter().map(|part| gpu.read(&part));
+        let of_image = |at| Ok(bytemuck::cast_slice(&parts(at).collect::<Result<Vec<_>>>()?.concat()).to_vec());
+        range.map(of_image).collect()
+    }
+
+    /// Puts back what [`Cameras::kept`] gave of image `at`, on another machine.
+    pub fn put_kept(&self, gpu: &Gpu, at: usize, bytes: &[u8]) -> Result<()> {
+        let rows: Vec<[f32; 4]> = bytemuck::pod_collect_to_vec(bytes);
+        let mut from = 0;
+        for part in self.kept_parts(at) {
+            gpu.write(&part, &rows[from..from + part.len()])?;
+            from += part.len();
+        }
+        Ok(())
+    }
+
+    /// Where what image `at` says is kept. Of an image whose camera has no grid it is what was there before.
+    fn kept_parts(&self, at: usize) -> Vec<Buf<[f32; 4]>> {
+        let Some(kept) = &self.kept else { return Vec::new() };
+        let of_cameras = self.wants_gradient().then(|| kept.d_cameras.range(CAMERA_ROWS * at, CAMERA_ROWS));
+        let of_grids = self.graded.is_some().then(|| kept.d_grids.range(GRID_ROWS * at, GRID_ROWS));
+        of_cameras.into_iter().chain(of_grids).collect()
+    }
+
     /// Appends step `step` of `total`, after the backward pass of a picture of `camera`.
     pub fn record_step(
         &self,
@@ -183,7 +273,7 @@ impl Cameras {
         (step, total): (u64, u64),
     ) {
         let done = (step - 1) as f64 / total.max(1) as f64;
-        let Config { lr, loss, .. } = &self.config;
+        let Config { lr, loss, batch, .. } = &self.config;
         if let (Some(graded), Some(grid)) = (&self.graded, grid) {
             let at = GridStep {
                 step,
@@ -195,7 +285,8 @@ impl Cameras {
             graded.grids.record_step(rec, grid.place, &at, &work.status);
         }
         let Some(backward) = &work.backward else { return };
-        let pace = lr.pace.at(done, total);
+        // A camera takes a step for each of its images.
+        let pace = lr.pace.at(done, total.saturating_mul(u64::from(*batch)));
         if let Some(poses) = self.poses_at(step, total) {
             let at = PoseStep {
                 camera: camera as u32,
@@ -241,7 +332,7 @@ impl Cameras {
         let poses = self.poses.as_ref().map_or(Ok(Vec::new()), |poses| gpu.read(&poses.state))?;
         let poses = poses.as_chunks().0.to_vec();
         let grids = self.graded.as_ref().map_or(Ok(Vec::new()), |graded| graded.grids.download(gpu))?;
-        let grid_steps = self.graded.as_ref().map_or(Vec::new(), |graded| graded.steps.clone());
+        let grid_steps = self.graded.as_ref().map_or(Vec::new(), |graded| graded.ended.clone());
         let has_grid = self.graded.as_ref().map_or(Vec::new(), Graded::has_grid);
         Ok(CameraState { clocks, learns_offset: self.learns_offset.clone(), poses, grids, grid_steps, has_grid })
     }
@@ -273,7 +364,8 @@ impl Cameras {
         }
         if let Some(graded) = &mut self.graded {
             graded.grids = Grids::upload(gpu, &state.grids)?;
-            graded.steps = state.grid_steps.clone();
+            graded.steps.clone_from(&state.grid_steps);
+            graded.ended.clone_from(&state.grid_steps);
         }
         Ok(())
     }

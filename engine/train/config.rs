@@ -1,7 +1,7 @@
 //! All numbers of a training run, with their defaults (SPEC 6).
 
 use crate::settings::{Knobs, Range, Setting, settings};
-use crate::stage::{Accumulation, AdamMode, DepthSpace};
+use crate::stage::{Accumulation, AdamMode, DepthSpace, MOST_IMAGES};
 use std::ops::Bound;
 use std::path::PathBuf;
 
@@ -30,6 +30,9 @@ settings! {
         epochs: u32 = 30, "passes", Range::Whole(0, u32::MAX as u64);
         /// Length of the run; 0 takes the length from epochs.
         steps: u64 = 0, "steps", Range::Whole(0, u64::MAX);
+        /// Images of a step: their gradients are added up before the Gaussians move. Several processes share them (`mpirun`). Takes
+        /// as much memory again as the moments and the parameters do.
+        batch: u32 = 1, "images", Range::Whole(1, MOST_IMAGES);
         /// Seed of the image order, the random points and density control.
         seed: u64 = 42, "", Range::Whole(0, u64::MAX);
         /// Highest degree of the spherical harmonics: how finely colours depend on the direction of view.
@@ -337,7 +340,8 @@ impl From<RateForm> for Rate {
 impl Config {
     /// Steps of a run on `n_images` training images.
     pub fn total(&self, n_images: u64) -> u64 {
-        if self.steps > 0 { self.steps } else { u64::from(self.epochs) * n_images }
+        let images = u64::from(self.epochs) * n_images;
+        if self.steps > 0 { self.steps } else { images.div_ceil(u64::from(self.batch)) }
     }
 }
 

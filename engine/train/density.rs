@@ -75,8 +75,8 @@ pub fn noise(config: &Config, step: u64, total: u64, extent: f64) -> Option<(f32
 pub fn regularisers(config: &Config) -> StepSettings {
     let Density { strategy, opacity_reg, scale_reg, .. } = config.density;
     match strategy {
-        Strategy::Adc => StepSettings::default(),
-        Strategy::Mcmc => StepSettings { opacity_reg, scale_reg, ..StepSettings::default() },
+        Strategy::Adc => StepSettings { images: config.batch, ..StepSettings::default() },
+        Strategy::Mcmc => StepSettings { images: config.batch, opacity_reg, scale_reg, ..StepSettings::default() },
     }
 }
 

@@ -83,8 +83,6 @@ pub(super) struct Loaded {
     staged: Option<Slice>,
     /// Where it stays; none where it passes.
     place: Option<Buf<u32>>,
-    /// Its name, where it stays from this step on.
-    name: Option<Asked>,
 }
 
 /// The pictures on the device.
@@ -109,7 +107,8 @@ impl Images {
         Ok(())
     }
 
-    /// Takes a picture to where the device copies it from; none where `shot` names one that is not there.
+    /// Takes a picture to where the device copies it from; none where `shot` names one that is not there. One that stays is there for
+    /// the images that follow, of the same step too, so the step is to be recorded.
     pub fn load(&mut self, gpu: &Gpu, staging: &Staging, shot: Shot) -> Result<Option<Loaded>> {
         let (picture, name) = match shot {
             Shot::Passes(picture) => (picture, None),
@@ -131,7 +130,10 @@ impl Images {
         let colors = Some((0, bytemuck::cast_slice(&picture.pixels)));
         let parts: Vec<(usize, &[u8])> = [colors, of_depth, of_flow].into_iter().flatten().collect();
         let staged = staging.staged_words("staged truth", layout.words, &parts)?;
-        Ok(Some(Loaded { counts, layout, staged: Some(staged), name: name.filter(|_| place.is_some()), place }))
+        if let (Some(name), Some(place)) = (name, &place) {
+            self.kept.insert(name, Kept { counts, layout, place: place.clone() });
+        }
+        Ok(Some(Loaded { counts, layout, staged: Some(staged), place }))
     }
 
     fn place<'a>(&'a self, loaded: &'a Loaded) -> &'a Buf<u32> {
@@ -152,13 +154,6 @@ impl Images {
     pub fn record_upload(&self, rec: &mut Recording, loaded: &Loaded) {
         if let Some(staged) = &loaded.staged {
             rec.copy(staged.clone(), self.place(loaded).range(0, loaded.layout.words).slice());
-        }
-    }
-
-    /// Keeps the picture of a step that the device has been given, if it is to stay. Not sooner: nothing would fill it.
-    pub fn keep(&mut self, loaded: &Loaded) {
-        if let (Some(name), Some(place)) = (loaded.name, &loaded.place) {
-            self.kept.insert(name, Kept { counts: loaded.counts, layout: loaded.layout, place: place.clone() });
         }
     }
 
@@ -185,6 +180,6 @@ impl Images {
 
 impl From<Kept> for Loaded {
     fn from(Kept { counts, layout, place }: Kept) -> Self {
-        Loaded { counts, layout, staged: None, place: Some(place), name: None }
+        Loaded { counts, layout, staged: None, place: Some(place) }
     }
 }

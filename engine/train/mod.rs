@@ -23,6 +23,7 @@ mod pinhole;
 mod plan;
 mod poses;
 mod preset;
+mod ranks;
 mod require;
 mod run;
 mod schedule;
@@ -54,6 +55,7 @@ pub use offsets::{Agreement, OffsetFit, fit_offset, learnt_offsets, offset_pictu
 pub use plan::{BoundBy, Class, INTERSECTIONS_PER_GAUSSIAN, ImageMemory, Limits, Need, Plan, Workload};
 pub use poses::Correction;
 pub use preset::{PRESETS, Preset, merge};
+pub use ranks::{Ranks, Shared, any};
 pub use require::{
     Due, Evidence, Fate, GridCheck, InTime, Review, Seen, affordable, carry_out, fates, merge_resting, review,
     review_due,

@@ -20,11 +20,17 @@ pub(super) struct Objective {
     pub cameras: Cameras,
 }
 
-/// The picture of a step.
-pub(super) struct Truth {
-    shown: Shown,
+/// The camera of an image of a step.
+#[derive(Clone, Copy)]
+pub(super) struct Taken {
     camera: usize,
     grid: Option<OwnGrid>,
+}
+
+/// An image of a step, to compare with.
+pub(super) struct Truth {
+    shown: Shown,
+    by: Taken,
     loaded: Loaded,
 }
 
@@ -72,23 +78,27 @@ impl Objective {
         self.terms.iter_mut().try_for_each(|term| term.fit(gpu, pixels))
     }
 
-    /// Takes the picture of step `step`, which `camera` took and which was reduced by `reduction`.
-    pub fn target(&mut self, loaded: Loaded, camera: usize, step: u64, reduction: u32) -> Truth {
-        let grid = self.cameras.next(camera);
-        let Counts { size, n_visible, n_depth, n_flow } = loaded.counts;
-        let shown = Shown { step, size, reduction, n_visible, n_depth, n_flow };
-        Truth { shown, camera, grid, loaded }
+    /// The camera of an image of the next step; its grid's steps are counted.
+    pub fn taken(&mut self, camera: usize) -> Taken {
+        Taken { camera, grid: self.cameras.next(camera) }
     }
 
-    /// Keeps the picture of a step that the device has been given, if it is to stay.
-    pub fn keep(&mut self, target: &Truth) {
-        self.images.keep(&target.loaded);
+    /// Notes that the step on an image has ended well.
+    pub fn end(&mut self, by: Taken) {
+        self.cameras.end(by.grid);
+    }
+
+    /// The image of step `step` that was taken `by` a camera and reduced by `reduction`.
+    pub fn target(&self, loaded: Loaded, by: Taken, step: u64, reduction: u32) -> Truth {
+        let Counts { size, n_visible, n_depth, n_flow } = loaded.counts;
+        let shown = Shown { step, size, reduction, n_visible, n_depth, n_flow };
+        Truth { shown, by, loaded }
     }
 
     /// Appends the upload of `target` and what is learnt of its camera's clock and pose, in a run of `total` steps.
     pub fn record_upload(&self, rec: &mut Recording, work: &Workspace, target: &Truth, total: u64) {
         self.images.record_upload(rec, &target.loaded);
-        self.cameras.record_view(rec, work, target.camera, (target.shown.step, total));
+        self.record_view(rec, work, target.by, (target.shown.step, total));
     }
 
     /// Appends the terms on the frame that was rendered, and the cotangents of its pictures.
@@ -98,20 +108,35 @@ impl Objective {
     pub fn record_loss(&mut self, gpu: &Gpu, rec: &mut Recording, work: &Workspace, target: &Truth) -> Result<()> {
         let Some(backward) = &work.backward else { return Ok(()) };
         let (shown, rendered) = (&target.shown, (&work.blend.image0, &backward.d_image0));
-        let grid_variation = target.grid.and(self.cameras.grids()).map(|grids| grids.tv_sums.clone());
-        let (image, d_image) = self.cameras.record_shown(gpu, rec, rendered, shown.size, target.grid)?;
+        let grid_variation = target.by.grid.and(self.cameras.grids()).map(|grids| grids.tv_sums.clone());
+        let (image, d_image) = self.cameras.record_shown(gpu, rec, rendered, shown.size, target.by.grid)?;
         let geometry = work.blend.image1.as_ref().zip(backward.d_image1.as_ref());
         let grid_variation = grid_variation.as_ref();
         let Planes { colors: truth, priors } = &self.images.planes(&target.loaded);
         let on = Rendered { image, d_image, geometry, truth, priors, grid_variation };
         self.left = self.terms.iter_mut().map(|term| term.record(gpu, rec, shown, &on)).collect::<Result<_>>()?;
-        self.cameras.record_back(rec, rendered, shown.size, target.grid);
+        self.cameras.record_back(rec, rendered, shown.size, target.by.grid);
         Ok(())
     }
 
-    /// Appends step `step` of `total` of the cameras' own parameters, after the backward pass.
-    pub fn record_step(&self, rec: &mut Recording, work: &Workspace, target: &Truth, step: u64, total: u64) {
-        self.cameras.record_step(rec, work, (target.camera, target.grid), (step, total));
+    /// Appends what is learnt of the clock and the pose of the camera `by` to the view of step `step` of `total`.
+    pub fn record_view(&self, rec: &mut Recording, work: &Workspace, by: Taken, (step, total): (u64, u64)) {
+        self.cameras.record_view(rec, work, by.camera, (step, total));
+    }
+
+    /// Appends step `step` of `total` of the own parameters of the camera `by`, after the backward pass of its image.
+    pub fn record_step(&self, rec: &mut Recording, work: &Workspace, by: Taken, (step, total): (u64, u64)) {
+        self.cameras.record_step(rec, work, (by.camera, by.grid), (step, total));
+    }
+
+    /// Appends the keeping of what image `at` of a step says of the parameters of the camera `by`, until all have been seen.
+    pub fn record_keep(&self, rec: &mut Recording, work: &Workspace, by: Taken, at: usize) {
+        self.cameras.record_keep(rec, work, by.grid, at);
+    }
+
+    /// Appends the taking up again of what [`Objective::record_keep`] kept.
+    pub fn record_take(&self, rec: &mut Recording, work: &Workspace, by: Taken, at: usize) {
+        self.cameras.record_take(rec, work, by.grid, at);
     }
 
     /// Appends the totals of the terms, beside the status of the step and its bad gradients, to where the host can read them.

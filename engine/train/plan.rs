@@ -38,6 +38,8 @@ pub struct Workload {
     pub sh_degree: u32,
     /// Bits of each of Adam's moments: 32, or 16.
     pub moment_bits: u32,
+    /// Images of a step.
+    pub batch: u32,
     /// Bytes of decoded pictures kept ahead, in the host's memory.
     pub cache_bytes: u64,
     /// Bytes of all training images.
@@ -75,7 +77,7 @@ pub struct Limits {
 pub enum Class {
     /// The Gaussians, and what culling derives from them.
     Parameters,
-    /// First and second moments of Adam, and the state of density control.
+    /// First and second moments of Adam, the state of density control, and gradients with their sums where a step sees several images.
     Moments,
     /// Scratch per Gaussian in view: culling, projection, the sort by depth.
     Active,
@@ -215,7 +217,18 @@ fn items(work: &Workload, is_host: bool) -> Vec<Item> {
             item("d image graded", Pixels, Pixel, 16.0, 16.0),
         ]);
     }
-    if work.dense {
+    if work.batch > 1 {
+        items.extend([
+            cut("gradients", Moments, Gaussian, each),
+            cut("gradients", Moments, Dynamic, 16.0),
+            cut("gradient sums", Moments, Gaussian, 2.0 * each),
+            cut("gradient sums", Moments, Dynamic, 32.0),
+        ]);
+        if work.grids > 0 {
+            let of_step = f64::from(work.batch) * (GRID_BYTES / 3) as f64;
+            items.push(item("d grids of a step", Cameras, Once, of_step, of_step));
+        }
+    } else if work.dense {
         items.push(item("idle ids", Active, Gaussian, 4.0, 4.0));
     }
     if work.offsets {
@@ -319,6 +332,7 @@ impl Plan {
             pixels: pixels.max().unwrap_or(0),
             sh_degree: config.sh_degree,
             moment_bits: config.moment_bits,
+            batch: config.batch,
             cache_bytes: memory.cache_bytes.min(image_bytes),
             image_bytes,
             kept_image_bytes: memory.device_bytes,

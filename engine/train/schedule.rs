@@ -3,11 +3,14 @@
 use super::config::Config;
 use crate::stage::Rates;
 
-/// The rates of step `step` (from 1) of `total` for a scene of `extent`; past the end they go on as they were.
+/// The rates of step `step` (from 1) of `total` for a scene of `extent`; past the end they go on as they were. A step on several
+/// images takes the rates of a run with as many images, times the square root of their number: the gradients of images are
+/// independent, so the noise of their sum grows with that root.
 pub fn rates(config: &Config, step: u64, total: u64, extent: f64) -> Rates {
     let done = (step.saturating_sub(1)) as f64 / total.max(1) as f64;
     let lr = &config.lr;
-    let pace = lr.pace.at(done, total);
+    let (images, root) = (total.saturating_mul(u64::from(config.batch)), f64::from(config.batch).sqrt());
+    let pace = root * lr.pace.at(done, images);
     // SPEC 6: the degree grows by one every thirtieth of the run.
     let degree = ((30.0 * done) as usize).min(config.sh_degree as usize);
     let sh = std::array::from_fn(|band| match band {
@@ -17,13 +20,13 @@ pub fn rates(config: &Config, step: u64, total: u64, extent: f64) -> Rates {
     });
     Rates {
         // That of positions falls by itself.
-        position: lr.pace.at(0.0, total) * lr.position.at(done) * extent,
+        position: root * lr.pace.at(0.0, images) * lr.position.at(done) * extent,
         opacity: pace * lr.opacity.at(done),
         rotation: pace * lr.rotation.at(done),
         scale: pace * lr.scale.at(done),
-        t_scale: lr.t_scale.at(done),
-        velocity: lr.velocity.at(done),
-        t_center: lr.t_center.at(done),
+        t_scale: root * lr.t_scale.at(done),
+        velocity: root * lr.velocity.at(done),
+        t_center: root * lr.t_center.at(done),
         sh,
     }
 }

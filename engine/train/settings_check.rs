@@ -2,6 +2,7 @@
 
 use super::config::{Config, all_settings};
 use crate::settings::{Range, Setting, as_written};
+use crate::stage::AdamMode;
 use crate::words::nearest;
 use serde_json::Value;
 
@@ -82,6 +83,12 @@ impl Config {
         let (first, last) = (self.required.first, self.required.last);
         if first > last {
             return Err(format!("required.first is {first}; expected at most required.last, which is {last}"));
+        }
+        if self.batch > 1 && self.adam == AdamMode::Lazy {
+            return Err(
+                "adam is lazy, and batch above 1; expected adam=dense or adam=sparse with steps on several images"
+                    .to_owned(),
+            );
         }
         self.frame.check().map_err(|fault| format!("frame.{fault}"))
     }

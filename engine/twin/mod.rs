@@ -4,6 +4,7 @@
 //! what the same formula loses on the device, [`Dual`] gives exact directional derivatives.
 
 mod adam;
+mod batch;
 mod bilateral;
 mod blend;
 mod clock;
@@ -29,6 +30,7 @@ mod ssim;
 mod tiles;
 
 pub use adam::*;
+pub use batch::*;
 pub use bilateral::*;
 pub use blend::*;
 pub use clock::*;

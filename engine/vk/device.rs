@@ -133,7 +133,7 @@ impl Device {
         let instance = Instance::new(choice)?;
         let mut devices = instance.devices(choice.subgroup_size)?;
         let borrowed: Vec<_> = devices.iter().map(|(_, d)| d.as_ref().map(|f| &f.caps)).collect();
-        let (index, why) = pick(&borrowed, choice.device.as_deref())?;
+        let (index, why) = pick(&borrowed, (choice.device.as_deref(), choice.nth))?;
         let (physical, found) = devices.swap_remove(index);
         let Ok(Found { queue_family, mut caps, pipeline_cache_uuid }) = found else {
             unreachable!("pick returns usable devices")

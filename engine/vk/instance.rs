@@ -17,6 +17,8 @@ const VALIDATION_LAYER: &CStr = c"VK_LAYER_KHRONOS_validation";
 pub struct DeviceChoice {
     /// Index in [`list_devices`]'s order or part of a name; empty prefers a GPU and takes a CPU device as the last.
     pub device: Option<String>,
+    /// Where no device is named: which of those that are like the preferred one, from 0; past the last it begins again.
+    pub nth: usize,
     /// Turn the validation layer on; an error if it is not installed.
     pub validation: bool,
     /// Let it check synchronisation as well.
@@ -182,7 +184,10 @@ pub fn list_devices() -> Result<Vec<std::result::Result<Caps, String>>> {
 }
 
 /// Index and reason of the device that `wanted` picks among `devices`.
-pub(super) fn pick(devices: &[std::result::Result<&Caps, &String>], wanted: Option<&str>) -> Result<(usize, String)> {
+pub(super) fn pick(
+    devices: &[std::result::Result<&Caps, &String>],
+    (wanted, nth): (Option<&str>, usize),
+) -> Result<(usize, String)> {
     let listed = || {
         devices
             .iter()
@@ -209,10 +214,15 @@ pub(super) fn pick(devices: &[std::result::Result<&Caps, &String>], wanted: Opti
         });
     }
     usable
+        .clone()
         .min_by_key(|(i, caps)| (caps.kind, *i))
         .map(|(i, caps)| {
             let why = if caps.kind == DeviceKind::Cpu { "no GPU was found" } else { "a GPU is preferred" };
-            (i, why.to_owned())
+            let like: Vec<usize> = usable.filter(|(_, other)| other.name == caps.name).map(|(i, _)| i).collect();
+            match like.len() {
+                0 | 1 => (i, why.to_owned()),
+                n => (like[nth % n], format!("{why}; number {} of {n}", nth % n)),
+            }
         })
         .ok_or_else(|| Error::NoDevice {
             reason: if devices.is_empty() { "the loader lists none".to_owned() } else { listed() },
@@ -257,12 +267,12 @@ mod tests {
         let (cpu, gpu) = (caps("llvmpipe", DeviceKind::Cpu), caps("Radeon", DeviceKind::DiscreteGpu));
         let bad = "old".to_owned();
         let devices = [Ok(&cpu), Err(&bad), Ok(&gpu)];
-        assert_eq!(pick(&devices, None).unwrap().0, 2);
-        assert_eq!(pick(&devices, Some("llvm")).unwrap().0, 0);
-        assert_eq!(pick(&devices, Some("0")).unwrap().0, 0);
-        assert_eq!(pick(&devices[..2], None).unwrap(), (0, "no GPU was found".to_owned()));
+        assert_eq!(pick(&devices, (None, 0)).unwrap().0, 2);
+        assert_eq!(pick(&devices, (Some("llvm"), 0)).unwrap().0, 0);
+        assert_eq!(pick(&devices, (Some("0"), 0)).unwrap().0, 0);
+        assert_eq!(pick(&devices[..2], (None, 3)).unwrap(), (0, "no GPU was found".to_owned()));
         for (devices, wanted) in [(&devices[..], Some("1")), (&devices[..], Some("arc")), (&devices[1..2], None)] {
-            let error = pick(devices, wanted).unwrap_err();
+            let error = pick(devices, (wanted, 0)).unwrap_err();
             assert_eq!(error.exit_code(), 4, "{error}");
         }
     }

@@ -36,7 +36,7 @@ impl Compiler {
         let instance = Instance::new(choice)?;
         let mut devices = instance.devices(choice.subgroup_size)?;
         let borrowed: Vec<_> = devices.iter().map(|(_, d)| d.as_ref().map(|f| &f.caps)).collect();
-        let (index, _) = pick(&borrowed, choice.device.as_deref())?;
+        let (index, _) = pick(&borrowed, (choice.device.as_deref(), choice.nth))?;
         let (physical, found) = devices.swap_remove(index);
         let Ok(Found { queue_family, caps, .. }) = found else { unreachable!("pick returns usable devices") };
         let fault = |reason: String, remedy: &str| Error::NoDevice { reason, remedy: remedy.to_owned() };

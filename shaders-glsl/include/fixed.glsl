@@ -10,8 +10,9 @@ bool to_fixed(float x, out uvec2 word) {
     const float size = abs(x);
     word = uvec2(0u);
     if (!(finite(x) && size < 18014398509481984.0)) return false;
-    // Exact: a float's 24 bits never straddle the split in a way that rounds.
-    const float whole = size < 16777216.0 ? floor(size + 0.5) : size;
+    // Exact: half is added to no size, since a sum would round, and a float's 24 bits never straddle the split in a way that does.
+    const float below = floor(size);
+    const float whole = below + (size - below < 0.5 ? 0.0 : 1.0);
     const uint high = uint(whole * (1.0 / 4294967296.0));
     const uint low = uint(whole - float(high) * 4294967296.0);
     word = x < 0.0 ? uvec2(~low + 1u, ~high + uint(low == 0u)) : uvec2(low, high);

@@ -3,7 +3,8 @@
 // Equation  the adjoint of project.comp: dL/dC = -M^T H M with H the whitened moments, then through V = J R Rot(q) diag(s).
 // Grid      one thread per active Gaussian of the group.
 // Reads     slots of the blend, added in order, or sums that were accumulated (`is_summed`).
-// Writes    gradients in the layout of the parameters, by group-local index; others keep the zeros they were cleared to.
+// Writes    gradients in the layout of the parameters, by group-local index; others keep the zeros they were cleared to. The fourth
+//           number of the constant band is how hard the centre is pulled, -1 where that does not count.
 //           ADAM: parameters, moments and state (density statistics, t_center's residual, step). d_camera, if asked for:
 //           (rotation of the camera about its own axes, time) and (translation along them, 0) of each active Gaussian.
 // Numerics  clamps have zero derivative outside; a gradient that is not finite is written as zero, or moves nothing, and is
@@ -69,7 +70,7 @@ layout(set = 0, binding = 23) uniform Adam { AdamParams adam; };
         WRITE_MOMENTS(moments, at_moments, m, v, moments_key(uint(adam.step), pc.first + i), plane_number(kind, p)) \
     }
 #define PUT_GEOMETRY(p, g) PUT(geometry, moments_geometry, plane_index(i, 3u, p), GEOMETRY, 3u, p, g)
-#define PUT_SH0(g) PUT(sh0, moments_sh0, i, SH_0_BUFFER, 1u, 0u, g)
+#define PUT_SH0(g, pull) PUT(sh0, moments_sh0, i, SH_0_BUFFER, 1u, 0u, g)
 #define PUT_MOTION(g) PUT(motion, moments_motion, i, MOTION, 1u, 0u, g)
 #define PUT_SH1(p, g) PUT(sh1, moments_sh1, plane_index(i, 3u, p), SH_1_BUFFER, 3u, p, g)
 #define PUT_SH2(p, g) PUT(sh2, moments_sh2, plane_index(i, 4u, p), SH_1_BUFFER + 1u, 4u, p, g)
@@ -88,7 +89,7 @@ layout(set = 0, binding = 19) restrict writeonly buffer DSh2 { vec4 d_sh2[]; };
 layout(set = 0, binding = 20) restrict writeonly buffer DSh3 { vec4 d_sh3[]; };
 
 #define PUT_GEOMETRY(p, g) d_geometry[plane_index(i, 3u, p)] = g;
-#define PUT_SH0(g) d_sh0[i] = g;
+#define PUT_SH0(g, pull) d_sh0[i] = vec4((g).xyz, pull);
 #define PUT_MOTION(g) d_motion[i] = g;
 #define PUT_SH1(p, g) d_sh1[plane_index(i, 3u, p)] = g;
 #define PUT_SH2(p, g) d_sh2[plane_index(i, 4u, p)] = g;
@@ -269,18 +270,19 @@ void main() {
         d_camera[2u * at] = good ? vec4(d_turn, -d_v.w) : vec4(0.0);
         d_camera[2u * at + 1u] = good ? vec4(d_shift, 0.0) : vec4(0.0);
     }
+    // In units of half a picture, as 3DGS's threshold for density control has it.
+    const float pull = length(d_xy * 0.5 * vec2(float(view.width), float(view.height)));
+    const bool counts = n_tiles > 0u && squared_reach(view, s1.z) >= 0.0;
 #ifdef ADAM
     if (!good) return;
     vec4 own = state[i];
     float residual = own.z;
-    // In units of half a picture, as 3DGS's threshold for density control has it.
-    const float pull = length(d_xy * 0.5 * vec2(float(view.width), float(view.height)));
-    if (n_tiles > 0u && squared_reach(view, s1.z) >= 0.0) own.xy += vec2(pull, 1.0);
+    if (counts) own.xy += vec2(pull, 1.0);
 #endif
     PUT_GEOMETRY(0u, good ? d_mean_opacity : vec4(0.0))
     PUT_GEOMETRY(1u, good ? d_q : vec4(0.0))
     PUT_GEOMETRY(2u, good ? d_scale_t : vec4(0.0))
-    PUT_SH0(good ? vec4(SH_0 * d_color, 0.0) : vec4(0.0))
+    PUT_SH0(good ? vec4(SH_0 * d_color, 0.0) : vec4(0.0), good && counts ? pull : -1.0)
 #ifdef DYNAMIC
     PUT_MOTION(good ? d_v : vec4(0.0))
 #endif

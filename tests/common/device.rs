@@ -106,6 +106,7 @@ pub fn options() -> Options {
     Options {
         device: DeviceChoice {
             device: std::env::var("IVV_TEST_DEVICE").ok(),
+            nth: 0,
             validation: true,
             sync_validation: is_set("IVV_TEST_SYNC_VALIDATION"),
             no_push_descriptors: is_set("IVV_TEST_NO_PUSH_DESCRIPTORS"),

@@ -89,6 +89,7 @@ fn a_detached_depth_moves_places_and_no_opacities() {
         sums: Sums::Slots,
         camera: false,
         idle: false,
+        is_batched: false,
         depth_bits: 32,
     };
     let work = Workspace::new(&gpu, &scene, room).unwrap();

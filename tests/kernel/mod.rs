@@ -1,6 +1,7 @@
 //! Each kernel against its exact twin: edge sizes, poisoned memory, guarded ends.
 
 mod adam;
+mod batch;
 mod bilateral;
 mod blend;
 mod clock;
@@ -27,6 +28,7 @@ use crate::common::twins::Tested;
 /// Every kernel test that has a twin.
 pub const TESTED: &[&[Tested]] = &[
     adam::TESTED,
+    batch::TESTED,
     bilateral::TESTED,
     blend::TESTED,
     clock::TESTED,

@@ -5,6 +5,7 @@ use crate::adversary::rounds_otherwise;
 use crate::common::device::gpu;
 use crate::common::random::{Random, scene, view};
 use crate::common::twins::tested;
+use crate::kernel::batch::{borrowed, two};
 use ivv::Constants;
 use ivv::extremes::fixtures::adam::{Scene, Step, cotangents, half_seen, numbers, rates};
 use ivv::gpu::Recording;
@@ -18,6 +19,7 @@ use ivv::twin::{random_bits, rounded_moment};
 tested! {
     "adam/adam_idle.comp" by rounded_moment in moments_fade_to_the_twins_bits_in_groups_of_any_size;
     "adam/adam_catch_up.comp" by rounded_moment in lazy_steps_catch_up_and_round_once;
+    "batch/batch_step.comp" by rounded_moment in a_step_along_a_sum_rounds_what_it_stores_as_the_twin_does;
     "project/project_bwd.comp" by rounded_moment in a_step_computes_in_32_bits_and_rounds_what_it_stores_as_the_twin_does;
 }
 
@@ -126,6 +128,22 @@ fn a_step_computes_in_32_bits_and_rounds_what_it_stores_as_the_twin_does() {
             assert!(n > 300, "degree {degree}, {size:e}: {n} moments");
             assert!(found == step(&packed), "another run has other bits");
         }
+    }
+}
+
+#[test]
+fn a_step_along_a_sum_rounds_what_it_stores_as_the_twin_does() {
+    if rounds_otherwise("two kernels have the same bits") {
+        return;
+    }
+    let _device = gpu();
+    for degree in [0, 3] {
+        let [packed, plain] = both(half_seen(u64::from(degree), degree));
+        let images = two(1e-3);
+        let step = |scene: &Scene| scene.batch_step(&gpu(), &borrowed(&images), &Step::dense(8)).unwrap().0;
+        let (found, exact) = (step(&packed), step(&plain));
+        assert!(found.params == exact.params && found.state == exact.state, "degree {degree}");
+        assert!(assert_rounded(&found, &exact, 8) > 300);
     }
 }
 

@@ -15,6 +15,7 @@ mod overwrite;
 mod plan;
 mod points;
 mod poses;
+mod ranks;
 mod report;
 mod require;
 mod require_seen;

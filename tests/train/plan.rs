@@ -19,6 +19,7 @@ fn workload() -> Workload {
         pixels: 640 * 360,
         sh_degree: 3,
         moment_bits: 32,
+        batch: 1,
         cache_bytes: 256 << 20,
         image_bytes: 3 << 30,
         kept_image_bytes: None,
@@ -42,6 +43,7 @@ fn the_plan_is_what_a_trainer_allocates_buffer_by_buffer() {
         (1, false, 16, Accumulation::FixedPoint),
         (2, false, 32, Accumulation::CompareExchange),
         (3, true, 32, Accumulation::Auto),
+        (3, true, 16, Accumulation::Auto),
     ];
     for (sh_degree, is_dynamic, moment_bits, accumulation) in cases {
         let mut capture = tiny.capture.clone();
@@ -51,7 +53,8 @@ fn the_plan_is_what_a_trainer_allocates_buffer_by_buffer() {
         }
         let points: Vec<_> = (0..20).flat_map(|_| capture.points.clone()).collect();
         let required = Required { grids_at: 0.0, ..Required::default() };
-        let config = Config { sh_degree, moment_bits, accumulation, required, ..Config::default() };
+        let batch = if (sh_degree, moment_bits) == (3, 16) { 4 } else { 1 };
+        let config = Config { batch, sh_degree, moment_bits, accumulation, required, ..Config::default() };
         let begin = from_points(&points, &capture, &config);
         let before = gpu.device().memory().0;
         let mut trainer = Trainer::new(
@@ -79,6 +82,7 @@ fn the_plan_is_what_a_trainer_allocates_buffer_by_buffer() {
             pixels: 64 * 48,
             sh_degree,
             moment_bits,
+            batch,
             data: TermData { depth: true, flow: true },
             offsets: is_dynamic,
             grids: if is_dynamic { 4 } else { 0 },

@@ -66,7 +66,7 @@ fn a_session_does_what_is_due_whoever_brings_the_images_and_wherever_it_is_resum
     assert_eq!(order.len() as u64, STEPS);
     for (camera, frame) in order {
         let picture = tiny.capture.picture_with(camera, frame, &fed.priors().plan.clone()).unwrap();
-        fed.step_on((camera, frame), &picture).unwrap();
+        fed.step_on(&[((camera, frame), &picture)]).unwrap();
     }
     assert_eq!(bits(&fed.finish().unwrap()), bits(&whole));
 

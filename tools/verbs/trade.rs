@@ -250,7 +250,9 @@ impl Bench<'_> {
         let order = all.first().map_or(Vec::new(), |first| first.session.order());
         let plan = priors.unwrap_or_default().plan;
         let mut cache = FrameCache::new(&self.capture, order.iter().copied(), &plan, CACHE, 1)?;
-        let blocks: Vec<&[(usize, u32)]> = order.chunks(self.args.block as usize).collect();
+        // No knob changes the number of images of a step.
+        let batch = all.first().map_or(1, |first| first.config.batch as usize);
+        let blocks: Vec<&[(usize, u32)]> = order.chunks(self.args.block as usize * batch).collect();
         let n_arms = all.len();
         let mut progress = Progress::new(what, blocks.len());
         for (index, block) in blocks.iter().enumerate() {
@@ -264,7 +266,10 @@ impl Bench<'_> {
                 // Nobody is always first.
                 let Running { config, session, run } = &mut all[(place + index) % n_arms];
                 let start = Instant::now();
-                inputs.iter().try_for_each(|(at, picture)| session.step_on(*at, picture))?;
+                inputs.chunks(config.batch as usize).try_for_each(|images| {
+                    let images: Vec<_> = images.iter().map(|(at, picture)| (*at, &**picture)).collect();
+                    session.step_on(&images)
+                })?;
                 let splats = session.finish()?;
                 run.block_seconds.push(start.elapsed().as_secs_f64());
                 session.take_events();
@@ -273,7 +278,7 @@ impl Bench<'_> {
                     run.curve.push([run.block_seconds.iter().sum(), psnr]);
                 }
             }
-            progress.step(&format!("{} steps of {n_arms} settings, seed {seed}", block.len()));
+            progress.step(&format!("{} steps of {n_arms} settings, seed {seed}", block.len() / batch));
         }
         Ok(all)
     }

@@ -11,8 +11,9 @@ use crate::offsets;
 use crate::passes::{self, TimedPass};
 use crate::poses;
 use crate::progress::{Steps, watch};
+use crate::ranks::Team;
 use crate::require;
-use crate::screen::{alert, out, say};
+use crate::screen::{alert, be_quiet, out, say};
 use crate::settings::SettingArgs;
 use crate::start::Start;
 use crate::totals::{ProfiledStep, Seconds, cpu_seconds, totals};
@@ -94,7 +95,14 @@ pub struct Args {
 pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let begun = Instant::now();
     let stop = Stop::listen()?;
-    let start = Start::new(args)?;
+    let team = Team::join(&stop)?;
+    if !team.leads() {
+        be_quiet();
+    }
+    let start = Start::new(args, team.leads())?;
+    team.check(&start.config)?;
+    // All have read what they begin with before one of them writes.
+    team.any(false)?;
     let Start { gpu, run, capture, config, total, checkpoints, resumed, .. } = &start;
     if config.loss.lacks_lpips_weights() {
         say!("LPIPS is off: it needs weights, given by --set loss.lpips_weights=FILE");
@@ -104,6 +112,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         total: Some(*total),
         cache_bytes: args.cache_bytes.unwrap_or_else(share_of_memory),
         device_image_bytes: args.device_image_bytes,
+        ranks: team.ranks(),
         watch: watch(),
         ..SessionOptions::default()
     };
@@ -113,6 +122,9 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     };
     start.replace(&args.output)?;
     start.extend(&mut session)?;
+    if !team.leads() {
+        return follow(session, (*total, &args.due), &team, &stop);
+    }
     let before = session.steps();
     if let n @ 1.. = session.n_left_out() {
         alert!("{} left out: not finite, or too bright", count(n, "Gaussian"));
@@ -126,6 +138,10 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         if before < *total { steps } else { format!("all {total} steps done") },
         config.sh_degree
     );
+    if team.size() > 1 {
+        let own = config.batch as usize / team.size();
+        say!("{} processes, each of which sees {own} of the {} images of a step", team.size(), config.batch);
+    }
     let log = Log::open(&args.output, before);
     let said = Said::default();
     let _beside = args.view.map(|port| Beside::new(&args.output, port, said.clone())).transpose()?;
@@ -135,6 +151,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
             args,
             scorer: Scorer { gpu, capture, run, config },
             session,
+            team: team.clone(),
             total: *total,
             checkpoints: checkpoints.clone(),
             some_test: spread(&test, args.due.eval_images),
@@ -149,6 +166,26 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     })
 }
 
+/// Takes the steps of a run that another process leads.
+fn follow(mut session: Session, (total, due): (u64, &DueArgs), team: &Team, stop: &Stop) -> anyhow::Result<()> {
+    let due = Due::new(due, total);
+    session.settle()?;
+    while session.steps() < total {
+        session.step()?;
+        session.take_events();
+        session.settle()?;
+        if team.any(stop.is_asked())? {
+            return Err(Interrupted("the process that leads wrote a checkpoint; continue with --resume").into());
+        }
+        if due.checkpoint(session.steps()) {
+            let (splats, step) = (session.trainer().splats()?, session.steps());
+            team.agree(&splats, step)?;
+        }
+    }
+    team.finish();
+    Ok(())
+}
+
 /// An evaluation during the run, and what is shown of it.
 struct Scored {
     splats: Splats,
@@ -161,6 +198,8 @@ struct Training<'scope, 'env> {
     args: &'env Args,
     scorer: Scorer<'env>,
     session: Session<'env>,
+    /// The processes that share its steps.
+    team: Team,
     /// Where checkpoints and reports are written.
     behind: Behind<'scope, 'env>,
     total: u64,
@@ -187,7 +226,7 @@ impl Training<'_, '_> {
         }
         self.settle()?;
         while self.session.steps() < self.total {
-            if self.due.profile(self.session.steps() + 1) {
+            if self.team.size() == 1 && self.due.profile(self.session.steps() + 1) {
                 self.profile()?;
             } else {
                 self.session.step()?;
@@ -197,7 +236,11 @@ impl Training<'_, '_> {
                 self.session.wait()?;
             }
             self.settle()?;
-            let is_stopped = stop.is_asked();
+            let is_stopped = self.team.any(stop.is_asked())?;
+            if !is_stopped && self.due.checkpoint(step) && self.team.size() > 1 {
+                let splats = self.session.trainer().splats()?;
+                self.team.agree(&splats, step)?;
+            }
             let scored = if is_stopped { None } else { self.evaluate(step)? };
             if scored.is_some() || self.due.checkpoint(step) || is_stopped {
                 self.write(scored, self.due.checkpoint(step) || is_stopped)?;
@@ -346,6 +389,7 @@ impl Training<'_, '_> {
     fn finish(&mut self, json: bool) -> anyhow::Result<()> {
         let output = &self.args.output;
         self.behind.wait()?;
+        self.team.finish();
         let splats = self.session.finish()?;
         let (scene, world, step) = (output.join("scene.ply"), self.scorer.run.world, self.session.steps());
         let written = write_scene(&scene, &splats, &world)?;
@@ -365,6 +409,9 @@ impl Training<'_, '_> {
         let Scorer { gpu, run, capture, config } = self.scorer;
         let mut totals = totals(gpu, step, &splats, (run, config), &self.log, &seconds)?;
         totals["reviews"] = self.log.lines(Kind::Review).cloned().collect();
+        if self.team.size() > 1 {
+            totals["ranks"] = serde_json::to_value(self.session.trainer().shared())?;
+        }
         totals["plan"] = serde_json::to_value(self.session.plan())?;
         totals["depth_priors"] = serde_json::to_value(&self.session.priors().depth)?;
         totals["offsets"] = serde_json::to_value(&offsets)?;

@@ -30,6 +30,20 @@ pub mod args {
     pub const SORT_BLOCK: u32 = 2048;
 }
 
+/// Of `include/batch.glsl`.
+pub mod batch {
+    /// 2^50.
+    pub const BATCH_SCALE: f32 = 1125899906842624.0;
+    /// the float below 2^54.
+    pub const BATCH_LARGEST: f32 = 18014397435740160.0;
+    /// 2^40.
+    pub const PULL_SCALE: f32 = 1099511627776.0;
+    /// `PULL_LARGEST` of the shader.
+    pub const PULL_LARGEST: f32 = 32.0;
+    /// `PULL_BITS` of the shader.
+    pub const PULL_BITS: u32 = 52;
+}
+
 /// Of `include/bilateral.glsl`.
 pub mod bilateral {
     /// across and down.

@@ -4,6 +4,7 @@
 //! buffers as its first are a line each; a function named after the shader picks one.
 
 mod adam;
+mod batch;
 mod bilateral;
 mod blend;
 mod clock;
@@ -24,6 +25,7 @@ mod tiles;
 use bytemuck::{Pod, Zeroable};
 
 pub use adam::*;
+pub use batch::*;
 pub use bilateral::*;
 pub use blend::*;
 pub use clock::*;
@@ -372,6 +374,11 @@ pub const ALL: &[&super::KernelInfo] = &[
     adam_idle_m16::INFO,
     adam_catch_up::INFO,
     adam_catch_up_m16::INFO,
+    batch_add::INFO,
+    batch_step::INFO,
+    batch_step_m16::INFO,
+    batch_pack::INFO,
+    batch_unpack::INFO,
     density_classify_static::INFO,
     density_classify_dynamic::INFO,
     density_choose::INFO,

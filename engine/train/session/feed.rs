@@ -88,11 +88,6 @@ impl Feed {
 }
 
 impl Next {
-    /// Its camera and its frame.
-    pub fn image(&self) -> (usize, u32) {
-        (self.asked.camera, self.asked.frame)
-    }
-
     /// Its name, where the device must have it already.
     pub fn on_device(&self) -> Option<&Asked> {
         self.picture.is_none().then_some(&self.asked)

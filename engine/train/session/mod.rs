@@ -23,15 +23,17 @@ use crate::train::init::initialise;
 use crate::train::judge::judge_poses;
 use crate::train::offsets::learnt_offsets;
 use crate::train::plan::{ImageMemory, Plan};
+use crate::train::ranks::Ranks;
 use crate::train::require::{Due, review, review_due};
 use crate::train::setup::Setup;
-use crate::train::trainer::{ProfiledStep, Trainer};
-use feed::{Feed, Next};
+use crate::train::trainer::{ProfiledStep, Seen, Trainer};
+use feed::Feed;
 use notice::work;
 use order::training_frames;
 use std::cmp::Ordering;
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
+use std::vec::IntoIter;
 
 /// A run under way.
 ///
@@ -64,7 +66,7 @@ pub struct Session<'a> {
     n_left_out: usize,
     trainer: Trainer,
     /// The images to come, in their order; made for the first step that needs it.
-    feed: Option<Feed>,
+    feed: Option<Coming>,
     cache_bytes: u64,
     /// Bytes of images that stay on the device.
     image_bytes: u64,
@@ -79,6 +81,14 @@ pub struct Session<'a> {
 
 /// A camera and a frame.
 type Image = (usize, u32);
+
+/// The images of the steps to come.
+struct Coming {
+    /// All of them.
+    images: IntoIter<Image>,
+    /// Those that this process sees.
+    feed: Feed,
+}
 
 /// What a run begins with, where that is not what its settings say.
 pub struct SessionOptions<'a> {
@@ -96,6 +106,9 @@ pub struct SessionOptions<'a> {
     /// Bytes of images that stay in the device's memory once they are there; none for what the plan says. Steps on them
     /// neither decode nor copy anything, and have the same bits.
     pub device_image_bytes: Option<u64>,
+    /// The other processes, where several share the images of each step: the run has the same bits for any number of them that
+    /// divides `batch`. All begin with the same capture and settings.
+    pub ranks: Option<Arc<dyn Ranks>>,
     /// Is told what takes a while.
     pub watch: Watch<'a>,
 }
@@ -109,6 +122,7 @@ impl Default for SessionOptions<'_> {
             priors: None,
             cache_bytes: share_of_memory(),
             device_image_bytes: None,
+            ranks: None,
             watch: Box::new(|_| ()),
         }
     }
@@ -181,7 +195,9 @@ impl<'a> Session<'a> {
         (total, priors, plan, n_first): (u64, Priors, Plan, usize),
         options: SessionOptions<'a>,
     ) -> Self {
-        let SessionOptions { constants, cache_bytes, watch, .. } = options;
+        let SessionOptions { constants, cache_bytes, watch, ranks, .. } = options;
+        let mut trainer = trainer;
+        trainer.join(ranks);
         Session {
             gpu,
             capture,
@@ -253,12 +269,13 @@ impl<'a> Session<'a> {
 
     /// Seconds in which steps waited for images.
     pub fn waited(&self) -> f64 {
-        self.feed.as_ref().map_or(0.0, |feed| feed.stats().waited.as_secs_f64())
+        self.feed.as_ref().map_or(0.0, |coming| coming.feed.stats().waited.as_secs_f64())
     }
 
     /// The images of the steps to come, as camera and frame, see [`training_order`].
     pub fn order(&self) -> Vec<(usize, u32)> {
-        training_order(&self.frames, self.config.seed, self.trainer.step(), self.total)
+        let images = |steps: u64| steps.saturating_mul(u64::from(self.config.batch));
+        training_order(&self.frames, self.config.seed, images(self.trainer.step()), images(self.total))
     }
 
     /// What has happened since this was last asked, in order. Steps end while others are under way, so one that was handed over
@@ -272,38 +289,39 @@ impl<'a> Session<'a> {
     /// # Errors
     /// Those of the device and of the images.
     pub fn step(&mut self) -> Result<bool> {
-        let Some(next) = self.picture()? else { return Ok(false) };
-        self.step_with(next.image(), next.shot())?;
+        self.settle()?;
+        let Some((images, begun)) = self.images()? else { return Ok(false) };
+        self.trainer.train_on(images)?;
+        self.stepped(begun)?;
         Ok(true)
     }
 
-    /// As [`Session::step`] with an image that is at hand, whole: the next one of [`Session::order`]. A session steps either this way or
-    /// the other.
+    /// As [`Session::step`] with the images that are at hand, whole: the next `batch` of [`Session::order`]. A session steps either this
+    /// way or the other.
     ///
     /// # Errors
     /// Those of the device.
-    pub fn step_on(&mut self, image: (usize, u32), picture: &Picture) -> Result<()> {
+    pub fn step_on(&mut self, images: &[((usize, u32), &Picture)]) -> Result<()> {
         self.settle()?;
-        self.step_with(image, Shot::Passes(picture))
-    }
-
-    fn step_with(&mut self, (camera, frame): Image, shot: Shot) -> Result<()> {
-        let view = self.capture.view(camera, frame)?;
         let begun = Instant::now();
-        self.trainer.train_on(camera, &view, shot)?;
+        let seen = |((camera, frame), picture): &((usize, u32), &Picture)| {
+            let view = self.capture.view(*camera, *frame)?;
+            let loaded = self.trainer.load(&view, Shot::Passes(picture))?;
+            Ok(Seen { camera: *camera, view, loaded: Some(loaded) })
+        };
+        let images = images.iter().map(seen).collect::<Result<_>>()?;
+        self.trainer.train_on(images)?;
         self.stepped(begun)
     }
 
-    /// As [`Session::step`], with the time of every pass; none at the end of the run.
+    /// As [`Session::step`], with the time of every pass; none at the end of the run. Not of a step that several processes share.
     ///
     /// # Errors
     /// As [`Session::step`].
     pub fn profile(&mut self) -> Result<Option<ProfiledStep>> {
-        let Some(next) = self.picture()? else { return Ok(None) };
-        let (camera, frame) = next.image();
-        let view = self.capture.view(camera, frame)?;
-        let begun = Instant::now();
-        let profiled = self.trainer.profile_on(camera, &view, next.shot())?;
+        self.settle()?;
+        let Some((images, begun)) = self.images()? else { return Ok(None) };
+        let profiled = self.trainer.profile_on(images, begun)?;
         self.stepped(begun)?;
         Ok(Some(profiled))
     }
@@ -314,10 +332,9 @@ impl<'a> Session<'a> {
     /// # Errors
     /// As [`Session::step`].
     pub fn dump(&mut self, kernel: &str) -> Result<Option<Dispatch>> {
-        let Some(next) = self.picture()? else { return Ok(None) };
-        let (camera, frame) = next.image();
-        let view = self.capture.view(camera, frame)?;
-        self.trainer.dump(camera, &view, next.shot(), kernel)
+        self.settle()?;
+        let Some((images, _)) = self.images()? else { return Ok(None) };
+        self.trainer.dump(images, kernel)
     }
 
     /// Waits until all steps that were handed over have ended.
@@ -400,30 +417,58 @@ impl<'a> Session<'a> {
         self.average.scene().map_or_else(|| self.trainer.splats(), |mean| Ok(mean.clone()))
     }
 
-    /// The next image, after what is due before it.
-    fn picture(&mut self) -> Result<Option<Next>> {
-        self.settle()?;
+    /// The images of the next step, taken to where the device can get them, and when that began: what was waited for to be decoded
+    /// is not counted. None at the end of the run.
+    fn images(&mut self) -> Result<Option<(Vec<Seen>, Instant)>> {
         loop {
-            let next = self.feed()?.next_image()?;
-            let is_missing = next.as_ref().and_then(Next::on_device).is_some_and(|name| !self.trainer.has_image(name));
-            if !is_missing {
-                return Ok(next);
+            if let Some((images, spent)) = self.coming_images()? {
+                let now = Instant::now();
+                let begun = now.checked_sub(spent).unwrap_or(now);
+                return Ok(Some((images, begun)).filter(|(images, _)| !images.is_empty()));
             }
             // Images gave way to what needed the device's memory more. From here on as many stay as there are now.
             (self.image_bytes, self.feed) = (self.trainer.image_bytes(), None);
         }
     }
 
-    fn feed(&mut self) -> Result<&mut Feed> {
+    /// The images of the next step, and how long it took to load them. None where one that should be on the device is not.
+    fn coming_images(&mut self) -> Result<Option<(Vec<Seen>, Duration)>> {
+        let batch = self.config.batch as usize;
+        let own = self.trainer.own_images(batch);
+        let (mut images, mut spent) = (Vec::with_capacity(batch), Duration::ZERO);
+        for at in 0..batch {
+            let coming = self.feed()?;
+            let Some((camera, frame)) = coming.images.next() else { break };
+            let next = if own.contains(&at) { coming.feed.next_image()? } else { None };
+            let view = self.capture.view(camera, frame)?;
+            let mut loaded = None;
+            if let Some(next) = next {
+                if next.on_device().is_some_and(|name| !self.trainer.has_image(name)) {
+                    return Ok(None);
+                }
+                let begun = Instant::now();
+                loaded = Some(self.trainer.load(&view, next.shot())?);
+                spent += begun.elapsed();
+            }
+            images.push(Seen { camera, view, loaded });
+        }
+        Ok(Some((images, spent)))
+    }
+
+    fn feed(&mut self) -> Result<&mut Coming> {
         Ok(match &mut self.feed {
-            Some(feed) => feed,
+            Some(coming) => coming,
             none => {
                 self.trainer.release_images();
                 let (config, total, done) = (&self.config, self.total, self.trainer.step());
-                let order = training_order(&self.frames, config.seed, done, total);
-                let asked = reduced_order(&order, config, done, total).collect();
-                let plan = &self.priors.plan;
-                none.insert(Feed::new(self.capture, asked, plan, self.cache_bytes, self.image_bytes)?)
+                let images = |steps: u64| steps.saturating_mul(u64::from(config.batch));
+                let order = training_order(&self.frames, config.seed, images(done), images(total));
+                let batch = config.batch as usize;
+                let own = self.trainer.own_images(batch);
+                let asked = reduced_order(&order, config, done, total).enumerate();
+                let asked = asked.filter(|(at, _)| own.contains(&(at % batch))).map(|(_, asked)| asked).collect();
+                let feed = Feed::new(self.capture, asked, &self.priors.plan, self.cache_bytes, self.image_bytes)?;
+                none.insert(Coming { images: order.into_iter(), feed })
             }
         })
     }

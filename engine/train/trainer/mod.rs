@@ -5,6 +5,7 @@
 
 mod profile;
 mod report;
+mod shared;
 mod state;
 mod step;
 
@@ -18,17 +19,20 @@ use crate::scene::capture::{Asked, Picture};
 use crate::scene::{Cone, Splats, View};
 use crate::settings::Constants;
 use crate::stage::{
-    AdamMode, DensityRound, Lists, Moments, Optimiser, Purpose, Room, SceneBuffers, State, StepSettings, Workspace,
-    adam_params, constants_on, lazy_sums,
+    AdamMode, Batch, DensityRound, Lists, Moments, Optimiser, Purpose, Room, SceneBuffers, State, StepSettings,
+    Workspace, adam_params, constants_on, lazy_sums,
 };
 use crate::train::config::{Config, Strategy};
 use crate::train::density::{density_round, regularisers};
-use crate::train::images::Shot;
-use crate::train::objective::{Objective, Report, Truth};
+use crate::train::images::{Loaded, Shot};
+use crate::train::objective::{Objective, Report, Taken, Truth};
 use crate::train::poses::Correction;
+use crate::train::ranks::{Ranks, Shared};
 use crate::train::schedule::rates;
 use crate::train::setup::Setup;
+use report::ImageReport;
 use std::collections::{BTreeMap, VecDeque};
+use std::ops::Range;
 use std::path::Path;
 use std::sync::Arc;
 use tracing::debug_span;
@@ -53,6 +57,11 @@ pub struct Trainer {
     scene: SceneBuffers,
     optimiser: Optimiser,
     work: Option<Workspace>,
+    // Sums of gradients, where steps see several images; made for the scene at hand.
+    batch: Option<Batch>,
+    // Processes that see other images of a step.
+    ranks: Option<Arc<dyn Ranks>>,
+    shared: Shared,
     objective: Objective,
     staging: Staging,
     // Gaussians that cannot be drawn, counted once per step; density control removes them.
@@ -64,18 +73,55 @@ pub struct Trainer {
     reports: Vec<StepReport>,
 }
 
+/// An image that a step is to see.
+pub(in crate::train) struct Seen {
+    /// The camera that took it.
+    pub camera: usize,
+    /// As that camera saw.
+    pub view: View,
+    /// The image; none where another process sees it.
+    pub loaded: Option<Loaded>,
+}
+
+/// An image of a step.
+struct Image {
+    view: View,
+    by: Taken,
+    /// None where another process sees it.
+    truth: Option<Truth>,
+}
+
 /// What a step needs, kept until it has ended well.
 struct Inputs {
     step: u64,
-    view: View,
-    truth: Truth,
+    images: Vec<Image>,
+}
+
+impl Inputs {
+    /// The images that this process sees.
+    fn own(&self) -> Range<usize> {
+        let is_own = |image: &Image| image.truth.is_some();
+        let first = self.images.iter().position(is_own).unwrap_or(0);
+        first..first + self.images.iter().filter(|image| is_own(image)).count()
+    }
+
+    fn truths(&self) -> impl Iterator<Item = &Truth> {
+        self.images.iter().filter_map(|image| image.truth.as_ref())
+    }
 }
 
 /// Where a step leaves its numbers.
 struct Results {
+    /// Tiles of its last image.
     n_tiles: u32,
-    lists: Lists,
-    report: Report,
+    /// Pixels of that.
+    n_pixels: u32,
+    /// Lists of that; none of a step without images.
+    lists: Option<Lists>,
+    /// By image of this process.
+    reports: Vec<Report>,
+    /// What all processes' images left, where that is known already.
+    known: Vec<ImageReport>,
 }
 
 /// A step on the device.
@@ -142,7 +188,8 @@ impl Trainer {
             purpose: Purpose::Training,
             sums: accumulation,
             camera: objective.cameras.wants_gradient(),
-            idle: config.adam == AdamMode::Dense,
+            idle: config.adam == AdamMode::Dense && config.batch == 1,
+            is_batched: config.batch > 1,
             depth_bits: constants.knobs.depth_bits,
         };
         Ok(Trainer {
@@ -159,6 +206,9 @@ impl Trainer {
             scene,
             optimiser,
             work: None,
+            batch: None,
+            ranks: None,
+            shared: Shared::default(),
             room,
             rounds: 1,
             in_flight: VecDeque::new(),
@@ -233,16 +283,21 @@ impl Trainer {
     /// [`crate::Error::OutOfMemory`] when a picture's lists do not fit the device, [`crate::Error::DeviceLost`]; nothing moves
     /// then.
     pub fn train(&mut self, camera: usize, view: &View, picture: &Picture) -> Result<()> {
-        self.train_on(camera, view, Shot::Passes(picture))
+        let seen = self.seen(camera, view, picture)?;
+        self.train_on(vec![seen])
     }
 
-    /// As [`Trainer::train`], on a picture that may stay on the device.
+    /// An image of the step to come, which passes.
+    fn seen(&mut self, camera: usize, view: &View, picture: &Picture) -> Result<Seen> {
+        Ok(Seen { camera, view: view.clone(), loaded: Some(self.load(view, Shot::Passes(picture))?) })
+    }
+
+    /// As [`Trainer::train`], on images that have been loaded before density control, for which those that stay may have to give
+    /// way.
     #[tracing::instrument(level = "debug", name = "step", skip_all, fields(step = self.step + 1))]
-    pub(in crate::train) fn train_on(&mut self, camera: usize, view: &View, shot: Shot) -> Result<()> {
-        // Before density control, for which pictures may have to give way.
-        let loaded = self.load(view, shot)?;
+    pub(in crate::train) fn train_on(&mut self, images: Vec<Seen>) -> Result<()> {
         self.control_density()?;
-        let inputs = self.inputs(camera, view, loaded);
+        let inputs = self.inputs(images);
         self.start(inputs)?;
         while self.in_flight.len() >= IN_FLIGHT {
             self.end_oldest()?;
@@ -259,6 +314,11 @@ impl Trainer {
             self.end_oldest()?;
         }
         self.control_density()
+    }
+
+    /// Takes the steps to come together with other processes, which see other images of each.
+    pub(in crate::train) fn join(&mut self, ranks: Option<Arc<dyn Ranks>>) {
+        self.ranks = ranks;
     }
 
     /// Whether the picture of this name has stayed on the device, see [`Shot`].
@@ -284,9 +344,13 @@ impl Trainer {
         }
     }
 
-    /// Reports of the steps that have ended since the last call, in order.
+    /// Reports of the steps that have ended since the last call, in order. That of a step after which density control is due comes
+    /// once it has run.
     pub fn take_reports(&mut self) -> Vec<StepReport> {
-        std::mem::take(&mut self.reports)
+        let is_owed = self.due_round().is_some() && self.controlled != self.step;
+        let kept = usize::from(is_owed && self.reports.last().is_some_and(|report| report.step == self.step));
+        let kept = self.reports.split_off(self.reports.len() - kept);
+        std::mem::replace(&mut self.reports, kept)
     }
 
     /// Takes the steps that lazy Adam still owes.
@@ -315,7 +379,7 @@ impl Trainer {
         while !self.in_flight.is_empty() {
             self.end_oldest()?;
         }
-        self.work = None;
+        (self.work, self.batch) = (None, None);
         self.catch_up()?;
         let origin = self.scene.origin;
         let lenses: Vec<Cone> = self.setup.lenses.iter().map(|view| view.cone(origin)).collect();

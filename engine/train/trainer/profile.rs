@@ -1,12 +1,11 @@
 //! Steps that are looked at: with the time of every pass, or with one dispatch taken out.
 
-use super::{Results, Step, Trainer};
+use super::{Results, Seen, Step, Trainer};
 use crate::error::Result;
 use crate::gpu::{Dispatch, PassTime, Recording};
 use crate::scene::View;
 use crate::scene::capture::Picture;
 use crate::stage::{Counters, PassReport, add_passes};
-use crate::train::images::Shot;
 use std::time::Instant;
 
 /// A step whose passes were timed.
@@ -30,27 +29,26 @@ impl Trainer {
     /// # Errors
     /// As [`Trainer::train`].
     pub fn profile(&mut self, camera: usize, view: &View, picture: &Picture) -> Result<ProfiledStep> {
-        self.profile_on(camera, view, Shot::Passes(picture))
+        let begun = Instant::now();
+        let seen = self.seen(camera, view, picture)?;
+        self.profile_on(vec![seen], begun)
     }
 
-    /// As [`Trainer::profile`], on a picture that may stay on the device.
+    /// As [`Trainer::profile`], on images that have been loaded since `begun`.
     #[tracing::instrument(level = "debug", name = "step", skip_all, fields(step = self.step + 1))]
-    pub(in crate::train) fn profile_on(&mut self, camera: usize, view: &View, shot: Shot) -> Result<ProfiledStep> {
+    pub(in crate::train) fn profile_on(&mut self, images: Vec<Seen>, mut begun: Instant) -> Result<ProfiledStep> {
         let mut host = Vec::new();
-        let mut begun = Instant::now();
         let mut done = |what| {
             host.push((what, begun, begun.elapsed().as_secs_f64()));
             begun = Instant::now();
         };
-        let loaded = self.load(view, shot)?;
         done("upload images");
         self.finish()?;
-        let mut inputs = self.inputs(camera, view, loaded);
+        let mut inputs = self.inputs(images);
         loop {
             let (rec, results) = self.record(&inputs)?;
             done("record");
             let step = Step { inputs, running: self.gpu.start_timed(&rec)?, results };
-            self.objective.keep(&step.inputs.truth);
             self.step = step.inputs.step;
             let times = match step.running.wait() {
                 Ok(times) => times,
@@ -67,11 +65,10 @@ impl Trainer {
             if !is_complete {
                 continue;
             }
-            let n_pixels = view.intrinsics.width * view.intrinsics.height;
-            let Results { lists, n_tiles, .. } = &step.results;
-            let counters = match &self.work {
-                Some(work) => Counters::read(&self.gpu, work, &self.scene, lists, *n_tiles, n_pixels)?,
-                None => Counters::default(),
+            let Results { lists, n_tiles, n_pixels, .. } = &step.results;
+            let counters = match (&self.work, lists) {
+                (Some(work), Some(lists)) => Counters::read(&self.gpu, work, &self.scene, lists, *n_tiles, *n_pixels)?,
+                _ => Counters::default(),
             };
             let passes = add_passes(Vec::new(), &rec, &times, &counters);
             let barriers = step.running.barriers();
@@ -84,30 +81,22 @@ impl Trainer {
     /// # Errors
     /// As [`Trainer::train`].
     pub fn recorded(&mut self, camera: usize, view: &View, picture: &Picture) -> Result<Recording> {
-        let loaded = self.load(view, Shot::Passes(picture))?;
+        let seen = self.seen(camera, view, picture)?;
         self.finish()?;
-        let inputs = self.inputs(camera, view, loaded);
+        let inputs = self.inputs(vec![seen]);
         Ok(self.record(&inputs)?.0)
     }
 
-    /// As [`Trainer::train`], but waits for the end and gives the step's first dispatch of a kernel, with what it worked on.
+    /// As [`Trainer::train_on`], but waits for the end and gives the step's first dispatch of a kernel, with what it worked on.
     ///
     /// # Errors
     /// As [`Trainer::train`].
-    pub(in crate::train) fn dump(
-        &mut self,
-        camera: usize,
-        view: &View,
-        shot: Shot,
-        kernel: &str,
-    ) -> Result<Option<Dispatch>> {
-        let loaded = self.load(view, shot)?;
+    pub(in crate::train) fn dump(&mut self, images: Vec<Seen>, kernel: &str) -> Result<Option<Dispatch>> {
         self.finish()?;
-        let inputs = self.inputs(camera, view, loaded);
+        let inputs = self.inputs(images);
         loop {
             let (rec, results) = self.record(&inputs)?;
             let dispatch = self.gpu.run_dumping(rec, kernel)?;
-            self.objective.keep(&inputs.truth);
             if self.end(&inputs, &results)? {
                 self.step = inputs.step;
                 return Ok(dispatch);

@@ -60,7 +60,7 @@ impl Trainer {
                 self.in_flight.clear();
             }
         }
-        self.work = None;
+        (self.work, self.batch) = (None, None);
         let owed = Owed { density: self.due_round().is_some() && self.controlled != self.step, ..Owed::default() };
         Ok(Checkpoint { owed, ..self.snapshot()? })
     }
@@ -134,10 +134,10 @@ impl Trainer {
     pub fn replace(&mut self, checkpoint: &Checkpoint) -> Result<()> {
         let reports = std::mem::take(&mut self.reports);
         // Two scenes need not fit the device.
-        self.work = None;
+        (self.work, self.batch) = (None, None);
         let mut other = Self::resume(self.gpu.clone(), checkpoint, self.constants, self.setup.clone())?;
         other.objective.images.inherit(&mut self.objective.images);
-        *self = Trainer { reports, ..other };
+        *self = Trainer { reports, ranks: self.ranks.take(), shared: self.shared, ..other };
         Ok(())
     }
 

@@ -1,16 +1,18 @@
 //! A step: what it needs, its recording, and what it leaves.
 
-use super::{Inputs, Results, Step, StepReport, Trainer};
+use super::report::ImageReport;
+use super::{Image, Inputs, Results, Seen, Step, StepReport, Trainer};
 use crate::error::{Error, Result};
 use crate::gpu::Recording;
 use crate::gpu::generated::{Status, ViewParams};
 use crate::scene::View;
 use crate::scene::capture::Picture;
 use crate::stage::{
-    AdamMode, Among, Optimiser, Outcome, Room, Size, Strip, Target, Workspace, record_mcmc_noise, view_params,
+    AdamMode, Among, Batch, Optimiser, Outcome, Room, Size, Strip, Target, Workspace, record_mcmc_noise, view_params,
 };
 use crate::train::density::noise;
 use crate::train::images::{Loaded, Shot};
+use crate::train::objective::Report;
 use bytemuck::bytes_of;
 use tracing::debug_span;
 
@@ -23,7 +25,7 @@ impl Trainer {
 
     /// Takes the picture of the step to come to where the device can get it.
     #[tracing::instrument(level = "debug", name = "upload", skip_all)]
-    pub(super) fn load(&mut self, view: &View, shot: Shot) -> Result<Loaded> {
+    pub(in crate::train) fn load(&mut self, view: &View, shot: Shot) -> Result<Loaded> {
         let reduction = self.reduction(view);
         // A session's cache brings it reduced; others bring it whole.
         let is_whole =
@@ -42,21 +44,28 @@ impl Trainer {
     }
 
     /// What the step to come needs.
-    pub(super) fn inputs(&mut self, camera: usize, view: &View, loaded: Loaded) -> Inputs {
+    pub(super) fn inputs(&mut self, images: Vec<Seen>) -> Inputs {
         let (background, flow_model) = (self.config.background, self.setup.flow_model);
-        let (step, reduction) = (self.step + 1, self.reduction(view));
-        Inputs {
-            step,
-            view: View { background, flow_model, ..view.reduced(reduction) },
-            truth: self.objective.target(loaded, camera, step, reduction),
-        }
+        let step = self.step + 1;
+        let of_image = |Seen { camera, view, loaded }: Seen| {
+            let reduction = self.reduction(&view);
+            let by = self.objective.taken(camera);
+            Image {
+                view: View { background, flow_model, ..view.reduced(reduction) },
+                by,
+                truth: loaded.map(|loaded| self.objective.target(loaded, by, step, reduction)),
+            }
+        };
+        Inputs { step, images: images.into_iter().map(of_image).collect() }
     }
 
     /// Hands a step to the device.
     pub(super) fn start(&mut self, inputs: Inputs) -> Result<()> {
+        if let Some(ranks) = self.ranks.clone() {
+            return self.start_shared(&*ranks, inputs);
+        }
         let (rec, results) = self.record(&inputs)?;
         let running = self.gpu.start(&rec)?;
-        self.objective.keep(&inputs.truth);
         self.step = inputs.step;
         self.in_flight.push_back(Step { inputs, running, results });
         Ok(())
@@ -85,52 +94,60 @@ impl Trainer {
     /// Reads what a step that has ended left. `false` when it moved nothing and needs the room that is there now: it is then
     /// no longer counted.
     pub(super) fn end(&mut self, inputs: &Inputs, results: &Results) -> Result<bool> {
-        let status: Status = self.gpu.peek(&results.report.status.slice())?.first().copied().unwrap_or_default();
-        let Some(work) = &self.work else { return Ok(false) };
-        match work.room.outcome(&self.gpu, &status, self.rounds) {
-            Outcome::Complete => {}
-            Outcome::Replay(room, rounds) => {
-                self.step = inputs.step - 1;
-                self.gpu.write(&work.status, &[Status::default()])?;
-                (self.room, self.rounds) = (room, rounds);
+        let mut images = Vec::new();
+        if results.known.is_empty() {
+            if !self.is_complete(inputs, &results.reports)? {
                 return Ok(false);
             }
-            Outcome::TooMuch { what, needed, limit } => {
-                self.in_flight.clear();
-                self.step = inputs.step - 1;
-                return Err(Error::OutOfMemory {
-                    what: format!("training view `{}`: {what}", inputs.view.name),
-                    needed: u64::from(needed),
-                    limit: u64::from(limit),
-                    remedy: "train on smaller pictures, lower --max-gaussians, or choose another device".to_owned(),
-                });
+            for (truth, report) in inputs.truths().zip(&results.reports) {
+                images.push(ImageReport::new(&self.gpu, &self.objective, truth, report)?);
             }
+        } else {
+            images.clone_from(&results.known);
         }
-        let values = self.objective.values(&self.gpu, &inputs.truth, &results.report)?;
-        self.reports.push(StepReport {
-            step: inputs.step,
-            loss: values.loss,
-            terms: values.logged,
-            gaussians: self.scene.n,
-            active: status.n_active,
-            visible: status.n_visible,
-            intersections: status.n_intersections,
-            bad_gradients: self.gpu.peek(&results.report.n_bad.slice())?.first().copied().unwrap_or(0),
-            density: None,
-        });
+        inputs.images.iter().for_each(|image| self.objective.end(image.by));
+        self.reports.push(StepReport::new(inputs.step, self.scene.n, &images, inputs.own().len()));
         Ok(true)
     }
 
-    /// The passes of a step, and where its numbers will be.
-    #[tracing::instrument(level = "debug", name = "record", skip_all)]
-    pub(super) fn record(&mut self, inputs: &Inputs) -> Result<(Recording, Results)> {
-        let Inputs { step, view, truth } = inputs;
-        let strip = Strip::whole(view);
-        let (tiles_x, tiles_y) = strip.tiles(view);
-        let n_tiles = tiles_x * tiles_y;
-        let n_pixels = view.intrinsics.width * view.intrinsics.height;
-        let room =
-            Room { tiles: self.room.tiles.max(n_tiles), pixels: self.room.pixels.max(n_pixels as usize), ..self.room };
+    /// Whether all images of a step, which have ended, fitted. If not, there is room from now on.
+    pub(super) fn is_complete(&mut self, inputs: &Inputs, reports: &[Report]) -> Result<bool> {
+        let own = &inputs.images[inputs.own()];
+        for (image, report) in own.iter().zip(reports) {
+            let status: Status = self.gpu.peek(&report.status.slice())?.first().copied().unwrap_or_default();
+            let Some(work) = &self.work else { return Ok(false) };
+            match work.room.outcome(&self.gpu, &status, self.rounds) {
+                Outcome::Complete => {}
+                Outcome::Replay(room, rounds) => {
+                    self.step = inputs.step - 1;
+                    self.gpu.write(&work.status, &[Status::default()])?;
+                    self.batch.as_ref().map_or(Ok(()), |batch| batch.clear(&self.gpu))?;
+                    (self.room, self.rounds) = (room, rounds);
+                    return Ok(false);
+                }
+                Outcome::TooMuch { what, needed, limit } => {
+                    self.in_flight.clear();
+                    self.step = inputs.step - 1;
+                    return Err(Error::OutOfMemory {
+                        what: format!("training view `{}`: {what}", image.view.name),
+                        needed: u64::from(needed),
+                        limit: u64::from(limit),
+                        remedy: "train on smaller pictures, lower --max-gaussians, or choose another device".to_owned(),
+                    });
+                }
+            }
+        }
+        Ok(true)
+    }
+
+    /// Makes room for the images of a step.
+    fn fit(&mut self, inputs: &Inputs) -> Result<()> {
+        let mut room = self.room;
+        for image in &inputs.images[inputs.own()] {
+            let (tiles_x, tiles_y) = Strip::whole(&image.view).tiles(&image.view);
+            room.tiles = room.tiles.max(tiles_x * tiles_y);
+            room.pixels = room.pixels.max(image.view.intrinsics.n_pixels() as usize);
+        }
         if room.pixels > self.room.pixels || self.work.as_ref().is_some_and(|work| work.room != room) {
             // A failure stays in the workspace that it happened in.
             while !self.in_flight.is_empty() {
@@ -147,55 +164,129 @@ impl Trainer {
         if let Some(work) = &mut self.work {
             work.view = self.optimiser.view.clone();
         }
-        let mut params: ViewParams = view_params(view, &self.constants, self.scene.origin, strip);
-        self.objective.adjust(&mut params);
-        let adam = self.adam_params(*step);
-        let (gpu, staging, scene, optimiser) = (&self.gpu, &self.staging, &self.scene, &self.optimiser);
-        let rounds = self.rounds;
-        let work = Workspace::fit(&mut self.work, gpu, scene, self.room)?;
+        if self.config.batch > 1 && self.batch.is_none() {
+            self.with_memory(|trainer| {
+                trainer.batch = Some(Batch::new(&trainer.gpu, &trainer.scene)?);
+                Ok(())
+            })?;
+        }
+        Ok(())
+    }
+
+    /// The passes of a step, and where its numbers will be. Of one that several processes take, the passes of its own images.
+    #[tracing::instrument(level = "debug", name = "record", skip_all)]
+    pub(super) fn record(&mut self, inputs: &Inputs) -> Result<(Recording, Results)> {
+        self.fit(inputs)?;
         let mut rec = Recording::new();
+        let mut results = Results { n_tiles: 0, n_pixels: 0, lists: None, reports: Vec::new(), known: Vec::new() };
+        for at in inputs.own() {
+            let size = self.record_image(&mut rec, inputs, at, &mut results)?;
+            (results.n_tiles, results.n_pixels) = (size.n_tiles, size.n_pixels);
+            if self.batch.is_some() {
+                results.reports.push(self.record_report(&mut rec)?);
+            }
+        }
+        if self.ranks.is_none() {
+            self.record_step(&mut rec, inputs)?;
+        }
+        if self.batch.is_none() {
+            results.reports.push(self.record_report(&mut rec)?);
+        }
+        Ok((rec, results))
+    }
+
+    fn record_report(&mut self, rec: &mut Recording) -> Result<Report> {
+        let Some(work) = &self.work else { unreachable!("it fits the step") };
+        rec.section("report");
+        self.objective.record_report(rec, &self.staging, (&work.status, &self.optimiser.n_bad))
+    }
+
+    /// Appends the upload of a view, as training sees it, and of the rates of the step.
+    fn record_inputs(&self, rec: &mut Recording, view: &View, step: u64) -> Result<()> {
+        let mut params: ViewParams = view_params(view, &self.constants, self.scene.origin, Strip::whole(view));
+        self.objective.adjust(&mut params);
+        let adam = self.adam_params(step);
         rec.section("upload");
         let parts = [(0, bytes_of(&params)), (Optimiser::PARAMS_AT, bytes_of(&adam))];
-        let inputs = staging.staged_words("staged inputs of a step", optimiser.inputs.len(), &parts)?;
-        rec.copy(inputs, optimiser.inputs.slice());
-        self.objective.record_upload(&mut rec, work, truth, self.total);
+        let inputs = self.staging.staged_words("staged inputs of a step", self.optimiser.inputs.len(), &parts)?;
+        rec.copy(inputs, self.optimiser.inputs.slice());
+        Ok(())
+    }
+
+    /// Appends what image `at` of a step needs: its frame, the loss, and the way back, which ends in the step where it is the only
+    /// one and in sums of gradients otherwise.
+    fn record_image(&mut self, rec: &mut Recording, inputs: &Inputs, at: usize, results: &mut Results) -> Result<Size> {
+        let (step, Image { view, by, truth }) = (inputs.step, &inputs.images[at]);
+        self.record_inputs(rec, view, step)?;
+        let Trainer { gpu, scene, optimiser, objective, work: Some(work), batch, rounds, .. } = self else {
+            unreachable!("there is room for the step")
+        };
+        let Some(truth) = truth else { unreachable!("it is one of this process") };
+        objective.record_upload(rec, work, truth, self.total);
         let status = &work.status;
         let is_lazy = self.config.adam == AdamMode::Lazy;
-        let size = Size { n_tiles, n_pixels, rounds };
+        let (tiles_x, tiles_y) = Strip::whole(view).tiles(view);
+        let n_pixels = view.intrinsics.width * view.intrinsics.height;
+        let size = Size { n_tiles: tiles_x * tiles_y, n_pixels, rounds: *rounds };
         let forward = debug_span!("forward").entered();
-        let lists = work.record_forward(&mut rec, scene, size, |rec| {
+        let lists = work.record_forward(rec, scene, size, |rec| {
             optimiser.record_catch_up(rec, scene, &work.cull, status, step - 1);
             if is_lazy {
                 scene.record_halves(rec, Among::Live);
             }
         });
         drop(forward);
-        if work.backward.is_some() {
-            debug_span!("loss").in_scope(|| self.objective.record_loss(gpu, &mut rec, work, truth))?;
-            // Gaussians in view take their step with the last pass of it.
-            let target = Target::Step(optimiser);
-            debug_span!("backward").in_scope(|| work.record_backward(&mut rec, scene, &lists, size, &target));
-            let _stepping = debug_span!("optimiser").entered();
-            optimiser.record_idle(&mut rec, scene, &work.cull, status);
-            self.objective.record_step(&mut rec, work, truth, *step, self.total);
-            let noise = noise(&self.config, *step, self.total, self.setup.extent.radius);
-            if let Some((rate, key)) = noise {
-                record_mcmc_noise(&mut rec, scene, status, rate, key);
-            }
-            let moves_all = self.config.adam == AdamMode::Dense;
-            let moved = |all: bool| if all { Among::All } else { Among::Live };
-            scene.record_bounds(&mut rec, &self.constants, &self.n_undrawable, moved(moves_all || noise.is_some()));
-            // The next step that sees them catches up first.
-            if !is_lazy {
-                scene.record_halves(&mut rec, moved(moves_all));
-            }
+        debug_span!("loss").in_scope(|| objective.record_loss(gpu, rec, work, truth))?;
+        // Of a single image Gaussians in view take their step with the last pass of it.
+        let target = batch.as_ref().map_or(Target::Step(optimiser), |batch| Target::Sums(batch, optimiser));
+        debug_span!("backward").in_scope(|| work.record_backward(rec, scene, &lists, size, &target));
+        if batch.is_some() {
+            objective.record_keep(rec, work, *by, at);
         }
-        rec.section("report");
-        let results = Results {
-            n_tiles,
-            lists,
-            report: self.objective.record_report(&mut rec, staging, (status, &optimiser.n_bad))?,
-        };
-        Ok((rec, results))
+        results.lists = Some(lists);
+        Ok(size)
+    }
+
+    /// Appends the step itself, after its images.
+    pub(super) fn record_step(&mut self, rec: &mut Recording, inputs: &Inputs) -> Result<()> {
+        let _stepping = debug_span!("optimiser").entered();
+        let Inputs { step, images } = inputs;
+        let at = (*step, self.total);
+        let needs_views = self.batch.is_some() && self.objective.cameras.reads_view(at);
+        // The rates are those that the images' passes had.
+        for (index, Image { view, by, .. }) in images.iter().enumerate() {
+            if needs_views {
+                self.record_inputs(rec, view, *step)?;
+            }
+            let (Some(work), scene, optimiser) = (&self.work, &self.scene, &self.optimiser) else {
+                unreachable!("there is room for the step")
+            };
+            if index == 0 {
+                match &self.batch {
+                    Some(batch) => batch.record_step(rec, scene, optimiser, &work.status),
+                    None => optimiser.record_idle(rec, scene, &work.cull, &work.status),
+                }
+            }
+            if self.batch.is_some() {
+                self.objective.record_take(rec, work, *by, index);
+            }
+            if needs_views {
+                self.objective.record_view(rec, work, *by, at);
+            }
+            self.objective.record_step(rec, work, *by, at);
+        }
+        let Some(work) = &self.work else { unreachable!("there is room for the step") };
+        let noise = noise(&self.config, *step, self.total, self.setup.extent.radius);
+        if let Some((rate, key)) = noise {
+            record_mcmc_noise(rec, &self.scene, &work.status, rate, key);
+        }
+        let moves_all = self.config.adam == AdamMode::Dense || self.batch.is_some();
+        let moved = |all: bool| if all { Among::All } else { Among::Live };
+        self.scene.record_bounds(rec, &self.constants, &self.n_undrawable, moved(moves_all || noise.is_some()));
+        // The next step that sees them catches up first.
+        if self.config.adam != AdamMode::Lazy {
+            self.scene.record_halves(rec, moved(moves_all));
+        }
+        Ok(())
     }
 }

@@ -1,0 +1,62 @@
+//! Processes that train one scene together: each sees some of the images of a step, and all take the same step.
+
+use crate::error::Result;
+
+/// What processes say to one another. Each call is one that all of them make, in the same order; it waits for the others.
+pub trait Ranks: Send + Sync {
+    /// This process among them, from 0.
+    fn rank(&self) -> usize;
+
+    /// How many there are.
+    fn size(&self) -> usize;
+
+    /// Makes each word the bitwise or over all processes.
+    ///
+    /// # Errors
+    /// [`crate::Error::RanksLost`] where another process does not answer.
+    fn or(&self, words: &mut [u32]) -> Result<()>;
+
+    /// Makes each number the sum over all processes, in two's complement.
+    ///
+    /// # Errors
+    /// As [`Ranks::or`].
+    fn sum(&self, numbers: &mut [i64]) -> Result<()>;
+
+    /// The bytes of all processes one after the other, those of rank 0 first; as many of each.
+    ///
+    /// # Errors
+    /// As [`Ranks::or`].
+    fn gather(&self, own: &[u8]) -> Result<Vec<u8>>;
+
+    /// Leaves the others, once all has been said, and waits for them to do so.
+    fn finish(&self) {}
+}
+
+/// Whether any of the processes says so.
+///
+/// # Errors
+/// As [`Ranks::or`].
+pub fn any(ranks: Option<&dyn Ranks>, own: bool) -> Result<bool> {
+    let mut words = [u32::from(own)];
+    ranks.map_or(Ok(()), |ranks| ranks.or(&mut words))?;
+    Ok(words[0] != 0)
+}
+
+/// Where the seconds of the steps of several processes went, and what they exchanged, on this one.
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
+pub struct Shared {
+    /// Processes.
+    pub ranks: u64,
+    /// Steps.
+    pub steps: u64,
+    /// Gaussians in view of an image of a step, summed over the steps.
+    pub rows: u64,
+    /// Bytes of sums of gradients that this process gave to the others, summed over the steps; it received as many.
+    pub bytes: u64,
+    /// Seconds of its own images.
+    pub compute_s: f64,
+    /// Seconds until the slowest process was there.
+    pub wait_s: f64,
+    /// Seconds of the exchange itself, with the copies from and to the device.
+    pub exchange_s: f64,
+}
