@@ -146,8 +146,7 @@ struct Item {
 
 /// Every buffer of a training step that grows with the work. Tiles, counters and transfers are left out: below 1 %.
 fn items(work: &Workload, is_host: bool) -> Vec<Item> {
-    use Class::*;
-    use Per::*;
+    use {Class::*, Per::*};
     let item = |name, class, per, bytes: f64, bound: f64| Item { name, class, per, bytes, bound };
     let cut = |name, class, per, bytes: f64| Item { name, class, per, bytes, bound: 0.0 };
     // Geometry, the constant band, and those above it.
@@ -217,22 +216,32 @@ fn items(work: &Workload, is_host: bool) -> Vec<Item> {
             item("d image graded", Pixels, Pixel, 16.0, 16.0),
         ]);
     }
-    if work.batch > 1 {
-        items.extend([
-            cut("gradients", Moments, Gaussian, each),
-            cut("gradients", Moments, Dynamic, 16.0),
-            cut("gradient sums", Moments, Gaussian, 2.0 * each),
-            cut("gradient sums", Moments, Dynamic, 32.0),
-        ]);
-        if work.grids > 0 {
-            let of_step = f64::from(work.batch) * (GRID_BYTES / 3) as f64;
-            items.push(item("d grids of a step", Cameras, Once, of_step, of_step));
-        }
-    } else if work.dense {
+    items.extend(batch_items(work, each));
+    if work.dense && work.batch == 1 {
         items.push(item("idle ids", Active, Gaussian, 4.0, 4.0));
     }
     if work.offsets {
         items.push(item("d camera of each", Active, Gaussian, 32.0, 32.0));
+    }
+    items
+}
+
+/// What steps on several images need beside, of parameters of `each` bytes a static Gaussian.
+fn batch_items(work: &Workload, each: f64) -> Vec<Item> {
+    if work.batch == 1 {
+        return Vec::new();
+    }
+    let of = |name, class, per, bytes: f64, bound: f64| Item { name, class, per, bytes, bound };
+    let cut = |name, per, bytes: f64| of(name, Class::Moments, per, bytes, 0.0);
+    let mut items = vec![
+        cut("gradients", Per::Gaussian, each),
+        cut("gradients", Per::Dynamic, 16.0),
+        cut("gradient sums", Per::Gaussian, 2.0 * each),
+        cut("gradient sums", Per::Dynamic, 32.0),
+    ];
+    if work.grids > 0 {
+        let of_step = f64::from(work.batch) * (GRID_BYTES / 3) as f64;
+        items.push(of("d grids of a step", Class::Cameras, Per::Once, of_step, of_step));
     }
     items
 }

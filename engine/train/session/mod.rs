@@ -1,5 +1,6 @@
 //! A training run: a capture's images in their order, with what is due between steps.
 
+mod coming;
 mod feed;
 mod notice;
 mod order;
@@ -27,13 +28,12 @@ use crate::train::ranks::Ranks;
 use crate::train::require::{Due, review, review_due};
 use crate::train::setup::Setup;
 use crate::train::trainer::{ProfiledStep, Seen, Trainer};
-use feed::Feed;
+use coming::Coming;
 use notice::work;
 use order::training_frames;
 use std::cmp::Ordering;
 use std::sync::Arc;
-use std::time::{Duration, Instant};
-use std::vec::IntoIter;
+use std::time::Instant;
 
 /// A run under way.
 ///
@@ -66,7 +66,7 @@ pub struct Session<'a> {
     n_left_out: usize,
     trainer: Trainer,
     /// The images to come, in their order; made for the first step that needs it.
-    feed: Option<Coming>,
+    coming: Option<Coming>,
     cache_bytes: u64,
     /// Bytes of images that stay on the device.
     image_bytes: u64,
@@ -81,14 +81,6 @@ pub struct Session<'a> {
 
 /// A camera and a frame.
 type Image = (usize, u32);
-
-/// The images of the steps to come.
-struct Coming {
-    /// All of them.
-    images: IntoIter<Image>,
-    /// Those that this process sees.
-    feed: Feed,
-}
 
 /// What a run begins with, where that is not what its settings say.
 pub struct SessionOptions<'a> {
@@ -212,7 +204,7 @@ impl<'a> Session<'a> {
             owed: (trainer.step(), Owed::default()),
             average: Average::default(),
             trainer,
-            feed: None,
+            coming: None,
             cache_bytes,
             events: Vec::new(),
             seconds: 0.0,
@@ -226,7 +218,7 @@ impl<'a> Session<'a> {
     /// As [`Trainer::extend`].
     pub fn extend(&mut self, config: Config, total: u64) -> Result<()> {
         self.trainer.extend(config.clone(), total)?;
-        (self.config, self.total, self.feed) = (config, total, None);
+        (self.config, self.total, self.coming) = (config, total, None);
         // What was near the end is so no more.
         (self.average, self.owed.1.average) = (Average::default(), false);
         Ok(())
@@ -269,7 +261,7 @@ impl<'a> Session<'a> {
 
     /// Seconds in which steps waited for images.
     pub fn waited(&self) -> f64 {
-        self.feed.as_ref().map_or(0.0, |coming| coming.feed.stats().waited.as_secs_f64())
+        self.coming.as_ref().map_or(0.0, |coming| coming.stats().waited.as_secs_f64())
     }
 
     /// The images of the steps to come, as camera and frame, see [`training_order`].
@@ -421,56 +413,26 @@ impl<'a> Session<'a> {
     /// is not counted. None at the end of the run.
     fn images(&mut self) -> Result<Option<(Vec<Seen>, Instant)>> {
         loop {
-            if let Some((images, spent)) = self.coming_images()? {
-                let now = Instant::now();
-                let begun = now.checked_sub(spent).unwrap_or(now);
-                return Ok(Some((images, begun)).filter(|(images, _)| !images.is_empty()));
-            }
-            // Images gave way to what needed the device's memory more. From here on as many stay as there are now.
-            (self.image_bytes, self.feed) = (self.trainer.image_bytes(), None);
-        }
-    }
-
-    /// The images of the next step, and how long it took to load them. None where one that should be on the device is not.
-    fn coming_images(&mut self) -> Result<Option<(Vec<Seen>, Duration)>> {
-        let batch = self.config.batch as usize;
-        let own = self.trainer.own_images(batch);
-        let (mut images, mut spent) = (Vec::with_capacity(batch), Duration::ZERO);
-        for at in 0..batch {
-            let coming = self.feed()?;
-            let Some((camera, frame)) = coming.images.next() else { break };
-            let next = if own.contains(&at) { coming.feed.next_image()? } else { None };
-            let view = self.capture.view(camera, frame)?;
-            let mut loaded = None;
-            if let Some(next) = next {
-                if next.on_device().is_some_and(|name| !self.trainer.has_image(name)) {
-                    return Ok(None);
+            let mut coming = match self.coming.take() {
+                Some(coming) => coming,
+                None => {
+                    self.trainer.release_images();
+                    let bytes = (self.cache_bytes, self.image_bytes);
+                    let (settings, at) = ((&self.config, &self.priors.plan), (&self.trainer, self.total));
+                    Coming::new(self.capture, &self.frames, settings, at, bytes)?
                 }
-                let begun = Instant::now();
-                loaded = Some(self.trainer.load(&view, next.shot())?);
-                spent += begun.elapsed();
-            }
-            images.push(Seen { camera, view, loaded });
+            };
+            let step = coming.next_step(self.capture, &mut self.trainer)?;
+            let Some((images, spent)) = step else {
+                // Images gave way to what needed the device's memory more. From here on as many stay as there are now.
+                self.image_bytes = self.trainer.image_bytes();
+                continue;
+            };
+            self.coming = Some(coming);
+            let now = Instant::now();
+            let begun = now.checked_sub(spent).unwrap_or(now);
+            return Ok(Some((images, begun)).filter(|(images, _)| !images.is_empty()));
         }
-        Ok(Some((images, spent)))
-    }
-
-    fn feed(&mut self) -> Result<&mut Coming> {
-        Ok(match &mut self.feed {
-            Some(coming) => coming,
-            none => {
-                self.trainer.release_images();
-                let (config, total, done) = (&self.config, self.total, self.trainer.step());
-                let images = |steps: u64| steps.saturating_mul(u64::from(config.batch));
-                let order = training_order(&self.frames, config.seed, images(done), images(total));
-                let batch = config.batch as usize;
-                let own = self.trainer.own_images(batch);
-                let asked = reduced_order(&order, config, done, total).enumerate();
-                let asked = asked.filter(|(at, _)| own.contains(&(at % batch))).map(|(_, asked)| asked).collect();
-                let feed = Feed::new(self.capture, asked, &self.priors.plan, self.cache_bytes, self.image_bytes)?;
-                none.insert(Coming { images: order.into_iter(), feed })
-            }
-        })
     }
 
     /// Notes a step that was handed over, and waits for it where something is due after it.
