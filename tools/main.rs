@@ -21,6 +21,7 @@ mod line;
 #[cfg(feature = "mpi")]
 mod message;
 mod offsets;
+mod outline;
 mod page;
 mod passes;
 mod poses;

@@ -111,6 +111,15 @@ struct Section {
     hash: u64,
 }
 
+impl Checkpoint {
+    /// Most bytes of the file of a checkpoint of `n` Gaussians, `n_dynamic` of them dynamic, but for some thousands and for grids:
+    /// parameters, both moments, the average, which is there near the end, and the state.
+    pub fn bytes(n: u64, n_dynamic: u64, sh_degree: u32) -> u64 {
+        let side = u64::from(sh_degree) + 1;
+        4 * (4 * ((11 + 3 * side * side) * n + 5 * n_dynamic) + 4 * n)
+    }
+}
+
 /// The arrays of a set of parameters, by name.
 fn arrays(splats: &Splats) -> [(&'static str, &[f32]); 6] {
     [

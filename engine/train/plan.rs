@@ -60,6 +60,41 @@ pub struct Workload {
     pub height: u32,
 }
 
+impl Workload {
+    /// A run on `capture` that begins with `n` Gaussians, `n_dynamic` of them dynamic, on a device.
+    pub fn of(
+        capture: &Capture,
+        config: &Config,
+        setup: &Setup,
+        (n, n_dynamic): (u64, u64),
+        gpu: &Gpu,
+        memory: ImageMemory,
+    ) -> Self {
+        let image_bytes = decoded_bytes(capture, setup.data.depth, setup.data.flow);
+        let pixels = capture.cameras.iter().map(|camera| camera.intrinsics.n_pixels());
+        Workload {
+            gaussians: n,
+            dynamic: n_dynamic,
+            max_gaussians: config.max_gaussians as u64,
+            intersections_per_gaussian: INTERSECTIONS_PER_GAUSSIAN,
+            pixels: pixels.max().unwrap_or(0),
+            sh_degree: config.sh_degree,
+            moment_bits: config.moment_bits,
+            batch: config.batch,
+            cache_bytes: memory.cache_bytes.min(image_bytes),
+            image_bytes,
+            kept_image_bytes: memory.device_bytes,
+            data: setup.data,
+            dense: config.adam == AdamMode::Dense,
+            offsets: !setup.learns_offset.is_empty(),
+            // As many as may be needed.
+            grids: if config.grids.is_some() && capture.is_rig_clip() { setup.n_trained as u64 } else { 0 },
+            sums: config.accumulation.on(gpu.caps()),
+            height: capture.cameras.iter().map(|camera| camera.intrinsics.height).max().unwrap_or(0),
+        }
+    }
+}
+
 /// What the device has.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Limits {
@@ -331,28 +366,8 @@ impl Plan {
         gpu: &Gpu,
         memory: ImageMemory,
     ) -> Self {
-        let image_bytes = decoded_bytes(capture, setup.data.depth, setup.data.flow);
-        let pixels = capture.cameras.iter().map(|camera| camera.intrinsics.n_pixels());
-        let work = Workload {
-            gaussians: splats.len() as u64,
-            dynamic: splats.motion.len() as u64,
-            max_gaussians: config.max_gaussians as u64,
-            intersections_per_gaussian: INTERSECTIONS_PER_GAUSSIAN,
-            pixels: pixels.max().unwrap_or(0),
-            sh_degree: config.sh_degree,
-            moment_bits: config.moment_bits,
-            batch: config.batch,
-            cache_bytes: memory.cache_bytes.min(image_bytes),
-            image_bytes,
-            kept_image_bytes: memory.device_bytes,
-            data: setup.data,
-            dense: config.adam == AdamMode::Dense,
-            offsets: !setup.learns_offset.is_empty(),
-            // As many as may be needed.
-            grids: if config.grids.is_some() && capture.is_rig_clip() { setup.n_trained as u64 } else { 0 },
-            sums: config.accumulation.on(gpu.caps()),
-            height: capture.cameras.iter().map(|camera| camera.intrinsics.height).max().unwrap_or(0),
-        };
+        let (n, n_dynamic) = (splats.len() as u64, splats.motion.len() as u64);
+        let work = Workload::of(capture, config, setup, (n, n_dynamic), gpu, memory);
         let caps = gpu.caps();
         let is_host = caps.kind == DeviceKind::Cpu;
         Plan::new(&work, &Limits { binding_bytes: caps.max_binding_bytes, memory_bytes: caps.budget_bytes, is_host })

@@ -152,3 +152,42 @@ fn the_tightest_bound_is_named_and_holds() {
     let text = free.to_string();
     assert!(text.contains("--max-gaussians") && text.contains("moments") && text.lines().count() > 8, "{text}");
 }
+
+#[test]
+fn a_plan_of_a_training_tells_what_its_files_and_steps_are() {
+    let _device = gpu();
+    let tiny = Tiny::new("outline");
+    let ivv = |args: &[&str]| {
+        let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_ivv"));
+        let output = command.arg("train").arg(&tiny.folder).args(args).args(["--quiet", "--json"]).output().unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        serde_json::from_slice::<serde_json::Value>(&output.stdout).unwrap()
+    };
+    let run = tiny.folder.join("run");
+    let output = ["-o", run.to_str().unwrap()];
+    let told = ivv(&[&output[..], &["--plan", "--max-gaussians", "900", "--set", "batch=4"]].concat());
+    assert!(!run.exists(), "nothing is written");
+    let images = tiny.capture.training_frames().len() as u64;
+    assert_eq!(told["training_images"], images);
+    assert_eq!(told["steps"], (30 * images).div_ceil(4));
+    let bytes = |camera: usize, frame: u32| {
+        std::fs::metadata(&tiny.capture.cameras[camera].shot(frame).unwrap().image).unwrap().len()
+    };
+    let of_images: u64 = tiny.capture.training_frames().iter().map(|(camera, frame)| bytes(*camera, *frame)).sum();
+    assert!(told["image_file_bytes"].as_u64().unwrap() >= of_images);
+    assert_eq!(told["bytes_read"], told["image_file_bytes"], "all of them stay in the cache");
+    // As if the clip were ten times as long.
+    let long = ivv(&[&output[..], &["--max-gaussians", "900", "--set", "batch=4", "--plan", "40"]].concat());
+    assert_eq!(long["training_images"], 10 * images);
+    assert_eq!((long["steps"].as_u64(), &long["gaussians"]), (Some(300 * images / 4), &told["gaussians"]));
+    // The newest checkpoint of a run with as many Gaussians, all of which move in the worst case.
+    let ran = ivv(&[
+        &output[..],
+        &["--max-gaussians", "900", "--steps", "20", "--set", "batch=4", "--set", "grids=none", "--eval-every", "0"],
+    ]
+    .concat());
+    let file = std::fs::metadata(run.join("checkpoints/00000020.ckpt")).unwrap().len();
+    let n = ran["gaussians"].as_u64().unwrap();
+    let expected = told["checkpoint_bytes"].as_u64().unwrap() * n / told["gaussians"].as_u64().unwrap();
+    assert!(file < expected + 1_000_000 && file > expected / 2, "{file} bytes, {expected} told");
+}

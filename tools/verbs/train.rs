@@ -8,6 +8,7 @@ use crate::files::{write_json, write_scene};
 use crate::interrupt::{Interrupted, Stop};
 use crate::kept;
 use crate::offsets;
+use crate::outline;
 use crate::passes::{self, TimedPass};
 use crate::poses;
 use crate::progress::{Steps, watch};
@@ -49,11 +50,11 @@ pub struct Args {
     pub settings: SettingArgs,
     /// Bytes of images to decode ahead; a quarter of the machine's memory by default.
     #[arg(long)]
-    cache_bytes: Option<u64>,
+    pub cache_bytes: Option<u64>,
     /// Bytes of images to keep in the device's memory, where steps on them need neither decoding nor a copy. By default three
     /// quarters of what the memory plan leaves, or none where that is the machine's own memory.
     #[arg(long)]
-    device_image_bytes: Option<u64>,
+    pub device_image_bytes: Option<u64>,
     /// Steps between two lines of train.jsonl.
     #[arg(long, default_value_t = 20, value_parser = clap::value_parser!(u64).range(1..))]
     log_every: u64,
@@ -79,6 +80,10 @@ pub struct Args {
     pub overwrite: bool,
     #[command(flatten)]
     due: DueArgs,
+    /// Only tells what the run will take: steps, memory, bytes on the disk; as if the clip had so many frames, where that is given.
+    /// Nothing is written.
+    #[arg(long, value_name = "FRAMES", num_args = 0..=1, conflicts_with = "resume")]
+    plan: Option<Option<u32>>,
     /// Print the mean time of every pass of a step.
     #[arg(long)]
     profile: bool,
@@ -93,6 +98,9 @@ pub struct Args {
 }
 
 pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
+    if let Some(frames) = args.plan {
+        return outline::tell(args, frames, json);
+    }
     let begun = Instant::now();
     let stop = Stop::listen()?;
     let team = Team::join(&stop)?;
