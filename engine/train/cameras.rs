@@ -5,7 +5,7 @@ use super::config::{Config, GridKind, PoseKind};
 use super::setup::Setup;
 use super::terms::{self, WithCotangent};
 use crate::error::{Error, Result};
-use crate::gpu::{Buf, Gpu, Recording};
+use crate::gpu::{Buf, Gpu, Recording, Slice};
 use crate::stage::{
     ClockStep, Clocks, GRID_NUMBERS, GradedBack, GridStep, Grids, PoseRows, PoseStep, Poses, Workspace,
 };
@@ -217,23 +217,25 @@ impl Cameras {
 
     /// Appends the keeping of what the backward pass of image `at` of a step says, whose camera has `grid`.
     pub fn record_keep(&self, rec: &mut Recording, work: &Workspace, grid: Option<OwnGrid>, at: usize) {
-        self.copies(work, grid, at).into_iter().for_each(|(here, kept)| rec.copy(here.slice(), kept.slice()));
+        self.copies(work, grid, at).into_iter().for_each(|[here, kept]| rec.copy(here, kept));
     }
 
     /// Appends the taking up again of what was kept of image `at`.
     pub fn record_take(&self, rec: &mut Recording, work: &Workspace, grid: Option<OwnGrid>, at: usize) {
-        self.copies(work, grid, at).into_iter().for_each(|(here, kept)| rec.copy(kept.slice(), here.slice()));
+        self.copies(work, grid, at).into_iter().for_each(|[here, kept]| rec.copy(kept, here));
     }
 
     /// Where gradients of cameras are that are at hand, and where those of image `at` are kept.
-    fn copies(&self, work: &Workspace, grid: Option<OwnGrid>, at: usize) -> Vec<(Buf<[f32; 4]>, Buf<[f32; 4]>)> {
+    fn copies(&self, work: &Workspace, grid: Option<OwnGrid>, at: usize) -> Vec<[Slice; 2]> {
         let mut copies = Vec::new();
         let Some(kept) = &self.kept else { return copies };
         if let Some(backward) = work.backward.as_ref().filter(|_| self.wants_gradient()) {
-            copies.push((backward.d_camera.clone(), kept.d_cameras.range(CAMERA_ROWS * at, CAMERA_ROWS)));
+            let of_image = kept.d_cameras.range(CAMERA_ROWS * at, CAMERA_ROWS);
+            copies.push([backward.d_camera.slice(), of_image.slice()]);
         }
         if let (Some(graded), Some(_)) = (&self.graded, grid) {
-            copies.push((graded.grids.d_grid.clone(), kept.d_grids.range(GRID_ROWS * at, GRID_ROWS)));
+            let of_image = kept.d_grids.range(GRID_ROWS * at, GRID_ROWS);
+            copies.push([graded.grids.d_grid.slice(), of_image.slice()]);
         }
         copies
     }
