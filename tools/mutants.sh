@@ -51,6 +51,8 @@ row 7, gradients are not looked at|shaders-glsl/project/project_bwd.comp|s/const
 row 60, the gain at the source|engine/sound/geometry.rs|s/r_m \/ bearing.r_l.max(r_min)/r_m \/ bearing.r_l/|n29
 the second eye with the colours that the first one sees|shaders-glsl/project/project.comp|s/direction_from(second_view, /direction_from(view, /|kernel::eyes
 lists of the second eye on the grids of the first|engine/stage/stereo.rs|s/^ *rec.copy(second.grids.slice(), shared_grids(work));$//|render::stereo
+sums of gradients without their carry|shaders-glsl/include/batch.glsl|s/a.y + b.y + uint(low < a.x)/a.y + b.y/|kernel::batch
+gradients beyond 16 are no gradients|shaders-glsl/include/batch.glsl|s/clamp(g \* BATCH_SCALE, -BATCH_LARGEST, BATCH_LARGEST)/g * BATCH_SCALE/|n24
 grids without their gauge|shaders-glsl/bilateral/bilateral_gauge.comp|s/-= mean;/-= 0.0 * mean;/|kernel::bilateral
 '
 

@@ -3,17 +3,19 @@
 mod coming;
 mod feed;
 mod notice;
+mod options;
 mod order;
 mod priors;
 
 pub use notice::{Event, Notice, Phase, Watch};
+pub use options::SessionOptions;
 pub use order::{reduced_order, training_order};
 pub use priors::Priors;
 
 use crate::error::Result;
 use crate::gpu::{Dispatch, Gpu};
 use crate::scene::Splats;
-use crate::scene::capture::{Capture, Picture, share_of_memory};
+use crate::scene::capture::{Capture, Picture};
 use crate::settings::Constants;
 use crate::train::average::Average;
 use crate::train::cameras::poses_judged_at;
@@ -23,8 +25,7 @@ use crate::train::images::Shot;
 use crate::train::init::initialise;
 use crate::train::judge::judge_poses;
 use crate::train::offsets::learnt_offsets;
-use crate::train::plan::{ImageMemory, Plan};
-use crate::train::ranks::Ranks;
+use crate::train::plan::Plan;
 use crate::train::require::{Due, review, review_due};
 use crate::train::setup::Setup;
 use crate::train::trainer::{ProfiledStep, Seen, Trainer};
@@ -34,6 +35,8 @@ use order::training_frames;
 use std::cmp::Ordering;
 use std::sync::Arc;
 use std::time::Instant;
+use tracing::debug_span;
+use tracing::span::EnteredSpan;
 
 /// A run under way.
 ///
@@ -81,50 +84,6 @@ pub struct Session<'a> {
 
 /// A camera and a frame.
 type Image = (usize, u32);
-
-/// What a run begins with, where that is not what its settings say.
-pub struct SessionOptions<'a> {
-    /// How pictures are rendered.
-    pub constants: Constants,
-    /// Steps; none for as many as the settings say.
-    pub total: Option<u64>,
-    /// The first Gaussians, in the capture's frame; none for those that the settings make of the capture.
-    pub first: Option<Splats>,
-    /// The priors, as another session of the same capture read them.
-    pub priors: Option<Priors>,
-    /// Bytes of images that are decoded ahead; no more are taken than all training images need. By default a quarter of the
-    /// machine's memory.
-    pub cache_bytes: u64,
-    /// Bytes of images that stay in the device's memory once they are there; none for what the plan says. Steps on them
-    /// neither decode nor copy anything, and have the same bits.
-    pub device_image_bytes: Option<u64>,
-    /// The other processes, where several share the images of each step: the run has the same bits for any number of them that
-    /// divides `batch`. All begin with the same capture and settings.
-    pub ranks: Option<Arc<dyn Ranks>>,
-    /// Is told what takes a while.
-    pub watch: Watch<'a>,
-}
-
-impl Default for SessionOptions<'_> {
-    fn default() -> Self {
-        SessionOptions {
-            constants: Constants::default(),
-            total: None,
-            first: None,
-            priors: None,
-            cache_bytes: share_of_memory(),
-            device_image_bytes: None,
-            ranks: None,
-            watch: Box::new(|_| ()),
-        }
-    }
-}
-
-impl SessionOptions<'_> {
-    fn image_memory(&self) -> ImageMemory {
-        ImageMemory { cache_bytes: self.cache_bytes, device_bytes: self.device_image_bytes }
-    }
-}
 
 impl<'a> Session<'a> {
     /// A run on the training images of `capture`, which is in the frame of training.
@@ -282,6 +241,7 @@ impl<'a> Session<'a> {
     /// Those of the device and of the images.
     pub fn step(&mut self) -> Result<bool> {
         self.settle()?;
+        let _step = self.begun();
         let Some((images, begun)) = self.images()? else { return Ok(false) };
         self.trainer.train_on(images)?;
         self.stepped(begun)?;
@@ -295,6 +255,7 @@ impl<'a> Session<'a> {
     /// Those of the device.
     pub fn step_on(&mut self, images: &[((usize, u32), &Picture)]) -> Result<()> {
         self.settle()?;
+        let _step = self.begun();
         let begun = Instant::now();
         let seen = |((camera, frame), picture): &((usize, u32), &Picture)| {
             let view = self.capture.view(*camera, *frame)?;
@@ -312,6 +273,7 @@ impl<'a> Session<'a> {
     /// As [`Session::step`].
     pub fn profile(&mut self) -> Result<Option<ProfiledStep>> {
         self.settle()?;
+        let _step = self.begun();
         let Some((images, begun)) = self.images()? else { return Ok(None) };
         let profiled = self.trainer.profile_on(images, begun)?;
         self.stepped(begun)?;
@@ -407,6 +369,11 @@ impl<'a> Session<'a> {
         self.wait()?;
         self.settle()?;
         self.average.scene().map_or_else(|| self.trainer.splats(), |mean| Ok(mean.clone()))
+    }
+
+    /// In traces, all that belongs to the next step, waiting for its images too.
+    fn begun(&self) -> EnteredSpan {
+        debug_span!("step", step = self.trainer.step() + 1).entered()
     }
 
     /// The images of the next step, taken to where the device can get them, and when that began: what was waited for to be decoded

@@ -282,6 +282,7 @@ impl Trainer {
     /// # Errors
     /// [`crate::Error::OutOfMemory`] when a picture's lists do not fit the device, [`crate::Error::DeviceLost`]; nothing moves
     /// then.
+    #[tracing::instrument(level = "debug", name = "step", skip_all, fields(step = self.step + 1))]
     pub fn train(&mut self, camera: usize, view: &View, picture: &Picture) -> Result<()> {
         let seen = self.seen(camera, view, picture)?;
         self.train_on(vec![seen])
@@ -294,7 +295,6 @@ impl Trainer {
 
     /// As [`Trainer::train`], on images that have been loaded before density control, for which those that stay may have to give
     /// way.
-    #[tracing::instrument(level = "debug", name = "step", skip_all, fields(step = self.step + 1))]
     pub(in crate::train) fn train_on(&mut self, images: Vec<Seen>) -> Result<()> {
         self.control_density()?;
         let inputs = self.inputs(images);

@@ -28,6 +28,7 @@ impl Trainer {
     ///
     /// # Errors
     /// As [`Trainer::train`].
+    #[tracing::instrument(level = "debug", name = "step", skip_all, fields(step = self.step + 1))]
     pub fn profile(&mut self, camera: usize, view: &View, picture: &Picture) -> Result<ProfiledStep> {
         let begun = Instant::now();
         let seen = self.seen(camera, view, picture)?;
@@ -35,7 +36,6 @@ impl Trainer {
     }
 
     /// As [`Trainer::profile`], on images that have been loaded since `begun`.
-    #[tracing::instrument(level = "debug", name = "step", skip_all, fields(step = self.step + 1))]
     pub(in crate::train) fn profile_on(&mut self, images: Vec<Seen>, mut begun: Instant) -> Result<ProfiledStep> {
         let mut host = Vec::new();
         let mut done = |what| {

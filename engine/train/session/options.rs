@@ -1,0 +1,54 @@
+//! What a run begins with.
+
+use super::notice::Watch;
+use super::priors::Priors;
+use crate::scene::Splats;
+use crate::scene::capture::share_of_memory;
+use crate::settings::Constants;
+use crate::train::plan::ImageMemory;
+use crate::train::ranks::Ranks;
+use std::sync::Arc;
+
+/// What a run begins with, where that is not what its settings say.
+pub struct SessionOptions<'a> {
+    /// How pictures are rendered.
+    pub constants: Constants,
+    /// Steps; none for as many as the settings say.
+    pub total: Option<u64>,
+    /// The first Gaussians, in the capture's frame; none for those that the settings make of the capture.
+    pub first: Option<Splats>,
+    /// The priors, as another session of the same capture read them.
+    pub priors: Option<Priors>,
+    /// Bytes of images that are decoded ahead; no more are taken than all training images need. By default a quarter of the
+    /// machine's memory.
+    pub cache_bytes: u64,
+    /// Bytes of images that stay in the device's memory once they are there; none for what the plan says. Steps on them
+    /// neither decode nor copy anything, and have the same bits.
+    pub device_image_bytes: Option<u64>,
+    /// The other processes, where several share the images of each step: the run has the same bits for any number of them that
+    /// divides `batch`. All begin with the same capture and settings.
+    pub ranks: Option<Arc<dyn Ranks>>,
+    /// Is told what takes a while.
+    pub watch: Watch<'a>,
+}
+
+impl Default for SessionOptions<'_> {
+    fn default() -> Self {
+        SessionOptions {
+            constants: Constants::default(),
+            total: None,
+            first: None,
+            priors: None,
+            cache_bytes: share_of_memory(),
+            device_image_bytes: None,
+            ranks: None,
+            watch: Box::new(|_| ()),
+        }
+    }
+}
+
+impl SessionOptions<'_> {
+    pub(super) fn image_memory(&self) -> ImageMemory {
+        ImageMemory { cache_bytes: self.cache_bytes, device_bytes: self.device_image_bytes }
+    }
+}
