@@ -17,7 +17,7 @@ pub const MOST_IMAGES: u64 = 64;
 pub struct Batch {
     /// By group that is trained, in twice the planes of the parameters: 2p the low, 2p + 1 the high words of plane p.
     sums: Vec<(usize, Planes)>,
-    /// Which Gaussians an image of the step had in view, a bit each, by group that is trained: each part begins with a word.
+    /// Which Gaussians an image of the step had in view, a bit each, by group that is trained: each part begins where a binding can.
     touched: Buf<u32>,
 }
 

@@ -142,12 +142,11 @@ impl<'a> Session<'a> {
         gpu: Arc<Gpu>,
         (capture, frames): (&'a Capture, Vec<Image>),
         config: Config,
-        trainer: Trainer,
+        mut trainer: Trainer,
         (total, priors, plan, n_first): (u64, Priors, Plan, usize),
         options: SessionOptions<'a>,
     ) -> Self {
         let SessionOptions { constants, cache_bytes, watch, ranks, .. } = options;
-        let mut trainer = trainer;
         trainer.join(ranks);
         Session {
             gpu,
