@@ -4,8 +4,9 @@ use crate::capture;
 use crate::screen::out;
 use crate::verbs::train::Args;
 use anyhow::Context;
+use ivv::gpu::Gpu;
 use ivv::scene::capture::{Capture, share_of_memory};
-use ivv::train::{Checkpoint, ImageMemory, Limits, Plan, Setup, Workload};
+use ivv::train::{Checkpoint, Config, ImageMemory, Limits, Plan, Setup, Workload};
 use ivv::vk::DeviceKind;
 use ivv::words::count;
 use serde_json::json;
@@ -20,23 +21,19 @@ pub fn tell(args: &Args, frames: Option<u32>, json: bool) -> anyhow::Result<()> 
         args.capture.as_deref().context("--plan: expected a CAPTURE; a run that goes on has a plan in train.json")?;
     let capture = capture::open(path, &args.read.settings())?;
     let gpu = args.device.open()?;
-    let setup = Setup::new(&capture, &config);
     let frames = frames.unwrap_or(capture.n_frames);
     let times = f64::from(frames) / f64::from(capture.n_frames.max(1));
     let images = (capture.training_frames().len() as f64 * times).round() as u64;
     let cache_bytes = args.cache_bytes.unwrap_or_else(share_of_memory);
-    let memory = ImageMemory { cache_bytes, device_bytes: args.device_image_bytes };
-    let n = config.max_gaussians as u64;
-    // All of a clip's may turn out to move.
-    let n_dynamic = if frames > 1 { n } else { 0 };
-    let work = Workload::of(&capture, &config, &setup, (n, n_dynamic), &gpu, memory);
+    let (work, limits) = work(&capture, &config, &gpu, cache_bytes);
     let decoded = (work.image_bytes as f64 * times) as u64;
-    let work = Workload { image_bytes: decoded, cache_bytes: cache_bytes.min(decoded), ..work };
-    let caps = gpu.caps();
-    let limits = Limits {
-        binding_bytes: caps.max_binding_bytes,
-        memory_bytes: caps.budget_bytes,
-        is_host: caps.kind == DeviceKind::Cpu,
+    let work = Workload {
+        image_bytes: decoded,
+        cache_bytes: cache_bytes.min(decoded),
+        kept_image_bytes: args.device_image_bytes,
+        // All of a clip's may turn out to move.
+        dynamic: if frames > 1 { work.gaussians } else { 0 },
+        ..work
     };
     let plan = Plan::new(&work, &limits);
     let most = plan.full.gaussians;
@@ -77,6 +74,18 @@ pub fn tell(args: &Args, frames: Option<u32>, json: bool) -> anyhow::Result<()> 
     out!("read     {} of image files, in {}", gigabytes(read), count(reads, "image"));
     out!("time     {steps} times what a step takes: `ivv profile` measures one");
     Ok(())
+}
+
+/// A training on `capture` with as many Gaussians as are allowed, which all move where it is a clip, and with so many bytes of decoded
+/// images in the host's memory; and what the device has.
+pub fn work(capture: &Capture, config: &Config, gpu: &Gpu, cache_bytes: u64) -> (Workload, Limits) {
+    let n = config.max_gaussians as u64;
+    let n_dynamic = if capture.n_frames > 1 { n } else { 0 };
+    let memory = ImageMemory { cache_bytes, device_bytes: None };
+    let work = Workload::of(capture, config, &Setup::new(capture, config), (n, n_dynamic), gpu, memory);
+    let caps = gpu.caps();
+    let is_host = caps.kind == DeviceKind::Cpu;
+    (work, Limits { binding_bytes: caps.max_binding_bytes, memory_bytes: caps.budget_bytes, is_host })
 }
 
 /// Bytes of an image file of the training cameras, with its priors, in the mean.

@@ -10,7 +10,7 @@ use serde_json::json;
 use super::images::Images;
 use super::journal::Journal;
 use super::program::last_line;
-use super::settings::{PrepareSettings, Progress};
+use super::settings::{PrepareSettings, Progress, Share};
 use crate::error::{Error, Result};
 use crate::parallel::in_parallel;
 
@@ -25,18 +25,22 @@ const INSTALL: &str = "install OpenCV for Python (Debian: apt-get install python
 pub(super) fn make(
     images: &Images,
     settings: &PrepareSettings,
-    journal: &mut Journal,
+    share: Share,
+    journal: &Journal,
     progress: &(dyn Fn(Progress) + Sync),
 ) -> Result<()> {
     journal.begin("flow", json!({ "method": "dis at full resolution" }))?;
     let n = images.n_frames().saturating_sub(1) as usize;
     let output = &images.output;
-    let left = left(images);
+    let own =
+        || (0..).zip(&images.cameras).filter(|(number, _)| share.has(*number)).map(|(_, camera)| camera.name.as_str());
+    let mut left = left(images);
+    left.retain(|name| own().any(|own| own == *name));
     if left.is_empty() {
         return Ok(());
     }
     let python = python(output)?;
-    let n_cameras = images.cameras.len();
+    let n_cameras = own().count();
     let (done, total) = (AtomicUsize::new((n_cameras - left.len()) * n), n_cameras * n);
     let tell = |piece: &str| {
         let done = done.fetch_add(1, Ordering::Relaxed) + 1;

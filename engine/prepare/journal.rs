@@ -1,7 +1,7 @@
 //! `prepare.json`: from what the files of each stage were made.
 
 use std::collections::BTreeMap;
-use std::fs;
+use std::fs::{self, File};
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
@@ -20,6 +20,7 @@ const STAGES: [(&str, &[&str]); 4] = [
     ("flow", &["flow"]),
 ];
 const MANIFEST: &str = "capture.toml";
+const LOCK: &str = ".prepare.lock";
 
 #[derive(Default, serde::Serialize, serde::Deserialize)]
 struct Record {
@@ -30,41 +31,59 @@ struct Record {
 
 pub(super) struct Journal {
     output: PathBuf,
-    record: Record,
     force: bool,
 }
 
 impl Journal {
     /// Opens the journal of the output, which is made when it is absent.
     pub fn open(settings: &PrepareSettings) -> Result<Journal> {
-        let output = &settings.output;
-        make_folder(output)?;
-        let path = output.join(JOURNAL);
-        let record = match read_file(&path) {
+        make_folder(&settings.output)?;
+        let journal = Journal { output: settings.output.clone(), force: settings.force };
+        let _lock = journal.lock()?;
+        journal.read()?;
+        Ok(journal)
+    }
+
+    /// Other programs may prepare a share of the same capture: one at a time looks at the journal and changes it.
+    fn lock(&self) -> Result<File> {
+        let path = self.output.join(LOCK);
+        let fault = |fault: std::io::Error| {
+            Error::data(&path, "", format!("cannot be locked: {fault}"), "choose another folder with -o")
+        };
+        let file = File::options().create(true).truncate(false).write(true).open(&path).map_err(fault)?;
+        file.lock().map_err(fault)?;
+        Ok(file)
+    }
+
+    /// What the journal holds; nothing yet in a folder that is empty.
+    fn read(&self) -> Result<Record> {
+        let (output, path) = (&self.output, self.output.join(JOURNAL));
+        match read_file(&path) {
             Ok(bytes) => serde_json::from_slice(&bytes).map_err(|fault| {
                 let reason = format!("is no journal of `ivv prepare`: {fault}");
                 Error::data(&path, "", reason, "remove the file and give --force, or choose another folder with -o")
-            })?,
+            }),
             Err(fault) if fault.kind() == ErrorKind::NotFound => {
-                if !settings.force && !is_empty(output)? {
+                if !self.force && !is_empty(output)? {
                     let reason = format!("is not empty and was not made by `ivv prepare` (it has no {JOURNAL})");
                     let remedy = "choose another folder with -o, or give --force to replace a capture there";
                     return Err(Error::data(output, "", reason, remedy));
                 }
-                Record { made_by: "ivv prepare".to_owned(), ..Record::default() }
+                Ok(Record { made_by: "ivv prepare".to_owned(), ..Record::default() })
             }
             Err(fault) => {
                 let reason = format!("cannot be read: {fault}");
-                return Err(Error::data(&path, "", reason, "check its permissions"));
+                Err(Error::data(&path, "", reason, "check its permissions"))
             }
-        };
-        Ok(Journal { output: output.clone(), record, force: settings.force })
+        }
     }
 
     /// Begins a stage or continues it. When its files were made from something else they are removed first, and with the
     /// images all that was made from them; that needs `force`, as does removing files of which nothing is known.
-    pub fn begin(&mut self, stage: &'static str, made_from: Value) -> Result<()> {
-        if self.record.made_from.get(stage) == Some(&made_from) {
+    pub fn begin(&self, stage: &'static str, made_from: Value) -> Result<()> {
+        let _lock = self.lock()?;
+        let mut record = self.read()?;
+        if record.made_from.get(stage) == Some(&made_from) {
             remove_temporaries(&self.output, 2)?;
             return Ok(());
         }
@@ -74,7 +93,7 @@ impl Journal {
         let parts = anew.iter().flat_map(|(_, parts)| *parts);
         let old: Vec<PathBuf> = parts.map(|part| self.output.join(part)).filter(|path| path.exists()).collect();
         if let Some(path) = old.first().filter(|_| !self.force) {
-            let reason = match self.record.made_from.get(stage) {
+            let reason = match record.made_from.get(stage) {
                 Some(before) => format!("was made with other settings: {}", difference(before, &made_from)),
                 None => "is there already".to_owned(),
             };
@@ -88,10 +107,10 @@ impl Journal {
             })?;
         }
         for (name, _) in anew {
-            self.record.made_from.remove(*name);
+            record.made_from.remove(*name);
         }
-        self.record.made_from.insert(stage.to_owned(), made_from);
-        let text = serde_json::to_vec_pretty(&self.record).map_err(std::io::Error::other);
+        record.made_from.insert(stage.to_owned(), made_from);
+        let text = serde_json::to_vec_pretty(&record).map_err(std::io::Error::other);
         write_atomic(&self.output.join(JOURNAL), |to| to.write_all(&text?))
     }
 }
@@ -119,8 +138,8 @@ pub(super) fn make_folder(path: &Path) -> Result<()> {
 }
 
 fn is_empty(path: &Path) -> Result<bool> {
-    let mut entries = fs::read_dir(path).map_err(|fault| cannot_list(path, &fault))?;
-    Ok(entries.next().is_none())
+    let mut entries = fs::read_dir(path).map_err(|fault| cannot_list(path, &fault))?.flatten();
+    Ok(entries.all(|entry| entry.file_name() == LOCK))
 }
 
 pub(super) fn cannot_list(path: &Path, fault: &std::io::Error) -> Error {

@@ -27,9 +27,9 @@ use self::images::Images;
 use self::journal::Journal;
 use self::program::{FFMPEG, FFPROBE};
 pub use self::reconstruct::Forecast;
-pub use self::settings::{ImageFormat, PrepareSettings, Progress, Triangulate};
+pub use self::settings::{ImageFormat, PrepareSettings, Progress, Share, Stage, Triangulate};
 use self::source::{Footage, Source};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::scene::capture::{CaptureSettings, Faults, Manifest, Report, check_capture, write_true_offsets};
 
 /// What a folder or file holds of which [`prepare`] makes a capture, and which is not a capture itself: an English phrase such as
@@ -71,10 +71,82 @@ pub struct Prepared {
 pub fn prepare(settings: &PrepareSettings, progress: &(dyn Fn(Progress) + Sync)) -> Result<Prepared> {
     settings.check()?;
     let Some(pictures) = source::pictures(settings) else { return prepare_posed(settings, None, Vec::new(), progress) };
-    let mut journal = Journal::open(settings)?;
-    let (posed, notes) = reconstruct::make(settings, &pictures, &mut journal, progress)?;
+    let journal = Journal::open(settings)?;
+    let (posed, notes) = reconstruct::make(settings, &pictures, &journal, progress)?;
     let prepared = prepare_posed(&posed, Some(journal), notes, progress)?;
     Ok(Prepared { source_format: pictures.name(), ..prepared })
+}
+
+/// Makes a share of what one stage of [`prepare`] makes, so that several machines with one file system do it together. Stages come in
+/// the order of [`Stage`], each when all shares of the one before are made; [`prepare`] then completes the capture.
+///
+/// # Errors
+/// As [`prepare`]; [`Error::Data`](crate::Error::Data) for the first fault of the source, and where an earlier stage is not done.
+pub fn prepare_share(
+    settings: &PrepareSettings,
+    stage: Stage,
+    share: Share,
+    progress: &(dyn Fn(Progress) + Sync),
+) -> Result<()> {
+    settings.check()?;
+    let pictures = source::pictures(settings);
+    let early = |reason: String, stage: &str| {
+        let remedy = format!("run the same command with --only {stage} first");
+        Err(Error::data(&settings.output, "", reason, remedy))
+    };
+    let posed = match (&pictures, stage) {
+        (Some(pictures), _) if stage == Stage::Cameras || reconstruct::is_placed(&settings.output) => {
+            if share.part > 0 && stage == Stage::Cameras {
+                return Ok(());
+            }
+            Some(reconstruct::make(settings, pictures, &Journal::open(settings)?, progress)?.0)
+        }
+        (Some(_), _) => return early("holds no cameras yet".to_owned(), "cameras"),
+        (None, _) => None,
+    };
+    if stage == Stage::Cameras {
+        return Ok(());
+    }
+    let begun = Begun::new(posed.as_ref().unwrap_or(settings))?;
+    let Begun { source, images, settings, faults } = &begun;
+    if let Some(fault) = faults.first() {
+        return Err(fault);
+    }
+    let journal = Journal::open(settings)?;
+    if stage == Stage::Images {
+        return images.make(share, &journal, progress);
+    }
+    if let Some(image) = images.absent() {
+        return early(format!("has no {} yet", image.display()), "images");
+    }
+    if stage == Stage::Flow {
+        return flow::make(images, settings, share, &journal, progress);
+    }
+    triangulate::require(images, source, settings)?;
+    triangulate::make(images, source, settings, share, &journal, progress).map(|_| ())
+}
+
+/// A preparation of a source that has cameras, before anything is made.
+struct Begun {
+    source: Source,
+    images: Images,
+    settings: PrepareSettings,
+    /// What is wrong with the source.
+    faults: Faults,
+}
+
+impl Begun {
+    fn new(settings: &PrepareSettings) -> Result<Begun> {
+        let mut faults = Faults::default();
+        let source = Source::read(settings, &mut faults)?;
+        let settings = if settings.by_timecode { timecodes::applied(settings, &source)? } else { settings.clone() };
+        // Missing programs are reported before a picture is decoded.
+        if source.cameras.iter().any(|camera| matches!(camera.footage, Footage::Video(_))) {
+            [FFMPEG, FFPROBE].iter().try_for_each(|program| program.require(&settings.source))?;
+        }
+        let images = Images::plan(&source, &settings, &mut faults);
+        Ok(Begun { source, images, settings, faults })
+    }
 }
 
 /// Prepares a source that has cameras.
@@ -84,20 +156,8 @@ fn prepare_posed(
     notes: Vec<String>,
     progress: &(dyn Fn(Progress) + Sync),
 ) -> Result<Prepared> {
-    let mut faults = Faults::default();
-    let source = Source::read(settings, &mut faults)?;
-    let by_timecode;
-    let settings = if settings.by_timecode {
-        by_timecode = timecodes::applied(settings, &source)?;
-        &by_timecode
-    } else {
-        settings
-    };
-    // Missing programs are reported before a picture is decoded.
-    if source.cameras.iter().any(|camera| matches!(camera.footage, Footage::Video(_))) {
-        [FFMPEG, FFPROBE].iter().try_for_each(|program| program.require(&settings.source))?;
-    }
-    let images = Images::plan(&source, settings, &mut faults);
+    let Begun { source, images, settings, faults } = Begun::new(settings)?;
+    let settings = &settings;
     if faults.n() > 0 {
         let mut report = Report::new(&settings.source, source.format);
         report.set_faults(faults);
@@ -107,15 +167,15 @@ fn prepare_posed(
     if settings.flow && (settings.force || !flow::left(&images).is_empty()) {
         flow::python(&settings.source)?;
     }
-    let mut journal = match journal {
+    let journal = match journal {
         Some(journal) => journal,
         None => Journal::open(settings)?,
     };
     let output = &settings.output;
-    images.make(&mut journal, progress)?;
-    let points = triangulate::make(&images, &source, settings, &mut journal, progress)?;
+    images.make(Share::ALL, &journal, progress)?;
+    let points = triangulate::make(&images, &source, settings, Share::ALL, &journal, progress)?;
     if settings.flow {
-        flow::make(&images, settings, &mut journal, progress)?;
+        flow::make(&images, settings, Share::ALL, &journal, progress)?;
     }
     images.write_sound()?;
     sound::carry(&images, settings)?;

@@ -132,12 +132,17 @@ fn require(settings: &PrepareSettings, pictures: &Pictures) -> Result<()> {
     COLMAP.require(&settings.source)
 }
 
+/// Whether COLMAP has placed the pictures that `output` is made from.
+pub(super) fn is_placed(output: &Path) -> bool {
+    output.join("reconstruction/sparse/0/images.bin").is_file()
+}
+
 /// Settings that prepare what COLMAP placed, with notes about it. What an earlier run has done is not done again.
 #[tracing::instrument(level = "info", name = "cameras", skip_all)]
 pub(super) fn make(
     settings: &PrepareSettings,
     pictures: &Pictures,
-    journal: &mut Journal,
+    journal: &Journal,
     progress: &(dyn Fn(Progress) + Sync),
 ) -> Result<(PrepareSettings, Vec<String>)> {
     require(settings, pictures)?;
@@ -163,7 +168,7 @@ pub(super) fn make(
         let reason = format!("has {} pictures, at least {LEAST_PLACED} are needed", names.len());
         return Err(Error::data(&settings.source, "", reason, "give more pictures that overlap"));
     }
-    if !work.project.join("sparse/0/images.bin").is_file() {
+    if !is_placed(&settings.output) {
         work.place(&names)?;
     }
     let notes = work.notes(&names)?;

@@ -39,6 +39,39 @@ pub enum Triangulate {
     Every(u32),
 }
 
+/// What others made, one after the other: each needs all of what comes before it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Stage {
+    /// Pictures without cameras are placed.
+    Cameras,
+    /// Pictures are decoded, scaled, undistorted.
+    Images,
+    /// Points are triangulated, frame by frame.
+    Points,
+    /// Optical flow is estimated.
+    Flow,
+}
+
+/// A share of the pieces of a stage: several machines with one file system do one each, at the same time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Share {
+    /// Its number, from 0.
+    pub part: u32,
+    /// How many there are, at least 1.
+    pub of: u32,
+}
+
+impl Share {
+    /// All of them.
+    pub const ALL: Share = Share { part: 0, of: 1 };
+
+    /// Whether the piece with this number is among them.
+    pub(super) fn has(self, piece: usize) -> bool {
+        piece % self.of.max(1) as usize == self.part as usize
+    }
+}
+
 /// What is prepared, and how.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PrepareSettings {

@@ -13,7 +13,7 @@ use super::images::{Camera, Images};
 use super::journal::{Journal, make_folder};
 use super::model::{self, ModelCamera, ModelPoint};
 use super::program::COLMAP;
-use super::settings::{PrepareSettings, Progress, Triangulate};
+use super::settings::{PrepareSettings, Progress, Share, Triangulate};
 use super::source::Source;
 use super::video::Selection;
 use crate::error::{Error, Result};
@@ -27,6 +27,10 @@ const REFERENCE: u32 = 0;
 /// Up to so many cameras every pair is matched; of more, each with so many neighbours.
 const MAX_EXHAUSTIVE: usize = 40;
 const NEIGHBOURS: usize = 20;
+/// Frames whose features one process of COLMAP finds, lens by lens: its start takes as long as those of a small picture.
+const FRAMES_AT_ONCE: usize = 8;
+/// Programs at once that compute on the GPU: each has its own memory there.
+const PROGRAMS_ON_GPU: usize = 4;
 
 /// Triangulates what is not triangulated yet and returns the number of points of each triangulated frame.
 #[tracing::instrument(level = "info", name = "points", skip_all)]
@@ -34,7 +38,8 @@ pub(super) fn make(
     images: &Images,
     source: &Source,
     settings: &PrepareSettings,
-    journal: &mut Journal,
+    share: Share,
+    journal: &Journal,
     progress: &(dyn Fn(Progress) + Sync),
 ) -> Result<Vec<(u32, usize)>> {
     let (what, keeps) = asked(source, settings);
@@ -42,15 +47,19 @@ pub(super) fn make(
     let of_source = carried.map_or(json!(source.points.len()), |points| json!(points.folder.to_string_lossy()));
     let posed: Vec<_> = images.cameras.iter().map(|c| json!([c.name, c.is_test, c.poses])).collect();
     journal.begin("points", json!({ "triangulate": what, "cameras": posed, "source points": of_source }))?;
-    let stage = Triangulation { images, work: images.output.join(".colmap"), threads: settings.threads };
+    let stage =
+        Triangulation { images, work: images.output.join(".colmap"), threads: settings.threads, on_gpu: on_gpu() };
     let (model, points) = (images.output.join("sparse/0"), images.output.join("points"));
     let file = |frame: u32| points.join(format!("{frame:05}.ply"));
     let every = if let Triangulate::Every(every) = what { Some(every) } else { carried.map(|_| 1) };
     let Some(every) = every else {
+        if share.part > 0 {
+            return Ok(Vec::new());
+        }
         if !model.join("points3D.txt").is_file() {
             let found = match what {
                 Triangulate::None => stage.of_source(source),
-                _ => stage.frame(source, REFERENCE)?,
+                _ => stage.frames(source, &[REFERENCE])?.swap_remove(0),
             };
             // Who saw the points of a static scene is known.
             if images.n_frames() == 1 && found.iter().any(|point| !point.camera_ids.is_empty()) {
@@ -66,28 +75,37 @@ pub(super) fn make(
         return Ok(Vec::from_iter((n > 0).then_some((REFERENCE, n))));
     };
     make_folder(&points)?;
-    let frames: Vec<u32> = (0..images.n_frames()).collect();
+    let frames: Vec<u32> = (0..images.n_frames()).filter(|frame| share.has(*frame as usize)).collect();
     // The reference frame comes first: its points are in the model, too.
     let is_done = |frame: u32| file(frame).is_file() && (frame != REFERENCE || model.join("points3D.txt").is_file());
     let left: Vec<u32> = frames.iter().copied().filter(|frame| !is_done(*frame)).collect();
     let done = AtomicUsize::new(frames.len() - left.len());
-    let one = |index: usize| {
-        let frame = left[index];
-        let found = match carried {
-            Some(points) => stage.carried(points, frame)?,
-            None if frame.is_multiple_of(every) => stage.frame(source, frame)?,
-            None => Vec::new(),
-        };
-        write_points(&file(frame), &found)?;
+    let keep = |frame: u32, found: &[SeenPoint]| {
+        write_points(&file(frame), found)?;
         if frame == REFERENCE {
-            stage.write_model(&model, &found)?;
+            stage.write_model(&model, found)?;
         }
         let done = done.fetch_add(1, Ordering::Relaxed) + 1;
         let piece = format!("frame {frame}: {} points", found.len());
         progress(Progress { stage: "points", done, total: frames.len(), piece: &piece });
         Ok(())
     };
-    in_parallel(left.len(), settings.threads, one, |_| {})?;
+    let (has_points, without): (Vec<u32>, Vec<u32>) = left.iter().partition(|frame| frame.is_multiple_of(every));
+    without.into_iter().try_for_each(|frame| keep(frame, &[]))?;
+    if let Some(points) = carried {
+        let one = |index: usize| keep(has_points[index], &stage.carried(points, has_points[index])?);
+        in_parallel(has_points.len(), settings.threads, one, |_| {})?;
+    } else {
+        let together: Vec<&[u32]> = has_points.chunks(stage.at_once(has_points.len())).collect();
+        let some = |index: usize| {
+            let found = stage.frames(source, together[index])?;
+            together[index].iter().zip(&found).try_for_each(|(frame, found)| keep(*frame, found))
+        };
+        in_parallel(together.len(), stage.programs(), some, |_| {})?;
+    }
+    if share != Share::ALL {
+        return Ok(Vec::new());
+    }
     stage.clear()?;
     frames.into_iter().step_by(every as usize).map(|frame| Ok((frame, n_points(&file(frame))?))).collect()
 }
@@ -135,6 +153,8 @@ struct Triangulation<'a> {
     /// Everything that COLMAP needs and nobody else.
     work: PathBuf,
     threads: usize,
+    /// Whether COLMAP finds and matches features on a GPU.
+    on_gpu: bool,
 }
 
 impl Triangulation<'_> {
@@ -190,32 +210,61 @@ impl Triangulation<'_> {
         model::write(folder, &cameras, &points)
     }
 
-    /// Has COLMAP triangulate the points of a frame that the training cameras see.
-    fn frame(&self, source: &Source, frame: u32) -> Result<Vec<SeenPoint>> {
+    /// How many programs run at once. A GPU holds the pictures of some at a time.
+    fn programs(&self) -> usize {
+        if self.on_gpu { self.threads.min(PROGRAMS_ON_GPU) } else { self.threads }
+    }
+
+    /// How many of `n` frames are given to one program: all cores have some.
+    fn at_once(&self, n: usize) -> usize {
+        // A list of pairs has no way to tell of a name with a space.
+        if self.images.cameras.iter().any(|camera| camera.name.contains(' ')) {
+            return 1;
+        }
+        n.div_ceil(self.programs().max(1)).clamp(1, FRAMES_AT_ONCE)
+    }
+
+    /// Has COLMAP triangulate the points that the training cameras see in each of `frames`.
+    fn frames(&self, source: &Source, frames: &[u32]) -> Result<Vec<Vec<SeenPoint>>> {
         let all = self.images.cameras.iter().enumerate();
         let cameras: Vec<(usize, &Camera)> = all.filter(|(_, camera)| !camera.is_test).collect();
-        let work = self.work.join(format!("{frame:05}"));
+        let work = self.work.join(format!("{:05}", frames[0]));
         let _ = fs::remove_dir_all(&work);
-        let (input, found) = (work.join("model"), work.join("found"));
-        make_folder(&found)?;
-        let model = |(index, camera): &(usize, &Camera)| ModelCamera {
-            id: Self::id(*index),
-            intrinsics: camera.pinhole.intrinsics,
-            images: vec![(
-                self.images.image_name(camera, frame),
-                *camera.poses.get(frame as usize).unwrap_or(&camera.poses[0]),
-            )],
+        make_folder(&work)?;
+        let models = |frames: &[u32]| -> Vec<ModelCamera> {
+            let image = |camera: &Camera, frame: u32| {
+                (self.images.image_name(camera, frame), *camera.poses.get(frame as usize).unwrap_or(&camera.poses[0]))
+            };
+            let model = |(index, camera): &(usize, &Camera)| ModelCamera {
+                id: Self::id(*index),
+                intrinsics: camera.pinhole.intrinsics,
+                images: frames.iter().map(|frame| image(camera, *frame)).collect(),
+            };
+            cameras.iter().map(model).collect()
         };
-        let models: Vec<ModelCamera> = cameras.iter().map(model).collect();
-        model::write(&input, &models, &[])?;
         let colmap = Colmap {
             about: &source.calibration,
             folder: self.images.output.join("images"),
             database: work.join("database.db"),
             threads: (self.threads / self.images.n_frames() as usize).max(1).to_string(),
+            on_gpu: if self.on_gpu { ON } else { OFF },
         };
-        colmap.extract(&models, &work)?;
-        colmap.match_features(&models, &work)?;
+        let of_all = models(frames);
+        colmap.extract(&of_all, &work)?;
+        colmap.match_features(&of_all, &work)?;
+        let found =
+            frames.iter().map(|frame| self.triangulated(&colmap, &models(&[*frame]), &work.join(frame.to_string())));
+        let found = found.collect();
+        // What stays is removed with the whole folder at the end.
+        let _ = fs::remove_dir_all(&work);
+        found
+    }
+
+    /// The points of one frame, whose features are matched, seen by the cameras of `models`; the work is done in `folder`.
+    fn triangulated(&self, colmap: &Colmap, models: &[ModelCamera], folder: &Path) -> Result<Vec<SeenPoint>> {
+        let (input, found) = (folder.join("model"), folder.join("found"));
+        make_folder(&found)?;
+        model::write(&input, models, &[])?;
         if !colmap.triangulate(&input, &found)? {
             return Ok(Vec::new());
         }
@@ -224,10 +273,7 @@ impl Triangulation<'_> {
             let ids: BTreeSet<u32> = by.iter().filter_map(|name| ids.get(name.to_str()?).copied()).collect();
             SeenPoint { position: point.position, rgb: point.color, camera_ids: ids.into_iter().collect() }
         });
-        let points = points.collect();
-        // What stays is removed with the whole folder at the end.
-        let _ = fs::remove_dir_all(&work);
-        Ok(points)
+        Ok(points.collect())
     }
 
     fn clear(&self) -> Result<()> {
@@ -242,7 +288,7 @@ impl Triangulation<'_> {
 const ON: &str = "1";
 const OFF: &str = "0";
 
-/// COLMAP at work on the pictures of one frame.
+/// COLMAP at work on the pictures of some frames.
 struct Colmap<'a> {
     /// Named in errors.
     about: &'a Path,
@@ -250,6 +296,8 @@ struct Colmap<'a> {
     folder: PathBuf,
     database: PathBuf,
     threads: String,
+    /// [`ON`] or [`OFF`].
+    on_gpu: &'static str,
 }
 
 impl Colmap<'_> {
@@ -264,7 +312,7 @@ impl Colmap<'_> {
         self.attempt(verb, arguments)?.1
     }
 
-    /// Features of the first image of every camera, lens by lens.
+    /// Features of all images, lens by lens.
     fn extract(&self, models: &[ModelCamera], work: &Path) -> Result<()> {
         for (number, (lens, same)) in by_lens(models).into_iter().enumerate() {
             let list = work.join(format!("images{number}.txt"));
@@ -278,7 +326,7 @@ impl Colmap<'_> {
                     ("--ImageReader.single_camera", OsStr::new(ON)),
                     ("--ImageReader.camera_model", OsStr::new("PINHOLE")),
                     ("--ImageReader.camera_params", OsStr::new(&format!("{fx},{fy},{cx},{cy}"))),
-                    ("--SiftExtraction.use_gpu", OsStr::new(OFF)),
+                    ("--SiftExtraction.use_gpu", OsStr::new(self.on_gpu)),
                     ("--SiftExtraction.num_threads", OsStr::new(&self.threads)),
                 ],
             )?;
@@ -289,22 +337,26 @@ impl Colmap<'_> {
     /// Matches every pair of images, or of many cameras those that are likely to see the same.
     fn match_features(&self, models: &[ModelCamera], work: &Path) -> Result<()> {
         let matching = [
-            ("--SiftMatching.use_gpu", OsStr::new(OFF)),
+            ("--SiftMatching.use_gpu", OsStr::new(self.on_gpu)),
             ("--SiftMatching.num_threads", OsStr::new(&self.threads)),
             // Matches along the epipolar lines that the first ones give: nearly twice as many points where views are few.
             ("--SiftMatching.guided_matching", OsStr::new(ON)),
         ];
-        let (names, poses): (Vec<&str>, Vec<Pose>) =
-            models.iter().map(|model| (model.images[0].0.as_str(), model.images[0].1)).unzip();
-        // A list of pairs has no way to tell of a name with a space.
-        if names.len() <= MAX_EXHAUSTIVE || names.iter().any(|name| name.contains(' ')) {
+        let n_frames = models.first().map_or(0, |model| model.images.len());
+        if n_frames == 1
+            && (models.len() <= MAX_EXHAUSTIVE || models.iter().any(|model| model.images[0].0.contains(' ')))
+        {
             return self.run("exhaustive_matcher", &matching);
         }
         let list = work.join("pairs.txt");
         let mut text = String::new();
-        for (a, b) in neighbours(&poses) {
-            // Writing to a string cannot fail.
-            let _ = writeln!(text, "{} {}", names[a], names[b]);
+        for frame in 0..n_frames {
+            let (names, poses): (Vec<&str>, Vec<Pose>) =
+                models.iter().map(|model| (model.images[frame].0.as_str(), model.images[frame].1)).unzip();
+            for (a, b) in pairs(&poses) {
+                // Writing to a string cannot fail.
+                let _ = writeln!(text, "{} {}", names[a], names[b]);
+            }
         }
         write_atomic(&list, |to| to.write_all(text.as_bytes()))?;
         let pairs = [("--match_list_path", list.as_os_str()), ("--match_type", OsStr::new("pairs"))];
@@ -338,17 +390,37 @@ fn found_nothing(said: &str) -> bool {
     said.contains("Bundle adjustment") && counts.all(|count| count == "0 points")
 }
 
+/// Whether COLMAP can find and match features on a GPU: it was built with CUDA, and the machine has a GPU of NVIDIA.
+fn on_gpu() -> bool {
+    let has_gpu = || fs::read_dir("/proc/driver/nvidia/gpus").is_ok_and(|mut gpus| gpus.next().is_some());
+    has_gpu()
+        && COLMAP.run(["help"], Path::new("COLMAP")).is_ok_and(|said| is_with_cuda(&String::from_utf8_lossy(&said)))
+}
+
+/// What COLMAP's help says of how it was built.
+fn is_with_cuda(said: &str) -> bool {
+    said.contains("with CUDA")
+}
+
 /// Names of images by their lens, in the order in which the lenses come.
 fn by_lens(models: &[ModelCamera]) -> Vec<(Intrinsics, Vec<&str>)> {
     let mut groups: Vec<(Intrinsics, Vec<&str>)> = Vec::new();
     for model in models {
-        let name = model.images[0].0.as_str();
+        let own = model.images.iter().map(|(name, _)| name.as_str());
         match groups.iter_mut().find(|(lens, _)| *lens == model.intrinsics) {
-            Some((_, names)) => names.push(name),
-            None => groups.push((model.intrinsics, vec![name])),
+            Some((_, names)) => names.extend(own),
+            None => groups.push((model.intrinsics, own.collect())),
         }
     }
     groups
+}
+
+/// Pairs of cameras that are matched, each with the smaller number first: all, or of many those that are likely to see the same.
+fn pairs(poses: &[Pose]) -> BTreeSet<(usize, usize)> {
+    if poses.len() > MAX_EXHAUSTIVE {
+        return neighbours(poses);
+    }
+    (0..poses.len()).flat_map(|a| (a + 1..poses.len()).map(move |b| (a, b))).collect()
 }
 
 /// Pairs of cameras that are likely to see the same: of each, those whose axes and centres differ least.

@@ -22,6 +22,9 @@ pub struct Segments {
     pub still: Frames,
     /// By segment, its first frame and the one behind its last.
     pub segments: Vec<[u32; 2]>,
+    /// Bytes of decoded images that each training keeps; none for as many as one takes by default.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cache_bytes: Option<u64>,
 }
 
 impl Segments {
@@ -45,7 +48,7 @@ impl Segments {
         let segment = |segment: u32| [border(segment) as u32, (border(segment + 1) as u32 + overlap).min(n_frames)];
         let segments: Vec<[u32; 2]> = (0..n).map(segment).collect();
         let still = Frames { from: 0, to: None, every: n_frames.div_ceil(length) };
-        Ok(Segments { n_frames, still, segments })
+        Ok(Segments { n_frames, still, segments, cache_bytes: None })
     }
 
     /// `segments.json` of `folder`.

@@ -1,6 +1,6 @@
 //! With the programs of others: ffmpeg, COLMAP and Python. Each test is skipped where its program is absent.
 
-use ivv::prepare::{PrepareSettings, Prepared, Triangulate, estimate};
+use ivv::prepare::{PrepareSettings, Prepared, Share, Stage, Triangulate, estimate, prepare_share};
 use ivv::scene::capture::{Camera, Capture, Frames, Manifest};
 use ivv::scene::prior::read_flow;
 use ivv::synth::{Options, Preset, write_capture};
@@ -283,4 +283,14 @@ fn colmap_triangulates_and_opencv_estimates_flow() {
     assert!(share > 0.8 && median < 0.1 && most < 1.0, "{share} {median} {most}");
     let (_, pieces) = run(&settings).unwrap();
     assert!(pieces.iter().all(|piece| piece.starts_with("images")), "{pieces:?}");
+    // In shares, one of which has the frame of the model.
+    let shared = PrepareSettings { output: folder.0.join("shared"), ..settings };
+    for stage in [Stage::Images, Stage::Points, Stage::Flow] {
+        for part in [1, 0] {
+            prepare_share(&shared, stage, Share { part, of: 2 }, &|_| {}).unwrap();
+        }
+    }
+    let (shared, pieces) = run(&shared).unwrap();
+    assert!(pieces.iter().all(|piece| piece.starts_with("images")), "{pieces:?}");
+    assert!(shared.points.len() == 2 && shared.points.iter().all(|(_, n)| *n > 20), "{:?}", shared.points);
 }

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
-use ivv::prepare::{ImageFormat, PrepareSettings};
+use ivv::prepare::{ImageFormat, PrepareSettings, Share, Stage, prepare_share};
 use ivv::scene::capture::{CaptureSettings, check_capture};
 
 use super::{done, every, rate, run, settings};
@@ -71,6 +71,42 @@ fn a_killed_run_goes_on_where_it_stopped() {
     assert_eq!(bytes(&again), bytes(&whole));
     let image = out.join("images/0/00001.png");
     assert_eq!(again[&image], whole[&image], "an image that was there is not made again");
+}
+
+#[test]
+fn shares_that_are_made_at_one_time_come_to_the_same_capture() {
+    let (folder, settings) = capture("prepare-shares");
+    done(&settings);
+    let bytes = |path: &Path| -> BTreeMap<PathBuf, Vec<u8>> {
+        let files = tree(path).into_iter().filter(|(file, _)| !file.ends_with("prepare.json"));
+        files.map(|(file, (bytes, _))| (file.strip_prefix(path).unwrap().to_owned(), bytes)).collect()
+    };
+    let whole = bytes(&settings.output);
+    let shared = PrepareSettings { output: folder.0.join("shared"), ..settings.clone() };
+    let share = |stage: Stage, part: u32| prepare_share(&shared, stage, Share { part, of: 3 }, &|_| {});
+    // What follows the images waits for them.
+    let early = share(Stage::Points, 0).unwrap_err().to_string();
+    assert!(early.contains("--only images first"), "{early}");
+    // As on three machines that begin together.
+    let together = |stage: Stage| {
+        std::thread::scope(|scope| {
+            let parts: Vec<_> = (0..3).map(|part| scope.spawn(move || share(stage, part))).collect();
+            parts.into_iter().for_each(|part| part.join().unwrap().unwrap());
+        });
+    };
+    share(Stage::Images, 1).unwrap();
+    let n_images = |path: &Path| bytes(&path.join("images")).len();
+    assert_eq!(n_images(&shared.output), n_images(&settings.output) / 3);
+    together(Stage::Images);
+    assert_eq!(bytes(&shared.output.join("images")), bytes(&settings.output.join("images")));
+    together(Stage::Points);
+    assert!(!shared.output.join("capture.toml").exists());
+    done(&shared);
+    assert_eq!(bytes(&shared.output), whole);
+    // Other settings are no share of this.
+    let other = PrepareSettings { scale: 0.25, ..shared.clone() };
+    let told = prepare_share(&other, Stage::Images, Share::ALL, &|_| {}).unwrap_err().to_string();
+    assert!(told.contains("scale was 0.5"), "{told}");
 }
 
 #[test]

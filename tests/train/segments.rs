@@ -79,6 +79,27 @@ fn a_clip_in_segments_is_joined_to_one_scene_and_jobs_are_done_once() {
     // As JSON, one value on standard output.
     let told = works(&["--json", "segments", "join", text(&plan)]);
     assert_eq!(serde_json::from_str::<Value>(&told).unwrap()["segments"], 2);
+    // As long as memory allows: the clip's eight frames, or a frame fewer for each frame's images less.
+    let fitted = |memory: u64, to: &str| {
+        let (to, memory) = (tiny.folder.join(to), memory.to_string());
+        let asked =
+            ["--json", "segments", "plan", text(&tiny.folder), "-o", text(&to), "--overlap", "2", "--memory", &memory];
+        let out = ivv(&[&asked[..], &["--max-gaussians", "5000"]].concat());
+        (out.status.success(), String::from_utf8_lossy(&out.stdout).into_owned(), to)
+    };
+    let (is_fitted, told, _) = fitted(0, "none");
+    let least: u64 = told.split("at least ").nth(1).unwrap().split(':').next().unwrap().parse().unwrap();
+    let of_frame: u64 = told.split("of a frame ").nth(1).unwrap().split(';').next().unwrap().parse().unwrap();
+    assert!(!is_fitted && of_frame > 0, "{told}");
+    assert!(!fitted(least - 1, "none").0);
+    for (more, length) in [(0, 4), (of_frame, 5), (of_frame * 3, 7), (of_frame * 100, 8)] {
+        let (is_fitted, told, to) = fitted(least + more, &format!("of-{length}"));
+        assert!(is_fitted, "{told}");
+        let cut = ivv::train::Segments::read(&to).unwrap();
+        assert!(cut.segments.iter().all(|[from, to]| to - from <= length));
+        assert_eq!(cut.segments.len() > 1, length < 8);
+        assert_eq!(cut.cache_bytes, Some(u64::from(length) * of_frame));
+    }
     // A run's folder is no place for a plan.
     let into = ["segments", "plan", text(&tiny.folder), "-o", text(&segment)];
     assert!(fails(&into, 3).contains("holds another plan or a run"));

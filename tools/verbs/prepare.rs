@@ -6,7 +6,10 @@ use crate::progress::Pieces;
 use crate::screen::{out, say};
 use crate::verbs::check::{self, Faulty};
 use anyhow::Context;
-use ivv::prepare::{Estimate, ImageFormat, PrepareSettings, Progress, Triangulate, estimate, forecast, prepare};
+use ivv::prepare::{
+    Estimate, ImageFormat, PrepareSettings, Progress, Share, Stage, Triangulate, estimate, forecast, prepare,
+    prepare_share,
+};
 use ivv::scene::capture::CaptureSettings;
 use ivv::words::count;
 use std::collections::BTreeMap;
@@ -55,6 +58,13 @@ pub struct Args {
     /// Only tells what this will take, in time and on the disk: prepares four frames from the middle, measures, and removes them.
     #[arg(long)]
     plan: bool,
+    /// Does one stage alone: cameras (of pictures without any), images, points or flow. The same command without this does what is left,
+    /// and completes the capture.
+    #[arg(long, conflicts_with_all = ["plan", "force"], value_name = "cameras|images|points|flow", value_parser = stage)]
+    only: Option<Stage>,
+    /// With `--only`: does the K-th of N parts of the stage. Several machines with one file system do one each at the same time.
+    #[arg(long, value_name = "K/N", requires = "only", value_parser = part)]
+    part: Option<Share>,
     /// Threads, and programs that run at once. By default the number of cores.
     #[arg(long)]
     threads: Option<usize>,
@@ -81,6 +91,12 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         drop(pieces);
         return tell_plan(&estimate, json);
     }
+    if let Some(only) = args.only {
+        let share = args.part.unwrap_or(Share::ALL);
+        prepare_share(&settings, only, share, &tell)?;
+        drop(pieces);
+        return tell_share(only, share, json);
+    }
     let prepared = prepare(&settings, &tell)?;
     drop(pieces);
     let faulty = (prepared.report.n_faults > 0).then(|| anyhow::Error::from(Faulty(prepared.report.n_faults)));
@@ -101,6 +117,43 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         check::print(&prepared.report);
     }
     faulty.map_or(Ok(()), Err)
+}
+
+/// Prints what was done.
+fn tell_share(stage: Stage, share: Share, json: bool) -> anyhow::Result<()> {
+    let (part, of) = (share.part + 1, share.of);
+    if json {
+        out!("{}", serde_json::json!({ "stage": stage, "part": part, "parts": of }));
+        return Ok(());
+    }
+    let stage = serde_json::to_value(stage)?;
+    let stage = stage.as_str().unwrap_or_default();
+    if of == 1 {
+        out!("{stage}: done")
+    } else {
+        out!("{stage}: part {part} of {of} is done")
+    }
+    out!("next: the stages that are left, then the same command without --only");
+    Ok(())
+}
+
+fn stage(word: &str) -> Result<Stage, String> {
+    match word {
+        "cameras" => Ok(Stage::Cameras),
+        "images" => Ok(Stage::Images),
+        "points" => Ok(Stage::Points),
+        "flow" => Ok(Stage::Flow),
+        _ => Err("expected cameras, images, points or flow".to_owned()),
+    }
+}
+
+/// Which part of how many, as K/N.
+fn part(word: &str) -> Result<Share, String> {
+    let parsed = word.split_once('/').and_then(|(part, of)| Some((part.parse::<u32>().ok()?, of.parse::<u32>().ok()?)));
+    match parsed {
+        Some((part, of)) if (1..=of).contains(&part) => Ok(Share { part: part - 1, of }),
+        _ => Err("expected K/N with K from 1 to N, such as 2/4".to_owned()),
+    }
 }
 
 /// Prints what a preparation will take.

@@ -1,16 +1,19 @@
 //! `ivv segments`: a long clip in segments, on one machine or as jobs of many.
 
 use crate::capture::{self, CaptureArgs};
+use crate::device::DeviceArgs;
 use crate::files::{make_folder, read_json, write_json};
 use crate::interrupt::Stop;
+use crate::outline;
 use crate::screen::{self, out, say};
 use crate::settings::SettingArgs;
 use anyhow::{Context, ensure};
 use ivv::files::write_atomic;
 use ivv::formats::{PlyParts, read_ply, write_parts};
 use ivv::scene::Parts;
+use ivv::scene::capture::Capture;
 use ivv::settings::Constants;
-use ivv::train::{Checkpoint, Config, Joined, Run, RunLock, Segments, near_plane};
+use ivv::train::{Checkpoint, Config, Joined, Plan as TrainingPlan, Run, RunLock, Segments, near_plane};
 use ivv::words::count;
 use serde_json::json;
 use std::ffi::OsString;
@@ -47,6 +50,10 @@ struct PlanArgs {
     /// Frames of a segment, at most: what a training needs grows with them.
     #[arg(long, default_value_t = 60)]
     frames: u32,
+    /// Makes segments as long as a training may be that takes so many bytes on the host and on the device together: for all of a
+    /// segment's images, decoded, and for as many Gaussians as `--max-gaussians` and the device allow.
+    #[arg(long, value_name = "BYTES", conflicts_with = "frames")]
+    memory: Option<u64>,
     /// Frames that a segment shares with the next one, in which it gives way to it.
     #[arg(long, default_value_t = 6)]
     overlap: u32,
@@ -54,6 +61,9 @@ struct PlanArgs {
     settings: SettingArgs,
     #[command(flatten)]
     read: CaptureArgs,
+    /// With `--memory`, the device that is meant, as `ivv train` takes it.
+    #[command(flatten)]
+    device: DeviceArgs,
 }
 
 #[derive(clap::Args)]
@@ -89,7 +99,12 @@ fn plan(args: &PlanArgs, json: bool) -> anyhow::Result<()> {
         capture.settings().frames.are_all(),
         "--max-frames: a plan is of a whole clip; leave it out, or `ivv prepare` the part of the clip that is wanted"
     );
-    let segments = Segments::new(capture.n_frames, args.frames, args.overlap).map_err(anyhow::Error::msg)?;
+    let (frames, cache_bytes) = match args.memory {
+        Some(bytes) => within(bytes, args, &capture, &config)?,
+        None => (args.frames, None),
+    };
+    let mut segments = Segments::new(capture.n_frames, frames, args.overlap).map_err(anyhow::Error::msg)?;
+    segments.cache_bytes = cache_bytes;
     let mut run = Run::new(&capture, Constants::default())?;
     run.constants.near = near_plane(&capture.transformed(&run.world));
     make_folder(&args.output)?;
@@ -123,6 +138,25 @@ fn plan(args: &PlanArgs, json: bool) -> anyhow::Result<()> {
     }
     out!("next: ivv segments run {}", args.output.display());
     Ok(())
+}
+
+/// Frames of the longest segment that can be trained in `memory` bytes, and the bytes of its images.
+fn within(memory: u64, args: &PlanArgs, capture: &Capture, config: &Config) -> anyhow::Result<(u32, Option<u64>)> {
+    let (work, limits) = outline::work(capture, config, &*args.device.open()?, 0);
+    let of_scene = TrainingPlan::new(&work, &limits).full;
+    let of_frame = work.image_bytes.div_ceil(u64::from(capture.n_frames.max(1))).max(1);
+    let frames = memory.saturating_sub(of_scene.bytes()) / of_frame;
+    let least = u64::from(args.overlap) + 2;
+    ensure!(
+        frames >= least,
+        "--memory {memory}: expected at least {}: {} take {} bytes, and the images of a frame {of_frame}; give more, \
+         or allow fewer with --max-gaussians",
+        of_scene.bytes() + least * of_frame,
+        count(of_scene.gaussians, "Gaussian"),
+        of_scene.bytes(),
+    );
+    let frames = u32::try_from(frames).unwrap_or(u32::MAX).min(capture.n_frames);
+    Ok((frames, Some(u64::from(frames) * of_frame)))
 }
 
 /// The jobs of a plan.
@@ -204,6 +238,9 @@ impl<'a> Jobs<'a> {
                 command.arg("--test-cameras").arg(self.run.test_cameras.join(","));
             }
         }
+        if let Some(bytes) = self.segments.cache_bytes.filter(|_| !options.iter().any(is_cache)) {
+            command.arg("--cache-bytes").arg(bytes.to_string());
+        }
         if self.json {
             // What is told there at the end is told of all jobs together.
             command.stdout(Stdio::null());
@@ -254,6 +291,11 @@ impl<'a> Jobs<'a> {
         );
         Ok(())
     }
+}
+
+/// Whether an option says how many bytes of images are decoded ahead.
+fn is_cache(option: &OsString) -> bool {
+    option.to_str().is_some_and(|option| option.starts_with("--cache-bytes"))
 }
 
 /// Whether `folder` holds a run that has ended and written its scene.

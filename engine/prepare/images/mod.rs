@@ -20,7 +20,7 @@ use crate::error::{Error, Result};
 use crate::files::write_atomic;
 use crate::parallel::in_parallel;
 use crate::prepare::journal::{Journal, make_folder};
-use crate::prepare::settings::{ImageFormat, JPEG_QUALITY, PrepareSettings, Progress};
+use crate::prepare::settings::{ImageFormat, JPEG_QUALITY, PrepareSettings, Progress, Share};
 use crate::prepare::source::Source;
 use crate::prepare::video::{self, Selection};
 use crate::scene::capture::Faults;
@@ -83,7 +83,7 @@ impl Images {
 
     /// Makes the pictures that are not there yet.
     #[tracing::instrument(level = "info", name = "images", skip_all)]
-    pub fn make(&self, journal: &mut Journal, progress: &(dyn Fn(Progress) + Sync)) -> Result<()> {
+    pub fn make(&self, share: Share, journal: &Journal, progress: &(dyn Fn(Progress) + Sync)) -> Result<()> {
         journal.begin("images", self.made_from.clone())?;
         let n = self.select.n;
         let mut jobs = Vec::new();
@@ -94,7 +94,10 @@ impl Images {
                 Material::Images(_) => jobs.extend((0..n).map(|frame| Job::Image(index, frame))),
             }
         }
-        let (done, total) = (AtomicUsize::new(0), self.cameras.len() * n as usize);
+        let own = (0..).zip(jobs).filter(|(number, _)| share.has(*number)).map(|(_, job)| job);
+        let jobs: Vec<Job> = own.collect();
+        let pieces = |job: &Job| if matches!(job, Job::Video(_)) { n as usize } else { 1 };
+        let (done, total) = (AtomicUsize::new(0), jobs.iter().map(pieces).sum());
         let tell = |piece: &str| {
             let done = done.fetch_add(1, Ordering::Relaxed) + 1;
             progress(Progress { stage: "images", done, total, piece });
@@ -104,6 +107,13 @@ impl Images {
             Job::Image(camera, frame) => self.convert_image(&self.cameras[camera], frame, &tell),
         };
         in_parallel(jobs.len(), self.threads, work, |_| {}).map(|_| ())
+    }
+
+    /// The first picture that is not made yet.
+    pub fn absent(&self) -> Option<PathBuf> {
+        let of_camera = |camera| (0..self.select.n).map(move |frame| self.image_name(camera, frame));
+        let all = self.cameras.iter().flat_map(of_camera).map(|name| self.output.join("images").join(name));
+        all.into_iter().find(|image| !image.is_file())
     }
 
     /// The sound of videos that have some.
