@@ -66,7 +66,7 @@ settings! {
         offsets: bool = true, "", Range::Switch;
         /// Whether the poses of the training cameras are learnt, one turn and one shift a camera for all its images. Auto learns them in
         /// a clip, and after 30 % of the run goes on only if the cameras turn out to stand elsewhere than the capture says.
-        poses: PoseKind = PoseKind::Given, "", Range::Word(&["auto", "learnt", "given"]);
+        poses: PoseKind = PoseKind::Auto, "", Range::Word(&["auto", "learnt", "given"]);
         /// What corrects the colours of each training camera: a bilateral grid, one affine map for the whole image, or nothing.
         grids: GridKind = GridKind::default(), "", Range::Word(&["bilateral", "affine", "none"]);
         /// Which Gaussians take a step: all, those in view after catching up, or those in view alone.

@@ -7,7 +7,9 @@ mod cameras;
 mod checkpoint;
 mod config;
 mod density;
+mod depth_cache;
 mod depth_fit;
+mod depth_line;
 mod fall;
 mod flicker;
 mod images;
@@ -43,7 +45,8 @@ pub use config::{
     Resolution, Round, Strategy, all_settings,
 };
 pub use density::{density_round, noise, regularisers};
-pub use depth_fit::{DepthFit, DepthFits, DepthSummary, Unfit, fit_depths};
+pub use depth_fit::{DepthFits, DepthSummary, fit_depths};
+pub use depth_line::{DepthFit, Unfit};
 pub use fall::Fall;
 pub use init::{Initial, PointCounts, from_points, initialise, random_points};
 pub use lock::RunLock;

@@ -1,6 +1,7 @@
 //! The first Gaussians from the points of every frame, and depth priors fitted to them, against what is true of a
 //! synthetic capture.
 
+use crate::capture::Folder;
 use crate::synth::{Body, bodies, json};
 use glam::DVec3;
 use ivv::scene::capture::{Camera, Capture, FramePoint, Manifest};
@@ -197,6 +198,34 @@ fn depth_priors_are_fitted_to_the_hidden_scale_and_shift() {
     let metric = fit_depths(&capture, DepthSpace::Metric, 1, &mut |_, _| {}).unwrap().summary();
     assert_eq!(metric.usable, 0, "{metric}");
     assert!(metric.unfit[&Unfit::Inverted] >= 40, "{metric}");
+}
+
+#[test]
+fn fits_of_depth_priors_are_kept_until_something_changes() {
+    let folder = Folder::new("depth-fits");
+    let options = Options { frames: 1, ..Preset::Tiny.options(3) };
+    write_capture(&folder.0, &options, 2, &mut |_, _| {}).unwrap();
+    let capture = Capture::open(&folder.0).unwrap();
+    let fits = |capture: &Capture| fit_depths(capture, DepthSpace::Inverse, 2, &mut |_, _| {});
+    let kept = folder.0.join("depth/fits.json");
+    let found = fits(&capture).unwrap();
+    assert!(found.summary().usable > 2 && kept.is_file(), "{}", found.summary());
+    // A prior that cannot be read is not read again while it looks as it did.
+    let shot = &capture.cameras[capture.training_frames()[0].0].shots[0];
+    let path = shot.depth.as_ref().unwrap();
+    let (bytes, changed) = (std::fs::read(path).unwrap(), std::fs::metadata(path).unwrap().modified().unwrap());
+    std::fs::write(path, vec![0; bytes.len()]).unwrap();
+    let file = std::fs::File::options().write(true).open(path).unwrap();
+    file.set_modified(changed).unwrap();
+    assert_eq!(fits(&capture).unwrap(), found);
+    // Another frame of training has other units, another date another prior, and what cannot be understood is not believed.
+    let scaled = capture.clone().transformed(&Similarity { origin: [0.0; 3], scale: 0.5 });
+    assert!(fits(&scaled).is_err());
+    file.set_modified(changed + std::time::Duration::from_secs(1)).unwrap();
+    assert!(fits(&capture).is_err());
+    std::fs::write(path, bytes).unwrap();
+    std::fs::write(&kept, b"{").unwrap();
+    assert_eq!(fits(&capture).unwrap(), found);
 }
 
 #[test]

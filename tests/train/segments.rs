@@ -79,7 +79,20 @@ fn a_clip_in_segments_is_joined_to_one_scene_and_jobs_are_done_once() {
     // As JSON, one value on standard output.
     let told = works(&["--json", "segments", "join", text(&plan)]);
     assert_eq!(serde_json::from_str::<Value>(&told).unwrap()["segments"], 2);
-    // As long as memory allows: the clip's eight frames, or a frame fewer for each frame's images less.
+    // A run's folder is no place for a plan.
+    let into = ["segments", "plan", text(&tiny.folder), "-o", text(&segment)];
+    assert!(fails(&into, 3).contains("holds another plan or a run"));
+    let clip = tiny.folder.join("scene.4dgs");
+    works(&["export", text(&plan), "-o", text(&clip), "--clamp-colors"]);
+    let read = ivv::formats::read_scene(&clip).unwrap();
+    assert_eq!(read.len(), joined.len());
+    assert!(!read.span.is_empty());
+}
+
+#[test]
+fn segments_are_as_long_as_memory_allows() {
+    let _device = gpu();
+    let tiny = Tiny::of_frames("segments-memory", 8);
     let fitted = |memory: u64, to: &str| {
         let (to, memory) = (tiny.folder.join(to), memory.to_string());
         let asked =
@@ -100,12 +113,4 @@ fn a_clip_in_segments_is_joined_to_one_scene_and_jobs_are_done_once() {
         assert_eq!(cut.segments.len() > 1, length < 8);
         assert_eq!(cut.cache_bytes, Some(u64::from(length) * of_frame));
     }
-    // A run's folder is no place for a plan.
-    let into = ["segments", "plan", text(&tiny.folder), "-o", text(&segment)];
-    assert!(fails(&into, 3).contains("holds another plan or a run"));
-    let clip = tiny.folder.join("scene.4dgs");
-    works(&["export", text(&plan), "-o", text(&clip), "--clamp-colors"]);
-    let read = ivv::formats::read_scene(&clip).unwrap();
-    assert_eq!(read.len(), joined.len());
-    assert!(!read.span.is_empty());
 }

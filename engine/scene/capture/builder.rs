@@ -1,7 +1,7 @@
 //! What every format ends in: cameras as they were read, checked against their images.
 
 use std::collections::{BTreeMap, HashSet};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use super::camera::{Camera, MAX_COORDINATE, Point, Shot};
 use super::frames::Frames;
@@ -12,6 +12,7 @@ use super::points::FramePoints;
 use super::report::{Faults, Report};
 use super::settings::{Alpha, CaptureSettings};
 use crate::error::Error;
+use crate::parallel::{in_parallel, threads};
 use crate::scene::prior::{depth_size, flow_size};
 use crate::scene::undistort::{Distortion, Lens};
 use crate::scene::{Intrinsics, Similarity};
@@ -20,6 +21,9 @@ use crate::scene::{Intrinsics, Similarity};
 pub(super) const MAX_FRAMES: u32 = 1 << 20;
 /// Frames per second of a clip: from pictures hours apart to the fastest cameras.
 pub(crate) const RATES: std::ops::RangeInclusive<f64> = 1e-4..=1e5;
+
+/// Width and height that the header of a file tells.
+type ReadSize = fn(&Path) -> Result<(u32, u32), Error>;
 
 /// A capture as its format gives it, until [`CaptureBuilder::finish`] has checked it.
 #[derive(Default)]
@@ -184,28 +188,42 @@ impl CaptureBuilder {
             let size = format!("images of {factor} of the calibration's size");
             self.notes.push(format!("{size} in all cameras: the calibration is scaled to them"));
         }
-        for camera in &self.cameras {
-            let calibrated = (camera.intrinsics.width, camera.intrinsics.height);
-            for shot in &camera.shots {
-                let sizes = shot.pictures().map(|file| (file, read_size(file).map_err(Error::from)));
-                let flow = shot.flow.iter().map(|file| (file, flow_size(file)));
-                let depth = shot.depth.iter().map(|file| (file, depth_size(file)));
-                for (file, size) in sizes.chain(flow).chain(depth) {
-                    let Some((width, height)) = faults.take(size).filter(|size| *size != calibrated) else { continue };
-                    // Without the camera's name, so that faults of one kind can be told together.
-                    let (w, h) = calibrated;
-                    let reason = format!("is {width} x {height}, its camera is calibrated for {w} x {h}");
-                    let remedy = "give the images of the calibration, or scale the calibration with --rescale";
-                    faults.add(file, "", reason, remedy);
-                }
-            }
-        }
+        self.check_sizes(faults);
         self.note_alpha(settings, report);
         if n_missing > 0 {
             self.notes.push(format!("{n_missing} images are missing and left out"));
         }
         if settings.skip_missing {
             self.cameras.retain(|camera| !camera.shots.is_empty());
+        }
+    }
+
+    /// Compares the size of every image, mask and prior with its camera's. Their headers are read by all cores: on a disk of a network
+    /// each waits for an answer.
+    fn check_sizes(&self, faults: &mut Faults) {
+        let of_picture: ReadSize = |file| read_size(file).map_err(Error::from);
+        let mut files: Vec<(&Camera, &PathBuf, ReadSize)> = Vec::new();
+        for camera in &self.cameras {
+            for shot in &camera.shots {
+                files.extend(shot.pictures().map(|file| (camera, file, of_picture)));
+                files.extend(shot.flow.iter().map(|file| (camera, file, flow_size as ReadSize)));
+                files.extend(shot.depth.iter().map(|file| (camera, file, depth_size as ReadSize)));
+            }
+        }
+        let read = |index: usize| {
+            let (_, file, size): &(&Camera, &PathBuf, ReadSize) = &files[index];
+            Ok(size(file))
+        };
+        // What is wrong with a file is told below; the work itself has no fault.
+        let sizes = in_parallel(files.len(), threads(), read, |_| {}).unwrap_or_default();
+        for ((camera, file, _), size) in files.iter().zip(sizes) {
+            let calibrated = (camera.intrinsics.width, camera.intrinsics.height);
+            let Some((width, height)) = faults.take(size).filter(|size| *size != calibrated) else { continue };
+            // Without the camera's name, so that faults of one kind can be told together.
+            let (w, h) = calibrated;
+            let reason = format!("is {width} x {height}, its camera is calibrated for {w} x {h}");
+            let remedy = "give the images of the calibration, or scale the calibration with --rescale";
+            faults.add(file, "", reason, remedy);
         }
     }
 

@@ -2,14 +2,12 @@
 
 use super::notice::{Notice, Phase, Watch, work};
 use crate::error::Result;
+use crate::parallel::threads;
 use crate::scene::capture::{Capture, PriorPlan};
 use crate::train::config::Config;
 use crate::train::depth_fit::{DepthSummary, fit_depths};
 use crate::train::setup::Setup;
 use crate::train::terms::TermData;
-
-/// Threads that read depth priors.
-const THREADS: usize = 2;
 
 /// Depth and flow of the training images that come from elsewhere.
 #[derive(Clone, Debug, Default)]
@@ -28,7 +26,7 @@ impl Priors {
             return Ok(Priors { plan: PriorPlan { flow, ..PriorPlan::default() }, depth: None });
         }
         let space = config.loss.depth_space;
-        let fits = fit_depths(capture, space, THREADS, &mut work(watch, Phase::DepthPriors))?;
+        let fits = fit_depths(capture, space, threads(), &mut work(watch, Phase::DepthPriors))?;
         let usable = fits.iter().filter_map(|(image, fit)| Some((image, fit.ok()?)));
         let depth = usable.map(|(image, fit)| (image, [fit.scale, fit.shift])).collect();
         let summary = fits.summary();
