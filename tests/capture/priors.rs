@@ -9,7 +9,7 @@ use exr::prelude::{
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
 use ivv::scene::Similarity;
 use ivv::scene::capture::{Capture, CaptureSettings, FramePoint, Manifest, check_capture};
-use ivv::scene::prior::{read_depth, read_flow};
+use ivv::scene::prior::{read_depth, read_flow, write_depth_halves};
 
 use super::model::{Model, binary};
 use super::{Folder, assert_told, png};
@@ -383,4 +383,18 @@ fn damaged_points_of_a_frame_are_refused() {
     folder.write("sparse/0/cameras.bin", cameras);
     folder.write("sparse/0/images.bin", images);
     assert_told(&folder.check(), &["camera 40: is that of `b` and `a`"]);
+}
+
+#[test]
+fn depth_is_written_as_halves_where_they_hold_it() {
+    let folder = Folder::new("depth-halves");
+    let path = folder.write("depth.npy", "");
+    for (value, kind) in [(0.25, "<f2"), (-6e4, "<f2"), (0.0, "<f2"), (f32::NAN, "<f2"), (7e4, "<f4"), (1e-6, "<f4")] {
+        write_depth_halves(&path, &[value, 1.001], 2, 1).unwrap();
+        assert!(String::from_utf8_lossy(&std::fs::read(&path).unwrap()).contains(kind), "{value}");
+        let is_near =
+            |found: f32, told: f32| (found - told).abs() <= told.abs() / 2048.0 || found.is_nan() && told.is_nan();
+        let found = read_depth(&path, 2, 1).unwrap();
+        assert!(is_near(found[0], value) && is_near(found[1], 1.001), "{value}: {found:?}");
+    }
 }

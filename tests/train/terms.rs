@@ -8,8 +8,8 @@ use ivv::scene::capture::{Capture, Extent, Picture, PriorPlan};
 use ivv::scene::{Motion, Splats, View};
 use ivv::stage::{Outputs, Renderer};
 use ivv::train::{
-    Agreement, Config, Event, GridKind, LearningRates, Loss, Pace, Rate, Required, Session, SessionOptions, Setup,
-    TermData, Trainer, fit_offset, from_points, logged,
+    Agreement, Config, Event, GridKind, LearningRates, Loss, Pace, PoseKind, Rate, Required, Session, SessionOptions,
+    Setup, TermData, Trainer, fit_offset, from_points, logged,
 };
 use std::collections::BTreeSet;
 
@@ -41,6 +41,7 @@ fn a_term_that_is_off_dispatches_nothing() {
     let off = Config {
         sh_degree: 0,
         offsets: false,
+        poses: PoseKind::Given,
         grids: GridKind::None,
         loss: Loss { depth: 0.0, flow: 0.0, ..Loss::default() },
         ..Config::default()
@@ -51,6 +52,7 @@ fn a_term_that_is_off_dispatches_nothing() {
         (vec!["priors"], Config { loss: Loss { depth: 1.0, ..off.loss.clone() }, ..off.clone() }),
         (vec!["priors"], Config { loss: Loss { flow: 1.0, ..off.loss.clone() }, ..off.clone() }),
         (vec!["clock", "camera bwd"], Config { offsets: true, ..off.clone() }),
+        (vec!["camera bwd"], Config { poses: PoseKind::Auto, ..off.clone() }),
         (vec!["bilateral"], Config { grids: GridKind::Bilateral, required: grids_from_the_start(), ..off.clone() }),
     ] {
         let found = dispatches(&tiny, &config);

@@ -13,7 +13,7 @@ use crate::prepare::fit::Part;
 use crate::prepare::journal::make_folder;
 use crate::scene::Intrinsics;
 use crate::scene::capture::{Shot, alpha_of, decode_image};
-use crate::scene::prior::{read_depth, read_flow, write_depth, write_flow_halves};
+use crate::scene::prior::{read_depth, read_flow, write_depth_halves, write_flow_halves};
 use crate::scene::undistort::{Distortion, Undistortion};
 
 /// Makes the pictures of a camera.
@@ -103,7 +103,7 @@ impl<'a> Maker<'a> {
             make_folder(&self.output.join(folder).join(&self.camera.name))?;
             Ok(Some(path))
         };
-        let own = |path: &Path| path.extension().map_or("flo".to_owned(), |own| own.to_string_lossy().into_owned());
+        let own = |path: &Path| path.extension().map_or("npy".to_owned(), |own| own.to_string_lossy().into_owned());
         match (&shot.flow, &self.from_recorded) {
             (None, _) => {}
             (Some(from), None) => {
@@ -118,14 +118,19 @@ impl<'a> Maker<'a> {
                 }
             }
         }
-        if let Some(from) = &shot.depth
-            && let Some(to) = file("depth", "npy")?
-        {
-            let mut depth = read_depth(from, width, height)?;
-            if let Some(to) = &self.from_recorded {
-                depth = to.depth(&self.part(&depth));
+        match (&shot.depth, &self.from_recorded) {
+            (None, _) => {}
+            (Some(from), None) => {
+                if let Some(to) = file("depth", &own(from))? {
+                    take_over(from, &to)?;
+                }
             }
-            write_depth(&to, &depth, to_width, to_height)?;
+            (Some(from), Some(undistortion)) => {
+                if let Some(to) = file("depth", "npy")? {
+                    let depth = undistortion.depth(&self.part(&read_depth(from, width, height)?));
+                    write_depth_halves(&to, &depth, to_width, to_height)?;
+                }
+            }
         }
         Ok(())
     }

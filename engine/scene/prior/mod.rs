@@ -5,7 +5,7 @@ mod levels;
 mod packed;
 mod write;
 
-pub use write::{write_depth, write_flow, write_flow_halves};
+pub use write::{write_depth, write_depth_halves, write_flow, write_flow_halves};
 
 use std::path::Path;
 

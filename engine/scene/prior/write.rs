@@ -55,6 +55,29 @@ pub fn write_depth(path: &Path, depth: &[f32], width: u32, height: u32) -> Resul
     })
 }
 
+/// Writes depth as a NumPy array of shape (height, width), little-endian f16, where halves hold every value with their 11 bits: half the
+/// bytes, and right to a two-thousandth. Else as [`write_depth`] does. What is not finite is NaN.
+///
+/// # Errors
+/// As [`write_flow`].
+pub fn write_depth_halves(path: &Path, depth: &[f32], width: u32, height: u32) -> Result<()> {
+    let is_held = |v: &f32| {
+        let size = v.abs();
+        !size.is_finite() || size == 0.0 || (f16::MIN_POSITIVE.to_f32()..=f16::MAX.to_f32()).contains(&size)
+    };
+    if !depth.iter().all(is_held) {
+        return write_depth(path, depth, width, height);
+    }
+    let header = npy_header("<f2", &format!("{height}, {width}"));
+    write_atomic(path, |to| {
+        to.write_all(&header)?;
+        depth.iter().try_for_each(|v| {
+            let half = if v.is_finite() { f16::from_f32(*v) } else { f16::NAN };
+            to.write_all(&half.to_le_bytes())
+        })
+    })
+}
+
 /// What stands before the values of a NumPy array (version 1.0).
 fn npy_header(kind: &str, shape: &str) -> Vec<u8> {
     let mut header = format!("{{'descr': '{kind}', 'fortran_order': False, 'shape': ({shape}), }}");
