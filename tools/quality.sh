@@ -9,15 +9,18 @@
 #   tools/quality.sh --curves [FOLDER]   what presets reach in 30 s to 10 minutes on the real captures, three seeds each: a night and
 #                                        a day on two cores. Runs that are there are not repeated. FOLDER/curves.md has the tables.
 #                                        Default: out/study. $IVV_SECONDS: the times instead, such as 30,60
+#   tools/quality.sh --playback [FOLDER] what the settings of a frame cost and buy on the trained scenes of out/quality, which are trained
+#                                        where they are not there: some 5 minutes. Default: assets/trade, playback.md
 # Real captures and the weights of LPIPS are looked for in $IVV_DATA (default: ../shared/data); what is not there is left out.
 set -euo pipefail
 what=history
-if [ "${1:-}" = --study ] || [ "${1:-}" = --curves ]; then
+case "${1:-}" in --study | --curves | --playback)
     what=${1#--}
     shift
-fi
+    ;;
+esac
 if [ $# -gt 1 ] || [[ ${1:-} == -* ]]; then
-    echo "usage: tools/quality.sh [HISTORY] | --study [FOLDER] | --curves [FOLDER]" >&2
+    echo "usage: tools/quality.sh [HISTORY] | --study [FOLDER] | --curves [FOLDER] | --playback [FOLDER]" >&2
     exit 2
 fi
 given=${1:+$(realpath -m "$1")}
@@ -34,9 +37,17 @@ measure() {
         echo "left out: $name; $capture is not there"
         return
     fi
+    runs+=("$out/$name")
+    [ "$what" = history ] || [ ! -f "$out/$name/eval.json" ] || return 0
     printf '\n=== %s\n' "$name"
     "$ivv" train "$capture" -o "$out/$name" --overwrite --eval-every 0 "${lpips[@]}" "$@"
-    runs+=("$out/$name")
+}
+
+# The real captures with their default settings.
+measure_real() {
+    measure fox "$data/fox_quarter" --steps 500
+    measure flame_steak "$data/n3v_flame_steak_frame0" --images derived_images_4 --test-cameras cam00 --steps 500
+    measure basketball "$data/panoptic_basketball_dev" --test-cameras 0,10,15,30 --steps 600
 }
 
 history() {
@@ -46,9 +57,7 @@ history() {
     find_data "$out"
     "$ivv" synth -o "$out/synthetic" --preset hard
     measure demo "$out/synthetic"
-    measure fox "$data/fox_quarter" --steps 500
-    measure flame_steak "$data/n3v_flame_steak_frame0" --images derived_images_4 --test-cameras cam00 --steps 500
-    measure basketball "$data/panoptic_basketball_dev" --test-cameras 0,10,15,30 --steps 600
+    measure_real
     printf '\n'
     "$ivv" compare "${runs[@]}" --history "$history"
     printf '\nthe history: %s; its plot: %s\n' "$history" "${history%.json}.svg"
@@ -95,6 +104,28 @@ curves() {
     real_captures
     # shellcheck disable=SC2086 # the options are words
     "$ivv" curves "${captures[@]}" -o "$out/curves" --seconds "${IVV_SECONDS:-30,60,120,300,600}" $weights
+}
+
+# Of a clip one camera.
+playback() {
+    local record=${given:-$PWD/assets/trade} run
+    out=out/quality
+    mkdir -p "$out" "$record"
+    find_data "$out"
+    measure_real
+    {
+        echo "# What the settings of a frame cost and buy"
+        printf '\n%s\n' "Trained scenes, on $("$ivv" --json devices | sed -n 's/.*"name": *"\([^"]*\)".*/\1/p' | head -1), $(date +%F). Times are taken in turn with those of \`as given\`; errors are those of the worst picture."
+        for run in "${runs[@]}"; do
+            printf '\n## %s\n\n' "$(basename "$run")"
+            case "$run" in
+                */basketball) "$ivv" render "$run" --camera 10 --bench 0.1 --each-knob ;;
+                *) "$ivv" render "$run" --bench 0.1 --each-knob ;;
+            esac
+        done
+    } >"$out/playback.md"
+    mv "$out/playback.md" "$record/playback.md"
+    echo "$record/playback.md"
 }
 
 study() {
