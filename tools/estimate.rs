@@ -144,11 +144,16 @@ pub fn run(args: &EstimateArgs, config: &Config, device: &DeviceArgs, json: bool
     Ok(())
 }
 
-/// A step as the engine records it for the card. What the Gaussians are does not matter: the recording has what the work may need.
-fn recorded(card: &Card, config: &Config, device: &DeviceArgs, work: &Work) -> anyhow::Result<Recording> {
+/// A device that stands in for the card: it holds buffers, and nothing runs on it.
+pub fn card_gpu(card: &Card, device: &DeviceArgs) -> ivv::Result<Arc<Gpu>> {
     let stands_in = StandIn { subgroup_size: card.lanes, float_atomics: card.float_atomics };
     let options = Options { device: device.choice(), stands_in: Some(stands_in), ..Options::default() };
-    let gpu = Arc::new(Gpu::open(&options)?);
+    Ok(Arc::new(Gpu::open(&options)?))
+}
+
+/// A step as the engine records it for the card. What the Gaussians are does not matter: the recording has what the work may need.
+fn recorded(card: &Card, config: &Config, device: &DeviceArgs, work: &Work) -> anyhow::Result<Recording> {
+    let gpu = card_gpu(card, device)?;
     let [width, height] = work.size;
     let focal = f64::from(width);
     let [cx, cy] = [width, height].map(|side| f64::from(side) / 2.0);

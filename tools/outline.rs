@@ -1,10 +1,12 @@
 //! What a training would take, without one: `ivv train --plan`.
 
 use crate::capture;
+use crate::estimate::card_gpu;
 use crate::screen::out;
 use crate::verbs::train::Args;
 use anyhow::Context;
 use ivv::gpu::Gpu;
+use ivv::profile::Card;
 use ivv::scene::capture::{Capture, share_of_memory};
 use ivv::train::{Checkpoint, Config, ImageMemory, Limits, Plan, Setup, Workload};
 use ivv::vk::DeviceKind;
@@ -20,12 +22,17 @@ pub fn tell(args: &Args, frames: Option<u32>, json: bool) -> anyhow::Result<()> 
     let path =
         args.capture.as_deref().context("--plan: expected a CAPTURE; a run that goes on has a plan in train.json")?;
     let capture = capture::open(path, &args.read.settings())?;
-    let gpu = args.device.open()?;
+    let card = args.card.as_deref().map(Card::named).transpose().map_err(anyhow::Error::msg)?;
+    let gpu = match card {
+        Some(card) => card_gpu(card, &args.device)?,
+        None => args.device.open()?,
+    };
     let frames = frames.unwrap_or(capture.n_frames);
     let times = f64::from(frames) / f64::from(capture.n_frames.max(1));
     let images = (capture.training_frames().len() as f64 * times).round() as u64;
     let cache_bytes = args.cache_bytes.unwrap_or_else(share_of_memory);
     let (work, limits) = work(&capture, &config, &gpu, cache_bytes);
+    let limits = Limits { memory_bytes: card.map_or(limits.memory_bytes, |card| card.memory.value as u64), ..limits };
     let decoded = (work.image_bytes as f64 * times) as u64;
     let work = Workload {
         image_bytes: decoded,

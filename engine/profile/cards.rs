@@ -22,6 +22,8 @@ pub struct Card {
     pub lanes: u32,
     /// Whether it adds floats in memory.
     pub float_atomics: bool,
+    /// Bytes of its memory.
+    pub memory: Figure,
     /// Peak bandwidth of its memory, bytes a second.
     pub peak: Figure,
     /// What of that kernels reach.
@@ -62,6 +64,7 @@ pub const CARDS: [Card; 4] = [
         compiled: ("GA100/32", "Ampere where the card is Hopper, and Mesa's compiler, not NVIDIA's"),
         lanes: 32,
         float_atomics: true,
+        memory: figure(141e9, "NVIDIA, data sheet of the H200"),
         peak: figure(4.8e12, "NVIDIA, data sheet of the H200"),
         bytes: reached(4.8e12),
         cache: figure(5.5e12, CACHE),
@@ -79,6 +82,7 @@ pub const CARDS: [Card; 4] = [
         compiled: ("GA102/32", "Ampere where the card is Ada, and Mesa's compiler, not NVIDIA's"),
         lanes: 32,
         float_atomics: true,
+        memory: figure(24e9, "NVIDIA, Ada white paper"),
         peak: figure(1.008e12, "NVIDIA, Ada white paper"),
         bytes: reached(1.008e12),
         cache: figure(5e12, CACHE),
@@ -96,6 +100,7 @@ pub const CARDS: [Card; 4] = [
         compiled: ("navi31/32", "the card's own chip, by Mesa's compiler"),
         lanes: 32,
         float_atomics: true,
+        memory: figure(24e9, "AMD, page of the RX 7900 XTX"),
         peak: figure(0.96e12, "AMD, page of the RX 7900 XTX"),
         bytes: reached(0.96e12),
         cache: figure(3.5e12, "assumed, as its 96 MB behind the 6 MB are said to give; not checked here"),
@@ -110,6 +115,7 @@ pub const CARDS: [Card; 4] = [
         compiled: ("navi31/32", "of AMD, since no compiler of Intel's runs without the card"),
         lanes: 16,
         float_atomics: true,
+        memory: figure(16e9, "Intel, page of the Arc A770, 16 GB"),
         peak: figure(0.56e12, "Intel, page of the Arc A770, 16 GB"),
         bytes: reached(0.56e12),
         cache: figure(2e12, "assumed; not checked here"),

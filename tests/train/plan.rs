@@ -180,6 +180,17 @@ fn a_plan_of_a_training_tells_what_its_files_and_steps_are() {
     let long = ivv(&[&output[..], &["--max-gaussians", "900", "--set", "batch=4", "--plan", "40"]].concat());
     assert_eq!(long["training_images"], 10 * images);
     assert_eq!((long["steps"].as_u64(), &long["gaussians"]), (Some(300 * images / 4), &told["gaussians"]));
+    // For a card that is not here: its memory, and what a GPU needs in place of what a driver on a CPU does.
+    let card = |name: &str| ivv(&[&output[..], &["--max-gaussians", "900", "--plan", "40", "--card", name]].concat());
+    let on_card = card("rtx 4090");
+    assert_eq!(on_card["gaussians"], 900);
+    let kept = on_card["device_image_bytes"].as_u64().unwrap();
+    assert!(
+        kept > 0 && long["device_image_bytes"] == 0,
+        "pictures stay on a card, and not on a driver whose memory is the host's"
+    );
+    let unknown = ["train", tiny.folder.to_str().unwrap(), "-o", run.to_str().unwrap(), "--plan", "--card", "GTX 480"];
+    assert!(super::run::fails(&unknown, 2).contains("H200, RTX4090"));
     // The newest checkpoint of a run with as many Gaussians, all of which move in the worst case.
     let ran = ivv(&[
         &output[..],

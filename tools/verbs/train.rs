@@ -84,6 +84,9 @@ pub struct Args {
     /// Nothing is written.
     #[arg(long, value_name = "FRAMES", num_args = 0..=1, conflicts_with = "resume")]
     plan: Option<Option<u32>>,
+    /// With `--plan`: plans for a card that is not here: H200, RTX4090, RX7900XTX or A770.
+    #[arg(long, value_name = "CARD", requires = "plan")]
+    pub card: Option<String>,
     /// Print the mean time of every pass of a step.
     #[arg(long)]
     profile: bool,
