@@ -442,3 +442,24 @@ fn neighbours(poses: &[Pose]) -> BTreeSet<(usize, usize)> {
     }
     pairs
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::DVec3;
+
+    #[test]
+    fn colmap_says_how_it_was_built() {
+        assert!(is_with_cuda("COLMAP 3.9 -- Structure-from-Motion\n  (Commit 1a2b on 2024-01-08 with CUDA)"));
+        assert!(!is_with_cuda("COLMAP 3.8 -- Structure-from-Motion\n  (Commit Unknown on Unknown without CUDA)"));
+    }
+
+    #[test]
+    fn few_cameras_are_matched_with_all_others_and_many_with_their_neighbours() {
+        let row =
+            |n: usize| (0..n).map(|i| Pose { translation: DVec3::X * i as f64, ..Pose::default() }).collect::<Vec<_>>();
+        assert_eq!(pairs(&row(MAX_EXHAUSTIVE)).len(), MAX_EXHAUSTIVE * (MAX_EXHAUSTIVE - 1) / 2);
+        let many = pairs(&row(MAX_EXHAUSTIVE + 1));
+        assert!(many.contains(&(0, 1)) && !many.contains(&(0, MAX_EXHAUSTIVE)) && many.iter().all(|(a, b)| a < b));
+    }
+}
