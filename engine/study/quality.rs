@@ -100,9 +100,9 @@ pub(super) const CLIPS: Study = Study {
         },
         Arm { name: "no colour maps", key: "no-grids", change: |config| config.grids = GridKind::None, paper: &[] },
         Arm {
-            name: "poses learnt where they are off",
-            key: "poses-auto",
-            change: |config| config.poses = PoseKind::Auto,
+            name: "poses as the calibration has them",
+            key: "poses-given",
+            change: |config| config.poses = PoseKind::Given,
             paper: &[],
         },
         Arm { name: "told apart by flow", key: "flow", change: |config| config.init_static_tau = 0.0, paper: &[] },
