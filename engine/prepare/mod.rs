@@ -42,7 +42,7 @@ pub fn recognise(path: &Path) -> Option<String> {
 /// the source has cameras.
 ///
 /// # Errors
-/// [`Error::Data`](crate::Error::Data) when COLMAP or ffmpeg is needed and missing, or a video cannot be read.
+/// [`Error::Data`] when COLMAP or ffmpeg is needed and missing, or a video cannot be read.
 pub fn forecast(settings: &PrepareSettings) -> Result<Option<Forecast>> {
     source::pictures(settings).map(|pictures| reconstruct::forecast(settings, &pictures)).transpose()
 }
@@ -65,7 +65,7 @@ pub struct Prepared {
 /// Faults of the source, and of the finished capture, are in the report.
 ///
 /// # Errors
-/// [`Error::Data`](crate::Error::Data) when a setting is out of its range, when the output holds what was not made from this source with these
+/// [`Error::Data`] when a setting is out of its range, when the output holds what was not made from this source with these
 /// settings (and [`PrepareSettings::force`] is off), when ffmpeg, COLMAP or Python is needed and missing or fails, or when
 /// a file cannot be read or written.
 pub fn prepare(settings: &PrepareSettings, progress: &(dyn Fn(Progress) + Sync)) -> Result<Prepared> {
@@ -81,7 +81,7 @@ pub fn prepare(settings: &PrepareSettings, progress: &(dyn Fn(Progress) + Sync))
 /// the order of [`Stage`], each when all shares of the one before are made; [`prepare`] then completes the capture.
 ///
 /// # Errors
-/// As [`prepare`]; [`Error::Data`](crate::Error::Data) for the first fault of the source, and where an earlier stage is not done.
+/// As [`prepare`]; [`Error::Data`] for the first fault of the source, and where an earlier stage is not done.
 pub fn prepare_share(
     settings: &PrepareSettings,
     stage: Stage,
