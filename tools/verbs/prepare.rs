@@ -58,7 +58,7 @@ pub struct Args {
     /// Only tells what this will take, in time and on the disk: prepares four frames from the middle, measures, and removes them.
     #[arg(long)]
     plan: bool,
-    /// Does one stage alone: cameras (of pictures without any), images, points or flow. The same command without this does what is left,
+    /// Does one stage alone: cameras (where the source has none), images, points or flow. The same command without this does what is left,
     /// and completes the capture.
     #[arg(long, conflicts_with_all = ["plan", "force"], value_name = "cameras|images|points|flow", value_parser = stage)]
     only: Option<Stage>,

@@ -61,7 +61,7 @@ struct PlanArgs {
     settings: SettingArgs,
     #[command(flatten)]
     read: CaptureArgs,
-    /// With `--memory`, the device that is meant, as `ivv train` takes it.
+    // `--memory` asks what the device allows.
     #[command(flatten)]
     device: DeviceArgs,
 }
