@@ -51,6 +51,7 @@ impl Start {
             config = base.config(config);
             capture = base.calibrated(capture)?;
         }
+        let capture = shown(capture, &config);
         let mut run = Run::new(&capture, Constants::default())?;
         let capture = capture.transformed(&run.world);
         run.constants = args.constants.checked_over(Constants { near: near_plane(&capture), ..run.constants })?;
@@ -108,7 +109,7 @@ impl Start {
             None => settings_of_a_run_without_checkpoint(folder, &file)?,
         };
         agrees(args, &planned, &run)?;
-        let capture = run.open_capture(args.capture.as_deref())?;
+        let capture = shown(run.open_capture(args.capture.as_deref())?, &planned);
         if let Some(path) = &args.capture {
             let now = std::path::absolute(path).unwrap_or_else(|_| path.clone());
             if leads && now != run.capture {
@@ -162,6 +163,11 @@ impl Start {
         );
         Ok(())
     }
+}
+
+/// What a run learns from: photographs show what rests, which teaches a run nothing that leaves that alone.
+fn shown(capture: Capture, config: &Config) -> Capture {
+    if config.trains_static { capture } else { capture.without_photos() }
 }
 
 /// Images that are trained on.

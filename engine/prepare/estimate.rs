@@ -79,6 +79,7 @@ pub fn estimate(settings: &PrepareSettings, progress: &(dyn Fn(Progress) + Sync)
     let sample = PrepareSettings {
         frames: Frames { from, to: Some(from + sampled * every), every },
         output: scratch.0.clone(),
+        photos: None,
         force: true,
         ..settings.clone()
     };

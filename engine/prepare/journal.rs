@@ -14,7 +14,7 @@ use crate::scene::capture::JOURNAL;
 
 /// The parts of a capture that each stage makes. All depend on the first two, which come in this order.
 const STAGES: [(&str, &[&str]); 4] = [
-    ("reconstruction", &["reconstruction"]),
+    ("reconstruction", &["reconstruction", "photos"]),
     ("images", &["images", "masks", "foreground", "covisible", "depth", "flow", "audio", "keypoints", "truth.json"]),
     ("points", &["sparse", "points"]),
     ("flow", &["flow"]),

@@ -11,6 +11,7 @@ mod flow;
 mod images;
 mod journal;
 mod model;
+mod photos;
 mod program;
 mod reconstruct;
 mod settings;
@@ -70,7 +71,9 @@ pub struct Prepared {
 /// a file cannot be read or written.
 pub fn prepare(settings: &PrepareSettings, progress: &(dyn Fn(Progress) + Sync)) -> Result<Prepared> {
     settings.check()?;
-    let Some(pictures) = source::pictures(settings) else { return prepare_posed(settings, None, Vec::new(), progress) };
+    let pictures = source::pictures(settings);
+    photos::check(settings, pictures.as_ref())?;
+    let Some(pictures) = pictures else { return prepare_posed(settings, None, Vec::new(), progress) };
     let journal = Journal::open(settings)?;
     let (posed, notes) = reconstruct::make(settings, &pictures, &journal, progress)?;
     let prepared = prepare_posed(&posed, Some(journal), notes, progress)?;
@@ -90,6 +93,7 @@ pub fn prepare_share(
 ) -> Result<()> {
     settings.check()?;
     let pictures = source::pictures(settings);
+    photos::check(settings, pictures.as_ref())?;
     let early = |reason: String, stage: &str| {
         let remedy = format!("run the same command with --only {stage} first");
         Err(Error::data(&settings.output, "", reason, remedy))
@@ -183,6 +187,17 @@ fn prepare_posed(
     if !true_offsets.is_empty() {
         write_true_offsets(output, true_offsets)?;
     }
+    let n_photos = match photos::settings_of(settings, &source) {
+        Some(of_photos) => {
+            let tell = |told: Progress| progress(Progress { stage: "photos", ..told });
+            let made = prepare_posed(&of_photos, None, Vec::new(), &tell)?;
+            if made.report.n_faults > 0 {
+                return Ok(Prepared { source_format: source.format, ..made });
+            }
+            made.report.n_images
+        }
+        None => 0,
+    };
     let exists = |name: &str| output.join(name).is_dir();
     let manifest = Manifest {
         fps: images.fps,
@@ -196,6 +211,7 @@ fn prepare_posed(
         flow: exists("flow"),
         depth: exists("depth"),
         audio: exists("audio"),
+        photos: n_photos > 0,
     };
     if Manifest::read(output).ok().as_ref() != Some(&manifest) {
         manifest.write(output)?;

@@ -15,6 +15,7 @@ use serde_json::json;
 
 use super::fit::Part;
 use super::journal::{Journal, cannot_list, make_folder};
+use super::photos::Together;
 use super::program::{COLMAP, FFMPEG, FFPROBE};
 use super::settings::{JPEG_QUALITY, PrepareSettings, Progress};
 use super::source::Footage;
@@ -22,7 +23,7 @@ use super::source::footage::{find, is_video, video_names};
 use super::video::{self, Selection};
 use crate::error::{Error, Result};
 use crate::files::write_atomic;
-use crate::scene::capture::{Faults, Frames, is_image, read_images};
+use crate::scene::capture::{Faults, Frames, PHOTOS, is_image, read_images};
 
 /// Most pictures that are taken of a single video, evenly chosen.
 const OF_VIDEO: u32 = 120;
@@ -73,12 +74,16 @@ impl Pictures {
         }
     }
 
-    /// How many pictures COLMAP will be given.
+    /// How many pictures COLMAP will be given, photographs of the same place among them.
     fn count(&self, settings: &PrepareSettings) -> Result<usize> {
-        match self {
-            Pictures::Photos(folder) => Ok(photos(folder)?.len()),
-            Pictures::Video(path) => Ok(selection(settings, video::probe(path)?.n_frames).n as usize),
-            Pictures::Videos(folder) => Ok(video_names(folder).len()),
+        let n = match self {
+            Pictures::Photos(folder) => photos(folder)?.len(),
+            Pictures::Video(path) => selection(settings, video::probe(path)?.n_frames).n as usize,
+            Pictures::Videos(folder) => video_names(folder).len(),
+        };
+        match settings.photos.as_deref().and_then(Pictures::at) {
+            Some(Pictures::Photos(folder)) => Ok(n + photos(&folder)?.len()),
+            _ => Ok(n),
         }
     }
 }
@@ -148,12 +153,13 @@ pub(super) fn make(
     require(settings, pictures)?;
     let project = settings.output.join("reconstruction");
     let PrepareSettings { frames, shifts, .. } = settings;
-    journal.begin(
-        "reconstruction",
-        json!({
-            "pictures": pictures.name(), "source": settings.source.to_string_lossy(), "frames": frames, "shifts": shifts,
-        }),
-    )?;
+    let mut made_from = json!({
+        "pictures": pictures.name(), "source": settings.source.to_string_lossy(), "frames": frames, "shifts": shifts,
+    });
+    if let Some(photos) = &settings.photos {
+        made_from["photos"] = json!(photos.to_string_lossy());
+    }
+    journal.begin("reconstruction", made_from)?;
     make_folder(&project)?;
     let images = match pictures {
         Pictures::Photos(folder) => folder.clone(),
@@ -161,7 +167,8 @@ pub(super) fn make(
     };
     // Absolute, since the project is read as a capture, whose images are looked for in its own folder.
     let images = std::path::absolute(&images).unwrap_or(images);
-    let work = Reconstruction { settings, pictures, project, images, progress };
+    let together = Together::take(settings, &images)?;
+    let work = Reconstruction { settings, pictures, project, images, together, progress };
     work.take_pictures()?;
     let names = photos(&work.images)?;
     if names.len() < LEAST_PLACED {
@@ -176,6 +183,8 @@ pub(super) fn make(
     derived.source = work.project.clone();
     derived.capture.images = work.images.clone();
     derived.capture.downscale = None;
+    let photos = work.of_photos();
+    derived.photos = photos.join("sparse/0").is_dir().then_some(photos);
     match pictures {
         Pictures::Videos(folder) => derived.footage = Some(folder.clone()),
         // The chosen frames are pictures of one moment now.
@@ -193,7 +202,7 @@ fn selection(settings: &PrepareSettings, n_frames: u32) -> Selection {
 }
 
 /// Names of the pictures of a folder, sorted.
-fn photos(folder: &Path) -> Result<Vec<OsString>> {
+pub(super) fn photos(folder: &Path) -> Result<Vec<OsString>> {
     let files = fs::read_dir(folder).map_err(|fault| cannot_list(folder, &fault))?.flatten();
     let photos = files.map(|file| file.path()).filter(|file| is_image(file) && file.is_file());
     let mut names: Vec<OsString> = photos.filter_map(|file| file.file_name().map(OsStr::to_owned)).collect();
@@ -207,6 +216,7 @@ struct Reconstruction<'a> {
     project: PathBuf,
     /// Where COLMAP finds the pictures.
     images: PathBuf,
+    together: Together,
     progress: &'a (dyn Fn(Progress) + Sync),
 }
 
@@ -254,26 +264,36 @@ impl Reconstruction<'_> {
 
     /// Features, matches, places.
     fn place(&self, names: &[OsString]) -> Result<()> {
-        let n = names.len();
+        let n = names.len() + self.together.names.len();
         let (database, models) = (self.project.join("database.db"), self.project.join("models"));
         let threads = self.settings.threads.max(1).to_string();
-        let sizes: HashSet<_> =
-            names.iter().filter_map(|name| crate::scene::capture::read_size(&self.images.join(name)).ok()).collect();
-        // Cameras of a rig are different ones; pictures of one size are taken to be of one camera.
-        let is_single = sizes.len() == 1 && !matches!(self.pictures, Pictures::Videos(_));
         let place = [("--database_path", database.as_os_str()), ("--image_path", self.images.as_os_str())];
         let word = OsStr::new;
-        let find = [
-            ("--ImageReader.single_camera", word(if is_single { "1" } else { "0" })),
-            ("--SiftExtraction.use_gpu", word("0")),
-            ("--SiftExtraction.max_image_size", word(MAX_SIDE)),
-            ("--SiftExtraction.num_threads", word(&threads)),
-        ];
-        self.run("feature_extractor", &[&place[..], &find].concat(), &|line| {
-            let (done, total) = line.strip_prefix("Processed file [")?.strip_suffix(']')?.split_once('/')?;
-            self.tell("features", done.parse().ok()?, total.parse().ok()?, "COLMAP");
-            Some(())
-        })?;
+        // Cameras of a rig are different ones; other pictures of one size are taken to be of one camera.
+        let groups = [(names, matches!(self.pictures, Pictures::Videos(_))), (&self.together.names, false)];
+        let before = [0, names.len()];
+        for (((names, is_rig), list), before) in groups.into_iter().zip(["cameras.txt", "photos.txt"]).zip(before) {
+            if names.is_empty() {
+                continue;
+            }
+            let sizes = names.iter().filter_map(|name| crate::scene::capture::read_size(&self.images.join(name)).ok());
+            let is_single = !is_rig && sizes.collect::<HashSet<_>>().len() == 1;
+            let list = self.project.join(list);
+            let text = names.iter().map(|name| name.to_string_lossy() + "\n").collect::<String>();
+            write_atomic(&list, |to| to.write_all(text.as_bytes()))?;
+            let find = [
+                ("--image_list_path", list.as_os_str()),
+                ("--ImageReader.single_camera", word(if is_single { "1" } else { "0" })),
+                ("--SiftExtraction.use_gpu", word("0")),
+                ("--SiftExtraction.max_image_size", word(MAX_SIDE)),
+                ("--SiftExtraction.num_threads", word(&threads)),
+            ];
+            self.run("feature_extractor", &[&place[..], &find].concat(), &|line| {
+                let (done, _) = line.strip_prefix("Processed file [")?.strip_suffix(']')?.split_once('/')?;
+                self.tell("features", before + done.parse::<usize>().ok()?, n, "COLMAP");
+                Some(())
+            })?;
+        }
         let matching = [("--SiftMatching.use_gpu", word("0")), ("--SiftMatching.num_threads", word(&threads))];
         let (overlap, block) = (OVERLAP.to_string(), BLOCK.to_string());
         let (verb, order) = match self.pictures {
@@ -297,31 +317,46 @@ impl Reconstruction<'_> {
             self.tell("cameras", placed.parse().ok()?, n, "COLMAP");
             Some(())
         })?;
-        self.keep_largest(&models)
+        self.keep_largest(&models, names)
     }
 
     /// COLMAP makes several models of pictures that do not hang together; the one with most pictures is kept.
-    fn keep_largest(&self, models: &Path) -> Result<()> {
+    fn keep_largest(&self, models: &Path, cameras: &[OsString]) -> Result<()> {
         let folders = fs::read_dir(models).map_err(|fault| cannot_list(models, &fault))?.flatten();
         let found = folders.map(|folder| folder.path()).filter(|folder| folder.join("cameras.bin").is_file());
-        let counted = found.map(|folder| (read_images(&folder, &mut Faults::default()).images.len(), folder));
+        let n_placed = |folder: &Path| {
+            let images = read_images(folder, &mut Faults::default()).images;
+            images.iter().filter(|image| !self.together.has(&image.name)).count()
+        };
+        let counted = found.map(|folder| (n_placed(&folder), folder));
         let Some((n, model)) = counted.max().filter(|(n, _)| *n >= LEAST_PLACED) else {
             let reason = "holds pictures that COLMAP cannot place: it finds too little that several of them share";
             let remedy = "take more pictures with much overlap, sharp, of a scene with texture, from different places";
             return Err(Error::data(&self.settings.source, "", reason, remedy));
         };
-        let to = self.project.join("sparse/0");
-        make_folder(&to)?;
-        // The images come last: where they are the model is whole.
-        for name in ["cameras.bin", "points3D.bin", "images.bin"] {
-            let bytes = crate::files::read_file(&model.join(name)).map_err(|fault| {
-                let remedy = format!("check that the folder is writable; {n} pictures were placed");
-                Error::data(&model.join(name), "", format!("cannot be read: {fault}"), remedy)
-            })?;
-            write_atomic(&to.join(name), |to| to.write_all(&bytes))?;
+        let (of_cameras, of_photos) = self.together.split(&model, cameras, &self.settings.source)?;
+        let of_photos = of_photos.filter(|model| !read_images(model, &mut Faults::default()).images.is_empty());
+        let parts = of_photos.map(|model| (model, self.of_photos())).into_iter();
+        // Whether all is placed is judged by the cameras.
+        for (model, project) in parts.chain([(of_cameras, self.project.clone())]) {
+            let to = project.join("sparse/0");
+            make_folder(&to)?;
+            // The images come last: where they are the model is whole.
+            for name in ["cameras.bin", "points3D.bin", "images.bin"] {
+                let bytes = crate::files::read_file(&model.join(name)).map_err(|fault| {
+                    let remedy = format!("check that the folder is writable; {n} pictures were placed");
+                    Error::data(&model.join(name), "", format!("cannot be read: {fault}"), remedy)
+                })?;
+                write_atomic(&to.join(name), |to| to.write_all(&bytes))?;
+            }
         }
         let _ = fs::remove_dir_all(models);
         Ok(())
+    }
+
+    /// The project of the photographs.
+    fn of_photos(&self) -> PathBuf {
+        self.project.join(PHOTOS)
     }
 
     /// Which pictures were placed.
@@ -333,6 +368,10 @@ impl Reconstruction<'_> {
         }
         let placed: HashSet<&OsStr> = model.images.iter().map(|image| image.name.as_os_str()).collect();
         let mut notes = vec![format!("COLMAP placed {} of {} pictures", placed.len(), names.len())];
+        if !self.together.names.is_empty() {
+            let n = read_images(&self.of_photos().join("sparse/0"), &mut Faults::default()).images.len();
+            notes.push(format!("and {n} of {} photographs of the place", self.together.names.len()));
+        }
         let left_out: Vec<_> = names.iter().filter(|name| !placed.contains(name.as_os_str())).collect();
         if !left_out.is_empty() {
             let some: Vec<_> = left_out.iter().take(5).map(|name| name.to_string_lossy()).collect();

@@ -95,6 +95,9 @@ pub struct PrepareSettings {
     pub format: ImageFormat,
     /// `None`: every frame, unless the source has points.
     pub triangulate: Option<Triangulate>,
+    /// Photographs of what rests, taken at another time: without cameras where the source has none, else a capture in the source's
+    /// world.
+    pub photos: Option<PathBuf>,
     /// Estimates optical flow with OpenCV's DIS.
     pub flow: bool,
     /// How a source is read that is a capture; of every source the test cameras (those that it declares where there are
@@ -120,6 +123,7 @@ impl PrepareSettings {
             scale: 1.0,
             format: ImageFormat::Png,
             triangulate: None,
+            photos: None,
             flow: false,
             capture: CaptureSettings::default(),
             force: false,

@@ -55,6 +55,7 @@ pub(super) enum Stream {
     Sound,
     Keypoints,
     Bends,
+    Photos,
 }
 
 /// The numbers for one purpose and one item, whatever was drawn for other items, and in whatever order.

@@ -25,6 +25,11 @@ const BOB: f64 = 0.05;
 const TURN: f64 = 0.4;
 /// Largest time offset before the mean is taken out, frames.
 const MAX_OFFSET: f64 = 1.0;
+/// Radius of the ring that photographs are taken from, how far apart its heights are, metres, and the width of what a photograph shows at
+/// depth 1.
+const PHOTO_RING: f64 = 0.6;
+const PHOTO_HEIGHT: f64 = 0.35;
+const PHOTO_FIELD: f64 = 1.6;
 
 /// A pinhole camera, which rests or moves with its rig.
 #[derive(Clone, Debug)]
@@ -91,6 +96,21 @@ impl Camera {
     }
 }
 
+/// Where the photographs are taken from, in the order of their names: from a ring, in three heights, looking outward.
+pub(super) fn photographers(options: &Options) -> Vec<Camera> {
+    let mut random = math::random(options.seed, Stream::Photos, 0, 0);
+    let photographer = |index: u32| {
+        let mut jitter = |most: f64| random.uniform(-most, most);
+        let (sin, cos) = sin_cos(2.0 * PI * f64::from(index) / f64::from(options.photos) + jitter(0.05));
+        let height = DVec3::Y * (PHOTO_HEIGHT * (f64::from(index % 3) - 1.0));
+        let way = DVec3::new(cos, 0.0, sin);
+        let center = MIDDLE + way * PHOTO_RING + height;
+        let target = center + way + DVec3::Y * jitter(0.2) + 0.3 * height;
+        pinhole(format!("photo{index:02}"), options, (center, target, PHOTO_FIELD), &mut jitter)
+    };
+    (0..options.photos).map(photographer).collect()
+}
+
 /// How a moving rig is turned about its middle at a time, and how far it is from there.
 fn path(time: f64, frames: u32) -> (DMat3, DVec3) {
     let u = time / f64::from(frames);
@@ -147,16 +167,28 @@ fn camera(options: &Options, index: u32, random: &mut Random) -> Camera {
             (center, center + way + DVec3::new(jitter(0.04), jitter(0.04), 0.0), 2.0)
         }
     };
+    Camera {
+        way: (options.rig == Rig::Moving).then_some(options.frames),
+        ..pinhole(format!("cam{index:02}"), options, (center, target, field), &mut jitter)
+    }
+}
+
+/// A camera at rest, with the true clock and colours, at a place with a target and the width of what is seen at depth 1.
+fn pinhole(
+    name: String,
+    options: &Options,
+    (center, target, field): (DVec3, DVec3, f64),
+    jitter: &mut dyn FnMut(f64) -> f64,
+) -> Camera {
     let forward = (target - center).normalize();
     // Near the vertical there is no right of its own.
     let up = if forward.y.abs() < 0.95 { DVec3::Y } else { DVec3::Z };
     let right = up.cross(forward).normalize();
     let down = forward.cross(right);
     let (width, height) = (f64::from(options.width), f64::from(options.height));
-    // `field` is the width of what is seen at depth 1.
     let focal = width / field * (1.0 + jitter(0.02));
     Camera {
-        name: format!("cam{index:02}"),
+        name,
         is_test: false,
         intrinsics: Intrinsics {
             width: options.width,
@@ -168,7 +200,7 @@ fn camera(options: &Options, index: u32, random: &mut Random) -> Camera {
         },
         rotation: DMat3::from_cols(right, down, forward).transpose(),
         center,
-        way: (options.rig == Rig::Moving).then_some(options.frames),
+        way: None,
         time_offset: 0.0,
         color: [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]],
         hood: false,

@@ -3,7 +3,7 @@
 use super::cast::{Picture, covisible, picture};
 use super::options::Options;
 use super::points::points;
-use super::rig::{Camera, rig};
+use super::rig::{Camera, photographers, rig};
 use super::room::room;
 use super::truth::truth;
 use super::world::World;
@@ -19,8 +19,9 @@ use std::path::Path;
 /// The file that marks a folder as made here.
 const MARKER: &str = "synth.json";
 /// All that a capture consists of, in the order in which an old one is removed: what makes it valid goes first.
-const PARTS: [&str; 12] = [
+const PARTS: [&str; 13] = [
     "capture.toml",
+    "photos",
     "truth.json",
     "truth",
     "keypoints",
@@ -98,6 +99,9 @@ pub fn write_capture(
     let counts = in_parallel(jobs.len(), threads, |index| capture.run(jobs[index]), |n| progress(n, jobs.len()))?;
     let point_lists: Vec<_> = counts.into_iter().flatten().collect();
     let outliers: Vec<Vec<u32>> = point_lists.iter().map(|(_, outliers)| outliers.clone()).collect();
+    if options.photos > 0 {
+        write_photos(&folder.join("photos"), options, threads)?;
+    }
     capture.finish(&outliers)?;
     let n_test = capture.cameras.iter().filter(|camera| camera.is_test).count();
     Ok(Summary {
@@ -108,6 +112,27 @@ pub fn write_capture(
         points: point_lists.iter().map(|(n, _)| n).sum(),
         outliers: outliers.iter().map(|rows| rows.len() as u64).sum(),
     })
+}
+
+/// Writes photographs of the room without what moves, and their points: a capture of one frame.
+fn write_photos(folder: &Path, options: &Options, threads: usize) -> Result<()> {
+    let (mut world, cameras) = (room(options), photographers(options));
+    world.bodies.retain(|body| !body.dynamic);
+    let take = |index: usize| {
+        let camera: &Camera = &cameras[index];
+        let made = picture(&world, options, index, camera, colmap::REFERENCE_FRAME);
+        let to = folder.join("images").join(&camera.name);
+        files::make_folder(&to)?;
+        let (width, height) = (camera.intrinsics.width, camera.intrinsics.height);
+        files::png(&to.join("00000.png"), &made.rgb, width, height, ExtendedColorType::Rgb8)
+    };
+    in_parallel(cameras.len(), threads, take, |_| {})?;
+    let model = folder.join("sparse/0");
+    files::make_folder(&model)?;
+    let points = points(&world, options, &cameras, colmap::REFERENCE_FRAME);
+    colmap::write(&model, &Options { bent: false, ..options.clone() }, &cameras, &points)?;
+    let manifest = format!("# Photographs, made by `ivv synth`.\nfps = {}.0\nframes = 1\n", options.fps);
+    files::bytes(&folder.join("capture.toml"), manifest.as_bytes())
 }
 
 /// Makes the folder, or empties one that this tool filled.
@@ -233,7 +258,7 @@ impl Capture<'_> {
         let manifest = format!(
             "# Synthetic capture, made by `ivv synth`; truth.json holds the hidden values.\n\
              fps = {}.0\nframes = {}\nreference_frame = {}\ntest_cameras = [{}]\n\
-             masks = {}\nforeground = true\ncovisible = {}\npoints = true\nflow = {}\ndepth = true\naudio = true\n",
+             masks = {}\nforeground = true\ncovisible = {}\npoints = true\nflow = {}\ndepth = true\naudio = true\n{}",
             self.options.fps,
             self.options.frames,
             colmap::REFERENCE_FRAME,
@@ -242,6 +267,7 @@ impl Capture<'_> {
             !tests.is_empty(),
             // A single frame has no next one.
             self.options.frames > 1,
+            if self.options.photos > 0 { "photos = true\n" } else { "" },
         );
         files::bytes(&self.folder.join("capture.toml"), manifest.as_bytes())
     }

@@ -185,6 +185,9 @@ pub struct SceneScores {
     /// Means of the same views with each test camera's time offset fitted to its own images; none where offsets were not learnt.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub mean_at_fitted_offsets: Option<Scores>,
+    /// Of a clip in segments, means of the views at its seams and of the others ([`Segments::is_at_seam`](super::Segments::is_at_seam)).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub mean_at_seams_and_elsewhere: Option<[Scores; 2]>,
 }
 
 /// How large a scene is.
@@ -237,6 +240,7 @@ impl SceneScores {
             lpips_trunk: None,
             evaluation,
             mean_at_fitted_offsets: None,
+            mean_at_seams_and_elsewhere: None,
         }
     }
 }

@@ -93,6 +93,11 @@ impl Segments {
         Frames { from, to: Some(to), every: 1 }
     }
 
+    /// Whether a frame, or what changes between it and the one before, is of two segments.
+    pub fn is_at_seam(&self, frame: u32) -> bool {
+        self.segments.windows(2).any(|pair| (pair[1][0]..=pair[0][1]).contains(&frame))
+    }
+
     /// The dynamic Gaussians of `own`, the scene of a segment, on the clock of the whole clip.
     fn moving(&self, index: usize, own: &Splats) -> Splats {
         let [from, to] = self.segments[index];

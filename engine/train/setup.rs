@@ -100,13 +100,14 @@ pub fn near_plane(capture: &Capture) -> f32 {
     (TRAINING_RADIUS / 8.0).min(nearest).max(f64::from(Constants::default().near)) as f32
 }
 
-/// Where the training cameras are, on average over their images; none of a test camera, or of one without images.
+/// Where the training cameras are, on average over their images; none of a test camera, of a photograph, whose pose no other image could
+/// contradict, or of a camera without images.
 fn centers(capture: &Capture) -> Vec<Option<DVec3>> {
     let of_camera = |(index, camera): (usize, &Camera)| {
         let frames = camera.shots.iter().map(|shot| shot.frame);
         let centers: Vec<DVec3> =
             frames.filter_map(|frame| Some(capture.view(index, frame).ok()?.pose.center())).collect();
-        let is_learnt = !camera.is_test && !centers.is_empty();
+        let is_learnt = !camera.is_test && !camera.is_photo && !centers.is_empty();
         is_learnt.then(|| centers.iter().sum::<DVec3>() / centers.len() as f64)
     };
     capture.cameras.iter().enumerate().map(of_camera).collect()

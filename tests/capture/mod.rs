@@ -6,6 +6,7 @@ pub mod dynamic;
 mod folder;
 pub mod hostile;
 pub mod model;
+pub mod photos;
 pub mod priors;
 mod real;
 mod settings;

@@ -3,6 +3,7 @@
 mod along;
 mod board;
 mod hostile;
+mod photos;
 mod pictures;
 mod programs;
 mod resume;

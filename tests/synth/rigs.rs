@@ -6,6 +6,7 @@ use ivv::scene::capture::Capture;
 use ivv::synth::{Noise, Options, Rig};
 
 use super::{bodies, exr, json, make, numbers, options};
+use std::path::Path;
 
 fn few(rig: Rig, cameras: u32, frames: u32) -> Options {
     Options { rig, cameras, frames, samples: 1, noise: Noise::None, points: 60, ..options() }
@@ -121,4 +122,20 @@ fn points_of_a_moving_rig_lie_where_its_cameras_of_that_frame_see_them() {
         }
     }
     assert!(n > 100, "{n} sights");
+}
+
+#[test]
+fn photographs_show_the_room_without_what_moves_and_change_nothing_else() {
+    let with = make("photos", &Options { photos: 4, ..few(Rig::Outward, 4, 2) }, 2);
+    let without = make("no-photos", &few(Rig::Outward, 4, 2), 2);
+    let (mut files, others) = (super::files(&with), super::files(&without));
+    let photos: Vec<_> = files.keys().filter(|path| path.starts_with("photos")).cloned().collect();
+    assert!(photos.iter().filter(|path| path.extension().is_some_and(|end| end == "png")).count() == 4, "{photos:?}");
+    photos.iter().for_each(|path| assert!(files.remove(path).is_some()));
+    let differ: Vec<_> =
+        files.iter().filter(|(path, bytes)| others.get(*path) != Some(bytes)).map(|(p, _)| p).collect();
+    assert_eq!(differ, [Path::new("capture.toml"), Path::new("synth.json")]);
+    let capture = Capture::open(&with).unwrap();
+    assert_eq!(capture.cameras.iter().filter(|camera| camera.is_photo).count(), 4);
+    assert!(capture.points.len() > Capture::open(&without).unwrap().points.len());
 }

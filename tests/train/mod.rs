@@ -12,6 +12,7 @@ mod live;
 mod lives;
 mod look;
 mod overwrite;
+mod photos;
 mod plan;
 mod points;
 mod poses;

@@ -51,7 +51,7 @@ fn circle() -> Capture {
         let (name, is_test) = (format!("cam{k:02}"), false);
         let (cx, cy) = (f64::from(own.intrinsics.width) / 2.0, f64::from(own.intrinsics.height) / 2.0);
         let intrinsics = Intrinsics { fx, fy: fx, cx, cy, ..own.intrinsics };
-        Camera { name, is_test, intrinsics, world_to_camera, shots }
+        Camera { name, is_test, is_photo: false, intrinsics, world_to_camera, shots }
     };
     (capture.n_frames, capture.cameras) = (6, (0..N).map(camera).collect());
     capture

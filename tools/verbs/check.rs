@@ -76,6 +76,9 @@ pub fn print(report: &Report) {
 /// Prints what a capture holds.
 fn holds(report: &Report) {
     out!("cameras: {}, of which {} for testing", report.n_cameras, report.n_test_cameras);
+    if report.n_photos > 0 {
+        out!("photos:  {} of what rests, taken at another time", report.n_photos);
+    }
     out!("frames:  {}, {} per second", report.n_frames, report.fps);
     let mib = report.bytes_decoded as f64 / f64::from(1 << 20);
     let (n, n_masks, n_foregrounds) = (report.n_images, report.n_masks, report.n_foregrounds);

@@ -12,7 +12,7 @@ use ivv::scene::{Frame, Mapped, Splats};
 use ivv::stage::{Outputs, Renderer};
 use ivv::study::{Example, Report, strip};
 use ivv::train::{
-    Config, Evaluation, Log, METRICS_OF, Meter, OffsetFit, Run, SceneScores, SceneSize, Scores, Setup, Sight,
+    Config, Evaluation, Log, METRICS_OF, Meter, OffsetFit, Run, SceneScores, SceneSize, Scores, Segments, Setup, Sight,
     ViewScores, evaluate, fit_offset, offset_pictures, spread,
 };
 use ivv::words::count;
@@ -132,6 +132,7 @@ impl Scorer<'_> {
         let mut scores = SceneScores::new(scene, size, &self.gpu.caps().name, evaluation);
         scores.lpips_trunk = meter.trunk().map(|trunk| trunk.to_string());
         scores.mean_at_fitted_offsets = self.at_offsets(fits, &mut renderer, &mut meter, &frames, step)?;
+        scores.mean_at_seams_and_elsewhere = seams(output, &scores.evaluation)?;
         write_json(&output.join("eval.json"), &scores)?;
         let mut examples = Vec::new();
         let chosen = scores.evaluation.examples(EXAMPLES);
@@ -213,6 +214,16 @@ impl Scorer<'_> {
     }
 }
 
+/// Means of the views at the seams of the plan in `folder`, and of the others; none where there is no plan, or no view of either.
+fn seams(folder: &Path, evaluation: &Evaluation) -> ivv::Result<Option<[Scores; 2]>> {
+    if !Segments::file(folder).is_file() {
+        return Ok(None);
+    }
+    let segments = Segments::read(folder)?;
+    let mean = |at_seam: bool| Some(evaluation.of(|_, frame| segments.is_at_seam(frame) == at_seam)?.mean);
+    Ok(mean(true).zip(mean(false)).map(|(at, elsewhere)| [at, elsewhere]))
+}
+
 /// What the report calls the run in `output`.
 fn name_of(output: &Path) -> String {
     let path = std::path::absolute(output).unwrap_or_else(|_| output.to_owned());
@@ -290,7 +301,12 @@ fn print(scores: &SceneScores) {
         "flicker (true)"
     );
     let fitted = scores.mean_at_fitted_offsets.as_ref().map(|scores| ("mean at fitted time offsets", scores));
-    for (view, s) in views.iter().map(|v| (v.view.as_str(), &v.scores)).chain([("mean", mean)]).chain(fitted) {
+    let seams = scores
+        .mean_at_seams_and_elsewhere
+        .iter()
+        .flat_map(|both| ["mean at seams", "mean elsewhere"].into_iter().zip(both));
+    let means = [("mean", mean)].into_iter().chain(fitted).chain(seams);
+    for (view, s) in views.iter().map(|v| (v.view.as_str(), &v.scores)).chain(means) {
         let [foreground, covisible] =
             [s.psnr_foreground, s.psnr_covisible].map(|psnr| psnr.map_or("-".to_owned(), |psnr| format!("{psnr:.3}")));
         let lpips = s.lpips.map_or("-".to_owned(), |lpips| format!("{lpips:.4}"));

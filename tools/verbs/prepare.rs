@@ -47,6 +47,10 @@ pub struct Args {
     /// the source has points.
     #[arg(long, num_args = 1..=2, value_names = ["none|reference|every", "N"])]
     triangulate: Option<Vec<String>>,
+    /// Photographs of the same place, taken at another time: of what rests, none of what moves. Where the source has no cameras, COLMAP
+    /// places both together. Otherwise give a capture of them, such as a COLMAP project, in the world of the source. They train what rests.
+    #[arg(long = "static", value_name = "PHOTOS")]
+    photos: Option<PathBuf>,
     /// Estimates optical flow. dis: OpenCV's DIS, run in Python.
     #[arg(long, value_parser = ["dis"])]
     flow: Option<String>,
@@ -193,6 +197,7 @@ fn settings(args: &Args) -> anyhow::Result<PrepareSettings> {
         scale: args.scale,
         format: if args.format == "jpg" { ImageFormat::Jpeg } else { ImageFormat::Png },
         triangulate: args.triangulate.as_deref().map(triangulate).transpose()?,
+        photos: args.photos.clone(),
         flow: args.flow.is_some(),
         capture,
         force: args.force,

@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 
 use super::recording::{Clocks, Footage, Place, Source, SourceCamera};
 use crate::scene::capture::{
-    Alpha, Camera, CaptureBuilder, CaptureSettings, Faults, Frames, describe, has_alpha, images_folder, model_folder,
-    tracks,
+    Alpha, Camera, CaptureBuilder, CaptureSettings, Faults, Frames, PHOTOS, describe, has_alpha, images_folder,
+    model_folder, tracks,
 };
 
 pub(super) fn read(place: Place, faults: &mut Faults) -> Option<Source> {
@@ -37,6 +37,7 @@ pub(super) fn read(place: Place, faults: &mut Faults) -> Option<Source> {
         notes: std::mem::take(&mut builder.notes),
         frame_points: builder.frame_points.take(),
         clocks: Clocks::Offsets(std::mem::take(&mut builder.true_offsets)),
+        photos: builder.photos.take().map(|_| place.folder.join(PHOTOS)),
         ..Source::default()
     };
     let names: BTreeMap<_, _> = builder

@@ -69,6 +69,8 @@ pub(in crate::prepare) struct Source {
     pub points: Vec<SourcePoint>,
     /// Of every frame.
     pub frame_points: Option<FramePoints>,
+    /// A folder of photographs of what rests, which are a capture of their own.
+    pub photos: Option<PathBuf>,
     pub notes: Vec<String>,
 }
 

@@ -40,6 +40,8 @@ pub(crate) struct CaptureBuilder {
     /// See [`Capture::true_offsets`].
     pub true_offsets: BTreeMap<String, f64>,
     pub notes: Vec<String>,
+    /// See [`Manifest::photos`](super::Manifest::photos).
+    pub photos: Option<Box<CaptureBuilder>>,
     /// The file that the cameras come from, for faults.
     pub calibration: std::path::PathBuf,
 }
@@ -54,6 +56,12 @@ impl CaptureBuilder {
         report: &mut Report,
     ) -> Capture {
         self.cut(path, settings.frames, faults);
+        if let Some(photos) = self.photos.take() {
+            report.n_photos = photos.cameras.len();
+            self.distorted.extend(photos.distorted);
+            self.cameras.extend(photos.cameras);
+            self.points.extend(photos.points);
+        }
         self.cameras.iter_mut().for_each(|camera| camera.shots.sort_by_key(|shot| shot.frame));
         self.check_lenses(faults);
         self.check_clip(faults);
@@ -66,7 +74,7 @@ impl CaptureBuilder {
         }
         report.n_frames = self.n_frames;
         report.fps = self.fps;
-        report.n_cameras = self.cameras.len();
+        report.n_cameras = self.cameras.len() - report.n_photos;
         report.n_test_cameras = self.cameras.iter().filter(|camera| camera.is_test).count();
         report.n_points = self.points.len();
         report.has_frame_points = self.frame_points.is_some();

@@ -9,6 +9,9 @@ use glam::DVec3;
 /// Largest magnitude of a coordinate, scene units; beyond it distances overflow single precision.
 pub(super) const MAX_COORDINATE: f64 = 1e9;
 
+/// Normalised time of photographs: far from every clip, so that nothing that moves is alive.
+const ANOTHER_TIME: f64 = 1e6;
+
 /// One image of a camera.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Shot {
@@ -50,6 +53,9 @@ pub struct Camera {
     pub world_to_camera: Pose,
     /// Kept for testing: no image of it is trained on.
     pub is_test: bool,
+    /// A photograph of what rests, taken at another time than the clip: its only shot is of frame 0, and its view shows nothing that
+    /// moves.
+    pub is_photo: bool,
     /// By frame; a frame may be absent (every camera of a monocular clip has one).
     pub shots: Vec<Shot>,
 }
@@ -81,7 +87,7 @@ impl Camera {
             name,
             intrinsics: self.intrinsics,
             pose: *pose,
-            time: f64::from(frame) / n_frames,
+            time: if self.is_photo { ANOTHER_TIME } else { f64::from(frame) / n_frames },
             time_offset: 0.0,
             flow_dt: 1.0 / n_frames,
             background,
@@ -102,7 +108,7 @@ pub struct Point {
     pub n_views: u32,
 }
 
-/// Where the cameras are.
+/// Where the cameras are, those of photographs aside: a clip is as large with them as without.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Extent {
     /// Mean of the training cameras' centres, world.
@@ -127,7 +133,7 @@ fn steep(median: f64, radius: f64) -> f64 {
 /// See [`Capture::extent`].
 pub(super) fn extent(cameras: &[Camera], points: &[Point]) -> Extent {
     let all_test = cameras.iter().all(|camera| camera.is_test);
-    let used = cameras.iter().filter(|camera| all_test || !camera.is_test);
+    let used = cameras.iter().filter(|camera| !camera.is_photo && (all_test || !camera.is_test));
     let poses = used.flat_map(|camera| camera.shots.iter().map(|shot| camera.pose(shot.frame)));
     let centers: Vec<DVec3> = poses.map(Pose::center).collect();
     let center = centers.iter().sum::<DVec3>() / centers.len().max(1) as f64;

@@ -123,6 +123,7 @@ impl Found<'_> {
             },
             world_to_camera: pose,
             is_test,
+            is_photo: false,
             shots: Vec::new(),
         };
         let camera = self.cameras.entry(id).or_insert_with(|| new.clone());

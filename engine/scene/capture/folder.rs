@@ -20,6 +20,8 @@ use crate::scene::prior::{DEPTH_EXTENSIONS, FLOW_EXTENSIONS};
 use crate::scene::undistort::{Distortion, Lens};
 
 const FILE: &str = "capture.toml";
+/// See [`Manifest::photos`].
+pub(crate) const PHOTOS: &str = "photos";
 /// What `ivv prepare` begins a capture folder with; the manifest is the last that it writes.
 pub(crate) const JOURNAL: &str = "prepare.json";
 /// Images of a camera that are named one by one when they are missing: no number in a file makes the list longer.
@@ -60,6 +62,9 @@ pub struct Manifest {
     /// `audio/` exists.
     #[serde(default)]
     pub audio: bool,
+    /// `photos/` is a capture folder of one frame in the same world: photographs of what rests, taken at another time.
+    #[serde(default)]
+    pub photos: bool,
 }
 
 impl Manifest {
@@ -78,7 +83,7 @@ impl Manifest {
             let start = fault.span().map_or(0, |span| span.start);
             let line = text.as_bytes().iter().take(start).filter(|byte| **byte == b'\n').count() + 1;
             let remedy = "give fps, frames and, where they apply, reference_frame, test_cameras, masks, foreground, \
-                          covisible, points, flow, depth and audio";
+                          covisible, points, flow, depth, audio and photos";
             Error::data(&path, format!("line {line}"), fault.message().to_owned(), remedy)
         })
     }
@@ -137,6 +142,7 @@ pub(super) fn read(path: &Path, settings: &CaptureSettings, faults: &mut Faults)
         ("flow", manifest.flow),
         ("depth", manifest.depth),
         ("audio", manifest.audio),
+        (PHOTOS, manifest.photos),
     ] {
         let exists = path.join(name).is_dir();
         if declared && !exists {
@@ -173,10 +179,29 @@ pub(super) fn read(path: &Path, settings: &CaptureSettings, faults: &mut Faults)
     let names: Vec<&str> = builder.cameras.iter().map(|camera| camera.name.as_str()).collect();
     check_names("test cameras", &manifest.test_cameras, &names, &builder.calibration, faults);
     builder.true_offsets = read_true_offsets(path, &names, faults);
+    if manifest.photos {
+        builder.photos = photos(&path.join(PHOTOS), faults).map(Box::new);
+    }
     for camera in &mut builder.cameras {
         camera.is_test = manifest.test_cameras.contains(&camera.name);
     }
     builder
+}
+
+/// The photographs in a folder.
+fn photos(folder: &Path, faults: &mut Faults) -> Option<CaptureBuilder> {
+    // Photographs have no photographs: a folder that held itself would have no end.
+    let manifest = faults.take(Manifest::read(folder))?;
+    if manifest.frames != 1 || manifest.photos {
+        let found =
+            if manifest.photos { "has photos itself".to_owned() } else { format!("has {} frames", manifest.frames) };
+        let remedy = "make it with `ivv prepare PHOTOS`, or give it to `ivv prepare --static`";
+        faults.add(&folder.join(FILE), "", format!("{found}; photographs are a capture of one frame"), remedy);
+        return None;
+    }
+    let mut builder = read(folder, &CaptureSettings::default(), faults);
+    builder.cameras.iter_mut().for_each(|camera| (camera.is_photo, camera.is_test) = (true, false));
+    Some(builder)
 }
 
 /// The camera of an image named `<camera>.<ext>` or `<camera>/<frame>.<ext>`.
@@ -318,7 +343,8 @@ fn cameras(
             ..Shot::default()
         });
         let (shots, world_to_camera) = (shots.collect(), posed[0].1.pose);
-        let camera = Camera { name, intrinsics: lens.intrinsics, world_to_camera, is_test: false, shots };
+        let (intrinsics, is_test, is_photo) = (lens.intrinsics, false, false);
+        let camera = Camera { name, intrinsics, world_to_camera, is_test, is_photo, shots };
         cameras.push((camera, lens.distortion));
     }
     cameras

@@ -28,7 +28,7 @@ pub use cache::{Asked, CacheStats, FrameCache, decoded_bytes, share_of_memory};
 pub use calibration::Calibration;
 pub use camera::{Camera, Extent, Point, Shot};
 pub use folder::Manifest;
-pub(crate) use folder::{JOURNAL, is_unfinished};
+pub(crate) use folder::{JOURNAL, PHOTOS, is_unfinished};
 pub use frames::Frames;
 pub use opened::{Capture, TRAINING_RADIUS};
 pub use picture::{Picture, pixel_bytes};

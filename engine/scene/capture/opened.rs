@@ -69,9 +69,16 @@ impl Capture {
         Ok(View { time_offset: self.offset(camera), ..view })
     }
 
+    /// The capture without what its photographs show. Their cameras stay, so that those of the clip keep their numbers.
+    #[must_use]
+    pub fn without_photos(mut self) -> Self {
+        self.cameras.iter_mut().filter(|camera| camera.is_photo).for_each(|camera| camera.shots.clear());
+        self
+    }
+
     /// Whether it is a clip that several training cameras took: of one alone, the scene's own times and colours take up what is off.
     pub fn is_rig_clip(&self) -> bool {
-        self.n_frames > 1 && self.cameras.iter().filter(|camera| !camera.is_test).count() > 1
+        self.n_frames > 1 && self.cameras.iter().filter(|camera| !camera.is_test && !camera.is_photo).count() > 1
     }
 
     /// (camera, frame) of every image of the training cameras, by frame and then by camera.
@@ -85,10 +92,12 @@ impl Capture {
     }
 
     /// A view of every pose of every training camera (one of a camera that rests, one for each image of a camera that moves),
-    /// and [`Capture::viewpoints`]. None of a test camera: training must not know where it will be tested.
+    /// and [`Capture::viewpoints`]. None of a photograph: there may be many, and nobody watches the clip from there. None of a test
+    /// camera: training must not know where it will be tested.
     pub fn lens_views(&self) -> Vec<View> {
         let mut views = self.viewpoints.clone();
-        for (index, camera) in self.cameras.iter().enumerate().filter(|(_, camera)| !camera.is_test) {
+        let filming = |camera: &Camera| !camera.is_test && !camera.is_photo;
+        for (index, camera) in self.cameras.iter().enumerate().filter(|(_, camera)| filming(camera)) {
             let shots = camera.shots.iter().take(if camera.moves() { usize::MAX } else { 1 });
             views.extend(shots.filter_map(|shot| self.view(index, shot.frame).ok()));
         }

@@ -103,7 +103,9 @@ pub struct Report {
     pub n_cameras: usize,
     /// Cameras kept for testing.
     pub n_test_cameras: usize,
-    /// Images.
+    /// Photographs of what rests, which are no cameras of the clip.
+    pub n_photos: usize,
+    /// Images, with the photographs.
     pub n_images: usize,
     /// Images that have a mask.
     pub n_masks: usize,
@@ -138,6 +140,7 @@ impl Report {
             fps: 0.0,
             n_cameras: 0,
             n_test_cameras: 0,
+            n_photos: 0,
             n_images: 0,
             n_masks: 0,
             n_foregrounds: 0,

@@ -186,7 +186,8 @@ impl Frame {
     fn entry(&self, lens: Lens, world_to_camera: Pose, paths: Paths, is_test: bool) -> Entry {
         let Lens { intrinsics, distortion } = lens;
         let Paths { name, image, mask } = paths;
-        let camera = Camera { name: flat(&name), intrinsics, world_to_camera, is_test, shots: Vec::new() };
+        let camera =
+            Camera { name: flat(&name), intrinsics, world_to_camera, is_test, is_photo: false, shots: Vec::new() };
         Entry { camera, distortion, name, shot: Shot { image, mask, ..Shot::default() }, time: self.time }
     }
 }

@@ -20,7 +20,7 @@ pub use flow::PointCounts;
 pub use points::{from_points, random_points};
 
 use crate::error::{Error, Result};
-use crate::scene::capture::Capture;
+use crate::scene::capture::{Camera, Capture};
 use crate::scene::{Motion, Splats};
 use crate::train::config::{Config, Init};
 use crate::words::count;
@@ -249,10 +249,10 @@ fn from_pictures(
     Ok(Initial { joined, counts, n_hulls: hull_frames.len(), ..Initial::new(splats, from, because) })
 }
 
-/// The training cameras that take part.
+/// The training cameras that take part. Photographs do not: in them things may stand where they do not in the clip.
 fn cameras(capture: &Capture) -> Vec<usize> {
-    let training = capture.cameras.iter().enumerate().filter(|(_, camera)| !camera.is_test && !camera.shots.is_empty());
-    let all: Vec<usize> = training.map(|(index, _)| index).collect();
+    let takes_part = |camera: &Camera| !camera.is_test && !camera.is_photo && !camera.shots.is_empty();
+    let all: Vec<usize> = (0..capture.cameras.len()).filter(|index| takes_part(&capture.cameras[*index])).collect();
     let n = all.len().min(MOST_CAMERAS);
     (0..n).map(|i| all[i * all.len() / n]).collect()
 }

@@ -300,6 +300,6 @@ impl Posed {
     fn camera(&self, name: String, image: &Path) -> Camera {
         let shot = Shot { frame: 0, image: image.to_owned(), ..Shot::default() };
         let intrinsics = self.lens.intrinsics;
-        Camera { name, intrinsics, world_to_camera: self.pose, is_test: false, shots: vec![shot] }
+        Camera { name, intrinsics, world_to_camera: self.pose, is_test: false, is_photo: false, shots: vec![shot] }
     }
 }

@@ -1,0 +1,122 @@
+//! Photographs of what rests, taken at another time than the clip (`ivv prepare --static`): a capture of one frame inside the clip's,
+//! in its world.
+//!
+//! Where the source has no cameras, neither have the photographs: COLMAP places both together, so that a rig whose cameras share little
+//! is tied together by the photographs between them. Else they are a capture whose world is that of the source.
+
+use std::ffi::{OsStr, OsString};
+use std::path::{Path, PathBuf};
+
+use super::images::take_over;
+use super::journal::make_folder;
+use super::program::COLMAP;
+use super::reconstruct::Pictures;
+use super::settings::{PrepareSettings, Triangulate};
+use super::source::Source;
+use crate::error::{Error, Result};
+use crate::files::write_atomic;
+use crate::scene::capture::{CaptureSettings, Frames, PHOTOS, is_capture};
+
+/// Photographs that COLMAP places together with the cameras.
+pub(super) struct Together {
+    /// Below the folder of all pictures, with its name, as COLMAP knows them.
+    pub names: Vec<OsString>,
+}
+
+/// Whether the photographs of the settings are what the source needs.
+///
+/// # Errors
+/// [`Error::Data`] that says what is needed.
+pub(super) fn check(settings: &PrepareSettings, pictures: Option<&Pictures>) -> Result<()> {
+    let Some(photos) = &settings.photos else { return Ok(()) };
+    let bad = |reason: &str, remedy: &str| Err(Error::data(photos, "--static", reason, remedy));
+    match pictures {
+        Some(Pictures::Videos(_)) => match Pictures::at(photos) {
+            Some(Pictures::Photos(_)) if !is_capture(photos) => Ok(()),
+            _ => bad(
+                "is no folder of photographs without cameras, as the videos are without them",
+                "give a folder with two photographs or more",
+            ),
+        },
+        Some(_) => {
+            bad("is for the videos of a rig; this source is photographs itself", "put all of them into one folder")
+        }
+        None if is_capture(photos) => Ok(()),
+        None => bad(
+            "has no cameras, and the source has some: the photographs must be in the same world",
+            "give a COLMAP project or another capture of them in the world of the source, or videos without calibration as the source",
+        ),
+    }
+}
+
+impl Together {
+    /// Takes the photographs over to where COLMAP finds them, below `images`; none where the settings have none.
+    ///
+    /// # Errors
+    /// [`Error::Data`] when a file cannot be read or written.
+    pub fn take(settings: &PrepareSettings, images: &Path) -> Result<Together> {
+        let Some(Pictures::Photos(from)) = settings.photos.as_deref().and_then(Pictures::at) else {
+            return Ok(Together { names: Vec::new() });
+        };
+        let to = images.join(PHOTOS);
+        make_folder(&to)?;
+        let files = super::reconstruct::photos(&from)?;
+        for name in files.iter().filter(|name| !to.join(name).is_file()) {
+            take_over(&from.join(name), &to.join(name))?;
+        }
+        Ok(Together { names: files.iter().map(|name| Path::new(PHOTOS).join(name).into_os_string()).collect() })
+    }
+
+    /// Whether an image of COLMAP's model is one of them.
+    pub fn has(&self, name: &Path) -> bool {
+        self.names.iter().any(|own| Path::new(own) == name)
+    }
+
+    /// Splits `model`, in which COLMAP placed the `cameras` and these, into one of the cameras and one of the photographs, which come to
+    /// folders beside it. The model itself where there are no photographs.
+    ///
+    /// # Errors
+    /// [`Error::Data`] when COLMAP fails or a file cannot be written.
+    pub fn split(&self, model: &Path, cameras: &[OsString], about: &Path) -> Result<(PathBuf, Option<PathBuf>)> {
+        if self.names.is_empty() {
+            return Ok((model.to_owned(), None));
+        }
+        let without = |others: &[OsString], name: &str| -> Result<PathBuf> {
+            let (list, to) = (model.with_file_name(format!("{name}.txt")), model.with_file_name(name));
+            let text = others.iter().map(|name| name.to_string_lossy() + "\n").collect::<String>();
+            write_atomic(&list, |to| to.write_all(text.as_bytes()))?;
+            make_folder(&to)?;
+            let word = OsStr::new;
+            let arguments = [
+                word("image_deleter"),
+                word("--input_path"),
+                model.as_os_str(),
+                word("--output_path"),
+                to.as_os_str(),
+                word("--image_names_path"),
+                list.as_os_str(),
+            ];
+            COLMAP.attempt(arguments, about)?.1?;
+            Ok(to)
+        };
+        Ok((without(&self.names, "of-cameras")?, Some(without(cameras, "of-photos")?)))
+    }
+}
+
+/// How the photographs of `settings`, or those that the source came with, are prepared; nothing where there are none.
+pub(super) fn settings_of(settings: &PrepareSettings, source: &Source) -> Option<PrepareSettings> {
+    let from = settings.photos.clone().or_else(|| source.photos.clone())?;
+    // COLMAP's project has its pictures elsewhere.
+    let is_own = from.starts_with(&settings.output);
+    let images = if is_own { settings.capture.images.clone() } else { CaptureSettings::default().images };
+    Some(PrepareSettings {
+        scale: settings.scale,
+        format: settings.format,
+        triangulate: Some(Triangulate::None),
+        capture: CaptureSettings { images, test_every: 0, ..CaptureSettings::default() },
+        force: settings.force,
+        threads: settings.threads,
+        frames: Frames::default(),
+        ..PrepareSettings::new(&from, &settings.output.join(PHOTOS))
+    })
+}

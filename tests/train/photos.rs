@@ -1,0 +1,42 @@
+//! Photographs teach what rests, and a run on top of another, which leaves that alone, does without them.
+
+use super::run::{json, works};
+use crate::capture::photos::clip;
+use crate::common::device::gpu;
+use crate::common::frames::render;
+use ivv::formats::read_ply;
+use ivv::scene::Splats;
+use ivv::scene::capture::Capture;
+use std::path::Path;
+
+fn text(path: &Path) -> &str {
+    path.to_str().unwrap()
+}
+
+#[test]
+fn a_photograph_shows_and_teaches_what_rests_alone() {
+    let _device = gpu();
+    let clip = clip("train-photos");
+    let (capture, base, part) = (text(&clip.0), clip.0.join("base"), clip.0.join("part"));
+    let short = ["--sh-degree", "1", "--set", "init_points=200", "--eval-every", "0", "--steps", "30"];
+    works(&[&["train", capture, "-o", text(&base), "--set", "init_static_tau=0"][..], &short].concat());
+    assert_eq!(json(&base.join("run.json"))["held"]["training_images"], 15);
+    let scene = read_ply(&base.join("scene.ply")).unwrap();
+    assert!(scene.n_static > 50 && scene.motion.len() > 20, "{} {}", scene.n_static, scene.motion.len());
+    let opened = Capture::open(&clip.0).unwrap();
+    let (photo, frame) = (opened.view(4, 0).unwrap(), opened.view(0, 1).unwrap());
+    // The others are as good as not there.
+    let part_of = |is_static: bool| {
+        let mut part = scene.clone();
+        (0..part.len()).filter(|i| (*i < scene.n_static) != is_static).for_each(|i| part.opacity[i] = -30.0);
+        part
+    };
+    let covered = |splats: &Splats, view| render(splats, view).0.alpha.iter().sum::<f32>();
+    assert_eq!(covered(&part_of(false), &photo), 0.0);
+    assert!(covered(&part_of(false), &frame) > 1.0 && covered(&part_of(true), &photo) > 1.0);
+    // On top of that: the cameras are the same, their photographs are not asked for.
+    let of_part = ["train", capture, "-o", text(&part), "--frames", "1:3", "--base", text(&base)];
+    works(&[&of_part[..], &short[2..]].concat());
+    let told = json(&part.join("run.json"));
+    assert_eq!(told["held"]["training_images"], 6);
+}
