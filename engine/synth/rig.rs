@@ -96,16 +96,19 @@ impl Camera {
     }
 }
 
-/// Where the photographs are taken from, in the order of their names: from a ring, in three heights, looking outward.
+/// Where the photographs are taken from, in the order of their names: from a ring, in three heights, looking outward, two and two the
+/// same way, so that there is something that both see.
 pub(super) fn photographers(options: &Options) -> Vec<Camera> {
     let mut random = math::random(options.seed, Stream::Photos, 0, 0);
     let photographer = |index: u32| {
         let mut jitter = |most: f64| random.uniform(-most, most);
-        let (sin, cos) = sin_cos(2.0 * PI * f64::from(index) / f64::from(options.photos) + jitter(0.05));
+        let mut way = |index: u32| {
+            let (sin, cos) = sin_cos(2.0 * PI * f64::from(index) / f64::from(options.photos) + jitter(0.05));
+            DVec3::new(cos, 0.0, sin)
+        };
         let height = DVec3::Y * (PHOTO_HEIGHT * (f64::from(index % 3) - 1.0));
-        let way = DVec3::new(cos, 0.0, sin);
-        let center = MIDDLE + way * PHOTO_RING + height;
-        let target = center + way + DVec3::Y * jitter(0.2) + 0.3 * height;
+        let center = MIDDLE + way(index) * PHOTO_RING + height;
+        let target = center + way(index / 2 * 2) - 0.3 * height;
         pinhole(format!("photo{index:02}"), options, (center, target, PHOTO_FIELD), &mut jitter)
     };
     (0..options.photos).map(photographer).collect()
