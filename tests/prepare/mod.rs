@@ -3,10 +3,12 @@
 mod along;
 mod board;
 mod hostile;
+mod moving;
 mod pictures;
 mod programs;
 mod resume;
 pub mod sources;
+mod tracking;
 mod undistort;
 
 use std::path::Path;
