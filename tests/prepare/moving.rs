@@ -200,8 +200,8 @@ fn colmap_follows_a_moving_rig() {
     let still = |frame: &Vec<(Pose, Pose)>| frame.iter().zip(&found[0]).map(|(now, first)| (first.0, now.1)).collect();
     let resting = errors_of(&found.iter().map(still).collect::<Vec<_>>());
     println!("{mm:.2} mm, {degrees:.3} degrees; with the first frame's poses {resting:.3?}");
-    assert!(mm < 12.0 && degrees < 0.8, "{mm} mm, {degrees} degrees");
-    assert!(resting[0] > 24.0 && resting[1] > 1.0, "a bound that says nothing: {resting:?}");
+    assert!(mm < 12.0 && degrees < 1.2, "{mm} mm, {degrees} degrees");
+    assert!(resting[0] > 24.0 && resting[1] > 1.4, "a bound that says nothing: {resting:?}");
 }
 
 /// For the manual: how far the rig drifts over a longer clip, and how long it takes.

@@ -192,9 +192,9 @@ impl<'a> Track<'a> {
         )];
         if !absent.is_empty() {
             let n = placed.len();
+            let who = absent.join(", ");
             notes.push(format!(
-                "not placed at all of the {n} key frames after the first, the others tell where: {}",
-                absent.join(", ")
+                "not placed at some of the {n} key frames after the first, and put where the others say: {who}"
             ));
         }
         notes
@@ -275,7 +275,8 @@ impl<'a> Track<'a> {
         let last = self.keys.len() - 1;
         // The last may come sooner after the one before it than the others.
         let even = if self.keys[last] == last * self.step { last + 1 } else { last };
-        let mut parts = vec![(0, Selection { start: 0, every: every * self.step as u32, n: even as u32 })];
+        let mut parts =
+            vec![(0, Selection { start: 0, every: every.saturating_mul(self.step as u32), n: even as u32 })];
         if even == last {
             parts.push((last, Selection { start: every * self.keys[last] as u32, every: 1, n: 1 }));
         }
