@@ -5,6 +5,7 @@
 //! in the folder says from what the files of a stage were made. `capture.toml` comes last.
 
 mod clocks;
+mod colmap;
 mod estimate;
 mod fit;
 mod flow;
@@ -18,6 +19,7 @@ mod settings;
 mod sound;
 mod source;
 mod timecodes;
+mod track;
 mod triangulate;
 mod video;
 
@@ -28,6 +30,7 @@ use self::images::Images;
 use self::journal::Journal;
 use self::program::{FFMPEG, FFPROBE};
 pub use self::reconstruct::Forecast;
+use self::reconstruct::Pictures;
 pub use self::settings::{ImageFormat, PrepareSettings, Progress, Share, Stage, Triangulate};
 use self::source::{Footage, Source};
 use crate::error::{Error, Result};
@@ -45,7 +48,16 @@ pub fn recognise(path: &Path) -> Option<String> {
 /// # Errors
 /// [`Error::Data`] when COLMAP or ffmpeg is needed and missing, or a video cannot be read.
 pub fn forecast(settings: &PrepareSettings) -> Result<Option<Forecast>> {
-    source::pictures(settings).map(|pictures| reconstruct::forecast(settings, &pictures)).transpose()
+    pictures(settings)?.map(|pictures| reconstruct::forecast(settings, &pictures)).transpose()
+}
+
+/// Pictures without cameras, where the source is nothing else.
+fn pictures(settings: &PrepareSettings) -> Result<Option<Pictures>> {
+    settings.check()?;
+    let pictures = source::pictures(settings);
+    reconstruct::check_moving(settings, pictures.as_ref())?;
+    photos::check(settings, pictures.as_ref())?;
+    Ok(pictures)
 }
 
 /// What was made.
@@ -70,10 +82,7 @@ pub struct Prepared {
 /// settings (and [`PrepareSettings::force`] is off), when ffmpeg, COLMAP or Python is needed and missing or fails, or when
 /// a file cannot be read or written.
 pub fn prepare(settings: &PrepareSettings, progress: &(dyn Fn(Progress) + Sync)) -> Result<Prepared> {
-    settings.check()?;
-    let pictures = source::pictures(settings);
-    photos::check(settings, pictures.as_ref())?;
-    let Some(pictures) = pictures else { return prepare_posed(settings, None, Vec::new(), progress) };
+    let Some(pictures) = pictures(settings)? else { return prepare_posed(settings, None, Vec::new(), progress) };
     let journal = Journal::open(settings)?;
     let (posed, notes) = reconstruct::make(settings, &pictures, &journal, progress)?;
     let prepared = prepare_posed(&posed, Some(journal), notes, progress)?;
@@ -91,9 +100,7 @@ pub fn prepare_share(
     share: Share,
     progress: &(dyn Fn(Progress) + Sync),
 ) -> Result<()> {
-    settings.check()?;
-    let pictures = source::pictures(settings);
-    photos::check(settings, pictures.as_ref())?;
+    let pictures = pictures(settings)?;
     let early = |reason: String, stage: &str| {
         let remedy = format!("run the same command with --only {stage} first");
         Err(Error::data(&settings.output, "", reason, remedy))

@@ -6,6 +6,7 @@ use std::path::Path;
 use super::journal::make_folder;
 use crate::error::Result;
 use crate::files::write_atomic;
+use crate::scene::undistort::{Distortion, Lens};
 use crate::scene::{Intrinsics, Pose, quaternion};
 use glam::{DVec2, DVec3};
 
@@ -13,7 +14,7 @@ use glam::{DVec2, DVec3};
 pub(super) struct ModelCamera {
     /// From 1.
     pub id: u32,
-    pub intrinsics: Intrinsics,
+    pub lens: Lens,
     /// Name and pose of its images: one, or one for each frame of a moving camera.
     pub images: Vec<(String, Pose)>,
 }
@@ -26,6 +27,7 @@ pub(super) fn write(folder: &Path, cameras: &[ModelCamera], points: &[ModelPoint
     make_folder(folder)?;
     let mut observed: Vec<String> = cameras.iter().map(|_| String::new()).collect();
     let mut n_observed = vec![0_u32; cameras.len()];
+    let reaches: Vec<f64> = cameras.iter().map(|camera| camera.lens.reach()).collect();
     let mut firsts = Vec::new();
     let mut next = 1_u32;
     for camera in cameras {
@@ -38,7 +40,9 @@ pub(super) fn write(folder: &Path, cameras: &[ModelCamera], points: &[ModelPoint
         let ([x, y, z], [r, g, b]) = (position, color);
         let _ = write!(points_txt, "{id} {x} {y} {z} {r} {g} {b} 0");
         for &index in seen_by {
-            let Some(DVec2 { x: u, y: v }) = project(&cameras[index], DVec3::from(*position)) else { continue };
+            let Some(DVec2 { x: u, y: v }) = project(&cameras[index], reaches[index], DVec3::from(*position)) else {
+                continue;
+            };
             let _ = write!(observed[index], "{}{u} {v} {id}", if n_observed[index] > 0 { " " } else { "" });
             let _ = write!(points_txt, " {} {}", firsts[index], n_observed[index]);
             n_observed[index] += 1;
@@ -50,8 +54,9 @@ pub(super) fn write(folder: &Path, cameras: &[ModelCamera], points: &[ModelPoint
         "# IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME\n# X, Y, POINT3D_ID, ... (projections)\n",
     );
     for ((camera, observed), first) in cameras.iter().zip(&observed).zip(&firsts) {
-        let Intrinsics { width, height, fx, fy, cx, cy } = camera.intrinsics;
-        let _ = writeln!(cameras_txt, "{} PINHOLE {width} {height} {fx} {fy} {cx} {cy}", camera.id);
+        let Intrinsics { width, height, .. } = camera.lens.intrinsics;
+        let (kind, numbers) = parameters(&camera.lens);
+        let _ = writeln!(cameras_txt, "{} {kind} {width} {height} {}", camera.id, joined(&numbers, " "));
         for ((name, pose), id) in camera.images.iter().zip(*first..) {
             let ([w, x, y, z], [tx, ty, tz]) = (quaternion(&pose.rotation), pose.translation.to_array());
             let _ = writeln!(images_txt, "{id} {w} {x} {y} {z} {tx} {ty} {tz} {} {name}", camera.id);
@@ -66,8 +71,37 @@ pub(super) fn write(folder: &Path, cameras: &[ModelCamera], points: &[ModelPoint
 }
 
 /// Where the first image of a camera shows a point in front of it.
-fn project(camera: &ModelCamera, at: DVec3) -> Option<DVec2> {
+fn project(camera: &ModelCamera, reach: f64, at: DVec3) -> Option<DVec2> {
     let (_, pose) = camera.images.first()?;
     let local = pose.to_camera(at);
-    (local.z > 0.0).then(|| camera.intrinsics.project(local))
+    let lens = &camera.lens;
+    if local.z <= 0.0 {
+        return None;
+    }
+    if lens.distortion == Distortion::None {
+        return Some(lens.intrinsics.project(local));
+    }
+    lens.pixel([local.x / local.z, local.y / local.z], reach).map(DVec2::from)
+}
+
+/// A lens as COLMAP spells it: the name of its model, and its numbers in their order.
+pub(super) fn parameters(lens: &Lens) -> (&'static str, Vec<f64>) {
+    let Intrinsics { fx, fy, cx, cy, .. } = lens.intrinsics;
+    let (kind, more) = match lens.distortion {
+        Distortion::None => ("PINHOLE", vec![]),
+        // The model that COLMAP fits by itself.
+        Distortion::Brown { radial: [k, 0.0, 0.0, 0.0, 0.0, 0.0], tangential: [0.0, 0.0] } if fx == fy => {
+            return ("SIMPLE_RADIAL", vec![fx, cx, cy, k]);
+        }
+        Distortion::Brown { radial: [k1, k2, k3, k4, k5, k6], tangential: [p1, p2] } => {
+            ("FULL_OPENCV", vec![k1, k2, p1, p2, k3, k4, k5, k6])
+        }
+        Distortion::Fisheye(k) => ("OPENCV_FISHEYE", k.to_vec()),
+    };
+    (kind, [vec![fx, fy, cx, cy], more].concat())
+}
+
+/// Numbers as text.
+pub(super) fn joined(numbers: &[f64], between: &str) -> String {
+    numbers.iter().map(f64::to_string).collect::<Vec<_>>().join(between)
 }

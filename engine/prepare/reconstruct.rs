@@ -20,6 +20,7 @@ use super::program::{COLMAP, FFMPEG, FFPROBE};
 use super::settings::{JPEG_QUALITY, PrepareSettings, Progress};
 use super::source::Footage;
 use super::source::footage::{find, is_video, video_names};
+use super::track::{self, Track};
 use super::video::{self, Selection};
 use crate::error::{Error, Result};
 use crate::files::write_atomic;
@@ -123,6 +124,13 @@ pub(super) fn forecast(settings: &PrepareSettings, pictures: &Pictures) -> Resul
         Pictures::Video(_) => (0..n).map(|later| OVERLAP.min(later)).sum(),
         _ => n * n.saturating_sub(1) / 2,
     };
+    let (n, pairs) = match (settings.moving, pictures) {
+        (Some(step), Pictures::Videos(folder)) => {
+            let later = track::load(settings, folder, step)?;
+            (n + later.0, pairs + later.1)
+        }
+        _ => (n, pairs),
+    };
     let threads = settings.threads.max(1);
     let [find, pair, place] = SECONDS;
     let seconds = (n as f64 * find + pairs as f64 * pair) / threads as f64 + n as f64 * place;
@@ -137,9 +145,33 @@ fn require(settings: &PrepareSettings, pictures: &Pictures) -> Result<()> {
     COLMAP.require(&settings.source)
 }
 
-/// Whether COLMAP has placed the pictures that `output` is made from.
+/// Whether COLMAP has placed the pictures that `output` is made from: the file of a model that is written last is there.
 pub(super) fn is_placed(output: &Path) -> bool {
-    output.join("reconstruction/sparse/0/images.bin").is_file()
+    is_whole(&output.join("reconstruction/sparse/0"))
+}
+
+fn is_whole(model: &Path) -> bool {
+    // As COLMAP's model is kept, and as that of a moving rig is written.
+    ["images.bin", "points3D.txt"].iter().any(|file| model.join(file).is_file())
+}
+
+/// Whether cameras that move can be followed in what the source holds.
+pub(super) fn check_moving(settings: &PrepareSettings, pictures: Option<&Pictures>) -> Result<()> {
+    if settings.moving.is_none() {
+        return Ok(());
+    }
+    let bad = |option: &str, reason: String, remedy: &str| Err(Error::data(&settings.source, option, reason, remedy));
+    let found = match pictures {
+        Some(Pictures::Videos(_)) if settings.by_timecode => {
+            let reason = "follows cameras whose shifts must be known before".to_owned();
+            return bad("--moving", reason, "give the shifts as --shift CAMERA=FRAMES");
+        }
+        Some(Pictures::Videos(_)) => return Ok(()),
+        Some(other) => other.name(),
+        None => "a source with cameras",
+    };
+    let remedy = "leave --moving out, or give a folder with a video of each camera of the rig and no calibration";
+    bad("--moving", format!("expects a folder of videos without calibration, found {found}"), remedy)
 }
 
 /// Settings that prepare what COLMAP placed, with notes about it. What an earlier run has done is not done again.
@@ -159,6 +191,9 @@ pub(super) fn make(
     if let Some(photos) = &settings.photos {
         made_from["photos"] = json!(photos.to_string_lossy());
     }
+    if let Some(step) = settings.moving {
+        made_from["moving"] = json!(step);
+    }
     journal.begin("reconstruction", made_from)?;
     make_folder(&project)?;
     let images = match pictures {
@@ -175,11 +210,20 @@ pub(super) fn make(
         let reason = format!("has {} pictures, at least {LEAST_PLACED} are needed", names.len());
         return Err(Error::data(&settings.source, "", reason, "give more pictures that overlap"));
     }
-    if !is_placed(&settings.output) {
+    let model = work.model();
+    if !is_whole(&model) {
         work.place(&names)?;
     }
-    let notes = work.notes(&names)?;
+    let mut notes = work.notes(&names)?;
+    if let (Some(step), Pictures::Videos(folder)) = (settings.moving, pictures) {
+        let track = Track::new(settings, (folder, &model, &work.project), step, progress)?;
+        if !is_placed(&settings.output) {
+            track.make(&model, &work.project.join("sparse/0"))?;
+        }
+        notes.extend(track.notes());
+    }
     let mut derived = settings.clone();
+    derived.moving = None;
     derived.source = work.project.clone();
     derived.capture.images = work.images.clone();
     derived.capture.downscale = None;
@@ -210,6 +254,32 @@ pub(super) fn photos(folder: &Path) -> Result<Vec<OsString>> {
     Ok(names)
 }
 
+/// Writes frames of a video to `folder`, by their names, unless they are there.
+pub(super) fn take(
+    folder: &Path,
+    path: &Path,
+    select: Selection,
+    threads: usize,
+    name: impl Fn(u32) -> String,
+    progress: &(dyn Fn(Progress) + Sync),
+) -> Result<()> {
+    let file = |frame: u32| folder.join(name(frame));
+    if (0..select.n).all(|frame| file(frame).is_file()) {
+        return Ok(());
+    }
+    let video = video::probe(path)?;
+    let size @ (width, height) = (video.width, video.height);
+    video::decode((path, &video), select, Part::whole(size), size, threads, |frame, rgb| {
+        write_atomic(&file(frame), |to| {
+            let encoder = JpegEncoder::new_with_quality(to, JPEG_QUALITY);
+            encoder.write_image(rgb, width, height, ExtendedColorType::Rgb8).map_err(std::io::Error::other)
+        })?;
+        let (done, total) = (frame as usize + 1, select.n as usize);
+        progress(Progress { stage: "frames", done, total, piece: &name(frame) });
+        Ok(())
+    })
+}
+
 struct Reconstruction<'a> {
     settings: &'a PrepareSettings,
     pictures: &'a Pictures,
@@ -223,6 +293,11 @@ struct Reconstruction<'a> {
 impl Reconstruction<'_> {
     fn tell(&self, stage: &'static str, done: usize, total: usize, piece: &str) {
         (self.progress)(Progress { stage, done: done.min(total), total, piece });
+    }
+
+    /// Where the model of the pictures comes to. Of cameras that move, they are those of the first frame alone.
+    fn model(&self) -> PathBuf {
+        self.project.join(if self.settings.moving.is_some() { "first" } else { "sparse/0" })
     }
 
     /// Frames of videos as pictures.
@@ -246,20 +321,7 @@ impl Reconstruction<'_> {
 
     fn take(&self, path: &Path, select: Selection, name: impl Fn(u32) -> String) -> Result<()> {
         make_folder(&self.images)?;
-        let file = |frame: u32| self.images.join(name(frame));
-        if (0..select.n).all(|frame| file(frame).is_file()) {
-            return Ok(());
-        }
-        let video = video::probe(path)?;
-        let size @ (width, height) = (video.width, video.height);
-        video::decode((path, &video), select, Part::whole(size), size, self.settings.threads, |frame, rgb| {
-            write_atomic(&file(frame), |to| {
-                let encoder = JpegEncoder::new_with_quality(to, JPEG_QUALITY);
-                encoder.write_image(rgb, width, height, ExtendedColorType::Rgb8).map_err(std::io::Error::other)
-            })?;
-            self.tell("frames", frame as usize + 1, select.n as usize, &name(frame));
-            Ok(())
-        })
+        take(&self.images, path, select, self.settings.threads, name, self.progress)
     }
 
     /// Features, matches, places.
@@ -336,10 +398,9 @@ impl Reconstruction<'_> {
         };
         let (of_cameras, of_photos) = self.together.split(&model, cameras, &self.settings.source)?;
         let of_photos = of_photos.filter(|model| !read_images(model, &mut Faults::default()).images.is_empty());
-        let parts = of_photos.map(|model| (model, self.of_photos())).into_iter();
+        let parts = of_photos.map(|model| (model, self.of_photos().join("sparse/0"))).into_iter();
         // Whether all is placed is judged by the cameras.
-        for (model, project) in parts.chain([(of_cameras, self.project.clone())]) {
-            let to = project.join("sparse/0");
+        for (model, to) in parts.chain([(of_cameras, self.model())]) {
             make_folder(&to)?;
             // The images come last: where they are the model is whole.
             for name in ["cameras.bin", "points3D.bin", "images.bin"] {
@@ -362,7 +423,7 @@ impl Reconstruction<'_> {
     /// Which pictures were placed.
     fn notes(&self, names: &[OsString]) -> Result<Vec<String>> {
         let mut faults = Faults::default();
-        let model = read_images(&self.project.join("sparse/0"), &mut faults);
+        let model = read_images(&self.model(), &mut faults);
         if let Some(error) = faults.first() {
             return Err(error);
         }

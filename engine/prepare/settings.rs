@@ -89,6 +89,9 @@ pub struct PrepareSettings {
     pub shifts: BTreeMap<String, i32>,
     /// Takes the shifts from the time codes of the videos.
     pub by_timecode: bool,
+    /// The cameras of a folder of videos move, as one: those of every n-th frame and the last are placed, and what lies between is
+    /// interpolated. `None`: they stand still. Sources of other kinds are refused with this.
+    pub moving: Option<u32>,
     /// Size of the images relative to the source's, in (0, 1].
     pub scale: f64,
     /// Format of images that are made.
@@ -120,6 +123,7 @@ impl PrepareSettings {
             frames: Frames::default(),
             shifts: BTreeMap::new(),
             by_timecode: false,
+            moving: None,
             scale: 1.0,
             format: ImageFormat::Png,
             triangulate: None,
@@ -148,6 +152,7 @@ impl PrepareSettings {
         }
         let zero = [
             ("--frames", self.frames.every == 0 || self.frames.to == Some(0)),
+            ("--moving", self.moving == Some(0)),
             ("--triangulate", self.triangulate == Some(Triangulate::Every(0))),
         ];
         if let Some((option, _)) = zero.iter().find(|(_, zero)| *zero) {

@@ -9,6 +9,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use serde_json::json;
 
+use super::colmap::{Colmap, Matched, OFF, ON};
 use super::images::{Camera, Images};
 use super::journal::{Journal, make_folder};
 use super::model::{self, ModelCamera, ModelPoint};
@@ -17,16 +18,16 @@ use super::settings::{PrepareSettings, Progress, Share, Triangulate};
 use super::source::Source;
 use super::video::Selection;
 use crate::error::{Error, Result};
-use crate::files::{read_file, read_text, write_atomic};
+use crate::files::{read_file, read_text};
 use crate::parallel::in_parallel;
 use crate::scene::capture::{FramePoints, tracks};
-use crate::scene::{Intrinsics, Pose, SeenPoint, write_points};
+use crate::scene::undistort::Lens;
+use crate::scene::{Pose, SeenPoint, write_points};
 
 /// The frame of `sparse/0/points3D.txt`.
 const REFERENCE: u32 = 0;
-/// Up to so many cameras every pair is matched; of more, each with so many neighbours.
-const MAX_EXHAUSTIVE: usize = 40;
-const NEIGHBOURS: usize = 20;
+/// Cameras that are matched with each other.
+const MATCHED: Matched = Matched { all: 40, neighbours: 20 };
 /// Frames whose features one process of COLMAP finds, lens by lens: its start takes as long as those of a small picture.
 const FRAMES_AT_ONCE: usize = 8;
 /// Programs at once that compute on the GPU: each has its own memory there.
@@ -197,7 +198,7 @@ impl Triangulation<'_> {
             .map(|(index, camera)| {
                 let frames = (0_u32..).zip(&camera.poses);
                 let images = frames.map(|(frame, pose)| (self.images.image_name(camera, frame), *pose)).collect();
-                ModelCamera { id: Self::id(index), intrinsics: camera.pinhole.intrinsics, images }
+                ModelCamera { id: Self::id(index), lens: camera.pinhole, images }
             })
             .collect();
         let points: Vec<ModelPoint> = points
@@ -237,7 +238,7 @@ impl Triangulation<'_> {
             };
             let model = |(index, camera): &(usize, &Camera)| ModelCamera {
                 id: Self::id(*index),
-                intrinsics: camera.pinhole.intrinsics,
+                lens: camera.pinhole,
                 images: frames.iter().map(|frame| image(camera, *frame)).collect(),
             };
             cameras.iter().map(model).collect()
@@ -250,8 +251,8 @@ impl Triangulation<'_> {
             on_gpu: if self.on_gpu { ON } else { OFF },
         };
         let of_all = models(frames);
-        colmap.extract(&of_all, &work)?;
-        colmap.match_features(&of_all, &work)?;
+        colmap.extract(&by_lens(&of_all), &work, &[])?;
+        match_features(&colmap, &of_all, &work)?;
         let found =
             frames.iter().map(|frame| self.triangulated(&colmap, &models(&[*frame]), &work.join(frame.to_string())));
         let found = found.collect();
@@ -265,7 +266,8 @@ impl Triangulation<'_> {
         let (input, found) = (folder.join("model"), folder.join("found"));
         make_folder(&found)?;
         model::write(&input, models, &[])?;
-        if !colmap.triangulate(&input, &found)? {
+        // The poses are known, so that two views of a point are enough.
+        if !colmap.triangulate(&input, &found, &[("--Mapper.tri_ignore_two_view_tracks", OsStr::new(OFF))])? {
             return Ok(Vec::new());
         }
         let ids: HashMap<&str, u32> = models.iter().map(|model| (model.images[0].0.as_str(), model.id)).collect();
@@ -285,109 +287,37 @@ impl Triangulation<'_> {
     }
 }
 
-const ON: &str = "1";
-const OFF: &str = "0";
-
-/// COLMAP at work on the pictures of some frames.
-struct Colmap<'a> {
-    /// Named in errors.
-    about: &'a Path,
-    /// Of the images.
-    folder: PathBuf,
-    database: PathBuf,
-    threads: String,
-    /// [`ON`] or [`OFF`].
-    on_gpu: &'static str,
+/// Matches every pair of images, or of many cameras those that are likely to see the same.
+fn match_features(colmap: &Colmap, models: &[ModelCamera], work: &Path) -> Result<()> {
+    // Matches along the epipolar lines that the first ones give: nearly twice as many points where views are few.
+    let guided = [("--SiftMatching.guided_matching", OsStr::new(ON))];
+    let n_frames = models.first().map_or(0, |model| model.images.len());
+    if n_frames == 1 && (models.len() <= MATCHED.all || models.iter().any(|model| model.images[0].0.contains(' '))) {
+        return colmap.run("exhaustive_matcher", &[&colmap.matching()[..], &guided].concat());
+    }
+    let mut text = String::new();
+    for frame in 0..n_frames {
+        let (names, poses): (Vec<&str>, Vec<Pose>) =
+            models.iter().map(|model| (model.images[frame].0.as_str(), model.images[frame].1)).unzip();
+        for (a, b) in MATCHED.pairs(&poses) {
+            // Writing to a string cannot fail.
+            let _ = writeln!(text, "{} {}", names[a], names[b]);
+        }
+    }
+    colmap.match_pairs(&text, work, &guided)
 }
 
-impl Colmap<'_> {
-    /// What it said, and whether it succeeded.
-    fn attempt(&self, verb: &str, arguments: &[(&str, &OsStr)]) -> Result<(Vec<u8>, Result<()>)> {
-        let given = [("--database_path", self.database.as_os_str())];
-        let pairs = given.iter().chain(arguments).flat_map(|(name, value)| [OsStr::new(name), value]);
-        COLMAP.attempt(std::iter::once(OsStr::new(verb)).chain(pairs), self.about)
-    }
-
-    fn run(&self, verb: &str, arguments: &[(&str, &OsStr)]) -> Result<()> {
-        self.attempt(verb, arguments)?.1
-    }
-
-    /// Features of all images, lens by lens.
-    fn extract(&self, models: &[ModelCamera], work: &Path) -> Result<()> {
-        for (number, (lens, same)) in by_lens(models).into_iter().enumerate() {
-            let list = work.join(format!("images{number}.txt"));
-            write_atomic(&list, |to| same.iter().try_for_each(|name| writeln!(to, "{name}")))?;
-            let Intrinsics { fx, fy, cx, cy, .. } = lens;
-            self.run(
-                "feature_extractor",
-                &[
-                    ("--image_path", self.folder.as_os_str()),
-                    ("--image_list_path", list.as_os_str()),
-                    ("--ImageReader.single_camera", OsStr::new(ON)),
-                    ("--ImageReader.camera_model", OsStr::new("PINHOLE")),
-                    ("--ImageReader.camera_params", OsStr::new(&format!("{fx},{fy},{cx},{cy}"))),
-                    ("--SiftExtraction.use_gpu", OsStr::new(self.on_gpu)),
-                    ("--SiftExtraction.num_threads", OsStr::new(&self.threads)),
-                ],
-            )?;
+/// Names of images by their lens, in the order in which the lenses come.
+fn by_lens(models: &[ModelCamera]) -> Vec<(Lens, Vec<&str>)> {
+    let mut groups: Vec<(Lens, Vec<&str>)> = Vec::new();
+    for model in models {
+        let own = model.images.iter().map(|(name, _)| name.as_str());
+        match groups.iter_mut().find(|(lens, _)| *lens == model.lens) {
+            Some((_, names)) => names.extend(own),
+            None => groups.push((model.lens, own.collect())),
         }
-        Ok(())
     }
-
-    /// Matches every pair of images, or of many cameras those that are likely to see the same.
-    fn match_features(&self, models: &[ModelCamera], work: &Path) -> Result<()> {
-        let matching = [
-            ("--SiftMatching.use_gpu", OsStr::new(self.on_gpu)),
-            ("--SiftMatching.num_threads", OsStr::new(&self.threads)),
-            // Matches along the epipolar lines that the first ones give: nearly twice as many points where views are few.
-            ("--SiftMatching.guided_matching", OsStr::new(ON)),
-        ];
-        let n_frames = models.first().map_or(0, |model| model.images.len());
-        if n_frames == 1
-            && (models.len() <= MAX_EXHAUSTIVE || models.iter().any(|model| model.images[0].0.contains(' ')))
-        {
-            return self.run("exhaustive_matcher", &matching);
-        }
-        let list = work.join("pairs.txt");
-        let mut text = String::new();
-        for frame in 0..n_frames {
-            let (names, poses): (Vec<&str>, Vec<Pose>) =
-                models.iter().map(|model| (model.images[frame].0.as_str(), model.images[frame].1)).unzip();
-            for (a, b) in pairs(&poses) {
-                // Writing to a string cannot fail.
-                let _ = writeln!(text, "{} {}", names[a], names[b]);
-            }
-        }
-        write_atomic(&list, |to| to.write_all(text.as_bytes()))?;
-        let pairs = [("--match_list_path", list.as_os_str()), ("--match_type", OsStr::new("pairs"))];
-        self.run("matches_importer", &[&pairs[..], &matching].concat())
-    }
-
-    /// Triangulates with the poses of the model in `input`; the points come to the folder `found`. False where there is no point.
-    fn triangulate(&self, input: &Path, found: &Path) -> Result<bool> {
-        let (said, outcome) = self.attempt(
-            "point_triangulator",
-            &[
-                ("--image_path", self.folder.as_os_str()),
-                ("--input_path", input.as_os_str()),
-                ("--output_path", found.as_os_str()),
-                ("--clear_points", OsStr::new(ON)),
-                // The poses are known, so that two views of a point are enough.
-                ("--Mapper.tri_ignore_two_view_tracks", OsStr::new(OFF)),
-                ("--Mapper.num_threads", OsStr::new(&self.threads)),
-            ],
-        )?;
-        if outcome.is_err() && found_nothing(&String::from_utf8_lossy(&said)) {
-            return Ok(false);
-        }
-        outcome.map(|()| true)
-    }
-}
-
-/// Whether `point_triangulator` got as far as adjusting no point at all, which ends it with a failed check.
-fn found_nothing(said: &str) -> bool {
-    let mut counts = said.lines().filter_map(|line| line.trim().strip_prefix("=> Triangulated "));
-    said.contains("Bundle adjustment") && counts.all(|count| count == "0 points")
+    groups
 }
 
 /// Whether COLMAP can find and match features on a GPU: it was built with CUDA, and the machine has a GPU of NVIDIA.
@@ -402,64 +332,13 @@ fn is_with_cuda(said: &str) -> bool {
     said.contains("with CUDA")
 }
 
-/// Names of images by their lens, in the order in which the lenses come.
-fn by_lens(models: &[ModelCamera]) -> Vec<(Intrinsics, Vec<&str>)> {
-    let mut groups: Vec<(Intrinsics, Vec<&str>)> = Vec::new();
-    for model in models {
-        let own = model.images.iter().map(|(name, _)| name.as_str());
-        match groups.iter_mut().find(|(lens, _)| *lens == model.intrinsics) {
-            Some((_, names)) => names.extend(own),
-            None => groups.push((model.intrinsics, own.collect())),
-        }
-    }
-    groups
-}
-
-/// Pairs of cameras that are matched, each with the smaller number first: all, or of many those that are likely to see the same.
-fn pairs(poses: &[Pose]) -> BTreeSet<(usize, usize)> {
-    if poses.len() > MAX_EXHAUSTIVE {
-        return neighbours(poses);
-    }
-    (0..poses.len()).flat_map(|a| (a + 1..poses.len()).map(move |b| (a, b))).collect()
-}
-
-/// Pairs of cameras that are likely to see the same: of each, those whose axes and centres differ least.
-fn neighbours(poses: &[Pose]) -> BTreeSet<(usize, usize)> {
-    let centers: Vec<_> = poses.iter().map(Pose::center).collect();
-    let distance = |a: usize, b: usize| centers[a].distance(centers[b]);
-    let n = poses.len();
-    let mean =
-        (0..n).flat_map(|a| (0..n).map(move |b| (a, b))).map(|(a, b)| distance(a, b)).sum::<f64>() / (n * n) as f64;
-    let mut pairs = BTreeSet::new();
-    for a in 0..n {
-        let unlike = |b: usize| {
-            let cosine = poses[a].forward().dot(poses[b].forward());
-            (1.0 - cosine) + distance(a, b) / mean.max(f64::MIN_POSITIVE)
-        };
-        let mut others: Vec<usize> = (0..n).filter(|&b| b != a).collect();
-        others.sort_by(|&b, &c| unlike(b).total_cmp(&unlike(c)));
-        pairs.extend(others.into_iter().take(NEIGHBOURS).map(|b| (a.min(b), a.max(b))));
-    }
-    pairs
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use glam::DVec3;
 
     #[test]
     fn colmap_says_how_it_was_built() {
         assert!(is_with_cuda("COLMAP 3.9 -- Structure-from-Motion\n  (Commit 1a2b on 2024-01-08 with CUDA)"));
         assert!(!is_with_cuda("COLMAP 3.8 -- Structure-from-Motion\n  (Commit Unknown on Unknown without CUDA)"));
-    }
-
-    #[test]
-    fn few_cameras_are_matched_with_all_others_and_many_with_their_neighbours() {
-        let row =
-            |n: usize| (0..n).map(|i| Pose { translation: DVec3::X * i as f64, ..Pose::default() }).collect::<Vec<_>>();
-        assert_eq!(pairs(&row(MAX_EXHAUSTIVE)).len(), MAX_EXHAUSTIVE * (MAX_EXHAUSTIVE - 1) / 2);
-        let many = pairs(&row(MAX_EXHAUSTIVE + 1));
-        assert!(many.contains(&(0, 1)) && !many.contains(&(0, MAX_EXHAUSTIVE)) && many.iter().all(|(a, b)| a < b));
     }
 }

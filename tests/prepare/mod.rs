@@ -3,11 +3,13 @@
 mod along;
 mod board;
 mod hostile;
+mod moving;
 mod photos;
 mod pictures;
 mod programs;
 mod resume;
 pub mod sources;
+mod tracking;
 mod undistort;
 
 use std::path::Path;

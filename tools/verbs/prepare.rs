@@ -34,6 +34,10 @@ pub struct Args {
     /// together. A negative number starts earlier. `timecode` takes them from the time codes of the videos.
     #[arg(long, value_delimiter = ',', value_name = "CAMERA=FRAMES|timecode")]
     shift: Vec<String>,
+    /// For a folder of videos without calibration, of cameras that move together on one rig: COLMAP places the cameras of every
+    /// N-th frame, and what lies between is interpolated. 1 for every frame.
+    #[arg(long, value_name = "N")]
+    moving: Option<u32>,
     /// Size of the images relative to the source's, at most 1.
     #[arg(long, default_value_t = 1.0)]
     scale: f64,
@@ -194,6 +198,7 @@ fn settings(args: &Args) -> anyhow::Result<PrepareSettings> {
             args.shift.iter().map(|word| shift(word)).collect::<anyhow::Result<_>>()?
         },
         by_timecode,
+        moving: args.moving,
         scale: args.scale,
         format: if args.format == "jpg" { ImageFormat::Jpeg } else { ImageFormat::Png },
         triangulate: args.triangulate.as_deref().map(triangulate).transpose()?,

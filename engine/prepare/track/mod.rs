@@ -1,0 +1,338 @@
+//! A rig of cameras that moves, followed through the clip: COLMAP places the cameras of key frames, some at a time, among those of
+//! the key frame before, which it holds. What lies between key frames is interpolated.
+//!
+//! A block of key frames has a database of its own, so that time grows with the clip and memory does not. Each placed key frame
+//! is a file in `reconstruction/track`.
+
+mod block;
+mod motion;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use self::block::Block;
+use super::colmap::Matched;
+use super::journal::make_folder;
+use super::model::{self, ModelCamera, ModelPoint};
+use super::reconstruct::take;
+use super::settings::{PrepareSettings, Progress};
+use super::source::Footage;
+use super::source::footage::{find, video_names};
+use super::video::{self, Selection};
+use crate::error::{Error, Result};
+use crate::files::{read_file, write_atomic};
+use crate::scene::Pose;
+use crate::scene::capture::{Faults, read_images, tracks};
+use crate::scene::undistort::Lens;
+
+/// Key frames that are placed together, beside the one before them.
+const BLOCK: usize = 4;
+/// Fewer placed cameras do not tell how the rig has moved.
+const LEAST_PLACED: usize = 3;
+/// Cameras that are matched with each other within a frame.
+const MATCHED: Matched = Matched { all: 12, neighbours: 8 };
+
+/// A camera of the rig.
+struct Tracked {
+    /// Of its video, without ending.
+    name: String,
+    video: PathBuf,
+    /// Found at the first key frame.
+    lens: Lens,
+    /// At the first key frame.
+    first: Pose,
+    /// Frame of its video at the first frame of the clip.
+    start: u32,
+}
+
+/// A placed key frame, as its file holds it.
+#[derive(Clone, serde::Serialize, serde::Deserialize)]
+struct Placed {
+    /// In the order of the cameras.
+    poses: Vec<Pose>,
+    /// Which of them are the rig's word alone.
+    predicted: Vec<bool>,
+}
+
+/// Key frames of a clip of `n` frames: every `step`-th, and the last.
+fn keys(n: usize, step: usize) -> Vec<usize> {
+    let mut keys: Vec<usize> = (0..n).step_by(step.max(1)).collect();
+    if keys.last().is_some_and(|last| last + 1 < n) {
+        keys.push(n - 1);
+    }
+    keys
+}
+
+/// Frames of the clip: those that are asked for and that all videos have, which are given with their shifts.
+fn clip(settings: &PrepareSettings, videos: &[(PathBuf, i32)]) -> Result<Vec<u32>> {
+    let mut available = u32::MAX;
+    for (path, shift) in videos {
+        let n = i64::from(video::probe(path)?.n_frames) - i64::from(*shift);
+        available = available.min(u32::try_from(n).unwrap_or(0));
+    }
+    let frames: Vec<u32> = settings.frames.of(available).collect();
+    if frames.is_empty() {
+        let reason = format!("begins at frame {}, the videos have {available} in common", settings.frames.from);
+        return Err(Error::data(&settings.source, "--frames", reason, "begin earlier"));
+    }
+    Ok(frames)
+}
+
+/// Pictures that COLMAP is given beside those of the first key frame, and pairs of them that it matches.
+pub(super) fn load(settings: &PrepareSettings, folder: &Path, step: u32) -> Result<(usize, usize)> {
+    let videos: Vec<(PathBuf, i32)> = video_names(folder)
+        .iter()
+        .filter_map(|name| match find(folder, name) {
+            Some(Footage::Video(path)) => Some((path, settings.shift(name))),
+            _ => None,
+        })
+        .collect();
+    let left = keys(clip(settings, &videos)?.len(), step as usize).len() - 1;
+    let of_blocks = (0..left).step_by(BLOCK).map(|begin| 1 + BLOCK.min(left - begin));
+    let n = videos.len();
+    let count = |frames: usize| (n * frames, frames * MATCHED.count(n) + n * frames * (frames - 1) / 2);
+    Ok(of_blocks.map(count).fold((0, 0), |sum, block| (sum.0 + block.0, sum.1 + block.1)))
+}
+
+/// What is tracked, and where.
+pub(super) struct Track<'a> {
+    settings: &'a PrepareSettings,
+    /// The COLMAP project.
+    project: &'a Path,
+    progress: &'a (dyn Fn(Progress) + Sync),
+    cameras: Vec<Tracked>,
+    /// Of the clip.
+    frames: Vec<u32>,
+    /// Indices of key frames in `frames`.
+    keys: Vec<usize>,
+    step: usize,
+}
+
+impl<'a> Track<'a> {
+    /// `first` is the folder of the model of the first key frame, whose images are named `<camera>.jpg`; `folder` has the videos.
+    pub fn new(
+        settings: &'a PrepareSettings,
+        (folder, first, project): (&Path, &Path, &'a Path),
+        step: u32,
+        progress: &'a (dyn Fn(Progress) + Sync),
+    ) -> Result<Self> {
+        let mut faults = Faults::default();
+        let model = read_images(first, &mut faults);
+        if let Some(error) = faults.first() {
+            return Err(error);
+        }
+        let mut cameras = Vec::new();
+        for posed in &model.images {
+            let name = posed.name.with_extension("").to_string_lossy().into_owned();
+            let Some(Footage::Video(video)) = find(folder, &name) else { continue };
+            let shift = settings.shift(&name);
+            let Some(start) = settings.frames.from.checked_add_signed(shift) else {
+                let reason = format!("`{name}` is to begin before its video: a shift of {shift} frames");
+                let remedy = format!("begin at frame {} or later: --frames {0}:", shift.unsigned_abs());
+                return Err(Error::data(&settings.source, "--shift", reason, remedy));
+            };
+            cameras.push(Tracked { name, video, lens: posed.lens, first: posed.pose, start });
+        }
+        cameras.sort_by(|a, b| a.name.cmp(&b.name));
+        let videos: Vec<_> =
+            cameras.iter().map(|camera| (camera.video.clone(), settings.shift(&camera.name))).collect();
+        let frames = clip(settings, &videos)?;
+        let keys = keys(frames.len(), step as usize);
+        Ok(Track { settings, project, progress, cameras, frames, keys, step: step as usize })
+    }
+
+    /// Places all key frames that are not placed yet, and writes the model of all frames to the folder `to`.
+    pub fn make(&self, first: &Path, to: &Path) -> Result<()> {
+        make_folder(&self.folder())?;
+        let mut placed = vec![self.first()];
+        while let Some(key) = self.read(placed.len()) {
+            placed.push(key);
+        }
+        let n = self.keys.len();
+        if placed.len() < n {
+            self.take_pictures()?;
+        }
+        while placed.len() < n {
+            let begin = placed.len();
+            let new: Vec<usize> = (begin..n.min(begin + BLOCK)).collect();
+            let block = Block { track: self, old: begin - 1, new: &new, held: &placed[begin - 1] };
+            for (key, poses) in new.iter().zip(block.place()?) {
+                match self.complete(&poses) {
+                    Some(found) => {
+                        self.keep(*key, &found)?;
+                        placed.push(found);
+                    }
+                    // It may be too far from the block's first frame: the next block begins just before it.
+                    None if *key > begin => break,
+                    None => return Err(self.lost(*key, poses.iter().flatten().count())),
+                }
+            }
+        }
+        self.write(first, to, &placed)?;
+        for scratch in [self.pictures(), self.project.join("block")] {
+            let _ = fs::remove_dir_all(scratch);
+        }
+        Ok(())
+    }
+
+    /// What is worth knowing of the key frames.
+    pub fn notes(&self) -> Vec<String> {
+        let placed: Vec<Placed> = (1..self.keys.len()).filter_map(|key| self.read(key)).collect();
+        let count = |camera: usize| placed.iter().filter(|key| key.predicted[camera]).count();
+        let names = self.cameras.iter().map(|camera| camera.name.as_str());
+        let absent: Vec<String> = names
+            .enumerate()
+            .filter(|(camera, _)| count(*camera) > 0)
+            .map(|(camera, name)| format!("{name} at {}", count(camera)))
+            .collect();
+        let mut notes = vec![format!(
+            "the rig was followed through {} frames, {} of them placed",
+            self.frames.len(),
+            self.keys.len()
+        )];
+        if !absent.is_empty() {
+            let n = placed.len();
+            let who = absent.join(", ");
+            notes.push(format!(
+                "not placed at some of the {n} key frames after the first, and put where the others say: {who}"
+            ));
+        }
+        notes
+    }
+
+    fn folder(&self) -> PathBuf {
+        self.project.join("track")
+    }
+
+    fn pictures(&self) -> PathBuf {
+        self.project.join("frames")
+    }
+
+    fn file(&self, key: usize) -> PathBuf {
+        self.folder().join(format!("{:05}.json", self.frames[self.keys[key]]))
+    }
+
+    /// The name of a picture. A list of pairs has no way to tell of a name with a space, which a video's may have.
+    fn picture(camera: usize, key: usize) -> String {
+        format!("{camera:03}/{key:05}.jpg")
+    }
+
+    fn first(&self) -> Placed {
+        let poses: Vec<Pose> = self.cameras.iter().map(|camera| camera.first).collect();
+        Placed { predicted: vec![false; poses.len()], poses }
+    }
+
+    /// A key frame that was placed before; one whose file is damaged is placed again.
+    fn read(&self, key: usize) -> Option<Placed> {
+        if key >= self.keys.len() {
+            return None;
+        }
+        let placed: Placed = serde_json::from_slice(&read_file(&self.file(key)).ok()?).ok()?;
+        let n = self.cameras.len();
+        (placed.poses.len() == n && placed.predicted.len() == n).then_some(placed)
+    }
+
+    fn keep(&self, key: usize, placed: &Placed) -> Result<()> {
+        let text = serde_json::to_vec(placed).map_err(std::io::Error::other);
+        write_atomic(&self.file(key), |to| to.write_all(&text?))?;
+        let n = placed.predicted.iter().filter(|predicted| !**predicted).count();
+        let piece = format!("frame {}: {n} of {}", self.frames[self.keys[key]], self.cameras.len());
+        (self.progress)(Progress { stage: "cameras", done: key + 1, total: self.keys.len(), piece: &piece });
+        Ok(())
+    }
+
+    /// All poses of a key frame, from those that were found; none where they are too few.
+    fn complete(&self, found: &[Option<Pose>]) -> Option<Placed> {
+        let first: Vec<Pose> = self.cameras.iter().map(|camera| camera.first).collect();
+        let (motion, agree) = motion::rigid(&first, found, LEAST_PLACED)?;
+        let of = |(camera, pose): (usize, &Option<Pose>)| {
+            pose.filter(|_| agree[camera]).unwrap_or(motion.of(&first[camera]))
+        };
+        let poses = found.iter().enumerate().map(of).collect();
+        Some(Placed { poses, predicted: agree.iter().map(|agrees| !agrees).collect() })
+    }
+
+    fn lost(&self, key: usize, n: usize) -> Error {
+        let (frame, before) = (self.frames[self.keys[key]], self.frames[self.keys[key - 1]]);
+        let reason = format!(
+            "loses the rig at frame {frame}: {n} of {} cameras could be placed among those of frame {before}, or they do not agree; \
+             {LEAST_PLACED} are needed",
+            self.cameras.len()
+        );
+        let remedy = if self.step > 1 {
+            "place more frames with a smaller --moving and --force".to_owned()
+        } else {
+            format!(
+                "end the clip before it with --frames :{frame} and --force, or use cameras that see more of the still scene"
+            )
+        };
+        Error::data(&self.settings.source, "", reason, remedy)
+    }
+
+    /// Pictures of all key frames of every camera.
+    fn take_pictures(&self) -> Result<()> {
+        let every = self.settings.frames.every.max(1);
+        let last = self.keys.len() - 1;
+        // The last may come sooner after the one before it than the others.
+        let even = if self.keys[last] == last * self.step { last + 1 } else { last };
+        let mut parts =
+            vec![(0, Selection { start: 0, every: every.saturating_mul(self.step as u32), n: even as u32 })];
+        if even == last {
+            parts.push((last, Selection { start: every * self.keys[last] as u32, every: 1, n: 1 }));
+        }
+        for (index, camera) in self.cameras.iter().enumerate() {
+            make_folder(&self.pictures().join(format!("{index:03}")))?;
+            for (key, select) in &parts {
+                let select = Selection { start: camera.start + select.start, ..*select };
+                let name = |n: u32| Self::picture(index, key + n as usize);
+                take(&self.pictures(), &camera.video, select, self.settings.threads, name, self.progress)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// The model of all frames, with the points of the first.
+    fn write(&self, first: &Path, to: &Path, placed: &[Placed]) -> Result<()> {
+        let index_of = |name: &Path| {
+            let name = name.with_extension("").to_string_lossy().into_owned();
+            self.cameras.iter().position(|camera| camera.name == name)
+        };
+        let points: Vec<ModelPoint> = tracks(first)?
+            .into_iter()
+            .map(|(point, by)| (point.position, point.color, by.iter().filter_map(|name| index_of(name)).collect()))
+            .collect();
+        // A rig is read as counted from 1 where no frame is the first of its video.
+        let count_from = u32::from(self.cameras.iter().all(|camera| camera.start > 0));
+        let mut cameras = Vec::new();
+        for (index, camera) in self.cameras.iter().enumerate() {
+            let mut images = Vec::new();
+            let mut key = 0;
+            for (n, frame) in self.frames.iter().enumerate() {
+                while key + 2 < self.keys.len() && self.keys[key + 1] <= n {
+                    key += 1;
+                }
+                let next = (key + 1).min(self.keys.len() - 1);
+                let (begin, end) = (self.keys[key], self.keys[next]);
+                let part = (n - begin) as f64 / (end - begin).max(1) as f64;
+                let pose = motion::between(&placed[key].poses[index], &placed[next].poses[index], part);
+                let number = camera.start + (frame - self.frames[0]) + count_from;
+                images.push((format!("{}/{number:05}.jpg", camera.name), pose));
+            }
+            cameras.push(ModelCamera { id: index as u32 + 1, lens: camera.lens, images });
+        }
+        model::write(to, &cameras, &points)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_last_frame_is_always_placed() {
+        assert_eq!(keys(9, 4), [0, 4, 8]);
+        assert_eq!(keys(10, 4), [0, 4, 8, 9]);
+        assert_eq!(keys(3, 9), [0, 2]);
+        assert_eq!((keys(1, 1), keys(0, 1)), (vec![0], vec![]));
+    }
+}
