@@ -111,12 +111,11 @@ impl Block<'_> {
     /// Cameras with each other within a frame, and each with itself over time.
     fn pairs(&self, names: &[Vec<String>]) -> String {
         let mut text = String::new();
-        let n_keys = 1 + self.new.len();
         let within = MATCHED.pairs(&self.held.poses);
         // Writing to a string cannot fail.
         for (a, b) in within {
-            for key in 0..n_keys {
-                let _ = writeln!(text, "{} {}", names[a][key], names[b][key]);
+            for (one, other) in names[a].iter().zip(&names[b]) {
+                let _ = writeln!(text, "{one} {other}");
             }
         }
         for names in names {
