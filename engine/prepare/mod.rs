@@ -9,6 +9,7 @@ mod colmap;
 mod estimate;
 mod fit;
 mod flow;
+mod frames;
 mod images;
 mod journal;
 mod model;

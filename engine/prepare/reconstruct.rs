@@ -9,15 +9,13 @@ use std::fmt;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use image::codecs::jpeg::JpegEncoder;
-use image::{ExtendedColorType, ImageEncoder};
 use serde_json::json;
 
-use super::fit::Part;
+use super::frames::take;
 use super::journal::{Journal, cannot_list, make_folder};
 use super::photos::Together;
 use super::program::{COLMAP, FFMPEG, FFPROBE};
-use super::settings::{JPEG_QUALITY, PrepareSettings, Progress};
+use super::settings::{PrepareSettings, Progress};
 use super::source::Footage;
 use super::source::footage::{find, is_video, video_names};
 use super::track::{self, Track};
@@ -252,32 +250,6 @@ pub(super) fn photos(folder: &Path) -> Result<Vec<OsString>> {
     let mut names: Vec<OsString> = photos.filter_map(|file| file.file_name().map(OsStr::to_owned)).collect();
     names.sort();
     Ok(names)
-}
-
-/// Writes frames of a video to `folder`, by their names, unless they are there.
-pub(super) fn take(
-    folder: &Path,
-    path: &Path,
-    select: Selection,
-    threads: usize,
-    name: impl Fn(u32) -> String,
-    progress: &(dyn Fn(Progress) + Sync),
-) -> Result<()> {
-    let file = |frame: u32| folder.join(name(frame));
-    if (0..select.n).all(|frame| file(frame).is_file()) {
-        return Ok(());
-    }
-    let video = video::probe(path)?;
-    let size @ (width, height) = (video.width, video.height);
-    video::decode((path, &video), select, Part::whole(size), size, threads, |frame, rgb| {
-        write_atomic(&file(frame), |to| {
-            let encoder = JpegEncoder::new_with_quality(to, JPEG_QUALITY);
-            encoder.write_image(rgb, width, height, ExtendedColorType::Rgb8).map_err(std::io::Error::other)
-        })?;
-        let (done, total) = (frame as usize + 1, select.n as usize);
-        progress(Progress { stage: "frames", done, total, piece: &name(frame) });
-        Ok(())
-    })
 }
 
 struct Reconstruction<'a> {

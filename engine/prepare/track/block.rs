@@ -7,11 +7,12 @@ use std::fs;
 use std::path::Path;
 
 use super::motion::back;
-use super::{MATCHED, Placed, Track};
+use super::rig::{MATCHED, Placed, Tracked, picture};
 use crate::error::Result;
 use crate::prepare::colmap::{Colmap, OFF, ON};
 use crate::prepare::journal::make_folder;
 use crate::prepare::model::{self, ModelCamera};
+use crate::prepare::settings::PrepareSettings;
 use crate::scene::Pose;
 use crate::scene::capture::{Faults, read_images};
 use crate::scene::undistort::Lens;
@@ -26,7 +27,12 @@ const LEAST_MISS: f64 = 1.0;
 
 /// Key frames, by their numbers among these.
 pub(super) struct Block<'a> {
-    pub track: &'a Track<'a>,
+    pub settings: &'a PrepareSettings,
+    /// The COLMAP project.
+    pub project: &'a Path,
+    /// Where the pictures of the key frames are.
+    pub pictures: &'a Path,
+    pub cameras: &'a [Tracked],
     /// Where the poses are known.
     pub old: usize,
     /// Where they are to be found, in the order of time.
@@ -38,26 +44,23 @@ pub(super) struct Block<'a> {
 impl Block<'_> {
     /// The poses that COLMAP finds at the new key frames, in the order of the cameras.
     pub fn place(&self) -> Result<Vec<Vec<Option<Pose>>>> {
-        let work = self.track.project.join("block");
+        let work = self.project.join("block");
         let _ = fs::remove_dir_all(&work);
         make_folder(&work)?;
         let (input, points, found) = (work.join("model"), work.join("points"), work.join("found"));
         make_folder(&points)?;
         make_folder(&found)?;
-        let settings = self.track.settings;
         let colmap = Colmap {
-            about: &settings.source,
-            folder: std::path::absolute(self.track.pictures()).unwrap_or(self.track.pictures()),
+            about: &self.settings.source,
+            folder: std::path::absolute(self.pictures).unwrap_or(self.pictures.to_owned()),
             database: work.join("database.db"),
-            threads: settings.threads.max(1).to_string(),
+            threads: self.settings.threads.max(1).to_string(),
             on_gpu: OFF,
         };
-        let names: Vec<Vec<String>> = (0..self.track.cameras.len())
-            .map(|camera| self.keys().map(|key| Track::picture(camera, key)).collect())
-            .collect();
+        let names: Vec<Vec<String>> =
+            (0..self.cameras.len()).map(|camera| self.keys().map(|key| picture(camera, key)).collect()).collect();
         // A camera of the database for each of the rig, in their order, so that its number there is the model's.
         let images: Vec<(Lens, Vec<&str>)> = self
-            .track
             .cameras
             .iter()
             .zip(&names)
@@ -74,7 +77,7 @@ impl Block<'_> {
             lens,
             images: vec![(names[index][0].clone(), self.held.poses[index])],
         };
-        let lenses = self.track.cameras.iter().map(|camera| camera.lens);
+        let lenses = self.cameras.iter().map(|camera| camera.lens);
         model::write(&input, &lenses.enumerate().map(known).collect::<Vec<_>>(), &[])?;
         let miss = self.miss();
         let near = [
@@ -108,12 +111,11 @@ impl Block<'_> {
     /// Cameras with each other within a frame, and each with itself over time.
     fn pairs(&self, names: &[Vec<String>]) -> String {
         let mut text = String::new();
-        let n_keys = 1 + self.new.len();
         let within = MATCHED.pairs(&self.held.poses);
         // Writing to a string cannot fail.
         for (a, b) in within {
-            for key in 0..n_keys {
-                let _ = writeln!(text, "{} {}", names[a][key], names[b][key]);
+            for (one, other) in names[a].iter().zip(&names[b]) {
+                let _ = writeln!(text, "{one} {other}");
             }
         }
         for names in names {
@@ -127,7 +129,7 @@ impl Block<'_> {
     }
 
     fn miss(&self) -> String {
-        let sizes = self.track.cameras.iter().map(|camera| camera.lens.intrinsics);
+        let sizes = self.cameras.iter().map(|camera| camera.lens.intrinsics);
         let side = sizes.map(|size| size.width.max(size.height)).max().unwrap_or(0);
         (MISS * f64::from(side)).max(LEAST_MISS).to_string()
     }

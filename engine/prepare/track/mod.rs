@@ -6,53 +6,29 @@
 
 mod block;
 mod motion;
+mod rig;
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use self::block::Block;
-use super::colmap::Matched;
-use super::journal::make_folder;
-use super::model::{self, ModelCamera, ModelPoint};
-use super::reconstruct::take;
-use super::settings::{PrepareSettings, Progress};
-use super::source::Footage;
-use super::source::footage::{find, video_names};
-use super::video::{self, Selection};
+use self::rig::{MATCHED, Placed, Tracked, picture};
 use crate::error::{Error, Result};
 use crate::files::{read_file, write_atomic};
+use crate::prepare::frames::take;
+use crate::prepare::journal::make_folder;
+use crate::prepare::model::{self, ModelCamera, ModelPoint};
+use crate::prepare::settings::{PrepareSettings, Progress};
+use crate::prepare::source::Footage;
+use crate::prepare::source::footage::{find, video_names};
+use crate::prepare::video::{self, Selection};
 use crate::scene::Pose;
 use crate::scene::capture::{Faults, read_images, tracks};
-use crate::scene::undistort::Lens;
 
 /// Key frames that are placed together, beside the one before them.
 const BLOCK: usize = 4;
 /// Fewer placed cameras do not tell how the rig has moved.
 const LEAST_PLACED: usize = 3;
-/// Cameras that are matched with each other within a frame.
-const MATCHED: Matched = Matched { all: 12, neighbours: 8 };
-
-/// A camera of the rig.
-struct Tracked {
-    /// Of its video, without ending.
-    name: String,
-    video: PathBuf,
-    /// Found at the first key frame.
-    lens: Lens,
-    /// At the first key frame.
-    first: Pose,
-    /// Frame of its video at the first frame of the clip.
-    start: u32,
-}
-
-/// A placed key frame, as its file holds it.
-#[derive(Clone, serde::Serialize, serde::Deserialize)]
-struct Placed {
-    /// In the order of the cameras.
-    poses: Vec<Pose>,
-    /// Which of them are the rig's word alone.
-    predicted: Vec<bool>,
-}
 
 /// Key frames of a clip of `n` frames: every `step`-th, and the last.
 fn keys(n: usize, step: usize) -> Vec<usize> {
@@ -155,7 +131,15 @@ impl<'a> Track<'a> {
         while placed.len() < n {
             let begin = placed.len();
             let new: Vec<usize> = (begin..n.min(begin + BLOCK)).collect();
-            let block = Block { track: self, old: begin - 1, new: &new, held: &placed[begin - 1] };
+            let block = Block {
+                settings: self.settings,
+                project: self.project,
+                pictures: &self.pictures(),
+                cameras: &self.cameras,
+                old: begin - 1,
+                new: &new,
+                held: &placed[begin - 1],
+            };
             for (key, poses) in new.iter().zip(block.place()?) {
                 match self.complete(&poses) {
                     Some(found) => {
@@ -210,11 +194,6 @@ impl<'a> Track<'a> {
 
     fn file(&self, key: usize) -> PathBuf {
         self.folder().join(format!("{:05}.json", self.frames[self.keys[key]]))
-    }
-
-    /// The name of a picture. A list of pairs has no way to tell of a name with a space, which a video's may have.
-    fn picture(camera: usize, key: usize) -> String {
-        format!("{camera:03}/{key:05}.jpg")
     }
 
     fn first(&self) -> Placed {
@@ -284,7 +263,7 @@ impl<'a> Track<'a> {
             make_folder(&self.pictures().join(format!("{index:03}")))?;
             for (key, select) in &parts {
                 let select = Selection { start: camera.start + select.start, ..*select };
-                let name = |n: u32| Self::picture(index, key + n as usize);
+                let name = |n: u32| picture(index, key + n as usize);
                 take(&self.pictures(), &camera.video, select, self.settings.threads, name, self.progress)?;
             }
         }

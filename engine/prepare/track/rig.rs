@@ -1,0 +1,37 @@
+//! The cameras of a rig, and where they are at a key frame.
+
+use std::path::PathBuf;
+
+use crate::prepare::colmap::Matched;
+use crate::scene::Pose;
+use crate::scene::undistort::Lens;
+
+/// Cameras that are matched with each other within a frame.
+pub(super) const MATCHED: Matched = Matched { all: 12, neighbours: 8 };
+
+/// A camera of the rig.
+pub(super) struct Tracked {
+    /// Of its video, without ending.
+    pub name: String,
+    pub video: PathBuf,
+    /// Found at the first key frame.
+    pub lens: Lens,
+    /// At the first key frame.
+    pub first: Pose,
+    /// Frame of its video at the first frame of the clip.
+    pub start: u32,
+}
+
+/// A placed key frame, as its file holds it.
+#[derive(Clone, serde::Serialize, serde::Deserialize)]
+pub(super) struct Placed {
+    /// In the order of the cameras.
+    pub poses: Vec<Pose>,
+    /// Which of them are the rig's word alone.
+    pub predicted: Vec<bool>,
+}
+
+/// The name of a picture. A list of pairs has no way to tell of a name with a space, which a video's may have.
+pub(super) fn picture(camera: usize, key: usize) -> String {
+    format!("{camera:03}/{key:05}.jpg")
+}
