@@ -9,12 +9,11 @@ use sha2::{Digest, Sha256};
 use std::path::Path;
 
 /// The presets that come with the engine, from the plainest to the fastest, and the one for size: name and file.
-pub const PRESETS: [(&str, &str); 6] = [
+pub const PRESETS: [(&str, &str); 5] = [
     ("reference", include_str!("../../assets/presets/reference.json")),
     ("exact", include_str!("../../assets/presets/exact.json")),
     ("balanced", include_str!("../../assets/presets/balanced.json")),
     ("fast", include_str!("../../assets/presets/fast.json")),
-    ("preview", include_str!("../../assets/presets/preview.json")),
     ("small", include_str!("../../assets/presets/small.json")),
 ];
 

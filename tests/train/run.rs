@@ -341,12 +341,12 @@ fn each_preset_is_trained_and_scored_and_what_is_there_is_not_run_again() {
     let (capture, output) = (tiny.folder.to_str().unwrap(), tiny.folder.join("curves"));
     let (to, runs) = (output.to_str().unwrap(), output.join(tiny.folder.file_name().unwrap()));
     // No run ends so soon: the shortest is the last.
-    let some = ["--seconds", "1e-6", "--shortest", "3", "--seeds", "3", "--presets", "exact,preview"];
+    let some = ["--seconds", "1e-6", "--shortest", "3", "--seeds", "3", "--presets", "exact,fast"];
     let arguments = [&["curves", capture, "-o", to, "--set", "max_gaussians=300"], &some[..]].concat();
     let told = works(&arguments);
     let found = json(&output.join("curves.json"));
     assert_eq!(found[0]["capture"], tiny.folder.file_name().unwrap().to_str().unwrap());
-    for (index, preset) in ["exact", "preview"].iter().enumerate() {
+    for (index, preset) in ["exact", "fast"].iter().enumerate() {
         let curve = &found[0]["curves"][index];
         assert_eq!((&curve["preset"], curve["lengths"].as_array().unwrap().len()), (&(*preset).into(), 1));
         let (run, folder) = (&curve["lengths"][0][0], runs.join(format!("{preset}-3-3")));
@@ -355,8 +355,8 @@ fn each_preset_is_trained_and_scored_and_what_is_there_is_not_run_again() {
         assert_eq!(json(&folder.join("config.json"))["steps"], 3);
     }
     let text = std::fs::read_to_string(output.join("curves.md")).unwrap();
-    assert!(told.contains(&text) && text.contains("| preview | - |"), "{text}");
-    assert!(std::fs::read_to_string(output.join("curves.svg")).unwrap().contains("preview, 3 steps"));
+    assert!(told.contains(&text) && text.contains("| fast | - |"), "{text}");
+    assert!(std::fs::read_to_string(output.join("curves.svg")).unwrap().contains("fast, 3 steps"));
     let scores = runs.join("exact-3-3/eval.json");
     let before = std::fs::metadata(&scores).unwrap().modified().unwrap();
     works(&arguments);

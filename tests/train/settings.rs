@@ -177,6 +177,6 @@ fn settings_are_listed_with_default_unit_range_meaning_and_presets() {
     assert!(text.contains("density.split_above = 0.01 (scene extents)\n"), "{text}");
     assert!(text.contains("    Expected: a number above 0.\n") && !text.contains("lr."), "{text}");
     assert_eq!(text.lines().last().unwrap().split(' ').next().unwrap(), listed.count().to_string());
-    assert!(works(&["settings", "frame.t_cut"]).contains("    Presets: fast 0.001, preview 0.01.\n"));
+    assert!(works(&["settings", "frame.t_cut"]).contains("    Presets: fast 0.001.\n"));
     assert!(fails(&["settings", "densty.growth"], 2).contains("did you mean density.growth?"));
 }

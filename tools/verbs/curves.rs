@@ -29,7 +29,7 @@ pub struct Args {
     #[arg(long, default_value_t = 60, value_parser = clap::value_parser!(u64).range(1..))]
     shortest: u64,
     /// Presets to compare, by name or path.
-    #[arg(long, value_delimiter = ',', default_value = "exact,balanced,fast,preview,small")]
+    #[arg(long, value_delimiter = ',', default_value = "exact,balanced,fast,small")]
     presets: Vec<String>,
     /// Seeds. Every preset runs once with each, for each length.
     #[arg(long, value_delimiter = ',', default_value = "1,2,3")]
