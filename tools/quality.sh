@@ -9,18 +9,21 @@
 #   tools/quality.sh --curves [FOLDER]   what presets reach in 30 s to 10 minutes on the real captures, three seeds each: a night and
 #                                        a day on two cores. Runs that are there are not repeated. FOLDER/curves.md has the tables.
 #                                        Default: out/study. $IVV_SECONDS: the times instead, such as 30,60
+#   tools/quality.sh --trade [FOLDER]    what settings cost and buy: each alone, presets, and `fast` without each of its settings, on the
+#                                        real captures with three seeds: an hour of one core for each capture. What else the machine
+#                                        does meets all settings alike. Runs that are there are not repeated. Default: assets/trade
 #   tools/quality.sh --playback [FOLDER] what the settings of a frame cost and buy on the trained scenes of out/quality, which are trained
 #                                        where they are not there: some 5 minutes. Default: assets/trade, playback.md
 # Real captures and the weights of LPIPS are looked for in $IVV_DATA (default: ../shared/data); what is not there is left out.
 set -euo pipefail
 what=history
-case "${1:-}" in --study | --curves | --playback)
+case "${1:-}" in --study | --curves | --trade | --playback)
     what=${1#--}
     shift
     ;;
 esac
 if [ $# -gt 1 ] || [[ ${1:-} == -* ]]; then
-    echo "usage: tools/quality.sh [HISTORY] | --study [FOLDER] | --curves [FOLDER] | --playback [FOLDER]" >&2
+    echo "usage: tools/quality.sh [HISTORY] | --study [FOLDER] | --curves [FOLDER] | --trade [FOLDER] | --playback [FOLDER]" >&2
     exit 2
 fi
 given=${1:+$(realpath -m "$1")}
@@ -104,6 +107,20 @@ curves() {
     real_captures
     # shellcheck disable=SC2086 # the options are words
     "$ivv" curves "${captures[@]}" -o "$out/curves" --seconds "${IVV_SECONDS:-30,60,120,300,600}" $weights
+}
+
+trade() {
+    local record=${given:-$PWD/assets/trade} capture name kind
+    given=
+    real_captures
+    mkdir -p "$record"
+    # Pictures this small are soonest done in the calling thread: lavapipe takes 11 us for a dispatch there and 70 us to wake another.
+    export LP_NUM_THREADS=${LP_NUM_THREADS:-0}
+    for capture in "${captures[@]}"; do
+        name=$(basename "$capture")
+        "$ivv" trade "$capture" -o "$out/trade/$name" --steps 240
+        for kind in md json svg; do cp "$out/trade/$name/trade.$kind" "$record/$name.$kind"; done
+    done
 }
 
 # Of a clip one camera.

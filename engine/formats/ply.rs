@@ -56,7 +56,7 @@ fn read_vertices(path: &Path, header: &Header, mut rows: Rows) -> Result<Splats>
         return Err(Error::data(path, format!("row {row}"), reason, remedy));
     }
     still.n_static = still.len();
-    still.append_dynamic(moving);
+    still.append(moving);
     Ok(still)
 }
 

@@ -248,20 +248,23 @@ impl Splats {
         Ok(rows)
     }
 
-    /// Appends the Gaussians of `dynamic`, which has the same degree throughout and no static ones.
-    pub(crate) fn append_dynamic(&mut self, mut dynamic: Splats) {
-        debug_assert!(dynamic.n_static == 0 && dynamic.sh_degree == self.sh_degree);
-        self.position.append(&mut dynamic.position);
-        self.rotation.append(&mut dynamic.rotation);
-        self.scale.append(&mut dynamic.scale);
-        self.opacity.append(&mut dynamic.opacity);
-        self.sh.append(&mut dynamic.sh);
-        if !self.span.is_empty() || !dynamic.span.is_empty() {
+    /// Appends the Gaussians of `other`, which has the same degree throughout. Static ones come first: these have no dynamic ones, or
+    /// the others no static ones.
+    pub(crate) fn append(&mut self, mut other: Splats) {
+        debug_assert!((self.motion.is_empty() || other.n_static == 0) && other.sh_degree == self.sh_degree);
+        debug_assert!(self.degree.is_empty() && other.degree.is_empty());
+        self.position.append(&mut other.position);
+        self.rotation.append(&mut other.rotation);
+        self.scale.append(&mut other.scale);
+        self.opacity.append(&mut other.opacity);
+        self.sh.append(&mut other.sh);
+        if !self.span.is_empty() || !other.span.is_empty() {
             self.span.resize(self.motion.len(), ALWAYS);
-            dynamic.span.resize(dynamic.motion.len(), ALWAYS);
-            self.span.append(&mut dynamic.span);
+            other.span.resize(other.motion.len(), ALWAYS);
+            self.span.append(&mut other.span);
         }
-        self.motion.append(&mut dynamic.motion);
-        self.source_row.append(&mut dynamic.source_row);
+        self.n_static += other.n_static;
+        self.motion.append(&mut other.motion);
+        self.source_row.append(&mut other.source_row);
     }
 }

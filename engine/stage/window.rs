@@ -167,7 +167,7 @@ impl Windows {
         }
         let mut pieces = self.pieces.iter().map(of_piece);
         let mut all = pieces.next().unwrap_or_default();
-        pieces.for_each(|piece| all.append_dynamic(piece));
+        pieces.for_each(|piece| all.append(piece));
         all.by_degree()
     }
 }

@@ -115,7 +115,7 @@ impl Base {
         let (k, n_static) = (params.n_coefficients(), moving.n_static);
         debug_assert!(n_static == 0 && moving.sh.len() == k * moving.len());
         params.degree.clear();
-        params.append_dynamic(moving);
+        params.append(moving);
         params.source_row = (0..params.len() as u32).collect();
         let (n, zeros) = (params.len(), params.zeros());
         Checkpoint {

@@ -241,7 +241,7 @@ mod tests {
         assert_eq!(segments.segments, [[0, 34], [28, 62], [56, 90]]);
         let join = |segments: &Segments, n: usize| {
             let mut joined = still.clone();
-            (0..segments.segments.len()).for_each(|index| joined.append_dynamic(segments.moving(index, &dynamic(n))));
+            (0..segments.segments.len()).for_each(|index| joined.append(segments.moving(index, &dynamic(n))));
             joined
         };
         let joined = join(&segments, 400);

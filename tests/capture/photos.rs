@@ -30,7 +30,7 @@ fn photographs_are_cameras_of_another_time() {
     assert!(view.time > 1e3, "{}", view.time);
     assert_eq!(capture.view(0, 2).unwrap().time, 0.5);
     assert_eq!(capture.picture(4, 0).unwrap().width, 64);
-    // Their points are more of those of the clip; their places are no part of how large it is.
+    // Their points are no points of the clip, their places no part of how large it is.
     let alone = {
         let manifest = Manifest { photos: false, ..Manifest::read(&folder.0).unwrap() };
         let other = clip("photos-unused");
@@ -38,7 +38,8 @@ fn photographs_are_cameras_of_another_time() {
         assert!(other.check().notes.iter().any(|note| note.contains("photos/ is not used")));
         other.open()
     };
-    assert!(capture.points.len() > alone.points.len() && alone.cameras.len() == 4);
+    assert!(!capture.photo_points.is_empty() && alone.photo_points.is_empty() && alone.cameras.len() == 4);
+    assert_eq!(capture.points, alone.points);
     assert_eq!(capture.extent().center, alone.extent().center);
     assert_eq!((capture.lens_views().len(), alone.lens_views().len()), (3, 3));
     // Any part of the clip has them, unless somebody leaves them out.

@@ -104,7 +104,7 @@ fn photographs_of_a_capture_stay_with_it() {
         Capture::open(&half.output).unwrap()
     };
     let whole = Capture::open(&clip.0).unwrap();
-    assert_eq!((capture.cameras.len(), capture.points.len()), (whole.cameras.len(), whole.points.len()));
+    assert_eq!((capture.cameras.len(), capture.photo_points.len()), (whole.cameras.len(), whole.photo_points.len()));
     let (photo, of_whole) = (&capture.cameras[5], &whole.cameras[5]);
     assert!(photo.is_photo && photo.world_to_camera == of_whole.world_to_camera);
     assert_eq!(2 * photo.intrinsics.width, of_whole.intrinsics.width);

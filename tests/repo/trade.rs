@@ -1,5 +1,5 @@
 //! The measured tables of speed against accuracy: table and picture are those of the record. That kernels or presets have
-//! changed since is a note, which `tools/test.sh` prints: it takes an hour to measure anew.
+//! changed since is a note, which `tools/test.sh` prints: it takes an hour to measure a capture anew.
 
 use super::{root, text};
 use crate::common::notes::stale;
@@ -8,6 +8,16 @@ use ivv::study::{Circumstances, Trade, TradeArm, TradeKind};
 use ivv::train::Preset;
 use serde_json::Value;
 use std::collections::BTreeMap;
+
+/// Names of the measurements: those of `ivv curves` lie beside them.
+fn names() -> Vec<String> {
+    let files = std::fs::read_dir(root().join("assets/trade")).unwrap().map(|file| file.unwrap().path());
+    let records = files.filter(|file| file.extension().is_some_and(|end| end == "json"));
+    let stems = records.map(|file| file.file_stem().unwrap().to_str().unwrap().to_owned());
+    let names: Vec<String> = stems.filter(|name| name != "curves").collect();
+    assert!(!names.is_empty());
+    names
+}
 
 fn record(name: &str) -> Trade {
     let mut record: Value = serde_json::from_str(&text(&format!("assets/trade/{name}.json"))).unwrap();
@@ -41,8 +51,8 @@ fn changes(at: &Circumstances, arms: &[TradeArm], kernels: &BTreeMap<String, Str
 
 #[test]
 fn table_and_picture_of_the_trade_are_those_of_its_record() {
-    for name in ["trade", "presets"] {
-        let trade = record(name);
+    for name in names() {
+        let trade = record(&name);
         let at = &trade.at;
         for told in [&at.device, &at.driver, &at.date, &at.capture] {
             assert!(!told.is_empty(), "{name}: {at:?}");
@@ -60,14 +70,14 @@ fn table_and_picture_of_the_trade_are_those_of_its_record() {
         let changes = changes(at, &trade.arms, &spirv_hashes());
         assert!(changes.is_some() || at.shaders == shaders_hash(), "{name}: the hash is not that of its kernels");
         if let Some(changes) = changes {
-            stale(format!("assets/trade/{name}.md: {changes}; measure it anew with tools/trade.sh"));
+            stale(format!("assets/trade/{name}.md: {changes}; measure it anew with tools/quality.sh --trade"));
         }
     }
 }
 
 #[test]
 fn what_has_changed_since_a_measurement_is_told_by_name() {
-    let trade = record("presets");
+    let trade = record(&names()[0]);
     let kernels = trade.at.kernels.clone();
     let mut other = kernels.clone();
     let first = kernels.keys().next().unwrap().clone();

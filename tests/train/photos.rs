@@ -1,6 +1,6 @@
 //! Photographs teach what rests, and a run on top of another, which leaves that alone, does without them.
 
-use super::run::{json, works};
+use super::run::{ivv, json, works};
 use crate::capture::photos::clip;
 use crate::common::device::gpu;
 use crate::common::frames::render;
@@ -19,7 +19,9 @@ fn a_photograph_shows_and_teaches_what_rests_alone() {
     let clip = clip("train-photos");
     let (capture, base, part) = (text(&clip.0), clip.0.join("base"), clip.0.join("part"));
     let short = ["--sh-degree", "1", "--set", "init_points=200", "--eval-every", "0", "--steps", "30"];
-    works(&[&["train", capture, "-o", text(&base), "--set", "init_static_tau=0"][..], &short].concat());
+    let ended = ivv(&[&["train", capture, "-o", text(&base)][..], &short].concat());
+    let told = String::from_utf8_lossy(&ended.stderr).into_owned();
+    assert!(ended.status.success() && told.contains("of them from photographs"), "{told}");
     assert_eq!(json(&base.join("run.json"))["held"]["training_images"], 15);
     let scene = read_ply(&base.join("scene.ply")).unwrap();
     assert!(scene.n_static > 50 && scene.motion.len() > 20, "{} {}", scene.n_static, scene.motion.len());

@@ -56,11 +56,12 @@ impl CaptureBuilder {
         report: &mut Report,
     ) -> Capture {
         self.cut(path, settings.frames, faults);
+        let mut photo_points = Vec::new();
         if let Some(photos) = self.photos.take() {
             report.n_photos = photos.cameras.len();
             self.distorted.extend(photos.distorted);
             self.cameras.extend(photos.cameras);
-            self.points.extend(photos.points);
+            photo_points = photos.points;
         }
         self.cameras.iter_mut().for_each(|camera| camera.shots.sort_by_key(|shot| shot.frame));
         self.check_lenses(faults);
@@ -94,6 +95,7 @@ impl CaptureBuilder {
             reference_frame: self.reference_frame,
             cameras: self.cameras,
             points: self.points,
+            photo_points,
             background: settings.background,
             frame_points: self.frame_points,
             true_offsets: self.true_offsets,

@@ -32,6 +32,8 @@ pub struct Capture {
     pub cameras: Vec<Camera>,
     /// Sparse points; may be empty.
     pub points: Vec<Point>,
+    /// Sparse points of the photographs.
+    pub photo_points: Vec<Point>,
     /// Colour behind images that have an alpha channel, and of the views.
     pub background: [f32; 3],
     /// By camera, the frames by which its pictures show a later time than their number says, where `truth.json` of the folder
@@ -73,7 +75,13 @@ impl Capture {
     #[must_use]
     pub fn without_photos(mut self) -> Self {
         self.cameras.iter_mut().filter(|camera| camera.is_photo).for_each(|camera| camera.shots.clear());
+        self.photo_points.clear();
         self
+    }
+
+    /// Whether photographs show what rests.
+    pub fn has_photos(&self) -> bool {
+        self.cameras.iter().any(|camera| camera.is_photo && !camera.shots.is_empty())
     }
 
     /// Whether it is a clip that several training cameras took: of one alone, the scene's own times and colours take up what is off.
@@ -184,7 +192,8 @@ impl Capture {
             poses.for_each(|pose| *pose = to.pose(pose));
         }
         self.viewpoints.iter_mut().for_each(|view| view.pose = to.pose(&view.pose));
-        self.points.iter_mut().for_each(|point| point.position = to.point(point.position));
+        let points = self.points.iter_mut().chain(&mut self.photo_points);
+        points.for_each(|point| point.position = to.point(point.position));
         self.moved = self.moved.then(to);
         self
     }

@@ -86,17 +86,22 @@ impl FromFrames {
     pub fn splats(self, capture: &Capture, config: &Config) -> Splats {
         let mut splats = Splats::new(config.sh_degree);
         append(&mut splats, &self.still.0, &self.still.1, OPACITY, motion_at_rest(capture, config));
-        splats.append_dynamic(self.moving);
+        splats.append(self.moving);
         splats.source_row = (0..splats.len() as u32).collect();
         splats
     }
 }
 
-/// How what stands still in the reference frame begins: it may move later, unless [`Config::init_static_tau`] is 0.
+/// How what stands still in the reference frame begins: it may move later, unless [`Config::init_static_tau`] is 0 or photographs show
+/// what rests, in which nothing is seen that has a time.
 pub(super) fn motion_at_rest(capture: &Capture, config: &Config) -> Option<Motion> {
     let t_center = f64::from(capture.reference_frame) / f64::from(capture.n_frames);
     let tau = config.init_static_tau;
-    (tau > 0.0).then(|| Motion { velocity: [0.0; 3], t_center: t_center as f32, t_scale: tau.ln() as f32 })
+    (tau > 0.0 && !capture.has_photos()).then(|| Motion {
+        velocity: [0.0; 3],
+        t_center: t_center as f32,
+        t_scale: tau.ln() as f32,
+    })
 }
 
 /// Reads the points and the flow of all frames. `progress` is called as (frames done, frames in all).

@@ -58,6 +58,8 @@ pub struct Initial {
     pub because: String,
     /// Frames whose hulls were taken.
     pub n_hulls: usize,
+    /// Static Gaussians from photographs.
+    pub n_photos: usize,
     /// What became of the points of the frames, where they were taken.
     pub counts: Option<PointCounts>,
     /// Gaussians that there were, if those are more than [`Config::max_gaussians`].
@@ -66,7 +68,7 @@ pub struct Initial {
 
 impl fmt::Display for Initial {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Initial { splats, from, joined, because, n_hulls, counts, thinned_from } = self;
+        let Initial { splats, from, joined, because, n_hulls, n_photos, counts, thinned_from } = self;
         let (n_static, n_dynamic) = (splats.n_static, splats.len() - splats.n_static);
         let source = match from {
             Init::Flow if *joined => "the points and the flow of every frame, and surfaces on which the images agree",
@@ -85,6 +87,9 @@ impl fmt::Display for Initial {
         if *n_hulls > 0 {
             write!(f, ", hulls of {}", count(*n_hulls, "frame"))?;
         }
+        if *n_photos > 0 {
+            write!(f, ", {n_photos} of them from photographs")?;
+        }
         if let Some(counts) = counts {
             write!(f, "; {counts}")?;
         }
@@ -94,7 +99,7 @@ impl fmt::Display for Initial {
 
 impl Initial {
     fn new(splats: Splats, from: Init, because: String) -> Self {
-        Initial { splats, from, joined: false, because, n_hulls: 0, counts: None, thinned_from: None }
+        Initial { splats, from, joined: false, because, n_hulls: 0, n_photos: 0, counts: None, thinned_from: None }
     }
 }
 
@@ -109,6 +114,13 @@ impl Initial {
 pub fn initialise(capture: &Capture, config: &Config, progress: &mut dyn FnMut(usize, usize)) -> Result<Initial> {
     let mut initial =
         if config.trains_static { all(capture, config, progress)? } else { moving(capture, config, progress)? };
+    if capture.has_photos() {
+        let mut splats = of_photos(capture, config)?;
+        initial.n_photos = splats.len();
+        splats.append(initial.splats);
+        splats.source_row = (0..splats.len() as u32).collect();
+        initial.splats = splats;
+    }
     let n = initial.splats.len();
     if n > config.max_gaussians {
         let keep: Vec<usize> = (0..config.max_gaussians).map(|i| i * n / config.max_gaussians).collect();
@@ -199,7 +211,7 @@ fn from_pictures(
     because: String,
     progress: &mut dyn FnMut(usize, usize),
 ) -> Result<Initial> {
-    let cameras = cameras(capture);
+    let cameras = cameras(capture, false);
     let hull_frames = if from == Init::Hull { hull_frames(capture, &cameras) } else { Vec::new() };
     let n_looked_at = hull_frames.len() + usize::from(!hull_frames.contains(&capture.reference_frame));
     let n_flow_frames = if from == Init::Flow { capture.n_frames as usize } else { 0 };
@@ -215,7 +227,8 @@ fn from_pictures(
     };
     let (reach, lenses) = (Reach::new(capture), Lenses::new(capture));
     let known = frames.as_ref().map(|frames| frames.still.0.as_slice());
-    let views = Views { capture, config, cameras: &cameras, hull_frames: &hull_frames };
+    let points = if config.init == Init::Auto { capture.points.as_slice() } else { &[] };
+    let views = Views { capture, points, config, cameras: &cameras, hull_frames: &hull_frames };
     let Surfaces { still, moving, n_known, n_found } = views.surfaces(known, &lenses, &mut done)?;
     let n_hull = moving.iter().map(|(_, found)| found.len()).sum::<usize>();
     let n_flow = frames.as_ref().map_or(0, |frames| frames.moving.len());
@@ -242,16 +255,28 @@ fn from_pictures(
     }
     let counts = frames.as_ref().map(|frames| frames.counts);
     if let Some(frames) = frames {
-        splats.append_dynamic(frames.moving);
+        splats.append(frames.moving);
     }
     splats.source_row = (0..splats.len() as u32).collect();
     let joined = n_known > 0;
     Ok(Initial { joined, counts, n_hulls: hull_frames.len(), ..Initial::new(splats, from, because) })
 }
 
-/// The training cameras that take part. Photographs do not: in them things may stand where they do not in the clip.
-fn cameras(capture: &Capture) -> Vec<usize> {
-    let takes_part = |camera: &Camera| !camera.is_test && !camera.is_photo && !camera.shots.is_empty();
+/// Static Gaussians at the surfaces and the points that the photographs show: what they see is rest alone.
+fn of_photos(capture: &Capture, config: &Config) -> Result<Splats> {
+    let cameras = cameras(capture, true);
+    let views = Views { capture, points: &capture.photo_points, config, cameras: &cameras, hull_frames: &[] };
+    let (reach, lenses) = (Reach::new(capture), Lenses::new(capture));
+    let (found, sizes) = settled(views.surfaces(None, &lenses, &mut || ())?.still, &lenses, &reach);
+    let mut splats = Splats::new(config.sh_degree);
+    points::append(&mut splats, &found, &sizes, config.init_opacity, None);
+    Ok(splats)
+}
+
+/// The training cameras that take part, or the photographs: they are looked at apart, since in them things may stand where they do not in
+/// the clip.
+fn cameras(capture: &Capture, are_photos: bool) -> Vec<usize> {
+    let takes_part = |camera: &Camera| !camera.is_test && camera.is_photo == are_photos && !camera.shots.is_empty();
     let all: Vec<usize> = (0..capture.cameras.len()).filter(|index| takes_part(&capture.cameras[*index])).collect();
     let n = all.len().min(MOST_CAMERAS);
     (0..n).map(|i| all[i * all.len() / n]).collect()

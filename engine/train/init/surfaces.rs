@@ -7,8 +7,8 @@ use super::points::Found;
 use super::{hull, sweep};
 use crate::error::Result;
 use crate::parallel::{in_parallel, threads};
-use crate::scene::capture::Capture;
-use crate::train::config::{Config, Init};
+use crate::scene::capture::{Capture, Point};
+use crate::train::config::Config;
 
 /// Longest side of the pictures that silhouettes are taken from, pixels.
 const HULL_SIDE: usize = 320;
@@ -22,6 +22,8 @@ const HULL_KEY: u64 = 0x6875_6c6c;
 /// The pictures that are looked at.
 pub(super) struct Views<'a> {
     pub capture: &'a Capture,
+    /// What the capture knows of what stands still.
+    pub points: &'a [Point],
     pub config: &'a Config,
     /// Training cameras that take part.
     pub cameras: &'a [usize],
@@ -43,8 +45,8 @@ pub(super) struct Surfaces {
 }
 
 impl Views<'_> {
-    /// Looks at all of them, frame by frame. `known` are points that stand still, where somebody knows; else those of the capture
-    /// are asked with [`Init::Auto`]. `done` is called after each picture and each sweep.
+    /// Looks at all of them, frame by frame. `known` are points that stand still, where somebody knows; else the pictures are
+    /// asked which of `points` do. `done` is called after each picture and each sweep.
     pub fn surfaces(&self, known: Option<&[Found]>, lenses: &Lenses, done: &mut dyn FnMut()) -> Result<Surfaces> {
         let reference = self.capture.reference_frame;
         let mut frames: Vec<u32> = self.hull_frames.iter().copied().chain([reference]).collect();
@@ -66,11 +68,7 @@ impl Views<'_> {
             let (swept, carving): (Vec<Option<Eye>>, Vec<Option<Eye>>) = eyes.into_iter().unzip();
             if is_reference {
                 let eyes: Vec<Eye> = swept.into_iter().flatten().collect();
-                let known = match known {
-                    Some(known) => known.to_vec(),
-                    None if self.config.init == Init::Auto => agree::still(&self.capture.points, &eyes),
-                    None => Vec::new(),
-                };
+                let known = known.map_or_else(|| agree::still(self.points, &eyes), <[Found]>::to_vec);
                 surfaces.n_known = known.len();
                 let depths = sweep::sweep(&eyes, threads, &mut *done)?;
                 let found = agree::agree(&eyes, &depths, &known, threads)?;
@@ -78,7 +76,7 @@ impl Views<'_> {
                 let mut all: Vec<Agreed> = of_before.chain(found).collect();
                 all.retain(|point| !lenses.are_veiled_by(&point.found));
                 surfaces.n_found = all.iter().filter(|point| point.n_cameras < usize::MAX).count();
-                let most = (n_pixels(self.capture) / PIXELS_PER_POINT).min(self.config.init_points as u64) as usize;
+                let most = (self.n_pixels() / PIXELS_PER_POINT).min(self.config.init_points as u64) as usize;
                 surfaces.still = agree::thin(&all, most.max(surfaces.n_known));
             }
             if has_hull {
@@ -89,12 +87,13 @@ impl Views<'_> {
         }
         Ok(surfaces)
     }
-}
 
-/// Pixels of all training pictures of one frame.
-fn n_pixels(capture: &Capture) -> u64 {
-    let training = capture.cameras.iter().filter(|camera| !camera.is_test);
-    training.map(|camera| camera.intrinsics.n_pixels()).sum()
+    /// Pixels of all training pictures of one frame, or of all photographs, be they looked at or not.
+    fn n_pixels(&self) -> u64 {
+        let are_photos = self.cameras.iter().any(|camera| self.capture.cameras[*camera].is_photo);
+        let all = self.capture.cameras.iter().filter(|camera| !camera.is_test && camera.is_photo == are_photos);
+        all.map(|camera| camera.intrinsics.n_pixels()).sum()
+    }
 }
 
 /// The frame that a camera shows for `frame`: another, if it has none there and `any` will do. In a monocular clip each
