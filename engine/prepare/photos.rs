@@ -9,8 +9,8 @@ use std::path::{Path, PathBuf};
 
 use super::images::take_over;
 use super::journal::make_folder;
+use super::pictures::{Pictures, photos};
 use super::program::COLMAP;
-use super::reconstruct::Pictures;
 use super::settings::{PrepareSettings, Triangulate};
 use super::source::Source;
 use crate::error::{Error, Result};
@@ -60,7 +60,7 @@ impl Together {
         };
         let to = images.join(PHOTOS);
         make_folder(&to)?;
-        let files = super::reconstruct::photos(&from)?;
+        let files = photos(&from)?;
         for name in files.iter().filter(|name| !to.join(name).is_file()) {
             take_over(&from.join(name), &to.join(name))?;
         }

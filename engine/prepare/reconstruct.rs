@@ -14,15 +14,16 @@ use serde_json::json;
 use super::frames::take;
 use super::journal::{Journal, cannot_list, make_folder};
 use super::photos::Together;
+use super::pictures::{Pictures, photos};
 use super::program::{COLMAP, FFMPEG, FFPROBE};
 use super::settings::{PrepareSettings, Progress};
 use super::source::Footage;
-use super::source::footage::{find, is_video, video_names};
+use super::source::footage::{find, video_names};
 use super::track::{self, Track};
 use super::video::{self, Selection};
 use crate::error::{Error, Result};
 use crate::files::write_atomic;
-use crate::scene::capture::{Faults, Frames, PHOTOS, is_image, read_images};
+use crate::scene::capture::{Faults, Frames, PHOTOS, read_images};
 
 /// Most pictures that are taken of a single video, evenly chosen.
 const OF_VIDEO: u32 = 120;
@@ -37,55 +38,6 @@ const BLOCK: usize = 10;
 /// Seconds of one core, measured on pictures of 1280 x 720 with 7,000 features: to find the features of a picture, to match a
 /// pair, to place a picture.
 const SECONDS: [f64; 3] = [1.2, 0.45, 0.5];
-
-/// Pictures without cameras.
-pub(super) enum Pictures {
-    /// A folder of photos of something that stands still.
-    Photos(PathBuf),
-    /// A video of something that stands still, by a camera that moves.
-    Video(PathBuf),
-    /// A folder of videos of the same moment, by cameras that stand still.
-    Videos(PathBuf),
-}
-
-impl Pictures {
-    /// What a path without any calibration holds; nothing where it is neither photos nor videos.
-    pub fn at(path: &Path) -> Option<Pictures> {
-        if is_video(path) {
-            return Some(Pictures::Video(path.to_owned()));
-        }
-        if !video_names(path).is_empty() {
-            return Some(Pictures::Videos(path.to_owned()));
-        }
-        let holds_photos = |folder: &Path| {
-            let files = fs::read_dir(folder).into_iter().flatten().flatten();
-            files.map(|file| file.path()).filter(|file| is_image(file) && file.is_file()).nth(1).is_some()
-        };
-        [path.to_owned(), path.join("images")].into_iter().find(|folder| holds_photos(folder)).map(Pictures::Photos)
-    }
-
-    /// For messages.
-    pub fn name(&self) -> &'static str {
-        match self {
-            Pictures::Photos(_) => "photos",
-            Pictures::Video(_) => "a video",
-            Pictures::Videos(_) => "a folder of videos",
-        }
-    }
-
-    /// How many pictures COLMAP will be given, photographs of the same place among them.
-    fn count(&self, settings: &PrepareSettings) -> Result<usize> {
-        let n = match self {
-            Pictures::Photos(folder) => photos(folder)?.len(),
-            Pictures::Video(path) => selection(settings, video::probe(path)?.n_frames).n as usize,
-            Pictures::Videos(folder) => video_names(folder).len(),
-        };
-        match settings.photos.as_deref().and_then(Pictures::at) {
-            Some(Pictures::Photos(folder)) => Ok(n + photos(&folder)?.len()),
-            _ => Ok(n),
-        }
-    }
-}
 
 /// What is to be expected of COLMAP.
 #[derive(Clone, Debug, PartialEq)]
@@ -114,10 +66,23 @@ impl fmt::Display for Forecast {
     }
 }
 
+/// How many pictures COLMAP will be given, photographs of the same place among them.
+fn count(pictures: &Pictures, settings: &PrepareSettings) -> Result<usize> {
+    let n = match pictures {
+        Pictures::Photos(folder) => photos(folder)?.len(),
+        Pictures::Video(path) => selection(settings, video::probe(path)?.n_frames).n as usize,
+        Pictures::Videos(folder) => video_names(folder).len(),
+    };
+    match settings.photos.as_deref().and_then(Pictures::at) {
+        Some(Pictures::Photos(folder)) => Ok(n + photos(&folder)?.len()),
+        _ => Ok(n),
+    }
+}
+
 /// How long COLMAP will take; nothing where the source needs none to place its pictures.
 pub(super) fn forecast(settings: &PrepareSettings, pictures: &Pictures) -> Result<Forecast> {
     require(settings, pictures)?;
-    let n = pictures.count(settings)?;
+    let n = count(pictures, settings)?;
     let pairs = match pictures {
         Pictures::Video(_) => (0..n).map(|later| OVERLAP.min(later)).sum(),
         _ => n * n.saturating_sub(1) / 2,
@@ -241,15 +206,6 @@ fn selection(settings: &PrepareSettings, n_frames: u32) -> Selection {
     let n = asked.of(n_frames).len() as u32;
     let every = if asked.every > 1 { asked.every } else { n.div_ceil(OF_VIDEO).max(1) };
     Selection { start: asked.from, every, n: Frames { every, ..asked }.of(n_frames).len() as u32 }
-}
-
-/// Names of the pictures of a folder, sorted.
-pub(super) fn photos(folder: &Path) -> Result<Vec<OsString>> {
-    let files = fs::read_dir(folder).map_err(|fault| cannot_list(folder, &fault))?.flatten();
-    let photos = files.map(|file| file.path()).filter(|file| is_image(file) && file.is_file());
-    let mut names: Vec<OsString> = photos.filter_map(|file| file.file_name().map(OsStr::to_owned)).collect();
-    names.sort();
-    Ok(names)
 }
 
 struct Reconstruction<'a> {

@@ -12,6 +12,18 @@ fn text(path: &Path) -> &str {
     path.to_str().unwrap()
 }
 
+/// That the means of the frames at seams, and of the others, are those of the views.
+fn assert_scored_at_seams(scores: &Value, seam: std::ops::RangeInclusive<u64>) {
+    let both = &scores["mean_at_seams_and_elsewhere"];
+    for (index, at_seam) in [(0, true), (1, false)] {
+        let views = scores["views"].as_array().unwrap().iter();
+        let of = views.filter(|view| seam.contains(&view["frame"].as_u64().unwrap()) == at_seam);
+        let psnr: Vec<f64> = of.map(|view| view["psnr"].as_f64().unwrap()).collect();
+        let (told, expected) = (both[index]["psnr"].as_f64().unwrap(), psnr.iter().sum::<f64>() / psnr.len() as f64);
+        assert!((told - expected).abs() < 1e-9, "{told} {expected}");
+    }
+}
+
 #[test]
 fn a_clip_in_segments_is_joined_to_one_scene_and_jobs_are_done_once() {
     let _device = gpu();
@@ -59,18 +71,7 @@ fn a_clip_in_segments_is_joined_to_one_scene_and_jobs_are_done_once() {
     works(&["eval", text(&plan)]);
     let scores = json(&plan.join("eval.json"));
     // Frames 3 to 5: those of both segments, and the one behind, up to which the first disappears.
-    let both = &scores["mean_at_seams_and_elsewhere"];
-    let psnr = |at: &dyn Fn(u64) -> bool| {
-        let views = scores["views"].as_array().unwrap().iter();
-        let of: Vec<f64> =
-            views.filter(|v| at(v["frame"].as_u64().unwrap())).map(|v| v["psnr"].as_f64().unwrap()).collect();
-        of.iter().sum::<f64>() / of.len() as f64
-    };
-    let at_seam = |frame: u64| (3..=5).contains(&frame);
-    for (index, expected) in [(0, psnr(&at_seam)), (1, psnr(&|frame| !at_seam(frame)))] {
-        let told = both[index]["psnr"].as_f64().unwrap();
-        assert!((told - expected).abs() < 1e-9, "{told} {expected}");
-    }
+    assert_scored_at_seams(&scores, 3..=5);
     let views = scores["views"].as_array().unwrap();
     assert!(views.len() >= 8 && views.iter().all(|view| view["psnr"].as_f64().unwrap() > 8.0));
     // Where only one segment is there, the picture is that of the segment alone.

@@ -15,7 +15,7 @@ use std::path::Path;
 use self::recording::Place;
 pub(super) use self::recording::{Clocks, Footage, Source, SourceCamera};
 use crate::error::{Error, Result};
-use crate::prepare::reconstruct::Pictures;
+use crate::prepare::pictures::Pictures;
 use crate::prepare::settings::PrepareSettings;
 use crate::scene::capture::{Faults, check_names, is_capture, is_unfinished};
 
