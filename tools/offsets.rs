@@ -88,7 +88,10 @@ fn rows(capture: &Capture, learns: &[bool], fits: &BTreeMap<usize, OffsetFit>) -
             truth: truth.get(&camera.name).map(|offset| offset - mean),
         }
     };
-    let is_listed = |(index, camera): &(usize, &Camera)| !camera.is_test || fits.contains_key(index);
+    // A photograph has no time.
+    let has_time = |camera: &Camera| !camera.is_photo;
+    let is_listed =
+        |(index, camera): &(usize, &Camera)| has_time(camera) && (!camera.is_test || fits.contains_key(index));
     capture.cameras.iter().enumerate().filter(is_listed).map(row).collect()
 }
 

@@ -23,6 +23,10 @@ fn a_photograph_shows_and_teaches_what_rests_alone() {
     let told = String::from_utf8_lossy(&ended.stderr).into_owned();
     assert!(ended.status.success() && told.contains("of them from photographs"), "{told}");
     assert_eq!(json(&base.join("run.json"))["held"]["training_images"], 15);
+    // Photographs have no clock.
+    let clocks = json(&base.join("offsets.json"));
+    let named = |name: &str| clocks.to_string().contains(name);
+    assert!(named("cam00") && !named("photo"), "{clocks}");
     let scene = read_ply(&base.join("scene.ply")).unwrap();
     assert!(scene.n_static > 50 && scene.motion.len() > 20, "{} {}", scene.n_static, scene.motion.len());
     let opened = Capture::open(&clip.0).unwrap();
