@@ -64,14 +64,9 @@ pub struct Options {
     pub masks: bool,
     /// The calibration has each training camera turned by 0.2 degrees and shifted by 10 mm from where it is.
     pub bent: bool,
-    /// Photographs of the room without what moves, 0 or 2 to 99: taken from around an outward rig's place, looking outward.
-    #[serde(skip_serializing_if = "is_zero")]
-    pub photos: u32,
-}
-
-#[allow(clippy::trivially_copy_pass_by_ref, reason = "serde hands over a reference")]
-fn is_zero(n: &u32) -> bool {
-    *n == 0
+    /// Photographs of the room without what moves, 2 to 99: taken from around an outward rig's place, looking outward.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub photos: Option<u32>,
 }
 
 /// Named options.
@@ -128,7 +123,7 @@ impl Preset {
             colors: false,
             masks: false,
             bent: false,
-            photos: 0,
+            photos: None,
         };
         match self {
             Preset::Tiny => Options { cameras: 6, width: 64, height: 48, frames: 8, points: 200, ..small },
@@ -171,8 +166,8 @@ impl Options {
             ("fps", self.fps, 1, 1000),
             ("samples", self.samples, 1, 8),
             ("points", self.points, 0, 1_000_000),
-            // One photograph shares no point with another.
-            ("photos", self.photos, if self.photos == 0 { 0 } else { 2 }, 99),
+            // A photograph alone shares no point with another.
+            ("photos", self.photos.unwrap_or(2), 2, 99),
         ];
         let outside = ranges.into_iter().find(|(_, value, low, high)| !(low..=high).contains(&value));
         outside.map(|(name, value, low, high)| (name, format!("{value} is not in {low}..={high}")))

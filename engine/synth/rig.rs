@@ -98,12 +98,12 @@ impl Camera {
 
 /// Where the photographs are taken from, in the order of their names: from a ring, in three heights, looking outward, two and two the
 /// same way, so that there is something that both see.
-pub(super) fn photographers(options: &Options) -> Vec<Camera> {
+pub(super) fn photographers(options: &Options, n: u32) -> Vec<Camera> {
     let mut random = math::random(options.seed, Stream::Photos, 0, 0);
     let photographer = |index: u32| {
         let mut jitter = |most: f64| random.uniform(-most, most);
         let mut way = |index: u32| {
-            let (sin, cos) = sin_cos(2.0 * PI * f64::from(index) / f64::from(options.photos) + jitter(0.05));
+            let (sin, cos) = sin_cos(2.0 * PI * f64::from(index) / f64::from(n) + jitter(0.05));
             DVec3::new(cos, 0.0, sin)
         };
         let height = DVec3::Y * (PHOTO_HEIGHT * (f64::from(index % 3) - 1.0));
@@ -111,7 +111,7 @@ pub(super) fn photographers(options: &Options) -> Vec<Camera> {
         let target = center + way(index / 2 * 2) - 0.3 * height;
         pinhole(format!("photo{index:02}"), options, (center, target, PHOTO_FIELD), &mut jitter)
     };
-    (0..options.photos).map(photographer).collect()
+    (0..n).map(photographer).collect()
 }
 
 /// How a moving rig is turned about its middle at a time, and how far it is from there.

@@ -99,8 +99,8 @@ pub fn write_capture(
     let counts = in_parallel(jobs.len(), threads, |index| capture.run(jobs[index]), |n| progress(n, jobs.len()))?;
     let point_lists: Vec<_> = counts.into_iter().flatten().collect();
     let outliers: Vec<Vec<u32>> = point_lists.iter().map(|(_, outliers)| outliers.clone()).collect();
-    if options.photos > 0 {
-        write_photos(&folder.join("photos"), options, threads)?;
+    if let Some(n) = options.photos {
+        write_photos(&folder.join("photos"), options, n, threads)?;
     }
     capture.finish(&outliers)?;
     let n_test = capture.cameras.iter().filter(|camera| camera.is_test).count();
@@ -115,8 +115,8 @@ pub fn write_capture(
 }
 
 /// Writes photographs of the room without what moves, and their points: a capture of one frame.
-fn write_photos(folder: &Path, options: &Options, threads: usize) -> Result<()> {
-    let (mut world, cameras) = (room(options), photographers(options));
+fn write_photos(folder: &Path, options: &Options, n: u32, threads: usize) -> Result<()> {
+    let (mut world, cameras) = (room(options), photographers(options, n));
     world.bodies.retain(|body| !body.dynamic);
     let take = |index: usize| {
         let camera: &Camera = &cameras[index];
@@ -267,7 +267,7 @@ impl Capture<'_> {
             !tests.is_empty(),
             // A single frame has no next one.
             self.options.frames > 1,
-            if self.options.photos > 0 { "photos = true\n" } else { "" },
+            if self.options.photos.is_some() { "photos = true\n" } else { "" },
         );
         files::bytes(&self.folder.join("capture.toml"), manifest.as_bytes())
     }

@@ -9,7 +9,7 @@ use super::{Folder, told};
 pub fn clip(name: &str) -> Folder {
     let folder = Folder::new(name);
     let tiny = Preset::Tiny.options(3);
-    let (cameras, test_cameras, frames, photos) = (4, 1, 4, 3);
+    let (cameras, test_cameras, frames, photos) = (4, 1, 4, Some(3));
     let options = Options { cameras, test_cameras, frames, photos, samples: 1, points: 60, ..tiny };
     write_capture(&folder.0, &options, 2, &mut |_, _| {}).unwrap();
     folder

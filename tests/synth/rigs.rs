@@ -126,7 +126,7 @@ fn points_of_a_moving_rig_lie_where_its_cameras_of_that_frame_see_them() {
 
 #[test]
 fn photographs_show_the_room_without_what_moves_and_change_nothing_else() {
-    let with = make("photos", &Options { photos: 4, ..few(Rig::Outward, 4, 2) }, 2);
+    let with = make("photos", &Options { photos: Some(4), ..few(Rig::Outward, 4, 2) }, 2);
     let without = make("no-photos", &few(Rig::Outward, 4, 2), 2);
     let (mut files, others) = (super::files(&with), super::files(&without));
     let photos: Vec<_> = files.keys().filter(|path| path.starts_with("photos")).cloned().collect();

@@ -49,8 +49,8 @@ pub struct Args {
     #[arg(long)]
     frames: Option<u32>,
     /// Photographs of the room without what moves, from around the place of an outward rig, looking outward: photos/ of the capture.
-    #[arg(long, default_value_t = 0)]
-    photos: u32,
+    #[arg(long)]
+    photos: Option<u32>,
     /// Frames at the beginning in which nothing moves; all movement takes place that much later.
     #[arg(long, default_value_t = 0)]
     still_frames: u32,
