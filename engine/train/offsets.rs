@@ -15,8 +15,9 @@ use std::sync::Arc;
 const STEP: f64 = 0.1;
 /// Longest step of an iteration, frames.
 const LONGEST: f64 = 0.5;
-/// Pictures of a camera that are looked at, at most, evenly spread over the clip.
-const PICTURES: usize = 12;
+/// Pictures of a camera that are looked at, at most, evenly spread over the clip. Each is rendered twice, and that for every
+/// camera: with 27 of them and 12 pictures, a check took as long as 100 steps.
+const PICTURES: usize = 8;
 /// Longest side of those pictures, pixels: larger ones are reduced. A time shows in how far things are, not in their detail.
 const SIDE: u32 = 192;
 /// Standard error above which an offset is not identifiable, frames.
@@ -157,18 +158,20 @@ pub fn fit_offset(
     Ok(fit)
 }
 
-/// Gradient and Gauss-Newton curvature of half the squared error of a picture by the offset, at `offset`.
+/// Gradient and Gauss-Newton curvature of half the squared error of a picture by the offset, at `offset`. What is seen there is
+/// taken as the mean of what is seen just before and just after: within so little time colours change in proportion to it.
 fn gradient(renderer: &mut Renderer, view: &View, picture: &Picture, offset: f64) -> Result<[f64; 2]> {
     let mut at = |time_offset: f64| -> Result<Vec<[f32; 3]>> {
         Ok(renderer.render(&View { time_offset, ..view.clone() }, Outputs::Color)?.0.color)
     };
-    let (before, now, after) = (at(offset - STEP)?, at(offset)?, at(offset + STEP)?);
+    let (before, after) = (at(offset - STEP)?, at(offset + STEP)?);
     let mut sums = [0.0; 2];
     for (i, word) in picture.pixels.iter().enumerate().filter(|(_, word)| **word >> 24 != 0) {
         let truth = word.to_le_bytes();
         for c in 0..3 {
-            let slope = f64::from(after[i][c] - before[i][c]) / (2.0 * STEP);
-            let error = f64::from(now[i][c]) - f64::from(truth[c]) / 255.0;
+            let (before, after) = (f64::from(before[i][c]), f64::from(after[i][c]));
+            let slope = (after - before) / (2.0 * STEP);
+            let error = 0.5 * (before + after) - f64::from(truth[c]) / 255.0;
             sums[0] += slope * error;
             sums[1] += slope * slope;
         }

@@ -418,10 +418,10 @@ impl<'a> Session<'a> {
     }
 
     /// What is due after a step beside density control, which the trainer sees to. Time offsets that the images do not tell are
-    /// frozen once the scene has formed, and once more.
+    /// frozen once the scene has formed.
     fn due_after(&self, step: u64) -> Owed {
         let review = review_due(&self.config, step, self.total).is_some();
-        let offsets = step > 0 && (step == self.total / 3 || step == 2 * self.total / 3);
+        let offsets = step > 0 && step == self.total / 2;
         let poses = self.config.poses == PoseKind::Auto && step > 0 && step == poses_judged_at(self.total);
         Owed { review, offsets, poses, average: Average::is_due(&self.config, step, self.total), density: false }
     }
