@@ -1,16 +1,19 @@
 //! A long clip in segments that are trained one by one, each in the memory of its own frames: what rests is trained once, with frames
 //! of the whole clip, each segment trains what moves on top, and the segments are joined so that each gives way to the next.
 //!
-//! Where two segments overlap, the Gaussians of the later one appear one by one in the first half of the overlap, and those of the
-//! earlier one disappear one by one in the second half. At its middle all of both are there, so that nothing behind them is seen
-//! through, as it would be if one faded while the other came. They appear and disappear between two frames.
+//! Where two segments overlap, the Gaussians of the later one come while those of the earlier one go: each half of a bell, of which
+//! the sum is 1 to 1.08, so that nothing behind them is seen through. A Gaussian's visibility is a bell, and the product of two
+//! is one too, so what fades is a Gaussian like any other, with a span. One that is seen before and behind the end of a fade is cut in
+//! two there.
 
 use crate::error::{Error, Result};
 use crate::files::{cannot_read, read_file, write_atomic};
-use crate::random::Keyed;
 use crate::scene::capture::Frames;
-use crate::scene::{Part, Parts, Splats};
+use crate::scene::{Motion, Part, Parts, Splats};
 use std::path::{Path, PathBuf};
+
+/// Opacity below which nothing is drawn, a little less.
+const FAINT: f64 = 0.999 / 255.0;
 
 /// How a clip is cut into segments.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -29,21 +32,21 @@ pub struct Segments {
 
 impl Segments {
     /// Cuts a clip of `n_frames` into as few segments of at most `length` frames as share `overlap` frames with the next one; they are
-    /// of one length but for a frame.
+    /// of one length but for a frame. At most half of a segment is shared with the next one: it has come before it goes.
     ///
     /// # Errors
     /// What is wrong with the numbers.
     pub fn new(n_frames: u32, length: u32, overlap: u32) -> std::result::Result<Self, String> {
-        if length < 2 || overlap >= length {
+        let is_cut = n_frames > length;
+        if length < 2 || (is_cut && overlap > length / 2) {
             return Err(format!(
-                "expected segments of at least 2 frames that are longer than their overlap, found {length} and {overlap}"
+                "expected segments of at least 2 frames, half of which overlap at most, found {length} and {overlap}"
             ));
         }
         if n_frames < 2 {
             return Err(format!("expected a clip, found {n_frames} frame"));
         }
-        let own = length - overlap;
-        let n = n_frames.saturating_sub(overlap).div_ceil(own).max(1);
+        let n = if is_cut { (n_frames - overlap).div_ceil(length - overlap) } else { 1 };
         let border = |segment: u32| u64::from(segment) * u64::from(n_frames - overlap.min(n_frames)) / u64::from(n);
         let segment = |segment: u32| [border(segment) as u32, (border(segment + 1) as u32 + overlap).min(n_frames)];
         let segments: Vec<[u32; 2]> = (0..n).map(segment).collect();
@@ -98,42 +101,110 @@ impl Segments {
         self.segments.windows(2).any(|pair| (pair[1][0]..=pair[0][1]).contains(&frame))
     }
 
-    /// The dynamic Gaussians of `own`, the scene of a segment, on the clock of the whole clip.
+    /// The dynamic Gaussians of `own`, the scene of a segment, on the clock of the whole clip; in several pieces where they fade.
     fn moving(&self, index: usize, own: &Splats) -> Splats {
         let [from, to] = self.segments[index];
         let mut moving = own.kept(|i| i >= own.n_static).into_owned();
         moving.degree.clear();
         let n_frames = f64::from(self.n_frames);
-        let mut moving = moving.on_clock(f64::from(to - from) / n_frames, f64::from(from) / n_frames);
-        if self.segments.len() > 1 {
-            let random = Keyed::new(&[index as u64]);
-            moving.span = (0..moving.len() as u64).map(|i| self.span(index, random.uniform(i))).collect();
+        let moving = moving.on_clock(f64::from(to - from) / n_frames, f64::from(from) / n_frames);
+        if self.segments.len() == 1 {
+            return moving;
         }
-        moving
+        let (moving, stretches) = (&moving, &self.stretches(index));
+        let of = |i: usize| stretches.iter().filter_map(move |stretch| Some((i, stretch, stretch.piece(moving, i)?)));
+        let pieces: Vec<(usize, &Stretch, Piece)> = (0..moving.len()).flat_map(of).collect();
+        let mut faded = moving.in_order(&pieces.iter().map(|(i, ..)| *i).collect::<Vec<_>>());
+        faded.position = pieces.iter().map(|(.., piece)| piece.position).collect();
+        faded.motion = pieces.iter().map(|(.., piece)| piece.motion).collect();
+        faded.opacity = pieces.iter().map(|(.., piece)| piece.opacity).collect();
+        faded.span = pieces.iter().map(|(_, stretch, _)| [stretch.from as f32, stretch.to as f32]).collect();
+        faded
     }
 
-    /// From when up to when a Gaussian of a segment is there, normalised time of the clip; `when`, from 0 to 1, says how late in its half
-    /// of an overlap it appears and disappears.
-    fn span(&self, segment: usize, when: f64) -> [f32; 2] {
-        // Half a frame before the frame that is the first with, or without.
-        let border = |[from, to]: [f64; 2]| {
-            let frame = (from + when * (to - from)).floor();
-            ((frame - 0.5) / f64::from(self.n_frames)) as f32
+    /// How a segment and the next one give way to each other.
+    fn seam(&self, earlier: usize) -> Seam {
+        let (first, end) = (f64::from(self.segments[earlier + 1][0]), f64::from(self.segments[earlier][1]));
+        let at = |frame: f64| frame / f64::from(self.n_frames);
+        // In the middle both are at half their opacity.
+        let width = at(0.5 * (end - first + 1.0)) / std::f64::consts::LN_2.sqrt();
+        let [going, coming] = [first - 1.0, end].map(|frame| Fade { peak: at(frame), width });
+        Seam { going, coming, appears: at(first - 0.5), is_gone: at(end - 0.5) }
+    }
+
+    /// The parts of a clip in each of which a segment is full or fades in one way, in order.
+    fn stretches(&self, index: usize) -> Vec<Stretch> {
+        let coming = index.checked_sub(1).map(|earlier| self.seam(earlier));
+        let going = (index + 1 < self.segments.len()).then(|| self.seam(index));
+        let begin = coming.as_ref().map_or(f64::NEG_INFINITY, |seam| seam.appears);
+        let end = going.as_ref().map_or(f64::INFINITY, |seam| seam.is_gone);
+        let (coming, going) = (coming.map(|seam| seam.coming), going.map(|seam| seam.going));
+        let inner = [&coming, &going].into_iter().flatten().map(|fade| fade.peak);
+        let mut cuts: Vec<f64> = inner.filter(|at| begin < *at && *at < end).chain([begin, end]).collect();
+        cuts.sort_unstable_by(f64::total_cmp);
+        cuts.dedup();
+        let stretch = |cut: &[f64]| {
+            let (from, to) = (cut[0], cut[1]);
+            let fades = [coming.filter(|fade| to <= fade.peak), going.filter(|fade| from >= fade.peak)];
+            Stretch { from, to, fades: fades.into_iter().flatten().collect() }
         };
-        // The overlap's first frame, its middle and the frame behind it, in each of which something may change.
-        let overlap = |at: usize| {
-            let (from, to) = (f64::from(self.segments[at + 1][0]), f64::from(self.segments[at][1]));
-            [from, (0.5 * (from + to)).floor(), to]
-        };
-        let from = segment.checked_sub(1).map_or(f32::NEG_INFINITY, |before| {
-            let [first, middle, _] = overlap(before);
-            border([first, middle + 1.0])
-        });
-        let to = (segment + 1 < self.segments.len()).then(|| {
-            let [_, middle, end] = overlap(segment);
-            border([(middle + 1.0).min(end), end + 1.0])
-        });
-        [from, to.unwrap_or(f32::INFINITY)]
+        cuts.windows(2).map(stretch).collect()
+    }
+}
+
+/// Half a bell: 1 at `peak`, exp(-((t - peak) / width)^2) at a time t on one side of it; normalised times of the clip.
+#[derive(Clone, Copy)]
+struct Fade {
+    peak: f64,
+    width: f64,
+}
+
+/// How one segment gives way to the next. The half bells are cut off half a frame before their first and behind their last frame.
+struct Seam {
+    going: Fade,
+    coming: Fade,
+    appears: f64,
+    is_gone: f64,
+}
+
+/// A part of a clip, from when up to when, and how a segment fades in it.
+struct Stretch {
+    from: f64,
+    to: f64,
+    fades: Vec<Fade>,
+}
+
+/// A Gaussian in a stretch.
+struct Piece {
+    position: [f32; 3],
+    motion: Motion,
+    opacity: f32,
+}
+
+impl Stretch {
+    /// Gaussian `i` of those that move, as it is here; none where it is not visible.
+    fn piece(&self, moving: &Splats, i: usize) -> Option<Piece> {
+        let (position, motion, logit) = (moving.position[i], moving.motion[i], moving.opacity[i]);
+        let mut opacity = 1.0 / (1.0 + (-f64::from(logit)).exp());
+        let (mut center, mut tau) = (f64::from(motion.t_center), f64::from(motion.t_scale).exp());
+        for Fade { peak, width } in &self.fades {
+            let (both, ahead) = (tau.powi(2) + width.powi(2), center - peak);
+            opacity *= (-ahead.powi(2) / both).exp();
+            center = peak + ahead * width.powi(2) / both;
+            tau = 1.0 / (tau.powi(-2) + width.powi(-2)).sqrt();
+        }
+        let nearest = center.clamp(self.from, self.to);
+        if opacity * (-((nearest - center) / tau).powi(2)).exp() < FAINT {
+            return None;
+        }
+        if self.fades.is_empty() {
+            return Some(Piece { position, motion, opacity: logit });
+        }
+        let later = center - f64::from(motion.t_center);
+        let position = std::array::from_fn(|k| (f64::from(position[k]) + f64::from(motion.velocity[k]) * later) as f32);
+        let motion = Motion { t_center: center as f32, t_scale: tau.ln() as f32, ..motion };
+        let opacity = (opacity / (1.0 - opacity).max(f64::EPSILON)).ln() as f32;
+        Some(Piece { position, motion, opacity })
     }
 }
 
@@ -209,7 +280,7 @@ mod tests {
     #[test]
     fn segments_cover_the_clip_evenly_and_share_frames() {
         for (n_frames, length, overlap) in
-            [(90, 30, 6), (600, 60, 6), (7, 60, 6), (61, 60, 6), (10, 2, 1), (300, 60, 0), (5, 4, 3)]
+            [(90, 30, 6), (600, 60, 8), (7, 60, 6), (61, 60, 6), (10, 2, 1), (300, 60, 0), (5, 5, 8)]
         {
             let Segments { segments, still, .. } = Segments::new(n_frames, length, overlap).unwrap();
             assert_eq!((segments[0][0], segments[segments.len() - 1][1]), (0, n_frames));
@@ -219,61 +290,95 @@ mod tests {
             assert!(*most <= length && most - least <= 1, "{lengths:?}");
             assert!(still.of(n_frames).len() as u32 <= length);
         }
-        for (n_frames, length, overlap) in [(9, 1, 0), (9, 4, 4), (1, 4, 1)] {
+        for (n_frames, length, overlap) in [(9, 1, 0), (9, 4, 3), (1, 4, 1)] {
             assert!(Segments::new(n_frames, length, overlap).is_err());
         }
     }
 
-    #[test]
-    fn one_segment_gives_way_to_the_next_and_something_is_always_there() {
-        let dynamic = |n: usize| Splats {
-            position: vec![[0.0; 3]; n],
-            rotation: vec![[1.0, 0.0, 0.0, 0.0]; n],
-            scale: vec![[0.0; 3]; n],
-            opacity: vec![0.0; n],
-            sh: vec![[0.0; 3]; n],
-            motion: vec![Motion { velocity: [1.0, 0.0, 0.0], t_center: 0.5, t_scale: 0.0 }; n],
-            source_row: (0..n as u32).collect(),
+    /// Moving Gaussians on a segment's clock, seen for long and for short, at its begin, its middle and its end.
+    fn moving() -> Splats {
+        let motion = |k: usize| Motion {
+            velocity: [1.0, 0.0, -2.0],
+            t_center: [0.0, 0.1, 0.5, 0.9, 1.0][k % 5],
+            t_scale: [f32::INFINITY, 0.0, -2.5][k / 5],
+        };
+        Splats {
+            position: (0..15).map(|k| [k as f32, 1.0, -1.0]).collect(),
+            rotation: vec![[1.0, 0.0, 0.0, 0.0]; 15],
+            scale: vec![[0.0; 3]; 15],
+            opacity: (0..15).map(|k| 2.0 - 0.3 * k as f32).collect(),
+            sh: vec![[0.0; 3]; 15],
+            motion: (0..15).map(motion).collect(),
+            source_row: (0..15).collect(),
             ..Splats::new(0)
-        };
-        let still = Splats { n_static: 3, motion: Vec::new(), ..dynamic(3) };
-        let segments = Segments::new(90, 34, 6).unwrap();
-        assert_eq!(segments.segments, [[0, 34], [28, 62], [56, 90]]);
-        let join = |segments: &Segments, n: usize| {
-            let mut joined = still.clone();
-            (0..segments.segments.len()).for_each(|index| joined.append(segments.moving(index, &dynamic(n))));
-            joined
-        };
-        let joined = join(&segments, 400);
-        joined.check().unwrap();
-        assert_eq!((joined.n_static, joined.motion.len()), (3, 1200));
-        assert!((joined.motion[400].t_center - 45.0 / 90.0).abs() < 1e-6);
-        assert!((joined.motion[0].velocity[0] - 90.0 / 34.0).abs() < 1e-5);
-        let there = |segment: usize, frame: u32| {
-            let range = 3 + 400 * segment..3 + 400 * (segment + 1);
-            range.filter(|&i| joined.is_there(i, f64::from(frame) / 90.0)).count()
-        };
-        assert!((0..28).all(|frame| [there(0, frame), there(1, frame), there(2, frame)] == [400, 0, 0]));
-        // The later segment comes while the earlier one is all there, and then that goes.
-        let of_overlap: Vec<[usize; 2]> = (28..34).map(|frame| [there(0, frame), there(1, frame)]).collect();
-        assert!(of_overlap.iter().all(|[before, behind]| *before.max(behind) == 400), "{of_overlap:?}");
-        assert!(
-            of_overlap.windows(2).all(|pair| pair[0][0] >= pair[1][0] && pair[0][1] <= pair[1][1]),
-            "{of_overlap:?}"
-        );
-        assert_eq!(of_overlap[3], [400, 400]);
-        // No frame changes more than its share.
-        let most =
-            of_overlap.windows(2).map(|pair| pair[0][0].abs_diff(pair[1][0]) + pair[0][1].abs_diff(pair[1][1])).max();
-        assert!(most < Some(170), "{of_overlap:?}");
-        assert!((34..56).all(|frame| [there(0, frame), there(1, frame), there(2, frame)] == [0, 400, 0]));
-        assert!((62..90).all(|frame| [there(0, frame), there(1, frame), there(2, frame)] == [0, 0, 400]));
-        // One segment alone is always there.
-        let alone = join(&Segments::new(9, 30, 6).unwrap(), 2);
-        assert!(alone.span.is_empty());
-        // Without an overlap one follows the other.
-        let cut = join(&Segments::new(8, 4, 0).unwrap(), 5);
-        let n = |time: f64| (3..13).filter(|&i| cut.is_there(i, time)).collect::<Vec<_>>();
-        assert_eq!((n(3.0 / 8.0), n(4.0 / 8.0)), ((3..8).collect(), (8..13).collect()));
+        }
+    }
+
+    /// Opacity of what came of Gaussian `row` at a time, and where it is; at most one piece is there.
+    fn shown(pieces: &Splats, row: u32, time: f64) -> (f64, Option<[f64; 3]>) {
+        let there: Vec<usize> =
+            (0..pieces.len()).filter(|&i| pieces.source_row[i] == row && pieces.is_there(i, time)).collect();
+        assert!(there.len() <= 1, "two pieces of one Gaussian at once");
+        let Some(&i) = there.first() else { return (0.0, None) };
+        let ahead = time - f64::from(pieces.motion[i].t_center);
+        let place = |k: usize| f64::from(pieces.position[i][k]) + f64::from(pieces.motion[i].velocity[k]) * ahead;
+        let opacity = pieces.weight_at(i, time) / (1.0 + (-f64::from(pieces.opacity[i])).exp());
+        (opacity, Some(std::array::from_fn(place)))
+    }
+
+    #[test]
+    fn one_segment_fades_while_the_next_one_comes() {
+        for (length, overlap) in [(34, 6), (31, 1), (30, 0), (16, 8)] {
+            let segments = Segments::new(90, length, overlap).unwrap();
+            let n = segments.segments.len();
+            // How much is there of a segment at a frame: what its pieces show of a Gaussian that would always be seen.
+            let mut weights = vec![[0.0_f64; 90]; n];
+            for (index, weights) in weights.iter_mut().enumerate() {
+                let (from, to) = (segments.segments[index][0], segments.segments[index][1]);
+                let scale = f64::from(to - from) / 90.0;
+                let before = moving().on_clock(scale, f64::from(from) / 90.0);
+                let pieces = segments.moving(index, &moving());
+                pieces.check().unwrap();
+                for frame in 0..90 {
+                    let time = f64::from(frame) / 90.0;
+                    weights[frame as usize] = shown(&pieces, 0, time).0 / shown(&before, 0, time).0;
+                    for row in 0..15 {
+                        let ((own, place), (now, there)) = (shown(&before, row, time), shown(&pieces, row, time));
+                        let expected = own * weights[frame as usize];
+                        // What is below the threshold may be left out.
+                        let is_left_out = now == 0.0 && expected < 1.0 / 255.0;
+                        assert!(
+                            (now - expected).abs() < 1e-5 || is_left_out,
+                            "{index} {row} {frame}: {now} {expected}"
+                        );
+                        let moved = place.zip(there).map(|(a, b)| glam::DVec3::from(a).distance(b.into()));
+                        assert!(moved.unwrap_or(0.0) < 1e-4, "{index} {row} {frame}: {place:?} {there:?}");
+                    }
+                }
+            }
+            for (earlier, pair) in segments.segments.windows(2).enumerate() {
+                let (first, end) = (pair[1][0] as usize, pair[0][1] as usize);
+                let is_full = |weight: f64| (weight - 1.0).abs() < 1e-6;
+                for frame in 0..90 {
+                    let [a, b] = [0, 1].map(|k| weights[earlier + k][frame]);
+                    match frame {
+                        _ if frame < first => assert!(b == 0.0 && (is_full(a) || earlier > 0)),
+                        _ if frame >= end => assert!(a == 0.0 && (is_full(b) || earlier + 2 < n)),
+                        _ => assert!((0.999..1.08).contains(&(a + b)), "frame {frame}: {a} and {b}"),
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_segment_alone_does_not_fade_and_pieces_are_few() {
+        let alone = Segments::new(9, 30, 6).unwrap().moving(0, &moving());
+        assert!(alone.span.is_empty() && alone.len() == 15);
+        // Seen throughout, in the overlap alone, in it and behind it, in the middle alone.
+        let cut = Segments::new(90, 34, 6).unwrap().moving(1, &moving());
+        let of = |row: u32| cut.source_row.iter().filter(|of| **of == row).count();
+        assert_eq!([of(0), of(10), of(11), of(12)], [3, 1, 2, 1]);
+        assert_eq!(cut.span.len(), cut.len());
     }
 }

@@ -65,8 +65,16 @@ fn a_clip_in_segments_is_joined_to_one_scene_and_jobs_are_done_once() {
     let scene = |folder: &str| read_ply(&plan.join(folder).join("scene.ply")).unwrap();
     let (base, first, second) = (scene("base"), scene("segment-0000"), scene("segment-0001"));
     assert_eq!(joined.n_static, base.n_static);
-    assert_eq!(joined.motion.len(), first.motion.len() + second.motion.len());
-    assert!(joined.span.iter().all(|span| *span != ALWAYS));
+    // Each Gaussian as it is where its segment is full, and as it fades, where it is seen there.
+    let ends: Vec<f32> = joined.span.iter().flatten().copied().filter(|end| end.is_finite()).collect();
+    let [full, gone, begun] = [2.0 / 8.0, 4.5 / 8.0, 2.5 / 8.0];
+    assert!(ends.iter().all(|end| [full, gone, begun, 5.0 / 8.0].contains(end)) && ends.contains(&full), "{ends:?}");
+    let n = first.motion.len() + second.motion.len();
+    assert!(
+        (n / 2..=2 * n).contains(&joined.motion.len()) && !joined.span.contains(&ALWAYS),
+        "{n} became {}",
+        joined.motion.len()
+    );
     // A whole run's verbs take it: scores of all frames, and a clip for players.
     works(&["eval", text(&plan)]);
     let scores = json(&plan.join("eval.json"));

@@ -54,8 +54,8 @@ struct PlanArgs {
     /// segment's images, decoded, and for as many Gaussians as `--max-gaussians` and the device allow.
     #[arg(long, value_name = "BYTES", conflicts_with = "frames")]
     memory: Option<u64>,
-    /// Frames that a segment shares with the next one, in which it gives way to it.
-    #[arg(long, default_value_t = 6)]
+    /// Frames that a segment shares with the next one, in which it gives way to it: at most half of it.
+    #[arg(long, default_value_t = 8)]
     overlap: u32,
     #[command(flatten)]
     settings: SettingArgs,
@@ -146,7 +146,7 @@ fn within(memory: u64, args: &PlanArgs, capture: &Capture, config: &Config) -> a
     let of_scene = TrainingPlan::new(&work, &limits).full;
     let of_frame = work.image_bytes.div_ceil(u64::from(capture.n_frames.max(1))).max(1);
     let frames = memory.saturating_sub(of_scene.bytes()) / of_frame;
-    let least = u64::from(args.overlap) + 2;
+    let least = u64::from(args.overlap.saturating_add(2).max(args.overlap.saturating_mul(2)).min(capture.n_frames));
     ensure!(
         frames >= least,
         "--memory {memory}: expected at least {}: {} take {} bytes, and the images of a frame {of_frame}; give more, \
