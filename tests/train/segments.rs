@@ -4,7 +4,7 @@ use super::Tiny;
 use super::run::{fails, ivv, json, works};
 use crate::common::device::gpu;
 use ivv::formats::read_ply;
-use ivv::scene::ALWAYS;
+use ivv::scene::{ALWAYS, Splats};
 use serde_json::Value;
 use std::path::Path;
 
@@ -22,6 +22,16 @@ fn assert_scored_at_seams(scores: &Value, seam: std::ops::RangeInclusive<u64>) {
         let (told, expected) = (both[index]["psnr"].as_f64().unwrap(), psnr.iter().sum::<f64>() / psnr.len() as f64);
         assert!((told - expected).abs() < 1e-9, "{told} {expected}");
     }
+}
+
+/// That a scene of frames 0 to 4 and 3 to 7 of eight has Gaussians as they are where a segment is full, and as they fade, of `n`
+/// that were trained.
+fn assert_faded(joined: &Splats, n: usize) {
+    let ends: Vec<f32> = joined.span.iter().flatten().copied().filter(|end| end.is_finite()).collect();
+    let [going, coming, gone, full] = [2.0 / 8.0, 2.5 / 8.0, 4.5 / 8.0, 5.0 / 8.0];
+    assert!(ends.iter().all(|end| [going, coming, gone, full].contains(end)) && ends.contains(&going), "{ends:?}");
+    let now = joined.motion.len();
+    assert!((n / 2..=2 * n).contains(&now) && !joined.span.contains(&ALWAYS), "{n} became {now}");
 }
 
 #[test]
@@ -65,16 +75,7 @@ fn a_clip_in_segments_is_joined_to_one_scene_and_jobs_are_done_once() {
     let scene = |folder: &str| read_ply(&plan.join(folder).join("scene.ply")).unwrap();
     let (base, first, second) = (scene("base"), scene("segment-0000"), scene("segment-0001"));
     assert_eq!(joined.n_static, base.n_static);
-    // Each Gaussian as it is where its segment is full, and as it fades, where it is seen there.
-    let ends: Vec<f32> = joined.span.iter().flatten().copied().filter(|end| end.is_finite()).collect();
-    let [full, gone, begun] = [2.0 / 8.0, 4.5 / 8.0, 2.5 / 8.0];
-    assert!(ends.iter().all(|end| [full, gone, begun, 5.0 / 8.0].contains(end)) && ends.contains(&full), "{ends:?}");
-    let n = first.motion.len() + second.motion.len();
-    assert!(
-        (n / 2..=2 * n).contains(&joined.motion.len()) && !joined.span.contains(&ALWAYS),
-        "{n} became {}",
-        joined.motion.len()
-    );
+    assert_faded(&joined, first.motion.len() + second.motion.len());
     // A whole run's verbs take it: scores of all frames, and a clip for players.
     works(&["eval", text(&plan)]);
     let scores = json(&plan.join("eval.json"));
