@@ -89,12 +89,12 @@ fn a_step_in_the_steady_state_makes_no_buffer() {
     let config = Config { sh_degree: 1, steps: STEPS, density, ..Config::default() };
     for bytes in [0, u64::MAX] {
         let mut session = begin(&gpu, &tiny, &config, Some(bytes));
-        // The first steps make theirs, an epoch those of images that stay, and a third of the run looks at the time offsets.
-        while session.steps() < STEPS / 3 + 3 {
+        // The first steps make theirs, an epoch those of images that stay, and the middle of the run looks at the time offsets.
+        while session.steps() < STEPS / 2 + 3 {
             session.step().unwrap();
         }
         let before = gpu.device().n_buffers_made();
-        while session.steps() < 2 * STEPS / 3 - 1 {
+        while session.steps() < STEPS / 2 + 19 {
             session.step().unwrap();
         }
         assert_eq!(gpu.device().n_buffers_made() - before, 0, "in 16 steps with {bytes} bytes of images on the device");

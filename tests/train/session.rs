@@ -71,14 +71,14 @@ fn a_session_does_what_is_due_whoever_brings_the_images_and_wherever_it_is_resum
     assert_eq!(bits(&fed.finish().unwrap()), bits(&whole));
 
     // Resumed right after a step after which something is due and has not been done.
-    for at in [17, 18, 20, 31, 57] {
+    for at in [17, 18, 30, 31, 57] {
         let mut first = begin(&tiny, SessionOptions::default());
         while first.steps() < at {
             first.step().unwrap();
         }
         let checkpoint = first.rescue().unwrap();
         let Owed { review, offsets, poses, .. } = checkpoint.owed;
-        assert_eq!((checkpoint.step, review, offsets, poses), (at, at == 18, at == 20, at == 18));
+        assert_eq!((checkpoint.step, review, offsets, poses), (at, at == 18, at == 30, at == 18));
         drop(first);
         let folder = tiny.folder.join(format!("checkpoints-{at}"));
         checkpoint.write(&folder).unwrap();
