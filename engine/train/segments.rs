@@ -359,8 +359,7 @@ mod tests {
             for (earlier, pair) in segments.segments.windows(2).enumerate() {
                 let (first, end) = (pair[1][0] as usize, pair[0][1] as usize);
                 let is_full = |weight: f64| (weight - 1.0).abs() < 1e-6;
-                for frame in 0..90 {
-                    let [a, b] = [0, 1].map(|k| weights[earlier + k][frame]);
+                for (frame, (a, b)) in weights[earlier].into_iter().zip(weights[earlier + 1]).enumerate() {
                     match frame {
                         _ if frame < first => assert!(b == 0.0 && (is_full(a) || earlier > 0)),
                         _ if frame >= end => assert!(a == 0.0 && (is_full(b) || earlier + 2 < n)),
