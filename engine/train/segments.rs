@@ -2,7 +2,7 @@
 //! of the whole clip, each segment trains what moves on top, and the segments are joined so that each gives way to the next.
 //!
 //! Where two segments overlap, the Gaussians of the later one come while those of the earlier one go: each half of a bell, of which
-//! the sum is 1 to 1.08, so that nothing behind them is seen through. A Gaussian's visibility is a bell, and the product of two
+//! the sum is between 1 and 1.08, so that nothing behind them is seen through. A Gaussian's visibility is a bell, and the product of two
 //! is one too, so what fades is a Gaussian like any other, with a span. One that is seen before and behind the end of a fade is cut in
 //! two there.
 
