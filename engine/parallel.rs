@@ -1,4 +1,4 @@
-//! Independent pieces of work on several threads.
+//! Independent pieces of work on several threads, and what this machine has for them.
 
 use crate::error::Result;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -7,6 +7,19 @@ use std::sync::mpsc;
 /// As many as there are cores.
 pub fn threads() -> usize {
     std::thread::available_parallelism().map_or(1, std::num::NonZero::get)
+}
+
+/// Bytes of memory of this machine, or of what its control group may have of it; 4 GiB where neither can be read.
+pub fn memory() -> u64 {
+    let number = |text: String| text.trim().parse::<u64>().ok();
+    let read = |path: &str| std::fs::read_to_string(path).ok();
+    let total = read("/proc/meminfo").and_then(|text| {
+        let kib = text.lines().find_map(|line| line.strip_prefix("MemTotal:"))?.trim().strip_suffix("kB")?;
+        number(kib.to_owned())?.checked_mul(1024)
+    });
+    let group = ["/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes"];
+    let limits = group.into_iter().filter_map(|path| read(path).and_then(number));
+    limits.chain(total).min().unwrap_or(4 << 30)
 }
 
 /// Does `n` pieces of work on `threads` threads and returns what they give, in their order. `done` is called on this

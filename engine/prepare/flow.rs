@@ -12,13 +12,22 @@ use super::journal::Journal;
 use super::program::last_line;
 use super::settings::{PrepareSettings, Progress, Share};
 use crate::error::{Error, Result};
-use crate::parallel::in_parallel;
+use crate::parallel::{in_parallel, memory};
 
 /// In the program, so that it works without a checkout.
 const SCRIPT: &str = include_str!("../../tools/priors.py");
 /// The first that has OpenCV is taken; Debian's package is only for its own Python.
 const PYTHONS: [&str; 2] = ["python3", "/usr/bin/python3"];
 const INSTALL: &str = "install OpenCV for Python (Debian: apt-get install python3-opencv), or leave out --flow";
+
+/// Memory that the script takes for a pixel, bytes: 4.24 GB for pictures of 5312 x 2988.
+const BYTES_OF_PIXEL: u64 = 270;
+
+/// Scripts that run at once, of as many threads: half of the memory holds what they take.
+fn at_once(threads: usize, pixels: u64, memory: u64) -> usize {
+    let fit = memory / 2 / (BYTES_OF_PIXEL * pixels).max(1);
+    threads.min(usize::try_from(fit).unwrap_or(usize::MAX)).max(1)
+}
 
 /// Estimates what is not estimated yet: flow to the next frame of every frame but the last.
 #[tracing::instrument(level = "info", name = "flow", skip_all)]
@@ -46,7 +55,9 @@ pub(super) fn make(
         let done = done.fetch_add(1, Ordering::Relaxed) + 1;
         progress(Progress { stage: "flow", done, total, piece });
     };
-    in_parallel(left.len(), settings.threads, |index| estimate(python, output, left[index], &tell), |_| {}).map(|_| ())
+    let pixels = images.cameras.iter().map(|camera| camera.pinhole.intrinsics.n_pixels()).max().unwrap_or(0);
+    let at_once = at_once(settings.threads, pixels, memory());
+    in_parallel(left.len(), at_once, |index| estimate(python, output, left[index], &tell), |_| {}).map(|_| ())
 }
 
 /// The cameras whose flow is not estimated yet.
@@ -97,4 +108,17 @@ fn estimate(python: &str, capture: &Path, camera: &str, tell: &dyn Fn(&str)) -> 
     }
     let said = last_line(&String::from_utf8_lossy(&ended.stderr)).unwrap_or_default();
     Err(fault(format!("optical flow failed ({}): {said}", ended.status)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn scripts_at_once_fit_the_memory() {
+        let large = 5312 * 2988;
+        assert_eq!([32, 64, 1024].map(|gib| at_once(16, large, gib << 30)), [4, 8, 16]);
+        // One at least, whatever there is.
+        assert_eq!([at_once(16, large, 1 << 30), at_once(16, 640 * 360, 8 << 30), at_once(2, 0, 0)], [1, 16, 1]);
+    }
 }

@@ -21,7 +21,7 @@ fn a_photograph_shows_and_teaches_what_rests_alone() {
     let short = ["--sh-degree", "1", "--set", "init_points=200", "--eval-every", "0", "--steps", "30"];
     let ended = ivv(&[&["train", capture, "-o", text(&base)][..], &short].concat());
     let told = String::from_utf8_lossy(&ended.stderr).into_owned();
-    assert!(ended.status.success() && told.contains("of them from photographs"), "{told}");
+    assert!(ended.status.success() && told.contains("of the static ones from photographs"), "{told}");
     assert_eq!(json(&base.join("run.json"))["held"]["training_images"], 15);
     // Photographs have no clock.
     let clocks = json(&base.join("offsets.json"));

@@ -10,6 +10,7 @@ use super::picture::{Picture, Source, decode_or_fault, pixel_bytes};
 use super::priors::PriorPlan;
 use super::report::Fault;
 use crate::error::Result;
+use crate::parallel::memory;
 
 /// Bytes of a pixel while its image is being decoded: the result and what the decoder gives; with priors.
 const DECODING_BYTES: [u64; 2] = [8, 32];
@@ -271,18 +272,9 @@ impl Shared {
     }
 }
 
-/// Bytes of decoded images that a run keeps by default: a quarter of the memory of this machine, or of what its control group
-/// may have of it; a quarter of 4 GiB where neither can be read.
+/// Bytes of decoded images that a run keeps by default: a quarter of the [`memory`].
 pub fn share_of_memory() -> u64 {
-    let number = |text: String| text.trim().parse::<u64>().ok();
-    let read = |path: &str| std::fs::read_to_string(path).ok();
-    let total = read("/proc/meminfo").and_then(|text| {
-        let kib = text.lines().find_map(|line| line.strip_prefix("MemTotal:"))?.trim().strip_suffix("kB")?;
-        number(kib.to_owned())?.checked_mul(1024)
-    });
-    let group = ["/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes"];
-    let limits = group.into_iter().filter_map(|path| read(path).and_then(number));
-    limits.chain(total).min().unwrap_or(4 << 30) / 4
+    memory() / 4
 }
 
 /// Bytes of all training images of `capture`, decoded; each with priors of the depth and of the flow where that is asked for.

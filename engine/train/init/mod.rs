@@ -88,7 +88,7 @@ impl fmt::Display for Initial {
             write!(f, ", hulls of {}", count(*n_hulls, "frame"))?;
         }
         if *n_photos > 0 {
-            write!(f, ", {n_photos} of them from photographs")?;
+            write!(f, ", {n_photos} of the static ones from photographs")?;
         }
         if let Some(counts) = counts {
             write!(f, "; {counts}")?;
