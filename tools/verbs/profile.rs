@@ -383,7 +383,7 @@ fn resumed<'a>(folder: &Path, capture: &'a Capture, gpu: &Arc<Gpu>, steps: u64) 
     let mut checkpoint =
         checkpoint.context("the run has no checkpoint yet; train it longer, or profile its capture")?;
     checkpoint.total = checkpoint.total.max(checkpoint.step + steps);
-    let constants = Run::read(folder)?.constants;
+    let constants = Some(Run::read(folder)?.constants);
     let options = SessionOptions { constants, watch: watch(), ..SessionOptions::default() };
     Ok(Session::resume(gpu.clone(), capture, &checkpoint, options)?)
 }

@@ -17,7 +17,9 @@ use ivv::scene::capture::{Capture, FrameCache, Picture};
 use ivv::scene::prior::read_flow;
 use ivv::stage::{Outputs, Renderer};
 use ivv::study::{Circumstances, KNOB_SETTINGS, KernelError, Trade, TradeArm, TradeRun, trade_arms};
-use ivv::train::{Config, Meter, Priors, Session, SessionOptions, Sight, evaluate, initialise, merge, spread};
+use ivv::train::{
+    Config, Meter, Priors, Session, SessionOptions, Sight, evaluate, initialise, merge, near_plane, spread,
+};
 use ivv::twin::render_f64;
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
@@ -75,6 +77,8 @@ struct Bench<'a> {
     args: &'a Args,
     gpu: Arc<Gpu>,
     capture: Capture,
+    // How all scenes are rendered that are compared.
+    constants: Constants,
     arms: Vec<(TradeArm, Config)>,
     steps: u64,
     // (camera, frame) of the test images that are scored.
@@ -103,7 +107,8 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     }
     make_folder(&args.output)?;
     let gpu = args.device.open()?;
-    let bench = Bench { args, gpu, capture, arms, steps, test_frames };
+    let constants = Constants { near: near_plane(&capture), ..Constants::default() };
+    let bench = Bench { args, gpu, capture, constants, arms, steps, test_frames };
     let mut runs = Vec::new();
     let mut kernel_errors = Vec::new();
     for (index, seed) in args.seeds.iter().enumerate() {
@@ -183,7 +188,7 @@ impl Bench<'_> {
         let file = self.args.output.join(format!("seed-{seed}.json"));
         let settings: Vec<&Config> = self.arms.iter().map(|(_, config)| config).collect();
         let of = json!({
-            "settings": settings, "steps": self.steps, "block": self.args.block, "shaders": shaders_hash(),
+            "settings": settings, "constants": self.constants, "steps": self.steps, "block": self.args.block, "shaders": shaders_hash(),
             "device": self.gpu.caps().name, "capture": std::path::absolute(&self.args.capture).ok(), "first": is_first,
         });
         if let Some(found) = read_json::<Found>(&file, "").ok().filter(|found| found.of == of) {
@@ -236,6 +241,7 @@ impl Bench<'_> {
                 }
             };
             let options = SessionOptions {
+                constants: Some(self.constants),
                 total: Some(steps),
                 first: Some(first),
                 priors: priors.clone(),
@@ -290,7 +296,7 @@ impl Bench<'_> {
 
     /// Mean PSNR of some test views.
     fn psnr(&self, splats: &Splats, config: &Config) -> anyhow::Result<f64> {
-        let mut renderer = Renderer::new(self.gpu.clone(), splats, Constants::default())?;
+        let mut renderer = Renderer::new(self.gpu.clone(), splats, self.constants)?;
         let mut meter = Meter::new(self.gpu.clone(), config)?;
         let some = spread(&self.test_frames, 6);
         let sight = Sight::new(&self.capture, config.background);
@@ -300,7 +306,7 @@ impl Bench<'_> {
 
     /// Scores a scene on all test views, rendered exactly.
     fn score(&self, splats: &Splats, config: &Config, run: &mut TradeRun) -> anyhow::Result<()> {
-        let mut renderer = Renderer::new(self.gpu.clone(), splats, Constants::default())?;
+        let mut renderer = Renderer::new(self.gpu.clone(), splats, self.constants)?;
         let mut meter = Meter::new(self.gpu.clone(), config)?;
         let sight = Sight::new(&self.capture, config.background);
         let frames = &self.test_frames;
@@ -338,7 +344,7 @@ impl Bench<'_> {
     fn kernel_errors(&self, splats: &Splats) -> anyhow::Result<Vec<KernelError>> {
         let (camera, frame) = *spread(&self.test_frames, 1).first().context("the capture has no test image")?;
         let view = self.capture.view(camera, frame)?;
-        let truth = render_f64(splats, &view, &Constants::default());
+        let truth = render_f64(splats, &view, &self.constants);
         let mut seen: Vec<ivv::Knobs> = Vec::new();
         let mut errors = Vec::new();
         for (arm, config) in &self.arms {
@@ -346,7 +352,7 @@ impl Bench<'_> {
                 continue;
             }
             seen.push(config.frame);
-            let constants = config.frame.on(Constants::default());
+            let constants = config.frame.on(self.constants);
             let (rendered, _) = Renderer::new(self.gpu.clone(), splats, constants)?.render(&view, Outputs::Color)?;
             errors.push(KernelError::new(&arm.name, &rendered.color, &truth.color));
         }

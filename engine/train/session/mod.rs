@@ -109,7 +109,8 @@ impl<'a> Session<'a> {
         let plan = Plan::of(capture, &config, &setup, splats, &gpu, memory);
         watch(Notice::Planned(&plan));
         let total = options.total.unwrap_or_else(|| config.total(frames.len() as u64));
-        let trainer = Trainer::new(gpu.clone(), splats, options.constants, config.clone(), total, setup)?;
+        let constants = options.constants(capture);
+        let trainer = Trainer::new(gpu.clone(), splats, constants, config.clone(), total, setup)?;
         let numbers = (total, priors, plan, splats.len());
         Ok(Self::of(gpu, (capture, frames), config, trainer, numbers, options))
     }
@@ -132,7 +133,7 @@ impl<'a> Session<'a> {
         let priors = known.map_or_else(|| Priors::read(capture, &config, &setup, watch), Ok)?;
         let plan = Plan::of(capture, &config, &setup, splats, &gpu, memory);
         watch(Notice::Planned(&plan));
-        let trainer = Trainer::resume(gpu.clone(), checkpoint, options.constants, setup)?;
+        let trainer = Trainer::resume(gpu.clone(), checkpoint, options.constants(capture), setup)?;
         let numbers = (checkpoint.total, priors, plan, splats.len());
         let session = Self::of(gpu, (capture, frames), config, trainer, numbers, options);
         Ok(Session { owed: (checkpoint.step, checkpoint.owed), average: checkpoint.average.clone(), ..session })
@@ -146,7 +147,8 @@ impl<'a> Session<'a> {
         (total, priors, plan, n_first): (u64, Priors, Plan, usize),
         options: SessionOptions<'a>,
     ) -> Self {
-        let SessionOptions { constants, cache_bytes, watch, ranks, .. } = options;
+        let constants = options.constants(capture);
+        let SessionOptions { cache_bytes, watch, ranks, .. } = options;
         trainer.join(ranks);
         Session {
             gpu,
@@ -185,6 +187,11 @@ impl<'a> Session<'a> {
     /// What is trained.
     pub fn trainer(&mut self) -> &mut Trainer {
         &mut self.trainer
+    }
+
+    /// How its pictures are rendered.
+    pub fn constants(&self) -> Constants {
+        self.constants
     }
 
     /// Steps of the run.

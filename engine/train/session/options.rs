@@ -3,16 +3,19 @@
 use super::notice::Watch;
 use super::priors::Priors;
 use crate::scene::Splats;
-use crate::scene::capture::share_of_memory;
+use crate::scene::capture::{Capture, share_of_memory};
 use crate::settings::Constants;
 use crate::train::plan::ImageMemory;
 use crate::train::ranks::Ranks;
+use crate::train::setup::near_plane;
 use std::sync::Arc;
 
 /// What a run begins with, where that is not what its settings say.
 pub struct SessionOptions<'a> {
-    /// How pictures are rendered.
-    pub constants: Constants,
+    /// How pictures are rendered; none for the default with the [`near_plane`] of the capture.
+    ///
+    /// [`near_plane`]: crate::train::near_plane
+    pub constants: Option<Constants>,
     /// Steps; none for as many as the settings say.
     pub total: Option<u64>,
     /// The first Gaussians, in the capture's frame; none for those that the settings make of the capture.
@@ -35,7 +38,7 @@ pub struct SessionOptions<'a> {
 impl Default for SessionOptions<'_> {
     fn default() -> Self {
         SessionOptions {
-            constants: Constants::default(),
+            constants: None,
             total: None,
             first: None,
             priors: None,
@@ -48,6 +51,10 @@ impl Default for SessionOptions<'_> {
 }
 
 impl SessionOptions<'_> {
+    pub(super) fn constants(&self, capture: &Capture) -> Constants {
+        self.constants.unwrap_or_else(|| Constants { near: near_plane(capture), ..Constants::default() })
+    }
+
     pub(super) fn image_memory(&self) -> ImageMemory {
         ImageMemory { cache_bytes: self.cache_bytes, device_bytes: self.device_image_bytes }
     }
