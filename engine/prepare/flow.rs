@@ -23,7 +23,7 @@ const INSTALL: &str = "install OpenCV for Python (Debian: apt-get install python
 /// Memory that the script takes for a pixel, bytes: 4.24 GB for pictures of 5312 x 2988.
 const BYTES_OF_PIXEL: u64 = 270;
 
-/// Scripts that run at once, of as many threads: half of the memory holds what they take.
+/// How many scripts run at once: at most `threads`, and no more than half of the memory holds.
 fn at_once(threads: usize, pixels: u64, memory: u64) -> usize {
     let fit = memory / 2 / (BYTES_OF_PIXEL * pixels).max(1);
     threads.min(usize::try_from(fit).unwrap_or(usize::MAX)).max(1)

@@ -100,6 +100,11 @@ pub fn near_plane(capture: &Capture) -> f32 {
     (TRAINING_RADIUS / 8.0).min(nearest).max(f64::from(Constants::default().near)) as f32
 }
 
+/// How the pictures of a run on `capture` are rendered, which is in the frame of training: the default with its [`near_plane`].
+pub fn constants_of(capture: &Capture) -> Constants {
+    Constants { near: near_plane(capture), ..Constants::default() }
+}
+
 /// Where the training cameras are, on average over their images; none of a test camera, of a photograph, whose pose no other image could
 /// contradict, or of a camera without images.
 fn centers(capture: &Capture) -> Vec<Option<DVec3>> {

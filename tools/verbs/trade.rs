@@ -18,7 +18,7 @@ use ivv::scene::prior::read_flow;
 use ivv::stage::{Outputs, Renderer};
 use ivv::study::{Circumstances, KNOB_SETTINGS, KernelError, Trade, TradeArm, TradeRun, trade_arms};
 use ivv::train::{
-    Config, Meter, Priors, Session, SessionOptions, Sight, evaluate, initialise, merge, near_plane, spread,
+    Config, Meter, Priors, Session, SessionOptions, Sight, constants_of, evaluate, initialise, merge, spread,
 };
 use ivv::twin::render_f64;
 use serde_json::{Value, json};
@@ -77,7 +77,7 @@ struct Bench<'a> {
     args: &'a Args,
     gpu: Arc<Gpu>,
     capture: Capture,
-    // How all scenes are rendered that are compared.
+    // As `ivv train` renders.
     constants: Constants,
     arms: Vec<(TradeArm, Config)>,
     steps: u64,
@@ -107,7 +107,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     }
     make_folder(&args.output)?;
     let gpu = args.device.open()?;
-    let constants = Constants { near: near_plane(&capture), ..Constants::default() };
+    let constants = constants_of(&capture);
     let bench = Bench { args, gpu, capture, constants, arms, steps, test_frames };
     let mut runs = Vec::new();
     let mut kernel_errors = Vec::new();
@@ -188,7 +188,8 @@ impl Bench<'_> {
         let file = self.args.output.join(format!("seed-{seed}.json"));
         let settings: Vec<&Config> = self.arms.iter().map(|(_, config)| config).collect();
         let of = json!({
-            "settings": settings, "constants": self.constants, "steps": self.steps, "block": self.args.block, "shaders": shaders_hash(),
+            "settings": settings, "constants": self.constants, "steps": self.steps, "block": self.args.block,
+            "shaders": shaders_hash(),
             "device": self.gpu.caps().name, "capture": std::path::absolute(&self.args.capture).ok(), "first": is_first,
         });
         if let Some(found) = read_json::<Found>(&file, "").ok().filter(|found| found.of == of) {

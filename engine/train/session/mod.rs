@@ -27,7 +27,7 @@ use crate::train::judge::judge_poses;
 use crate::train::offsets::learnt_offsets;
 use crate::train::plan::Plan;
 use crate::train::require::{Due, review, review_due};
-use crate::train::setup::Setup;
+use crate::train::setup::{Setup, constants_of};
 use crate::train::trainer::{ProfiledStep, Seen, Trainer};
 use coming::Coming;
 use notice::work;
@@ -109,10 +109,10 @@ impl<'a> Session<'a> {
         let plan = Plan::of(capture, &config, &setup, splats, &gpu, memory);
         watch(Notice::Planned(&plan));
         let total = options.total.unwrap_or_else(|| config.total(frames.len() as u64));
-        let constants = options.constants(capture);
+        let constants = options.constants.unwrap_or_else(|| constants_of(capture));
         let trainer = Trainer::new(gpu.clone(), splats, constants, config.clone(), total, setup)?;
         let numbers = (total, priors, plan, splats.len());
-        Ok(Self::of(gpu, (capture, frames), config, trainer, numbers, options))
+        Ok(Self::of(gpu, (capture, frames, constants), config, trainer, numbers, options))
     }
 
     /// The run that `checkpoint` is of, on its capture. `options` say neither its length nor its first Gaussians.
@@ -133,21 +133,21 @@ impl<'a> Session<'a> {
         let priors = known.map_or_else(|| Priors::read(capture, &config, &setup, watch), Ok)?;
         let plan = Plan::of(capture, &config, &setup, splats, &gpu, memory);
         watch(Notice::Planned(&plan));
-        let trainer = Trainer::resume(gpu.clone(), checkpoint, options.constants(capture), setup)?;
+        let constants = options.constants.unwrap_or_else(|| constants_of(capture));
+        let trainer = Trainer::resume(gpu.clone(), checkpoint, constants, setup)?;
         let numbers = (checkpoint.total, priors, plan, splats.len());
-        let session = Self::of(gpu, (capture, frames), config, trainer, numbers, options);
+        let session = Self::of(gpu, (capture, frames, constants), config, trainer, numbers, options);
         Ok(Session { owed: (checkpoint.step, checkpoint.owed), average: checkpoint.average.clone(), ..session })
     }
 
     fn of(
         gpu: Arc<Gpu>,
-        (capture, frames): (&'a Capture, Vec<Image>),
+        (capture, frames, constants): (&'a Capture, Vec<Image>, Constants),
         config: Config,
         mut trainer: Trainer,
         (total, priors, plan, n_first): (u64, Priors, Plan, usize),
         options: SessionOptions<'a>,
     ) -> Self {
-        let constants = options.constants(capture);
         let SessionOptions { cache_bytes, watch, ranks, .. } = options;
         trainer.join(ranks);
         Session {

@@ -3,18 +3,17 @@
 use super::notice::Watch;
 use super::priors::Priors;
 use crate::scene::Splats;
-use crate::scene::capture::{Capture, share_of_memory};
+use crate::scene::capture::share_of_memory;
 use crate::settings::Constants;
 use crate::train::plan::ImageMemory;
 use crate::train::ranks::Ranks;
-use crate::train::setup::near_plane;
 use std::sync::Arc;
 
 /// What a run begins with, where that is not what its settings say.
 pub struct SessionOptions<'a> {
-    /// How pictures are rendered; none for the default with the [`near_plane`] of the capture.
+    /// How pictures are rendered; none for [`constants_of`] the capture.
     ///
-    /// [`near_plane`]: crate::train::near_plane
+    /// [`constants_of`]: crate::train::constants_of
     pub constants: Option<Constants>,
     /// Steps; none for as many as the settings say.
     pub total: Option<u64>,
@@ -51,10 +50,6 @@ impl Default for SessionOptions<'_> {
 }
 
 impl SessionOptions<'_> {
-    pub(super) fn constants(&self, capture: &Capture) -> Constants {
-        self.constants.unwrap_or_else(|| Constants { near: near_plane(capture), ..Constants::default() })
-    }
-
     pub(super) fn image_memory(&self) -> ImageMemory {
         ImageMemory { cache_bytes: self.cache_bytes, device_bytes: self.device_image_bytes }
     }
