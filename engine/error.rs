@@ -127,7 +127,7 @@ impl fmt::Display for Error {
                 Ok(())
             }
             Error::RanksLost { reason } => {
-                write!(f, "the processes of this run no longer step together: {reason}; continue with --resume")
+                write!(f, "the processes of this run no longer step together: {reason}")
             }
             Error::Vulkan { call, reason } => write!(f, "{call} failed: {reason}"),
             Error::NonFinite { what, count } => write!(f, "{what} holds {count} values that are not finite"),

@@ -13,7 +13,7 @@ use ivv::gpu::Gpu;
 use ivv::scene::capture::Capture;
 use ivv::scene::read_views;
 use ivv::settings::Constants;
-use ivv::train::{Base, Checkpoint, Config, Notice, Owed, Phase, Run, RunLock, Session, initialise, near_plane};
+use ivv::train::{Base, Checkpoint, Config, Notice, Owed, Phase, Run, RunLock, Session, constants_of, initialise};
 use ivv::words::count;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -54,7 +54,7 @@ impl Start {
         let capture = shown(capture, &config);
         let mut run = Run::new(&capture, Constants::default())?;
         let capture = capture.transformed(&run.world);
-        run.constants = args.constants.checked_over(Constants { near: near_plane(&capture), ..run.constants })?;
+        run.constants = args.constants.checked_over(constants_of(&capture))?;
         let total = config.total(n_training(&capture)?);
         let checkpoints = args.output.join("checkpoints");
         let (mut lock, mut replaces) = (None, false);

@@ -13,7 +13,7 @@ use ivv::formats::{PlyParts, read_ply, write_parts};
 use ivv::scene::Parts;
 use ivv::scene::capture::Capture;
 use ivv::settings::Constants;
-use ivv::train::{Checkpoint, Config, Joined, Plan as TrainingPlan, Run, RunLock, Segments, near_plane};
+use ivv::train::{Checkpoint, Config, Joined, Plan as TrainingPlan, Run, RunLock, Segments, constants_of};
 use ivv::words::count;
 use serde_json::json;
 use std::ffi::OsString;
@@ -106,7 +106,7 @@ fn plan(args: &PlanArgs, json: bool) -> anyhow::Result<()> {
     let mut segments = Segments::new(capture.n_frames, frames, args.overlap).map_err(anyhow::Error::msg)?;
     segments.cache_bytes = cache_bytes;
     let mut run = Run::new(&capture, Constants::default())?;
-    run.constants.near = near_plane(&capture.transformed(&run.world));
+    run.constants = constants_of(&capture.transformed(&run.world));
     make_folder(&args.output)?;
     let is_plan = Segments::file(&args.output).is_file();
     let is_another = (!is_plan && Run::file(&args.output).is_file())
