@@ -59,7 +59,7 @@ pub(super) fn gradients_of_any_size(bench: &Bench, tally: &mut Tally) -> Result<
 
 /// Compares a step with the twin's, number by number.
 fn compare(tally: &mut Tally, start: &Scene, found: &Scene, gradient: &Splats, step: &Step) -> Result<()> {
-    let gradient = numbers(gradient, &step.rates);
+    let gradient = numbers(gradient, &start.params.scale, &step.rates);
     for ((twin, found), (g, rate, name, i)) in start.twins().into_iter().zip(found.twins()).zip(&gradient) {
         let exact = twin.step(f64::from(*g), *rate, step.number);
         // Squares beyond f32 give no step; those below it are lost, and with them the measure of the step. The first
@@ -86,7 +86,7 @@ fn summed(bench: &Bench, tally: &mut Tally, start: &Scene, size: f32) -> Result<
     let images = [1, 2].map(|seed| cotangents(&view, seed, size));
     let of = |d_color: &[[f32; 3]]| {
         let found = gradients(&bench.gpu(), &start.params, &view, d_color)?;
-        anyhow::Ok(numbers(&found, &step.rates))
+        anyhow::Ok(numbers(&found, &start.params.scale, &step.rates))
     };
     let (first, second) = (of(&images[0])?, of(&images[1])?);
     let both = images.each_ref().map(|d_color| (&view, d_color.as_slice()));
@@ -113,7 +113,7 @@ fn poisoned(bench: &Bench) -> Result<()> {
     let (found, n_bad) = start.step(&bench.gpu(), &view, &d_color, &step)?;
     ensure!(n_bad > 0 && (n_bad as usize) < start.params.len() / 2, "{n_bad} bad gradients");
     let mut hurt = BTreeSet::new();
-    let [before, good, found] = [&start.params, &good.params, &found.params].map(|s| numbers(s, &rates()));
+    let [before, good, found] = [&start.params, &good.params, &found.params].map(|s| numbers(s, &s.scale, &rates()));
     for ((before, good), found) in before.iter().zip(&good).zip(&found) {
         let is_kept = found.0.to_bits() == before.0.to_bits();
         let is_one = is_kept || found.0.to_bits() == good.0.to_bits();

@@ -33,8 +33,11 @@ pub enum AdamMode {
 /// One number per kind of parameter, such as its learning rate.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Rates {
-    /// Scene units.
+    /// Scene units, of a Gaussian of `position_size`.
     pub position: f64,
+    /// Longest standard deviation of a Gaussian whose position has that rate, scene units; positions of others have theirs in
+    /// proportion, from a quarter to sixteen times. 0: all have the same. Not a rate.
+    pub position_size: f64,
     /// Of the logits.
     pub opacity: f64,
     /// Of the quaternions.
@@ -54,7 +57,7 @@ pub struct Rates {
 impl Rates {
     /// In the order of `AdamParams`, each times `factor`.
     fn rows(&self, factor: f64) -> [[f32; 4]; 3] {
-        let Rates { position, opacity, rotation, scale, t_scale, velocity, t_center, sh } = *self;
+        let Rates { position, opacity, rotation, scale, t_scale, velocity, t_center, sh, .. } = *self;
         [[position, opacity, rotation, scale], [t_scale, velocity, t_center, sh[0]], [sh[1], sh[2], sh[3], 0.0]]
             .map(|row| row.map(|x| (x * factor) as f32))
     }
@@ -101,6 +104,7 @@ pub fn adam_params(rates: &Rates, settings: &StepSettings, step: u64, n: u32) ->
         opacity_reg: (settings.opacity_reg / n) as f32,
         scale_reg: (settings.scale_reg / (3.0 * n)) as f32,
         step: step as f32,
+        inverse_size: if rates.position_size > 0.0 { (1.0 / rates.position_size) as f32 } else { 0.0 },
     }
 }
 
@@ -121,7 +125,7 @@ pub fn lazy_sums(rates: impl Fn(u64) -> Rates, total: u64) -> Vec<[f32; 4]> {
             break;
         }
         let weight = correction(BETA2, s).sqrt() / correction(BETA1, s);
-        let Rates { position, opacity, rotation, scale, t_scale, velocity, t_center, sh } = rates(s);
+        let Rates { position, opacity, rotation, scale, t_scale, velocity, t_center, sh, .. } = rates(s);
         let of = [position, opacity, rotation, scale, t_scale, velocity, t_center, sh[0], sh[1], sh[2], sh[3], 0.0];
         sum.iter_mut().zip(of).for_each(|(sum, rate)| *sum = r * (*sum + weight * rate));
     }

@@ -162,6 +162,7 @@ fn paper_rates() -> LearningRates {
     LearningRates {
         pace: Pace { steps: 0, ..Pace::default() },
         position: Rate { start: 1.6e-4, end: 1.6e-6 },
+        position_size: 0.0,
         sh0: constant(2.5e-3),
         sh_rest: constant(1.25e-4),
         opacity: constant(2.5e-2),
@@ -222,8 +223,8 @@ mod tests {
         Base::Paper.apply(&mut config);
         let Loss { depth, flow, offset, lpips, .. } = config.loss;
         assert_eq!((depth, flow, offset, lpips), (1.0, 1.0, 1e-4, 0.1));
-        let LearningRates { position, velocity, t_center, t_scale, .. } = config.lr;
-        assert_eq!((position.start, position.end), (1.6e-4, 1.6e-6));
+        let LearningRates { position, position_size, velocity, t_center, t_scale, .. } = config.lr;
+        assert_eq!((position.start, position.end, position_size), (1.6e-4, 1.6e-6, 0.0));
         assert_eq!((velocity.start, t_center.start, t_scale.start), (2e-3, 1e-5, 3e-2));
     }
 }

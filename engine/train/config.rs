@@ -391,8 +391,11 @@ settings! {
     /// Learning rates by kind of parameter, as they are in a run of [`Pace::steps`] steps.
     #[derive(Copy)]
     pub struct LearningRates in "lr." {
-        /// Learning rate of positions.
+        /// Learning rate of the position of a Gaussian of `lr.position_size`.
         position: Rate = Rate { start: 1.6e-4, end: 1.6e-6 }, "scene extents", Range::Rate;
+        /// Longest standard deviation of a Gaussian whose position has the rate `lr.position`. Positions of others have theirs
+        /// in proportion to the size, from a quarter to sixteen times. 0: all have the same, as in 3DGS.
+        position_size: f64 = 0.012, "scene extents", Range::NOT_NEGATIVE;
         /// Learning rate of the constant colour.
         sh0: Rate = Rate::constant(2.5e-3), "", Range::Rate;
         /// Learning rate of the higher spherical harmonics.

@@ -4,8 +4,8 @@
 //           r = b1 / sqrt(b2). The host tabulates the endless sums F(s) from the step after s on: F(s) - r^k F(s + k).
 // Grid      one thread per active Gaussian of the group, or per Gaussian of it (`all`). A buffer that the group lacks is bound to
 //           another, and not touched.
-// Numerics  a step is right to 2e-5 of itself; log tau stops at its floor at the end, not on the way. Nothing moves when the
-//           frame failed.
+// Numerics  a step is right to 2e-5 of itself; log tau stops at its floor at the end, not on the way, and positions have the pace of
+//           the size before the first missed step. Nothing moves when the frame failed.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #extension GL_KHR_shader_subgroup_ballot : require
@@ -51,8 +51,8 @@ layout(set = 0, binding = 17) restrict buffer State { vec4 state[]; };
 // Planes of a buffer, none where the group lacks it. The loop is one that lavapipe skips; an `if` is not.
 #define STEP(parameter, moments, kind, planes)                                                                     \
     for (uint p = 0u; p < (planes); ++p) {                                                                         \
-        const vec4 sum = plane_rates(sums[a], sums[a + 1u], sums[a + 2u], kind, p)                                 \
-            - r_k * plane_rates(sums[b], sums[b + 1u], sums[b + 2u], kind, p);                                     \
+        const vec4 sum = plane_rates(sums[a], sums[a + 1u], sums[a + 2u], kind, p, pace)                           \
+            - r_k * plane_rates(sums[b], sums[b + 1u], sums[b + 2u], kind, p, pace);                               \
         const uint place = plane_index(i, planes, p);                                                              \
         const uint at_moments = moments_index(i, planes, p);                                                       \
         READ_MOMENTS(moments, at_moments, m, v)                                                                    \
@@ -81,6 +81,7 @@ void main() {
     const uint a = 3u * from;
     const uint b = 3u * pc.until;
     float residual = own.z;
+    const float pace = position_pace(adam, geometry[plane_index(i, 3u, 2u)].xyz);
     STEP(geometry, moments_geometry, GEOMETRY, 3u)
     STEP(sh0, moments_sh0, SH_0_BUFFER, 1u)
     STEP(motion, moments_motion, MOTION, is_dynamic)

@@ -40,7 +40,7 @@ layout(set = 0, binding = 16) restrict buffer State { vec4 state[]; };
         const uint at_moments = moments_index(i, planes, p);                                                       \
         const vec4 x = parameter[place];                                                                           \
         READ_MOMENTS(moments, at_moments, m, v)                                                                    \
-        const vec4 rate = plane_rates(adam.rates0, adam.rates1, adam.rates2, kind, p);                             \
+        const vec4 rate = plane_rates(adam.rates0, adam.rates1, adam.rates2, kind, p, pace);                       \
         const vec4 change = adam_change(adam, rate, regulariser(adam, kind, p, x), m, v);                          \
         parameter[place] = moved(adam, kind, p, x, change, residual);                                              \
         WRITE_MOMENTS(moments, at_moments, m, v, key, plane_number(kind, p))                                       \
@@ -58,6 +58,7 @@ void main() {
     const uint degree = unfolded(pc.degree);
     const uint key = moments_key(uint(adam.step), pc.first + i);
     float residual = is_dynamic > 0u ? state[i].z : 0.0;
+    const float pace = position_pace(adam, geometry[plane_index(i, 3u, 2u)].xyz);
     STEP(geometry, moments_geometry, GEOMETRY, 3u)
     STEP(sh0, moments_sh0, SH_0_BUFFER, 1u)
     STEP(motion, moments_motion, MOTION, is_dynamic)

@@ -62,7 +62,7 @@ vec4 gradient_of(uvec4 low, uvec4 high) {
         }                                                                                                          \
         const vec4 x = parameter[place];                                                                           \
         READ_MOMENTS(moments, at_moments, m, v)                                                                    \
-        const vec4 rate = plane_rates(adam.rates0, adam.rates1, adam.rates2, kind, p);                             \
+        const vec4 rate = plane_rates(adam.rates0, adam.rates1, adam.rates2, kind, p, pace);                       \
         const vec4 change = adam_change(adam, rate, g + regulariser(adam, kind, p, x), m, v);                      \
         parameter[place] = moved(adam, kind, p, x, change, residual);                                              \
         WRITE_MOMENTS(moments, at_moments, m, v, key, plane_number(kind, p))                                       \
@@ -80,6 +80,7 @@ void main() {
     const uint at_pull = plane_index(i, 2u, 0u);
     own.xy += pulls_of(uvec2(sums_sh0[at_pull].w, sums_sh0[at_pull + 32u].w));
     float residual = own.z;
+    const float pace = position_pace(adam, geometry[plane_index(i, 3u, 2u)].xyz);
     STEP(geometry, moments_geometry, sums_geometry, GEOMETRY, 3u, vec4(1.0))
     STEP(sh0, moments_sh0, sums_sh0, SH_0_BUFFER, 1u, vec4(1.0, 1.0, 1.0, 0.0))
     STEP(motion, moments_motion, sums_motion, MOTION, is_dynamic, vec4(1.0))

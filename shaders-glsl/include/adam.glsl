@@ -11,10 +11,16 @@ const uint SH_1_BUFFER = 3u;  // bands 2 and 3 follow
 // Plane `p` of buffer `kind` among all that a Gaussian has: none has more than six.
 uint plane_number(uint kind, uint p) { return 6u * kind + p; }
 
-// The numbers of plane `p` of buffer `kind` among those of all parameters, in the order of AdamParams.
-vec4 plane_rates(vec4 r0, vec4 r1, vec4 r2, uint kind, uint p) {
+// By how much a position with these log-scales moves faster than one of pace 1: in proportion to its longest axis.
+float position_pace(AdamParams a, vec3 log_scale) {
+    const float longest = exp(min(max(log_scale.x, max(log_scale.y, log_scale.z)), 60.0));
+    return a.inverse_size > 0.0 ? clamp(longest * a.inverse_size, 0.25, 16.0) : 1.0;
+}
+
+// The numbers of plane `p` of buffer `kind` among those of all parameters, in the order of AdamParams; those of position times `pace`.
+vec4 plane_rates(vec4 r0, vec4 r1, vec4 r2, uint kind, uint p, float pace) {
     if (kind == GEOMETRY) {
-        if (p == 0u) return vec4(r0.xxx, r0.y);
+        if (p == 0u) return vec4(vec3(r0.x * pace), r0.y);
         return p == 1u ? r0.zzzz : vec4(r0.www, r1.x);
     }
     if (kind == SH_0_BUFFER) return vec4(r1.www, 0.0);

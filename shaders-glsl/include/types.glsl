@@ -47,7 +47,7 @@ struct Status {
 
 // One step of Adam: what the host computes in double precision.
 struct AdamParams {
-    vec4 rates0;           // lr / c1 of position, opacity, rotation, scale
+    vec4 rates0;           // lr / c1 of position at a pace of 1, opacity, rotation, scale
     vec4 rates1;           // of t_scale, velocity, t_center, constant band
     vec4 rates2;           // of bands 1 to 3; 0 for a band that is not active yet
     float beta1;
@@ -58,6 +58,7 @@ struct AdamParams {
     float opacity_reg;     // weight of the sum of the opacities in the loss
     float scale_reg;       // weight of the sum of the standard deviations, per scene unit
     float step;            // number of the step, from 1
+    float inverse_size;    // 1 / the longest standard deviation whose pace is 1; 0: every pace is
 };
 
 const uint DEPTH_SHIFT_24 = 4u;   // of keys of 24 bits

@@ -64,7 +64,7 @@ layout(set = 0, binding = 23) uniform Adam { AdamParams adam; };
         const uint at_moments = moments_index(i, planes, p);                               \
         const vec4 x = params[place];                                                      \
         READ_MOMENTS(moments, at_moments, m, v)                                            \
-        const vec4 rate = plane_rates(adam.rates0, adam.rates1, adam.rates2, kind, p);     \
+        const vec4 rate = plane_rates(adam.rates0, adam.rates1, adam.rates2, kind, p, pace); \
         const vec4 change = adam_change(adam, rate, g + regulariser(adam, kind, p, x), m, v); \
         params[place] = moved(adam, kind, p, x, change, residual);                         \
         WRITE_MOMENTS(moments, at_moments, m, v, moments_key(uint(adam.step), pc.first + i), plane_number(kind, p)) \
@@ -117,6 +117,7 @@ vec3 d_bands(uint i, vec3 dir, vec3 g) {
 // Gives the bands above the first their gradients.
 void put_bands(uint i, vec3 dir, vec3 g) {
     float residual = 0.0;
+    const float pace = 1.0;
 #if SH_DEGREE >= 1
     const vec3 p0 = -SH_1 * dir.y * g, p1 = SH_1 * dir.z * g, p2 = -SH_1 * dir.x * g;
     PUT_SH1(0u, vec4(p0, p1.x))
@@ -277,6 +278,7 @@ void main() {
     if (!good) return;
     vec4 own = state[i];
     float residual = own.z;
+    const float pace = position_pace(adam, scale_t.xyz);
     if (counts) own.xy += vec2(pull, 1.0);
 #endif
     PUT_GEOMETRY(0u, good ? d_mean_opacity : vec4(0.0))

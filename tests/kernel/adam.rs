@@ -26,7 +26,8 @@ fn a_step_of_every_parameter_seen_or_not_is_the_twins() {
     for degree in 0..=3 {
         let scene = half_seen(u64::from(degree), degree);
         let d_color = cotangents(&view, 5, 1e-3);
-        let gradient = numbers(&gradients(&gpu(), &scene.params, &view, &d_color).unwrap(), &rates());
+        let gradient =
+            numbers(&gradients(&gpu(), &scene.params, &view, &d_color).unwrap(), &scene.params.scale, &rates());
         assert!(gradient.iter().filter(|g| g.0 != 0.0).count() > gradient.len() / 3, "too little has a gradient");
         for step in [1, 2, 1000] {
             let (found, n_bad) = scene.step(&gpu(), &view, &d_color, &Step::dense(step)).unwrap();
@@ -54,12 +55,13 @@ fn sparse_and_lazy_steps_leave_what_is_not_seen_alone_and_give_the_rest_the_dens
     let scene = half_seen(9, 1);
     let d_color = cotangents(&view, 6, 1e-3);
     let (dense, _) = scene.step(&gpu(), &view, &d_color, &Step::dense(7)).unwrap();
-    let bits = |s: &Scene| numbers(&s.params, &rates()).iter().map(|x| x.0.to_bits()).collect::<Vec<_>>();
+    let bits =
+        |s: &Scene| numbers(&s.params, &s.params.scale, &rates()).iter().map(|x| x.0.to_bits()).collect::<Vec<_>>();
     let (before, dense_bits) = (bits(&scene), bits(&dense));
     for mode in [AdamMode::Sparse, AdamMode::Lazy] {
         let (found, _) = scene.step(&gpu(), &view, &d_color, &Step { mode, ..Step::dense(7) }).unwrap();
         let (mut n_seen, mut n_not) = (0, 0);
-        for (at, number) in numbers(&found.params, &rates()).iter().enumerate() {
+        for (at, number) in numbers(&found.params, &found.params.scale, &rates()).iter().enumerate() {
             let is_seen = found.state[number.3][3] == 7.0;
             let expected = if is_seen { dense_bits[at] } else { before[at] };
             assert_eq!(number.0.to_bits(), expected, "{} of {}", number.2, number.3);
@@ -107,7 +109,7 @@ fn lazy_steps_catch_up_with_the_twins_to_2e_5_of_the_way() {
         assert!(found.state.iter().all(|s| s[3] == (from + k) as f32));
         let mut truths = scene.twins();
         for step in from + 1..=from + k {
-            for (truth, number) in truths.iter_mut().zip(numbers(&scene.params, &of(step))) {
+            for (truth, number) in truths.iter_mut().zip(numbers(&scene.params, &scene.params.scale, &of(step))) {
                 *truth = truth.step(0.0, number.1, step);
             }
         }

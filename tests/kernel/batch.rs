@@ -196,7 +196,7 @@ fn a_step_along_a_sum_is_the_twins() {
         let scene = half_seen(u64::from(degree), degree);
         let images = two(1e-3);
         let of = |(view, d_color): &(View, Vec<[f32; 3]>)| {
-            numbers(&gradients(&gpu(), &scene.params, view, d_color).unwrap(), &rates())
+            numbers(&gradients(&gpu(), &scene.params, view, d_color).unwrap(), &scene.params.scale, &rates())
         };
         let [first, second] = images.each_ref().map(of);
         for step in [1, 2, 1000] {
@@ -248,7 +248,9 @@ fn a_sparse_batch_leaves_what_no_image_saw_and_a_failed_one_leaves_all() {
     let images = two(1e-3);
     let step = |step: Step| scene.batch_step(&gpu(), &borrowed(&images), &step).unwrap().0;
     let (dense, sparse) = (step(Step::dense(7)), step(Step { mode: AdamMode::Sparse, ..Step::dense(7) }));
-    let bits = |s: &Scene| numbers(&s.params, &rates()).iter().map(|x| (x.0.to_bits(), x.3)).collect::<Vec<_>>();
+    let bits = |s: &Scene| {
+        numbers(&s.params, &s.params.scale, &rates()).iter().map(|x| (x.0.to_bits(), x.3)).collect::<Vec<_>>()
+    };
     let (mut n_seen, mut n_not) = (0, 0);
     for ((found, dense), before) in bits(&sparse).into_iter().zip(bits(&dense)).zip(bits(&scene)) {
         let is_seen = sparse.state[found.1][3] == 7.0;

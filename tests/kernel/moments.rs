@@ -58,7 +58,7 @@ fn flat(splats: &Splats) -> Vec<u32> {
 /// other than 0.
 fn assert_rounded(packed: &Scene, plain: &Scene, step: u32) -> usize {
     let (places, flat, mut n) = (places(&plain.params), flat(&plain.params), 0);
-    let each = |splats: &Splats| numbers(splats, &rates()).into_iter().map(|x| x.0).collect::<Vec<_>>();
+    let each = |splats: &Splats| numbers(splats, &splats.scale, &rates()).into_iter().map(|x| x.0).collect::<Vec<_>>();
     let all = [&packed.first, &packed.second, &plain.first, &plain.second].map(each);
     assert_eq!(places.len(), all[0].len());
     for (at, (i, plane, component)) in places.into_iter().enumerate() {

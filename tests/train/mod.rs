@@ -48,9 +48,11 @@ struct Tiny {
     capture: Capture,
 }
 
-/// Defaults with the rates of a long run, for tests of a few steps that must not depend on how fast short runs learn.
+/// Defaults with the rates of a long run, the same for Gaussians of any size, for tests of a few steps that must not depend on
+/// how fast short runs and large Gaussians learn.
 fn steady() -> Config {
-    let lr = LearningRates { pace: Pace { steps: 0, ..Pace::default() }, ..LearningRates::default() };
+    let pace = Pace { steps: 0, ..Pace::default() };
+    let lr = LearningRates { pace, position_size: 0.0, ..LearningRates::default() };
     Config { lr, ..Config::default() }
 }
 
@@ -59,6 +61,7 @@ fn nothing_moves(pace: Pace) -> LearningRates {
     let still = Rate::constant(0.0);
     LearningRates {
         position: still,
+        position_size: 0.0,
         sh0: still,
         sh_rest: still,
         opacity: still,
@@ -220,6 +223,7 @@ fn rates_decay_exponentially_and_bands_join_one_by_one() {
     for total in [30_000, 300_000] {
         let (begin, end) = ends(total);
         assert!((begin.position - 3.2e-4).abs() < 1e-12 && (end.position - 3.2e-6).abs() < 1e-12);
+        assert_eq!([begin.position_size, end.position_size], [2.0 * config.lr.position_size; 2]);
         assert_eq!([begin.scale, end.scale, begin.opacity, end.sh[0]], [5e-3, 5e-3, 2.5e-2, 2.5e-3]);
     }
     let (begin, end) = ends(1000);

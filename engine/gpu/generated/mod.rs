@@ -68,9 +68,11 @@ pub struct AdamParams {
     pub scale_reg: f32,
     /// `step` of the shader.
     pub step: f32,
+    /// `inverse_size` of the shader.
+    pub inverse_size: f32,
 }
 const _: () = {
-    assert!(size_of::<AdamParams>() == 80);
+    assert!(size_of::<AdamParams>() == 84);
     assert!(std::mem::offset_of!(AdamParams, rates0) == 0);
     assert!(std::mem::offset_of!(AdamParams, rates1) == 16);
     assert!(std::mem::offset_of!(AdamParams, rates2) == 32);
@@ -82,6 +84,7 @@ const _: () = {
     assert!(std::mem::offset_of!(AdamParams, opacity_reg) == 68);
     assert!(std::mem::offset_of!(AdamParams, scale_reg) == 72);
     assert!(std::mem::offset_of!(AdamParams, step) == 76);
+    assert!(std::mem::offset_of!(AdamParams, inverse_size) == 80);
 };
 
 /// `Status` of the shaders.
