@@ -57,6 +57,12 @@ pub(super) const QUALITY: Study = Study {
             paper: &[],
         },
         Arm {
+            name: "positions at one rate, whatever the size",
+            key: "one-position-rate",
+            change: |config| config.lr.position_size = 0.0,
+            paper: &[],
+        },
+        Arm {
             name: "density control of 3DGS-MCMC",
             key: "mcmc",
             change: |config| config.density.strategy = Strategy::Mcmc,
