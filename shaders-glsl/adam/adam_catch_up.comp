@@ -81,7 +81,7 @@ void main() {
     const uint a = 3u * from;
     const uint b = 3u * pc.until;
     float residual = own.z;
-    const float pace = position_pace(adam, geometry[plane_index(i, 3u, 2u)].xyz);
+    const float pace = position_pace(adam, exp(geometry[plane_index(i, 3u, 2u)].xyz));
     STEP(geometry, moments_geometry, GEOMETRY, 3u)
     STEP(sh0, moments_sh0, SH_0_BUFFER, 1u)
     STEP(motion, moments_motion, MOTION, is_dynamic)

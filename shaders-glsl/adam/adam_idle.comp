@@ -58,7 +58,7 @@ void main() {
     const uint degree = unfolded(pc.degree);
     const uint key = moments_key(uint(adam.step), pc.first + i);
     float residual = is_dynamic > 0u ? state[i].z : 0.0;
-    const float pace = position_pace(adam, geometry[plane_index(i, 3u, 2u)].xyz);
+    const float pace = position_pace(adam, exp(geometry[plane_index(i, 3u, 2u)].xyz));
     STEP(geometry, moments_geometry, GEOMETRY, 3u)
     STEP(sh0, moments_sh0, SH_0_BUFFER, 1u)
     STEP(motion, moments_motion, MOTION, is_dynamic)

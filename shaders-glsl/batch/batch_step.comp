@@ -80,7 +80,7 @@ void main() {
     const uint at_pull = plane_index(i, 2u, 0u);
     own.xy += pulls_of(uvec2(sums_sh0[at_pull].w, sums_sh0[at_pull + 32u].w));
     float residual = own.z;
-    const float pace = position_pace(adam, geometry[plane_index(i, 3u, 2u)].xyz);
+    const float pace = position_pace(adam, exp(geometry[plane_index(i, 3u, 2u)].xyz));
     STEP(geometry, moments_geometry, sums_geometry, GEOMETRY, 3u, vec4(1.0))
     STEP(sh0, moments_sh0, sums_sh0, SH_0_BUFFER, 1u, vec4(1.0, 1.0, 1.0, 0.0))
     STEP(motion, moments_motion, sums_motion, MOTION, is_dynamic, vec4(1.0))

@@ -11,10 +11,9 @@ const uint SH_1_BUFFER = 3u;  // bands 2 and 3 follow
 // Plane `p` of buffer `kind` among all that a Gaussian has: none has more than six.
 uint plane_number(uint kind, uint p) { return 6u * kind + p; }
 
-// By how much a position with these log-scales moves faster than one of pace 1: in proportion to its longest axis.
-float position_pace(AdamParams a, vec3 log_scale) {
-    const float longest = exp(min(max(log_scale.x, max(log_scale.y, log_scale.z)), 60.0));
-    return a.inverse_size > 0.0 ? clamp(longest * a.inverse_size, 0.25, 16.0) : 1.0;
+// By how much the position of a Gaussian with these standard deviations moves faster than one of pace 1: in proportion to the longest.
+float position_pace(AdamParams a, vec3 s) {
+    return a.inverse_size > 0.0 ? clamp(max(s.x, max(s.y, s.z)) * a.inverse_size, 0.25, 16.0) : 1.0;
 }
 
 // The numbers of plane `p` of buffer `kind` among those of all parameters, in the order of AdamParams; those of position times `pace`.

@@ -278,7 +278,7 @@ void main() {
     if (!good) return;
     vec4 own = state[i];
     float residual = own.z;
-    const float pace = position_pace(adam, scale_t.xyz);
+    const float pace = position_pace(adam, s);
     if (counts) own.xy += vec2(pull, 1.0);
 #endif
     PUT_GEOMETRY(0u, good ? d_mean_opacity : vec4(0.0))
