@@ -37,8 +37,8 @@ impl<R: Real> Adam<R> {
     }
 }
 
-/// How many times its rate the position of a Gaussian moves by whose longest standard deviation is `longest`: in proportion to
-/// `size`, that of a Gaussian that moves by the rate itself, from a quarter to sixteen times. 1 where `size` is 0.
+/// The factor on the learning rate of the position of a Gaussian whose longest standard deviation is `longest`: `longest / size`,
+/// from a quarter to 16; 1 where `size` is 0.
 pub fn position_pace(longest: f64, size: f64) -> f64 {
     if size > 0.0 { (longest / size).clamp(0.25, 16.0) } else { 1.0 }
 }
