@@ -3,13 +3,15 @@
 //! - From the points of every frame: those that the flow says move, and of the others those of one frame (`flow`).
 //! - What stands still: each camera sweeps its rays for the depth at which its neighbours show the same (`sweep`); depths
 //!   that another camera confirms become points, where the capture has none (`agree`).
-//! - What moves, where foreground masks tell: the visual hull's surface at evenly spaced frames (`hull`).
+//! - What moves, where foreground masks tell: the visual hull's surface at evenly spaced frames (`hull`), with the velocity of the
+//!   patch around each point from one to the next (`follow`).
 //!
 //! Colours are medians over the cameras that see a point, because each has its own exposure.
 
 mod agree;
 mod eye;
 mod flow;
+mod follow;
 mod hull;
 mod lens;
 mod points;
@@ -236,23 +238,14 @@ fn from_pictures(
         return Ok(at_random(capture, config, format!("{because}; no surface was found in the pictures")));
     }
     let mut splats = Splats::new(config.sh_degree);
-    let mut append = |found: Vec<Found>, motion: Option<Motion>| {
-        let (found, sizes) = settled(found, &lenses, &reach);
-        points::append(&mut splats, &found, &sizes, config.init_opacity, motion);
-    };
     let at_rest = match from {
         Init::Hull => None,
         Init::Flow => flow::motion_at_rest(capture, config),
         _ => points::throughout(capture),
     };
-    append(still, at_rest);
-    let n_frames = f64::from(capture.n_frames);
-    let tau = config.init_tau / moving.len().max(1) as f64;
-    for (frame, found) in moving {
-        let t_center = (f64::from(frame) / n_frames) as f32;
-        let motion = Motion { velocity: [0.0; 3], t_center, t_scale: tau.ln() as f32 };
-        append(found, (capture.n_frames > 1).then_some(motion));
-    }
+    let (still, sizes) = settled(still, &lenses, &reach);
+    points::append(&mut splats, &still, &sizes, config.init_opacity, at_rest);
+    append_moving(&mut splats, moving, capture, config, (&lenses, &reach))?;
     let counts = frames.as_ref().map(|frames| frames.counts);
     if let Some(frames) = frames {
         splats.append(frames.moving);
@@ -260,6 +253,33 @@ fn from_pictures(
     splats.source_row = (0..splats.len() as u32).collect();
     let joined = n_known > 0;
     Ok(Initial { joined, counts, n_hulls: hull_frames.len(), ..Initial::new(splats, from, because) })
+}
+
+/// Gaussians of the surfaces of what moves, by frame, with the velocities that the frames beside tell.
+fn append_moving(
+    splats: &mut Splats,
+    moving: Vec<(u32, Vec<Found>)>,
+    capture: &Capture,
+    config: &Config,
+    (lenses, reach): (&Lenses, &Reach),
+) -> Result<()> {
+    let n_frames = f64::from(capture.n_frames);
+    let tau = config.init_tau / moving.len().max(1) as f64;
+    let hulls: Vec<(f64, (Vec<Found>, Vec<f64>))> =
+        moving.into_iter().map(|(frame, found)| (f64::from(frame) / n_frames, settled(found, lenses, reach))).collect();
+    for (k, (time, (found, sizes))) in hulls.iter().enumerate() {
+        let beside = [k.checked_sub(1), k.checked_add(1)].into_iter().flatten().filter_map(|k| hulls.get(k));
+        let others: Vec<(f64, &[Found])> = beside.map(|(other, (found, _))| (other - time, found.as_slice())).collect();
+        let mut spacings: Vec<f64> = sizes.iter().map(|size| size / SIZE).collect();
+        spacings.sort_by(f64::total_cmp);
+        let Some(&spacing) = spacings.get(spacings.len() / 2) else { continue };
+        let velocities = follow::velocities(found, &others, spacing)?;
+        for ((found, size), velocity) in found.iter().zip(sizes).zip(velocities) {
+            let motion = Motion { velocity, t_center: *time as f32, t_scale: tau.ln() as f32 };
+            points::push(splats, found, *size, config.init_opacity, (capture.n_frames > 1).then_some(motion));
+        }
+    }
+    Ok(())
 }
 
 /// Static Gaussians at the surfaces and the points that the photographs show: what they see is rest alone.

@@ -163,7 +163,7 @@ pub(super) fn spacings(found: &[Found], reach: &Reach) -> Vec<f64> {
 }
 
 /// All offsets of at most `reach` along each axis.
-fn cube(reach: i64) -> impl Iterator<Item = [i64; 3]> {
+pub(super) fn cube(reach: i64) -> impl Iterator<Item = [i64; 3]> {
     let side = move || -reach..=reach;
     side().flat_map(move |x| side().flat_map(move |y| side().map(move |z| [x, y, z])))
 }
