@@ -154,9 +154,9 @@ mod tests {
             })
             .collect();
         errors.sort_by(f64::total_cmp);
-        // The shift alone is 1.7 spacings from one frame to the next.
+        // Without velocities they were 1.7 spacings and more: that is how far the shift alone goes from one frame to the next.
         let [half, most] = [errors[errors.len() / 2], errors[errors.len() * 9 / 10]];
-        assert!(half < 0.25 && most < 0.6, "errors in spacings: half within {half}, nine in ten within {most}");
+        assert!(half < 0.3 && most < 0.6, "errors in spacings: half within {half}, nine in ten within {most}");
     }
 
     #[test]
