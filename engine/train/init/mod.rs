@@ -265,8 +265,8 @@ fn append_moving(
 ) -> Result<()> {
     let n_frames = f64::from(capture.n_frames);
     let tau = config.init_tau / moving.len().max(1) as f64;
-    let hulls: Vec<(f64, (Vec<Found>, Vec<f64>))> =
-        moving.into_iter().map(|(frame, found)| (f64::from(frame) / n_frames, settled(found, lenses, reach))).collect();
+    let hull = |(frame, found)| (f64::from(frame) / n_frames, settled(found, lenses, reach));
+    let hulls: Vec<_> = moving.into_iter().map(hull).collect();
     for (k, (time, (found, sizes))) in hulls.iter().enumerate() {
         let beside = [k.checked_sub(1), k.checked_add(1)].into_iter().flatten().filter_map(|k| hulls.get(k));
         let others: Vec<(f64, &[Found])> = beside.map(|(other, (found, _))| (other - time, found.as_slice())).collect();
