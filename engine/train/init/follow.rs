@@ -81,7 +81,7 @@ fn median(ways: &[DVec3]) -> Option<DVec3> {
     (n > 0).then(|| DVec3::new(axis(0), axis(1), axis(2)))
 }
 
-/// How far the patch around point `i` of `here` has gone in `there`; `None` where it is lost.
+/// How far the points `patch` of `here` have gone in `there`; `None` where they are lost.
 fn shift(here: &Cells, there: &Cells, patch: &[usize]) -> Option<DVec3> {
     let mut shift = DVec3::ZERO;
     for _ in 0..ROUNDS {
