@@ -187,8 +187,9 @@ pub enum FlowChoice {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Init {
-    /// All that the capture has: what moves from points and flow of every frame (`Flow`) or, without them, from foreground
-    /// masks (`Hull`); what stands still from the surfaces that the pictures show (`Frustum`), joined with the points.
+    /// All that the capture has: what moves from points and flow of every frame (`Flow`) and, where those are absent or most
+    /// cameras look inward, from foreground masks (`Hull`); what stands still from the surfaces that the pictures show
+    /// (`Frustum`), joined with the points.
     Auto,
     /// What stands still from the points of the reference frame, what moves from those of every frame, told apart by the
     /// flow (SPEC 5).

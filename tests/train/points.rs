@@ -3,12 +3,13 @@
 
 use crate::capture::Folder;
 use crate::synth::{Body, bodies, json};
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 use ivv::scene::capture::{Camera, Capture, FramePoint, Manifest};
-use ivv::scene::{SeenPoint, Similarity, Splats, write_points};
+use ivv::scene::{Pose, SeenPoint, Similarity, Splats, write_points};
 use ivv::stage::DepthSpace;
 use ivv::synth::{Options, Preset, write_capture};
 use ivv::train::{Config, Init, Initial, PointCounts, Unfit, fit_depths, initialise};
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 use std::sync::OnceLock;
 
@@ -153,13 +154,37 @@ fn what_moves_is_told_from_what_stands_still_and_how_it_moves() {
     // When one view of eight was enough, precision was 0.62 and recall 0.987.
     assert!(true_dynamic > 200 && precision > 0.8 && recall > 0.96);
     assert!(error < 0.1 * speed && without < true_dynamic / 5, "{error} {speed} {without}");
-    // By default what moves is the same, and what stands still is joined with the surfaces that the pictures show.
+    // By default what moves is joined with hulls, and what stands still with the surfaces that the pictures show.
     let (joined, all) = first(capture, &config(Init::Auto));
     assert!((joined.from, joined.counts) == (Init::Flow, Some(counts)) && joined.joined, "{joined}");
     assert!(joined.to_string().contains("surfaces on which the images agree (init=auto"), "{joined}");
+    assert!(joined.n_hulls == 3 && joined.to_string().contains("hulls of 3 frames"), "{joined}");
     assert!(all.n_static > 3 * counts.n_static / 2, "{joined}");
-    assert_eq!(all.motion, splats.motion);
-    assert_eq!(all.position[all.n_static..], splats.position[splats.n_static..]);
+    let n_hull = all.motion.len() - splats.motion.len();
+    assert!(n_hull > splats.motion.len(), "{joined}");
+    assert!(all.motion[n_hull..] == splats.motion[..]);
+    assert_eq!(all.position[all.n_static + n_hull..], splats.position[splats.n_static..]);
+    let hull_frames: BTreeSet<u32> = all.motion[..n_hull].iter().map(|m| (6.0 * m.t_center).round() as u32).collect();
+    assert_eq!(hull_frames, BTreeSet::from([1, 3, 5]));
+    // Where nothing that rests is trained, what moves is the same.
+    let (moving, alone) = first(capture, &Config { trains_static: false, ..config(Init::Auto) });
+    assert!(alone.n_static == 0 && alone.motion == all.motion && moving.n_hulls == 3, "{moving}");
+}
+
+/// Hulls of cameras that do not look at one place are phantoms.
+#[test]
+fn hulls_are_joined_with_the_flow_only_where_most_cameras_look_inward() {
+    let Made { capture, .. } = made();
+    let mut outward = capture.clone();
+    // Each turns half round its own vertical axis, away from the others.
+    let half_round = DMat3::from_diagonal(DVec3::new(-1.0, 1.0, -1.0));
+    for camera in outward.cameras.iter_mut().filter(|camera| !camera.is_test) {
+        let Pose { rotation, translation } = camera.world_to_camera;
+        camera.world_to_camera = Pose { rotation: half_round * rotation, translation: half_round * translation };
+    }
+    let (inward, outward) = (first(capture, &config(Init::Auto)).0, first(&outward, &config(Init::Auto)).0);
+    assert_eq!((inward.from, inward.n_hulls), (Init::Flow, 3));
+    assert_eq!((outward.from, outward.n_hulls), (Init::Flow, 0));
 }
 
 #[test]

@@ -1,8 +1,8 @@
 //! A training camera at one frame with its picture reduced: what the first Gaussians are made from.
 
 use crate::error::Result;
-use crate::scene::View;
 use crate::scene::capture::{Capture, Picture};
+use crate::scene::{Pose, View};
 use glam::{Mat3, Vec2, Vec3};
 
 /// What is behind a pixel, as far as the capture says.
@@ -51,6 +51,26 @@ pub(super) struct Eye {
     pub color: Vec<[f32; 3]>,
     /// What most of each pixel shows.
     pub ground: Vec<Ground>,
+}
+
+/// The optical axis of a camera, world.
+#[derive(Clone, Copy)]
+pub(super) struct Axis {
+    /// Of the lens.
+    pub center: Vec3,
+    /// The way it looks, of length 1.
+    pub along: Vec3,
+}
+
+impl Axis {
+    pub fn of(pose: &Pose) -> Self {
+        Axis { center: pose.center().as_vec3(), along: pose.rotation.as_mat3().row(2) }
+    }
+
+    /// Depth of a point; negative behind the camera.
+    pub fn depth(&self, world: Vec3) -> f32 {
+        self.along.dot(world - self.center)
+    }
 }
 
 /// The line on which a camera sees a ray.
@@ -114,7 +134,7 @@ impl Eye {
 
     /// Depth of a point; negative behind the camera.
     pub fn depth(&self, world: Vec3) -> f32 {
-        self.axis().dot(world - self.center)
+        self.axis().depth(world)
     }
 
     /// Place in the picture, pixels, and depth; `None` behind the camera.
@@ -146,8 +166,8 @@ impl Eye {
         self.rotation.transpose() * ((at - self.principal) / self.focal).extend(1.0)
     }
 
-    /// World direction of the optical axis.
-    pub fn axis(&self) -> Vec3 {
-        self.rotation.row(2)
+    /// The optical axis.
+    pub fn axis(&self) -> Axis {
+        Axis { center: self.center, along: self.rotation.row(2) }
     }
 }

@@ -1,6 +1,6 @@
 //! The visual hull of what moves: the space that every camera sees as foreground.
 
-use super::eye::{Eye, Ground};
+use super::eye::{Axis, Eye, Ground};
 use super::points::{Found, median_color};
 use crate::random::permutation;
 use glam::{IVec3, Mat3, Vec2, Vec3};
@@ -22,36 +22,39 @@ const OUTWARD_REACH: f32 = 10.0;
 const MOST_MISSES: f32 = 0.1;
 
 /// The space that is carved.
-struct Cube {
+pub(super) struct Cube {
     /// Its middle, world.
     center: Vec3,
     half: f32,
     /// Cameras that must see a cell.
     least_seen: f32,
+    /// Most cameras look at its middle.
+    pub is_inward: bool,
 }
 
 impl Cube {
     /// Around the point nearest to all optical axes.
-    fn around(eyes: &[Eye]) -> Self {
+    pub fn around(axes: &[Axis]) -> Self {
         // Where the axes are parallel, a weak pull to the middle of the cameras decides.
-        let n = eyes.len() as f32;
-        let middle = eyes.iter().map(|eye| eye.center).sum::<Vec3>() / n;
+        let n = axes.len() as f32;
+        let middle = axes.iter().map(|axis| axis.center).sum::<Vec3>() / n;
         let (mut across, mut sum) = (Mat3::IDENTITY * 1e-3 * n, middle * 1e-3 * n);
-        for eye in eyes {
-            let axis = eye.axis();
-            let flat = Mat3::IDENTITY - Mat3::from_cols(axis * axis.x, axis * axis.y, axis * axis.z);
+        for Axis { center, along } in axes {
+            let flat = Mat3::IDENTITY - Mat3::from_cols(along * along.x, along * along.y, along * along.z);
             across += flat;
-            sum += flat * eye.center;
+            sum += flat * *center;
         }
         let center = across.inverse() * sum;
-        let mut distances: Vec<f32> = eyes.iter().map(|eye| eye.center.distance(center)).collect();
+        let mut distances: Vec<f32> = axes.iter().map(|axis| axis.center.distance(center)).collect();
         distances.sort_by(f32::total_cmp);
         let distance = distances.get(distances.len() / 2).copied().unwrap_or(0.0);
-        let n_inward = eyes.iter().filter(|eye| eye.depth(center) > 0.0).count();
-        if 2 * n_inward > eyes.len() {
-            Cube { center, half: INWARD_REACH * distance, least_seen: LEAST_CAMERAS.max(LEAST_SEEN * n) }
+        let n_inward = axes.iter().filter(|axis| axis.depth(center) > 0.0).count();
+        let is_inward = 2 * n_inward > axes.len();
+        if is_inward {
+            let least_seen = LEAST_CAMERAS.max(LEAST_SEEN * n);
+            Cube { center, half: INWARD_REACH * distance, least_seen, is_inward }
         } else {
-            Cube { center, half: OUTWARD_REACH * distance, least_seen: LEAST_CAMERAS }
+            Cube { center, half: OUTWARD_REACH * distance, least_seen: LEAST_CAMERAS, is_inward }
         }
     }
 }
@@ -117,7 +120,7 @@ impl<'a> Silhouette<'a> {
 
 /// At most `most` points of the hull's surface, chosen at random with `key`.
 pub(super) fn surface(eyes: &[Eye], most: usize, key: &[u64]) -> Vec<Found> {
-    let cube = Cube::around(eyes);
+    let cube = Cube::around(&eyes.iter().map(Eye::axis).collect::<Vec<_>>());
     let silhouettes: Vec<Silhouette> = eyes.iter().map(Silhouette::new).collect();
     let (mut cells, mut side) = (vec![IVec3::ZERO], 2.0 * cube.half);
     let corner = cube.center - cube.half;

@@ -4,7 +4,7 @@
 //! - What stands still: each camera sweeps its rays for the depth at which its neighbours show the same (`sweep`); depths
 //!   that another camera confirms become points, where the capture has none (`agree`).
 //! - What moves, where foreground masks tell: the visual hull's surface at evenly spaced frames (`hull`), with the velocity of the
-//!   patch around each point from one to the next (`follow`).
+//!   patch around each point from one to the next (`follow`). Beside points and flow these are taken if the cameras look inward.
 //!
 //! Colours are medians over the cameras that see a point, because each has its own exposure.
 
@@ -26,7 +26,9 @@ use crate::scene::capture::{Camera, Capture};
 use crate::scene::{Motion, Splats};
 use crate::train::config::{Config, Init};
 use crate::words::count;
+use eye::Axis;
 use glam::DVec3;
+use hull::Cube;
 use lens::Lenses;
 use points::{Found, Reach};
 use std::fmt;
@@ -73,7 +75,7 @@ impl fmt::Display for Initial {
         let Initial { splats, from, joined, because, n_hulls, n_photos, counts, thinned_from } = self;
         let (n_static, n_dynamic) = (splats.n_static, splats.len() - splats.n_static);
         let source = match from {
-            Init::Flow if *joined => "the points and the flow of every frame, and surfaces on which the images agree",
+            Init::Flow if *joined => "the points and the flow of every frame and surfaces on which the images agree",
             Init::Flow | Init::AnyView => "the points and the flow of every frame",
             Init::Concat => "the points of every frame",
             Init::Auto | Init::Points => "the capture's points",
@@ -170,24 +172,17 @@ fn all(capture: &Capture, config: &Config, progress: &mut dyn FnMut(usize, usize
     Ok(Initial { counts, ..Initial::new(splats, from, because) })
 }
 
-/// Only those of what moves, by flow or else by masks; none where the capture has neither.
+/// Only those of what moves, by flow and by masks; none where the capture has neither.
 fn moving(capture: &Capture, config: &Config, progress: &mut dyn FnMut(usize, usize)) -> Result<Initial> {
-    if capture.has_frame_points() && has_flow(capture) {
-        let frames = flow::from_frames(capture, config, flow::Rule::TwoViews, progress)?;
-        let mut splats = frames.moving;
-        splats.source_row = (0..splats.len() as u32).collect();
-        let because = "of what moves, by the flow".to_owned();
-        return Ok(Initial { counts: Some(frames.counts), ..Initial::new(splats, Init::Flow, because) });
-    }
-    if !has_foreground(capture) {
-        let because = "the capture has neither flow nor masks of what moves".to_owned();
-        return Ok(Initial::new(Splats::new(config.sh_degree), Init::Hull, because));
-    }
-    let both = from_pictures(capture, config, Init::Hull, "of what moves, by the masks".to_owned(), progress)?;
-    let moving: Vec<usize> = (both.splats.n_static..both.splats.len()).collect();
-    let mut splats = both.splats.in_order(&moving);
-    splats.source_row = (0..splats.len() as u32).collect();
-    Ok(Initial { splats, ..both })
+    let (from, because) = match () {
+        () if capture.has_frame_points() && has_flow(capture) => (Init::Flow, "of what moves, by the flow"),
+        () if has_foreground(capture) => (Init::Hull, "of what moves, by the masks"),
+        () => {
+            let because = "the capture has neither flow nor masks of what moves".to_owned();
+            return Ok(Initial::new(Splats::new(config.sh_degree), Init::Hull, because));
+        }
+    };
+    from_pictures(capture, config, from, because.to_owned(), progress)
 }
 
 fn at_random(capture: &Capture, config: &Config, because: String) -> Initial {
@@ -205,7 +200,8 @@ fn has_foreground(capture: &Capture) -> bool {
 }
 
 /// From the surfaces that the pictures show and, with [`Init::Auto`], the capture's points. What moves is shown by points and flow
-/// of all frames ([`Init::Flow`]) or by hulls ([`Init::Hull`]).
+/// of all frames and the hulls of cameras that look inward ([`Init::Flow`]), or by hulls alone ([`Init::Hull`]). Nothing that stands
+/// still is looked for where it is not trained.
 fn from_pictures(
     capture: &Capture,
     config: &Config,
@@ -214,11 +210,18 @@ fn from_pictures(
     progress: &mut dyn FnMut(usize, usize),
 ) -> Result<Initial> {
     let cameras = cameras(capture, false);
-    let hull_frames = if from == Init::Hull { hull_frames(capture, &cameras) } else { Vec::new() };
-    let n_looked_at = hull_frames.len() + usize::from(!hull_frames.contains(&capture.reference_frame));
+    let has_hulls = match from {
+        Init::Flow => has_foreground(capture) && look_inward(capture, &cameras)?,
+        _ => from == Init::Hull,
+    };
+    let hull_frames = if has_hulls { hull_frames(capture, &cameras) } else { Vec::new() };
+    let mut n_looked_at = hull_frames.len();
+    if config.trains_static {
+        // Every camera is swept, too.
+        n_looked_at += 1 + usize::from(!hull_frames.contains(&capture.reference_frame));
+    }
     let n_flow_frames = if from == Init::Flow { capture.n_frames as usize } else { 0 };
-    // Every camera is swept, too.
-    let (mut n_done, n_pieces) = (0, n_flow_frames + (n_looked_at + 1) * cameras.len());
+    let (mut n_done, n_pieces) = (0, n_flow_frames + n_looked_at * cameras.len());
     let mut done = || {
         n_done += 1;
         progress(n_done, n_pieces);
@@ -230,11 +233,12 @@ fn from_pictures(
     let (reach, lenses) = (Reach::new(capture), Lenses::new(capture));
     let known = frames.as_ref().map(|frames| frames.still.0.as_slice());
     let points = if config.init == Init::Auto { capture.points.as_slice() } else { &[] };
-    let views = Views { capture, points, config, cameras: &cameras, hull_frames: &hull_frames };
+    let looks_at_rest = config.trains_static;
+    let views = Views { capture, points, config, cameras: &cameras, hull_frames: &hull_frames, looks_at_rest };
     let Surfaces { still, moving, n_known, n_found } = views.surfaces(known, &lenses, &mut done)?;
     let n_hull = moving.iter().map(|(_, found)| found.len()).sum::<usize>();
     let n_flow = frames.as_ref().map_or(0, |frames| frames.moving.len());
-    if n_found + n_hull == 0 && still.len() + n_flow < ENOUGH {
+    if config.trains_static && n_found + n_hull == 0 && still.len() + n_flow < ENOUGH {
         return Ok(at_random(capture, config, format!("{because}; no surface was found in the pictures")));
     }
     let mut splats = Splats::new(config.sh_degree);
@@ -285,7 +289,8 @@ fn append_moving(
 /// Static Gaussians at the surfaces and the points that the photographs show: what they see is rest alone.
 fn of_photos(capture: &Capture, config: &Config) -> Result<Splats> {
     let cameras = cameras(capture, true);
-    let views = Views { capture, points: &capture.photo_points, config, cameras: &cameras, hull_frames: &[] };
+    let points = &capture.photo_points;
+    let views = Views { capture, points, config, cameras: &cameras, hull_frames: &[], looks_at_rest: true };
     let (reach, lenses) = (Reach::new(capture), Lenses::new(capture));
     let (found, sizes) = settled(views.surfaces(None, &lenses, &mut || ())?.still, &lenses, &reach);
     let mut splats = Splats::new(config.sh_degree);
@@ -300,6 +305,17 @@ fn cameras(capture: &Capture, are_photos: bool) -> Vec<usize> {
     let all: Vec<usize> = (0..capture.cameras.len()).filter(|index| takes_part(&capture.cameras[*index])).collect();
     let n = all.len().min(MOST_CAMERAS);
     (0..n).map(|i| all[i * all.len() / n]).collect()
+}
+
+/// Most cameras look at what is between them. Hulls of others are vague: three of eight cameras that look around leave phantoms, which
+/// cost more than they add to what the flow shows.
+fn look_inward(capture: &Capture, cameras: &[usize]) -> Result<bool> {
+    let axis = |&camera: &usize| {
+        let frame = surfaces::shown(capture, camera, capture.reference_frame, true);
+        Ok(frame.map(|frame| capture.view(camera, frame)).transpose()?.map(|view| Axis::of(&view.pose)))
+    };
+    let axes = cameras.iter().map(axis).collect::<Result<Vec<_>>>()?;
+    Ok(Cube::around(&axes.into_iter().flatten().collect::<Vec<_>>()).is_inward)
 }
 
 /// The frames whose hulls are taken, evenly spaced.

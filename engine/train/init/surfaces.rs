@@ -29,6 +29,8 @@ pub(super) struct Views<'a> {
     pub cameras: &'a [usize],
     /// Frames whose hulls are taken.
     pub hull_frames: &'a [u32],
+    /// Whether what stands still is looked for.
+    pub looks_at_rest: bool,
 }
 
 /// What they show.
@@ -48,14 +50,14 @@ impl Views<'_> {
     /// Looks at all of them, frame by frame. `known` are points that stand still, where somebody knows; else the pictures are
     /// asked which of `points` do. `done` is called after each picture and each sweep.
     pub fn surfaces(&self, known: Option<&[Found]>, lenses: &Lenses, done: &mut dyn FnMut()) -> Result<Surfaces> {
-        let reference = self.capture.reference_frame;
-        let mut frames: Vec<u32> = self.hull_frames.iter().copied().chain([reference]).collect();
+        let at_rest = Some(self.capture.reference_frame).filter(|_| self.looks_at_rest);
+        let mut frames: Vec<u32> = self.hull_frames.iter().copied().chain(at_rest).collect();
         frames.sort_unstable();
         frames.dedup();
         let threads = threads();
         let mut surfaces = Surfaces::default();
         for frame in frames {
-            let (is_reference, has_hull) = (frame == reference, self.hull_frames.contains(&frame));
+            let (is_reference, has_hull) = (at_rest == Some(frame), self.hull_frames.contains(&frame));
             // A picture is dropped as soon as it is reduced: thirty of 8K take gigabytes.
             let eyes_of = |i: usize| {
                 let camera = self.cameras[i];
@@ -98,7 +100,7 @@ impl Views<'_> {
 
 /// The frame that a camera shows for `frame`: another, if it has none there and `any` will do. In a monocular clip each
 /// has one frame of its own.
-fn shown(capture: &Capture, camera: usize, frame: u32, any: bool) -> Option<u32> {
+pub(super) fn shown(capture: &Capture, camera: usize, frame: u32, any: bool) -> Option<u32> {
     let camera = &capture.cameras[camera];
     camera.shot(frame).or_else(|| camera.shots.first().filter(|_| any)).map(|shot| shot.frame)
 }
