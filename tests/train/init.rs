@@ -110,6 +110,15 @@ fn hulls_find_what_moves_at_each_frame_and_the_rest_stands_still() {
 }
 
 #[test]
+fn of_a_single_frame_nothing_moves_on_top_of_what_rests() {
+    let (mut capture, _) = training(true);
+    capture.n_frames = 1;
+    capture.cameras.iter_mut().for_each(|camera| camera.shots.retain(|shot| shot.frame == 0));
+    let initial = first(&capture, &Config { trains_static: false, ..config() });
+    assert!(initial.n_hulls == 1 && initial.splats.is_empty(), "{initial}");
+}
+
+#[test]
 fn training_from_pictures_is_ahead_of_training_from_random_points() {
     let _device = gpu();
     let (capture, _) = training(true);

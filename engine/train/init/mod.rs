@@ -182,7 +182,12 @@ fn moving(capture: &Capture, config: &Config, progress: &mut dyn FnMut(usize, us
             return Ok(Initial::new(Splats::new(config.sh_degree), Init::Hull, because));
         }
     };
-    from_pictures(capture, config, from, because.to_owned(), progress)
+    let mut initial = from_pictures(capture, config, from, because.to_owned(), progress)?;
+    // In a single frame nothing moves: what its hull gives is static.
+    let moving: Vec<usize> = (initial.splats.n_static..initial.splats.len()).collect();
+    initial.splats = initial.splats.in_order(&moving);
+    initial.splats.source_row = (0..initial.splats.len() as u32).collect();
+    Ok(initial)
 }
 
 fn at_random(capture: &Capture, config: &Config, because: String) -> Initial {
