@@ -248,11 +248,15 @@ impl Splats {
         Ok(rows)
     }
 
-    /// Appends the Gaussians of `other`, which has the same degree throughout. Static ones come first: these have no dynamic ones, or
-    /// the others no static ones.
+    /// Appends the Gaussians of `other`, a scene of the same degree. Static ones come first: these have no dynamic ones, or the others
+    /// no static ones. These are all of the highest degree; so are the first of the others where theirs differ.
     pub(crate) fn append(&mut self, mut other: Splats) {
         debug_assert!((self.motion.is_empty() || other.n_static == 0) && other.sh_degree == self.sh_degree);
-        debug_assert!(self.degree.is_empty() && other.degree.is_empty());
+        debug_assert!(self.degree.is_empty());
+        if !other.degree.is_empty() {
+            self.degree = vec![self.sh_degree as u8; self.len()];
+            self.degree.append(&mut other.degree);
+        }
         self.position.append(&mut other.position);
         self.rotation.append(&mut other.rotation);
         self.scale.append(&mut other.scale);

@@ -60,8 +60,14 @@ settings! {
         init_static_tau: f64 = 10.0, "clips", Range::NOT_NEGATIVE;
         /// Whether static Gaussians are trained. Otherwise they stay as they began, and are neither pruned nor cloned nor split.
         trains_static: bool = true, "", Range::Switch;
+        /// Directions, evenly spread, that the end of a run looks in: in each that no training camera sees, beside what one does see, a
+        /// large static Gaussian is put behind the scene, in the colour of what is seen next to it. 0 leaves black holes there.
+        backdrop: u32 = 1000, "directions", Range::Whole(0, 10_000);
         /// Colour behind the scene.
         background: [f32; 3] = [0.0; 3], "", Range::Colour;
+        /// Whether each step sees the scene before a background of another colour, so that the scene does not leave out what has the colour
+        /// of the background. Never where images have an alpha channel or show much of the background.
+        vary_background: bool = true, "", Range::Switch;
         /// Whether the time offsets of the cameras are learnt.
         offsets: bool = true, "", Range::Switch;
         /// Whether the poses of the training cameras are learnt, one turn and one shift a camera for all its images. Auto learns them in

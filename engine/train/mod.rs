@@ -2,6 +2,7 @@
 
 mod align;
 mod average;
+mod backdrop;
 mod base;
 mod cameras;
 mod checkpoint;

@@ -3,13 +3,21 @@
 use super::config::{Config, FlowChoice, PoseKind};
 use super::lenses;
 use super::terms::{self, TermData};
-use crate::scene::capture::{Camera, Capture, Extent, TRAINING_RADIUS};
+use crate::parallel::{in_parallel, threads};
+use crate::scene::capture::{Camera, Capture, Extent, Shot, TRAINING_RADIUS, has_alpha};
 use crate::scene::{FlowModel, View};
 use crate::settings::Constants;
 use glam::DVec3;
 
 /// Points whose depths the near plane is chosen by, at most.
 const MOST_POINTS: usize = 10_000;
+/// Images that are looked at for whether they show the background.
+const MOST_LOOKED_AT: usize = 8;
+/// Colours that differ by so many levels of 255 at most are alike.
+const LEVELS_ALIKE: i32 = 2;
+/// Images show the background if more than this share of them has its colour. Of the real captures that this was measured on, 0.06 %
+/// of the darkest has.
+const MOST_BEHIND: f64 = 0.05;
 
 /// A capture, to a trainer.
 #[derive(Clone, Debug, PartialEq)]
@@ -33,6 +41,8 @@ pub struct Setup {
     pub data: TermData,
     /// What the rendered flow is, to be like the priors'.
     pub flow_model: FlowModel,
+    /// Whether the images show the background, see [`shows_background`].
+    pub shows_background: bool,
 }
 
 impl Setup {
@@ -48,6 +58,7 @@ impl Setup {
             has_grid: Vec::new(),
             data: TermData::NONE,
             flow_model: FlowModel::Velocity,
+            shows_background: true,
         }
     }
 
@@ -81,6 +92,7 @@ impl Setup {
                 FlowChoice::Auto if capture.cameras.iter().any(Camera::moves) => FlowModel::Displacement,
                 FlowChoice::Auto => FlowModel::Velocity,
             },
+            shows_background: shows_background(capture),
         }
     }
 }
@@ -103,6 +115,30 @@ pub fn near_plane(capture: &Capture) -> f32 {
 /// How the pictures of a run on `capture` are rendered, which is in the frame of training: the default with its [`near_plane`].
 pub fn constants_of(capture: &Capture) -> Constants {
     Constants { near: near_plane(capture), ..Constants::default() }
+}
+
+/// Whether training images of `capture` show its background: some have an alpha channel, or much of what they show has its very colour, as
+/// where a single object was cut out. Of cameras, evenly chosen, one image each is looked at.
+fn shows_background(capture: &Capture) -> bool {
+    let trained =
+        |(index, camera): (usize, &Camera)| Some((index, camera.shots.first().filter(|_| !camera.is_test)?.clone()));
+    let firsts: Vec<(usize, Shot)> = capture.cameras.iter().enumerate().filter_map(trained).collect();
+    if firsts.iter().any(|(_, shot)| has_alpha(&shot.image)) {
+        return true;
+    }
+    let behind = capture.background.map(|level| (255.0 * level).round() as i32);
+    let is_behind = |word: &u32| (0..3).all(|k| ((word >> (8 * k)) as u8 as i32 - behind[k]).abs() <= LEVELS_ALIKE);
+    let some: Vec<&(usize, Shot)> = firsts.iter().step_by(firsts.len().div_ceil(MOST_LOOKED_AT).max(1)).collect();
+    // An image that cannot be read is the run's to tell of.
+    let look = |k: usize| {
+        let (camera, shot) = some[k];
+        let Ok(picture) = capture.picture(*camera, shot.frame) else { return Ok((0, 0)) };
+        let counting = || picture.pixels.iter().filter(|word| **word >> 24 != 0);
+        Ok((counting().filter(|word| is_behind(word)).count(), counting().count()))
+    };
+    let looked = in_parallel(some.len(), threads(), look, |_| {}).unwrap_or_default();
+    let (behind, all) = looked.into_iter().fold((0, 0), |sum, of| (sum.0 + of.0, sum.1 + of.1));
+    behind as f64 > MOST_BEHIND * all as f64
 }
 
 /// Where the training cameras are, on average over their images; none of a test camera, of a photograph, whose pose no other image could

@@ -352,6 +352,9 @@ impl Training<'_, '_> {
                     self.log.push(Kind::Review, &review)?;
                 }
                 Event::Poses { pixels, are_learnt } => say!("{}", poses::judged(pixels, are_learnt)),
+                Event::Backdrop(n) => {
+                    say!("{} behind the scene, where no training camera looks", count(n, "Gaussian"));
+                }
                 Event::Frozen(cameras) => {
                     alert!("could not estimate time offsets from the images; fixed at 0 for {}", cameras.join(", "))
                 }
@@ -402,6 +405,7 @@ impl Training<'_, '_> {
         self.behind.wait()?;
         self.team.finish();
         let splats = self.session.finish()?;
+        self.note_events()?;
         let (scene, world, step) = (output.join("scene.ply"), self.scorer.run.world, self.session.steps());
         let written = write_scene(&scene, &splats, &world)?;
         // What the file holds is scored.

@@ -18,6 +18,7 @@ use crate::scene::Splats;
 use crate::scene::capture::{Capture, Picture};
 use crate::settings::Constants;
 use crate::train::average::Average;
+use crate::train::backdrop::with_backdrop;
 use crate::train::cameras::poses_judged_at;
 use crate::train::checkpoint::{Checkpoint, Owed};
 use crate::train::config::{Config, PoseKind};
@@ -367,14 +368,22 @@ impl<'a> Session<'a> {
     }
 
     /// Waits for the last step and what is due after it; gives the Gaussians, in the frame of training: near the end of the run
-    /// their mean over its last steps, see [`Average`].
+    /// their mean over its last steps, see [`Average`], and behind them the backdrop that the settings ask for.
     ///
     /// # Errors
     /// As [`Session::step`].
     pub fn finish(&mut self) -> Result<Splats> {
         self.wait()?;
         self.settle()?;
-        self.average.scene().map_or_else(|| self.trainer.splats(), |mean| Ok(mean.clone()))
+        let scene = self.average.scene().map_or_else(|| self.trainer.splats(), |mean| Ok(mean.clone()))?;
+        let (n, begun) = (scene.len(), Instant::now());
+        let asks = !self.trainer.shows_background();
+        let scene = if asks { with_backdrop(scene, self.capture, &self.config)? } else { scene };
+        self.seconds += begun.elapsed().as_secs_f64();
+        if scene.len() > n {
+            self.events.push(Event::Backdrop(scene.len() - n));
+        }
+        Ok(scene)
     }
 
     /// In traces, all that belongs to the next step, waiting for its images too.

@@ -316,6 +316,11 @@ impl Trainer {
         self.control_density()
     }
 
+    /// Whether the images that it is trained on show the background.
+    pub(in crate::train) fn shows_background(&self) -> bool {
+        self.setup.shows_background
+    }
+
     /// Takes the steps to come together with other processes, which see other images of each.
     pub(in crate::train) fn join(&mut self, ranks: Option<Arc<dyn Ranks>>) {
         self.ranks = ranks;

@@ -5,6 +5,7 @@ use super::{Image, Inputs, Results, Seen, Step, StepReport, Trainer};
 use crate::error::{Error, Result};
 use crate::gpu::Recording;
 use crate::gpu::generated::{Status, ViewParams};
+use crate::random::Keyed;
 use crate::scene::View;
 use crate::scene::capture::Picture;
 use crate::stage::{
@@ -15,6 +16,9 @@ use crate::train::images::{Loaded, Shot};
 use crate::train::objective::Report;
 use bytemuck::bytes_of;
 use tracing::debug_span;
+
+/// Purpose of the random numbers of a step that are its background; a review has 4.
+const BACKGROUND: u64 = 5;
 
 impl Trainer {
     /// Pixels along each side that become one in the step to come.
@@ -45,9 +49,9 @@ impl Trainer {
 
     /// What the step to come needs.
     pub(super) fn inputs(&mut self, images: Vec<Seen>) -> Inputs {
-        let (background, flow_model) = (self.config.background, self.setup.flow_model);
-        let step = self.step + 1;
-        let of_image = |Seen { camera, view, loaded }: Seen| {
+        let (step, flow_model) = (self.step + 1, self.setup.flow_model);
+        let of_image = |(index, Seen { camera, view, loaded }): (usize, Seen)| {
+            let background = self.background(step, index as u64);
             let reduction = self.reduction(&view);
             let by = self.objective.taken(camera);
             Image {
@@ -56,7 +60,16 @@ impl Trainer {
                 truth: loaded.map(|loaded| self.objective.target(loaded, by, step, reduction)),
             }
         };
-        Inputs { step, images: images.into_iter().map(of_image).collect() }
+        Inputs { step, images: images.into_iter().enumerate().map(of_image).collect() }
+    }
+
+    /// The colour behind the scene in image `index` of a step.
+    fn background(&self, step: u64, index: u64) -> [f32; 3] {
+        if !self.config.vary_background || self.setup.shows_background {
+            return self.config.background;
+        }
+        let numbers = Keyed::new(&[self.config.seed, step, BACKGROUND, index]);
+        std::array::from_fn(|channel| numbers.uniform(channel as u64) as f32)
     }
 
     /// Hands a step to the device.

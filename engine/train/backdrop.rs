@@ -1,0 +1,271 @@
+//! A backdrop where no training camera looks.
+//!
+//! Where no camera saw anything there is nothing, and whoever looks a little past the edge of what was filmed sees a black hole. So at
+//! the end of a run large static Gaussians are put behind the whole scene in the directions that no training camera sees, as far as
+//! these lie beside directions that one does see, in the colours of what is seen nearest to them. They are a guess, and none of what a
+//! training camera sees is made of them. A scene of a single object, which leaves the background through where cameras look, gets none.
+
+use super::config::Config;
+use super::lenses::depth;
+use crate::error::Result;
+use crate::parallel::{in_parallel, threads};
+use crate::report::statistics::quantile;
+use crate::scene::capture::Capture;
+use crate::scene::{SH_C0, Splats, View, dc_of_color};
+use glam::DVec3;
+use std::f64::consts::{FRAC_PI_4, PI};
+
+/// Largest angle between a direction of the backdrop and the nearest one that a training camera sees, radians.
+const REACH: f64 = FRAC_PI_4;
+/// Distance of the backdrop, in units of one that this share of the scene lies within: what it hid of the scene would be missing from
+/// views between the cameras.
+const BEHIND: f64 = 1.2;
+const NEARLY_ALL: f64 = 0.999;
+/// Opacity that a Gaussian must have to count as part of the scene.
+const OPAQUE: f64 = 0.3;
+/// Angle from a direction of what its colour is taken from, radians, and Gaussians that there must be.
+const ACROSS: f64 = 0.12;
+const LEAST_POINTS: usize = 2;
+/// Of the Gaussians of a direction those farther than this share of nearly all of them are what the backdrop continues.
+const FAR_SIDE: f64 = 0.8;
+/// Where fewer of the directions that cameras see have a colour, the background shows through the scene.
+const LEAST_KNOWN: f64 = 0.9;
+/// Standard deviation of a Gaussian of the backdrop, in units of the distance to its neighbours.
+const WIDTH: f64 = 0.7;
+/// Logit of its opacity: 0.98.
+const OPACITY: f32 = 4.0;
+/// By which power of the angle the weight of a colour falls.
+const FALL: i32 = 3;
+/// Gaussians of one piece of work.
+const PIECE: usize = 4096;
+
+/// A Gaussian of the scene, from the middle of the cameras.
+struct Point {
+    direction: DVec3,
+    distance: f64,
+    /// Solid angle times opacity.
+    weight: f64,
+    color: DVec3,
+}
+
+/// `scene`, which was trained on `capture`, with the backdrop that `config` asks for, as far as its number of Gaussians leaves room.
+/// Both are in the frame of training.
+///
+/// # Errors
+/// Those of the capture's cameras.
+pub(super) fn with_backdrop(scene: Splats, capture: &Capture, config: &Config) -> Result<Splats> {
+    let found = backdrop(&scene, &training_views(capture)?, config.backdrop as usize)?;
+    Ok(join(found, scene, config.max_gaussians))
+}
+
+/// `backdrop`, or an even choice of it, and behind it `scene`: `most` Gaussians at most.
+fn join(backdrop: Splats, scene: Splats, most: usize) -> Splats {
+    let n = backdrop.len().min(most.saturating_sub(scene.len()));
+    if n == 0 {
+        return scene;
+    }
+    let evenly: Vec<usize> = (0..n).map(|k| k * backdrop.len() / n).collect();
+    let mut all = backdrop.in_order(&evenly);
+    all.append(scene);
+    all.source_row = (0..all.len() as u32).collect();
+    all
+}
+
+/// A view of every pose of every training camera, photographs too.
+fn training_views(capture: &Capture) -> Result<Vec<View>> {
+    let mut views = Vec::new();
+    for (index, camera) in capture.cameras.iter().enumerate().filter(|(_, camera)| !camera.is_test) {
+        for shot in camera.shots.iter().take(if camera.moves() { usize::MAX } else { 1 }) {
+            views.push(capture.view(index, shot.frame)?);
+        }
+    }
+    Ok(views)
+}
+
+/// The backdrop of a scene for cameras with these `views`: of `n` directions, evenly spread, those are taken that no view sees.
+fn backdrop(scene: &Splats, views: &[View], n: usize) -> Result<Splats> {
+    let mut found = Splats::new(scene.sh_degree);
+    if n == 0 || views.is_empty() {
+        return Ok(found);
+    }
+    let is_seen = |at: DVec3| views.iter().any(|view| depth(view, at).is_some());
+    let middle = views.iter().map(|view| view.pose.center()).sum::<DVec3>() / views.len() as f64;
+    let points = points_of(scene, middle, is_seen)?;
+    if points.is_empty() {
+        return Ok(found);
+    }
+    let distances: Vec<f64> = points.iter().map(|point| point.distance).collect();
+    let distance = BEHIND * quantile(&distances, NEARLY_ALL);
+    let directions = evenly(n);
+    let colors = in_parallel(n, threads(), |k| Ok(color_of(directions[k], &points)), |_| {})?;
+    let known: Vec<(DVec3, DVec3)> = directions.iter().zip(&colors).filter_map(|(d, c)| Some((*d, (*c)?))).collect();
+    let sees: Vec<bool> = directions.iter().map(|direction| is_seen(middle + distance * *direction)).collect();
+    let seen: Vec<usize> = (0..n).filter(|k| sees[*k]).collect();
+    let n_known = seen.iter().filter(|k| colors[**k].is_some()).count();
+    if (n_known as f64) < LEAST_KNOWN * seen.len() as f64 {
+        return Ok(found);
+    }
+    let spacing = (4.0 * PI / n as f64).sqrt();
+    let guess = |k: usize| {
+        let direction = directions[k];
+        if sees[k] || seen.iter().all(|other| angle(directions[*other], direction) > REACH) {
+            return Ok(None);
+        }
+        let weight = |other: DVec3| (angle(other, direction) + 0.3 * spacing).powi(-FALL);
+        let (sum, all) = known.iter().fold((DVec3::ZERO, 0.0), |(sum, all), (other, color)| {
+            (sum + weight(*other) * *color, all + weight(*other))
+        });
+        Ok(Some(sum / all))
+    };
+    let guesses = in_parallel(n, threads(), guess, |_| {})?;
+    for (direction, color) in directions.iter().zip(guesses).filter_map(|(d, color)| Some((d, color?))) {
+        found.position.push((middle + distance * *direction).as_vec3().to_array());
+        found.sh.push(color.to_array().map(dc_of_color));
+        found.sh.extend(std::iter::repeat_n([0.0; 3], found.n_coefficients() - 1));
+    }
+    found.n_static = found.position.len();
+    found.rotation = vec![[1.0, 0.0, 0.0, 0.0]; found.n_static];
+    found.scale = vec![[(WIDTH * spacing * distance).ln() as f32; 3]; found.n_static];
+    found.opacity = vec![OPACITY; found.n_static];
+    found.source_row = (0..found.n_static as u32).collect();
+    Ok(found)
+}
+
+/// The Gaussians of a scene that a camera sees, were nothing before them, from `middle`.
+fn points_of(scene: &Splats, middle: DVec3, is_seen: impl Fn(DVec3) -> bool + Sync) -> Result<Vec<Point>> {
+    let k = scene.n_coefficients();
+    let point = |i: usize| {
+        let opacity = 1.0 / (1.0 + (-f64::from(scene.opacity[i])).exp());
+        let at = DVec3::from_array(scene.position[i].map(f64::from));
+        let distance = at.distance(middle);
+        let counts = opacity > OPAQUE && distance.is_finite() && distance > 0.0 && is_seen(at);
+        let area = (scene.scale[i].iter().map(|s| f64::from(*s)).sum::<f64>() * 2.0 / 3.0).exp();
+        let color = DVec3::from_array(scene.sh[i * k].map(f64::from)) * SH_C0 + 0.5;
+        let weight = opacity * area / (distance * distance);
+        let is_finite = weight.is_finite() && color.is_finite();
+        (counts && is_finite).then_some(Point { direction: (at - middle) / distance, distance, weight, color })
+    };
+    let n = scene.len();
+    let piece = |p: usize| Ok((p * PIECE..n.min((p + 1) * PIECE)).filter_map(point).collect::<Vec<_>>());
+    let all = in_parallel(n.div_ceil(PIECE), threads(), piece, |_| {})?;
+    Ok(all.into_iter().flatten().collect())
+}
+
+/// Directions, evenly spread over the sphere: on a spiral, a golden angle apart.
+fn evenly(n: usize) -> Vec<DVec3> {
+    let direction = |k: usize| {
+        let along = (2.0 * k as f64 + 1.0) / n as f64 - 1.0;
+        let (sin, cos) = (PI * (1.0 + 5.0_f64.sqrt()) * k as f64).sin_cos();
+        let across = (1.0 - along * along).sqrt();
+        DVec3::new(across * cos, across * sin, along)
+    };
+    (0..n).map(direction).collect()
+}
+
+fn angle(a: DVec3, b: DVec3) -> f64 {
+    a.dot(b).clamp(-1.0, 1.0).acos()
+}
+
+/// The colour of what is farthest in a direction; none where there is too little.
+fn color_of(direction: DVec3, points: &[Point]) -> Option<DVec3> {
+    let least = ACROSS.cos();
+    let own: Vec<&Point> = points.iter().filter(|point| point.direction.dot(direction) > least).collect();
+    if own.len() < LEAST_POINTS {
+        return None;
+    }
+    let distances: Vec<f64> = own.iter().map(|point| point.distance).collect();
+    let nearest = FAR_SIDE * quantile(&distances, FAR_SIDE);
+    let far = own.iter().filter(|point| point.distance >= nearest);
+    let (sum, all) = far.fold((DVec3::ZERO, 0.0), |(sum, all), p| (sum + p.weight * p.color, all + p.weight));
+    (all > 0.0).then(|| sum / all)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::Motion;
+
+    /// A camera in the middle that looks along z, 90 degrees wide and high.
+    fn view() -> View {
+        View::look_at([0.0; 3], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0], (64, 64), 90.0)
+    }
+
+    /// Static Gaussians on a sphere of radius 4 in directions that `is_there` names: red where x is positive, blue elsewhere.
+    fn shell(is_there: impl Fn(DVec3) -> bool) -> Splats {
+        let mut splats = Splats::new(1);
+        for direction in evenly(4000).into_iter().filter(|direction| is_there(*direction)) {
+            let color = if direction.x > 0.0 { [0.9, 0.1, 0.1] } else { [0.1, 0.1, 0.9] };
+            splats.position.push((4.0 * direction).as_vec3().to_array());
+            splats.sh.push(color.map(dc_of_color));
+            splats.sh.extend([[0.0; 3]; 3]);
+        }
+        let n = splats.position.len();
+        splats.n_static = n;
+        splats.rotation = vec![[1.0, 0.0, 0.0, 0.0]; n];
+        splats.scale = vec![[-3.0; 3]; n];
+        splats.opacity = vec![3.0; n];
+        splats.source_row = (0..n as u32).collect();
+        splats
+    }
+
+    #[test]
+    fn it_stands_behind_the_scene_beside_what_is_seen_in_the_colours_there() {
+        let view = view();
+        let found = backdrop(&shell(|direction| direction.z > 0.0), std::slice::from_ref(&view), 1000).unwrap();
+        found.check().unwrap();
+        assert_eq!((found.n_static, found.sh_degree), (found.len(), 1));
+        let mut nearest = f64::INFINITY;
+        for (at, sh) in found.position.iter().zip(found.sh.chunks(4)) {
+            let at = DVec3::from_array(at.map(f64::from));
+            assert!((at.length() - 4.0 * BEHIND).abs() < 1e-4 && depth(&view, at).is_none(), "{at}");
+            // The corners of the picture are 55 degrees from its middle, and directions some 6 degrees apart.
+            let off = angle(at.normalize(), DVec3::Z);
+            assert!(off < 56_f64.to_radians() + REACH, "{at}");
+            nearest = nearest.min(off);
+            let [red, _, blue] = sh[0].map(|c| f64::from(c) * SH_C0 + 0.5);
+            assert!((0.05..0.95).contains(&red) && (0.05..0.95).contains(&blue), "{red} {blue}");
+            if at.x.abs() > 2.0 {
+                assert_eq!(red > blue, at.x > 0.0, "{at}: {red} {blue}");
+            }
+            assert!(sh[1..].iter().all(|c| *c == [0.0; 3]));
+        }
+        // It begins at the picture's edge, and goes all around it.
+        assert!(found.len() > 200 && nearest < 52_f64.to_radians(), "{} {}", found.len(), nearest.to_degrees());
+        let mean = found.position.iter().fold([0.0; 2], |[x, y], at| [x + at[0], y + at[1]]);
+        assert!(mean.iter().all(|sum| (sum / found.len() as f32).abs() < 0.1), "{mean:?}");
+    }
+
+    #[test]
+    fn a_scene_that_leaves_the_background_through_has_none() {
+        let object = shell(|direction| angle(direction, DVec3::Z) < 0.4);
+        assert!(backdrop(&object, &[view()], 1000).unwrap().is_empty());
+        assert!(backdrop(&Splats::new(3), &[view()], 1000).unwrap().is_empty());
+        let room = shell(|_| true);
+        assert!(backdrop(&room, &[], 1000).unwrap().is_empty() && backdrop(&room, &[view()], 0).unwrap().is_empty());
+        // Nothing of a Gaussian that is not finite.
+        let mut broken = room.clone();
+        (broken.position[0], broken.scale[1], broken.sh[8]) = ([f32::NAN; 3], [f32::INFINITY; 3], [f32::NAN; 3]);
+        let found = backdrop(&broken, &[view()], 1000).unwrap();
+        assert!(found.len() > 200 && found.check().is_ok());
+        assert!(found.position.iter().chain(&found.sh).flatten().all(|x| x.is_finite()));
+    }
+
+    #[test]
+    fn it_comes_first_and_keeps_to_the_number_that_is_allowed() {
+        let mut scene = shell(|_| true);
+        let n = scene.len();
+        // The last is dynamic, and degrees differ.
+        scene.n_static -= 1;
+        scene.motion = vec![Motion { velocity: [1.0; 3], t_center: 0.5, t_scale: 0.0 }];
+        scene.degree = vec![0; n];
+        let found = backdrop(&scene, &[view()], 1000).unwrap();
+        for room in [0, 1, 100, found.len(), found.len() + 1] {
+            let all = join(found.clone(), scene.clone(), n + room);
+            let added = room.min(found.len());
+            all.check().unwrap();
+            assert_eq!((all.len(), all.n_static, all.motion.len()), (n + added, n - 1 + added, 1));
+            assert_eq!(all.position[added..], scene.position[..]);
+            assert!((0..all.len()).all(|i| all.degree_of(i) == usize::from(i < added)));
+        }
+    }
+}
