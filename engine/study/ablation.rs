@@ -140,7 +140,7 @@ impl Base {
             let loss = &mut config.loss;
             (loss.depth, loss.flow, loss.offset, loss.lpips) = (1.0, 1.0, 1e-4, LPIPS_WEIGHT);
             config.lr = paper_rates();
-            config.backdrop = 0;
+            (config.backdrop, config.vary_background) = (0, false);
         }
     }
 

@@ -62,6 +62,13 @@ pub(super) const QUALITY: Study = Study {
             change: |config| config.lr.position_size = 0.0,
             paper: &[],
         },
+        Arm { name: "no backdrop", key: "no-backdrop", change: |config| config.backdrop = 0, paper: &[] },
+        Arm {
+            name: "the same background in every step",
+            key: "one-background",
+            change: |config| config.vary_background = false,
+            paper: &[],
+        },
         Arm {
             name: "density control of 3DGS-MCMC",
             key: "mcmc",

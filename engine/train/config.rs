@@ -66,7 +66,8 @@ settings! {
         /// Colour behind the scene.
         background: [f32; 3] = [0.0; 3], "", Range::Colour;
         /// Whether each step sees the scene before a background of another colour, so that the scene does not leave out what has the colour
-        /// of the background. Never where images have an alpha channel or show much of the background.
+        /// of the background. Only where most cameras look inward, and never where images have an alpha channel or show much of the
+        /// background.
         vary_background: bool = true, "", Range::Switch;
         /// Whether the time offsets of the cameras are learnt.
         offsets: bool = true, "", Range::Switch;

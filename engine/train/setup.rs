@@ -1,6 +1,7 @@
 //! What a trainer needs to know of a capture beside its pictures.
 
 use super::config::{Config, FlowChoice, PoseKind};
+use super::init::cameras_look_inward;
 use super::lenses;
 use super::terms::{self, TermData};
 use crate::parallel::{in_parallel, threads};
@@ -43,6 +44,8 @@ pub struct Setup {
     pub flow_model: FlowModel,
     /// Whether the images show the background, see [`shows_background`].
     pub shows_background: bool,
+    /// Whether each step has a background of its own colour.
+    pub varies_background: bool,
 }
 
 impl Setup {
@@ -59,6 +62,7 @@ impl Setup {
             data: TermData::NONE,
             flow_model: FlowModel::Velocity,
             shows_background: true,
+            varies_background: false,
         }
     }
 
@@ -71,6 +75,7 @@ impl Setup {
         let has_pictures = |camera: usize| capture.cameras[camera].shots.len() > 1;
         let observable: Vec<bool> = trained.iter().enumerate().map(|(i, is)| *is && has_pictures(i)).collect();
         let learns_offset = if observable.contains(&true) { observable } else { Vec::new() };
+        let shows_background = shows_background(capture, config.background);
         Setup {
             extent: capture.extent(),
             lenses: [lenses::of_cameras(capture), lenses::between_cameras(capture)].concat(),
@@ -92,7 +97,8 @@ impl Setup {
                 FlowChoice::Auto if capture.cameras.iter().any(Camera::moves) => FlowModel::Displacement,
                 FlowChoice::Auto => FlowModel::Velocity,
             },
-            shows_background: shows_background(capture),
+            shows_background,
+            varies_background: config.vary_background && !shows_background && cameras_look_inward(capture),
         }
     }
 }
@@ -117,16 +123,16 @@ pub fn constants_of(capture: &Capture) -> Constants {
     Constants { near: near_plane(capture), ..Constants::default() }
 }
 
-/// Whether training images of `capture` show its background: some have an alpha channel, or much of what they show has its very colour, as
+/// Whether training images of `capture` show the `background`: some have an alpha channel, or much of what they show has its very colour, as
 /// where a single object was cut out. Of cameras, evenly chosen, one image each is looked at.
-fn shows_background(capture: &Capture) -> bool {
+fn shows_background(capture: &Capture, background: [f32; 3]) -> bool {
     let trained =
         |(index, camera): (usize, &Camera)| Some((index, camera.shots.first().filter(|_| !camera.is_test)?.clone()));
     let firsts: Vec<(usize, Shot)> = capture.cameras.iter().enumerate().filter_map(trained).collect();
     if firsts.iter().any(|(_, shot)| has_alpha(&shot.image)) {
         return true;
     }
-    let behind = capture.background.map(|level| (255.0 * level).round() as i32);
+    let behind = background.map(|level| (255.0 * level).round() as i32);
     let is_behind = |word: &u32| (0..3).all(|k| ((word >> (8 * k)) as u8 as i32 - behind[k]).abs() <= LEVELS_ALIKE);
     let some: Vec<&(usize, Shot)> = firsts.iter().step_by(firsts.len().div_ceil(MOST_LOOKED_AT).max(1)).collect();
     // An image that cannot be read is the run's to tell of.

@@ -155,7 +155,8 @@ fn files_with_the_same_fault_are_told_of_together() {
 fn logs_have_colours_on_terminals_alone_and_quiet_leaves_warnings() {
     let folder = Folder::new("quiet");
     let (capture, run) = (folder.capture(), folder.path("run"));
-    let train = ["train", &capture, "-o", &run, "--steps", "3", "--set", "offsets=false", "--overwrite"];
+    let train =
+        ["train", &capture, "-o", &run, "--steps", "3", "--set", "offsets=false", "--eval-every", "0", "--overwrite"];
     let told = |more: &[&str]| ended(&ivv(&[&train, more].concat()).output().unwrap());
     let (code, plain) = told(&["--log-level", "debug"]);
     assert_eq!(code, Some(0), "{plain}");

@@ -1,5 +1,6 @@
 //! Training as a whole, on a synthetic capture of its own making.
 
+mod background;
 mod base;
 mod compare;
 mod density;

@@ -109,7 +109,9 @@ pub fn config() -> Config {
     let loss = ivv::train::Loss { depth: 0.0, flow: 0.0, ..Default::default() };
     let density = ivv::train::Density { stop: 0.0, ..Default::default() };
     let required = Required { reviews: 1, images: 40, grids_at: 0.3, ..Required::default() };
-    Config { sh_degree: 1, background: BACKGROUND, loss, density, required, ..super::steady() }
+    // The truth lets the background through.
+    let vary_background = false;
+    Config { sh_degree: 1, background: BACKGROUND, vary_background, loss, density, required, ..super::steady() }
 }
 
 /// Trains `steps` steps from `begin`, reviews, and trains as many again.

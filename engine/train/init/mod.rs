@@ -312,6 +312,11 @@ fn cameras(capture: &Capture, are_photos: bool) -> Vec<usize> {
     (0..n).map(|i| all[i * all.len() / n]).collect()
 }
 
+/// Whether most training cameras look at what is between them.
+pub(super) fn cameras_look_inward(capture: &Capture) -> bool {
+    look_inward(capture, &cameras(capture, false)).unwrap_or(false)
+}
+
 /// Most cameras look at what is between them. Hulls of others are vague: three of eight cameras that look around leave phantoms, which
 /// cost more than they add to what the flow shows.
 fn look_inward(capture: &Capture, cameras: &[usize]) -> Result<bool> {

@@ -65,7 +65,7 @@ impl Trainer {
 
     /// The colour behind the scene in image `index` of a step.
     fn background(&self, step: u64, index: u64) -> [f32; 3] {
-        if !self.config.vary_background || self.setup.shows_background {
+        if !self.setup.varies_background {
             return self.config.background;
         }
         let numbers = Keyed::new(&[self.config.seed, step, BACKGROUND, index]);

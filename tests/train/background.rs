@@ -1,0 +1,119 @@
+//! What lies behind a scene: a background that varies while it is trained, and a backdrop where no training camera looks.
+
+use super::{Tiny, train};
+use crate::common::device::gpu;
+use image::{DynamicImage, Rgb, RgbImage};
+use ivv::Constants;
+use ivv::scene::capture::Capture;
+use ivv::scene::{Splats, View};
+use ivv::stage::{Outputs, Renderer};
+use ivv::synth::{Options, Preset, Rig, write_capture};
+use ivv::train::{Config, Setup, initialise};
+
+/// Gives every image of the capture another form.
+fn change(tiny: &Tiny, to: impl Fn(RgbImage) -> DynamicImage) {
+    for shot in tiny.capture.cameras.iter().flat_map(|camera| &camera.shots) {
+        let image = image::open(&shot.image).unwrap().to_rgb8();
+        to(image).save(&shot.image).unwrap();
+    }
+}
+
+fn varies(tiny: &Tiny, config: &Config) -> bool {
+    Setup::new(&Capture::open(&tiny.folder).unwrap(), config).varies_background
+}
+
+#[test]
+fn a_background_that_images_show_does_not_vary() {
+    let tiny = Tiny::new("shown");
+    let config = Config::default();
+    assert!(varies(&tiny, &config));
+    assert!(!varies(&tiny, &Config { vary_background: false, ..config.clone() }));
+    // A tenth of each image is cut out.
+    let cut_out = |mut image: RgbImage| {
+        let width = image.width();
+        image.enumerate_pixels_mut().filter(|(x, ..)| 10 * x < width).for_each(|(.., pixel)| *pixel = Rgb([77; 3]));
+        DynamicImage::from(image)
+    };
+    change(&tiny, cut_out);
+    assert!(varies(&tiny, &config), "the background is black");
+    assert!(!varies(&tiny, &Config { background: [0.3; 3], ..config.clone() }));
+    change(&tiny, |image| DynamicImage::from(image).to_rgba8().into());
+    assert!(!varies(&tiny, &config), "an alpha channel");
+}
+
+#[test]
+fn a_background_does_not_vary_where_cameras_look_outward() {
+    let tiny = outward("around");
+    assert!(!varies(&tiny, &Config::default()));
+}
+
+fn outward(name: &str) -> Tiny {
+    let folder = std::env::temp_dir().join(format!("ivv-train-{name}-{}", std::process::id()));
+    let options = Options { frames: 2, rig: Rig::Outward, ..Preset::Tiny.options(7) };
+    write_capture(&folder, &options, 2, &mut |_, _| {}).unwrap();
+    let capture = Capture::open(&folder).unwrap();
+    Tiny { folder, capture }
+}
+
+/// Views of the training cameras, or of those for testing, at the first frame.
+fn views(capture: &Capture, are_test: bool) -> Vec<View> {
+    let cameras = (0..capture.cameras.len()).filter(|camera| capture.cameras[*camera].is_test == are_test);
+    cameras.map(|camera| capture.view(camera, 0).unwrap()).collect()
+}
+
+/// Mean share of the background in the pictures of `views`.
+fn background_in(splats: &Splats, views: &[View]) -> f64 {
+    let gpu = gpu();
+    let mut renderer = Renderer::new(gpu.clone(), splats, Constants::default()).unwrap();
+    let mut color = |view: &View, background: [f32; 3]| {
+        let view = View { background, ..view.clone() };
+        renderer.render(&view, Outputs::Color).unwrap().0.color
+    };
+    let mut share = |view: &View| {
+        let (white, black) = (color(view, [1.0; 3]), color(view, [0.0; 3]));
+        let sum: f64 = white.iter().zip(&black).map(|(w, b)| f64::from(w[0] - b[0])).sum();
+        sum / white.len() as f64
+    };
+    views.iter().map(&mut share).sum::<f64>() / views.len() as f64
+}
+
+#[test]
+fn a_scene_before_backgrounds_that_vary_lets_less_of_them_through() {
+    let tiny = Tiny::new("through");
+    // A black wall is a hole before a black background.
+    change(&tiny, |mut image| {
+        image.pixels_mut().for_each(|pixel| pixel.0 = pixel.0.map(|level| level / 8 + 3));
+        image.into()
+    });
+    let world = tiny.capture.normalisation();
+    let capture = Capture::open(&tiny.folder).unwrap().transformed(&world);
+    let through = |vary_background: bool| {
+        let config = Config { vary_background, backdrop: 0, ..Config::default() };
+        let first = initialise(&capture, &config, &mut |_, _| {}).unwrap().splats;
+        background_in(&train(&capture, &config, &first, 120).0, &views(&capture, false))
+    };
+    let (varied, same) = (through(true), through(false));
+    println!("{varied:.4} of the background with many, {same:.4} with one");
+    assert!(varied < 0.5 * same);
+}
+
+#[test]
+fn a_backdrop_fills_what_no_training_camera_sees_and_leaves_the_rest_as_it_is() {
+    let tiny = outward("backdrop");
+    let capture = tiny.capture.clone().transformed(&tiny.capture.normalisation());
+    let of = |backdrop: u32| {
+        let config = Config { backdrop, ..Config::default() };
+        let first = initialise(&capture, &config, &mut |_, _| {}).unwrap().splats;
+        train(&capture, &config, &first, 60).0
+    };
+    let (with, without) = (of(1000), of(0));
+    let n = with.len() - without.len();
+    assert!(n > 100 && with.n_static == without.n_static + n, "{n} were added");
+    assert_eq!((&with.position[n..], &with.motion), (&without.position[..], &without.motion));
+    let [seen, unseen] = [false, true].map(|are_test| {
+        let views = views(&capture, are_test);
+        [&with, &without].map(|splats| background_in(splats, &views))
+    });
+    println!("background: {seen:.4?} where cameras look, {unseen:.4?} beside");
+    assert!(unseen[0] < 0.2 * unseen[1] && seen[1] - seen[0] < 0.05);
+}
