@@ -2,8 +2,8 @@
 //!
 //! Where no camera saw anything there is nothing, and whoever looks a little past the edge of what was filmed sees a black hole. So at
 //! the end of a run large static Gaussians are put behind the whole scene in the directions that no training camera sees, as far as
-//! these lie beside directions that one does see, in the colours of what is seen nearest to them. They are a guess, and none of what a
-//! training camera sees is made of them. A scene of a single object, which leaves the background through where cameras look, gets none.
+//! these lie beside directions that one does see, in the colours of what is seen nearest to them. They are a guess; no training camera
+//! sees the middle of one. A scene of a single object, which leaves the background through where cameras look, gets none.
 
 use super::config::Config;
 use super::lenses::depth;
