@@ -353,7 +353,7 @@ impl Training<'_, '_> {
                 }
                 Event::Poses { pixels, are_learnt } => say!("{}", poses::judged(pixels, are_learnt)),
                 Event::Backdrop(n) => {
-                    say!("{} behind the scene, where no training camera looks", count(n, "Gaussian"));
+                    say!("added {} behind the scene, where no training camera looks", count(n, "Gaussian"));
                 }
                 Event::Frozen(cameras) => {
                     alert!("could not estimate time offsets from the images; fixed at 0 for {}", cameras.join(", "))
