@@ -3,6 +3,7 @@
 use crate::files::{read_json, write_json};
 use anyhow::Context;
 use ivv::train::Config;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
@@ -14,6 +15,12 @@ pub fn train_apart(capture: &Path, folder: &Path, config: &Config, device: Optio
         && read_json::<Config>(&settings, "remove it").is_ok_and(|before| before == *config);
     if is_done {
         return Ok(());
+    }
+    // Scores of a run with other settings must not be taken for those of this one, should it fail before it replaces them.
+    if let Err(fault) = std::fs::remove_file(folder.join("eval.json"))
+        && fault.kind() != ErrorKind::NotFound
+    {
+        return Err(fault).with_context(|| format!("{}: earlier scores cannot be removed", folder.display()));
     }
     write_json(&settings, config)?;
     let log = std::fs::File::create(folder.with_extension("log")).context("the log of a run cannot be made")?;

@@ -117,7 +117,8 @@ impl CaptureArgs {
             let (asked, has) = (asked.join(","), run.test_cameras.join(","));
             differ.push(format!("--test-cameras: the run has {has}, asked for is {asked}"));
         }
-        let of = |settings: &CaptureSettings| CaptureSettings { test_cameras: None, ..settings.clone() };
+        let background = run.capture_settings.background;
+        let of = |settings: &CaptureSettings| CaptureSettings { test_cameras: None, background, ..settings.clone() };
         if of(&asked) != of(&CaptureSettings::default()) && of(&asked) != of(&run.capture_settings) {
             differ.push("the options of how the capture is read: run.json has those of the run".to_owned());
         }

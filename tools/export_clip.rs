@@ -135,6 +135,31 @@ impl ClipArgs {
         Ok(source.clip.is_some() && self.goal()?.is_none() && !is_changed)
     }
 
+    /// Refuses the options that say nothing to a format without a clip, which may begin with `views` and have a clock all the same.
+    ///
+    /// # Errors
+    /// Those that were given.
+    pub fn refuse_without_clip(&self, format: &str, has_views: bool) -> anyhow::Result<()> {
+        let given = [
+            (self.min_psnr.is_some(), "--min-psnr"),
+            (self.target_size.is_some(), "--target-size"),
+            (self.sound.is_some(), "--sound"),
+            (self.hrtf.is_some(), "--hrtf"),
+            (self.metres_per_unit.is_some(), "--metres-per-unit"),
+            (self.clamp_colors, "--clamp-colors"),
+            (self.cameras.is_some() && !has_views, "--cameras"),
+            (self.seconds.is_some() && !has_views, "--seconds"),
+        ];
+        let names: Vec<&str> = given.into_iter().filter(|(is_given, _)| *is_given).map(|(_, name)| name).collect();
+        anyhow::ensure!(
+            names.is_empty(),
+            "{} {} nothing to the format {format}; leave it out, or export a .4dgs",
+            names.join(", "),
+            if names.len() == 1 { "says" } else { "say" }
+        );
+        Ok(())
+    }
+
     /// The bytes of a `.4dgs` of `splats`, the scene of `source`.
     pub fn bytes(&self, source: &Source, splats: &Splats) -> anyhow::Result<Vec<u8>> {
         let beside = self.beside(source, splats.motion.is_empty())?;

@@ -114,8 +114,13 @@ pub struct Film {
 }
 
 impl Film {
-    /// Along the path in the file `path`, through `clip` or at `time`.
-    pub fn along(args: &PathArgs, path: &Path, clip: Option<(f64, u32)>, time: Option<f64>) -> anyhow::Result<Film> {
+    /// Along the path in the file `path`, through `clip` or at `time`, over `background`.
+    pub fn along(
+        args: &PathArgs,
+        path: &Path,
+        (clip, time): (Option<(f64, u32)>, Option<f64>),
+        background: [f32; 3],
+    ) -> anyhow::Result<Film> {
         let head = read_path(path, args.path_convention.map(Convention::from))?;
         let times = time.map_or(Times::Path, Times::Fixed);
         let fps = args.fps.or(head.camera.map(|camera| camera.fps)).or(clip.map(|clip| clip.0)).unwrap_or(FPS);
@@ -130,7 +135,7 @@ impl Film {
         })?;
         let size = head.camera.map_or(SIZE, |camera| (camera.width, camera.height));
         let fov = head.camera.map_or(FOV, |camera| camera.fov);
-        Film { path: head, fps, size, focal: 0.0, clip, times, background: [0.0; 3], n_frames }.seen(args, fov)
+        Film { path: head, fps, size, focal: 0.0, clip, times, background, n_frames }.seen(args, fov)
     }
 
     /// Once around what `views` look at, in `seconds`, through the time that they cover or at `time`.
@@ -291,6 +296,8 @@ pub fn run(film: &Film, args: &PathArgs, shown: Shown<Gaussians>, studio: &Studi
         film.within_clip()?;
     }
     make_folder(output.parent().context("-o must name a video file")?)?;
+    // Sound takes minutes.
+    Video::check(output, film.size.into(), film.fps)?;
     let (sound, report) = sound(args, film, output)?;
     let gpu = device.open()?;
     let mut renderer = shown.splats.renderer(gpu, constants)?;
@@ -337,8 +344,15 @@ fn sound(args: &PathArgs, film: &Film, output: &Path) -> anyhow::Result<Sound> {
         return Ok((args.wav.clone().map(|wav| (wav, film.start())), None));
     };
     let hrtf = HrtfSet::open(&args.hrtf)?;
-    let rendered = render(&SoundScene::read(scene)?, &film.path.track, &hrtf, &RenderConfig::default())?;
+    let scene = SoundScene::read(scene)?;
     let wav = output.with_extension("wav");
+    let is_same = |other: &Path| wav.exists() && wav.canonicalize().ok() == other.canonicalize().ok();
+    anyhow::ensure!(
+        !is_same(&scene.mic.wav),
+        "{}: the sound of the video would replace the recording that it is made of; choose another name with -o",
+        wav.display()
+    );
+    let rendered = render(&scene, &film.path.track, &hrtf, &RenderConfig::default())?;
     write(&wav, &film.heard(&rendered), Depth::Int24)?;
     Ok((Some((wav, 0.0)), Some(rendered.report)))
 }

@@ -1,11 +1,12 @@
 //! What a verb is given to look at: a scene file, the folder of a run, or that of a run that has not ended.
 
+use crate::files::read_json;
 use crate::screen::say;
 use ivv::formats::{FourDgs, FourDgsParts, PlyParts, read_scene};
 use ivv::gpu::Gpu;
 use ivv::scene::{Parts, Splats};
 use ivv::stage::Renderer;
-use ivv::train::{Checkpoint, Run};
+use ivv::train::{Checkpoint, Config, Run};
 use ivv::{Constants, Error};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -31,7 +32,8 @@ impl Gaussians {
         }
     }
 
-    /// Some of them, enough to tell where the scene is: all, those that rest, or those of the first part.
+    /// Some of them, enough to tell where the scene is: all, those that rest, or, where those are few, such as a backdrop alone, those of
+    /// the first part.
     ///
     /// # Errors
     /// Those of the file.
@@ -41,7 +43,7 @@ impl Gaussians {
         match self {
             Gaussians::Whole(splats) => Ok(Cow::Borrowed(splats)),
             Gaussians::Parts(clip) => match clip.still()? {
-                still if still.is_empty() && !clip.parts().is_empty() => clip.part(0).map(Cow::Owned),
+                still if clip.parts().first().is_some_and(|part| part.n > still.len()) => clip.part(0).map(Cow::Owned),
                 still => Ok(Cow::Owned(still)),
             },
         }
@@ -121,6 +123,19 @@ impl<'a> Source<'a> {
             None => None,
         };
         Ok(clip.map(|clip| (file, clip)))
+    }
+
+    /// The background that it was made over: that of a run, or what its file says; else black.
+    ///
+    /// # Errors
+    /// Those of the run's settings.
+    pub fn background(&self) -> anyhow::Result<[f32; 3]> {
+        if is_run(self.path) {
+            let config: Config = read_json(&self.path.join("config.json"), "give the folder of a run of `ivv train`")?;
+            return Ok(config.background);
+        }
+        let stated = self.clip.as_ref().and_then(FourDgs::own).and_then(|own| of_own(own).1);
+        Ok(stated.unwrap_or_default())
     }
 
     /// Its Gaussians, as [`open`].

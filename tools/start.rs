@@ -4,17 +4,20 @@ use crate::files::{make_folder, read_json, write_json};
 use crate::progress::watch;
 use crate::ranks::local_rank;
 use crate::replace::{holds_a_run, remove_run};
-use crate::screen::say;
+use crate::screen::{alert, say};
 use crate::verbs::train::Args;
 use anyhow::{Context, bail, ensure};
 use ivv::Error;
 use ivv::files::remove_temporaries;
 use ivv::gpu::Gpu;
-use ivv::scene::capture::Capture;
+use ivv::scene::capture::{Capture, CaptureSettings};
 use ivv::scene::read_views;
-use ivv::settings::Constants;
-use ivv::train::{Base, Checkpoint, Config, Notice, Owed, Phase, Run, RunLock, Session, constants_of, initialise};
+use ivv::settings::{Constants, Setting};
+use ivv::train::{
+    Base, Checkpoint, Config, Notice, Owed, Phase, Run, RunLock, Session, all_settings, constants_of, initialise,
+};
 use ivv::words::count;
+use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -45,7 +48,8 @@ impl Start {
         let mut config = args.settings.resolve()?;
         let base = args.base.as_deref().map(Base::read).transpose()?;
         let path = args.capture.as_deref().context("CAPTURE is needed, unless a run is resumed")?;
-        let mut capture = crate::capture::open(path, &args.read.settings())?;
+        let settings = CaptureSettings { background: config.background, ..args.read.settings() };
+        let mut capture = crate::capture::open(path, &settings)?;
         capture.viewpoints = args.viewpoints.as_deref().map_or(Ok(Vec::new()), read_views)?;
         if let Some(base) = &base {
             config = base.config(config);
@@ -94,6 +98,10 @@ impl Start {
 
     fn write_settings(&self, folder: &Path) -> ivv::Result<()> {
         write_json(&folder.join("config.json"), &self.config)?;
+        // What a run takes from its base is in no other file: killed before its next checkpoint, it still goes on from that.
+        if let Some(base) = &self.resumed {
+            base.write(&self.checkpoints)?;
+        }
         self.run.write(folder)
     }
 
@@ -109,6 +117,12 @@ impl Start {
             None => settings_of_a_run_without_checkpoint(folder, &file)?,
         };
         agrees(args, &planned, &run)?;
+        if let (true, Some(new)) = (leads, new_since(&file)) {
+            alert!(
+                "the run was begun by another version of ivv, without these settings, which now have their defaults: {new}. To \
+                 have one method throughout, train anew"
+            );
+        }
         let capture = shown(run.open_capture(args.capture.as_deref())?, &planned);
         if let Some(path) = &args.capture {
             let now = std::path::absolute(path).unwrap_or_else(|_| path.clone());
@@ -217,6 +231,14 @@ fn settings_of_a_run_without_checkpoint(folder: &Path, file: &Path) -> ivv::Resu
         return Err(Error::data(&checkpoints, "", reason, "restore the checkpoints, or train again with --overwrite"));
     }
     read_json(file, "the run has no checkpoint either: train again with --overwrite")
+}
+
+/// The settings that the `file` of a run's settings lacks, since an earlier version had none of the name; none if it has all.
+fn new_since(file: &Path) -> Option<String> {
+    let written: Value = read_json(file, "").ok()?;
+    let lacks = |setting: &&Setting| setting.of(&written).is_none();
+    let names: Vec<&str> = all_settings().filter(lacks).map(|setting| setting.name).collect();
+    (!names.is_empty()).then(|| names.join(", "))
 }
 
 /// Whether the flags ask for nothing but what the run has.

@@ -79,7 +79,7 @@ impl ViewArgs {
     }
 
     /// A view of each image of `capture` that is asked for, camera by camera. At a given `time` a camera that rests is
-    /// taken once.
+    /// taken once. Photographs, which were taken at another time than the clip, only where they are named.
     ///
     /// # Errors
     /// When the capture has no such camera or no such frame.
@@ -91,7 +91,8 @@ impl ViewArgs {
         }
         let mut views = Vec::new();
         for (index, camera) in capture.cameras.iter().enumerate() {
-            if !self.names.is_empty() && !self.names.contains(&camera.name) {
+            let is_taken = if self.names.is_empty() { !camera.is_photo } else { self.names.contains(&camera.name) };
+            if !is_taken {
                 continue;
             }
             let moves = camera.shots.iter().any(|shot| shot.world_to_camera.is_some());

@@ -146,10 +146,7 @@ export class App {
     this.hasStarted = true;
     this.isStill ||= player.isStill();
     this.ui.showTime(!this.isStill);
-    if (player.startViews.length === 0 && !player.scene.camera) {
-      const { middle, radius } = player.store.extent();
-      if (player.scene.header.count > 0) player.view = player.viewOfBall(middle, radius);
-    }
+    if (player.startViews.length === 0) player.view = player.homeView();
     this.rig.set(player.view, player.pivotDistance());
     document.body.dataset.state = 'ready';
   }

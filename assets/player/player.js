@@ -123,16 +123,20 @@ export class Player {
     return this.isOwn ? [0, -1, 0] : [0, 1, 0];
   }
 
-  /** Where the show begins: the first start view, the file's camera, or before the middle of its box. @returns {View} */
+  /** Where the show begins: the first start view, the file's camera, or before the middle of what has been read. @returns {View} */
   homeView() {
     if (this.startViews.length > 0) return this.startViews[0];
     const { camera, header: { aabb } } = this.scene;
-    const middle = [0, 1, 2].map((c) => (aabb[c] + aabb[c + 3]) / 2);
-    const radius = distance(middle, aabb.slice(3)) || 1;
     if (camera && distance(camera.position, camera.target) > 0) {
       return this.pinhole(camera.position, add(camera.target, camera.position, -1), camera.fovY);
     }
-    return this.viewOfBall(middle, radius);
+    if (this.store && this.store.moments.sum > 0) {
+      const { middle, radius } = this.store.extent();
+      return this.viewOfBall(middle, radius);
+    }
+    // Nothing has been read yet. A few Gaussians that are far off make the box far larger than the scene.
+    const middle = [0, 1, 2].map((c) => (aabb[c] + aabb[c + 3]) / 2);
+    return this.viewOfBall(middle, distance(middle, aabb.slice(3)) || 1);
   }
 
   /** A view that holds a ball. @param {number[]} middle @param {number} radius */

@@ -123,7 +123,7 @@ export class XrShow {
       if (!placement || (x === 0 && y === 0)) continue;
       const step = METRES_A_SECOND * placement.scale * seconds;
       if (handedness === 'right') {
-        if (x !== 0) app.seek((clock.time() + x * SCRUB_SHARE_A_SECOND * clock.duration * seconds + clock.duration) % clock.duration);
+        if (x !== 0 && clock.duration > 0) app.seek((clock.time() + x * SCRUB_SHARE_A_SECOND * clock.duration * seconds + clock.duration) % clock.duration);
         placement.base = add(placement.base, app.player.up, -y * step);
       } else {
         const { up } = app.player;

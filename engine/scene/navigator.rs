@@ -4,6 +4,7 @@ use glam::{DMat3, DVec2, DVec3};
 
 use super::orbit::{Orbit, upright};
 use super::{Pose, Splats, View};
+use crate::report::statistics::median_high;
 
 /// Radians.
 const TURN_PER_PIXEL: f64 = 0.005;
@@ -15,6 +16,9 @@ const KEY_SHIFT: [f64; 2] = [0.5, 1.6];
 const STEEPEST: f64 = 0.995;
 /// Part of the scene's size in front of which its middle is too near to be what is looked at.
 const TOO_NEAR: f64 = 0.05;
+
+/// Gaussians at most that it is asked where the scene is.
+const MOST_PLACES: usize = 100_000;
 
 /// A camera on its way.
 #[derive(Clone, Debug)]
@@ -44,15 +48,23 @@ pub struct Push {
     pub is_fast: bool,
 }
 
+/// Middle and size of where Gaussians are: medians, so that a few that are far off, as a backdrop is, change little.
+fn extent(splats: &Splats) -> (DVec3, f64) {
+    let each = splats.position.len().div_ceil(MOST_PLACES).max(1);
+    let places: Vec<DVec3> =
+        splats.position.iter().map(|p| DVec3::from(p.map(f64::from))).filter(|p| p.is_finite()).step_by(each).collect();
+    let along = |axis: usize| median_high(places.iter().map(|place| place[axis])).unwrap_or_default();
+    let middle = DVec3::new(along(0), along(1), along(2));
+    let radius = median_high(places.iter().map(|place| place.distance(middle))).unwrap_or_default();
+    (middle, radius.max(1e-3))
+}
+
 impl Navigator {
     /// For `views` of `splats`: upright as they are on average, at the first of them, or where it sees all of the scene. What it looks
     /// at is as far as the middle of what the views look at, or of the scene where they do not look at one place.
     pub fn new(views: &[View], splats: &Splats) -> Self {
-        let places = || splats.position.iter().map(|p| DVec3::from(p.map(f64::from))).filter(|p| p.is_finite());
-        let n = places().count().max(1) as f64;
-        let mean = places().sum::<DVec3>() / n;
-        let radius = (places().map(|p| p.distance_squared(mean)).sum::<f64>() / n).sqrt().max(1e-3);
-        let middle = Orbit::new(views).map_or(mean, |orbit| orbit.middle);
+        let (center, radius) = extent(splats);
+        let middle = Orbit::new(views).map_or(center, |orbit| orbit.middle);
         let up = upright(views).unwrap_or(DVec3::NEG_Y);
         let whole = || {
             let eye = middle - 3.0 * radius * DVec3::Z;

@@ -117,7 +117,8 @@ pub struct Study {
 pub enum Base {
     /// Those that are given; LPIPS is measured and no part of the loss.
     Given,
-    /// Those that are given, with the weights and rates of the paper: LPIPS in the loss where there are weights for it.
+    /// Those that are given, with the weights and rates of the paper, one background and no backdrop: LPIPS in the loss where there are
+    /// weights for it.
     Paper,
 }
 

@@ -123,7 +123,8 @@ impl Report<'_> {
         let test = |name, key| Curve { name, points: self.log.series(Kind::Evaluation, key) };
         let plot = |id, title, from_zero, marked| Plot { id, title, from_zero, marked };
         let n = self.log.lines(Kind::Evaluation).last().and_then(|line| line["views"].as_array()).map_or(0, Vec::len);
-        let psnr = format!("PSNR of the same {n} test images, dB");
+        let of = if self.totals["backdrop"].as_u64() > Some(0) { ", without the backdrop" } else { "" };
+        let psnr = format!("PSNR of the same {n} test images{of}, dB");
         plots += &plot("plot-psnr", &psnr, false, true).figure(&[test("PSNR", "psnr")]);
         plots += &plot("plot-loss", "Loss of training images", true, false).figure(&[step("loss", "loss")]);
         for Logged { key, plot: title, from_zero } in logged().filter(|logged| !logged.plot.is_empty()) {

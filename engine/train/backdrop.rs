@@ -5,8 +5,7 @@
 //! these lie beside directions that one does see, in the colours of what is seen nearest to them. They are a guess; no training camera
 //! sees the middle of one. A scene of a single object, which leaves the background through where cameras look, gets none.
 
-use super::config::Config;
-use super::lenses::depth;
+use super::lenses::{depth, evenly_chosen};
 use crate::error::Result;
 use crate::parallel::{in_parallel, threads};
 use crate::report::statistics::quantile;
@@ -21,6 +20,8 @@ const REACH: f64 = FRAC_PI_4;
 /// views between the cameras.
 const BEHIND: f64 = 1.2;
 const NEARLY_ALL: f64 = 0.999;
+/// The backdrop stands so many times as far off as the farthest camera, at least: none of it may be near a lens, to which it would be wide.
+const OUTSIDE: f64 = 2.0;
 /// Opacity that a Gaussian must have to count as part of the scene.
 const OPAQUE: f64 = 0.3;
 /// Angle from a direction of what its colour is taken from, radians, and Gaussians that there must be.
@@ -36,6 +37,8 @@ const WIDTH: f64 = 0.7;
 const OPACITY: f32 = 4.0;
 /// By which power of the angle the weight of a colour falls.
 const FALL: i32 = 3;
+/// Poses of cameras at most, evenly chosen: rigs that move have one for every frame.
+const MOST_VIEWS: usize = 1024;
 /// Gaussians of one piece of work.
 const PIECE: usize = 4096;
 
@@ -48,33 +51,31 @@ struct Point {
     color: DVec3,
 }
 
-/// `scene`, which was trained on `capture`, with the backdrop that `config` asks for, as far as its number of Gaussians leaves room.
-/// Both are in the frame of training.
+/// The backdrop of `scene`, which was trained on `capture`, both in the frame of training: of `n` directions, evenly spread, those
+/// that no training camera sees.
 ///
 /// # Errors
 /// Those of the capture's cameras.
-pub(super) fn with_backdrop(scene: Splats, capture: &Capture, config: &Config) -> Result<Splats> {
-    let found = backdrop(&scene, &training_views(capture)?, config.backdrop as usize)?;
-    Ok(join(found, scene, config.max_gaussians))
+pub(super) fn backdrop_of(scene: &Splats, capture: &Capture, n: usize) -> Result<Splats> {
+    let (mut views, photos) = (poses(capture, false)?, poses(capture, true)?);
+    // Photographs may all show one wall; those who watch stand where the rig stood.
+    let middle = middle(if views.is_empty() { &photos } else { &views });
+    views.extend(photos);
+    backdrop(scene, middle, &evenly_chosen(views, MOST_VIEWS), n)
 }
 
-/// `backdrop`, or an even choice of it, and behind it `scene`: `most` Gaussians at most.
-fn join(backdrop: Splats, scene: Splats, most: usize) -> Splats {
-    let n = backdrop.len().min(most.saturating_sub(scene.len()));
-    if n == 0 {
-        return scene;
-    }
-    let evenly: Vec<usize> = (0..n).map(|k| k * backdrop.len() / n).collect();
-    let mut all = backdrop.in_order(&evenly);
-    all.append(scene);
-    all.source_row = (0..all.len() as u32).collect();
-    all
+/// `scene` with `backdrop` before it: it is static.
+pub(super) fn put_before(scene: Splats, mut backdrop: Splats) -> Splats {
+    backdrop.append(scene);
+    backdrop.source_row = (0..backdrop.len() as u32).collect();
+    backdrop
 }
 
-/// A view of every pose of every training camera, photographs too.
-fn training_views(capture: &Capture) -> Result<Vec<View>> {
+/// A view of every pose of the training cameras that are photographs, or that are not.
+fn poses(capture: &Capture, is_photo: bool) -> Result<Vec<View>> {
     let mut views = Vec::new();
-    for (index, camera) in capture.cameras.iter().enumerate().filter(|(_, camera)| !camera.is_test) {
+    let cameras = capture.cameras.iter().enumerate();
+    for (index, camera) in cameras.filter(|(_, camera)| !camera.is_test && camera.is_photo == is_photo) {
         for shot in camera.shots.iter().take(if camera.moves() { usize::MAX } else { 1 }) {
             views.push(capture.view(index, shot.frame)?);
         }
@@ -82,20 +83,25 @@ fn training_views(capture: &Capture) -> Result<Vec<View>> {
     Ok(views)
 }
 
-/// The backdrop of a scene for cameras with these `views`: of `n` directions, evenly spread, those are taken that no view sees.
-fn backdrop(scene: &Splats, views: &[View], n: usize) -> Result<Splats> {
+fn middle(views: &[View]) -> DVec3 {
+    views.iter().map(|view| view.pose.center()).sum::<DVec3>() / views.len().max(1) as f64
+}
+
+/// The backdrop, around `middle`, of a scene for cameras with these `views`.
+fn backdrop(scene: &Splats, middle: DVec3, views: &[View], n: usize) -> Result<Splats> {
     let mut found = Splats::new(scene.sh_degree);
     if n == 0 || views.is_empty() {
         return Ok(found);
     }
     let is_seen = |at: DVec3| views.iter().any(|view| depth(view, at).is_some());
-    let middle = views.iter().map(|view| view.pose.center()).sum::<DVec3>() / views.len() as f64;
-    let points = points_of(scene, middle, is_seen)?;
+    let mut points = points_of(scene, middle, is_seen)?;
     if points.is_empty() {
         return Ok(found);
     }
+    points.sort_by(|a, b| a.direction.z.total_cmp(&b.direction.z));
     let distances: Vec<f64> = points.iter().map(|point| point.distance).collect();
-    let distance = BEHIND * quantile(&distances, NEARLY_ALL);
+    let farthest = views.iter().map(|view| view.pose.center().distance(middle)).fold(0.0, f64::max);
+    let distance = (BEHIND * quantile(&distances, NEARLY_ALL)).max(OUTSIDE * farthest);
     let directions = evenly(n);
     let colors = in_parallel(n, threads(), |k| Ok(color_of(directions[k], &points)), |_| {})?;
     let known: Vec<(DVec3, DVec3)> = directions.iter().zip(&colors).filter_map(|(d, c)| Some((*d, (*c)?))).collect();
@@ -131,7 +137,7 @@ fn backdrop(scene: &Splats, views: &[View], n: usize) -> Result<Splats> {
     Ok(found)
 }
 
-/// The Gaussians of a scene that a camera sees, were nothing before them, from `middle`.
+/// The Gaussians of a scene that a camera sees, were nothing before them, from `middle`, in the scene's order.
 fn points_of(scene: &Splats, middle: DVec3, is_seen: impl Fn(DVec3) -> bool + Sync) -> Result<Vec<Point>> {
     let k = scene.n_coefficients();
     let point = |i: usize| {
@@ -166,10 +172,12 @@ fn angle(a: DVec3, b: DVec3) -> f64 {
     a.dot(b).clamp(-1.0, 1.0).acos()
 }
 
-/// The colour of what is farthest in a direction; none where there is too little.
+/// The colour of what is farthest in a direction; none where there is too little. Directions of `points` are ordered by z.
 fn color_of(direction: DVec3, points: &[Point]) -> Option<DVec3> {
     let least = ACROSS.cos();
-    let own: Vec<&Point> = points.iter().filter(|point| point.direction.dot(direction) > least).collect();
+    // No coordinate differs by more than the angle.
+    let [from, to] = [-ACROSS, ACROSS].map(|off| points.partition_point(|point| point.direction.z < direction.z + off));
+    let own: Vec<&Point> = points[from..to].iter().filter(|point| point.direction.dot(direction) > least).collect();
     if own.len() < LEAST_POINTS {
         return None;
     }
@@ -188,6 +196,10 @@ mod tests {
     /// A camera in the middle that looks along z, 90 degrees wide and high.
     fn view() -> View {
         View::look_at([0.0; 3], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0], (64, 64), 90.0)
+    }
+
+    fn around(scene: &Splats, views: &[View], n: usize) -> Splats {
+        backdrop(scene, middle(views), views, n).unwrap()
     }
 
     /// Static Gaussians on a sphere of radius 4 in directions that `is_there` names: red where x is positive, blue elsewhere.
@@ -211,7 +223,7 @@ mod tests {
     #[test]
     fn it_stands_behind_the_scene_beside_what_is_seen_in_the_colours_there() {
         let view = view();
-        let found = backdrop(&shell(|direction| direction.z > 0.0), std::slice::from_ref(&view), 1000).unwrap();
+        let found = around(&shell(|direction| direction.z > 0.0), std::slice::from_ref(&view), 1000);
         found.check().unwrap();
         assert_eq!((found.n_static, found.sh_degree), (found.len(), 1));
         let mut nearest = f64::INFINITY;
@@ -238,34 +250,45 @@ mod tests {
     #[test]
     fn a_scene_that_leaves_the_background_through_has_none() {
         let object = shell(|direction| angle(direction, DVec3::Z) < 0.4);
-        assert!(backdrop(&object, &[view()], 1000).unwrap().is_empty());
-        assert!(backdrop(&Splats::new(3), &[view()], 1000).unwrap().is_empty());
+        assert!(around(&object, &[view()], 1000).is_empty());
+        assert!(around(&Splats::new(3), &[view()], 1000).is_empty());
         let room = shell(|_| true);
-        assert!(backdrop(&room, &[], 1000).unwrap().is_empty() && backdrop(&room, &[view()], 0).unwrap().is_empty());
+        assert!(around(&room, &[], 1000).is_empty() && around(&room, &[view()], 0).is_empty());
         // Nothing of a Gaussian that is not finite.
         let mut broken = room.clone();
         (broken.position[0], broken.scale[1], broken.sh[8]) = ([f32::NAN; 3], [f32::INFINITY; 3], [f32::NAN; 3]);
-        let found = backdrop(&broken, &[view()], 1000).unwrap();
+        let found = around(&broken, &[view()], 1000);
         assert!(found.len() > 200 && found.check().is_ok());
         assert!(found.position.iter().chain(&found.sh).flatten().all(|x| x.is_finite()));
     }
 
     #[test]
-    fn it_comes_first_and_keeps_to_the_number_that_is_allowed() {
+    fn it_stands_outside_of_cameras_that_are_farther_off_than_what_they_see() {
+        // Four cameras 20 from their middle, which look down at a floor.
+        let eyes = [[20.0, 8.0, 0.0], [0.0, 8.0, 20.0], [-20.0, 8.0, 0.0], [0.0, 8.0, -20.0]];
+        let views = eyes.map(|eye| View::look_at(eye, [0.0; 3], [0.0, 1.0, 0.0], (64, 64), 30.0));
+        let mut floor = shell(|_| true);
+        floor.position.iter_mut().for_each(|at| at[1] = 0.0);
+        let found = around(&floor, &views, 1000);
+        assert!(!found.is_empty());
+        for at in found.position.iter().map(|at| DVec3::from_array(at.map(f64::from))) {
+            assert!((at - DVec3::new(0.0, 8.0, 0.0)).length() > 39.9, "{at}");
+        }
+    }
+
+    #[test]
+    fn it_comes_first() {
         let mut scene = shell(|_| true);
         let n = scene.len();
         // The last is dynamic, and degrees differ.
         scene.n_static -= 1;
         scene.motion = vec![Motion { velocity: [1.0; 3], t_center: 0.5, t_scale: 0.0 }];
         scene.degree = vec![0; n];
-        let found = backdrop(&scene, &[view()], 1000).unwrap();
-        for room in [0, 1, 100, found.len(), found.len() + 1] {
-            let all = join(found.clone(), scene.clone(), n + room);
-            let added = room.min(found.len());
-            all.check().unwrap();
-            assert_eq!((all.len(), all.n_static, all.motion.len()), (n + added, n - 1 + added, 1));
-            assert_eq!(all.position[added..], scene.position[..]);
-            assert!((0..all.len()).all(|i| all.degree_of(i) == usize::from(i < added)));
-        }
+        let found = around(&scene, &[view()], 1000);
+        let (added, all) = (found.len(), put_before(scene.clone(), found));
+        all.check().unwrap();
+        assert!(added > 200 && (all.len(), all.n_static, all.motion.len()) == (n + added, n - 1 + added, 1));
+        assert_eq!(all.position[added..], scene.position[..]);
+        assert!((0..all.len()).all(|i| all.degree_of(i) == usize::from(i < added)));
     }
 }

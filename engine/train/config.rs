@@ -33,7 +33,7 @@ settings! {
         /// Images of a step: their gradients are added up before the Gaussians move. Several processes share them (`mpirun`). Takes
         /// as much memory again as the moments and the parameters do.
         batch: u32 = 1, "images", Range::Whole(1, MOST_IMAGES);
-        /// Seed of the image order, the random points and density control.
+        /// Seed of the image order, the random points, the backgrounds and density control.
         seed: u64 = 42, "", Range::Whole(0, u64::MAX);
         /// Highest degree of the spherical harmonics: how finely colours depend on the direction of view.
         sh_degree: u32 = 3, "", Range::Whole(0, 3);
@@ -61,13 +61,14 @@ settings! {
         /// Whether static Gaussians are trained. Otherwise they stay as they began, and are neither pruned nor cloned nor split.
         trains_static: bool = true, "", Range::Switch;
         /// Directions, evenly spread, that the end of a run looks in: in each that no training camera sees, beside what one does see, a
-        /// large static Gaussian is put behind the scene, in the colour of what is seen next to it. 0 leaves black holes there.
+        /// large static Gaussian is put behind the scene, in the colour of what is seen next to it. 0 leaves black holes there. None where
+        /// images show the background, where it shows through the scene, and where there would be more than max_gaussians; density control
+        /// leaves room for it, a tenth of them at most.
         backdrop: u32 = 1000, "directions", Range::Whole(0, 10_000);
         /// Colour behind the scene.
         background: [f32; 3] = [0.0; 3], "", Range::Colour;
-        /// Whether each step sees the scene before a background of another colour, so that the scene does not leave out what has the colour
-        /// of the background. Only where most cameras look inward, and never where images have an alpha channel or show much of the
-        /// background.
+        /// Whether each image is compared with the scene over a background of another colour, so that the scene cannot use the background
+        /// as a colour. Only where most cameras look inward, and never where images show the background.
         vary_background: bool = true, "", Range::Switch;
         /// Whether the time offsets of the cameras are learnt.
         offsets: bool = true, "", Range::Switch;

@@ -20,7 +20,7 @@ const LEAST_ALIKE: f64 = 0.5;
 
 /// Views of every pose of every training camera, and those that somebody named: at most `MOST`, evenly chosen.
 pub(super) fn of_cameras(capture: &Capture) -> Vec<View> {
-    evenly(capture.lens_views(), MOST)
+    evenly_chosen(capture.lens_views(), MOST)
 }
 
 /// Views halfway between a camera and each of its neighbours, and in the middle of it and any two of them, where a camera sees the
@@ -30,7 +30,7 @@ pub(super) fn between_cameras(capture: &Capture) -> Vec<View> {
         return Vec::new();
     }
     // Those that somebody named come first.
-    let cameras = evenly(capture.lens_views().split_off(capture.viewpoints.len()), MOST);
+    let cameras = evenly_chosen(capture.lens_views().split_off(capture.viewpoints.len()), MOST);
     let mut sets = BTreeSet::new();
     for i in 0..cameras.len() {
         let neighbours = neighbours(&cameras, i);
@@ -46,7 +46,7 @@ pub(super) fn between_cameras(capture: &Capture) -> Vec<View> {
         set.first().map(|first| View { pose, ..cameras[*first].clone() })
     };
     let is_seen = |lens: &View| cameras.iter().any(|camera| depth(camera, lens.pose.center()).is_some());
-    evenly(sets.into_iter().filter_map(amid).filter(is_seen).collect(), MOST_BETWEEN)
+    evenly_chosen(sets.into_iter().filter_map(amid).filter(is_seen).collect(), MOST_BETWEEN)
 }
 
 /// The cameras nearest to camera `i` of those that look the same way, more or less.
@@ -68,7 +68,8 @@ pub(super) fn depth(view: &View, point: DVec3) -> Option<f64> {
     (z > 0.0 && is_within(fx * x / z + cx, width) && is_within(fy * y / z + cy, height)).then_some(z)
 }
 
-fn evenly(views: Vec<View>, most: usize) -> Vec<View> {
+/// At most `most` of `views`, every so many.
+pub(super) fn evenly_chosen(views: Vec<View>, most: usize) -> Vec<View> {
     let each = views.len().div_ceil(most).max(1);
     views.into_iter().step_by(each).collect()
 }

@@ -149,6 +149,11 @@ impl Run {
         capture.viewpoints.clone_from(&self.viewpoints);
         let holds = CaptureSummary::new(&capture);
         if holds != self.held {
+            // A run that leaves what rests alone was made without photographs.
+            let without = capture.clone().without_photos();
+            if CaptureSummary::new(&without) == self.held {
+                return Ok(without.calibrated(&self.calibration).transformed(&self.world));
+            }
             let reason = format!("holds {holds:?}, the run's held {:?}", self.held);
             return Err(Error::data(path, "", reason, "give the capture of this run, or train again"));
         }

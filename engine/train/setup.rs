@@ -5,10 +5,12 @@ use super::init::cameras_look_inward;
 use super::lenses;
 use super::terms::{self, TermData};
 use crate::parallel::{in_parallel, threads};
-use crate::scene::capture::{Camera, Capture, Extent, Shot, TRAINING_RADIUS, has_alpha};
+use crate::scene::capture::{Camera, Capture, Extent, TRAINING_RADIUS, alpha_of, decode_image, has_alpha, read_size};
 use crate::scene::{FlowModel, View};
 use crate::settings::Constants;
 use glam::DVec3;
+use std::collections::BTreeSet;
+use std::path::Path;
 
 /// Points whose depths the near plane is chosen by, at most.
 const MOST_POINTS: usize = 10_000;
@@ -16,8 +18,8 @@ const MOST_POINTS: usize = 10_000;
 const MOST_LOOKED_AT: usize = 8;
 /// Colours that differ by so many levels of 255 at most are alike.
 const LEVELS_ALIKE: i32 = 2;
-/// Images show the background if more than this share of them has its colour. Of the real captures that this was measured on, 0.06 %
-/// of the darkest has.
+/// Images show the background if more than this share of most of them has its colour. Of the real captures that this was measured on,
+/// 0.06 % of the darkest has.
 const MOST_BEHIND: f64 = 0.05;
 
 /// A capture, to a trainer.
@@ -44,7 +46,7 @@ pub struct Setup {
     pub flow_model: FlowModel,
     /// Whether images show the background: they have an alpha channel, or much of what they show has its colour.
     pub shows_background: bool,
-    /// Whether each step has a background of its own colour.
+    /// Whether each image of a step has a background of its own colour.
     pub varies_background: bool,
 }
 
@@ -123,28 +125,43 @@ pub fn constants_of(capture: &Capture) -> Constants {
     Constants { near: near_plane(capture), ..Constants::default() }
 }
 
-/// Whether training images of `capture` show the `background`: some have an alpha channel, or much of what they show has its very colour, as
-/// where a single object was cut out. Of cameras, evenly chosen, one image each is looked at.
+/// Whether training images of `capture` show the `background`: it shows through some, or much of most has its very colour, as where a
+/// single object was cut out. Some images are looked at, of cameras and times evenly chosen: a clip may fade in from black.
 fn shows_background(capture: &Capture, background: [f32; 3]) -> bool {
-    let trained =
-        |(index, camera): (usize, &Camera)| Some((index, camera.shots.first().filter(|_| !camera.is_test)?.clone()));
-    let firsts: Vec<(usize, Shot)> = capture.cameras.iter().enumerate().filter_map(trained).collect();
-    if firsts.iter().any(|(_, shot)| has_alpha(&shot.image)) {
+    let is_used = |(_, camera): &(usize, &Camera)| !camera.is_test && !camera.shots.is_empty();
+    let cameras: Vec<(usize, &Camera)> = capture.cameras.iter().enumerate().filter(is_used).collect();
+    let firsts = cameras.iter().map(|(_, camera)| camera.shots[0].image.as_path());
+    let with_alpha: Vec<&Path> = firsts.filter(|image| has_alpha(image)).collect();
+    let some: Vec<&Path> =
+        with_alpha.iter().step_by(with_alpha.len().div_ceil(MOST_LOOKED_AT).max(1)).copied().collect();
+    let shows_through = in_parallel(some.len(), threads(), |k| Ok(is_transparent(some[k])), |_| {});
+    if shows_through.unwrap_or_default().contains(&true) {
         return true;
     }
     let behind = background.map(|level| (255.0 * level).round() as i32);
     let is_behind = |word: &u32| (0..3).all(|k| ((word >> (8 * k)) as u8 as i32 - behind[k]).abs() <= LEVELS_ALIKE);
-    let some: Vec<&(usize, Shot)> = firsts.iter().step_by(firsts.len().div_ceil(MOST_LOOKED_AT).max(1)).collect();
-    // An image that cannot be read is the run's to tell of.
-    let look = |k: usize| {
-        let (camera, shot) = some[k];
-        let Ok(picture) = capture.picture(*camera, shot.frame) else { return Ok((0, 0)) };
-        let counting = || picture.pixels.iter().filter(|word| **word >> 24 != 0);
-        Ok((counting().filter(|word| is_behind(word)).count(), counting().count()))
+    let chosen = |k: usize| {
+        let (index, camera) = cameras.get(k * cameras.len() / MOST_LOOKED_AT)?;
+        Some((*index, camera.shots[k * camera.shots.len() / MOST_LOOKED_AT].frame))
     };
-    let looked = in_parallel(some.len(), threads(), look, |_| {}).unwrap_or_default();
-    let (behind, all) = looked.into_iter().fold((0, 0), |sum, of| (sum.0 + of.0, sum.1 + of.1));
-    behind as f64 > MOST_BEHIND * all as f64
+    let some: BTreeSet<(usize, u32)> = (0..MOST_LOOKED_AT).filter_map(chosen).collect();
+    let some: Vec<(usize, u32)> = some.into_iter().collect();
+    // The share of an image. One that cannot be read is the run's to tell of.
+    let look = |k: usize| {
+        let (camera, frame) = some[k];
+        let Ok(picture) = capture.picture(camera, frame) else { return Ok(0.0) };
+        let counting = || picture.pixels.iter().filter(|word| **word >> 24 != 0);
+        Ok(counting().filter(|word| is_behind(word)).count() as f64 / counting().count().max(1) as f64)
+    };
+    let mut shares: Vec<f64> = in_parallel(some.len(), threads(), look, |_| {}).unwrap_or_default();
+    shares.sort_unstable_by(f64::total_cmp);
+    shares.get(shares.len().saturating_sub(1) / 2).is_some_and(|share| *share > MOST_BEHIND)
+}
+
+/// Whether anything shows through some pixel of an image; not if that cannot be read, which is the run's to tell of.
+fn is_transparent(image: &Path) -> bool {
+    let decoded = read_size(image).ok().and_then(|(width, height)| decode_image(image, width, height).ok());
+    decoded.is_some_and(|image| alpha_of(image).iter().any(|alpha| *alpha < 255))
 }
 
 /// Where the training cameras are, on average over their images; none of a test camera, of a photograph, whose pose no other image could

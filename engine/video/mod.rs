@@ -78,8 +78,28 @@ impl Video {
     /// # Errors
     /// [`Error::Data`] for another ending, a size or rate that the format does not allow, or a file that cannot be written.
     pub fn create(path: &Path, settings: VideoSettings) -> Result<Video> {
-        let fault = |reason: String, remedy: &str| Err(Error::data(path, "", reason, remedy));
         let VideoSettings { width, height, fps, .. } = settings;
+        let ending = Self::check(path, [width, height], fps)?;
+        let mut video = Video {
+            temporary: Some(beside(path, &ending)?),
+            path: path.to_owned(),
+            settings,
+            n_frames: 0,
+            sink: None,
+            command: None,
+        };
+        video.sink = Some(if ending == "y4m" { Sink::File } else { video.encoder()? });
+        let header = y4m::header([width, height], fps);
+        video.write(header.as_bytes())?;
+        Ok(video)
+    }
+
+    /// Whether there can be a video of this name, size and rate, before anything is written: its ending.
+    ///
+    /// # Errors
+    /// [`Error::Data`] where there cannot.
+    pub fn check(path: &Path, [width, height]: [u32; 2], fps: f64) -> Result<String> {
+        let fault = |reason: String, remedy: &str| Err(Error::data(path, "", reason, remedy));
         let ending = path.extension().map_or_else(String::new, |ending| ending.to_string_lossy().to_lowercase());
         if !["mp4", "mov", "mkv", "y4m"].contains(&ending.as_str()) {
             return fault("unsupported video type".to_owned(), "use .mp4, .mov, .mkv or .y4m");
@@ -93,18 +113,7 @@ impl Video {
         if !(fps.is_finite() && (0.1..=1000.0).contains(&fps)) {
             return fault(format!("{fps} frames per second: expected 0.1 to 1000"), "choose another rate");
         }
-        let mut video = Video {
-            temporary: Some(beside(path, &ending)?),
-            path: path.to_owned(),
-            settings,
-            n_frames: 0,
-            sink: None,
-            command: None,
-        };
-        video.sink = Some(if ending == "y4m" { Sink::File } else { video.encoder()? });
-        let header = y4m::header([width, height], fps);
-        video.write(header.as_bytes())?;
-        Ok(video)
+        Ok(ending)
     }
 
     /// ffmpeg, or without one a file of pictures.

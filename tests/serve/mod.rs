@@ -164,6 +164,11 @@ fn nothing_else_is_sent_and_nobody_else_is_answered() {
     for host in ["localhost:1", "LOCALHOST", "127.0.0.1", "[::1]:80", "studio.local:8080"] {
         assert_eq!(server.ask("GET", "/", &format!("Host: {host}\r\n")).0, 200, "{host}");
     }
+    // At all addresses of this machine any of them is asked for, but no other name.
+    let everywhere = Server::new(&path, &["--bind", "0.0.0.0"]);
+    for (host, status) in [("192.168.0.1:80", 200), ("[fe80::1]:80", 200), ("localhost", 200), ("evil.example", 421)] {
+        assert_eq!(everywhere.ask("GET", "/", &format!("Host: {host}\r\n")).0, status, "{host}");
+    }
     let long = format!("X-Long: {}\r\n", "a".repeat(64 << 10));
     assert!([400, 431].contains(&server.ask("GET", "/", &long).0));
     // More connections than it has places for, none of which says anything, do not keep it from going on once they end.

@@ -140,6 +140,13 @@ fn an_export_takes_sound_along_and_keeps_what_a_file_has() {
     assert!(code != Some(0) && said.contains("--sound") && !folder.file("h.4dgs").exists(), "{said}");
     let (code, said) = export(&["a.4dgs", "-o", "h.4dgs", "--hrtf", "none.sofa"]);
     assert!(code == Some(3) && said.contains("none.sofa") && !folder.file("h.4dgs").exists(), "{said}");
+    // What says nothing to another format is refused.
+    let (code, said) =
+        export(&["demo.ply", "-o", "d.spz", "--time", "0", "--target-size", "2", "--sound", "scene.json"]);
+    assert!(code == Some(2) && said.contains("--target-size, --sound say nothing to the format spz"), "{said}");
+    let (code, said) = export(&["demo.ply", "-o", "d.ply", "--seconds", "1"]);
+    assert!(code == Some(2) && said.contains("--seconds says nothing to the format ply"), "{said}");
+    assert!(!folder.file("d.spz").exists() && !folder.file("d.ply").exists());
     let (code, said) = export(&["demo.ply", "-o", "d.4dgs", "--seconds", "1", "--sound", "none.json"]);
     assert!(code == Some(3) && said.contains("none.json") && !Path::new(&folder.file("d.4dgs")).exists(), "{said}");
 }

@@ -1,5 +1,6 @@
 //! What lies behind a scene: a background that varies while it is trained, and a backdrop where no training camera looks.
 
+use super::run::{ivv, json, works};
 use super::{Tiny, train};
 use crate::common::device::gpu;
 use image::{DynamicImage, Rgb, RgbImage};
@@ -8,7 +9,7 @@ use ivv::scene::capture::Capture;
 use ivv::scene::{Splats, View};
 use ivv::stage::{Outputs, Renderer};
 use ivv::synth::{Options, Preset, Rig, write_capture};
-use ivv::train::{Config, Setup, initialise};
+use ivv::train::{Config, Event, Kind, Log, Run, Session, SessionOptions, Setup, initialise};
 
 /// Gives every image of the capture another form.
 fn change(tiny: &Tiny, to: impl Fn(RgbImage) -> DynamicImage) {
@@ -37,8 +38,47 @@ fn a_background_that_images_show_does_not_vary() {
     change(&tiny, cut_out);
     assert!(varies(&tiny, &config), "the background is black");
     assert!(!varies(&tiny, &Config { background: [0.3; 3], ..config.clone() }));
-    change(&tiny, |image| DynamicImage::from(image).to_rgba8().into());
-    assert!(!varies(&tiny, &config), "an alpha channel");
+    let with_alpha = |alpha: u8| {
+        move |image: RgbImage| {
+            let mut image = DynamicImage::from(image).to_rgba8();
+            image.get_pixel_mut(3, 4).0[3] = alpha;
+            DynamicImage::from(image)
+        }
+    };
+    change(&tiny, with_alpha(255));
+    assert!(varies(&tiny, &config), "an alpha channel, which nothing shows through");
+    change(&tiny, with_alpha(254));
+    assert!(!varies(&tiny, &config), "the background shows through");
+}
+
+#[test]
+fn images_that_it_shows_through_are_seen_over_the_background_of_the_run() {
+    let tiny = Tiny::new("white");
+    change(&tiny, |image| {
+        let mut image = DynamicImage::from(image).to_rgba8();
+        image.pixels_mut().for_each(|pixel| pixel.0[3] = 0);
+        image.into()
+    });
+    let (capture, run) = (tiny.folder.to_str().unwrap(), tiny.folder.join("run"));
+    let output = run.to_str().unwrap();
+    let random = ["--set", "init=random", "--set", "init_points=20"];
+    works(&[&["train", capture, "-o", output, "--steps", "2", "--set", "background=[1,1,1]"][..], &random].concat());
+    // Images and a scene of which little shows are white alike.
+    let opened = Run::read(&run).unwrap().open_capture(None).unwrap();
+    assert!(opened.picture(0, 1).unwrap().pixels.iter().all(|pixel| *pixel == u32::MAX));
+    let score = json(&run.join("eval.json"))["psnr"].as_f64().unwrap();
+    assert!(score > 12.0, "{score} dB");
+    works(&["train", "--resume", "-o", output, "--steps", "3"]);
+}
+
+#[test]
+fn a_clip_that_fades_in_from_black_does_not_show_the_background() {
+    let tiny = Tiny::new("fades");
+    for shot in tiny.capture.cameras.iter().filter_map(|camera| camera.shots.first()) {
+        let image = image::open(&shot.image).unwrap();
+        RgbImage::new(image.width(), image.height()).save(&shot.image).unwrap();
+    }
+    assert!(varies(&tiny, &Config::default()));
 }
 
 #[test]
@@ -116,4 +156,50 @@ fn a_backdrop_fills_what_no_training_camera_sees_and_leaves_the_rest_as_it_is() 
     });
     println!("background: {seen:.4?} where cameras look, {unseen:.4?} beside");
     assert!(unseen[0] < 0.2 * unseen[1] && seen[1] - seen[0] < 0.05);
+}
+
+#[test]
+fn a_backdrop_that_would_be_too_much_is_left_out_and_told_of() {
+    let _device = gpu();
+    let tiny = outward("much");
+    let capture = tiny.capture.clone().transformed(&tiny.capture.normalisation());
+    let first = initialise(&capture, &Config::default(), &mut |_, _| {}).unwrap().splats;
+    let session = |max_gaussians: usize| {
+        let config = Config { max_gaussians, steps: 60, ..Config::default() };
+        let options = SessionOptions { first: Some(first.clone()), ..SessionOptions::default() };
+        Session::begin(gpu().clone(), &capture, config, options).unwrap()
+    };
+    let told = |session: &mut Session| {
+        let of = |event: Event| if let Event::Backdrop { n, is_added } = event { Some((n, is_added)) } else { None };
+        session.take_events().into_iter().filter_map(of).collect::<Vec<_>>()
+    };
+    let mut trained = session(500_000);
+    while trained.step().unwrap() {}
+    let (scene, finished) = (trained.scene().unwrap(), trained.finish().unwrap());
+    let n = finished.len() - scene.len();
+    assert!(n > 100 && told(&mut trained) == [(n, true)], "{n}");
+    let (mut enough, mut less) = (session(finished.len()), session(finished.len() - 1));
+    assert_eq!((enough.with_backdrop(scene.clone()).unwrap(), told(&mut enough)), (finished, vec![(n, true)]));
+    assert_eq!((less.with_backdrop(scene.clone()).unwrap(), told(&mut less)), (scene, vec![(n, false)]));
+}
+
+#[test]
+fn the_curve_of_a_run_is_of_scenes_without_a_backdrop() {
+    let tiny = outward("curve");
+    let run = tiny.folder.join("run");
+    let (capture, output) = (tiny.folder.to_str().unwrap(), run.to_str().unwrap());
+    works(&["train", capture, "-o", output, "--steps", "40", "--eval-every", "20"]);
+    let backdrop = json(&run.join("train.json"))["backdrop"].as_u64().unwrap();
+    let score = json(&run.join("eval.json"))["psnr"].as_f64().unwrap();
+    let log = Log::open(&run, 40);
+    let curve: Vec<f64> = log.lines(Kind::Evaluation).map(|line| line["psnr"].as_f64().unwrap()).collect();
+    println!("{curve:.2?} dB, and {score:.2} dB with {backdrop} Gaussians behind");
+    assert!(backdrop > 100 && curve.len() == 2 && curve.iter().all(|psnr| *psnr < score - 2.0));
+    assert!(
+        String::from_utf8(std::fs::read(run.join("report.html")).unwrap()).unwrap().contains("without the backdrop")
+    );
+    // Nothing falls when the run goes on.
+    let output = ivv(&["train", "--resume", "-o", output, "--steps", "60", "--eval-every", "20"]);
+    let told = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success() && !told.contains("fell"), "{told}");
 }

@@ -99,7 +99,7 @@ fn both_strategies_learn_grow_and_obey_the_budget() {
     let _device = gpu();
     let tiny = Tiny::new("strategies");
     for strategy in [Strategy::Adc, Strategy::Mcmc] {
-        let config = Config { max_gaussians: 200, ..with(strategy) };
+        let config = Config { max_gaussians: 200, backdrop: 0, ..with(strategy) };
         let begin = from_points(&tiny.capture.points[..150], &tiny.capture, &config);
         let mut trainer = trainer(&tiny.capture, &config, &begin, 200);
         let reports = drive(&mut trainer, &tiny.capture, config.seed, 200);
@@ -116,6 +116,11 @@ fn both_strategies_learn_grow_and_obey_the_budget() {
         if strategy == Strategy::Mcmc {
             let most = reports.iter().map(|r| r.gaussians).max();
             assert_eq!((most, split), (Some(200), 0));
+            // Room for a backdrop, a tenth at most.
+            let config = Config { backdrop: 1000, ..config };
+            let mut with = self::trainer(&tiny.capture, &config, &begin, 200);
+            let reports = drive(&mut with, &tiny.capture, config.seed, 200);
+            assert_eq!(reports.iter().map(|r| r.gaussians).max(), Some(180));
             assert!(reports[..100].iter().all(|r| r.density.is_none_or(|d| d.pruned == 0)));
         }
     }

@@ -57,6 +57,23 @@ fn first(capture: &Capture, config: &Config) -> Initial {
     initial.unwrap()
 }
 
+#[test]
+fn cameras_without_masks_do_not_carve() {
+    let (capture, _) = training(true);
+    let without = |n: usize| {
+        let mut capture = capture.clone();
+        let trained = capture.cameras.iter_mut().filter(|camera| !camera.is_test);
+        trained.take(n).flat_map(|camera| &mut camera.shots).for_each(|shot| shot.foreground = None);
+        first(&capture, &config())
+    };
+    let moving = |initial: &Initial| initial.splats.motion.len();
+    let (all, most, two) = (without(0), without(1), without(6));
+    assert!(moving(&most) as f64 > 0.7 * moving(&all) as f64, "{all}; {most}");
+    // Two cameras make no hull. What they show may move, rather than nothing.
+    assert!(two.n_hulls == 0 && two.from == Init::Frustum && two.splats.n_static == 0, "{two}");
+    assert!(two.splats.len() > 100 && two.to_string().contains("no hull of three cameras"), "{two}");
+}
+
 /// Distance of each point of `range`, in the capture's units, from the nearest surface that `is_meant`.
 fn off(splats: &Splats, range: std::ops::Range<usize>, frame: usize, is_meant: impl Fn(&Body) -> bool) -> Vec<f64> {
     let bodies: Vec<Body> = bodies(&room().0).into_iter().filter(|b| is_meant(b) && b.exists(frame as f64)).collect();

@@ -45,4 +45,17 @@ fn a_photograph_shows_and_teaches_what_rests_alone() {
     works(&[&of_part[..], &short[2..]].concat());
     let told = json(&part.join("run.json"));
     assert_eq!(told["held"]["training_images"], 6);
+    // It goes on, and is scored and rendered as any other.
+    works(&["train", "--resume", "-o", text(&part), "--steps", "40", "--eval-every", "0"]);
+    works(&["render", text(&part), "-o", text(&clip.0.join("views")), "--frames", "0:1"]);
+    // Nor are photographs among the views of the base, which would be of no time of the clip.
+    works(&["render", text(&base), "-o", text(&clip.0.join("all"))]);
+    assert!(
+        !std::fs::read_dir(clip.0.join("all")).unwrap().any(|file| file
+            .unwrap()
+            .file_name()
+            .to_str()
+            .unwrap()
+            .contains("photo"))
+    );
 }

@@ -103,6 +103,19 @@ fn a_resume_without_a_checkpoint_tells_what_is_there_and_writes_nothing() {
 }
 
 #[test]
+fn a_resume_tells_which_settings_are_newer_than_the_run() {
+    let case = Case::new("older");
+    works(&case.train(&[&SMALL[..], &["--steps", "4"]].concat()));
+    let told = || String::from_utf8_lossy(&ivv(&case.resume(&[])).stderr).into_owned();
+    assert!(!told().contains("another version"));
+    let mut config = json(&case.run.join("config.json"));
+    config.as_object_mut().unwrap().remove("backdrop").unwrap();
+    config["frame"].as_object_mut().unwrap().remove("sh_bits").unwrap();
+    std::fs::write(case.run.join("config.json"), config.to_string()).unwrap();
+    assert!(told().contains("now have their defaults: backdrop, frame.sh_bits."), "{}", told());
+}
+
+#[test]
 fn a_resumed_run_needs_no_capture_and_finds_one_that_moved() {
     let case = Case::new("moved");
     works(&case.train(&[&SMALL[..], &["--steps", "6"]].concat()));

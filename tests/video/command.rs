@@ -64,6 +64,20 @@ fn click(folder: &Path) {
     scene.write(&folder.join("scene.json")).unwrap();
 }
 
+/// A recording is not replaced by what is made of it, and an ending that no video has is told before sound is made.
+fn names_that_no_video_can_have(folder: &Folder, arguments: &[&str], output: &str) {
+    let recording = SoundScene::read(&folder.0.join("scene.json")).unwrap().mic.wav;
+    let (beside, bytes) = (recording.with_extension("y4m"), std::fs::read(&recording).unwrap());
+    let other = folder.0.join("film.avi");
+    for (name, reason) in [(&beside, "would replace the recording"), (&other, "unsupported video type")] {
+        let words = arguments.iter().map(|word| if *word == output { name.to_str().unwrap() } else { word });
+        let done = ivv(&words.collect::<Vec<_>>());
+        let told = String::from_utf8_lossy(&done.stderr).into_owned();
+        assert!(!done.status.success() && told.contains(reason), "{told}");
+    }
+    assert!(std::fs::read(&recording).unwrap() == bytes && !beside.exists() && !other.exists());
+}
+
 #[test]
 fn a_path_becomes_a_video_with_what_is_heard_on_it() {
     let folder = Folder::new("film");
@@ -131,6 +145,7 @@ fn a_path_becomes_a_video_with_what_is_heard_on_it() {
         assert!(samples.len().abs_diff(2 * 28_800) < 2 * 4_800 && samples.iter().any(|byte| *byte != 0));
     }
 
+    names_that_no_video_can_have(&folder, &arguments, &output);
     // The sound begins where the film does.
     let heard = wav::read(&folder.0.join("film.wav")).unwrap();
     for (side, ear) in heard.channels.iter().enumerate() {

@@ -32,7 +32,7 @@ pub struct Args {
     #[arg(long, value_delimiter = ',', default_value = "initialisation,offsets,supervision")]
     studies: Vec<String>,
     /// The settings that each study starts from, separated by commas. given: those of --config and --set, LPIPS measured only.
-    /// paper: these with the paper's weights and rates, LPIPS in the loss where there are weights.
+    /// paper: these with the paper's weights and rates, one background and no backdrop, LPIPS in the loss where there are weights.
     #[arg(long, value_delimiter = ',', default_value = "given,paper", value_parser = PossibleValuesParser::new(Base::ALL.map(Base::name)))]
     bases: Vec<String>,
     /// Weights of LPIPS, as tools/lpips_weights.py makes them; without them LPIPS is not measured.
@@ -61,7 +61,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     anyhow::ensure!(!args.seeds.is_empty(), "--seeds names none");
     if let Some(weights) = &args.lpips_weights {
         anyhow::ensure!(weights.is_file(), "--lpips-weights {}: there is no such file", weights.display());
-        config.loss.lpips_weights = Some(std::path::absolute(weights)?);
+        config.loss.lpips_weights = Some(std::fs::canonicalize(weights)?);
     }
     let places = places(args)?;
     // All are opened before the first is trained on.
@@ -160,7 +160,12 @@ impl<'a> Job<'a> {
     fn new(args: &Args, place: &'a Place, config: &Config) -> anyhow::Result<Self> {
         let capture = Capture::open(&place.capture)?;
         let peripheral = match &args.peripheral {
-            Some(name) => name.clone(),
+            Some(name) => {
+                let is_there = capture.cameras.iter().any(|camera| camera.is_test && camera.name == *name);
+                let path = place.capture.display();
+                anyhow::ensure!(is_there, "--peripheral {name}: {path} has no test camera of this name");
+                name.clone()
+            }
             None => peripheral(&capture)
                 .with_context(|| format!("{}: the capture has no test camera", place.capture.display()))?,
         };

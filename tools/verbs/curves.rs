@@ -87,7 +87,7 @@ fn settings(args: &Args, name: &str) -> anyhow::Result<(String, Config)> {
     config.loss.lpips = 0.0;
     if let Some(weights) = &args.lpips_weights {
         anyhow::ensure!(weights.is_file(), "--lpips-weights {}: there is no such file", weights.display());
-        config.loss.lpips_weights = Some(std::path::absolute(weights)?);
+        config.loss.lpips_weights = Some(std::fs::canonicalize(weights)?);
     }
     config.check().map_err(|fault| anyhow::anyhow!("{name}: {fault}"))?;
     Ok((preset.id.name, config))

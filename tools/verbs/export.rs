@@ -59,6 +59,9 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         Some(format) => format,
         None => by_ending(&args.output)?,
     };
+    if let Format::Other(writer) = format {
+        args.clip.refuse_without_clip(writer.name, matches!(writer.write, WriteScene::WithClip(_)))?;
+    }
     let source = Source::open(&args.scene)?;
     if args.time.is_none() && format.has_clip() && args.clip.is_as_it_is(&source)? {
         let bytes = read_file(&args.scene).with_context(|| args.scene.display().to_string())?;

@@ -243,7 +243,8 @@ impl Args {
             None if self.capture.is_none() => self.views.need_no_capture("--capture is not given")?,
             None => {}
         }
-        Ok(Some(Film::along(&self.film, path, self.clip(source, run)?, self.time)?))
+        let background = source.background()?;
+        Ok(Some(Film::along(&self.film, path, (self.clip(source, run)?, self.time), background)?))
     }
 
     /// The views that are asked for.

@@ -13,9 +13,9 @@ use ivv::files::write_atomic;
 use ivv::gpu::{Gpu, shaders_hash, spirv_hashes};
 use ivv::report::statistics::{deviation_of_sums, mean};
 use ivv::scene::Splats;
-use ivv::scene::capture::{Capture, FrameCache, Picture};
+use ivv::scene::capture::{Capture, CaptureSettings, FrameCache, Picture};
 use ivv::scene::prior::read_flow;
-use ivv::stage::{Outputs, Renderer};
+use ivv::stage::{DepthSpace, Outputs, Renderer};
 use ivv::study::{Circumstances, KNOB_SETTINGS, KernelError, Trade, TradeArm, TradeRun, trade_arms};
 use ivv::train::{
     Config, Meter, Priors, Session, SessionOptions, Sight, constants_of, evaluate, initialise, merge, spread,
@@ -89,11 +89,12 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     anyhow::ensure!(!args.seeds.is_empty(), "--seeds needs at least one seed");
     let shared = args.settings.resolve()?;
     let arms = arms(args, &shared)?;
-    let capture = Capture::open(&args.capture)?;
+    let read = CaptureSettings { background: shared.background, ..CaptureSettings::default() };
+    let capture = Capture::open_with(&args.capture, &read)?;
     let world = capture.normalisation();
     let capture = capture.transformed(&world);
     let n_training = capture.training_frames().len() as u64;
-    let steps = if shared.steps > 0 { shared.steps } else { u64::from(shared.epochs) * n_training };
+    let steps = shared.total(n_training);
     let mut test_frames = capture.test_frames();
     for name in &args.test_cameras {
         let is_there = test_frames.iter().any(|(camera, _)| capture.cameras[*camera].name == *name);
@@ -144,6 +145,13 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         out!("{text}\n{}", args.output.join("trade.md").display());
     }
     Ok(())
+}
+
+/// What the first Gaussians follow from: arms for which it is equal begin with the same.
+fn beginning(seed: u64, config: &Config) -> Config {
+    let usual = Config::default();
+    let Config { loss, lr, density, resolution, frame, required, adam, moment_bits, accumulation, .. } = usual;
+    Config { seed, loss, lr, density, resolution, frame, required, adam, moment_bits, accumulation, ..config.clone() }
 }
 
 /// The arms with their settings.
@@ -225,9 +233,9 @@ impl Bench<'_> {
         let mut all: Vec<Running> = Vec::new();
         // What begins alike is made once.
         let mut begun: Vec<(Config, Splats)> = Vec::new();
-        let mut priors: Option<Priors> = None;
+        let mut priors: Option<(DepthSpace, Priors)> = None;
         for (_, config) in &self.arms {
-            let key = Config { seed, sh_degree: config.sh_degree, init: config.init, ..Config::default() };
+            let key = beginning(seed, config);
             let own = Config { seed, ..config.clone() };
             let first = match begun.iter().find(|(known, _)| *known == key) {
                 Some((_, splats)) => splats.clone(),
@@ -245,17 +253,17 @@ impl Bench<'_> {
                 constants: Some(self.constants),
                 total: Some(steps),
                 first: Some(first),
-                priors: priors.clone(),
+                priors: priors.clone().filter(|(space, _)| *space == config.loss.depth_space).map(|(_, priors)| priors),
                 // What all arms share is printed once.
                 watch: if all.is_empty() { watch() } else { Box::new(|_| ()) },
                 ..SessionOptions::default()
             };
             let session = Session::begin(self.gpu.clone(), &self.capture, own, options)?;
-            priors.get_or_insert_with(|| session.priors().clone());
+            priors.get_or_insert_with(|| (config.loss.depth_space, session.priors().clone()));
             all.push(Running { config, session, run: TradeRun::default() });
         }
         let order = all.first().map_or(Vec::new(), |first| first.session.order());
-        let plan = priors.unwrap_or_default().plan;
+        let plan = priors.map(|(_, priors)| priors.plan).unwrap_or_default();
         let mut cache = FrameCache::new(&self.capture, order.iter().copied(), &plan, CACHE, 1)?;
         // No knob changes the number of images of a step.
         let batch = all.first().map_or(1, |first| first.config.batch as usize);
@@ -277,7 +285,7 @@ impl Bench<'_> {
                     let images: Vec<_> = images.iter().map(|(at, picture)| (*at, &**picture)).collect();
                     session.step_on(&images)
                 })?;
-                let splats = session.finish()?;
+                let splats = session.scene()?;
                 run.block_seconds.push(start.elapsed().as_secs_f64());
                 session.take_events();
                 if is_scored && steps == self.steps {

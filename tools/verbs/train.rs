@@ -26,7 +26,7 @@ use ivv::scene::capture::share_of_memory;
 use ivv::stage::Renderer;
 use ivv::study::Example;
 use ivv::train::{
-    Checkpoint, Evaluation, Event, Fall, Kind, Log, SceneSize, Session, SessionOptions, StepReport, spread,
+    Checkpoint, Evaluation, Event, Fall, Kind, Log, SceneScores, SceneSize, Session, SessionOptions, StepReport, spread,
 };
 use ivv::vk::DeviceKind;
 use ivv::words::count;
@@ -149,6 +149,9 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         if before < *total { steps } else { format!("all {total} steps done") },
         config.sh_degree
     );
+    if session.trainer().shows_background() && (config.vary_background || config.backdrop > 0) {
+        say!("the images show the background: it stays as it is, and the scene gets no backdrop");
+    }
     if team.size() > 1 {
         let own = config.batch as usize / team.size();
         say!("{} processes, each of which sees {own} of the {} images of a step", team.size(), config.batch);
@@ -352,9 +355,15 @@ impl Training<'_, '_> {
                     self.log.push(Kind::Review, &review)?;
                 }
                 Event::Poses { pixels, are_learnt } => say!("{}", poses::judged(pixels, are_learnt)),
-                Event::Backdrop(n) => {
+                Event::Backdrop { n, is_added: true } => {
                     say!("added {} behind the scene, where no training camera looks", count(n, "Gaussian"));
                 }
+                Event::Backdrop { n, .. } => alert!(
+                    "no backdrop: with its {} the scene would have more than max_gaussians, {}; what no training camera \
+                     looks at stays empty. Train with a larger --max-gaussians, or silence this with --set backdrop=0",
+                    count(n, "Gaussian"),
+                    self.scorer.config.max_gaussians
+                ),
                 Event::Frozen(cameras) => {
                     alert!("could not estimate time offsets from the images; fixed at 0 for {}", cameras.join(", "))
                 }
@@ -392,6 +401,13 @@ impl Training<'_, '_> {
         Ok(Some(Scored { splats, evaluation, examples }))
     }
 
+    /// The last point of the curve from the scores of all test images: the same images as those before it.
+    fn last_of(&self, scores: &SceneScores) -> Option<Evaluation> {
+        let name = |(camera, frame): &(usize, u32)| (self.scorer.capture.cameras[*camera].name.as_str(), *frame);
+        let some: Vec<(&str, u32)> = self.some_test.iter().map(name).collect();
+        scores.evaluation.of(|camera, frame| some.contains(&(camera, frame)))
+    }
+
     /// Warns, after an evaluation, when the scores have begun to fall.
     fn warn_of_a_fall(&mut self) -> ivv::Result<()> {
         let Some(fall) = Fall::of_log(&self.log, self.scorer.config, self.total) else { return Ok(()) };
@@ -404,7 +420,8 @@ impl Training<'_, '_> {
         let output = &self.args.output;
         self.behind.wait()?;
         self.team.finish();
-        let splats = self.session.finish()?;
+        let trained = self.session.scene()?;
+        let splats = self.session.with_backdrop(trained.clone())?;
         self.note_events()?;
         let (scene, world, step) = (output.join("scene.ply"), self.scorer.run.world, self.session.steps());
         let written = write_scene(&scene, &splats, &world)?;
@@ -421,7 +438,7 @@ impl Training<'_, '_> {
         let fits = if self.args.due.fit_offsets { self.scorer.fitted_offsets(&splats)? } else { BTreeMap::new() };
         let offsets = offsets::table(self.session.trainer(), &self.scorer, &fits, output)?;
         let poses = poses::table(self.session.trainer(), &self.scorer, output)?;
-        let Scorer { gpu, run, capture, config } = self.scorer;
+        let Scorer { gpu, run, config, .. } = self.scorer;
         let mut totals = totals(gpu, step, &splats, (run, config), &self.log, &seconds)?;
         totals["reviews"] = self.log.lines(Kind::Review).cloned().collect();
         if self.team.size() > 1 {
@@ -429,6 +446,7 @@ impl Training<'_, '_> {
         }
         totals["plan"] = serde_json::to_value(self.session.plan())?;
         totals["depth_priors"] = serde_json::to_value(&self.session.priors().depth)?;
+        totals["backdrop"] = (splats.len() - trained.len()).into();
         totals["offsets"] = serde_json::to_value(&offsets)?;
         totals["poses"] = serde_json::to_value(&poses)?;
         let agreement = offsets::agreement(&offsets);
@@ -438,10 +456,9 @@ impl Training<'_, '_> {
         let seen = (Renderer::new(gpu.clone(), &splats, run.constants)?, SceneSize::of(&splats));
         let (scores, examples) = self.scorer.all(seen, &scene, &fits, step, output)?;
         if let Some(scores) = &scores {
-            // The last point of the curve: the same images as those before it.
-            let some = self.some_test.iter().map(|(camera, frame)| (capture.cameras[*camera].name.as_str(), *frame));
-            let some: Vec<(&str, u32)> = some.collect();
-            if let Some(some) = scores.evaluation.of(|camera, frame| some.contains(&(camera, frame))) {
+            let has_backdrop = splats.len() > trained.len();
+            let last = if has_backdrop { self.scorer.some(&trained, &self.some_test, step)? } else { None };
+            if let Some(some) = last.map_or_else(|| self.last_of(scores), |(some, _)| Some(some)) {
                 self.log.push(Kind::Evaluation, &some)?;
                 self.warn_of_a_fall()?;
                 Checkpoint::keep_best(&self.checkpoints, some.step, some.mean.psnr)?;

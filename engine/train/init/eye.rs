@@ -32,6 +32,11 @@ impl Seen {
             foreground: capture.foreground(camera, frame)?,
         })
     }
+
+    /// Whether a mask tells what moves.
+    pub fn has_foreground(&self) -> bool {
+        self.foreground.is_some()
+    }
 }
 
 /// A pinhole camera with a reduced picture, narrowed once: the capture is in the frame of training, so f32 will do.

@@ -14,6 +14,9 @@ const MOST_CELLS: usize = 200_000;
 /// share less.
 const LEAST_SEEN: f32 = 1.0 / 3.0;
 const LEAST_CAMERAS: f32 = 3.0;
+/// A camera looks at what lies so far before it, as a fraction of the distance, and farther off than roundings, scene units of training.
+const LEAST_BEFORE: f32 = 0.01;
+const NOWHERE: f32 = 1e-4;
 /// Half of the cube's side, in distances of the cameras from what they look at; of cameras that look outward, from the
 /// point between them.
 const INWARD_REACH: f32 = 1.5;
@@ -48,7 +51,9 @@ impl Cube {
         let mut distances: Vec<f32> = axes.iter().map(|axis| axis.center.distance(center)).collect();
         distances.sort_by(f32::total_cmp);
         let distance = distances.get(distances.len() / 2).copied().unwrap_or(0.0);
-        let n_inward = axes.iter().filter(|axis| axis.depth(center) > 0.0).count();
+        // Where axes are parallel, or there is one alone, what is nearest to them lies where the cameras are.
+        let looks_at = |axis: &&Axis| axis.depth(center) > (LEAST_BEFORE * axis.center.distance(center)).max(NOWHERE);
+        let n_inward = axes.iter().filter(looks_at).count();
         let is_inward = 2 * n_inward > axes.len();
         if is_inward {
             let least_seen = LEAST_CAMERAS.max(LEAST_SEEN * n);

@@ -3,7 +3,10 @@
 use super::points::Found;
 use crate::scene::Pose;
 use crate::scene::capture::{Capture, TRAINING_RADIUS};
+use crate::train::lenses::evenly_chosen;
 
+/// Lenses at most.
+const MOST: usize = 512;
 /// Nothing begins nearer before a lens, in training units.
 const NEAREST: f64 = TRAINING_RADIUS / 6.0;
 /// Cosine of the angle to the optical axis up to which a point is before a lens: 60 degrees, beyond most pictures.
@@ -11,12 +14,13 @@ const BEFORE: f64 = 0.5;
 /// Nothing begins wider than this part of its distance to a lens.
 const WIDEST: f64 = 1.0 / 6.0;
 
-/// Every pose of every training camera, and the views that somebody named ([`Capture::viewpoints`]).
+/// Every pose of every training camera, and the views that somebody named ([`Capture::viewpoints`]); of many an even choice, since each
+/// is asked about each point.
 pub(super) struct Lenses(Vec<Pose>);
 
 impl Lenses {
     pub fn new(capture: &Capture) -> Self {
-        Lenses(capture.lens_views().iter().map(|view| view.pose).collect())
+        Lenses(evenly_chosen(capture.lens_views(), MOST).iter().map(|view| view.pose).collect())
     }
 
     /// Whether a Gaussian at a point would veil a picture.

@@ -248,7 +248,7 @@ fn from_pictures(
     }
     let mut splats = Splats::new(config.sh_degree);
     let at_rest = match from {
-        Init::Hull => None,
+        Init::Hull if n_hull > 0 => None,
         Init::Flow => flow::motion_at_rest(capture, config),
         _ => points::throughout(capture),
     };
@@ -261,7 +261,13 @@ fn from_pictures(
     }
     splats.source_row = (0..splats.len() as u32).collect();
     let joined = n_known > 0;
-    Ok(Initial { joined, counts, n_hulls: hull_frames.len(), ..Initial::new(splats, from, because) })
+    // Without a hull the masks tell nothing, and anything may move.
+    let (from, because) = match from {
+        Init::Hull if n_hull == 0 => (Init::Frustum, format!("{because}, but no hull of three cameras or more")),
+        _ => (from, because),
+    };
+    let n_hulls = if n_hull > 0 { hull_frames.len() } else { 0 };
+    Ok(Initial { joined, counts, n_hulls, ..Initial::new(splats, from, because) })
 }
 
 /// Gaussians of the surfaces of what moves, by frame, with the velocities that the frames beside tell.

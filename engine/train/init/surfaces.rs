@@ -64,7 +64,9 @@ impl Views<'_> {
                 let Some(shown) = shown(self.capture, camera, frame, is_reference) else { return Ok((None, None)) };
                 let seen = Seen::read(self.capture, camera, shown)?;
                 let eye = |is_wanted: bool, longest: usize| is_wanted.then(|| Eye::new(&seen, longest));
-                Ok((eye(is_reference, SWEEP_SIDE), eye(has_hull, HULL_SIDE)))
+                // A camera without a mask at this very frame knows nothing of what moves.
+                let carves = has_hull && shown == frame && seen.has_foreground();
+                Ok((eye(is_reference, SWEEP_SIDE), eye(carves, HULL_SIDE)))
             };
             let eyes = in_parallel(self.cameras.len(), threads, eyes_of, |_| done())?;
             let (swept, carving): (Vec<Option<Eye>>, Vec<Option<Eye>>) = eyes.into_iter().unzip();

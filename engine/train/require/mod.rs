@@ -25,7 +25,7 @@ use crate::train::metrics::Sight;
 use crate::train::trainer::Trainer;
 use std::sync::Arc;
 
-/// Purpose of the random numbers of a review; those of a step have 1 to 3.
+/// Purpose of the random numbers of a review; those of a step have 1 to 3, and 5.
 const REVIEW: u64 = 4;
 /// Largest velocity of a Gaussian that begins to move, scene units per clip; the cameras' extent is 3.
 const FASTEST: f32 = 3.0;

@@ -18,7 +18,7 @@ use crate::scene::Splats;
 use crate::scene::capture::{Capture, Picture};
 use crate::settings::Constants;
 use crate::train::average::Average;
-use crate::train::backdrop::with_backdrop;
+use crate::train::backdrop::{backdrop_of, put_before};
 use crate::train::cameras::poses_judged_at;
 use crate::train::checkpoint::{Checkpoint, Owed};
 use crate::train::config::{Config, PoseKind};
@@ -368,22 +368,40 @@ impl<'a> Session<'a> {
     }
 
     /// Waits for the last step and what is due after it; gives the Gaussians, in the frame of training: near the end of the run
-    /// their mean over its last steps, see [`Average`], and behind them the backdrop that the settings ask for.
+    /// their mean over its last steps, see [`Average`].
+    ///
+    /// # Errors
+    /// As [`Session::step`].
+    pub fn scene(&mut self) -> Result<Splats> {
+        self.wait()?;
+        self.settle()?;
+        self.average.scene().map_or_else(|| self.trainer.splats(), |mean| Ok(mean.clone()))
+    }
+
+    /// What a run ends with: [`Session::scene`] and the backdrop that the settings ask for.
     ///
     /// # Errors
     /// As [`Session::step`].
     pub fn finish(&mut self) -> Result<Splats> {
-        self.wait()?;
-        self.settle()?;
-        let scene = self.average.scene().map_or_else(|| self.trainer.splats(), |mean| Ok(mean.clone()))?;
-        let (n, begun) = (scene.len(), Instant::now());
-        let asks = !self.trainer.shows_background();
-        let scene = if asks { with_backdrop(scene, self.capture, &self.config)? } else { scene };
-        self.seconds += begun.elapsed().as_secs_f64();
-        if scene.len() > n {
-            self.events.push(Event::Backdrop(scene.len() - n));
+        let scene = self.scene()?;
+        self.with_backdrop(scene)
+    }
+
+    /// `scene`, in the frame of training, with the backdrop that the settings ask for, which comes first; without one where images
+    /// show the background, where the background shows through the scene, and where there would be more than `max_gaussians`.
+    ///
+    /// # Errors
+    /// Those of the capture's cameras.
+    pub fn with_backdrop(&mut self, scene: Splats) -> Result<Splats> {
+        if self.trainer.shows_background() {
+            return Ok(scene);
         }
-        Ok(scene)
+        let backdrop = backdrop_of(&scene, self.capture, self.config.backdrop as usize)?;
+        let (n, is_added) = (backdrop.len(), backdrop.len() + scene.len() <= self.config.max_gaussians);
+        if n > 0 {
+            self.events.push(Event::Backdrop { n, is_added });
+        }
+        Ok(if n > 0 && is_added { put_before(scene, backdrop) } else { scene })
     }
 
     /// In traces, all that belongs to the next step, waiting for its images too.

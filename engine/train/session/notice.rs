@@ -51,8 +51,13 @@ pub enum Event {
     Review(Review),
     /// The time offsets of these cameras were fixed at 0, since the images do not tell them.
     Frozen(Vec<String>),
-    /// So many Gaussians were put where no training camera looks.
-    Backdrop(usize),
+    /// What no training camera looks at was to have a backdrop.
+    Backdrop {
+        /// Its Gaussians.
+        n: usize,
+        /// Whether they were added; otherwise there would be more than `max_gaussians`.
+        is_added: bool,
+    },
     /// It was looked at whether the cameras stand where the capture says.
     Poses {
         /// How far what a camera sees moves by what was learnt of its pose, pixels: the median over the cameras.

@@ -317,7 +317,7 @@ impl Trainer {
     }
 
     /// Whether the images that it is trained on show the background.
-    pub(in crate::train) fn shows_background(&self) -> bool {
+    pub fn shows_background(&self) -> bool {
         self.setup.shows_background
     }
 
@@ -374,7 +374,11 @@ impl Trainer {
     fn due_round(&self) -> Option<DensityRound> {
         let n_frames = (1.0 / self.setup.dt).round() as u32;
         let (n, n_trained, origin) = (self.scene.n, self.scene.n_trained(), self.scene.origin);
-        density_round(&self.config, (self.step, self.total), (n, n_trained), &self.setup.extent, origin, n_frames)
+        let round =
+            density_round(&self.config, (self.step, self.total), (n, n_trained), &self.setup.extent, origin, n_frames)?;
+        // The end of the run needs room, too.
+        let backdrop = if self.shows_background() { 0 } else { self.config.backdrop.min(round.max_gaussians / 10) };
+        Some(DensityRound { max_gaussians: round.max_gaussians - backdrop, ..round })
     }
 
     /// The density control due after the step handed over last, once.

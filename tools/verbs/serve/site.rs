@@ -24,6 +24,8 @@ pub struct Site {
     shown: Shown,
     /// Names and addresses that a request may be for, without ports.
     hosts: Vec<String>,
+    /// Whether it listens at every address of this machine, so that a request may be for any address.
+    is_everywhere: bool,
 }
 
 /// Something that is there, in memory or in a file.
@@ -40,7 +42,7 @@ impl Site {
         };
         let own = ["localhost", "127.0.0.1", "[::1]"].map(str::to_owned).into_iter().chain([literal(bind)]);
         let hosts = own.chain(names.iter().map(|name| name.to_ascii_lowercase())).collect();
-        Site { shown, hosts }
+        Site { shown, hosts, is_everywhere: bind.is_unspecified() }
     }
 
     /// The answer to a request, whatever its body.
@@ -111,7 +113,9 @@ impl Site {
             Some((name, port)) if port.bytes().all(|byte| byte.is_ascii_digit()) => name,
             _ => host,
         };
-        self.hosts.iter().any(|ours| *ours == name.to_ascii_lowercase())
+        // What another site can have lead here is a name, never an address.
+        let is_address = || name.trim_start_matches('[').trim_end_matches(']').parse::<IpAddr>().is_ok();
+        self.hosts.iter().any(|ours| *ours == name.to_ascii_lowercase()) || (self.is_everywhere && is_address())
     }
 }
 
