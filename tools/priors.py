@@ -128,7 +128,8 @@ def depth_anything(args):
 
 
 def picture(path):
-    image = cv2.imread(str(path), cv2.IMREAD_COLOR)
+    # As ivv and COLMAP read them: pixels as they are stored, whatever EXIF says.
+    image = cv2.imread(str(path), cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION)
     if image is None:
         sys.exit(f"{path}: does not decode")
     return image

@@ -79,6 +79,13 @@ impl Start {
             ivv::Result::Ok(base.checkpoint((&capture, &run), found.splats, config.clone(), total))
         };
         let resumed = base.map(begin).transpose()?;
+        if let Some(n) = resumed.as_ref().map(|base| base.params.len()).filter(|n| 10 * n > 9 * config.max_gaussians) {
+            alert!(
+                "the base and the first Gaussians of what moves are {n} of the {} that max_gaussians allows, so that few can be \
+                 added; give a larger --max-gaussians",
+                config.max_gaussians
+            );
+        }
         let start = Start { lock, gpu, run, capture, config, total, checkpoints, resumed, replaces };
         if leads && !replaces {
             start.write_settings(&args.output)?;

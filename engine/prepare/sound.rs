@@ -13,8 +13,8 @@ use crate::error::{Error, Result};
 use crate::files::{read_file, write_atomic};
 use crate::scene::undistort::Undistortion;
 
-/// Takes over `audio/*.wav` and `keypoints/<camera>.json` of a source from whose first frame on all is taken. Keypoints are
-/// undistorted with their pictures.
+/// Takes over `audio/*.wav` and `keypoints/<camera>.json` of a source from whose first frame on all is taken, but for those of cameras
+/// of which later frames are taken. Keypoints are undistorted with their pictures.
 #[tracing::instrument(level = "info", name = "sound", skip_all)]
 pub(super) fn carry(images: &Images, settings: &PrepareSettings) -> Result<()> {
     let Selection { start, every, n } = images.select();
@@ -23,7 +23,10 @@ pub(super) fn carry(images: &Images, settings: &PrepareSettings) -> Result<()> {
         make_folder(&images.output.join("audio"))?;
         for entry in fs::read_dir(&audio).map_err(|fault| cannot_list(&audio, &fault))?.flatten() {
             let to = images.output.join("audio").join(entry.file_name());
-            if entry.path().extension().is_some_and(|ending| ending == "wav") && !to.exists() {
+            let is_shifted = images.cameras.iter().any(|camera| {
+                camera.start != 0 && entry.path().file_stem().is_some_and(|stem| stem == camera.name.as_str())
+            });
+            if entry.path().extension().is_some_and(|ending| ending == "wav") && !to.exists() && !is_shifted {
                 take_over(&entry.path(), &to)?;
             }
         }

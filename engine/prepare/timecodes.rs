@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use super::settings::PrepareSettings;
 use super::source::{Footage, Source};
-use super::video::{self, Video};
+use super::video::{self, RATE_TOLERANCE, Video};
 use crate::error::{Error, Result};
 use crate::parallel::in_parallel;
 
@@ -20,8 +20,9 @@ fn shifts(videos: &[(&str, Option<&Video>)]) -> Option<BTreeMap<String, i32>> {
         .collect::<Option<_>>()?;
     let last = told.iter().map(|(_, code, _)| *code).max()?;
     let fps = told.first()?.2;
-    let agrees =
-        |(_, code, rate): &(&str, u32, f64)| (rate / fps - 1.0).abs() < 1e-3 && f64::from(last - code) <= LONGEST * fps;
+    let agrees = |(_, code, rate): &(&str, u32, f64)| {
+        (rate / fps - 1.0).abs() < RATE_TOLERANCE && f64::from(last - code) <= LONGEST * fps
+    };
     told.iter()
         .all(agrees)
         .then(|| told.iter().map(|(name, code, _)| ((*name).to_owned(), (last - code) as i32)).collect())

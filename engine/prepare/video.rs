@@ -10,6 +10,9 @@ use crate::error::{Error, Result};
 use crate::files::write_atomic;
 use crate::video::input;
 
+/// Rates differ when their ratio is farther from 1: 29.97 and 30 differ by 1e-3.
+pub(super) const RATE_TOLERANCE: f64 = 5e-4;
+
 /// What a video file holds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Video {
@@ -23,6 +26,8 @@ pub(super) struct Video {
     pub has_sound: bool,
     /// Whether its frames follow one another evenly, so that each is where its number says.
     pub is_steady: bool,
+    /// How much later than the file its first frame is, seconds: sound may begin before it.
+    pub late: f64,
     /// When the first frame was recorded by the camera's clock, frames since midnight; none where the file does not say.
     pub timecode: Option<u32>,
 }
@@ -36,6 +41,7 @@ struct Probe {
 
 #[derive(Default, serde::Deserialize)]
 struct Container {
+    start_time: Option<String>,
     #[serde(default)]
     tags: Tags,
 }
@@ -54,6 +60,7 @@ struct Stream {
     r_frame_rate: Option<String>,
     nb_frames: Option<String>,
     nb_read_packets: Option<String>,
+    start_time: Option<String>,
     #[serde(default)]
     tags: Tags,
     #[serde(default)]
@@ -72,6 +79,9 @@ pub(super) fn probe(path: &Path) -> Result<Video> {
     let probe = ask(path, &[])?;
     let timecodes = probe.streams.iter().map(|stream| &stream.tags).chain([&probe.format.tags]);
     let timecode = timecodes.filter_map(|tags| tags.timecode.clone()).next();
+    let seconds =
+        |time: &Option<String>| time.as_deref().and_then(|time| time.parse::<f64>().ok()).filter(|s| s.is_finite());
+    let begins = seconds(&probe.format.start_time).unwrap_or_default();
     let has_sound = probe.streams.iter().any(|stream| stream.codec_type == "audio");
     let of_video = |probe: Probe| probe.streams.into_iter().find(|stream| stream.codec_type == "video");
     let stream = of_video(probe).ok_or_else(|| bad("holds no video"))?;
@@ -91,13 +101,14 @@ pub(super) fn probe(path: &Path) -> Result<Video> {
     let turned = stream.side_data_list.iter().filter_map(|data| data.rotation).any(|turn| turn.abs() % 180.0 == 90.0);
     let (width, height) = if turned { (height, width) } else { (width, height) };
     let timecode = timecode.and_then(|code| frame_of_day(&code, fps));
-    Ok(Video { width, height, fps, n_frames, has_sound, is_steady, timecode })
+    let late = seconds(&stream.start_time).map_or(0.0, |first| (first - begins).max(0.0));
+    Ok(Video { width, height, fps, n_frames, has_sound, is_steady, late, timecode })
 }
 
 /// What ffprobe tells of a file.
 fn ask(path: &Path, options: &[&str]) -> Result<Probe> {
-    let entries = "stream=codec_type,width,height,avg_frame_rate,r_frame_rate,nb_frames,nb_read_packets:\
-                   stream_side_data=rotation:stream_tags=timecode:format_tags=timecode";
+    let entries = "stream=codec_type,width,height,avg_frame_rate,r_frame_rate,nb_frames,nb_read_packets,start_time:\
+                   stream_side_data=rotation:stream_tags=timecode:format=start_time:format_tags=timecode";
     let shown = ["-show_entries", entries, "-of", "json"];
     let arguments = ["-v", "error"].iter().chain(options).chain(&shown).map(OsString::from);
     let arguments: Vec<OsString> = arguments.chain(input(path)).collect();
@@ -139,13 +150,14 @@ pub(super) fn decode(
     mut take: impl FnMut(u32, &[u8]) -> Result<()>,
 ) -> Result<()> {
     let Selection { start, every, n } = select;
-    // To half a frame before the first one, so that no rounding of times takes another.
-    let seek = (video.is_steady && start > 0).then(|| ((f64::from(start) - 0.5) / video.fps).to_string());
+    // To half a frame before the first one, so that no rounding of times takes another; ffmpeg counts from where the file begins.
+    let seek = (video.is_steady && start > 0).then(|| (video.late + (f64::from(start) - 0.5) / video.fps).to_string());
     let first = if seek.is_some() { 0 } else { start };
     let (width, height) = size;
     let Part { x, y, width: w, height: h } = part;
-    let filter =
-        format!("select=gte(n\\,{first})*not(mod(n-{first}\\,{every})),crop={w}:{h}:{x}:{y},scale={width}:{height}");
+    let filter = format!(
+        "select=gte(n\\,{first})*not(mod(n-{first}\\,{every})),crop={w}:{h}:{x}:{y}:exact=1,scale={width}:{height}"
+    );
     let (threads, n_text) = (threads.to_string(), n.to_string());
     let before = ["-v", "error", "-nostdin", "-threads", &threads].into_iter();
     let before = before.chain(seek.iter().flat_map(|to| ["-ss", to])).map(OsString::from);
@@ -175,11 +187,14 @@ pub(super) fn decode(
     if status.success() { Ok(()) } else { Err(FFMPEG.failed(path, status, last_line(&said))) }
 }
 
-/// Writes the sound of a part of a video as WAV of one channel; times in seconds.
-pub(super) fn sound(path: &Path, from: f64, length: f64, to: &Path) -> Result<()> {
-    let (from, length) = (from.to_string(), length.to_string());
+/// Writes the sound of a part of a video as WAV of one channel; times in seconds from the first frame of `video`. Where it has none
+/// yet it is silent.
+pub(super) fn sound((path, video): (&Path, &Video), from: f64, length: f64, to: &Path) -> Result<()> {
+    let (from, length) = ((video.late + from).to_string(), length.to_string());
     let before = ["-v", "error", "-nostdin", "-ss", &from, "-t", &length].map(OsString::from);
+    let filled = ["-af", "aresample=async=1:first_pts=0"];
     let after = ["-map", "0:a:0", "-vn", "-ac", "1", "-c:a", "pcm_s16le", "-f", "wav", "pipe:1"];
+    let after = filled.into_iter().chain(after);
     let arguments = before.into_iter().chain(input(path)).chain(after.map(OsString::from));
     let mut wav = FFMPEG.run(arguments, path)?;
     set_wav_length(&mut wav);

@@ -42,7 +42,7 @@ pub fn sounds(scene: &SoundScene, seconds: f64) -> Result<Sounds> {
     for (source, signal) in scene.sources.iter().zip(signals(scene)?) {
         let course = Course::new(scene, source, &listener, &config)?;
         r_min = course.r_min;
-        let heard = |(at, x): (usize, &f32)| (f64::from(*x) * course.cue(at as f64 / f64::from(FS)).gain) as f32;
+        let heard = |(at, x): (usize, &f32)| (f64::from(*x) * course.gain(at as f64 / f64::from(FS))) as f32;
         let samples: Vec<f32> = signal.iter().take(most).enumerate().map(heard).collect();
         let is_heard = |x: &f32| *x != 0.0;
         let Some((first, last)) = samples.iter().position(is_heard).zip(samples.iter().rposition(is_heard)) else {

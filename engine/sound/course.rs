@@ -200,7 +200,15 @@ impl<'a> Course<'a> {
             let s = (from_edge / GATE_FADE + 0.5).clamp(0.0, 1.0);
             0.5 - 0.5 * (std::f64::consts::PI * s).cos()
         };
-        self.gates.iter().map(|(from, to)| rise(t - from).min(rise(to - t))).fold(0.0, f64::max)
+        // There may be hundreds, and it is asked at every sample.
+        let is_near = |(from, to): &&(f64, f64)| t > from - GATE_FADE && t < to + GATE_FADE;
+        self.gates.iter().filter(is_near).map(|(from, to)| rise(t - from).min(rise(to - t))).fold(0.0, f64::max)
+    }
+
+    /// The gain at a time, as that of [`Course::cue`]; where a gate is closed nothing else is asked.
+    pub(super) fn gain(&self, t: f64) -> f64 {
+        let gate = self.gate(t);
+        if gate > 0.0 { self.gain * gate * self.relative_gain(&self.bearing(t)) } else { 0.0 }
     }
 
     /// What became of it along the cues of a rendering.

@@ -7,7 +7,7 @@ use crate::gpu::generated::{self, fisher_static_sh0};
 use crate::gpu::{Buf, Gpu, Grid, Recording};
 
 /// vec4 per Gaussian of the sums.
-const PLANES: usize = 6;
+pub(super) const PLANES: usize = 6;
 
 /// Sums over pictures of one Gaussian. Of each part: the response of the pictures to the step that leaves it out, or that
 /// adds what a static Gaussian lacks; squared, with cotangents of random signs, it is the information along that step.

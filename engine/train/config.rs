@@ -37,7 +37,8 @@ settings! {
         seed: u64 = 42, "", Range::Whole(0, u64::MAX);
         /// Highest degree of the spherical harmonics: how finely colours depend on the direction of view.
         sh_degree: u32 = 3, "", Range::Whole(0, 3);
-        /// The scene is the mean of those of the last steps of the run, over this share of it; 0 takes that of the last step.
+        /// The scene is the mean of those of the last steps of the run, over this share of it, in which density control does nothing; 0 takes
+        /// that of the last step.
         average: f64 = 0.1, "of the run", Range::SHARE;
         /// The number of Gaussians never exceeds this.
         max_gaussians: usize = 500_000, "Gaussians", Range::COUNT;

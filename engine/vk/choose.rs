@@ -23,7 +23,8 @@ pub(super) fn subgroup_size(vendor: u32, least: u32, most: u32, default: u32) ->
     let wanted = match vendor {
         NVIDIA | AMD => 32,
         INTEL => 16,
-        _ => default,
+        // Adreno's default is 128; kernels have 64 at most.
+        _ => default.min(64),
     };
     if (least..=most).contains(&wanted) { wanted } else { default }
 }
@@ -77,6 +78,8 @@ mod tests {
         assert_eq!(subgroup_size(INTEL, 8, 32, 32), 16);
         assert_eq!(subgroup_size(INTEL, 16, 32, 32), 16, "Xe2 has no 8");
         assert_eq!(subgroup_size(0x10005, 8, 8, 8), 8, "lavapipe");
+        assert_eq!(subgroup_size(0x5143, 64, 128, 128), 64, "Adreno, as Turnip tells of it");
+        assert_eq!(subgroup_size(0x5143, 128, 128, 128), 128, "which is refused");
     }
 
     #[test]

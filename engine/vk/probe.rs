@@ -194,7 +194,10 @@ impl Answers {
             max_workgroup: limits.max_compute_work_group_invocations,
             max_groups: limits.max_compute_work_group_count[0],
             max_shared_bytes: limits.max_compute_shared_memory_size,
-            max_binding_bytes: u64::from(limits.max_storage_buffer_range),
+            // No binding is larger than a buffer can be.
+            max_binding_bytes: u64::from(limits.max_storage_buffer_range)
+                .min(self.maintenance3.max_memory_allocation_size)
+                & !15,
             max_allocation_bytes: self.maintenance3.max_memory_allocation_size,
             heap_bytes,
             budget_bytes,

@@ -268,6 +268,13 @@ fn sound_and_keypoints_come_along() {
     assert!(Manifest::read(&settings.output).unwrap().audio);
     let read = |path: &Path| std::fs::read(settings.output.join(path)).unwrap();
     assert_eq!(read("audio/room.wav".as_ref()), b"RIFF....WAVE");
+    // That of a camera whose frames are shifted would be early.
+    folder.write("source/audio/2.wav", b"RIFF....WAVE");
+    let shifts = [("2".to_owned(), 1)].into();
+    let shifted = PrepareSettings { shifts, output: folder.0.join("shifted"), ..settings.clone() };
+    done(&shifted);
+    let is_there = |name: &str| shifted.output.join("audio").join(name).exists();
+    assert!(is_there("room.wav") && !is_there("2.wav"));
     let moved: serde_json::Value = serde_json::from_slice(&read("keypoints/2.json".as_ref())).unwrap();
     assert_eq!(moved.as_array().map(Vec::len), Some(1));
     let instance = &moved[0]["instances"][0];

@@ -3,8 +3,10 @@
 use ivv::prepare::{PrepareSettings, Prepared, Share, Stage, Triangulate, estimate, prepare_share};
 use ivv::scene::capture::{Camera, Capture, Frames, Manifest};
 use ivv::scene::prior::read_flow;
+use ivv::sound::wav;
 use ivv::synth::{Options, Preset, write_capture};
 use std::path::Path;
+use std::process::Command;
 
 use super::{done, every, open, run, settings, video, video_with};
 use crate::capture::model::{Model, binary};
@@ -70,9 +72,10 @@ fn a_part_of_a_video_is_sought_and_has_the_frames_that_it_has_in_the_whole() {
     if !has_program("ffmpeg", "-version") {
         return;
     }
-    // Rates that are no whole numbers, containers that do not tell how many frames there are, one that begins late, and one whose
-    // frames do not follow evenly, in which nothing is sought.
-    let kinds: [(&str, &str, &[&str]); 5] = [
+    // Rates that are no whole numbers, containers that do not tell how many frames there are, one that begins late, one whose sound
+    // begins before its pictures, and one whose frames do not follow evenly, in which nothing is sought.
+    let kinds: [(&str, &str, &[&str]); 6] = [
+        ("mp4", "25", &[]),
         ("mp4", "10", &[]),
         ("mp4", "30000/1001", &[]),
         ("mkv", "30000/1001", &[]),
@@ -83,7 +86,11 @@ fn a_part_of_a_video_is_sought_and_has_the_frames_that_it_has_in_the_whole() {
         let folder = Folder::new(&format!("prepare-seek-{kind}"));
         imvid(&folder);
         for name in ["left", "right"] {
-            video_with(&folder.0.join(format!("source/{name}.{ending}")), 60, rate, options);
+            let file = folder.0.join(format!("source/{name}.{ending}"));
+            video_with(&file, 60, rate, options);
+            if kind == 0 {
+                with_sound(&file, "-0.3");
+            }
         }
         let part = PrepareSettings { frames: "37:47:3".parse().unwrap(), ..settings(&folder) };
         let whole = PrepareSettings { frames: Frames::default(), output: folder.0.join("whole"), ..part.clone() };
@@ -94,6 +101,48 @@ fn a_part_of_a_video_is_sought_and_has_the_frames_that_it_has_in_the_whole() {
             assert!(picture(&part, frame) == picture(&whole, 37 + 3 * frame), "{rate} {options:?}, frame {frame}");
         }
     }
+}
+
+#[test]
+fn sound_is_as_late_as_in_the_video() {
+    if !has_program("ffmpeg", "-version") {
+        return;
+    }
+    let folder = Folder::new("prepare-late-sound");
+    imvid(&folder);
+    for (name, delay) in [("left", "0.5"), ("right", "-0.5")] {
+        let file = folder.0.join(format!("source/{name}.mp4"));
+        video_with(&file, 60, "25", &[]);
+        with_sound(&file, delay);
+    }
+    // From 0.2 s on.
+    let settings = PrepareSettings { frames: "5:55".parse().unwrap(), ..settings(&folder) };
+    done(&settings);
+    let heard = |name: &str| {
+        let sound = wav::read(&settings.output.join(format!("audio/{name}.wav"))).unwrap();
+        let loud = sound.channels[0].iter().position(|sample| sample.abs() > 0.01).unwrap();
+        loud as f64 / f64::from(sound.fs)
+    };
+    let (late, early) = (heard("left"), heard("right"));
+    assert!((late - 0.3).abs() < 0.03 && early < 0.01, "{late} s, {early} s");
+}
+
+/// Adds a tone to a video, which begins so many seconds later.
+fn with_sound(file: &Path, delay: &str) {
+    let without = file.with_extension("silent.mp4");
+    std::fs::rename(file, &without).unwrap();
+    let mut command = Command::new("ffmpeg");
+    command.args(["-v", "error", "-y", "-i"]).arg(&without).args([
+        "-itsoffset",
+        delay,
+        "-f",
+        "lavfi",
+        "-i",
+        "sine=d=7",
+    ]);
+    command.args(["-map", "0:v", "-map", "1:a", "-c:v", "copy", "-avoid_negative_ts", "make_zero"]).arg(file);
+    assert!(command.status().unwrap().success());
+    std::fs::remove_file(without).unwrap();
 }
 
 #[test]

@@ -53,6 +53,10 @@ fn n3v_arrives() {
     folder.write("source/poses_bounds.npy", npy(2, &rows));
     sequence(&folder, "cam00", 5);
     sequence(&folder, "cam07/images", 4);
+    // What macOS leaves on foreign drives is neither a picture nor a video.
+    ["cam00/._0000.png", "._cam00.mp4"]
+        .iter()
+        .for_each(|name| drop(folder.write(&format!("source/{name}"), "Mac OS X")));
     let settings = PrepareSettings {
         frames: every(2, 1),
         capture: CaptureSettings { test_cameras: Some(vec!["cam07".into()]), ..rate(30.0) },
@@ -340,6 +344,8 @@ fn plain_colmap_is_undistorted_with_its_points() {
         capture: CaptureSettings { test_every: 0, ..rate(30.0) },
         ..settings(&folder)
     };
+    // Photographs of LLFF and Mip-NeRF 360 have this beside.
+    folder.write("source/poses_bounds.npy", "");
     let capture = open(&settings);
     assert_eq!((capture.n_frames, capture.cameras.len(), capture.points.len()), (1, 2, 1));
     assert_eq!((capture.points[0].color, capture.points[0].n_views), ([9, 8, 7], 2));
@@ -385,6 +391,55 @@ fn transforms(n: usize, change: impl Fn(usize, &mut serde_json::Value)) -> Strin
     json!({ "w": 64, "h": 48, "fl_x": 50.0, "fl_y": 50.0, "cx": 32.0, "cy": 24.0, "camera_model": "OPENCV",
         "k1": -0.1, "k2": 0.01, "p1": 0.001, "p2": 0.0, "frames": frames })
     .to_string()
+}
+
+#[test]
+fn frames_of_a_sequence_follow_as_people_count() {
+    let folder = Folder::new("prepare-counted");
+    let model = Model {
+        cameras: vec![(1, 1, "PINHOLE", 64, 48, vec![50.0, 50.0, 32.0, 24.0])],
+        images: ["a", "b"]
+            .into_iter()
+            .zip(1..)
+            .map(|(name, id)| (id, IDENTITY, [f64::from(id); 3], 1, name, vec![]))
+            .collect(),
+        points: vec![],
+    };
+    let [cameras, images, _] = binary(&model);
+    folder.write("source/cameras.bin", cameras);
+    folder.write("source/images.bin", images);
+    for (name, frame) in ["a", "b"].iter().flat_map(|name| (0..12_u8).map(move |frame| (name, frame))) {
+        folder.write(&format!("source/{name}/{frame}.png"), png(64, 48, 10 * frame));
+    }
+    let capture =
+        open(&PrepareSettings { capture: CaptureSettings { test_every: 0, ..rate(30.0) }, ..settings(&folder) });
+    for frame in 0..12 {
+        let picture = std::fs::read(&capture.cameras[1].shot(frame).unwrap().image).unwrap();
+        assert_eq!(picture, png(64, 48, 10 * frame as u8), "frame {frame}");
+    }
+}
+
+#[test]
+fn transforms_take_no_points_of_a_model_beside_and_know_fisheyes() {
+    let folder = Folder::new("prepare-beside");
+    (0..4).for_each(|i| drop(folder.write(&format!("source/images/{i:04}.png"), png(64, 48, i))));
+    let cameras = vec![(1, 1, "PINHOLE", 64, 48, vec![50.0, 50.0, 32.0, 24.0])];
+    let points = vec![(7, [0.0, 0.0, 0.0], [9, 8, 7], 0.5, vec![])];
+    let [_, _, points] = binary(&Model { cameras, images: vec![], points });
+    folder.write("source/sparse/0/points3D.bin", points);
+    folder.write("source/transforms.json", transforms(4, |_, _| ()));
+    let turned = open(&PrepareSettings { triangulate: None, ..settings(&folder) });
+    assert!(turned.points.is_empty());
+    // instant-ngp says no model.
+    let width = |fisheye: bool, name: &str| {
+        let mut told: serde_json::Value = serde_json::from_str(&transforms(4, |_, _| ())).unwrap();
+        told.as_object_mut().unwrap().remove("camera_model");
+        (told["is_fisheye"], told["p1"]) = (fisheye.into(), 0.0.into());
+        folder.write("source/transforms.json", told.to_string());
+        let settings = PrepareSettings { triangulate: None, output: folder.0.join(name), ..settings(&folder) };
+        open(&settings).cameras[0].intrinsics.width
+    };
+    assert_ne!(width(true, "fisheye"), width(false, "brown"));
 }
 
 #[test]

@@ -24,6 +24,22 @@ pub(super) fn there_and_back(path: &Path, splats: &Splats, clock: Clock, grades:
     read
 }
 
+#[test]
+fn a_scene_of_many_gaussians_is_in_several_chunks() {
+    let folder = Folder::new("four-dgs-many");
+    let n = (1 << 19) + 10;
+    let mut splats = Splats::new(0);
+    let at = |i: usize| [(i % 100) as f32, (i / 100 % 100) as f32, (i / 10_000) as f32];
+    splats.position = (0..n).map(at).collect();
+    (splats.rotation, splats.scale) = (vec![[1.0, 0.0, 0.0, 0.0]; n], vec![[-3.0; 3]; n]);
+    (splats.opacity, splats.sh, splats.n_static) = (vec![1.0; n], vec![[0.2; 3]; n], n);
+    splats.source_row = (0..n as u32).collect();
+    let path = folder.file("many.4dgs");
+    let read = there_and_back(&path, &splats, Clock { fps: 30.0, frames: 60 }, Grades::default());
+    assert_eq!((read.len(), read.n_static), (n, n));
+    assert_eq!(FourDgs::read(&path).unwrap().summary().chunk_intervals, [[0.0, 2.0]; 2]);
+}
+
 /// Whether `found` is `told`: numbers up to the six digits that the fixtures have, and a part in 1e5 of large sums.
 fn agree(place: &str, told: &Value, found: &Value) {
     match (told, found) {

@@ -21,6 +21,8 @@ use std::path::Path;
 /// not whole parts, so that the description of a chunk costs little.
 const SHORTEST_CHUNK: f64 = 0.5;
 const LEAST_IN_CHUNK: usize = 256;
+/// And at most so many: a player shows what it has of a large scene, and players refuse chunks without bounds.
+const MOST_IN_CHUNK: usize = 1 << 19;
 /// Bits of a standard deviation, as a single, by which they are counted to find the median: it is found to 0.05 %.
 const COUNTED_BITS: u32 = 20;
 /// By how much the times of a Gaussian are taken to be longer than they are, for the rounding of whoever reads them.
@@ -227,21 +229,23 @@ impl<'a> Writing<'a> {
             let places: Vec<f32> = members.iter().flat_map(|i| set.positions[3 * i..3 * i + 3].to_vec()).collect();
             let members: Vec<usize> =
                 morton_order(&places, members.len()).into_iter().map(|rank| members[rank]).collect();
-            let chunk = encode_chunk(*t0, *t1, *level, members.len() as u32, &self.streams(&bins, &members)?);
-            let mut entry = ChunkIndexEntry {
-                t0: *t0,
-                t1: *t1,
-                chunk_offset: self.written + bytes.len() as u64,
-                chunk_length: chunk.len() as u64,
-                gaussian_count: members.len() as u32,
-                ..ChunkIndexEntry::default()
-            };
-            bytes.extend(chunk);
-            for (band, record) in self.bands(&set, &members)? {
-                entry.bands.push((band, self.written + bytes.len() as u64, record.len() as u64));
-                bytes.extend(record);
+            for members in members.chunks(MOST_IN_CHUNK) {
+                let chunk = encode_chunk(*t0, *t1, *level, members.len() as u32, &self.streams(&bins, members)?);
+                let mut entry = ChunkIndexEntry {
+                    t0: *t0,
+                    t1: *t1,
+                    chunk_offset: self.written + bytes.len() as u64,
+                    chunk_length: chunk.len() as u64,
+                    gaussian_count: members.len() as u32,
+                    ..ChunkIndexEntry::default()
+                };
+                bytes.extend(chunk);
+                for (band, record) in self.bands(&set, members)? {
+                    entry.bands.push((band, self.written + bytes.len() as u64, record.len() as u64));
+                    bytes.extend(record);
+                }
+                self.index.push(entry);
             }
-            self.index.push(entry);
         }
         self.written += bytes.len() as u64;
         Ok(bytes)

@@ -124,7 +124,7 @@ impl Images {
                 let to = self.output.join(format!("audio/{}.wav", camera.name));
                 if video.has_sound && !to.exists() {
                     make_folder(&self.output.join("audio"))?;
-                    video::sound(path, from, length, &to)?;
+                    video::sound((path, video), from, length, &to)?;
                 }
             }
         }

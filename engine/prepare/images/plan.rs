@@ -11,13 +11,10 @@ use crate::prepare::fit::{Part, fitted};
 use crate::prepare::settings::PrepareSettings;
 use crate::prepare::source::{Footage, Source, SourceCamera};
 use crate::prepare::timecodes;
-use crate::prepare::video::Selection;
+use crate::prepare::video::{RATE_TOLERANCE, Selection};
 use crate::scene::Intrinsics;
 use crate::scene::capture::{Faults, Frames, RATES, Shot, read_size};
 use crate::scene::undistort::Lens;
-
-/// Rates differ when their ratio is farther from 1.
-const RATE_TOLERANCE: f64 = 1e-3;
 
 /// What is to be made.
 pub(super) struct Plan {

@@ -46,7 +46,10 @@ pub(super) fn read(place: Place, faults: &mut Faults) -> Option<Source> {
         .filter_map(|camera| Some((camera.shots.first()?.image.clone(), camera.name.clone())))
         .collect();
     let images = images_folder(place.folder, &settings);
-    let seen = model_folder(place.folder).filter(|folder| folder.join("points3D.bin").is_file());
+    // What lies beside a file of another format may be in another world: colmap2nerf turns and scales it.
+    let is_of_model = ["", "COLMAP"].contains(&format);
+    let seen =
+        model_folder(place.folder).filter(|_| is_of_model).filter(|folder| folder.join("points3D.bin").is_file());
     let seen = seen.and_then(|folder| faults.take(tracks(&folder)));
     source.points = match seen {
         Some(tracks) => tracks

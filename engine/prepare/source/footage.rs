@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use super::recording::Footage;
-use crate::scene::capture::{Faults, Shot, is_image, relative};
+use crate::scene::capture::{Faults, Shot, is_hidden, is_image, relative};
 
 const VIDEOS: [&str; 9] = ["mp4", "mov", "mkv", "avi", "webm", "MP4", "MOV", "MKV", "AVI"];
 /// Folders of videos, or of folders of images, below a source.
@@ -43,7 +43,7 @@ pub(super) fn take(footage: &Path, name: &str, calibration: &Path, faults: &mut 
 
 /// Whether a path is a video, by its ending.
 pub(in crate::prepare) fn is_video(path: &Path) -> bool {
-    path.extension().is_some_and(|e| VIDEOS.iter().any(|ending| e == *ending)) && path.is_file()
+    !is_hidden(path) && path.extension().is_some_and(|e| VIDEOS.iter().any(|ending| e == *ending)) && path.is_file()
 }
 
 /// Names of all videos in the folders of a source, without ending, sorted.
@@ -68,6 +68,21 @@ pub(super) fn sequence_names(footage: &Path) -> Vec<String> {
     names
 }
 
+/// What names are in order by as people count: 2.png comes before 10.png.
+fn by_number(name: &str) -> Vec<(u64, String)> {
+    let mut parts = Vec::new();
+    let mut rest = name;
+    while !rest.is_empty() {
+        let (text, other) = rest.split_at(rest.find(|c: char| c.is_ascii_digit()).unwrap_or(rest.len()));
+        let (number, after) = other.split_at(other.find(|c: char| !c.is_ascii_digit()).unwrap_or(other.len()));
+        // Text decides before the number behind it; of equal numbers the one that is written first comes first.
+        parts.push((0, text.to_owned()));
+        parts.push((number.parse().unwrap_or(u64::MAX), number.to_owned()));
+        rest = after;
+    }
+    parts
+}
+
 fn with_ending(stem: &Path, ending: &str) -> PathBuf {
     let mut name = stem.as_os_str().to_owned();
     name.push(".");
@@ -78,7 +93,7 @@ fn with_ending(stem: &Path, ending: &str) -> PathBuf {
 fn images(folder: &Path) -> Option<Footage> {
     let mut files: Vec<PathBuf> = fs::read_dir(folder).ok()?.flatten().map(|entry| entry.path()).collect();
     files.retain(|path| is_image(path));
-    files.sort();
+    files.sort_by_cached_key(|path| by_number(&path.file_name().unwrap_or_default().to_string_lossy()));
     let shots = (0_u32..).zip(files).map(|(frame, image)| Shot { frame, image, ..Shot::default() });
     let shots: Vec<Shot> = shots.collect();
     (!shots.is_empty()).then_some(Footage::Images(shots))

@@ -26,7 +26,7 @@ type Reader = fn(Place, &mut Faults) -> Source;
 /// fits is taken.
 const FORMATS: [(&str, Recogniser, Reader); 5] = [
     ("Google Immersive", |place| place.folder.join("models.json").is_file(), immersive::read),
-    ("N3V", |place| place.folder.join("poses_bounds.npy").is_file(), llff::read),
+    ("N3V", llff::is_n3v, llff::read),
     ("caliscope", |place| place.folder.join("camera_array.toml").is_file(), caliscope::read),
     ("Pose2Sim", |place| pose2sim::calibration(place.folder).is_some(), pose2sim::read),
     ("COLMAP rig", rig::is_rig, rig::read),

@@ -42,7 +42,7 @@ use std::path::Path;
 pub(crate) use builder::{CaptureBuilder, RATES, check_names};
 pub(crate) use colmap::{Posed, images_folder, model_folder, read_images, tracks};
 pub(crate) use header::{has_alpha, read_size};
-pub(crate) use names::{is_image, relative};
+pub(crate) use names::{is_hidden, is_image, relative};
 pub(crate) use npz::read_npy;
 pub(crate) use picture::{alpha_of, decode_image};
 pub(crate) use points::FramePoints;

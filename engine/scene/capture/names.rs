@@ -53,8 +53,16 @@ pub(super) fn with_image_extension(stem: &Path) -> PathBuf {
     EXTENSIONS.into_iter().map(with).find(|path| path.exists()).unwrap_or_else(|| with(EXTENSIONS[0]))
 }
 
-/// Whether the path ends in the extension of an image.
+/// Whether a file's name begins with a dot: macOS writes such beside files on foreign drives.
+pub(crate) fn is_hidden(path: &Path) -> bool {
+    path.file_name().is_some_and(|name| name.as_encoded_bytes().starts_with(b"."))
+}
+
+/// Whether the path ends in the extension of an image, and is not hidden.
 pub(crate) fn is_image(path: &Path) -> bool {
+    if is_hidden(path) {
+        return false;
+    }
     let extension = path.extension().map(|e| e.to_ascii_lowercase());
     extension.and_then(|e| e.into_string().ok()).is_some_and(|e| EXTENSIONS.contains(&e.as_str()))
 }

@@ -44,6 +44,8 @@ struct GivenLens {
     k4: Option<f64>,
     p1: Option<f64>,
     p2: Option<f64>,
+    /// What instant-ngp says instead of a model.
+    is_fisheye: Option<bool>,
 }
 
 #[derive(serde::Deserialize)]
@@ -223,6 +225,7 @@ impl GivenLens {
             k4: self.k4.or(file.k4),
             p1: self.p1.or(file.p1),
             p2: self.p2.or(file.p2),
+            is_fisheye: self.is_fisheye.or(file.is_fisheye),
         }
     }
 
@@ -230,11 +233,13 @@ impl GivenLens {
     fn resolved(&self) -> Result<Lens, Unfit> {
         let [k1, k2, k3, k4, p1, p2] =
             [self.k1, self.k2, self.k3, self.k4, self.p1, self.p2].map(Option::unwrap_or_default);
-        let distortion = match self.camera_model.as_deref().unwrap_or("OPENCV") {
+        let usual = if self.is_fisheye == Some(true) { "OPENCV_FISHEYE" } else { "OPENCV" };
+        let distortion = match self.camera_model.as_deref().unwrap_or(usual) {
             "PINHOLE" | "SIMPLE_PINHOLE" | "SIMPLE_RADIAL" | "RADIAL" | "OPENCV" if k4 == 0.0 => {
                 Distortion::brown([k1, k2, k3, 0.0, 0.0, 0.0], [p1, p2])
             }
             "OPENCV_FISHEYE" => Distortion::Fisheye([k1, k2, k3, k4]),
+            "SIMPLE_RADIAL_FISHEYE" | "RADIAL_FISHEYE" => Distortion::Fisheye([k1, k2, 0.0, 0.0]),
             model => {
                 let reason =
                     format!("has the model {} with k4 = {k4}, which is not undistorted here", model.escape_debug());
