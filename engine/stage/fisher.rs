@@ -1,13 +1,10 @@
 //! What pictures say of each part of each Gaussian: Fisher information and slopes, added up behind the backward pass.
 
-use super::planes::{PLANE_BLOCK, Planes, plane_of};
+use super::planes::{FISHER_PLANES, PLANE_BLOCK, Planes, plane_of};
 use super::scene::{Group, SceneBuffers};
 use crate::error::Result;
 use crate::gpu::generated::{self, fisher_static_sh0};
 use crate::gpu::{Buf, Gpu, Grid, Recording};
-
-/// vec4 per Gaussian of the sums.
-pub(super) const PLANES: usize = 6;
 
 /// Sums over pictures of one Gaussian. Of each part: the response of the pictures to the step that leaves it out, or that
 /// adds what a static Gaussian lacks; squared, with cotangents of random signs, it is the information along that step.
@@ -54,7 +51,7 @@ impl Fisher {
     /// Sums of 0 for `scene`: of squared responses, or of responses.
     pub fn new(gpu: &Gpu, scene: &SceneBuffers, cameras: &[[f64; 3]], squares: bool) -> Result<Self> {
         let zeros = |group: &Group| {
-            let n = (group.n as usize).next_multiple_of(PLANE_BLOCK) * PLANES;
+            let n = (group.n as usize).next_multiple_of(PLANE_BLOCK) * FISHER_PLANES;
             gpu.upload("fisher sums", &vec![[0.0f32; 4]; n])
         };
         let weight = 1.0 / cameras.len().max(1) as f32;
@@ -107,7 +104,7 @@ impl Fisher {
         let mut all = Vec::with_capacity(scene.n as usize);
         for (group, sums) in scene.groups.iter().zip(&self.sums) {
             let sums = gpu.read(sums)?;
-            all.extend((0..group.n as usize).map(|i| sums[plane_of(i, PLANES, 1)][3]));
+            all.extend((0..group.n as usize).map(|i| sums[plane_of(i, FISHER_PLANES, 1)][3]));
         }
         Ok(all)
     }
@@ -118,7 +115,7 @@ impl Fisher {
         for (group, sums) in scene.groups.iter().zip(&self.sums) {
             let sums = gpu.read(sums)?;
             all.extend((0..group.n as usize).map(|i| {
-                let plane = |p: usize| sums[plane_of(i, PLANES, p)].map(f64::from);
+                let plane = |p: usize| sums[plane_of(i, FISHER_PLANES, p)].map(f64::from);
                 let [part, own, lacks] = [0, 1, 2].map(plane);
                 let band_means = [3, 4, 5].map(plane).map(|[r, g, b, _]| [r, g, b]);
                 Response {

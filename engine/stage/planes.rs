@@ -9,6 +9,8 @@ use crate::scene::{Motion, Splats};
 pub(super) const PLANE_BLOCK: usize = constants::grid::PLANE_BLOCK as usize;
 /// vec4 planes of bands 1 to 3.
 pub(super) const BAND_PLANES: [usize; 3] = [3, 4, 6];
+/// Those of what pictures say of a Gaussian, summed.
+pub(super) const FISHER_PLANES: usize = 6;
 
 /// Numbers per Gaussian in the layout of the parameters: the parameters themselves, their gradients, their moments.
 pub struct Planes {

@@ -1,10 +1,9 @@
 //! A scene on the device: groups of Gaussians of one population and one SH degree, each short enough for the device's
 //! bindings.
 
-use super::fisher;
 use super::live::{Among, CULL_BLOCK, Live};
 use super::params::Purpose;
-use super::planes::{Arrays, BAND_PLANES, Planes};
+use super::planes::{Arrays, BAND_PLANES, FISHER_PLANES, Planes};
 use crate::error::{Error, Result};
 use crate::gpu::generated::{bound_dynamic, bound_static, sh_half};
 use crate::gpu::{Buf, Gpu, Recording};
@@ -214,7 +213,7 @@ impl SceneBuffers {
 pub fn group_limit(gpu: &Gpu, degree: usize, purpose: Purpose) -> usize {
     let widest = BAND_PLANES.iter().take(degree).copied().chain([3]).max().unwrap_or(3);
     // What pictures say of a rendered scene is summed beside it.
-    let planes = if purpose == Purpose::Training { 2 * widest } else { widest.max(fisher::PLANES) };
+    let planes = if purpose == Purpose::Training { 2 * widest } else { widest.max(FISHER_PLANES) };
     (gpu.caps().max_binding_bytes / (16 * planes as u64)) as usize / CULL_BLOCK as usize * CULL_BLOCK as usize
 }
 
