@@ -117,6 +117,12 @@ fn a_jpeg_cut_anywhere_is_a_fault_and_never_a_picture() {
     dynamic::write_sized(&folder, 640, 360, &whole);
     let capture = folder.open();
     assert_eq!(capture.picture(0, 0).unwrap().pixels.len(), 640 * 360);
+    // Telephones append a video, to which half an image is half an image.
+    let pixels = capture.picture(0, 0).unwrap().pixels;
+    folder.write("ims/0/000000.jpg", [&whole[..], &[7; 5000]].concat());
+    assert!(folder.open().picture(0, 0).unwrap().pixels == pixels);
+    folder.write("ims/0/000000.jpg", [&whole[..whole.len() / 2], &[7; 5000]].concat());
+    assert!(super::told(&folder.check()).contains("is cut off"));
     for n in (0..whole.len() - 64).step_by(307) {
         folder.write("ims/0/000000.jpg", &whole[..n]);
         let error = capture.picture(0, 0).err().unwrap_or_else(|| panic!("cut at {n} of {}", whole.len()));

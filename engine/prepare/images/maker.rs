@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use image::codecs::png::PngEncoder;
 use image::imageops::FilterType;
-use image::{DynamicImage, ExtendedColorType, ImageEncoder};
+use image::{DynamicImage, ExtendedColorType, ImageEncoder, imageops};
 
 use super::camera::Camera;
 use crate::error::{Error, Result};
@@ -52,7 +52,7 @@ impl<'a> Maker<'a> {
         if (width, height) == (part.width, part.height) {
             return Ok(image);
         }
-        Ok(image.resize_exact(width, height, filter))
+        Ok(resized(image, [width, height], filter))
     }
 
     fn path(&self, folder: &str, frame: u32) -> PathBuf {
@@ -161,4 +161,33 @@ pub(in crate::prepare) fn take_over(from: &Path, to: &Path) -> Result<()> {
     };
     let mut file = open_file(from).map_err(fault)?;
     write_atomic(to, |to| std::io::copy(&mut file, to).map(|_| ()))
+}
+
+/// An image in another size. What shows through at a rim has no colour, so colours count as far as they are opaque.
+fn resized(image: DynamicImage, [width, height]: [u32; 2], filter: FilterType) -> DynamicImage {
+    if !image.color().has_alpha() {
+        return image.resize_exact(width, height, filter);
+    }
+    let mut image = image.into_rgba32f();
+    image.pixels_mut().for_each(|image::Rgba([r, g, b, a])| [r, g, b].into_iter().for_each(|c| *c *= *a));
+    let mut image = imageops::resize(&image, width, height, filter);
+    for image::Rgba([r, g, b, a]) in image.pixels_mut().filter(|pixel| pixel.0[3] > 0.0) {
+        [r, g, b].into_iter().for_each(|c| *c /= *a);
+    }
+    DynamicImage::ImageRgba32F(image).into_rgba8().into()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rims_have_the_colour_of_what_is_opaque() {
+        let row = [[200, 100, 50, 255], [0, 0, 0, 0], [0, 0, 0, 0], [0, 0, 0, 0]];
+        let image = image::RgbaImage::from_raw(4, 1, row.as_flattened().to_vec()).unwrap();
+        let half = resized(image.into(), [2, 1], FilterType::Triangle).into_rgba8();
+        let [left, right] = [half.get_pixel(0, 0).0, half.get_pixel(1, 0).0];
+        assert!((100..180).contains(&left[3]) && left[..3] == [200, 100, 50], "{left:?}");
+        assert!(right[3] < 40, "{right:?}");
+    }
 }

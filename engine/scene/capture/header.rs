@@ -2,7 +2,7 @@
 //! last bytes whether it is whole, because they make a picture of half a file too.
 
 use std::fs::File;
-use std::io::{self, BufReader, ErrorKind, Read, Seek, SeekFrom};
+use std::io::{self, BufRead, BufReader, ErrorKind, Read, Seek, SeekFrom};
 use std::path::Path;
 
 use super::report::Fault;
@@ -14,7 +14,7 @@ const JPEG: [u8; 2] = [0xff, 0xd8];
 /// What ends the image; neither can stand in compressed data of a JPEG, and of a PNG only by chance.
 const JPEG_END: &[u8] = &[0xff, 0xd9];
 const PNG_END: &[u8] = b"IEND";
-/// Bytes at the end of the file within which the image must end; some programs append a little.
+/// Bytes at the end of the file in which its image's end is looked for first; some programs append a little.
 const TAIL_BYTES: u64 = 1024;
 
 pub(super) fn fault(path: &Path, reason: impl Into<String>, remedy: &str) -> Fault {
@@ -51,14 +51,28 @@ pub(crate) fn read_size(path: &Path) -> Result<(u32, u32), Fault> {
     let Some((width, height)) = size.map_err(failed)?.filter(|(width, height)| *width > 0 && *height > 0) else {
         return Err(fault(path, "has a broken header", BROKEN));
     };
+    let of_image = from.stream_position().map_err(failed)?;
     let mut tail = Vec::new();
     let from_tail = from.seek(SeekFrom::Start(n_bytes.saturating_sub(TAIL_BYTES)));
-    from_tail.and_then(|_| from.take(TAIL_BYTES).read_to_end(&mut tail)).map_err(failed)?;
+    from_tail.and_then(|_| from.by_ref().take(TAIL_BYTES).read_to_end(&mut tail)).map_err(failed)?;
     if tail.windows(end.len()).any(|window| window == end) {
-        Ok((width, height))
-    } else {
-        Err(fault(path, "is cut off: the end of the image is missing", BROKEN))
+        return Ok((width, height));
     }
+    // Telephones append a video to their photos.
+    if end == JPEG_END && from.seek(SeekFrom::Start(of_image)).and_then(|_| jpeg_ends(&mut from)).map_err(failed)? {
+        return Ok((width, height));
+    }
+    Err(fault(path, "is cut off: the end of the image is missing", BROKEN))
+}
+
+/// Whether the end of a JPEG comes after its frame header; that of a thumbnail comes before.
+fn jpeg_ends(from: &mut BufReader<File>) -> io::Result<bool> {
+    while from.skip_until(JPEG_END[0])? > 0 {
+        if from.fill_buf()?.first() == Some(&JPEG_END[1]) {
+            return Ok(true);
+        }
+    }
+    Ok(false)
 }
 
 /// Whether the header of a PNG says that it has an alpha channel; no JPEG has one.
