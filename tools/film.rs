@@ -296,7 +296,7 @@ pub fn run(film: &Film, args: &PathArgs, shown: Shown<Gaussians>, studio: &Studi
         film.within_clip()?;
     }
     make_folder(output.parent().context("-o must name a video file")?)?;
-    // Sound takes minutes.
+    // Before sound is made, which takes minutes.
     Video::check(output, film.size.into(), film.fps)?;
     let (sound, report) = sound(args, film, output)?;
     let gpu = device.open()?;
@@ -346,9 +346,10 @@ fn sound(args: &PathArgs, film: &Film, output: &Path) -> anyhow::Result<Sound> {
     let hrtf = HrtfSet::open(&args.hrtf)?;
     let scene = SoundScene::read(scene)?;
     let wav = output.with_extension("wav");
-    let is_same = |other: &Path| wav.exists() && wav.canonicalize().ok() == other.canonicalize().ok();
+    let is_same = |other: &PathBuf| wav.exists() && wav.canonicalize().ok() == other.canonicalize().ok();
+    let mut recordings = scene.sources.iter().filter_map(|source| source.wav.as_ref()).chain([&scene.mic.wav]);
     anyhow::ensure!(
-        !is_same(&scene.mic.wav),
+        !recordings.any(is_same),
         "{}: the sound of the video would replace the recording that it is made of; choose another name with -o",
         wav.display()
     );

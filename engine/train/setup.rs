@@ -44,7 +44,7 @@ pub struct Setup {
     pub data: TermData,
     /// What the rendered flow is, to be like the priors'.
     pub flow_model: FlowModel,
-    /// Whether images show the background: they have an alpha channel, or much of what they show has its colour.
+    /// Whether images show the background: it shows through them, or much of what they show has its colour.
     pub shows_background: bool,
     /// Whether each image of a step has a background of its own colour.
     pub varies_background: bool,

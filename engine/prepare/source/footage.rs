@@ -68,7 +68,7 @@ pub(super) fn sequence_names(footage: &Path) -> Vec<String> {
     names
 }
 
-/// What names are in order by as people count: 2.png comes before 10.png.
+/// The key that sorts names as people count: 2.png comes before 10.png.
 fn by_number(name: &str) -> Vec<(u64, String)> {
     let mut parts = Vec::new();
     let mut rest = name;
